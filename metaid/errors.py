@@ -1,0 +1,37 @@
+"""What metaid tells a user who asked for something impossible: one line, naming what is allowed.
+
+The command line prints the message alone and exits with status 2; in Python they are ordinary exceptions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class MetaidError(Exception):
+    """Base of every error that a user can mend; its message is one line."""
+
+
+class PlantError(MetaidError):
+    """A plant that does not exist, does not parse, or cannot be built."""
+
+
+class StudyError(MetaidError):
+    """A study file or a study setting that cannot be used."""
+
+
+class StorageError(MetaidError):
+    """A study DB that is missing, is not one, or does not hold what was asked for."""
+
+
+class EpisodeError(MetaidError):
+    """An episode that cannot be run as asked."""
+
+
+def unknown(what: str, name: str, allowed: Iterable[str]) -> str:
+    """The message for a `name` that is not among `allowed`: the nearest one, then all of them."""
+    names = list(allowed)
+    near = get_close_matches(name, names, n=1, cutoff=0.5)
+    hint = f"; did you mean '{near[0]}'?" if near else ""
+    return f"unknown {what} '{name}'{hint} (allowed: {', '.join(names) or 'none'})"

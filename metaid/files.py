@@ -1,0 +1,106 @@
+"""Reading what users write: TOML files, by shipped name or by path, into checked and frozen settings.
+
+Every problem becomes one line that says which file, which entry, and what is allowed there.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+from metaid.errors import MetaidError, unknown
+
+PACKAGE = Path(__file__).resolve().parent
+
+
+class Settings(BaseModel):
+    """A table of a user's file: frozen, strict about types, finite numbers only, no unknown keys."""
+
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_keys_only(cls, data: Any) -> Any:
+        for key in data if isinstance(data, Mapping) else ():
+            if key not in cls.model_fields:
+                # A custom error carries the text verbatim: a key with braces in it must not be read as a template.
+                raise PydanticCustomError("unknown_key", "{text}", {"text": unknown("key", str(key), cls.model_fields)})
+        return data
+
+
+SettingsT = TypeVar("SettingsT", bound=Settings)
+
+
+def shipped_folder(kind: str) -> Path:
+    """The folder of shipped files of a `kind` ("plants" or "studies"): inside an installed package, beside it in a
+    checkout.
+    """
+    installed = PACKAGE / kind
+    return installed if installed.is_dir() else PACKAGE.parent / kind
+
+
+def shipped_names(kind: str) -> list[str]:
+    """Names of the shipped files of a `kind`, sorted."""
+    return sorted(path.stem for path in shipped_folder(kind).glob("*.toml"))
+
+
+def find_file(kind: str, name: str, error: type[MetaidError], folder: Path | None = None) -> Path:
+    """The file that `name` means: a path (relative to `folder`, or to where the user is) if it looks like one, else a
+    shipped name.
+    """
+    what = {"plants": "plant", "studies": "study"}[kind]
+    if name.endswith(".toml") or "/" in name or "\\" in name:
+        path = (folder or Path()) / name
+        if not path.is_file():
+            raise error(f"no {what} file at {path}")
+        return path
+    if name not in shipped_names(kind):
+        raise error(f"{unknown(what, name, shipped_names(kind))}, or the path of a .toml file")
+    return shipped_folder(kind) / f"{name}.toml"
+
+
+def read_toml(path: Path, error: type[MetaidError]) -> dict[str, Any]:
+    """The tables of a TOML file; raises `error` where it cannot be read or does not parse."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as problem:
+        raise error(f"{path}: not valid TOML: {_one_line(str(problem))}") from None
+    except OSError as problem:
+        raise error(f"{path}: {problem.strerror}") from None
+
+
+def check(model: type[SettingsT], data: Mapping[str, Any], source: str, error: type[MetaidError]) -> SettingsT:
+    """`data` as checked settings; raises `error` with the first problem: where it is, and what is allowed."""
+    try:
+        return model.model_validate(data)
+    except ValidationError as problem:
+        first = problem.errors(include_url=False)[0]
+        where = "".join(f"entry {part + 1}: " if isinstance(part, int) else f"{part}: " for part in _path(data, first))
+        message = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+        message = (
+            message
+            if message == first["msg"] or "error" in first["type"]
+            else f"should be {message}, not {first['input']!r}"
+        )
+        raise error(_one_line(f"{source}: {where}{message}")) from None
+
+
+def _path(data: Any, problem: ErrorDetails) -> list[int | str]:
+    """Keys and indices that lead to a problem in `data`, without the names that pydantic gives to the sides of a union."""
+    path = []
+    for part in problem["loc"]:
+        here = isinstance(data, Mapping) and part in data or isinstance(data, list) and isinstance(part, int)
+        if here or problem["type"] == "missing":
+            path.append(part)
+            data = data[part] if here else None
+    return path
+
+
+def _one_line(text: str, longest: int = 400) -> str:
+    line = " ".join(text.split())
+    return line if len(line) <= longest else line[: longest - 1] + "…"

@@ -1,0 +1,222 @@
+"""Plants: what is pushed and watched.
+
+A plant is anything that answers to `Plant`: five methods and three numbers, so that a rig can be one. `MujocoPlant`
+is a planar chain of hinges in MuJoCo, built from a plant file. The search sees a plant only through an episode;
+`true_lumps` is for the report.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Protocol, runtime_checkable
+
+import mujoco
+import numpy as np
+from pydantic import Field, model_validator
+
+from metaid.errors import PlantError
+from metaid.files import Settings, check, find_file, read_toml
+from metaid.lumps import Array, Chain, Lumps, speeds_after
+
+Positive = Annotated[float, Field(gt=0, le=1e6)]
+MIN_STEPS_PER_RADIAN = (
+    5.0  # a chain that turns through a radian of its fastest mode in fewer steps is not simulated but guessed
+)
+
+
+@runtime_checkable
+class Plant(Protocol):
+    """What an episode needs of a plant: states, torques, steps, and the truth or None. Angles are joint angles from
+    the upright.
+    """
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def njoint(self) -> int: ...
+    @property
+    def timestep(self) -> float:
+        """Time between two control steps, in s."""
+
+    @property
+    def gravity(self) -> float:
+        """Gravitational acceleration, in m/s²."""
+
+    def push(self, impulses: Array) -> None:
+        """Brings the plant to rest upright, then strikes the link tips with horizontal `impulses` (njoint), in N s."""
+
+    def states(self) -> tuple[Array, Array]:
+        """Joint angles (njoint), in rad, and joint speeds (njoint), in rad/s."""
+
+    def apply_torque(self, torque: Array) -> None:
+        """Sets the joint torque (njoint), in N m, that holds during the next step."""
+
+    def step(self) -> None:
+        """Lets one timestep pass."""
+
+    def true_lumps(self) -> Lumps | None:
+        """The plant's own lumps, where it knows them. Only reports ask."""
+
+
+class LinkSettings(Settings):
+    """One `[[links]]` table: `length` and `com` (from the joint; default half the length) in m, `mass` in kg,
+    `inertia` about the centre of mass (default: a slender rod's) in kg m², `damping` of its joint in N m s."""
+
+    length: Positive
+    mass: Positive
+    com: Positive | None = None
+    inertia: Annotated[float, Field(ge=1e-12, le=1e9)] | None = None
+    damping: Annotated[float, Field(ge=0, le=1e6)] = 0.0
+
+    @model_validator(mode="after")
+    def _com_on_link(self) -> LinkSettings:
+        if self.com is not None and self.com > self.length:
+            raise ValueError(
+                f"com {self.com} lies beyond the link's length {self.length} (allowed: above 0, at most the length)"
+            )
+        return self
+
+
+class PlantSettings(Settings):
+    """A plant file: links from the base up, `gravity` in m/s², `timestep` in s; `truth_known = false` keeps the truth
+    from reports.
+    """
+
+    description: str = ""
+    gravity: Annotated[float, Field(gt=0, le=1e3)] = 9.81
+    timestep: Annotated[float, Field(gt=0, le=0.1)] = 0.002
+    truth_known: bool = True
+    links: Annotated[tuple[LinkSettings, ...], Field(min_length=1, max_length=64, strict=False)]
+
+
+def chain_of(links: tuple[LinkSettings, ...]) -> Chain:
+    """The physical parameters of `links`, defaults filled in."""
+
+    def column(values: list[float]) -> Array:
+        array = np.array(values)
+        array.setflags(write=False)
+        return array
+
+    coms = [link.length / 2 if link.com is None else link.com for link in links]
+    inertias = [link.mass * link.length**2 / 12 if link.inertia is None else link.inertia for link in links]
+    return Chain(
+        length=column([link.length for link in links]),
+        mass=column([link.mass for link in links]),
+        com=column(coms),
+        inertia=column(inertias),
+        damping=column([link.damping for link in links]),
+    )
+
+
+def build_model(chain: Chain, gravity: float, timestep: float) -> mujoco.MjModel:
+    """A lean MuJoCo model of the chain: hinges about y, explicit inertials, nothing that an episode does not need.
+
+    Autoreset is off: a diverged episode must not silently restart. Euler: a torque is written once a step
+    (docs/method.md).
+    """
+    spec = mujoco.MjSpec()
+    spec.option.timestep = timestep
+    spec.option.gravity = [0.0, 0.0, -gravity]
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    off = mujoco.mjtDisableBit
+    spec.option.disableflags = int(
+        off.mjDSBL_CONSTRAINT
+        | off.mjDSBL_CONTACT
+        | off.mjDSBL_AUTORESET
+        | off.mjDSBL_SENSOR
+        | off.mjDSBL_ACTUATION
+        | off.mjDSBL_EULERDAMP
+    )
+    body, height = spec.worldbody, 0.0
+    for i in range(chain.nlink):
+        body = body.add_body(
+            name=f"link_{i + 1}",
+            pos=[0.0, 0.0, height],
+            mass=chain.mass[i],
+            ipos=[0.0, 0.0, chain.com[i]],
+            inertia=[chain.inertia[i]] * 3,
+            explicitinertial=True,
+        )
+        body.add_joint(
+            name=f"joint_{i + 1}",
+            type=mujoco.mjtJoint.mjJNT_HINGE,
+            axis=[0.0, 1.0, 0.0],
+            damping=[chain.damping[i], 0.0, 0.0],
+        )
+        height = chain.length[i]
+    return spec.compile()
+
+
+@dataclass(eq=False)
+class MujocoPlant:
+    """A planar chain in MuJoCo; `model` and `data` are its own, so a worker needs a plant of its own."""
+
+    name: str
+    settings: PlantSettings
+
+    def __post_init__(self) -> None:
+        self.chain = chain_of(self.settings.links)
+        _refuse_too_long_a_step(self.name, self.chain, self.gravity, self.timestep)
+        try:
+            self.model = build_model(self.chain, self.gravity, self.timestep)
+        except (ValueError, mujoco.FatalError) as problem:
+            raise PlantError(f"plant {self.name}: MuJoCo cannot build it: {' '.join(str(problem).split())}") from None
+        self.data = mujoco.MjData(self.model)
+
+    @property
+    def njoint(self) -> int:
+        return self.chain.nlink
+
+    @property
+    def timestep(self) -> float:
+        return self.settings.timestep
+
+    @property
+    def gravity(self) -> float:
+        return self.settings.gravity
+
+    def start_speeds(self, impulses: Array) -> Array:
+        """Joint speeds (njoint), in rad/s, just after `impulses` (njoint), in N s, at the link tips of the chain at
+        rest upright.
+        """
+        return np.diff(speeds_after(self.chain, impulses), prepend=0.0)
+
+    def push(self, impulses: Array) -> None:
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.qvel[:] = self.start_speeds(impulses)
+
+    def states(self) -> tuple[Array, Array]:
+        return self.data.qpos.copy(), self.data.qvel.copy()
+
+    def apply_torque(self, torque: Array) -> None:
+        self.data.qfrc_applied[:] = torque
+
+    def step(self) -> None:
+        mujoco.mj_step(self.model, self.data)
+
+    def true_lumps(self) -> Lumps | None:
+        return self.chain.lumps if self.settings.truth_known else None
+
+
+def load_plant(name: str | Path, folder: Path | None = None) -> MujocoPlant:
+    """The shipped plant of that name, or the plant file at that path.  Raises PlantError."""
+    path = find_file("plants", str(name), PlantError, folder)
+    return MujocoPlant(path.stem, read_plant(path))
+
+
+def read_plant(path: Path) -> PlantSettings:
+    """The checked contents of a plant file.  Raises PlantError."""
+    return check(PlantSettings, read_toml(path, PlantError), str(path), PlantError)
+
+
+def _refuse_too_long_a_step(name: str, chain: Chain, gravity: float, timestep: float) -> None:
+    stiffness, mass = gravity * chain.lumps.gravity, chain.mass_matrix(np.zeros(chain.nlink))
+    eigenvalues = np.linalg.eigvals(np.linalg.solve(mass, np.diag(stiffness))).real
+    fastest = float(np.sqrt(eigenvalues.max()))
+    if not fastest * timestep * MIN_STEPS_PER_RADIAN <= 1.0:
+        longest = 1.0 / (fastest * MIN_STEPS_PER_RADIAN)
+        raise PlantError(
+            f"plant {name}: timestep {timestep} s is too long for its fastest motion, {fastest:.3g} rad/s "
+            f"(allowed: at most {longest:.2g} s)"
+        )
