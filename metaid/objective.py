@@ -1,0 +1,87 @@
+"""One candidate, one perturb-and-count episode, one outcome. Knows neither samplers nor storage nor who asks."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+from metaid.episode import Episode, Record, run_plain
+from metaid.errors import EpisodeError
+from metaid.kernel import CompiledEpisode
+from metaid.lumps import Array, Lumps
+from metaid.measures import crossing_hz, fall_value, get_measure, spectral_hz, whole_periods
+from metaid.plant import MujocoPlant, Plant
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a candidate: its `value` in the measure's unit (for a fall, one above every survivor's), steps
+    run, periods per joint.
+    """
+
+    value: float
+    fell: bool
+    steps: int
+    periods: tuple[int, ...]
+
+
+class Objective:
+    """Evaluates factors of `nominal` lumps on a `plant`. Holds the plant's state, so one per worker."""
+
+    def __init__(self, plant: Plant, nominal: Lumps, episode: Episode, measure: str) -> None:
+        if nominal.nlink != plant.njoint or episode.pushes.shape[1] != plant.njoint:
+            raise EpisodeError(
+                f"plant {plant.name} has {plant.njoint} joints, the nominal model {nominal.nlink}, "
+                f"the pushes {episode.pushes.shape[1]}: they must agree"
+            )
+        self.plant = plant
+        self.nominal = nominal
+        self.episode = episode
+        self.measure = get_measure(measure)
+        self._ceiling = self.measure.ceiling(episode, plant.timestep)
+        self._compiled = _compiled_loop(plant, nominal, episode)
+
+    def record(self, factors: Array) -> Record:
+        """What the episode of a candidate with these `factors` (nlump) shows."""
+        candidate = self.nominal.scaled(factors)
+        if self._compiled is not None:
+            return self._compiled.run(candidate)
+        return run_plain(self.plant, candidate, self.episode)[0]
+
+    def evaluate(self, factors: Array) -> Outcome:
+        """The outcome for `factors` (nlump) of the nominal lumps."""
+        record = self.record(factors)
+        fell = record.fall_step is not None
+        value = (
+            fall_value(self._ceiling, record.steps, self.episode.total_steps) if fell else self.measure.value(record)
+        )
+        return Outcome(value, fell, record.steps, tuple(whole_periods(record.half_periods).tolist()))
+
+    def summary(self, factors: Array) -> dict[str, Any]:
+        """One episode as the fields that `metaid episode --json` prints; frequencies are None for a fall."""
+        record = self.record(factors)
+        fell = record.fall_step is not None
+        frequency = crossing_hz(record.half_periods, record.crossing_span).mean(axis=0)
+        return {
+            "plant": self.plant.name,
+            "steps": self.episode.total_steps,
+            "fell": fell,
+            "fall_step": record.fall_step,
+            "periods": whole_periods(record.half_periods).tolist(),
+            "frequency_hz": [None if fell else hz for hz in frequency.tolist()],
+            "spectral_hz": None if fell else spectral_hz(record.acceleration_energy, record.speed_energy),
+        }
+
+
+def _compiled_loop(plant: Plant, nominal: Lumps, episode: Episode) -> CompiledEpisode | None:
+    if not isinstance(plant, MujocoPlant):
+        return None
+    compiled = CompiledEpisode(plant, episode)
+    if compiled.agrees_with_plain(nominal):
+        return compiled
+    warnings.warn(
+        f"the compiled loop disagrees with the plain one on plant {plant.name}; using the plain one, which is slow",
+        stacklevel=3,
+    )
+    return None
