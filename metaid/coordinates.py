@@ -1,0 +1,97 @@
+"""Changes of coordinates between what a searcher moves in and the factors that are tried and stored.
+
+`plain`: the factors themselves. `nominal-metric`: factor = start + L z, where L Lᵀ ∝ H⁻¹ and H is what the nominal
+model alone says of how the spectral measure grows away from exact compensation: in z the landscape is nearly round,
+whatever the number of links.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from metaid.errors import EpisodeError
+from metaid.lumps import Array, Chain, compensation_basis
+
+SAMPLES = 40  # of the coasting motion after each push
+SMALLEST_EIGENVALUE = (
+    1e-12  # relative to the largest; below it a combination of lumps cannot be told from its nominal value
+)
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """factor = `origin` + `spread` @ z, with the factors kept between `low` and `high`, all (nlump); z = 0 is the
+    start.  Eq. 12.
+    """
+
+    origin: Array
+    spread: Array
+    low: Array
+    high: Array
+
+    def factors(self, z: Array) -> Array:
+        """Factors (nlump) at z (nlump), moved to the nearest bound where they are beyond it."""
+        return np.clip(self.origin + self.spread @ z, self.low, self.high)
+
+    def inside(self, z: Array) -> bool:
+        """Whether z means factors within the bounds."""
+        factors = self.origin + self.spread @ z
+        return bool(np.all((self.low <= factors) & (factors <= self.high)))
+
+    def z(self, factors: Array) -> Array:
+        """The z (nlump) of `factors` (nlump)."""
+        return np.asarray(np.linalg.solve(self.spread, factors - self.origin), dtype=np.float64)
+
+    def box(self) -> tuple[Array, Array]:
+        """The least box in z, low and high (nlump), that holds every allowed change of each single coordinate of z."""
+        room = np.where(self.spread != 0.0, np.abs(self.spread), np.nan)
+        up = np.where(self.spread > 0.0, (self.high - self.origin)[:, None], (self.origin - self.low)[:, None])
+        down = np.where(self.spread > 0.0, (self.origin - self.low)[:, None], (self.high - self.origin)[:, None])
+        return -np.nanmin(down / room, axis=0), np.nanmin(up / room, axis=0)
+
+
+def plain(start: Array, low: Array, high: Array) -> Coordinates:
+    """The factors themselves, measured from `start`; all (nlump)."""
+    return Coordinates(start, np.eye(len(start)), low, high)
+
+
+def nominal_metric(
+    nominal: Chain, gravity: float, start_speeds: Array, horizon: float, start: Array, low: Array, high: Array
+) -> Coordinates:
+    """Coordinates in which the nominal model finds the spectral measure round, least determined factor at unit
+    spread.  Eq. 12.
+
+    `start_speeds` (npush x nlink): absolute link speeds after each push, in rad/s; `horizon` in s; `start`, `low`,
+    `high` (nlump).
+    Raises EpisodeError where the pushes tell nothing of some combination of lumps.
+    """
+    values, vectors = np.linalg.eigh(sensitivity(nominal, gravity, start_speeds, horizon))
+    if not values[0] > SMALLEST_EIGENVALUE * values[-1]:
+        raise EpisodeError(
+            "these pushes cannot tell all lumps apart, so there is no nominal metric: "
+            "use pushes = 'rich' or coordinates = 'plain'"
+        )
+    root = vectors / np.sqrt(values) @ vectors.T
+    return Coordinates(start, root / np.sqrt(np.diag(root @ root).max()), low, high)
+
+
+def sensitivity(nominal: Chain, gravity: float, start_speeds: Array, horizon: float) -> Array:
+    """H (nlump x nlump), in rad²/s²: near exact compensation (2π spectral_hz)² = δᵀ H δ, with δ the error of the
+    factors.  Eq. 11.
+
+    At exact compensation every push coasts, φ(t) = ω t, so the motion about which H is taken needs no simulation.
+    """
+    times = (np.arange(SAMPLES) + 0.5) * horizon / SAMPLES
+    angles = start_speeds[:, None, :] * times[None, :, None]
+    speeds = np.broadcast_to(start_speeds[:, None, :], angles.shape)
+    force = compensation_basis(angles, speeds, gravity) * nominal.lumps.vector
+    acceleration = np.linalg.solve(nominal.mass_matrix(angles), force)
+    joint_acceleration = np.diff(acceleration, axis=-2, prepend=0.0)
+    joint_speeds = np.diff(start_speeds, axis=-1, prepend=0.0)
+    weight = 1.0 / (joint_speeds[:, None, :] ** 2 * SAMPLES * start_speeds.size)
+    scaled = joint_acceleration * np.sqrt(np.broadcast_to(weight, angles.shape))[..., None]
+    flat = scaled.reshape(-1, scaled.shape[-1])
+    h: Array = flat.T @ flat
+    return h

@@ -1,0 +1,229 @@
+"""What a study is about: a study file made whole, and what follows from it.
+
+`StudySpec` is all that a run depends on (the study's settings with plant and nominal model written out); it goes into
+the study DB, so a study can be resumed and shown without its files. `Problem` is what follows: the nominal lumps, the
+pushes, the episode, the coordinates.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from metaid.coordinates import Coordinates, nominal_metric, plain
+from metaid.episode import FALL_LIMIT, FALL_MARGIN, REACH, Episode, natural_time, pushed_speeds, rich_pushes, tip_push
+from metaid.errors import EpisodeError, PlantError, StudyError, unknown
+from metaid.files import Settings, check, find_file, read_toml
+from metaid.lumps import Array, Chain, factors_from_names, lump_names
+from metaid.measures import Measure, get_measure
+from metaid.objective import Objective
+from metaid.plant import LinkSettings, MujocoPlant, PlantSettings, chain_of, read_plant
+from metaid.searchers import SAMPLERS, Searcher, make_searcher
+
+HORIZON = 1.5  # of a rich push, in units of √(l/g)
+COUNTING_STEPS = 5000  # after a tip push, as in the paper
+TIP_SPEED = 0.1  # rad/s of the fastest link after a tip push: small, so that the oscillation is
+
+Factor = Annotated[float, Field(gt=0, le=100)]
+Factors = Factor | dict[str, Factor]
+
+
+class NominalSettings(Settings):
+    """A nominal model beside the study: `[[nominal.links]]`, as in a plant file."""
+
+    links: Annotated[tuple[LinkSettings, ...], Field(min_length=1, max_length=64, strict=False)]
+
+
+class SearchSettings(Settings):
+    """`[search]`: bounds `low`, `high` and `start` as factors of the nominal lumps, one for all or a table by lump
+    name; the coordinates; the first step `sigma` in them; the `generation` size (default: the sampler's own); a
+    `target` of the measure at which the search may stop."""
+
+    coordinates: Literal["nominal-metric", "plain"] = "nominal-metric"
+    start: Factors = 1.0
+    low: Factors = 0.5
+    high: Factors = 2.0
+    sigma: Annotated[float, Field(gt=0, le=10)] = 0.2
+    generation: Annotated[int, Field(ge=2, le=100_000)] | None = None
+    target: Annotated[float, Field(ge=0)] | None = None
+
+
+class EpisodeSettings(Settings):
+    """`[episode]`: the `measure`; `pushes`: "rich", "tip", or a list of impulses in N s, one per link tip; for "rich"
+    their `count` (default 2 per link); for both the `peak_speed` in rad/s; `steps` after each push; the `fall_limit`
+    in rad and `fall_margin`."""
+
+    measure: str = "spectral"
+    pushes: Literal["rich", "tip"] | list[list[float]] | None = None
+    count: Annotated[int, Field(ge=1, le=1000)] | None = None
+    peak_speed: Annotated[float, Field(gt=0, le=1000)] | None = None
+    steps: Annotated[int, Field(ge=2, le=10_000_000)] | None = None
+    fall_limit: Annotated[float, Field(gt=0, le=1000)] = FALL_LIMIT
+    fall_margin: Annotated[float, Field(ge=1, le=1000)] = FALL_MARGIN
+
+
+class StudySettings(Settings):
+    """A study file."""
+
+    description: str = ""
+    plant: str
+    nominal: str | NominalSettings
+    sampler: str = "cmaes"
+    trials: Annotated[int, Field(ge=1, le=100_000_000)]
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+    workers: Annotated[int, Field(ge=1, le=1024)] = 2
+    search: SearchSettings = SearchSettings()
+    episode: EpisodeSettings = EpisodeSettings()
+
+
+class StudySpec(Settings):
+    """A study with nothing left to look up."""
+
+    name: str
+    plant_name: str
+    plant: PlantSettings
+    nominal: Annotated[tuple[LinkSettings, ...], Field(strict=False)]
+    study: StudySettings
+
+
+def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec:
+    """The shipped study of that name, or the study file at that path, with `changes` by dotted key.  Raises
+    StudyError, PlantError.
+    """
+    path = find_file("studies", str(name), StudyError)
+    tables = read_toml(path, StudyError)
+    for key, value in (changes or {}).items():
+        _change(tables, key, value)
+    study = check(StudySettings, tables, str(path), StudyError)
+    plant_path = find_file("plants", study.plant, PlantError, path.parent)
+    plant = read_plant(plant_path)
+    spec = StudySpec(
+        name=path.stem, plant_name=plant_path.stem, plant=plant, nominal=_nominal_links(study, plant, path), study=study
+    )
+    Problem(spec)
+    return spec
+
+
+def _change(tables: dict[str, Any], key: str, value: Any) -> None:
+    *parents, last = key.split(".")
+    for parent in parents:
+        tables = tables.setdefault(parent, {})
+        if not isinstance(tables, dict):
+            raise StudyError(f"--set {key}: '{parent}' is not a table")
+    tables[last] = value
+
+
+def _nominal_links(study: StudySettings, plant: PlantSettings, path: Path) -> tuple[LinkSettings, ...]:
+    if isinstance(study.nominal, NominalSettings):
+        return study.nominal.links
+    model = read_plant(find_file("plants", study.nominal, PlantError, path.parent))
+    if model.gravity != plant.gravity:
+        raise StudyError(
+            f"{path}: the nominal model's gravity is {model.gravity} m/s², the plant's {plant.gravity}: "
+            "they must agree, it is not searched"
+        )
+    return model.links
+
+
+class Problem:
+    """All that a study's settings determine before any trial.  Raises StudyError where they contradict each other."""
+
+    def __init__(self, spec: StudySpec) -> None:
+        self.spec = spec
+        self.nominal: Chain = chain_of(spec.nominal)
+        self.names = lump_names(self.nominal.nlink)
+        self.measure = _measure(spec.study.episode.measure)
+        if spec.study.sampler not in SAMPLERS:
+            raise StudyError(f"sampler: {unknown('sampler', spec.study.sampler, SAMPLERS)}")
+        plant = self.make_plant()
+        if plant.njoint != self.nominal.nlink:
+            raise StudyError(
+                f"plant {plant.name} has {plant.njoint} links, the nominal model {self.nominal.nlink}: they must agree"
+            )
+        search = spec.study.search
+        self.start, self.low, self.high = (self._factors(key, getattr(search, key)) for key in ("start", "low", "high"))
+        for name, start, low, high in zip(self.names, self.start, self.low, self.high, strict=True):
+            if not low < high or not low <= start <= high:
+                raise StudyError(
+                    f"search: the start {start:g} of {name} is not within its bounds {low:g} to {high:g} "
+                    "(allowed: low <= start <= high, low < high)"
+                )
+        try:
+            self.episode = self._make_episode(plant)
+        except EpisodeError as problem:
+            raise StudyError(f"episode: {problem}") from None
+        self.start_speeds = pushed_speeds(plant, self.episode.pushes)
+
+    @property
+    def timestep(self) -> float:
+        return self.spec.plant.timestep
+
+    @property
+    def resolution(self) -> float:
+        """How far two values of the measure must be apart to be told apart, in its unit."""
+        return self.measure.resolution(self.episode, self.timestep)
+
+    @cached_property
+    def coordinates(self) -> Coordinates:
+        """What the searcher moves in.  Raises StudyError where the nominal metric does not exist."""
+        if self.spec.study.search.coordinates == "plain":
+            return plain(self.start, self.low, self.high)
+        horizon = self.episode.steps * self.timestep
+        try:
+            return nominal_metric(
+                self.nominal, self.spec.plant.gravity, self.start_speeds, horizon, self.start, self.low, self.high
+            )
+        except EpisodeError as problem:
+            raise StudyError(f"search: coordinates: {problem}") from None
+
+    def make_plant(self) -> MujocoPlant:
+        """A plant of its own for each worker."""
+        return MujocoPlant(self.spec.plant_name, self.spec.plant)
+
+    def make_objective(self) -> Objective:
+        """An objective of its own for each worker."""
+        return Objective(self.make_plant(), self.nominal.lumps, self.episode, self.measure.name)
+
+    def make_searcher(self) -> Searcher:
+        """The searcher at the study's seed, knowing of no trial."""
+        study = self.spec.study
+        return make_searcher(study.sampler, self.coordinates, study.seed, study.search.sigma, study.search.generation)
+
+    def _factors(self, key: str, given: Factors) -> Array:
+        if not isinstance(given, dict):
+            return np.full(len(self.names), given)
+        default = SearchSettings.model_fields[key].default
+        try:
+            return factors_from_names(given, self.nominal.nlink, default)
+        except EpisodeError as problem:
+            raise StudyError(f"search: {key}: {problem}") from None
+
+    def _make_episode(self, plant: MujocoPlant) -> Episode:
+        wanted = self.spec.study.episode
+        kind = wanted.pushes or ("rich" if wanted.measure == "spectral" else "tip")
+        horizon = HORIZON * natural_time(self.nominal, plant.gravity)
+        if kind == "rich":
+            steps = wanted.steps or max(round(horizon / plant.timestep), 2)
+            peak_speed = wanted.peak_speed or REACH / (steps * plant.timestep)
+            pushes = rich_pushes(plant, wanted.count or 2 * plant.njoint, peak_speed, self.spec.study.seed)
+        else:
+            steps = wanted.steps or COUNTING_STEPS
+            pushes = tip_push(plant, wanted.peak_speed or TIP_SPEED) if kind == "tip" else _explicit(kind, plant.njoint)
+        return Episode(pushes, steps, wanted.fall_limit, wanted.fall_margin)
+
+
+def _explicit(pushes: list[list[float]], njoint: int) -> Array:
+    if not pushes or any(len(push) != njoint for push in pushes):
+        raise EpisodeError(f"pushes: every push needs {njoint} impulses, one per link, in N s")
+    return np.array(pushes)
+
+
+def _measure(name: str) -> Measure:
+    try:
+        return get_measure(name)
+    except EpisodeError as problem:
+        raise StudyError(f"episode: measure: {problem}") from None
