@@ -1,0 +1,158 @@
+"""A study: created in a DB, run a generation at a time, resumed by replaying what the DB holds.
+
+The trial table depends on the study's settings and seed alone. The searcher is asked for a generation, the crew
+evaluates it, the store writes it in one transaction, the searcher is told. A run that was stopped anywhere goes on
+from the last whole generation in the DB.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from metaid.crew import make_crew
+from metaid.errors import StorageError, StudyError
+from metaid.lumps import Array
+from metaid.objective import Outcome
+from metaid.problem import Problem, StudySpec
+from metaid.searchers import Searcher
+from metaid.store import Store, Trial
+
+REPLAY_TOLERANCE = 1e-6  # relative; another machine's linear algebra may round differently
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a run is: trials in the DB, how many of them fell, trials in all, the best survivor, the searcher's
+    spread, the run's state.
+    """
+
+    trials: int
+    falls: int
+    total: int
+    best: Trial | None
+    spread: float | None
+    generation: int
+
+
+def create_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
+    """Puts a study without trials into the DB and returns its name.  Raises StorageError if the name is taken."""
+    if spec.study.search.coordinates == "nominal-metric":
+        _ = Problem(spec).coordinates  # what cannot be run is not created
+    name = spec.name if name is None else name
+    if not name or len(name) > 200 or not name.isprintable():
+        raise StudyError("a study's name has 1 to 200 printable characters")
+    store.create(name, spec.model_dump_json())
+    return name
+
+
+def stored_spec(store: Store, name: str) -> StudySpec:
+    """The settings that a study in the DB was made from.  Raises StorageError."""
+    try:
+        return StudySpec.model_validate_json(store.spec(name))
+    except ValueError:
+        raise StorageError(f"{store.url}: study '{name}' was made by another version of metaid") from None
+
+
+def run_study(
+    store: Store,
+    name: str,
+    trials: int | None = None,
+    workers: int | None = None,
+    engine: str = "local",
+    ray_address: str | None = None,
+    watch: Callable[[Progress], None] = lambda progress: None,
+) -> Progress:
+    """Runs a study, or goes on with it, until the DB holds `trials` in all (default: the study's own) or the searcher
+    is finished.
+
+    `watch` is called after each generation. A KeyboardInterrupt leaves the DB at the last whole generation.  Raises
+    StudyError, StorageError.
+    """
+    spec = stored_spec(store, name)
+    total = spec.study.trials if trials is None else trials
+    workers = spec.study.workers if workers is None else workers
+    if total < 1 or workers < 1:
+        raise StudyError(f"trials is {total} and workers is {workers} (allowed: 1 or more of each)")
+    with threadpool_limits(1):  # at these sizes BLAS threads cost far more than they give
+        problem = Problem(spec)
+        run = _Run(problem, problem.make_searcher(), total, spec.study.search.target)
+        pending = run.replay(store.trials(name, problem.names), f"{store.url}: study '{name}'")
+        watch(run.progress)
+        if run.done:
+            return run.progress
+        with make_crew(problem, engine, workers, ray_address) as crew:
+            while not run.done:
+                batch = pending if pending is not None else run.searcher.ask()
+                have = len(run.outcomes)
+                started = datetime.now(UTC).replace(tzinfo=None)
+                outcomes = crew.evaluate(batch[have : have + total - run.number])
+                completed = datetime.now(UTC).replace(tzinfo=None)
+                fresh = [
+                    Trial(run.number + i, run.generation, batch[have + i], outcome, started, completed)
+                    for i, outcome in enumerate(outcomes)
+                ]
+                store.append(name, problem.names, problem.low, problem.high, fresh)
+                pending = run.add(fresh, batch)
+                watch(run.progress)
+    return run.progress
+
+
+class _Run:
+    """Where a run stands: how many trials there are, and what is known of the generation that is not yet whole."""
+
+    def __init__(self, problem: Problem, searcher: Searcher, total: int, target: float | None) -> None:
+        self.problem = problem
+        self.searcher = searcher
+        self.total = total
+        self.target = target
+        self.number = self.falls = self.generation = 0
+        self.best: Trial | None = None
+        self.outcomes: list[Outcome] = []
+
+    @property
+    def progress(self) -> Progress:
+        return Progress(self.number, self.falls, self.total, self.best, self.searcher.spread, self.generation)
+
+    @property
+    def done(self) -> bool:
+        reached = self.target is not None and self.best is not None and self.best.outcome.value <= self.target
+        return self.number >= self.total or (not self.outcomes and (reached or self.searcher.finished()))
+
+    def add(self, trials: list[Trial], batch: Array) -> Array | None:
+        """Takes in trials of the generation `batch`; tells the searcher when it is whole, else returns the batch to
+        go on with.
+        """
+        for trial in trials:
+            self.number += 1
+            self.falls += trial.outcome.fell
+            if not trial.outcome.fell and (self.best is None or trial.outcome.value < self.best.outcome.value):
+                self.best = trial
+        self.outcomes += [trial.outcome for trial in trials]
+        if len(self.outcomes) < len(batch):
+            return batch
+        self.searcher.tell(self.outcomes)
+        self.outcomes = []
+        self.generation += 1
+        return None
+
+    def replay(self, trials: list[Trial], where: str) -> Array | None:
+        """Asks and tells the searcher all that the DB holds; returns the generation to go on with if the last one is
+        not whole.
+        """
+        batch: Array | None = None
+        while self.number < len(trials):
+            batch = self.searcher.ask()
+            stored = trials[self.number : self.number + len(batch)]
+            known = np.array([trial.factors for trial in stored])
+            if not np.allclose(batch[: len(known)], known, rtol=REPLAY_TOLERANCE, atol=0.0):
+                raise StorageError(
+                    f"{where}: trial {self.number} and on do not follow from its settings and seed: "
+                    "made by another version, or changed"
+                )
+            batch = self.add(stored, batch)
+        return batch
