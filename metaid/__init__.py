@@ -1,0 +1,61 @@
+"""metaid identifies the dynamics of multi-link pendulums and arms from nothing but how they oscillate.
+
+    import metaid
+
+    metaid.run("three-link")  # creates and runs the shipped study in metaid.db; a frame of the lumps
+    metaid.trials("three-link")  # every trial, as a tidy frame
+
+Everything is imported when first used: `import metaid` itself is instant.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from metaid.api import episode, evaluate, lumps, run, studies, summary, trials
+    from metaid.errors import EpisodeError, MetaidError, PlantError, StorageError, StudyError
+    from metaid.objective import Outcome
+    from metaid.plant import Plant, load_plant
+    from metaid.problem import load_study
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "metaid.api": ("episode", "evaluate", "lumps", "run", "studies", "summary", "trials"),
+    "metaid.errors": ("EpisodeError", "MetaidError", "PlantError", "StorageError", "StudyError"),
+    "metaid.objective": ("Outcome",),
+    "metaid.plant": ("Plant", "load_plant"),
+    "metaid.problem": ("load_study",),
+}
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+
+__all__ = [
+    "EpisodeError",
+    "MetaidError",
+    "Outcome",
+    "Plant",
+    "PlantError",
+    "StorageError",
+    "StudyError",
+    "episode",
+    "evaluate",
+    "load_plant",
+    "load_study",
+    "lumps",
+    "run",
+    "studies",
+    "summary",
+    "trials",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _MODULE_OF:
+        return getattr(import_module(_MODULE_OF[name]), name)
+    raise AttributeError(f"module 'metaid' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

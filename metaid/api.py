@@ -1,0 +1,140 @@
+"""metaid in Python: one call each for what the commands do. Storage is a URL or a file's path; default
+METAID_STORAGE, else metaid.db.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from metaid import tables
+from metaid.episode import Episode, tip_push
+from metaid.errors import EpisodeError, StorageError
+from metaid.lumps import factors_from_names
+from metaid.objective import Objective, Outcome
+from metaid.plant import MujocoPlant, load_plant
+from metaid.problem import COUNTING_STEPS, TIP_SPEED, Problem, StudySpec, load_study
+from metaid.store import DEFAULT_STORAGE, Store
+from metaid.study import Progress, create_study, run_study, stored_spec
+
+LARGEST_FACTOR = 1000.0
+
+
+def default_storage() -> str:
+    """METAID_STORAGE, or metaid.db in the folder where the user is."""
+    return os.environ.get("METAID_STORAGE") or DEFAULT_STORAGE
+
+
+def episode_objective(
+    plant: str | Path | MujocoPlant, steps: int = COUNTING_STEPS, peak_speed: float = TIP_SPEED
+) -> Objective:
+    """An objective of one push at the tip that gives the fastest link `peak_speed` (rad/s), in factors of the plant's
+    own lumps.
+    """
+    plant = plant if isinstance(plant, MujocoPlant) else load_plant(plant)
+    lumps = plant.true_lumps()
+    if lumps is None:
+        raise EpisodeError(
+            f"plant {plant.name} does not tell its lumps, so there are no factors of them: "
+            "make a study with a nominal model"
+        )
+    return Objective(plant, lumps, Episode(tip_push(plant, peak_speed), steps), "crossing")
+
+
+def check_factors(factors: Mapping[str, float], nlink: int) -> Any:
+    """Factors by lump name → (nlump), 1 for those not named.  Raises EpisodeError on unknown names and on numbers
+    that are no factors.
+    """
+    for name, factor in factors.items():
+        if not 0.0 <= factor <= LARGEST_FACTOR:
+            raise EpisodeError(f"factor {name}={factor} (allowed: 0 to {LARGEST_FACTOR:g})")
+    return factors_from_names(dict(factors), nlink)
+
+
+def episode(
+    plant: str | Path | MujocoPlant, factors: Mapping[str, float] | None = None, steps: int = COUNTING_STEPS
+) -> dict[str, Any]:
+    """One perturb-and-count episode after a small push at the tip, with `factors` of the plant's own lumps by name.
+
+    Returns what `metaid episode --json` prints.  Raises PlantError, EpisodeError.
+    """
+    objective = episode_objective(plant, steps)
+    return objective.summary(check_factors(factors or {}, objective.nominal.nlink))
+
+
+def evaluate(study: str | Path | StudySpec, factors: Mapping[str, float] | None = None) -> Outcome:
+    """One candidate of a study, `factors` of its nominal lumps by name, without any DB.  Raises StudyError,
+    PlantError, EpisodeError.
+    """
+    objective = Problem(_spec(study)).make_objective()
+    return objective.evaluate(check_factors(factors or {}, objective.nominal.nlink))
+
+
+def run(
+    study: str | Path | StudySpec,
+    name: str | None = None,
+    storage: str | None = None,
+    trials: int | None = None,
+    workers: int | None = None,
+    engine: str = "local",
+    ray_address: str | None = None,
+    watch: Callable[[Progress], None] = lambda progress: None,
+) -> pd.DataFrame:
+    """Creates the study in the DB unless it is there, runs it up to its number of trials, and returns its lumps.
+
+    Raises StorageError if a study of that name was made from other settings.
+    """
+    spec = _spec(study)
+    with closing(Store(storage or default_storage(), create=True)) as store:
+        name = ensure_study(store, spec, name)
+        run_study(store, name, trials, workers, engine, ray_address, watch)
+        return tables.lumps_frame(store, name)
+
+
+def ensure_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
+    """Creates the study unless the DB has it, made from the same settings; returns its name.  Raises StorageError if
+    from others.
+    """
+    name = spec.name if name is None else name
+    if name not in store.names():
+        return create_study(store, spec, name)
+    if stored_spec(store, name) != spec:
+        raise StorageError(
+            f"{store.url} has a study '{name}' made from other settings (choose another name, or delete it)"
+        )
+    return name
+
+
+def trials(name: str, storage: str | None = None) -> pd.DataFrame:
+    """Every trial of a study: state, value, generation, steps, periods per joint, factors by lump name."""
+    with closing(Store(storage or default_storage())) as store:
+        return tables.trials_frame(store, name)
+
+
+def lumps(name: str, storage: str | None = None) -> pd.DataFrame:
+    """The lumps of a study: nominal, factor, identified, range at the minimum, and truth and error where the plant
+    knows them.
+    """
+    with closing(Store(storage or default_storage())) as store:
+        return tables.lumps_frame(store, name)
+
+
+def studies(storage: str | None = None) -> pd.DataFrame:
+    """The studies of a DB, one row each."""
+    with closing(Store(storage or default_storage())) as store:
+        return tables.studies_frame(store)
+
+
+def summary(name: str, storage: str | None = None) -> dict[str, Any]:
+    """A study as `metaid study show --json` prints it."""
+    with closing(Store(storage or default_storage())) as store:
+        return tables.summary(store, name)
+
+
+def _spec(study: str | Path | StudySpec) -> StudySpec:
+    return study if isinstance(study, StudySpec) else load_study(study)

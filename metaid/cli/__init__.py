@@ -1,0 +1,61 @@
+"""The command line: what a user types, what is printed, and the exit status. No logic of its own.
+
+Heavy imports wait until a command runs, so that `metaid --help` and shell completion answer at once.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+import click
+
+import metaid
+from metaid.cli.common import Group
+from metaid.errors import MetaidError
+
+EXAMPLE = """\b Example:
+  metaid study create three-link metaid study run three-link metaid study show three-link
+\b Shell completion:
+  eval "$(_METAID_COMPLETE=bash_source metaid)"    (or zsh_source, fish_source)
+"""
+
+
+@click.group(
+    cls=Group, epilog=EXAMPLE, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110}
+)
+@click.version_option(metaid.__version__, prog_name="metaid")
+def app() -> None:
+    """Identify the dynamics of multi-link pendulums from how they oscillate.
+
+    Each joint is sent the torque that a candidate model says would cancel gravity and Coriolis forces, and the
+    pendulum is pushed. Too much and it oscillates, too little and it falls, exactly right and it coasts: the truth is
+    where the frequency is least.
+    """
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Runs a command and exits: 0, or 2 with one line on stderr for anything that a user can mend, or 130 and 143
+    when interrupted.
+    """
+    try:
+        status = app.main(arguments, standalone_mode=False, prog_name="metaid")
+    except click.ClickException as problem:
+        _fail(problem.format_message())
+    except MetaidError as problem:
+        _fail(str(problem))
+    except (KeyboardInterrupt, click.Abort):
+        sys.exit(130)
+    sys.exit(status if isinstance(status, int) else 0)
+
+
+def _fail(message: str) -> None:
+    click.echo(f"metaid: {' '.join(message.split())}", err=True)
+    sys.exit(2)
+
+
+from metaid.cli import plants, studies  # noqa: E402  (they add their commands to `app`)
+
+app.add_command(plants.plant)
+app.add_command(plants.episode)
+app.add_command(studies.study)

@@ -1,0 +1,119 @@
+"""What several commands share: groups that name what is allowed, the storage option, tables."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from metaid.errors import MetaidError, unknown
+
+if TYPE_CHECKING:
+    from metaid.store import Store
+
+
+class Group(click.Group):
+    """A group whose message for an unknown command lists the known ones."""
+
+    def resolve_command(
+        self, context: click.Context, arguments: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if arguments and not arguments[0].startswith("-") and self.get_command(context, arguments[0]) is None:
+            raise click.UsageError(unknown("command", arguments[0], self.list_commands(context)))
+        return super().resolve_command(context, arguments)
+
+
+storage_option = click.option(
+    "--storage",
+    envvar="METAID_STORAGE",
+    default="metaid.db",
+    show_default=True,
+    help="Study DB: a URL, or an SQLite file.",
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+
+
+@contextlib.contextmanager
+def open_store(storage: str, create: bool = False) -> Iterator[Store]:
+    """The study DB at `storage`, closed afterwards."""
+    from metaid.store import Store
+
+    store = Store(storage, create)
+    try:
+        yield store
+    finally:
+        store.close()
+
+
+def pairs(given: Sequence[str], option: str) -> dict[str, str]:
+    """`KEY=VALUE …` as a dictionary."""
+    split = {}
+    for text in given:
+        key, equals, value = text.partition("=")
+        if not equals or not key:
+            raise click.UsageError(f"{option} '{text}' is not of the form KEY=VALUE")
+        split[key] = value
+    return split
+
+
+def numbers(given: Sequence[str], option: str) -> dict[str, float]:
+    """`NAME=NUMBER …` as a dictionary of finite numbers."""
+    values = {}
+    for name, text in pairs(given, option).items():
+        try:
+            values[name] = float(text)
+        except ValueError:
+            raise click.UsageError(f"{option} {name}: '{text}' is not a number") from None
+        if not math.isfinite(values[name]):
+            raise click.UsageError(f"{option} {name}: '{text}' is not a finite number")
+    return values
+
+
+def print_json(data: Any) -> None:
+    """JSON on stdout."""
+    click.echo(json.dumps(data, indent=2, ensure_ascii=False))
+
+
+def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], note: str = "") -> None:
+    """A table on stdout; the first column to the left, numbers to the right."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, caption=note or None, caption_justify="left")
+    for i, column in enumerate(columns):
+        table.add_column(column, justify="left" if i == 0 else "right", no_wrap=i == 0)
+    for row in rows:
+        table.add_row(*row)
+    console = Console(markup=False, highlight=False)
+    # A pipe has no width of its own, and a table cut to a guess would lose columns.
+    console.width = console.width if console.is_terminal else 160
+    console.print(table)
+
+
+def figure(value: float | None, form: str = ".5g") -> str:
+    """A number for a table; a dash where it is not known."""
+    return "–" if value is None or math.isnan(value) else format(value, form)
+
+
+@contextlib.contextmanager
+def whole_file(path: Path, suffixes: Sequence[str]) -> Iterator[Path]:
+    """A temporary file beside `path` that takes its place when all went well: nothing is left half-written."""
+    if path.suffix not in suffixes:
+        raise click.UsageError(f"-o {path}: the ending says the format (allowed: {', '.join(suffixes)})")
+    if not path.parent.is_dir():
+        raise click.UsageError(f"-o {path}: no such folder {path.parent}")
+    partial = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        yield partial
+        partial.replace(path)
+    except OSError as problem:
+        raise MetaidError(f"{path}: {problem.strerror}") from None
+    finally:
+        partial.unlink(missing_ok=True)

@@ -1,0 +1,117 @@
+"""`metaid plant …` and `metaid episode`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from metaid.cli.common import Group, figure, json_option, numbers, print_json, print_table, whole_file
+
+FIGURES = (".png", ".pdf", ".svg")
+
+
+def _complete_plant(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
+    from metaid.files import shipped_names
+
+    return [name for name in shipped_names("plants") if name.startswith(incomplete)]
+
+
+@click.group(cls=Group, epilog="\b\nExample:\n  metaid plant show three-link")
+def plant() -> None:
+    """Pendulums that can be identified."""
+
+
+@plant.command("list", epilog="\b\nExample:\n  metaid plant list")
+def list_plants() -> None:
+    """Shipped plants; a plant file of your own is given by its path."""
+    from metaid.files import shipped_names
+    from metaid.plant import load_plant
+
+    plants = [load_plant(name) for name in shipped_names("plants")]
+    print_table(
+        "Plants", ["plant", "links", "description"], [[p.name, str(p.njoint), p.settings.description] for p in plants]
+    )
+
+
+@plant.command("show", epilog="\b\nExample:\n  metaid plant show three-link --json")
+@click.argument("name", metavar="PLANT", shell_complete=_complete_plant)
+@json_option
+def show_plant(name: str, as_json: bool) -> None:
+    """The links of a plant, and its true lumps where it knows them."""
+    from metaid.lumps import lump_names, lump_unit
+    from metaid.plant import load_plant
+
+    shown = load_plant(name)
+    chain, truth = shown.chain, shown.true_lumps()
+    columns = ("length", "mass", "com", "inertia", "damping")
+    links = [
+        dict(zip(columns, map(float, row), strict=True))
+        for row in zip(*(getattr(chain, column) for column in columns), strict=True)
+    ]
+    names = lump_names(shown.njoint)
+    lumps: list[dict[str, Any]] = [
+        {"name": lump, "unit": lump_unit(lump), "true": None if truth is None else float(truth.vector[i])}
+        for i, lump in enumerate(names)
+    ]
+    if as_json:
+        print_json(
+            {"plant": shown.name, "gravity": shown.gravity, "timestep": shown.timestep, "links": links, "lumps": lumps}
+        )
+        return
+    heading = ["link", "length, m", "mass, kg", "com, m", "inertia, kg m²", "damping, N m s"]
+    rows = [[str(i + 1), *(figure(link[column]) for column in columns)] for i, link in enumerate(links)]
+    print_table(
+        f"{shown.name}: {shown.settings.description}",
+        heading,
+        rows,
+        f"gravity {shown.gravity} m/s², timestep {shown.timestep} s",
+    )
+    print_table(
+        "True lumps", ["lump", "value", "unit"], [[lump["name"], figure(lump["true"]), lump["unit"]] for lump in lumps]
+    )
+
+
+@click.command(epilog="\b\nExample:\n  metaid episode three-link --factor gravity_1=1.05 --factor gravity_2=1.05")
+@click.argument("name", metavar="PLANT", shell_complete=_complete_plant)
+@click.option(
+    "--factor",
+    "factors",
+    metavar="NAME=F",
+    multiple=True,
+    help="Factor of a lump of the plant (default 1); may be repeated.",
+)
+@click.option(
+    "--steps", type=click.IntRange(1, 100_000_000), default=5000, show_default=True, help="Steps after the push."
+)
+@json_option
+@click.option("-o", "output", type=click.Path(path_type=Path), help="Draw joint angles over time (.png, .pdf, .svg).")
+def episode(name: str, factors: tuple[str, ...], steps: int, as_json: bool, output: Path | None) -> None:
+    """One perturb-and-count episode after a small push at the tip.
+
+    Factors above 1 over-compensate and oscillate, factors below 1 fall, and 1 coasts.
+    """
+    from metaid import api
+
+    objective = api.episode_objective(name, steps)
+    candidate = api.check_factors(numbers(factors, "--factor"), objective.nominal.nlink)
+    shown = objective.summary(candidate)
+    if output is not None:
+        from metaid.figures import draw_episode
+
+        with whole_file(output, FIGURES) as partial:
+            draw_episode(objective, candidate, partial)
+    if as_json:
+        print_json(shown)
+        return
+    what = (
+        f"fell at step {shown['fall_step']} of {steps}"
+        if shown["fell"]
+        else f"{steps} steps without a fall; spectral {figure(shown['spectral_hz'])} Hz"
+    )
+    rows = [
+        [f"joint {i + 1}", str(count), figure(hz)]
+        for i, (count, hz) in enumerate(zip(shown["periods"], shown["frequency_hz"], strict=True))
+    ]
+    print_table(f"{shown['plant']}: {what}", ["joint", "whole periods", "frequency, Hz"], rows)

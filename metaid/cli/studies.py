@@ -1,0 +1,225 @@
+"""`metaid study …`."""
+
+from __future__ import annotations
+
+import signal
+import tomllib
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import click
+
+from metaid.cli.common import (
+    Group,
+    figure,
+    json_option,
+    open_store,
+    pairs,
+    print_json,
+    print_table,
+    storage_option,
+    whole_file,
+)
+
+
+def _complete_study_file(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
+    from metaid.files import shipped_names
+
+    return [name for name in shipped_names("studies") if name.startswith(incomplete)]
+
+
+def _complete_name(context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
+    from metaid.errors import MetaidError
+
+    try:
+        with open_store(context.params.get("storage") or "metaid.db") as store:
+            return [name for name in store.names() if name.startswith(incomplete)]
+    except MetaidError:
+        return []
+
+
+name_argument = click.argument("name", shell_complete=_complete_name)
+
+
+@click.group(cls=Group, epilog="\b\nExample:\n  metaid study create three-link\n  metaid study run three-link")
+def study() -> None:
+    """Searches for the lumps of a plant, kept in a study DB."""
+
+
+@study.command(
+    epilog="\b\nExample:\n  metaid study create three-link --name wide --set search.low=0.4 --set trials=1000"
+)
+@click.argument("source", metavar="STUDY", shell_complete=_complete_study_file)
+@click.option("--name", help="Name in the DB (default: the file's).")
+@storage_option
+@click.option(
+    "--set",
+    "changes",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Change a setting of the file, e.g. search.sigma=0.1; may be repeated.",
+)
+@click.option("--exist-ok", is_flag=True, help="It is fine if the DB has this very study already.")
+def create(source: str, name: str | None, storage: str, changes: tuple[str, ...], exist_ok: bool) -> None:
+    """Make a study in the DB from STUDY, a shipped name or the path of a study file."""
+    from metaid.api import ensure_study
+    from metaid.problem import load_study
+    from metaid.study import create_study
+
+    spec = load_study(source, {key: _toml_value(text) for key, text in pairs(changes, "--set").items()})
+    with open_store(storage, create=True) as store:
+        made = (ensure_study if exist_ok else create_study)(store, spec, name)
+    click.echo(f"study '{made}' is in {storage}; run it with: metaid study run {made}")
+
+
+def _toml_value(text: str) -> Any:
+    """A value as a study file would have it; bare words are strings."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+@study.command(epilog="\b\nExample:\n  metaid study run three-link --workers 2")
+@name_argument
+@storage_option
+@click.option(
+    "--trials",
+    type=click.IntRange(1),
+    metavar="TOTAL",
+    help="Trials in all, those in the DB included (default: the study's).",
+)
+@click.option(
+    "--workers", type=click.IntRange(1, 1024), help="Who evaluates: threads, or Ray actors (default: the study's)."
+)
+@click.option(
+    "--engine",
+    type=click.Choice(["local", "ray"]),
+    default="local",
+    show_default=True,
+    help="Threads on this machine, or Ray actors.",
+)
+@click.option("--ray-address", metavar="A", help="A running Ray cluster, e.g. 10.0.0.1:6379.")
+@click.option("--quiet", is_flag=True, help="Print nothing while it runs.")
+def run(
+    name: str, storage: str, trials: int | None, workers: int | None, engine: str, ray_address: str | None, quiet: bool
+) -> None:
+    """Run a study, or go on with it. Ctrl-C is safe: whole generations are in the DB.
+
+    The trials depend on the study's settings and seed alone, not on workers, engine, or how often it was stopped.
+    """
+    from metaid.cli.live import Live
+    from metaid.study import run_study
+
+    signal.signal(signal.SIGTERM, _terminate)
+    with open_store(storage) as store:
+        try:
+            with Live(store, name, quiet) as live:
+                run_study(store, name, trials, workers, engine, ray_address, live.update)
+        except KeyboardInterrupt as stop:
+            click.echo(f"stopped; {live.trials} trials are in {storage}; go on with: metaid study run {name}", err=True)
+            raise click.exceptions.Exit(143 if isinstance(stop, _Terminated) else 130) from None
+        _print_study(store, name)
+
+
+class _Terminated(KeyboardInterrupt):
+    """SIGTERM, treated as Ctrl-C."""
+
+
+def _terminate(_signal: int, _frame: FrameType | None) -> None:
+    raise _Terminated
+
+
+@study.command("list", epilog="\b\nExample:\n  metaid study list --storage metaid.db")
+@storage_option
+def list_studies(storage: str) -> None:
+    """The studies of a DB."""
+    from metaid.tables import studies_frame
+
+    with open_store(storage) as store:
+        frame = studies_frame(store)
+    words, counts = ("name", "plant", "sampler", "measure"), ("trials", "pruned")
+    rows = [
+        [
+            *(row[key] for key in words),
+            *(str(row[key]) for key in counts),
+            figure(row["best"]),
+            figure(row["max_error"], ".2%"),
+        ]
+        for row in frame.to_dict("records")
+    ]
+    print_table(
+        f"Studies in {storage}",
+        ["study", "plant", "sampler", "measure", "trials", "falls", "best", "largest error"],
+        rows,
+    )
+
+
+@study.command(epilog="\b\nExample:\n  metaid study show three-link --json")
+@name_argument
+@storage_option
+@json_option
+def show(name: str, storage: str, as_json: bool) -> None:
+    """What a study found: every lump beside its nominal value, and the truth where the plant knows it."""
+    from metaid.tables import summary
+
+    with open_store(storage) as store:
+        if as_json:
+            print_json(summary(store, name))
+        else:
+            _print_study(store, name)
+
+
+def _print_study(store: Any, name: str) -> None:
+    from metaid.tables import summary
+
+    shown = summary(store, name)
+    rows = [
+        [
+            lump["name"],
+            *(figure(lump[key]) for key in ("nominal", "identified", "low", "high", "true")),
+            figure(lump["error"], "+.3%"),
+            lump["unit"],
+        ]
+        for lump in shown["lumps"]
+    ]
+    trials, best = shown["trials"], shown["best"]
+    title = f"{shown['name']}: {shown['plant']}, {shown['sampler']}, {shown['measure']}, seed {shown['seed']}"
+    largest = "" if shown["max_error"] is None else f"; largest error {shown['max_error']:.3%}"
+    found = (
+        "no survivor yet" if best["value"] is None else f"best {best['value']:.3g} at trial {best['number']}{largest}"
+    )
+    note = f"{trials['total']} trials, {trials['pruned']} of them falls; {found}"
+    print_table(title, ["lump", "nominal", "identified", "low", "high", "true", "error", "unit"], rows, note)
+
+
+@study.command(epilog="\b\nExample:\n  metaid study export three-link -o trials.csv")
+@name_argument
+@storage_option
+@click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="FILE.csv or FILE.parquet.")
+def export(name: str, storage: str, output: Path) -> None:
+    """Write every trial to a file: state, value, generation, steps, periods per joint, factors."""
+    from metaid.tables import trials_frame
+
+    with open_store(storage) as store, whole_file(output, (".csv", ".parquet")) as partial:
+        frame = trials_frame(store, name)
+        if output.suffix == ".csv":
+            frame.to_csv(partial, index=False)
+        else:
+            frame.to_parquet(partial, index=False)
+    click.echo(f"{len(frame)} trials are in {output}")
+
+
+@study.command(epilog="\b\nExample:\n  metaid study delete three-link --yes")
+@name_argument
+@storage_option
+@click.option("--yes", is_flag=True, help="Do not ask.")
+def delete(name: str, storage: str, yes: bool) -> None:
+    """Delete a study and its trials from the DB."""
+    with open_store(storage) as store:
+        store.spec(name)  # refuses a name that is not there before asking
+        if not yes:
+            click.confirm(f"Delete study '{name}' from {storage}?", abort=True, err=True)
+        store.delete(name)
+    click.echo(f"study '{name}' is deleted")

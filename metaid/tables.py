@@ -1,0 +1,124 @@
+"""What a study found, as pandas frames and as the JSON of `study show`. Here, and only here, the truth meets the
+result.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from metaid.lumps import lump_unit
+from metaid.problem import Problem
+from metaid.store import Store, Trial
+from metaid.study import stored_spec
+
+
+def trials_frame(store: Store, name: str) -> pd.DataFrame:
+    """One row a trial: `number`, `state`, `value`, `generation`, `steps`, `periods_i`, then a factor per lump, under
+    its name.
+    """
+    names = Problem(stored_spec(store, name)).names
+    trials = store.trials(name, names)
+    heads = {
+        "number": [trial.number for trial in trials],
+        "state": pd.Categorical(
+            ["PRUNED" if trial.outcome.fell else "COMPLETE" for trial in trials], ["COMPLETE", "PRUNED"]
+        ),
+        "value": [trial.outcome.value for trial in trials],
+        "generation": [trial.generation for trial in trials],
+        "steps": [trial.outcome.steps for trial in trials],
+    }
+    njoint = len(trials[0].outcome.periods) if trials else 0
+    periods = {f"periods_{joint + 1}": [trial.outcome.periods[joint] for trial in trials] for joint in range(njoint)}
+    factors = np.array([trial.factors for trial in trials]).reshape(len(trials), len(names))
+    return pd.DataFrame({**heads, **periods, **{lump: factors[:, i] for i, lump in enumerate(names)}})
+
+
+def lumps_frame(store: Store, name: str) -> pd.DataFrame:
+    """One row a lump: `name`, `unit`, `nominal`, `factor`, `identified`, `low`, `high`, `true`, `error`; NaN where
+    not known.
+    """
+    problem = Problem(stored_spec(store, name))
+    return _lumps(problem, store.trials(name, problem.names))
+
+
+def _lumps(problem: Problem, trials: list[Trial]) -> pd.DataFrame:
+    survivors = [trial for trial in trials if not trial.outcome.fell]
+    nominal = problem.nominal.lumps.vector
+    unknown = np.full(len(nominal), np.nan)
+    factor = low = high = unknown
+    if survivors:
+        best = best_trial(survivors)
+        # The paper's "range of possible values": trials that the measure cannot tell from the best.
+        equal = np.array([t.factors for t in survivors if t.outcome.value <= best.outcome.value + problem.resolution])
+        factor, low, high = best.factors, equal.min(axis=0), equal.max(axis=0)
+    truth = problem.make_plant().true_lumps()
+    true = unknown if truth is None else truth.vector
+    identified = factor * nominal
+    columns = {
+        "name": problem.names,
+        "unit": [lump_unit(lump) for lump in problem.names],
+        "nominal": nominal,
+        "factor": factor,
+        "identified": identified,
+        "low": low * nominal,
+        "high": high * nominal,
+        "true": true,
+        "error": identified / true - 1.0,
+    }
+    return pd.DataFrame(columns)
+
+
+def best_trial(survivors: list[Trial]) -> Trial:
+    """The survivor of least value, the first of equals."""
+    return min(survivors, key=lambda trial: trial.outcome.value)
+
+
+def summary(store: Store, name: str) -> dict[str, Any]:
+    """A study as `metaid study show --json` prints it; None where something is not known."""
+    spec = stored_spec(store, name)
+    problem = Problem(spec)
+    trials = store.trials(name, problem.names)
+    survivors = [trial for trial in trials if not trial.outcome.fell]
+    lumps = _lumps(problem, trials)
+    best = best_trial(survivors) if survivors else None
+    errors = lumps["error"].abs()
+    return {
+        "name": name,
+        "plant": spec.plant_name,
+        "sampler": spec.study.sampler,
+        "measure": problem.measure.name,
+        "seed": spec.study.seed,
+        "trials": {
+            "total": len(trials),
+            "complete": len(survivors),
+            "pruned": len(trials) - len(survivors),
+            "failed": 0,
+        },
+        "best": {"number": best.number if best else None, "value": best.outcome.value if best else None},
+        "lumps": [_without_nan(row) for row in lumps.to_dict("records")],
+        "max_error": None if errors.isna().any() else float(errors.max()),
+    }
+
+
+def studies_frame(store: Store) -> pd.DataFrame:
+    """One row a study: `name`, `plant`, `sampler`, `measure`, `trials`, `pruned`, `best`, `max_error`."""
+    rows = []
+    for name in store.names():
+        shown = summary(store, name)
+        counts = {"trials": shown["trials"]["total"], "pruned": shown["trials"]["pruned"]}
+        rows.append(
+            {
+                **{key: shown[key] for key in ("name", "plant", "sampler", "measure")},
+                **counts,
+                "best": shown["best"]["value"],
+                "max_error": shown["max_error"],
+            }
+        )
+    return pd.DataFrame(rows, columns=["name", "plant", "sampler", "measure", "trials", "pruned", "best", "max_error"])
+
+
+def _without_nan(row: dict[Any, Any]) -> dict[str, Any]:
+    return {str(key): None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()}
