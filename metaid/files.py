@@ -79,8 +79,10 @@ def check(model: type[SettingsT], data: Mapping[str, Any], source: str, error: t
     try:
         return model.model_validate(data)
     except ValidationError as problem:
-        first = problem.errors(include_url=False)[0]
-        where = "".join(f"entry {part + 1}: " if isinstance(part, int) else f"{part}: " for part in _path(data, first))
+        # Of a value that may be several things, the side that it fits best has its problem deepest.
+        first = max(problem.errors(include_url=False), key=lambda error: len(_path(data, error)))
+        path = _path(data, first)
+        where = "".join(f"entry {part + 1}: " if isinstance(part, int) else f"{part}: " for part in path)
         message = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
         message = (
             message
@@ -91,10 +93,10 @@ def check(model: type[SettingsT], data: Mapping[str, Any], source: str, error: t
 
 
 def _path(data: Any, problem: ErrorDetails) -> list[int | str]:
-    """Keys and indices that lead to a problem in `data`, without the names that pydantic gives to the sides of a union."""
+    """Keys and indices that lead to a problem in `data`, without pydantic's own names for the sides of a union."""
     path = []
     for part in problem["loc"]:
-        here = isinstance(data, Mapping) and part in data or isinstance(data, list) and isinstance(part, int)
+        here = part in data if isinstance(data, Mapping) else isinstance(data, list) and isinstance(part, int)
         if here or problem["type"] == "missing":
             path.append(part)
             data = data[part] if here else None
