@@ -1,0 +1,56 @@
+"""Chains to identify, random but repeatable, and the command line in-process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from metaid.cli import main
+from metaid.plant import LinkSettings, MujocoPlant, PlantSettings
+
+
+def random_links(nlink: int, seed: int) -> tuple[LinkSettings, ...]:
+    """Links with lengths, masses, centres of mass and inertias all different."""
+    random = np.random.default_rng(seed)
+    links = []
+    for length in random.uniform(0.3, 0.5, nlink).tolist():
+        mass = float(random.uniform(0.5, 1.5))
+        inertia = mass * length**2 / 12 * float(random.uniform(0.7, 1.5))
+        links.append(
+            LinkSettings(length=length, mass=mass, com=length * float(random.uniform(0.3, 0.7)), inertia=inertia)
+        )
+    return tuple(links)
+
+
+def random_plant(nlink: int, seed: int = 1) -> MujocoPlant:
+    """A heterogeneous chain."""
+    return MujocoPlant(f"random-{nlink}", PlantSettings(links=random_links(nlink, seed)))
+
+
+class Finished(NamedTuple):
+    """What a command left behind."""
+
+    status: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def metaid(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Callable[..., Finished]:
+    """Runs a command of the command line in an empty folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("METAID_STORAGE", raising=False)
+
+    def run(*arguments: str) -> Finished:
+        with pytest.raises(SystemExit) as stop:
+            main(arguments)
+        captured = capsys.readouterr()
+        return Finished(int(stop.value.code or 0), captured.out, captured.err)
+
+    return run

@@ -1,0 +1,73 @@
+"""Measures of signals whose frequency is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from metaid.episode import Episode, Record, crossings, energies
+from metaid.errors import EpisodeError
+from metaid.measures import MEASURES, crossing_hz, fall_value, get_measure, spectral_hz, whole_periods
+
+TIMESTEP = 0.001
+
+
+def sine(hertz: float, seconds: float, amplitude: float = 0.3) -> tuple[np.ndarray, np.ndarray]:
+    """Angles and speeds (nsteps + 1 x 1) of a joint that swings from the upright."""
+    times = TIMESTEP * np.arange(round(seconds / TIMESTEP) + 1)
+    omega = 2 * np.pi * hertz
+    return amplitude * np.sin(omega * times)[:, None], amplitude * omega * np.cos(omega * times)[:, None]
+
+
+@pytest.mark.parametrize("hertz", [0.5, 1.0, 3.7, 12.0])
+def test_spectral_of_a_sinusoid_is_its_frequency(hertz: float) -> None:
+    """Whatever the amplitude, over whole periods, to the accuracy of finite differences."""
+    for amplitude in (0.01, 1.0):
+        _, speeds = sine(hertz, 10.0, amplitude)
+        speed_energy, acceleration_energy = energies(speeds, TIMESTEP)
+        assert spectral_hz(acceleration_energy[None], speed_energy[None]) == pytest.approx(hertz, rel=1e-3)
+
+
+def test_spectral_of_two_joints_and_pushes_is_the_root_of_the_mean_square() -> None:
+    """Joints and pushes count alike, however fast each moves."""
+    parts = [energies(sine(hertz, 10.0, amplitude)[1], TIMESTEP) for hertz, amplitude in ((1.0, 1.0), (7.0, 0.01))]
+    speed_energy, acceleration_energy = (np.array([part[i] for part in parts]) for i in (0, 1))
+    assert spectral_hz(acceleration_energy, speed_energy) == pytest.approx(5.0, rel=1e-3)
+    assert spectral_hz(acceleration_energy.T, speed_energy.T) == pytest.approx(5.0, rel=1e-3)
+
+
+def test_constant_speed_has_no_frequency_in_any_measure() -> None:
+    """Coasting is zero in every measure."""
+    angles, speeds = TIMESTEP * np.arange(1001)[:, None], np.ones((1001, 1))
+    half_periods, span = crossings(angles, speeds[0], TIMESTEP)
+    record = Record(
+        TIMESTEP, 1000, None, half_periods[None], span[None], *(e[None] for e in energies(speeds, TIMESTEP))
+    )
+    assert [measure.value(record) for measure in MEASURES.values()] == [0.0, 0.0, 0.0]
+
+
+def test_count_is_of_whole_periods_and_crossing_of_the_time_they_took() -> None:
+    """10.3 s of 1 Hz are 10 whole periods; the interpolated frequency is 1 Hz."""
+    angles, speeds = sine(1.0, 10.3)
+    half_periods, span = crossings(angles, speeds[0], TIMESTEP)
+    assert whole_periods(half_periods[None]).tolist() == [10]
+    assert crossing_hz(half_periods[None], span[None])[0, 0] == pytest.approx(1.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("measure", MEASURES.values(), ids=MEASURES)
+def test_every_fall_is_worse_than_every_survivor_and_earlier_falls_are_worse(measure) -> None:  # type: ignore[no-untyped-def]
+    """Even the fastest signal that steps can carry, a sign change a step, ranks before the latest fall."""
+    steps = 1000
+    episode = Episode(np.array([[0.1]]), steps)
+    angles = np.append(0.0, 0.1 * np.resize([1.0, -1.0], steps))[:, None]
+    speeds = np.resize([1.0, -1.0], steps + 1)[:, None]
+    half_periods, span = crossings(angles, speeds[0], TIMESTEP)
+    wild = Record(TIMESTEP, steps, None, half_periods[None], span[None], *(e[None] for e in energies(speeds, TIMESTEP)))
+    ceiling = measure.ceiling(episode, TIMESTEP)
+    assert measure.value(wild) <= ceiling < fall_value(ceiling, steps - 1, steps) < fall_value(ceiling, 1, steps)
+
+
+def test_unknown_measure_names_the_known_ones() -> None:
+    """A wrong name tells which are right."""
+    with pytest.raises(EpisodeError, match=r"'spectrum'; did you mean 'spectral'.*count, crossing, spectral"):
+        get_measure("spectrum")
