@@ -185,7 +185,7 @@ class Store:
     def trials(self, name: str, names: Sequence[str]) -> list[Trial]:
         """All trials in order, with their factors in the order of `names`."""
         study_id = self._study_id(name)
-        with self._errors(), self._engine.connect() as connection:
+        with self._snapshot() as connection:
             columns = (models.TrialModel.trial_id, models.TrialModel.number, models.TrialModel.state)
             times = (models.TrialModel._datetime_start_utc, models.TrialModel._datetime_complete_utc)
             heads = connection.execute(
@@ -232,6 +232,15 @@ class Store:
             )
             for i, head in enumerate(heads)
         ]
+
+    @contextmanager
+    def _snapshot(self) -> Iterator[sa.Connection]:
+        """A connection whose reads all see the DB as it was at the first, whatever is written meanwhile."""
+        level = {} if self.is_sqlite else {"isolation_level": "REPEATABLE READ"}
+        with self._errors(), self._engine.connect().execution_options(**level) as connection:
+            if self.is_sqlite:
+                connection.exec_driver_sql("BEGIN")  # Python's driver would begin no transaction to read
+            yield connection
 
     def _study_id(self, name: str) -> int:
         with self._errors(), self._engine.connect() as connection:
