@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from metaid.api import episode, evaluate, lumps, run, studies, summary, trials
+    from metaid.api import evaluate, lumps, perturb, run, studies, summary, trials
     from metaid.errors import EpisodeError, MetaidError, PlantError, StorageError, StudyError
     from metaid.objective import Outcome
     from metaid.plant import Plant, load_plant
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
-    "metaid.api": ("episode", "evaluate", "lumps", "run", "studies", "summary", "trials"),
+    "metaid.api": ("evaluate", "lumps", "perturb", "run", "studies", "summary", "trials"),
     "metaid.errors": ("EpisodeError", "MetaidError", "PlantError", "StorageError", "StudyError"),
     "metaid.objective": ("Outcome",),
     "metaid.plant": ("Plant", "load_plant"),
@@ -39,11 +39,11 @@ __all__ = [
     "PlantError",
     "StorageError",
     "StudyError",
-    "episode",
     "evaluate",
     "load_plant",
     "load_study",
     "lumps",
+    "perturb",
     "run",
     "studies",
     "summary",

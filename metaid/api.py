@@ -13,9 +13,9 @@ from typing import Any
 import pandas as pd
 
 from metaid import tables
+from metaid.chain import factors_from_names
 from metaid.episode import Episode, tip_push
 from metaid.errors import EpisodeError, StorageError
-from metaid.lumps import factors_from_names
 from metaid.objective import Objective, Outcome
 from metaid.plant import MujocoPlant, load_plant
 from metaid.problem import COUNTING_STEPS, TIP_SPEED, Problem, StudySpec, load_study
@@ -56,7 +56,7 @@ def check_factors(factors: Mapping[str, float], nlink: int) -> Any:
     return factors_from_names(dict(factors), nlink)
 
 
-def episode(
+def perturb(
     plant: str | Path | MujocoPlant, factors: Mapping[str, float] | None = None, steps: int = COUNTING_STEPS
 ) -> dict[str, Any]:
     """One perturb-and-count episode after a small push at the tip, with `factors` of the plant's own lumps by name.

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from metaid.chain import Array, Chain, compensation_basis
 from metaid.errors import EpisodeError
-from metaid.lumps import Array, Chain, compensation_basis
 
 SAMPLES = 40  # of the coasting motion after each push
 SMALLEST_EIGENVALUE = (

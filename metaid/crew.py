@@ -14,8 +14,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from metaid.chain import Array
 from metaid.errors import StudyError, unknown
-from metaid.lumps import Array
 from metaid.objective import Objective, Outcome
 from metaid.problem import Problem, StudySpec
 

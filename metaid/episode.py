@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from metaid.chain import Array, Chain, Lumps, compensation_torque
 from metaid.errors import EpisodeError
-from metaid.lumps import Array, Chain, Lumps, compensation_torque
 from metaid.plant import Plant
 
 FALL_LIMIT = np.pi / 2  # rad

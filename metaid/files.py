@@ -95,10 +95,9 @@ def check(model: type[SettingsT], data: Mapping[str, Any], source: str, error: t
 def _path(data: Any, problem: ErrorDetails) -> list[int | str]:
     """Keys and indices that lead to a problem in `data`, without pydantic's own names for the sides of a union."""
     path = []
-    *_, last = problem["loc"]
     for part in problem["loc"]:
         here = part in data if isinstance(data, Mapping) else isinstance(data, list) and isinstance(part, int)
-        if here or (problem["type"] == "missing" and part == last):
+        if here or (problem["type"] == "missing" and part == problem["loc"][-1]):
             path.append(part)
             data = data[part] if here else None
     return path

@@ -16,8 +16,8 @@ import mujoco
 import numpy as np
 from numba import cfunc, njit, types
 
+from metaid.chain import Array, Lumps
 from metaid.episode import Episode, Record, run_plain
-from metaid.lumps import Array, Lumps
 from metaid.plant import MujocoPlant
 
 _mj_step = types.ExternalFunction("mj_step", types.void(types.uintp, types.uintp))

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from metaid.chain import Array
 from metaid.episode import Episode, Record
 from metaid.errors import EpisodeError, unknown
-from metaid.lumps import Array
 
 SPEED_RESOLUTION = 1e-3  # relative change of a joint speed over the horizon that still passes for coasting
 

@@ -6,10 +6,10 @@ import warnings
 from dataclasses import dataclass
 from typing import Any
 
+from metaid.chain import Array, Lumps
 from metaid.episode import Episode, Record, run_plain
 from metaid.errors import EpisodeError
 from metaid.kernel import CompiledEpisode
-from metaid.lumps import Array, Lumps
 from metaid.measures import crossing_hz, fall_value, get_measure, spectral_hz, whole_periods
 from metaid.plant import MujocoPlant, Plant
 

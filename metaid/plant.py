@@ -15,9 +15,9 @@ import mujoco
 import numpy as np
 from pydantic import Field, model_validator
 
+from metaid.chain import Array, Chain, Lumps, speeds_after
 from metaid.errors import PlantError
 from metaid.files import Settings, check, find_file, read_toml
-from metaid.lumps import Array, Chain, Lumps, speeds_after
 
 Positive = Annotated[float, Field(gt=0, le=1e6)]
 MIN_STEPS_PER_RADIAN = (

@@ -14,11 +14,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from metaid.chain import Array, Chain, factors_from_names, lump_names
 from metaid.coordinates import Coordinates, nominal_metric, plain
 from metaid.episode import FALL_LIMIT, FALL_MARGIN, REACH, Episode, natural_time, pushed_speeds, rich_pushes, tip_push
 from metaid.errors import EpisodeError, PlantError, StudyError, unknown
 from metaid.files import Settings, check, find_file, read_toml
-from metaid.lumps import Array, Chain, factors_from_names, lump_names
 from metaid.measures import Measure, get_measure
 from metaid.objective import Objective
 from metaid.plant import LinkSettings, MujocoPlant, PlantSettings, chain_of, read_plant

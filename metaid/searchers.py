@@ -15,9 +15,9 @@ import cmaes
 import numpy as np
 import optuna
 
+from metaid.chain import Array
 from metaid.coordinates import Coordinates
 from metaid.errors import StudyError, unknown
-from metaid.lumps import Array
 from metaid.objective import Outcome
 
 RESAMPLINGS = 100  # of a candidate that leaves the bounds, before it is moved to the nearest one

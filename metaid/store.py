@@ -26,8 +26,8 @@ from optuna.study import StudyDirection
 from optuna.trial import TrialState
 from sqlalchemy.exc import SQLAlchemyError
 
+from metaid.chain import Array
 from metaid.errors import StorageError, unknown
-from metaid.lumps import Array
 from metaid.objective import Outcome
 
 DEFAULT_STORAGE = "metaid.db"
@@ -172,8 +172,8 @@ class Store:
                     "number": trial.number,
                     "study_id": study_id,
                     "state": TrialState.PRUNED if trial.outcome.fell else TrialState.COMPLETE,
-                    "_datetime_start_utc": trial.started,
-                    "_datetime_complete_utc": trial.completed,
+                    "datetime_start": trial.started,
+                    "datetime_complete": trial.completed,
                 }
                 for trial in trials
             ]

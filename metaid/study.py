@@ -14,9 +14,9 @@ from datetime import UTC, datetime
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from metaid.chain import Array
 from metaid.crew import make_crew
 from metaid.errors import StorageError, StudyError
-from metaid.lumps import Array
 from metaid.objective import Outcome
 from metaid.problem import Problem, StudySpec
 from metaid.searchers import Searcher

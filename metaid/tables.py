@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from metaid.lumps import lump_unit
+from metaid.chain import lump_unit
 from metaid.problem import Problem
 from metaid.store import Store, Trial
 from metaid.study import stored_spec

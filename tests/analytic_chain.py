@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from metaid.lumps import Array, Chain
+from metaid.chain import Array, Chain
 
 
 def jacobians(chain: Chain, angles: Array) -> tuple[Array, Array]:

@@ -7,10 +7,10 @@ import pytest
 from analytic_chain import simulate
 from conftest import random_plant
 
+from metaid.chain import compensation_torque, factors_from_names
 from metaid.episode import Episode, crossings, has_fallen, pushed_speeds, rich_pushes, run_plain, tip_push
 from metaid.errors import EpisodeError
 from metaid.kernel import CompiledEpisode
-from metaid.lumps import compensation_torque, factors_from_names
 from metaid.measures import crossing_hz
 from metaid.objective import Objective
 from metaid.plant import LinkSettings, MujocoPlant, PlantSettings

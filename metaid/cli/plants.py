@@ -40,7 +40,7 @@ def list_plants() -> None:
 @json_option
 def show_plant(name: str, as_json: bool) -> None:
     """The links of a plant, and its true lumps where it knows them."""
-    from metaid.lumps import lump_names, lump_unit
+    from metaid.chain import lump_names, lump_unit
     from metaid.plant import load_plant
 
     shown = load_plant(name)

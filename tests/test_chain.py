@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from conftest import random_plant
 
+from metaid.chain import compensation_basis, compensation_torque, factors_from_names, lump_names, speeds_after
 from metaid.errors import EpisodeError
-from metaid.lumps import compensation_basis, compensation_torque, factors_from_names, lump_names, speeds_after
 
 ALL_SIZES = pytest.mark.parametrize("nlink", [1, 2, 3, 5, 10])
 

@@ -1,4 +1,4 @@
-"""The lumped parameters of a planar chain, and the law that compensates with them.
+"""A planar chain of links: its lumped parameters, and the law that compensates with them.
 
 A chain of n links stands on its base. Link i has length l_i, mass m_i, centre of mass com_i (from its joint) and
 inertia I_i (about its centre of mass). Absolute angles φ_i are measured from the upright, joint angles are q_i = φ_i
