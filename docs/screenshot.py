@@ -1,4 +1,7 @@
-"""Draws docs/images/three-link.svg: what `metaid study run three-link` prints.  Run it as `.venv/bin/python docs/screenshot.py`."""
+"""Draws docs/images/three-link.svg: what `metaid study run three-link` prints.
+
+Run it as `.venv/bin/python docs/screenshot.py`.
+"""
 
 from __future__ import annotations
 
