@@ -90,8 +90,6 @@ def sensitivity(nominal: Chain, gravity: float, start_speeds: Array, horizon: fl
     acceleration = np.linalg.solve(nominal.mass_matrix(angles), force)
     joint_acceleration = np.diff(acceleration, axis=-2, prepend=0.0)
     joint_speeds = np.diff(start_speeds, axis=-1, prepend=0.0)
-    weight = 1.0 / (joint_speeds[:, None, :] ** 2 * SAMPLES * start_speeds.size)
-    scaled = joint_acceleration * np.sqrt(np.broadcast_to(weight, angles.shape))[..., None]
-    flat = scaled.reshape(-1, scaled.shape[-1])
+    flat = (joint_acceleration / np.sqrt(SAMPLES * (joint_speeds**2).sum())).reshape(-1, force.shape[-1])
     h: Array = flat.T @ flat
     return h

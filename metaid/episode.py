@@ -184,8 +184,7 @@ def rich_pushes(plant: Plant, count: int, peak_speed: float, seed: int) -> Array
     """`count` pushes (count x njoint), in N s: each gives every link a random sign and 0.3 to 1 of `peak_speed`, in
     rad/s.
 
-    No joint may be slow: the spectral measure weighs a joint by the inverse of its speed squared, and one that hardly
-    moves would drown the others.
+    No joint gets less than 0.2 of it: one that hardly moves tells little of the lumps about it.
     """
     random = np.random.default_rng(seed)
     speeds = np.zeros((count, plant.njoint))

@@ -34,12 +34,12 @@ def crossing_hz(half_periods: NDArray[np.int64], crossing_span: Array) -> Array:
 
 
 def spectral_hz(acceleration_energy: Array, speed_energy: Array) -> float:
-    """√(mean over joints and pushes of ∫ q̈² dt / ∫ q̇² dt) / 2π, in Hz: Rice's mean crossing frequency.  Eq. 10.
+    """√(∫ q̈² dt / ∫ q̇² dt, each summed over joints and pushes) / 2π, in Hz: Rice's mean crossing frequency.  Eq. 10.
 
-    Both energies are (npush x njoint). A sinusoid gives its own frequency.
+    Both energies are (npush x njoint). Joints that swing as one sinusoid give its frequency; zero if nothing moves.
     """
-    ratio = np.divide(acceleration_energy, speed_energy, out=np.zeros(speed_energy.shape), where=speed_energy > 0.0)
-    return float(np.sqrt(ratio.mean()) / (2.0 * np.pi))
+    total = float(speed_energy.sum())
+    return float(np.sqrt(acceleration_energy.sum() / total)) / (2.0 * np.pi) if total > 0.0 else 0.0
 
 
 @dataclass(frozen=True)

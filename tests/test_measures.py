@@ -28,9 +28,9 @@ def test_spectral_of_a_sinusoid_is_its_frequency(hertz: float) -> None:
         assert spectral_hz(acceleration_energy[None], speed_energy[None]) == pytest.approx(hertz, rel=1e-3)
 
 
-def test_spectral_of_two_joints_and_pushes_is_the_root_of_the_mean_square() -> None:
-    """Joints and pushes count alike, however fast each moves."""
-    parts = [energies(sine(hertz, 10.0, amplitude)[1], TIMESTEP) for hertz, amplitude in ((1.0, 1.0), (7.0, 0.01))]
+def test_spectral_weighs_joints_and_pushes_by_the_energy_of_their_motion() -> None:
+    """Two sinusoids give the root of the mean of their squared frequencies, weighed by mean squared speed."""
+    parts = [energies(sine(hertz, 10.0, amplitude)[1], TIMESTEP) for hertz, amplitude in ((1.0, 0.7), (7.0, 0.1))]
     speed_energy, acceleration_energy = (np.array([part[i] for part in parts]) for i in (0, 1))
     assert spectral_hz(acceleration_energy, speed_energy) == pytest.approx(5.0, rel=1e-3)
     assert spectral_hz(acceleration_energy.T, speed_energy.T) == pytest.approx(5.0, rel=1e-3)

@@ -172,6 +172,7 @@ def show(name: str, storage: str, as_json: bool) -> None:
 
 
 def _print_study(store: Any, name: str) -> None:
+    from metaid.measures import MEASURES
     from metaid.tables import summary
 
     shown = summary(store, name)
@@ -187,9 +188,10 @@ def _print_study(store: Any, name: str) -> None:
     trials, best = shown["trials"], shown["best"]
     title = f"{shown['name']}: {shown['plant']}, {shown['sampler']}, {shown['measure']}, seed {shown['seed']}"
     largest = "" if shown["max_error"] is None else f"; largest error {shown['max_error']:.3%}"
-    found = (
-        "no survivor yet" if best["value"] is None else f"best {best['value']:.3g} at trial {best['number']}{largest}"
-    )
+    unit = MEASURES[shown["measure"]].unit
+    found = "no survivor yet"
+    if best["value"] is not None:
+        found = f"best {best['value']:.3g} {unit} at trial {best['number']}{largest}"
     note = f"{trials['total']} trials, {trials['pruned']} of them falls; {found}"
     print_table(title, ["lump", "nominal", "identified", "low", "high", "true", "error", "unit"], rows, note)
 
