@@ -24,12 +24,15 @@ SMALLEST_EIGENVALUE = (
 class Coordinates:
     """factor = `origin` + `spread` @ z, with the factors kept between `low` and `high`, all (nlump); z = 0 is the
     start.  Eq. 12.
+
+    `curvature`: where it is known, κ in spectral_hz² ≈ κ |z − z*|², in Hz².
     """
 
     origin: Array
     spread: Array
     low: Array
     high: Array
+    curvature: float | None = None
 
     def factors(self, z: Array) -> Array:
         """Factors (nlump) at z (nlump), moved to the nearest bound where they are beyond it."""
@@ -74,7 +77,8 @@ def nominal_metric(
             "use pushes = 'rich' or coordinates = 'plain'"
         )
     root = vectors / np.sqrt(values) @ vectors.T
-    return Coordinates(start, root / np.sqrt(np.diag(root @ root).max()), low, high)
+    unit = np.diag(root @ root).max()
+    return Coordinates(start, root / np.sqrt(unit), low, high, curvature=1.0 / (unit * (2.0 * np.pi) ** 2))
 
 
 def sensitivity(nominal: Chain, gravity: float, start_speeds: Array, horizon: float) -> Array:

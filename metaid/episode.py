@@ -17,8 +17,9 @@ from metaid.errors import EpisodeError
 from metaid.plant import Plant
 
 FALL_LIMIT = np.pi / 2  # rad
+RICH_FALL_LIMIT = np.pi  # rad; a link that is pushed to 60° on purpose has not fallen at 90°
 FALL_MARGIN = 1.5  # past the limit, a link this many times faster than any was right after the push has fallen
-REACH = 1.2  # rad that the fastest link of a rich push coasts through within the horizon: short of the fall limit
+REACH = 1.0  # rad that the fastest link of a rich push coasts through within the horizon: short of the fall limit
 SLOWEST_LINK, SLOWEST_JOINT = 0.3, 0.2  # of the peak speed, in a rich push
 
 

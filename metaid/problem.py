@@ -7,6 +7,7 @@ pushes, the episode, the coordinates.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -16,7 +17,17 @@ from pydantic import Field
 
 from metaid.chain import Array, Chain, factors_from_names, lump_names
 from metaid.coordinates import Coordinates, nominal_metric, plain
-from metaid.episode import FALL_LIMIT, FALL_MARGIN, REACH, Episode, natural_time, pushed_speeds, rich_pushes, tip_push
+from metaid.episode import (
+    FALL_LIMIT,
+    FALL_MARGIN,
+    REACH,
+    RICH_FALL_LIMIT,
+    Episode,
+    natural_time,
+    pushed_speeds,
+    rich_pushes,
+    tip_push,
+)
 from metaid.errors import EpisodeError, PlantError, StudyError, unknown
 from metaid.files import Settings, check, find_file, read_toml
 from metaid.measures import Measure, get_measure
@@ -62,7 +73,7 @@ class EpisodeSettings(Settings):
     count: Annotated[int, Field(ge=1, le=1000)] | None = None
     peak_speed: Annotated[float, Field(gt=0, le=1000)] | None = None
     steps: Annotated[int, Field(ge=2, le=10_000_000)] | None = None
-    fall_limit: Annotated[float, Field(gt=0, le=1000)] = FALL_LIMIT
+    fall_limit: Annotated[float, Field(gt=0, le=1000)] | None = None
     fall_margin: Annotated[float, Field(ge=1, le=1000)] = FALL_MARGIN
 
 
@@ -174,11 +185,12 @@ class Problem:
             return plain(self.start, self.low, self.high)
         horizon = self.episode.steps * self.timestep
         try:
-            return nominal_metric(
+            metric = nominal_metric(
                 self.nominal, self.spec.plant.gravity, self.start_speeds, horizon, self.start, self.low, self.high
             )
         except EpisodeError as problem:
             raise StudyError(f"search: coordinates: {problem}") from None
+        return metric if self.measure.name == "spectral" else replace(metric, curvature=None)
 
     def make_plant(self) -> MujocoPlant:
         """A plant of its own for each worker."""
@@ -213,7 +225,8 @@ class Problem:
         else:
             steps = wanted.steps or COUNTING_STEPS
             pushes = tip_push(plant, wanted.peak_speed or TIP_SPEED) if kind == "tip" else _explicit(kind, plant.njoint)
-        return Episode(pushes, steps, wanted.fall_limit, wanted.fall_margin)
+        fall_limit = wanted.fall_limit or (RICH_FALL_LIMIT if kind == "rich" else FALL_LIMIT)
+        return Episode(pushes, steps, fall_limit, wanted.fall_margin)
 
 
 def _explicit(pushes: list[list[float]], njoint: int) -> Array:

@@ -18,6 +18,7 @@ import optuna
 from metaid.chain import Array
 from metaid.coordinates import Coordinates
 from metaid.errors import StudyError, unknown
+from metaid.newton import Newton
 from metaid.objective import Outcome
 
 RESAMPLINGS = 100  # of a candidate that leaves the bounds, before it is moved to the nearest one
@@ -26,9 +27,6 @@ BATCH = 8  # candidates that an Optuna sampler proposes before it is told of any
 
 class Searcher(Protocol):
     """Proposes factors and learns from outcomes, generation by generation."""
-
-    @property
-    def generation_size(self) -> int: ...
 
     @property
     def spread(self) -> float | None:
@@ -58,15 +56,11 @@ class Cmaes:
         self._asked: list[Array] = []
 
     @property
-    def generation_size(self) -> int:
-        return int(self._optimizer.population_size)
-
-    @property
     def spread(self) -> float | None:
         return float(self._optimizer._sigma)
 
     def ask(self) -> Array:
-        self._asked = [self._candidate() for _ in range(self.generation_size)]
+        self._asked = [self._candidate() for _ in range(self._optimizer.population_size)]
         return np.array([self._coordinates.factors(self._trim(z)) for z in self._asked])
 
     def _candidate(self) -> Array:
@@ -101,10 +95,6 @@ class OptunaSampler:
             f"z_{i}": optuna.distributions.FloatDistribution(low[i], high[i]) for i in range(len(low))
         }
         self._asked: list[optuna.Trial] = []
-
-    @property
-    def generation_size(self) -> int:
-        return self._size
 
     @property
     def spread(self) -> float | None:
@@ -142,6 +132,7 @@ def _optuna(
 
 SAMPLERS: dict[str, Callable[[Coordinates, int, float, int | None], Searcher]] = {
     "cmaes": Cmaes,
+    "newton": Newton,
     "tpe": _optuna(lambda seed: optuna.samplers.TPESampler(seed=seed, multivariate=True, constant_liar=True)),
     "random": _optuna(lambda seed: optuna.samplers.RandomSampler(seed=seed)),
     "optuna-cmaes": _optuna(

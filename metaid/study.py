@@ -41,8 +41,7 @@ class Progress:
 
 def create_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
     """Puts a study without trials into the DB and returns its name.  Raises StorageError if the name is taken."""
-    if spec.study.search.coordinates == "nominal-metric":
-        _ = Problem(spec).coordinates  # what cannot be run is not created
+    Problem(spec).make_searcher()  # what cannot be run is not created
     name = spec.name if name is None else name
     if not name or len(name) > 200 or not name.isprintable():
         raise StudyError("a study's name has 1 to 200 printable characters")

@@ -17,7 +17,13 @@ from metaid.problem import load_study
 from metaid.store import Store
 from metaid.study import create_study, run_study
 
-CHANGES = {"trials": 60, "search.coordinates": "plain", "search.start": 0.7, "search.sigma": 0.3}
+CHANGES = {
+    "trials": 60,
+    "search.coordinates": "plain",
+    "search.start": 0.7,
+    "search.sigma": 0.3,
+    "episode.fall_limit": 1.0,
+}
 
 
 @pytest.fixture(scope="module")

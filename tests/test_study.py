@@ -57,13 +57,13 @@ def test_trials_are_the_same_for_any_number_of_workers(store: Store) -> None:
 
 def test_trials_are_the_same_on_two_ray_actors(store: Store) -> None:
     """Ray and threads, bit for bit, survivors and falls alike."""
-    changes = {"trials": 100, "search.start": 0.8}
+    changes = {"trials": 100, "search.start": 0.8, "episode.fall_limit": 1.0}
     local = run(store, "local", changes)
     assert set(local["state"]) == {"COMPLETE", "PRUNED"}
     assert_frame_equal(local, run(store, "ray", changes, engine="ray", workers=2), check_exact=True)
 
 
-@pytest.mark.parametrize("sampler", ["cmaes", "tpe", "random", "optuna-cmaes"])
+@pytest.mark.parametrize("sampler", ["cmaes", "newton", "tpe", "random", "optuna-cmaes"])
 def test_stopped_and_resumed_run_has_the_trials_of_an_uninterrupted_one(store: Store, sampler: str) -> None:
     """Stopped within a generation, at its end, and resumed with another number of workers."""
     changes = {"sampler": sampler, "trials": 70}

@@ -1,0 +1,98 @@
+"""The quasi-Newton searcher: few trials on a smooth measure, honest about where it cannot be used."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.chains import random_chain
+from metaid import tables
+from metaid.errors import StudyError
+from metaid.plant import PlantSettings
+from metaid.problem import Problem, StudySettings, StudySpec, load_study
+from metaid.store import Store
+from metaid.study import create_study, run_study
+
+
+def study_of(nlink: int, seed: int, **settings: Any) -> StudySpec:
+    """A study of a random chain from a random wrong nominal model."""
+    true, nominal = random_chain(nlink, seed)
+    study = StudySettings(
+        plant="chain", nominal="nominal", seed=seed, **{"sampler": "newton", "trials": 1000, **settings}
+    )
+    return StudySpec(name="chain", plant_name="chain", plant=PlantSettings(links=true), nominal=nominal, study=study)
+
+
+@pytest.mark.parametrize("nlink", [1, 2, 3, 4, 5, 7])
+def test_newton_identifies_every_lump_of_random_chains(nlink: int, tmp_path: Path) -> None:
+    """Within 0.1 %, from nominal models wrong by up to 30 %."""
+    for seed in range(2):
+        store = Store(str(tmp_path / f"{seed}.db"), create=True)
+        create_study(store, study_of(nlink, seed), "chain")
+        run_study(store, "chain")
+        assert tables.summary(store, "chain")["max_error"] < 0.001
+
+
+def test_newton_stops_when_the_truth_is_near(tmp_path: Path) -> None:
+    """It does not spend trials that cannot improve anything, and says so again when resumed."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    create_study(store, load_study("three-link", {"sampler": "newton"}), "study")
+    first = run_study(store, "study")
+    assert first.trials < 600
+    assert tables.summary(store, "study")["max_error"] < 1e-4
+    assert run_study(store, "study").trials == first.trials
+
+
+def test_newton_needs_a_fraction_of_the_trials_of_cmaes(tmp_path: Path) -> None:
+    """With a third of the trials it is nearer, on each of three chains."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    for seed in range(3):
+        for sampler, trials in (("newton", 100), ("cmaes", 300)):
+            create_study(store, study_of(3, seed, sampler=sampler, trials=trials), f"{sampler}-{seed}")
+            run_study(store, f"{sampler}-{seed}")
+        errors = {s: tables.summary(store, f"{s}-{seed}")["max_error"] for s in ("newton", "cmaes")}
+        assert errors["newton"] < errors["cmaes"]
+
+
+def test_newton_gets_away_from_a_start_that_falls(tmp_path: Path) -> None:
+    """When the start and all about it fall, it looks further until something survives, and goes on from there."""
+    changes = {"sampler": "newton", "episode.fall_limit": 1.0, "search.start": 0.55, "search.low": 0.4}
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    create_study(store, load_study("three-link", changes), "study")
+    run_study(store, "study")
+    trials = tables.trials_frame(store, "study")
+    assert trials["state"].iloc[0] == "PRUNED"
+    assert tables.summary(store, "study")["max_error"] < 0.01
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"search.coordinates": "plain"}, "needs measure = 'spectral' and coordinates = 'nominal-metric'"),
+        ({"episode.measure": "crossing", "episode.pushes": "rich"}, "needs measure = 'spectral'"),
+        ({"search.generation": 10}, "sizes its own generations"),
+    ],
+)
+def test_newton_is_refused_where_the_curvature_is_not_known(
+    changes: dict[str, Any], message: str, tmp_path: Path
+) -> None:
+    """One line that says what it needs, before anything is created."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    with pytest.raises(StudyError, match=message):
+        create_study(store, load_study("three-link", {"sampler": "newton", **changes}))
+    assert store.names() == []
+
+
+def test_curvature_in_the_metric_is_what_the_measure_shows() -> None:
+    """Near the truth the squared measure is κ times the squared distance in z."""
+    true, _ = random_chain(3, 1)
+    spec = study_of(3, 1).model_copy(update={"nominal": true})
+    problem = Problem(spec)
+    objective, coordinates = problem.make_objective(), problem.coordinates
+    assert coordinates.curvature is not None
+    for z in 1e-4 * np.random.default_rng(1).normal(size=(5, 6)):
+        value = objective.evaluate(coordinates.factors(z)).value
+        assert value**2 == pytest.approx(coordinates.curvature * float(z @ z), rel=0.02)
