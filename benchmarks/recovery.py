@@ -3,10 +3,10 @@
     python -m benchmarks.recovery                       # N = 1 to 10, five chains each, 15 and 20 once
     python -m benchmarks.recovery --links 3 5 --seeds 0 1 --samplers newton cmaes --json
 
-Every chain has lengths, masses, centres of mass and inertias of its own (benchmarks/chains.py), and a nominal model whose
-masses and inertias are wrong by up to 30 % and centres of mass by up to 15 %. A run ends when the worst lump of the best
-trial is within 0.1 % of the truth, which only this script looks at. With `--results FILE` finished runs are kept, and a
-stopped benchmark goes on.
+Every chain has lengths, masses, centres of mass and inertias of its own (benchmarks/chains.py), and a nominal model
+whose masses and inertias are wrong by up to 30 % and centres of mass by up to 15 %. A run ends when the worst lump of
+the best trial is within 0.1 % of the truth, which only this script looks at. With `--results FILE` finished runs are
+kept, and a stopped benchmark goes on.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ MOST_SECONDS = 400.0
 
 @dataclass(frozen=True)
 class Recovery:
-    """One run: what it took until the worst lump was within 1 % and 0.1 % (None: it never was), and what it cost in all."""
+    """One run: what it took until the worst lump was within 1 % and 0.1 % (None: never), and what it cost in all."""
 
     links: int
     lumps: int

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -21,6 +23,9 @@ from metaid.cli.common import (
     storage_option,
     whole_file,
 )
+
+if TYPE_CHECKING:
+    from metaid.problem import StudySpec
 
 
 def _complete_study_file(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
@@ -64,13 +69,20 @@ def study() -> None:
 def create(source: str, name: str | None, storage: str, changes: tuple[str, ...], exist_ok: bool) -> None:
     """Make a study in the DB from STUDY, a shipped name or the path of a study file."""
     from metaid.api import ensure_study
-    from metaid.problem import load_study
     from metaid.study import create_study
 
-    spec = load_study(source, {key: _toml_value(text) for key, text in pairs(changes, "--set").items()})
+    spec = load_study(source, changes)
     with open_store(storage, create=True) as store:
         made = (ensure_study if exist_ok else create_study)(store, spec, name)
     click.echo(f"study '{made}' is in {storage}; run it with: metaid study run {made}")
+    _warn_of_undetermined(spec)
+
+
+def load_study(source: str, changes: Sequence[str]) -> StudySpec:
+    """A study file with `KEY=VALUE` changes."""
+    from metaid.problem import load_study as load
+
+    return load(source, {key: _toml_value(text) for key, text in pairs(changes, "--set").items()})
 
 
 def _toml_value(text: str) -> Any:
@@ -79,6 +91,49 @@ def _toml_value(text: str) -> Any:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text
+
+
+@study.command(epilog="\b\nExample:\n  metaid study check three-link --set episode.measure=count")
+@click.argument("source", metavar="STUDY", shell_complete=_complete_study_file)
+@click.option(
+    "--set", "changes", metavar="KEY=VALUE", multiple=True, help="Change a setting of the file, as in create."
+)
+@json_option
+def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
+    """What STUDY can determine and how well, from its nominal model, before any trial."""
+    from metaid.identifiability import identifiability
+    from metaid.problem import Problem
+
+    spec = load_study(source, changes)
+    found = identifiability(Problem(spec))
+    rows = list(zip(found.names, found.resolution.tolist(), found.determined, strict=True))
+    if as_json:
+        lumps = [{"name": n, "resolution": r if math.isfinite(r) else None, "determined": d} for n, r, d in rows]
+        print_json(
+            {
+                "study": spec.name,
+                "measure": spec.study.episode.measure,
+                "lumps": lumps,
+                "undetermined": found.combinations,
+            }
+        )
+        return
+    shown = [[n, f"{r:.2%}" if math.isfinite(r) else "–", "yes" if d else "NO"] for n, r, d in rows]
+    title = f"{spec.name}: what {spec.study.episode.measure} with these pushes can determine"
+    print_table(title, ["lump", "to within", "determined"], shown)
+    for combination in found.combinations:
+        terms = sorted(combination.items(), key=lambda term: -abs(term[1]))[:4]
+        click.echo("cannot be told from nothing: " + " ".join(f"{weight:+.2f} {name}" for name, weight in terms))
+
+
+def _warn_of_undetermined(spec: StudySpec) -> None:
+    from metaid.identifiability import identifiability
+    from metaid.problem import Problem
+
+    names = identifiability(Problem(spec)).undetermined_names
+    if names:
+        what = f"{spec.study.episode.measure} with these pushes cannot determine {', '.join(names)}"
+        click.echo(f"warning: {what} (see metaid study check)", err=True)
 
 
 @study.command(epilog="\b\nExample:\n  metaid study run three-link --workers 2")
