@@ -12,8 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from metaid.chain import Array, Chain, compensation_basis
+from metaid.episode import rich_speeds
 from metaid.errors import EpisodeError
 
+DESIGNS = 64  # push sets that a designed one is the best of
 SAMPLES = 40  # of the coasting motion after each push
 SMALLEST_EIGENVALUE = (
     1e-12  # relative to the largest; below it a combination of lumps cannot be told from its nominal value
@@ -97,3 +99,20 @@ def sensitivity(nominal: Chain, gravity: float, start_speeds: Array, horizon: fl
     flat = (joint_acceleration / np.sqrt(SAMPLES * (joint_speeds**2).sum())).reshape(-1, force.shape[-1])
     h: Array = flat.T @ flat
     return h
+
+
+def designed_speeds(nominal: Chain, gravity: float, count: int, peak_speed: float, horizon: float, seed: int) -> Array:
+    """Absolute link speeds (count x nlink), in rad/s, of the best of many rich push sets, by the nominal model.
+
+    Best is the set whose least determined lump is determined best: the least largest diagonal element of H⁻¹ (Eq. 14).
+    """
+
+    def coarsest(speeds: Array) -> float:
+        values, vectors = np.linalg.eigh(sensitivity(nominal, gravity, speeds, horizon))
+        if not values[0] > SMALLEST_EIGENVALUE * values[-1]:
+            return np.inf
+        return float(np.diag(vectors / values @ vectors.T).max())
+
+    seeds = np.random.default_rng(seed).integers(2**32, size=DESIGNS)
+    sets = [peak_speed * rich_speeds(nominal.nlink, count, int(drawn)) for drawn in seeds]
+    return min(sets, key=coarsest)

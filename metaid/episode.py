@@ -181,22 +181,26 @@ def tip_push(plant: Plant, peak_speed: float) -> Array:
     return impulses * (peak_speed / float(np.abs(pushed_speeds(plant, impulses)).max()))
 
 
-def rich_pushes(plant: Plant, count: int, peak_speed: float, seed: int) -> Array:
-    """`count` pushes (count x njoint), in N s: each gives every link a random sign and 0.3 to 1 of `peak_speed`, in
-    rad/s.
+def rich_speeds(njoint: int, count: int, seed: int) -> Array:
+    """Link speeds (count x njoint) as fractions of a peak speed: a random sign and 0.3 to 1 for every link.
 
-    No joint gets less than 0.2 of it: one that hardly moves tells little of the lumps about it.
+    No joint gets less than 0.2 of the peak: one that hardly moves tells little of the lumps about it.
     """
     random = np.random.default_rng(seed)
-    speeds = np.zeros((count, plant.njoint))
+    speeds = np.zeros((count, njoint))
     for push in range(count):
         below = 0.0
-        for link in range(plant.njoint):
+        for link in range(njoint):
             speed = below
             while abs(speed - below) < SLOWEST_JOINT:
                 speed = random.uniform(SLOWEST_LINK, 1.0) * random.choice([-1.0, 1.0])
             speeds[push, link] = below = speed
-    return pushes_for(plant, peak_speed * speeds)
+    return speeds
+
+
+def rich_pushes(plant: Plant, count: int, peak_speed: float, seed: int) -> Array:
+    """`count` random pushes (count x njoint), in N s, whose fastest link may get `peak_speed`, in rad/s."""
+    return pushes_for(plant, peak_speed * rich_speeds(plant.njoint, count, seed))
 
 
 def natural_time(chain: Chain, gravity: float) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from metaid.chain import Array, Chain, factors_from_names, lump_names
-from metaid.coordinates import Coordinates, nominal_metric, plain
+from metaid.coordinates import Coordinates, designed_speeds, nominal_metric, plain
 from metaid.episode import (
     FALL_LIMIT,
     FALL_MARGIN,
@@ -25,6 +25,7 @@ from metaid.episode import (
     Episode,
     natural_time,
     pushed_speeds,
+    pushes_for,
     rich_pushes,
     tip_push,
 )
@@ -64,12 +65,13 @@ class SearchSettings(Settings):
 
 
 class EpisodeSettings(Settings):
-    """`[episode]`: the `measure`; `pushes`: "rich", "tip", or a list of impulses in N s, one per link tip; for "rich"
-    their `count` (default 2 per link); for both the `peak_speed` in rad/s; `steps` after each push; the `fall_limit`
-    in rad and `fall_margin`."""
+    """`[episode]`: the `measure`; `pushes`: "rich", "designed" (the best of many rich sets, by the nominal model),
+    "tip", or a list of impulses in N s, one per link tip; for the first two their `count` (default 2 per link); for
+    all three the `peak_speed` in rad/s; `steps` after each push; the `fall_limit` in rad and `fall_margin`.
+    """
 
     measure: str = "spectral"
-    pushes: Literal["rich", "tip"] | list[list[float]] | None = None
+    pushes: Literal["rich", "designed", "tip"] | list[list[float]] | None = None
     count: Annotated[int, Field(ge=1, le=1000)] | None = None
     peak_speed: Annotated[float, Field(gt=0, le=1000)] | None = None
     steps: Annotated[int, Field(ge=2, le=10_000_000)] | None = None
@@ -217,16 +219,21 @@ class Problem:
     def _make_episode(self, plant: MujocoPlant) -> Episode:
         wanted = self.spec.study.episode
         kind = wanted.pushes or ("rich" if wanted.measure == "spectral" else "tip")
-        horizon = HORIZON * natural_time(self.nominal, plant.gravity)
-        if kind == "rich":
+        if kind == "rich" or kind == "designed":
+            horizon = HORIZON * natural_time(self.nominal, plant.gravity)
             steps = wanted.steps or max(round(horizon / plant.timestep), 2)
-            peak_speed = wanted.peak_speed or REACH / (steps * plant.timestep)
-            pushes = rich_pushes(plant, wanted.count or 2 * plant.njoint, peak_speed, self.spec.study.seed)
+            pushes, fall_limit = self._strong_pushes(plant, kind, steps * plant.timestep), RICH_FALL_LIMIT
         else:
-            steps = wanted.steps or COUNTING_STEPS
+            steps, fall_limit = wanted.steps or COUNTING_STEPS, FALL_LIMIT
             pushes = tip_push(plant, wanted.peak_speed or TIP_SPEED) if kind == "tip" else _explicit(kind, plant.njoint)
-        fall_limit = wanted.fall_limit or (RICH_FALL_LIMIT if kind == "rich" else FALL_LIMIT)
-        return Episode(pushes, steps, fall_limit, wanted.fall_margin)
+        return Episode(pushes, steps, wanted.fall_limit or fall_limit, wanted.fall_margin)
+
+    def _strong_pushes(self, plant: MujocoPlant, kind: Literal["rich", "designed"], horizon: float) -> Array:
+        wanted, seed = self.spec.study.episode, self.spec.study.seed
+        peak_speed, count = wanted.peak_speed or REACH / horizon, wanted.count or 2 * plant.njoint
+        if kind == "rich":
+            return rich_pushes(plant, count, peak_speed, seed)
+        return pushes_for(plant, designed_speeds(self.nominal, plant.gravity, count, peak_speed, horizon, seed))
 
 
 def _explicit(pushes: list[list[float]], njoint: int) -> Array:

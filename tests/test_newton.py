@@ -96,3 +96,27 @@ def test_curvature_in_the_metric_is_what_the_measure_shows() -> None:
     for z in 1e-4 * np.random.default_rng(1).normal(size=(5, 6)):
         value = objective.evaluate(coordinates.factors(z)).value
         assert value**2 == pytest.approx(coordinates.curvature * float(z @ z), rel=0.02)
+
+
+@pytest.mark.parametrize("scale", [0.25, 7.5])
+def test_small_and_large_chains_are_identified_alike(scale: float, tmp_path: Path) -> None:
+    """Chains of 10 cm and of 3 m links: the pushes follow the chain's own time and need no setting."""
+    spec = study_of(3, 1)
+    scaled = {
+        kind: tuple(
+            link.model_copy(
+                update={
+                    "length": link.length * scale,
+                    "com": (link.com or 0) * scale,
+                    "inertia": (link.inertia or 0) * scale**2,
+                }
+            )
+            for link in links
+        )
+        for kind, links in (("plant", spec.plant.links), ("nominal", spec.nominal))
+    }
+    plant = spec.plant.model_copy(update={"links": scaled["plant"], "timestep": 0.001})
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    create_study(store, spec.model_copy(update={"plant": plant, "nominal": scaled["nominal"]}), "study")
+    run_study(store, "study")
+    assert tables.summary(store, "study")["max_error"] < 0.001
