@@ -24,7 +24,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.chains import random_chain
 from metaid.crew import LocalCrew
-from metaid.plant import PlantSettings, chain_of
+from metaid.plant import LinkSettings, PlantSettings, chain_of
 from metaid.problem import Problem, StudySettings, StudySpec
 
 LINKS = (1, 2, 3, 4, 5, 7, 10)
@@ -52,11 +52,25 @@ class Recovery:
     final_error: float
 
 
-def recover(links: int, seed: int, sampler: str, workers: int, coordinates: str = "nominal-metric") -> Recovery:
-    """Identifies one chain; set-up and compilation are not in its seconds."""
+def recover(
+    links: int,
+    seed: int,
+    sampler: str,
+    workers: int,
+    coordinates: str = "nominal-metric",
+    pushes: str = "rich",
+    spoiled: float = 1.0,
+    most_trials: int = MOST_TRIALS,
+) -> Recovery:
+    """Identifies one chain; set-up and compilation are not in its seconds.
+
+    `spoiled` raises every nominal error to a power: 2 turns a mass that is 1.2 times the true one into 1.44 times.
+    """
     true, nominal = random_chain(links, seed)
-    settings = {"plant": "chain", "nominal": "nominal", "trials": MOST_TRIALS, "seed": seed, "sampler": sampler}
-    study = StudySettings.model_validate({**settings, "search": {"coordinates": coordinates}})
+    nominal = tuple(_spoil(*pair, spoiled) for pair in zip(true, nominal, strict=True))
+    settings = {"plant": "chain", "nominal": "nominal", "trials": most_trials, "seed": seed, "sampler": sampler}
+    search = {"coordinates": coordinates, "low": 0.2, "high": 5.0} if spoiled > 1.0 else {"coordinates": coordinates}
+    study = StudySettings.model_validate({**settings, "search": search, "episode": {"pushes": pushes}})
     plant = PlantSettings(links=true)
     problem = Problem(StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study))
     truth = chain_of(true).lumps.vector / problem.nominal.lumps.vector
@@ -67,7 +81,7 @@ def recover(links: int, seed: int, sampler: str, workers: int, coordinates: str 
     with LocalCrew(problem, workers) as crew:
         crew.evaluate(problem.start[None])
         began, cpu = time.perf_counter(), time.process_time()
-        while 0.001 not in reached and trials < MOST_TRIALS and time.perf_counter() - began < MOST_SECONDS:
+        while 0.001 not in reached and trials < most_trials and time.perf_counter() - began < MOST_SECONDS:
             batch = searcher.ask()
             outcomes = crew.evaluate(batch)
             for factors, outcome in zip(batch, outcomes, strict=True):
@@ -95,6 +109,15 @@ def recover(links: int, seed: int, sampler: str, workers: int, coordinates: str 
         falls=falls,
         final_error=error,
     )
+
+
+def _spoil(true: LinkSettings, nominal: LinkSettings, power: float) -> LinkSettings:
+    changed = {}
+    for name in ("mass", "com", "inertia"):
+        exact, believed = getattr(true, name), getattr(nominal, name)
+        changed[name] = exact * (believed / exact) ** power
+    changed["com"] = min(changed["com"], nominal.length)
+    return nominal.model_copy(update=changed)
 
 
 def growth(rows: list[Recovery], what: str) -> float | None:
@@ -149,6 +172,7 @@ def main() -> None:
         "--seeds", type=int, nargs="+", default=[0, 1, 2, 3, 4], help="of the chains; 15 and 20 links take the first"
     )
     parser.add_argument("--samplers", nargs="+", default=["newton"])
+    parser.add_argument("--pushes", choices=["rich", "designed"], default="rich")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--results", type=Path, help="a file of finished runs, one JSON object a line")
     parser.add_argument("--json", action="store_true")
@@ -169,7 +193,7 @@ def main() -> None:
             if key in done:
                 continue
             sampler, links, seed = key
-            done[key] = row = recover(links, seed, sampler, given.workers)
+            done[key] = row = recover(links, seed, sampler, given.workers, pushes=given.pushes)
             reached = (
                 "not within 1 %" if row.trials_1 is None else f"1 % after {row.trials_1} trials, {row.seconds_1:.2f} s"
             )
