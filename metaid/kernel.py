@@ -1,27 +1,37 @@
-"""The episode as one compiled function around MuJoCo's own `mj_step`, which releases the GIL.
+"""The episode as one compiled function that releases the GIL and allocates nothing.
 
-It does what `episode.run_plain` does, at nearly the speed of bare `mj_step`. Model and data are reached by their
-addresses, which MuJoCo does not promise; `CompiledEpisode.agrees_with_plain` compares the two loops on a short
-episode before anything is believed.
+It does what `episode.run_plain` does, at the speed of its step: MuJoCo's own `mj_step`, the same from MuJoCo's stages
+(`pipeline`), or the analytic equations of motion (`analytic`). Model and data are reached by their addresses, which
+MuJoCo does not promise; `CompiledEpisode.agrees_with_plain` compares the two loops on a short episode before anything
+is believed.
 """
 
 from __future__ import annotations
 
 import functools
-from pathlib import Path
 from typing import Any
 
-import llvmlite.binding
 import mujoco
 import numpy as np
-from numba import cfunc, njit, types
+from numba import cfunc
+from numba.extending import overload
 
+from metaid.analytic import AnalyticStep, advance_analytically, analytic_step
 from metaid.chain import Array, Lumps
+from metaid.compiled import compiled
 from metaid.episode import Episode, Record, run_plain
+from metaid.pipeline import (
+    DirectStep,
+    MujocoStep,
+    advance_directly,
+    agrees_with_mj_step,
+    direct_step,
+    mj_step,
+    mujoco_step,
+)
 from metaid.plant import MujocoPlant
 
-_mj_step = types.ExternalFunction("mj_step", types.void(types.uintp, types.uintp))
-llvmlite.binding.load_library_permanently(str(next(Path(mujoco.__file__).parent.glob("libmujoco.*"))))
+Step = MujocoStep | DirectStep | AnalyticStep
 
 
 @cfunc("float64()")
@@ -43,55 +53,55 @@ def _quiet_mujoco() -> None:
     mujoco.set_mju_user_warning(_no_warning.ctypes)
 
 
-@njit(nogil=True, cache=True)
-def _compensate(gravity, coriolis, angles, speeds, sines, cosines, torque):  # type: ignore[no-untyped-def]
+def _advance(chain, speeds, sines, cosines):  # type: ignore[no-untyped-def]
+    """One timestep of any `Step`; which one is settled when the loop is compiled."""
+    raise NotImplementedError
+
+
+@overload(_advance, inline="always")
+def _advance_of(chain, speeds, sines, cosines):  # type: ignore[no-untyped-def]
+    kind = chain.instance_class
+    if kind is MujocoStep:
+        return lambda chain, speeds, sines, cosines: mj_step(chain.model, chain.data)
+    if kind is DirectStep:
+        return lambda chain, speeds, sines, cosines: advance_directly(chain)
+    return lambda chain, speeds, sines, cosines: advance_analytically(chain, speeds, sines, cosines)
+
+
+@compiled
+def _compensate(gravity, coriolis, angles, speeds, work, torque):  # type: ignore[no-untyped-def]
     """Joint torques from candidate lumps.  Eqs. 5 and 6, with sin(φ_i − φ_j) expanded so that each angle needs one
     sine and cosine.
+
+    The sums over j run outside, so that the links i are independent of each other within them.
     """
     n = angles.shape[0]
+    sines, cosines, sine_sums, cosine_sums = work
     for i in range(n):
         sines[i], cosines[i] = np.sin(angles[i]), np.cos(angles[i])
+        sine_sums[i], cosine_sums[i] = 0.0, 0.0
+    for j in range(n):
+        squared = speeds[j] * speeds[j]
+        sine, cosine = squared * sines[j], squared * cosines[j]
+        for i in range(n):
+            sine_sums[i] += coriolis[j, i] * sine
+            cosine_sums[i] += coriolis[j, i] * cosine
     carried = 0.0
     for i in range(n - 1, -1, -1):
-        cosine_sum, sine_sum = 0.0, 0.0
-        for j in range(n):
-            pull = coriolis[i, j] * speeds[j] * speeds[j]
-            cosine_sum += pull * cosines[j]
-            sine_sum += pull * sines[j]
-        carried += sines[i] * cosine_sum - cosines[i] * sine_sum - gravity[i] * sines[i]  # Eq. 5
+        carried += sines[i] * (cosine_sums[i] - gravity[i]) - cosines[i] * sine_sums[i]  # Eq. 5
         torque[i] = carried  # Eq. 6
 
 
-@njit(nogil=True, cache=True)
-def _run(  # type: ignore[no-untyped-def]
-    model,
-    data,
-    qpos,
-    qvel,
-    torque,
-    start,
-    gravity,
-    coriolis,
-    timestep,
-    steps,
-    limit,
-    margin,
-    half_periods,
-    span,
-    speed_energy,
-    acceleration_energy,
-):
-    """All pushes of an episode; fills the four (npush x njoint) outputs; returns steps run and whether a link fell."""
+@compiled
+def _run(chain, start, gravity, coriolis, timestep, steps, limit, margin, work, outputs):  # type: ignore[no-untyped-def]
+    """All pushes of an episode; fills the four (npush x njoint) `outputs`; returns steps run and whether a link fell.
+
+    `work` are twelve vectors (njoint); nothing is allocated here.
+    """
+    half_periods, span, speed_energy, acceleration_energy = outputs
+    angles, speeds, side, first, previous_angle, previous_speed, squares, jumps = work[4:]
+    qpos, qvel, torque = chain.qpos, chain.qvel, chain.torque
     npush, n = start.shape
-    angles, speeds, sines, cosines, side, first = (
-        np.empty(n),
-        np.empty(n),
-        np.empty(n),
-        np.empty(n),
-        np.empty(n),
-        np.empty(n),
-    )
-    previous_angle, previous_speed = np.empty(n), np.empty(n)
     ran = 0
     for push in range(npush):
         fastest, angle, speed = 0.0, 0.0, 0.0
@@ -101,12 +111,13 @@ def _run(  # type: ignore[no-untyped-def]
             speed += start[push, i]
             angles[i], speeds[i] = 0.0, speed
             previous_angle[i], previous_speed[i] = 0.0, start[push, i]
+            squares[i], jumps[i] = 0.0, 0.0
             fastest = max(fastest, abs(speed))
             half_periods[push, i], span[push, i], speed_energy[push, i], acceleration_energy[push, i] = 0, 0.0, 0.0, 0.0
         fastest *= margin
         for step in range(1, steps + 1):
-            _compensate(gravity, coriolis, angles, speeds, sines, cosines, torque)
-            _mj_step(model, data)
+            _compensate(gravity, coriolis, angles, speeds, work[:4], torque)
+            _advance(chain, speeds, work[0], work[1])  # type: ignore[no-untyped-call]
             ran += 1
             angle, speed, fallen = 0.0, 0.0, False
             for i in range(n):
@@ -114,8 +125,8 @@ def _run(  # type: ignore[no-untyped-def]
                 angle += q
                 speed += v
                 angles[i], speeds[i] = angle, speed
-                speed_energy[push, i] += 0.5 * (v0 * v0 + v * v)
-                acceleration_energy[push, i] += (v - v0) * (v - v0)
+                squares[i] += 0.5 * (v0 * v0 + v * v)
+                jumps[i] += (v - v0) * (v - v0)
                 if q * side[i] < 0.0:
                     time = timestep * (step - q / (q - previous_angle[i]))
                     if half_periods[push, i] == 0 and start[push, i] == 0.0 and first[i] == 0.0:
@@ -131,22 +142,39 @@ def _run(  # type: ignore[no-untyped-def]
                 if not (abs(angle) <= limit or abs(speed) <= fastest) or not abs(speed) * timestep <= 1.0:
                     fallen = True
             if fallen:
-                return ran, True
+                break
         for i in range(n):
-            speed_energy[push, i] *= timestep
-            acceleration_energy[push, i] /= timestep
+            speed_energy[push, i] = squares[i] * timestep
+            acceleration_energy[push, i] = jumps[i] / timestep
+        if fallen:
+            return ran, True
     return ran, False
 
 
-class CompiledEpisode:
-    """An episode on one MuJoCo plant, compiled; holds buffers, so one per thread."""
+def fastest_step(plant: MujocoPlant, physics: str = "mujoco") -> Step:
+    """How the compiled loop moves `plant` on: its analytic equations, or MuJoCo's stages one by one, or `mj_step` where
+    these are not the same to the last bit.
+    """
+    _quiet_mujoco()
+    if physics == "analytic":
+        return analytic_step(plant.chain, plant.gravity, plant.timestep)
+    make = direct_step if agrees_with_mj_step(plant.model, plant.data) else mujoco_step
+    return make(plant.model, plant.data)
 
-    def __init__(self, plant: MujocoPlant, episode: Episode) -> None:
+
+class CompiledEpisode:
+    """An episode on one plant, compiled, by the given `step` or the fastest for MuJoCo; holds buffers, so one per
+    thread.
+    """
+
+    def __init__(self, plant: MujocoPlant, episode: Episode, step: Step | None = None) -> None:
         _quiet_mujoco()
         self.plant = plant
         self.episode = episode
+        self.step = fastest_step(plant) if step is None else step
         self._start = np.array([plant.start_speeds(impulses) for impulses in episode.pushes])
         shape = episode.pushes.shape
+        self._work = tuple(np.empty(plant.njoint) for _ in range(12))
         self._outputs: tuple[Any, ...] = (
             np.zeros(shape, dtype=np.int64),
             np.zeros(shape),
@@ -156,13 +184,9 @@ class CompiledEpisode:
 
     def run(self, candidate: Lumps) -> Record:
         """One episode with the `candidate` lumps. The record's arrays are overwritten by the next run."""
-        plant, data, episode = self.plant, self.plant.data, self.episode
+        plant, episode = self.plant, self.episode
         steps, fell = _run(
-            plant.model._address,
-            data._address,
-            data.qpos,
-            data.qvel,
-            data.qfrc_applied,
+            self.step,
             self._start,
             plant.gravity * candidate.gravity,
             candidate.coriolis,
@@ -170,7 +194,8 @@ class CompiledEpisode:
             episode.steps,
             episode.fall_limit,
             episode.fall_margin,
-            *self._outputs,
+            self._work,
+            self._outputs,
         )
         return Record(plant.timestep, steps, steps if fell else None, *self._outputs)
 
@@ -179,7 +204,7 @@ class CompiledEpisode:
         short = Episode(
             self.episode.pushes[:1], min(steps, self.episode.steps), self.episode.fall_limit, self.episode.fall_margin
         )
-        compiled = CompiledEpisode(self.plant, short).run(candidate)
+        compiled = CompiledEpisode(self.plant, short, self.step).run(candidate)
         plain, _ = run_plain(self.plant, candidate, short)
         return (
             compiled.fall_step == plain.fall_step

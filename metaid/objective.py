@@ -9,7 +9,7 @@ from typing import Any
 from metaid.chain import Array, Lumps
 from metaid.episode import Episode, Record, run_plain
 from metaid.errors import EpisodeError
-from metaid.kernel import CompiledEpisode
+from metaid.kernel import CompiledEpisode, fastest_step
 from metaid.measures import crossing_hz, fall_value, get_measure, spectral_hz, whole_periods
 from metaid.plant import MujocoPlant, Plant
 
@@ -27,9 +27,12 @@ class Outcome:
 
 
 class Objective:
-    """Evaluates factors of `nominal` lumps on a `plant`. Holds the plant's state, so one per worker."""
+    """Evaluates factors of `nominal` lumps on a `plant`. Holds the plant's state, so one per worker.
 
-    def __init__(self, plant: Plant, nominal: Lumps, episode: Episode, measure: str) -> None:
+    `physics` is "mujoco", or "analytic" for a MujocoPlant's own equations of motion.
+    """
+
+    def __init__(self, plant: Plant, nominal: Lumps, episode: Episode, measure: str, physics: str = "mujoco") -> None:
         if nominal.nlink != plant.njoint or episode.pushes.shape[1] != plant.njoint:
             raise EpisodeError(
                 f"plant {plant.name} has {plant.njoint} joints, the nominal model {nominal.nlink}, "
@@ -40,7 +43,7 @@ class Objective:
         self.episode = episode
         self.measure = get_measure(measure)
         self._ceiling = self.measure.ceiling(episode, plant.timestep)
-        self._compiled = _compiled_loop(plant, nominal, episode)
+        self._compiled = _compiled_loop(plant, nominal, episode, physics)
 
     def record(self, factors: Array) -> Record:
         """What the episode of a candidate with these `factors` (nlump) shows."""
@@ -74,10 +77,10 @@ class Objective:
         }
 
 
-def _compiled_loop(plant: Plant, nominal: Lumps, episode: Episode) -> CompiledEpisode | None:
+def _compiled_loop(plant: Plant, nominal: Lumps, episode: Episode, physics: str) -> CompiledEpisode | None:
     if not isinstance(plant, MujocoPlant):
         return None
-    compiled = CompiledEpisode(plant, episode)
+    compiled = CompiledEpisode(plant, episode, fastest_step(plant, physics))
     if compiled.agrees_with_plain(nominal):
         return compiled
     warnings.warn(

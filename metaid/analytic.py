@@ -1,0 +1,74 @@
+"""A planar chain's own equations of motion in a few scalar loops: five to ten times as fast as MuJoCo.
+
+For screening (`physics = "analytic"` in a study's episode), and as the independent check of the MuJoCo plant: they
+share no code, only the link parameters. The step is MuJoCo's: semi-implicit Euler with the torque of its beginning.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from metaid.chain import Array, Chain
+from metaid.compiled import compiled
+
+
+class AnalyticStep(NamedTuple):
+    """What the compiled loop steps: joint state and torque, the chain's lumps (`gravity` in N m), working space."""
+
+    qpos: Array
+    qvel: Array
+    torque: Array
+    gravity: Array
+    coriolis: Array
+    inertia: Array
+    damping: Array
+    mass: Array
+    acceleration: Array
+    timestep: float
+
+
+def analytic_step(chain: Chain, gravity: float, timestep: float) -> AnalyticStep:
+    """A `chain` at rest upright; `gravity` in m/s², `timestep` in s."""
+    n, lumps = chain.nlink, chain.lumps
+    state = np.zeros(n), np.zeros(n), np.zeros(n)
+    weights = gravity * lumps.gravity, lumps.coriolis, chain.inertia_lumps, chain.damping.copy()
+    return AnalyticStep(*state, *weights, np.zeros((n, n)), np.zeros(n), timestep)
+
+
+@compiled
+def advance_analytically(chain, speeds, sines, cosines):  # type: ignore[no-untyped-def]
+    """One timestep of an `AnalyticStep`, given the absolute link `speeds` and the `sines` and `cosines` of the absolute
+    angles, (nlink) each.
+
+    Solves M φ̈ = Q − Σ_j a_ij sin(φ_i − φ_j) φ̇_j² + g μ_i sin φ_i (Eq. 4), Q the joint torques less viscous friction,
+    by M = L D Lᵀ: the factors of M take the place of its lower half.
+    """
+    qpos, qvel, torque, gravity, coriolis, inertia, damping, mass, acceleration, timestep = chain
+    n = qpos.shape[0]
+    for i in range(n):
+        force = torque[i] - damping[i] * qvel[i] + gravity[i] * sines[i]
+        if i + 1 < n:
+            force -= torque[i + 1] - damping[i + 1] * qvel[i + 1]
+        for j in range(n):
+            centrifugal = coriolis[i, j] * speeds[j] * speeds[j]
+            force -= centrifugal * (sines[i] * cosines[j] - cosines[i] * sines[j])
+        mass[i, i] = inertia[i]
+        for j in range(i):
+            mass[i, j] = coriolis[i, j] * (cosines[i] * cosines[j] + sines[i] * sines[j])
+            for k in range(j):
+                mass[i, j] -= mass[i, k] * mass[j, k] * mass[k, k]
+            mass[i, j] /= mass[j, j]
+            force -= mass[i, j] * acceleration[j]
+            mass[i, i] -= mass[i, j] * mass[i, j] * mass[j, j]
+        acceleration[i] = force
+    for i in range(n - 1, -1, -1):
+        acceleration[i] /= mass[i, i]
+        for k in range(i + 1, n):
+            acceleration[i] -= mass[k, i] * acceleration[k]
+    below = 0.0
+    for i in range(n):
+        qvel[i] += timestep * (acceleration[i] - below)
+        qpos[i] += timestep * qvel[i]
+        below = acceleration[i]

@@ -1,0 +1,128 @@
+"""One step of a frictionless hinge chain by MuJoCo's own stages, without those that a chain has no use for.
+
+`mj_step` also looks for contacts, constraints, tendons, actuators, sensors and bad numbers, and the rest of its work
+is the seven calls below. They are the same machine code on the same numbers, so the result is the same to the last
+bit; `agrees_with_mj_step` sees to it on the very model that is to be stepped.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import llvmlite.binding
+import mujoco
+import numpy as np
+from numba import types
+
+from metaid.chain import Array
+from metaid.compiled import compiled
+
+llvmlite.binding.load_library_permanently(str(next(Path(mujoco.__file__).parent.glob("libmujoco.*"))))
+
+CHECKED_STEPS = 50  # after each of the states that `agrees_with_mj_step` starts from
+
+
+def _stage(name: str, *more: Any) -> Any:
+    """A function of MuJoCo's library that takes the addresses of model and data, and `more`."""
+    return types.ExternalFunction(name, types.void(types.uintp, types.uintp, *more))
+
+
+mj_step = _stage("mj_step")
+_mj_kinematics = _stage("mj_kinematics")
+_mj_comPos = _stage("mj_comPos")  # noqa: N816, MuJoCo's own name
+_mj_crb = _stage("mj_crb")
+_mj_factorM = _stage("mj_factorM")  # noqa: N816
+_mj_comVel = _stage("mj_comVel")  # noqa: N816
+_mj_rne = _stage("mj_rne", types.intc, types.uintp)
+_mj_solveM = _stage("mj_solveM", types.uintp, types.uintp, types.intc)  # noqa: N816
+
+
+class MujocoStep(NamedTuple):
+    """What the compiled loop steps with `mj_step`: views of the state and the applied torque (nlink), two addresses."""
+
+    qpos: Array
+    qvel: Array
+    torque: Array
+    model: int
+    data: int
+
+
+class DirectStep(NamedTuple):
+    """The same for MuJoCo's stages called one by one: they also need the vectors that pass between them (nlink)."""
+
+    qpos: Array
+    qvel: Array
+    torque: Array
+    bias: Array
+    smooth: Array
+    acceleration: Array
+    model: int
+    data: int
+    bias_at: int
+    smooth_at: int
+    acceleration_at: int
+    timestep: float
+
+
+def mujoco_step(model: mujoco.MjModel, data: mujoco.MjData) -> MujocoStep:
+    """`mj_step` on these two, which must outlive it."""
+    return MujocoStep(data.qpos, data.qvel, data.qfrc_applied, model._address, data._address)
+
+
+def direct_step(model: mujoco.MjModel, data: mujoco.MjData) -> DirectStep:
+    """MuJoCo's stages on these two, which must outlive it."""
+    vectors = data.qfrc_bias, data.qfrc_smooth, data.qacc
+    bias_at, smooth_at, acceleration_at = (vector.ctypes.data for vector in vectors)
+    addresses = model._address, data._address, bias_at, smooth_at, acceleration_at
+    return DirectStep(data.qpos, data.qvel, data.qfrc_applied, *vectors, *addresses, model.opt.timestep)
+
+
+@compiled
+def advance_directly(chain):  # type: ignore[no-untyped-def]
+    """One timestep of a `DirectStep`."""
+    model, data = chain.model, chain.data
+    _mj_kinematics(model, data)
+    _mj_comPos(model, data)
+    _mj_crb(model, data)
+    _mj_factorM(model, data)
+    _mj_comVel(model, data)
+    _mj_rne(model, data, 0, chain.bias_at)
+    for i in range(chain.qvel.shape[0]):
+        chain.smooth[i] = chain.torque[i] - chain.bias[i]
+    _mj_solveM(model, data, chain.acceleration_at, chain.smooth_at, 1)
+    for i in range(chain.qvel.shape[0]):
+        chain.qvel[i] += chain.timestep * chain.acceleration[i]
+        chain.qpos[i] += chain.timestep * chain.qvel[i]
+
+
+@compiled
+def _advance_many(chain, steps):  # type: ignore[no-untyped-def]
+    for _ in range(steps):
+        advance_directly(chain)
+
+
+def agrees_with_mj_step(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
+    """Whether `DirectStep` is `mj_step` to the last bit on this model; leaves `data` at rest.
+
+    Compared after a number of steps from random states with random torques, fast and large ones among them.
+    """
+    if model.nv != model.njnt or (model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any() or model.dof_damping.any():
+        return False
+    random = np.random.default_rng(0)
+    chain = direct_step(model, data)
+    for size in (0.1, 1.0, 5.0):
+        angles, speeds, torque = size * random.standard_normal((3, model.nv))
+        states = []
+        for direct in (False, True):
+            mujoco.mj_resetData(model, data)
+            data.qpos[:], data.qvel[:], data.qfrc_applied[:] = angles, speeds, torque
+            if direct:
+                _advance_many(chain, CHECKED_STEPS)
+            else:
+                mujoco.mj_step(model, data, CHECKED_STEPS)
+            states.append((data.qpos.tobytes(), data.qvel.tobytes()))
+        if states[0] != states[1]:
+            return False
+    mujoco.mj_resetData(model, data)
+    return True
