@@ -8,7 +8,7 @@ inertia I_i (about its centre of mass). Absolute angles φ_i are measured from t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,15 +73,22 @@ class Lumps:
     @cached_property
     def vector(self) -> Array:
         """All lumps in the order of `lump_names` (nlink (nlink + 1) / 2)."""
-        return np.concatenate([self.gravity, self.coriolis[np.triu_indices(self.nlink, 1)]])
+        return np.concatenate([self.gravity, self.coriolis[_pairs(self.nlink)]])
 
     def scaled(self, factors: Array) -> Lumps:
         """The candidate whose lumps are `factors` (nlump) times these: candidate = factor × nominal."""
         n = self.nlink
         vector = self.vector * factors
         coriolis = np.zeros((n, n))
-        coriolis[np.triu_indices(n, 1)] = vector[n:]
+        coriolis[_pairs(n)] = vector[n:]
         return Lumps(vector[:n], coriolis + coriolis.T)
+
+
+@cache
+def _pairs(nlink: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The links i < j of every Coriolis lump, in the order of `lump_names`: (nlump - nlink) each."""
+    first, second = np.triu_indices(nlink, 1)
+    return first, second
 
 
 def lump_names(nlink: int) -> list[str]:

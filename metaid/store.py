@@ -8,6 +8,7 @@ a RUNNING trial. Nothing in a DB is ever unpickled.
 from __future__ import annotations
 
 import json
+import operator
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -19,6 +20,7 @@ from typing import Any
 import numpy as np
 import optuna
 import sqlalchemy as sa
+from numpy.typing import NDArray
 from optuna.distributions import FloatDistribution, distribution_to_json
 from optuna.storages import RDBStorage
 from optuna.storages._rdb import models
@@ -73,6 +75,7 @@ class Store:
             options = {"connect_args": {"timeout": BUSY_TIMEOUT}} if self.is_sqlite else {"pool_pre_ping": True}
             self.optuna = RDBStorage(self.url, engine_kwargs=options)
         self._engine: sa.Engine = self.optuna.engine
+        self._statements: dict[Any, Any] = {}
         if self.is_sqlite:
             sa.event.listen(self._engine, "connect", _use_wal)
             self._engine.dispose()  # so that the connection that checked the schema is opened again, with the pragmas
@@ -154,83 +157,77 @@ class Store:
         Raises StorageError, and writes nothing, if they would not follow the last trial: somebody else is running the
         study.
         """
-        study_id = self._study_id(name)
         distributions = [
             distribution_to_json(FloatDistribution(a, b)) for a, b in zip(low.tolist(), high.tolist(), strict=True)
         ]
         with self._errors(), self._engine.begin() as connection:
             if self.is_sqlite:
-                connection.exec_driver_sql("BEGIN IMMEDIATE")  # takes the write lock before the count is read
-            count = connection.scalar(sa.select(sa.func.count()).where(models.TrialModel.study_id == study_id))
+                connection.exec_driver_sql("BEGIN IMMEDIATE")  # takes the write lock before the last number is read
+            study_id, last_id, count = _end_of(connection, name)
             if count != trials[0].number:
                 raise StorageError(
                     f"study '{name}' has {count} trials where {trials[0].number} were expected: "
                     "it is being run elsewhere"
                 )
-            rows = [
-                {
-                    "number": trial.number,
-                    "study_id": study_id,
-                    "state": TrialState.PRUNED if trial.outcome.fell else TrialState.COMPLETE,
-                    "datetime_start": trial.started,
-                    "datetime_complete": trial.completed,
-                }
-                for trial in trials
-            ]
-            insert = sa.insert(models.TrialModel).returning(models.TrialModel.trial_id, sort_by_parameter_order=True)
-            ids = list(connection.scalars(insert, rows))
+            self._insert(connection, models.TrialModel, _heads(study_id, trials))
+            ids = list(connection.scalars(_IDS_AFTER, {"study_id": study_id, "last_id": last_id}))
             for model, rows in _rows(ids, trials, names, distributions).items():
-                connection.execute(sa.insert(model), rows)
+                self._insert(connection, model, rows)
+
+    def count(self, name: str) -> int:
+        """How many trials a study has."""
+        with self._errors(), self._engine.connect() as connection:
+            return _end_of(connection, name)[2]
+
+    def _insert(self, connection: sa.Connection, model: Any, rows: list[dict[str, Any]]) -> None:
+        """Inserts `rows`, all with the same columns and of types that the driver knows.
+
+        SQLAlchemy makes the statement once; preparing each row anew, as it would, takes longer than writing it.
+        """
+        if model not in self._statements:
+            self._statements[model] = sa.insert(model).compile(self._engine, column_keys=list(rows[0]))
+        statement = self._statements[model]
+        if statement.positiontup is None:
+            connection.exec_driver_sql(statement.string, rows)
+        else:
+            order = operator.itemgetter(*statement.positiontup)
+            connection.exec_driver_sql(statement.string, [order(row) for row in rows])
 
     def trials(self, name: str, names: Sequence[str]) -> list[Trial]:
         """All trials in order, with their factors in the order of `names`."""
         study_id = self._study_id(name)
+        trial, parameter, attribute = models.TrialModel, models.TrialParamModel, models.TrialUserAttributeModel
+        joints = range(1, 1 + sum(lump.startswith("gravity_") for lump in names))
+        keys = ["generation", "steps", *(f"periods_{joint}" for joint in joints)]
         with self._snapshot() as connection:
-            columns = (models.TrialModel.trial_id, models.TrialModel.number, models.TrialModel.state)
-            times = (models.TrialModel._datetime_start_utc, models.TrialModel._datetime_complete_utc)
-            heads = connection.execute(
-                sa.select(*columns, *times)
-                .where(models.TrialModel.study_id == study_id)
-                .order_by(models.TrialModel.number)
-            ).all()
-
-            def per_trial(model: Any, *wanted: Any) -> Any:
-                return connection.execute(
-                    sa.select(model.trial_id, *wanted)
-                    .join(models.TrialModel)
-                    .where(models.TrialModel.study_id == study_id)
-                )
-
-            row = {head.trial_id: i for i, head in enumerate(heads)}
-            column = {lump: i for i, lump in enumerate(names)}
-            factors = np.full((len(heads), len(names)), np.nan)
-            for trial_id, lump, value in per_trial(
-                models.TrialParamModel, models.TrialParamModel.param_name, models.TrialParamModel.param_value
-            ):
-                if lump in column:
-                    factors[row[trial_id], column[lump]] = value
-            values = dict(per_trial(models.TrialValueModel, models.TrialValueModel.value).all())
-            attributes: list[dict[str, Any]] = [{} for _ in heads]
-            attribute = models.TrialUserAttributeModel
-            for trial_id, key, value in per_trial(attribute, attribute.key, attribute.value_json):
-                attributes[row[trial_id]][key] = json.loads(value)
-        if not np.isfinite(factors).all() or len(values) != len(heads):
+            columns = trial.number, trial.state, trial._datetime_start_utc, trial._datetime_complete_utc
+            query = sa.select(*columns).where(trial.study_id == study_id).order_by(trial.trial_id)
+            heads = connection.execute(query).all()
+            value = models.TrialValueModel
+            cells = (
+                _table(connection, study_id, value.objective, value.value, [0]),
+                _table(connection, study_id, parameter.param_name, parameter.param_value, names),
+                _table(connection, study_id, attribute.key, attribute.value_json, keys),
+            )
+        try:
+            values, factors, counts = (
+                table.astype(kind) for table, kind in zip(cells, (float, float, int), strict=True)
+            )
+            whole = len(values) == len(factors) == len(counts) == len(heads) and np.isfinite(factors).all()
+        except (ValueError, TypeError):
+            whole = False
+        if not whole:
             raise StorageError(f"{self.url}: study '{name}' has trials that metaid did not write")
         return [
             Trial(
-                number=head.number,
-                generation=attributes[i]["generation"],
-                factors=factors[i],
-                outcome=Outcome(
-                    values[head.trial_id],
-                    head.state == TrialState.PRUNED,
-                    attributes[i]["steps"],
-                    _periods(attributes[i]),
-                ),
-                started=head[3],
-                completed=head[4],
+                number=head[0],
+                generation=count[0],
+                factors=row,
+                outcome=Outcome(value, head[1] == TrialState.PRUNED, count[1], tuple(count[2:])),
+                started=head[2],
+                completed=head[3],
             )
-            for i, head in enumerate(heads)
+            for head, value, row, count in zip(heads, values[:, 0].tolist(), factors, counts.tolist(), strict=True)
         ]
 
     @contextmanager
@@ -262,14 +259,69 @@ _TRIAL_TABLES = (
 )
 
 
+# Made once: making a statement takes longer than running it.
+_END = (
+    sa.select(models.StudyModel.study_id, models.TrialModel.trial_id, models.TrialModel.number)
+    .outerjoin(models.TrialModel)
+    .where(models.StudyModel.study_name == sa.bindparam("study"))
+    .order_by(models.TrialModel.trial_id.desc())
+    .limit(1)
+)
+_IDS_AFTER = (
+    sa.select(models.TrialModel.trial_id)
+    .where(models.TrialModel.study_id == sa.bindparam("study_id"), models.TrialModel.trial_id > sa.bindparam("last_id"))
+    .order_by(models.TrialModel.number)
+)
+
+
+def _end_of(connection: sa.Connection, name: str) -> tuple[int, int, int]:
+    """A study's id, the id of its last trial, how many it has; looked up from the end, so as fast in a large table."""
+    end = connection.execute(_END, {"study": name}).first()
+    if end is None:
+        raise StorageError(f"study '{name}' is no longer there")
+    study_id, last_id, number = end
+    return (study_id, 0, 0) if last_id is None else (study_id, last_id, number + 1)
+
+
+def _table(connection: sa.Connection, study_id: int, key: Any, value: Any, keys: Sequence[Any]) -> NDArray[Any]:
+    """The values under `keys` of every trial, in order (ntrial x nkey); of no trial if one lacks any of them.
+
+    A trial has a key at most once and the DB's own order of keys is the same for all, so nothing but values is read.
+    """
+    where = models.TrialModel.study_id == study_id, key.in_(keys)
+    query = sa.select(value).join(models.TrialModel).where(*where).order_by(models.TrialModel.trial_id, key)
+    order = list(connection.scalars(query.with_only_columns(key).limit(len(keys))))
+    # The driver's own rows: SQLAlchemy's would cost three times the reading.
+    cursor = connection.connection.cursor()
+    cursor.execute(str(query.compile(connection.engine, compile_kwargs={"literal_binds": True})))
+    cells = cursor.fetchall()
+    cursor.close()
+    if len(cells) % len(keys) or sorted(order) != sorted(keys):
+        return np.empty((0, len(keys)))
+    return np.array(cells).reshape(-1, len(keys))[:, [order.index(wanted) for wanted in keys]]
+
+
+def _heads(study_id: int, trials: Sequence[Trial]) -> list[dict[str, Any]]:
+    return [
+        {
+            "number": trial.number,
+            "study_id": study_id,
+            "state": (TrialState.PRUNED if trial.outcome.fell else TrialState.COMPLETE).name,
+            "datetime_start": trial.started and str(trial.started),
+            "datetime_complete": trial.completed and str(trial.completed),
+        }
+        for trial in trials
+    ]
+
+
 def _rows(
     ids: Sequence[int], trials: Sequence[Trial], names: Sequence[str], distributions: Sequence[str]
 ) -> dict[Any, list[dict[str, Any]]]:
     """Rows by model class. A fall carries its value as intermediate value at the step that it survived to, as
     Optuna's own `tell` would write it.
     """
-    finite_value = models.TrialValueModel.TrialValueType.FINITE
-    finite_step = models.TrialIntermediateValueModel.TrialIntermediateValueType.FINITE
+    finite_value = models.TrialValueModel.TrialValueType.FINITE.name
+    finite_step = models.TrialIntermediateValueModel.TrialIntermediateValueType.FINITE.name
     rows: dict[Any, list[dict[str, Any]]] = {
         models.TrialParamModel: [
             {"trial_id": i, "param_name": name, "param_value": value, "distribution_json": distribution}
@@ -301,12 +353,6 @@ def _rows(
 def _attributes(trial: Trial) -> dict[str, int]:
     periods = {f"periods_{joint + 1}": count for joint, count in enumerate(trial.outcome.periods)}
     return {"generation": trial.generation, "steps": trial.outcome.steps, **periods}
-
-
-def _periods(attributes: dict[str, Any]) -> tuple[int, ...]:
-    return tuple(
-        attributes[f"periods_{joint}"] for joint in range(1, sum(key.startswith("periods_") for key in attributes) + 1)
-    )
 
 
 def _check_sqlite_file(path: Path, create: bool) -> None:
