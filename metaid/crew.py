@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from types import TracebackType
 from typing import Any, Protocol
@@ -22,11 +23,15 @@ from metaid.problem import Problem, StudySpec
 ENGINES = ("local", "ray")
 
 
+def _nothing() -> None:
+    return
+
+
 class Crew(Protocol):
     """A context manager that evaluates batches."""
 
-    def evaluate(self, batch: Array) -> list[Outcome]:
-        """Outcomes of a `batch` of factors (ncandidate x nlump), in its order."""
+    def evaluate(self, batch: Array, meanwhile: Callable[[], None] = _nothing) -> list[Outcome]:
+        """Outcomes of a `batch` of factors (ncandidate x nlump), in its order; calls `meanwhile` while it waits."""
 
     def __enter__(self) -> Crew: ...
     def __exit__(
@@ -41,7 +46,7 @@ class LocalCrew:
         self._objectives = [problem.make_objective() for _ in range(workers)]
         self._pool = ThreadPoolExecutor(workers, thread_name_prefix="metaid")
 
-    def evaluate(self, batch: Array) -> list[Outcome]:
+    def evaluate(self, batch: Array, meanwhile: Callable[[], None] = _nothing) -> list[Outcome]:
         outcomes: list[Outcome | None] = [None] * len(batch)
         queue = iter(range(len(batch)))  # `next` on it is atomic, so each candidate goes to whoever is free first
 
@@ -49,7 +54,10 @@ class LocalCrew:
             for i in queue:
                 outcomes[i] = objective.evaluate(batch[i])
 
-        list(self._pool.map(work, self._objectives))
+        working = [self._pool.submit(work, objective) for objective in self._objectives]
+        meanwhile()
+        for worker in working:
+            worker.result()
         return [outcome for outcome in outcomes if outcome is not None]
 
     def __enter__(self) -> LocalCrew:
@@ -76,9 +84,10 @@ class RayCrew:
         actor: Any = ray.remote(num_cpus=1)(_Worker)
         self._actors = [actor.remote(spec.model_dump_json()) for _ in range(workers)]
 
-    def evaluate(self, batch: Array) -> list[Outcome]:
+    def evaluate(self, batch: Array, meanwhile: Callable[[], None] = _nothing) -> list[Outcome]:
         shares = [range(first, len(batch), len(self._actors)) for first in range(len(self._actors))]
         calls = [actor.evaluate.remote(batch[list(share)]) for actor, share in zip(self._actors, shares, strict=True)]
+        meanwhile()
         answers = self._ray.get(calls)
         by_candidate = dict(zip(itertools.chain(*shares), itertools.chain(*answers), strict=True))
         return [by_candidate[i] for i in range(len(batch))]

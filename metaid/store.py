@@ -204,15 +204,11 @@ class Store:
             query = sa.select(*columns).where(trial.study_id == study_id).order_by(trial.trial_id)
             heads = connection.execute(query).all()
             value = models.TrialValueModel
-            cells = (
-                _table(connection, study_id, value.objective, value.value, [0]),
-                _table(connection, study_id, parameter.param_name, parameter.param_value, names),
-                _table(connection, study_id, attribute.key, attribute.value_json, keys),
-            )
+            values = _table(connection, study_id, value.objective, value.value, [0])
+            factors = _table(connection, study_id, parameter.param_name, parameter.param_value, names)
+            texts = _table(connection, study_id, attribute.key, attribute.value_json, keys)
         try:
-            values, factors, counts = (
-                table.astype(kind) for table, kind in zip(cells, (float, float, int), strict=True)
-            )
+            factors, counts = factors.astype(np.float64), texts.astype(np.int64)
             whole = len(values) == len(factors) == len(counts) == len(heads) and np.isfinite(factors).all()
         except (ValueError, TypeError):
             whole = False

@@ -1,8 +1,8 @@
 """A study: created in a DB, run a generation at a time, resumed by replaying what the DB holds.
 
 The trial table depends on the study's settings and seed alone. The searcher is asked for a generation, the crew
-evaluates it, the store writes it in one transaction, the searcher is told. A run that was stopped anywhere goes on
-from the last whole generation in the DB.
+evaluates it, the searcher is told; the store writes it in one transaction while the crew is at the next. A run that
+was stopped anywhere goes on from the last whole generation in the DB.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from types import TracebackType
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -22,12 +23,13 @@ from metaid.problem import Problem, StudySpec
 from metaid.searchers import Searcher
 from metaid.store import Store, Trial
 
+LARGEST_TPE = 2000  # trials; what the next one costs grows with all before it
 REPLAY_TOLERANCE = 1e-6  # relative; another machine's linear algebra may round differently
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a run is: trials in the DB, how many of them fell, trials in all, the best survivor, the searcher's
+    """How far a run is: trials done, how many of them fell, trials in all, the best survivor, the searcher's
     spread, the run's state.
     """
 
@@ -47,6 +49,16 @@ def create_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
         raise StudyError("a study's name has 1 to 200 printable characters")
     store.create(name, spec.model_dump_json())
     return name
+
+
+def advice(spec: StudySpec) -> str | None:
+    """What to think over before the study is run, in one line; None if nothing."""
+    if spec.study.sampler != "tpe" or spec.study.trials <= LARGEST_TPE:
+        return None
+    return (
+        f"{spec.study.trials} trials with tpe: each costs more than the one before, some 30 ms at trial 3,000 "
+        f"(advised: at most {LARGEST_TPE} with tpe, or sampler = 'cmaes')"
+    )
 
 
 def stored_spec(store: Store, name: str) -> StudySpec:
@@ -69,8 +81,8 @@ def run_study(
     """Runs a study, or goes on with it, until the DB holds `trials` in all (default: the study's own) or the searcher
     is finished.
 
-    `watch` is called after each generation. A KeyboardInterrupt leaves the DB at the last whole generation.  Raises
-    StudyError, StorageError.
+    `watch` is called after each generation. A KeyboardInterrupt leaves the DB at the last generation that `watch` saw;
+    a kill may lose that one.  Raises StudyError, StorageError.
     """
     spec = stored_spec(store, name)
     total = spec.study.trials if trials is None else trials
@@ -84,21 +96,52 @@ def run_study(
         watch(run.progress)
         if run.done:
             return run.progress
-        with make_crew(problem, engine, workers, ray_address) as crew:
+        with make_crew(problem, engine, workers, ray_address) as crew, _Writer(store, name, problem) as writer:
             while not run.done:
                 batch = pending if pending is not None else run.searcher.ask()
                 have = len(run.outcomes)
                 started = datetime.now(UTC).replace(tzinfo=None)
-                outcomes = crew.evaluate(batch[have : have + total - run.number])
+                outcomes = crew.evaluate(batch[have : have + total - run.number], meanwhile=writer.write)
                 completed = datetime.now(UTC).replace(tzinfo=None)
                 fresh = [
                     Trial(run.number + i, run.generation, batch[have + i], outcome, started, completed)
                     for i, outcome in enumerate(outcomes)
                 ]
-                store.append(name, problem.names, problem.low, problem.high, fresh)
+                writer.trials = fresh
                 pending = run.add(fresh, batch)
                 watch(run.progress)
     return run.progress
+
+
+class _Writer:
+    """Holds the `trials` of the last generation until there is time to write them; at the end, whatever it is, there
+    is. It has no thread of its own: an error in writing ends the run there and then.
+    """
+
+    def __init__(self, store: Store, name: str, problem: Problem) -> None:
+        self._store = store
+        self._name = name
+        self._problem = problem
+        self.trials: list[Trial] = []
+
+    def write(self) -> None:
+        """Writes what it holds, if anything, in one transaction."""
+        if self.trials:
+            problem = self._problem
+            self._store.append(self._name, problem.names, problem.low, problem.high, self.trials)
+            self.trials = []
+
+    def __enter__(self) -> _Writer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if isinstance(error, StorageError):
+            return
+        # An interrupt may come just after the transaction that wrote them.
+        if error is None or (self.trials and self._store.count(self._name) == self.trials[0].number):
+            self.write()
 
 
 class _Run:

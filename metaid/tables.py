@@ -97,10 +97,23 @@ def summary(store: Store, name: str) -> dict[str, Any]:
             "pruned": len(trials) - len(survivors),
             "failed": 0,
         },
-        "best": {"number": best.number if best else None, "value": best.outcome.value if best else None},
+        "best": {
+            "number": best.number if best else None,
+            "value": best.outcome.value if best else None,
+            **_verified(problem, best),
+        },
         "lumps": [_without_nan(row) for row in lumps.to_dict("records")],
         "max_error": None if errors.isna().any() else float(errors.max()),
     }
+
+
+def _verified(problem: Problem, best: Trial | None) -> dict[str, Any]:
+    """What MuJoCo says of the best candidate of a study that was screened by other physics; nothing for any other."""
+    if problem.spec.study.episode.physics == "mujoco" or best is None:
+        return {}
+    outcome = problem.verify(best.factors)
+    agrees = not outcome.fell and abs(outcome.value - best.outcome.value) <= problem.resolution
+    return {"mujoco": {"value": outcome.value, "fell": outcome.fell, "agrees": agrees}}
 
 
 def studies_frame(store: Store) -> pd.DataFrame:

@@ -69,11 +69,13 @@ def study() -> None:
 def create(source: str, name: str | None, storage: str, changes: tuple[str, ...], exist_ok: bool) -> None:
     """Make a study in the DB from STUDY, a shipped name or the path of a study file."""
     from metaid.api import ensure_study
-    from metaid.study import create_study
+    from metaid.study import advice, create_study
 
     spec = load_study(source, changes)
     with open_store(storage, create=True) as store:
         made = (ensure_study if exist_ok else create_study)(store, spec, name)
+    if (line := advice(spec)) is not None:
+        click.echo(line, err=True)
     click.echo(f"study '{made}' is in {storage}; run it with: metaid study run {made}")
     _warn_of_undetermined(spec)
 
@@ -247,8 +249,15 @@ def _print_study(store: Any, name: str) -> None:
     found = "no survivor yet"
     if best["value"] is not None:
         found = f"best {best['value']:.3g} {unit} at trial {best['number']}{largest}"
+    if "mujoco" in best:
+        found += f"; {_verification(best['mujoco'])}"
     note = f"{trials['total']} trials, {trials['pruned']} of them falls; {found}"
     print_table(title, ["lump", "nominal", "identified", "low", "high", "true", "error", "unit"], rows, note)
+
+
+def _verification(mujoco: dict[str, Any]) -> str:
+    told = "falls in MuJoCo" if mujoco["fell"] else f"MuJoCo gives it {mujoco['value']:.3g}"
+    return f"screened with analytic physics, {told}: {'verified' if mujoco['agrees'] else 'NOT VERIFIED'}"
 
 
 @study.command(epilog="\b\nExample:\n  metaid study export three-link -o trials.csv")
