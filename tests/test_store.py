@@ -109,7 +109,7 @@ def test_dashboard_answers_for_the_study(database: Path) -> None:
 
 
 def test_only_whole_generations_are_ever_in_the_db(tmp_path: Path) -> None:
-    """A reader that looks after every generation sees all of it and nothing RUNNING."""
+    """A reader that looks after every generation sees all before it, itself once the run ends, and nothing RUNNING."""
     path = tmp_path / "metaid.db"
     store = Store(str(path), create=True)
     create_study(store, load_study("three-link", CHANGES), "study")
@@ -120,7 +120,9 @@ def test_only_whole_generations_are_ever_in_the_db(tmp_path: Path) -> None:
             seen.append(connection.execute("SELECT state, COUNT(*) FROM trials GROUP BY state").fetchall())
 
     run_study(store, "study", trials=45, watch=look)
-    assert [sum(count for _, count in rows) for rows in seen] == [0, 9, 18, 27, 36, 45]
+    assert [sum(count for _, count in rows) for rows in seen] == [0, 0, 9, 18, 27, 36]
+    look(None)
+    assert sum(count for _, count in seen[-1]) == 45
     assert {state for rows in seen for state, _ in rows} <= {"COMPLETE", "PRUNED"}
     with sqlite3.connect(path) as connection:
         assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]

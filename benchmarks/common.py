@@ -1,0 +1,123 @@
+"""What the benchmarks share: the problems that they measure, interleaved timing, a command line, markdown tables."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import statistics
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from metaid.files import shipped_folder
+from metaid.plant import LinkSettings, read_plant
+from metaid.problem import EpisodeSettings, SearchSettings, StudySettings, StudySpec
+from metaid.store import Store
+from metaid.study import create_study
+
+PLANTS = {1: "one-link", 2: "two-link", 3: "three-link", 5: "five-link", 10: "ten-link"}
+STEPS = 5000  # of a whole episode, over its 2 pushes per link
+PEAK_SPEED = 1.0  # rad/s of the fastest link after a push
+START = 1.3  # factor of the nominal lumps, to search from
+NO_LIMIT = 1000.0  # rad: nothing falls, so that all episodes are of the same length
+Row = dict[str, Any]
+
+
+def make_spec(nlink: int, steps: int = STEPS, trials: int = 100, sampler: str = "cmaes") -> StudySpec:
+    """A study of the shipped chain of `nlink` links in plain coordinates, `steps` in an episode of 2 rich pushes each.
+
+    The nominal model is wrong by up to 20 % in masses and inertias and 10 % in centres of mass, always the same.
+    """
+    plant = read_plant(shipped_folder("plants") / f"{PLANTS[nlink]}.toml")
+    random = np.random.default_rng(nlink)
+
+    def wrong(link: LinkSettings) -> LinkSettings:
+        mass, com, inertia = random.uniform([0.8, 0.9, 0.8], [1.2, 1.1, 1.2]).tolist()
+        assert link.com is not None, "the shipped plants give all numbers"
+        assert link.inertia is not None, "the shipped plants give all numbers"
+        changes = {"mass": link.mass * mass, "com": min(link.com * com, link.length), "inertia": link.inertia * inertia}
+        return link.model_copy(update=changes)
+
+    episode = EpisodeSettings(steps=max(steps // (2 * nlink), 2), peak_speed=PEAK_SPEED, fall_limit=NO_LIMIT)
+    search = SearchSettings(coordinates="plain", start=START)
+    name = PLANTS[nlink]
+    study = StudySettings(
+        plant=name, nominal=name, sampler=sampler, trials=trials, seed=1, search=search, episode=episode
+    )
+    nominal = tuple(wrong(link) for link in plant.links)
+    return StudySpec(name=name, plant_name=name, plant=plant, nominal=nominal, study=study)
+
+
+@contextmanager
+def made(spec: StudySpec) -> Iterator[tuple[Store, str]]:
+    """A study made from `spec` in a new SQLite DB, which is deleted afterwards."""
+    with tempfile.TemporaryDirectory() as folder, closing(Store(f"{folder}/metaid.db", create=True)) as store:
+        yield store, create_study(store, spec)
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """How long `work` takes by the clock."""
+    begun = time.perf_counter()
+    work()
+    return time.perf_counter() - begun
+
+
+def interleaved(works: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, float]:
+    """Median seconds of each of `works`, which take turns, so that what slows the machine slows them all alike."""
+    taken: dict[str, list[float]] = {name: [] for name in works}
+    for _ in range(repeats):
+        for name, work in works.items():
+            taken[name].append(seconds(work))
+    return {name: statistics.median(times) for name, times in taken.items()}
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Rows with the same keys as a markdown table."""
+    lines = [" | ".join(rows[0]), " | ".join("---" for _ in rows[0])]
+    lines += [" | ".join(_figure(value) for value in row.values()) for row in rows]
+    return "\n".join(f"| {line} |" for line in lines)
+
+
+def _figure(value: Any) -> str:
+    if value is None:
+        return "–"
+    if not isinstance(value, float):
+        return f"{value:,}" if isinstance(value, int) else str(value)
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+
+
+def machine() -> Row:
+    """What the figures were measured on."""
+    names = [line.partition(":")[2].strip() for line in _lines("/proc/cpuinfo") if line.startswith("model name")]
+    packages = ("mujoco", "numba", "numpy", "optuna", "cmaes", "ray", "sqlalchemy")
+    return {
+        "processor": f"{names[0] if names else platform.processor() or platform.machine()}, {os.cpu_count()} cores",
+        "system": f"{platform.system()} {platform.machine()}, Python {platform.python_version()}",
+        "versions": ", ".join(f"{name} {version(name)}" for name in packages),
+        "load before": round(os.getloadavg()[0], 2),
+    }
+
+
+def _lines(path: str) -> list[str]:
+    return Path(path).read_text().splitlines() if Path(path).exists() else []
+
+
+def run_alone(name: str, measure: Callable[[bool], dict[str, list[Row]]]) -> None:
+    """The command line of one benchmark: `--quick` measures less, `--json` prints JSON and not tables."""
+    parser = argparse.ArgumentParser(prog=f"python -m benchmarks.{name}")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument("--quick", action="store_true", help="fewer repeats and sizes: to see that it works")
+    arguments = parser.parse_args()
+    found = measure(arguments.quick)
+    if arguments.json:
+        print(json.dumps({"machine": machine(), **found}, indent=2, ensure_ascii=False))
+    else:
+        print("\n\n".join(f"{title}\n\n{table(rows)}" for title, rows in found.items()))

@@ -1,0 +1,71 @@
+"""What a second worker gains, with threads and with Ray, and what Ray costs over threads.
+
+The same batches of full episodes for all, by turns: one generation after another, as in a study, with nothing else in
+between. All are compared with one thread that took its turns among them. Ray's start is timed apart.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from benchmarks.common import START, Row, interleaved, make_spec, run_alone
+from metaid.chain import Array
+from metaid.crew import Crew, make_crew
+from metaid.problem import Problem
+
+GENERATION = 16  # candidates in a batch
+BATCHES = 8
+
+
+def measure(quick: bool) -> dict[str, list[Row]]:
+    """One row a crew."""
+    problem = Problem(make_spec(3))
+    shape = (BATCHES, GENERATION, len(problem.names))
+    batches = np.random.default_rng(0).uniform(START - 0.1, START + 0.1, shape)
+    rows: list[Row] = []
+    with threadpool_limits(1):
+        for workers in (1, 2):
+            rows += _rows(problem, batches, workers, 2 if quick else 15)
+    one = {row["engine"]: row["÷ one thread"] for row in rows if row["workers"] == 1}
+    local = {row["workers"]: row["÷ one thread"] for row in rows if row["engine"] == "local"}
+    for row in rows:
+        row["÷ one worker"] = row["÷ one thread"] / one[row["engine"]]
+        row["÷ local"] = row["÷ one thread"] / local[row["workers"]]
+    return {"Workers: trials per second, three links, 5,000-step episodes": rows}
+
+
+def _rows(problem: Problem, batches: Array, workers: int, repeats: int) -> list[Row]:
+    with ExitStack() as stack:
+        begun = time.perf_counter()
+        ray = stack.enter_context(make_crew(problem, "ray", workers))
+        ray.evaluate(batches[0])
+        started = time.perf_counter() - begun
+        crews: dict[str, Crew] = {
+            "one thread": stack.enter_context(make_crew(problem, "local", 1)),
+            "local": stack.enter_context(make_crew(problem, "local", workers)),
+            "ray": ray,
+        }
+        works: dict[str, Callable[[], object]] = {
+            name: lambda crew=crew: [crew.evaluate(batch) for batch in batches] for name, crew in crews.items()
+        }
+        interleaved(works, 1)
+        taken = interleaved(works, repeats)
+    return [
+        {
+            "engine": engine,
+            "workers": workers,
+            "trials/s": BATCHES * GENERATION / taken[engine],
+            "÷ one thread": taken["one thread"] / taken[engine],
+            "start, s": started if engine == "ray" else None,
+        }
+        for engine in ("local", "ray")
+    ]
+
+
+if __name__ == "__main__":
+    run_alone("workers", measure)
