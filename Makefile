@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test check format build clean
+.PHONY: demo test check bench format build clean
 
 demo: .venv/.runtime
 	$(BIN)/metaid study create three-link --exist-ok
@@ -16,6 +16,9 @@ check: .venv/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+
+bench: .venv/.runtime
+	$(BIN)/python -m benchmarks
 
 format: .venv/.dev
 	$(BIN)/ruff format .
