@@ -107,7 +107,7 @@ def agrees_with_mj_step(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
 
     Compared after a number of steps from random states with random torques, fast and large ones among them.
     """
-    if model.nv != model.njnt or (model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any() or model.dof_damping.any():
+    if model.nv == 0 or (model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any():
         return False
     random = np.random.default_rng(0)
     chain = direct_step(model, data)

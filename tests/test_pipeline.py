@@ -1,0 +1,65 @@
+"""MuJoCo's stages called one by one are `mj_step` to the last bit, or they are not used."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+from conftest import random_links, random_plant
+
+from metaid.episode import Episode, rich_pushes
+from metaid.kernel import CompiledEpisode, fastest_step
+from metaid.pipeline import DirectStep, MujocoStep, agrees_with_mj_step, direct_step, mujoco_step
+from metaid.plant import MujocoPlant, PlantSettings
+
+
+@pytest.mark.parametrize("nlink", [1, 2, 3, 5, 10])
+def test_episodes_are_the_same_to_the_last_bit(nlink: int) -> None:
+    """Survivors and falls, near the truth and far from it, come out equal in every number."""
+    plant = random_plant(nlink)
+    lumps = plant.chain.lumps
+    episode = Episode(rich_pushes(plant, 4, 3.0, seed=1), steps=300)
+    whole = CompiledEpisode(plant, episode, mujoco_step(plant.model, plant.data))
+    direct = CompiledEpisode(plant, episode, direct_step(plant.model, plant.data))
+    random, fell = np.random.default_rng(nlink), set()
+    for spread in (0.0, 0.05, 0.5, 0.9):
+        candidate = lumps.scaled(1.0 + spread * random.uniform(-1.0, 1.0, len(lumps.vector)))
+        one = whole.run(candidate)
+        numbers = one.steps, one.fall_step, *(array.tobytes() for array in _arrays(one))
+        other = direct.run(candidate)
+        assert numbers == (other.steps, other.fall_step, *(array.tobytes() for array in _arrays(other)))
+        fell.add(one.fall_step is not None)
+    assert fell == {True, False}
+
+
+def _arrays(record):  # type: ignore[no-untyped-def]
+    return record.half_periods, record.crossing_span, record.speed_energy, record.acceleration_energy
+
+
+def test_a_frictionless_chain_is_stepped_directly() -> None:
+    """The faster way is the one that is taken."""
+    assert isinstance(fastest_step(random_plant(3)), DirectStep)
+
+
+def test_a_chain_with_friction_is_left_to_mj_step() -> None:
+    """The stages know no friction, and the check on the very model notices."""
+    links = tuple(link.model_copy(update={"damping": 0.01}) for link in random_links(3, 1))
+    assert isinstance(fastest_step(MujocoPlant("damped", PlantSettings(links=links))), MujocoStep)
+
+
+@pytest.mark.parametrize(
+    "joint",
+    [
+        '<joint type="slide" axis="1 0 0"/>',
+        "<freejoint/>",
+        '<joint type="ball"/>',
+        '<joint type="hinge" axis="0 1 0" stiffness="0.1"/>',
+        '<joint type="hinge" axis="0 1 0" frictionloss="0.1"/>',
+        "",
+    ],
+)
+def test_models_that_are_no_frictionless_chain_are_not_accepted(joint: str) -> None:
+    """Other joints, springs and dry friction are noticed, before or by the comparison."""
+    inertial = '<inertial pos="0 0 0.2" mass="1" diaginertia="0.01 0.01 0.01"/>'
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody><body>{joint}{inertial}</body></worldbody></mujoco>")
+    assert not agrees_with_mj_step(model, mujoco.MjData(model))
