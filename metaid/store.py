@@ -204,14 +204,13 @@ class Store:
             query = sa.select(*columns).where(trial.study_id == study_id).order_by(trial.trial_id)
             heads = connection.execute(query).all()
             value = models.TrialValueModel
-            values = _table(connection, study_id, value.objective, value.value, [0])
-            factors = _table(connection, study_id, parameter.param_name, parameter.param_value, names)
-            texts = _table(connection, study_id, attribute.key, attribute.value_json, keys)
-        try:
-            factors, counts = factors.astype(np.float64), texts.astype(np.int64)
-            whole = len(values) == len(factors) == len(counts) == len(heads) and np.isfinite(factors).all()
-        except (ValueError, TypeError):
-            whole = False
+            try:
+                values = _table(connection, study_id, value.objective, value.value, [0], float)
+                factors = _table(connection, study_id, parameter.param_name, parameter.param_value, names, float)
+                counts = _table(connection, study_id, attribute.key, attribute.value_json, keys, int)
+                whole = len(values) == len(factors) == len(counts) == len(heads) and np.isfinite(factors).all()
+            except (ValueError, TypeError):
+                whole = False
         if not whole:
             raise StorageError(f"{self.url}: study '{name}' has trials that metaid did not write")
         return [
@@ -279,10 +278,13 @@ def _end_of(connection: sa.Connection, name: str) -> tuple[int, int, int]:
     return (study_id, 0, 0) if last_id is None else (study_id, last_id, number + 1)
 
 
-def _table(connection: sa.Connection, study_id: int, key: Any, value: Any, keys: Sequence[Any]) -> NDArray[Any]:
+def _table(
+    connection: sa.Connection, study_id: int, key: Any, value: Any, keys: Sequence[Any], kind: type
+) -> NDArray[Any]:
     """The values under `keys` of every trial, in order (ntrial x nkey); of no trial if one lacks any of them.
 
     A trial has a key at most once and the DB's own order of keys is the same for all, so nothing but values is read.
+    Raises ValueError or TypeError for one that is not of that `kind`.
     """
     where = models.TrialModel.study_id == study_id, key.in_(keys)
     query = sa.select(value).join(models.TrialModel).where(*where).order_by(models.TrialModel.trial_id, key)
@@ -290,11 +292,11 @@ def _table(connection: sa.Connection, study_id: int, key: Any, value: Any, keys:
     # The driver's own rows: SQLAlchemy's would cost three times the reading.
     cursor = connection.connection.cursor()
     cursor.execute(str(query.compile(connection.engine, compile_kwargs={"literal_binds": True})))
-    cells = cursor.fetchall()
+    cells: NDArray[Any] = np.fromiter((kind(cell) for (cell,) in iter(cursor.fetchone, None)), kind)
     cursor.close()
     if len(cells) % len(keys) or sorted(order) != sorted(keys):
-        return np.empty((0, len(keys)))
-    return np.array(cells).reshape(-1, len(keys))[:, [order.index(wanted) for wanted in keys]]
+        return np.empty((0, len(keys)), kind)
+    return cells.reshape(-1, len(keys))[:, [order.index(wanted) for wanted in keys]]
 
 
 def _heads(study_id: int, trials: Sequence[Trial]) -> list[dict[str, Any]]:
