@@ -12,15 +12,12 @@ import operator
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import optuna
 import sqlalchemy as sa
-from numpy.typing import NDArray
 from optuna.distributions import FloatDistribution, distribution_to_json
 from optuna.storages import RDBStorage
 from optuna.storages._rdb import models
@@ -31,22 +28,11 @@ from sqlalchemy.exc import SQLAlchemyError
 from metaid.chain import Array
 from metaid.errors import StorageError, unknown
 from metaid.objective import Outcome
+from metaid.rows import IDS_AFTER, TRIAL_TABLES, Trial, detail_rows, end_of, head_rows, read_table
 
 DEFAULT_STORAGE = "metaid.db"
 SPEC_KEY = "metaid:study"
 BUSY_TIMEOUT = 60  # s
-
-
-@dataclass(frozen=True)
-class Trial:
-    """One row of the trial table; `factors` (nlump)."""
-
-    number: int
-    generation: int
-    factors: Array
-    outcome: Outcome
-    started: datetime | None = None
-    completed: datetime | None = None
 
 
 def storage_url(storage: str) -> str:
@@ -139,7 +125,7 @@ class Store:
         study_id = self._study_id(name)
         trials = sa.select(models.TrialModel.trial_id).where(models.TrialModel.study_id == study_id)
         with self._errors(), self._engine.begin() as connection:
-            for model in _TRIAL_TABLES:
+            for model in TRIAL_TABLES:
                 connection.execute(sa.delete(model).where(model.trial_id.in_(trials)))
             for model in (
                 models.TrialModel,
@@ -163,21 +149,21 @@ class Store:
         with self._errors(), self._engine.begin() as connection:
             if self.is_sqlite:
                 connection.exec_driver_sql("BEGIN IMMEDIATE")  # takes the write lock before the last number is read
-            study_id, last_id, count = _end_of(connection, name)
+            study_id, last_id, count = end_of(connection, name)
             if count != trials[0].number:
                 raise StorageError(
                     f"study '{name}' has {count} trials where {trials[0].number} were expected: "
                     "it is being run elsewhere"
                 )
-            self._insert(connection, models.TrialModel, _heads(study_id, trials))
-            ids = list(connection.scalars(_IDS_AFTER, {"study_id": study_id, "last_id": last_id}))
-            for model, rows in _rows(ids, trials, names, distributions).items():
+            self._insert(connection, models.TrialModel, head_rows(study_id, trials))
+            ids = list(connection.scalars(IDS_AFTER, {"study_id": study_id, "last_id": last_id}))
+            for model, rows in detail_rows(ids, trials, names, distributions).items():
                 self._insert(connection, model, rows)
 
     def count(self, name: str) -> int:
         """How many trials a study has."""
         with self._errors(), self._engine.connect() as connection:
-            return _end_of(connection, name)[2]
+            return end_of(connection, name)[2]
 
     def _insert(self, connection: sa.Connection, model: Any, rows: list[dict[str, Any]]) -> None:
         """Inserts `rows`, all with the same columns and of types that the driver knows.
@@ -205,9 +191,9 @@ class Store:
             heads = connection.execute(query).all()
             value = models.TrialValueModel
             try:
-                values = _table(connection, study_id, value.objective, value.value, [0], float)
-                factors = _table(connection, study_id, parameter.param_name, parameter.param_value, names, float)
-                counts = _table(connection, study_id, attribute.key, attribute.value_json, keys, int)
+                values = read_table(connection, study_id, value.objective, value.value, [0], float)
+                factors = read_table(connection, study_id, parameter.param_name, parameter.param_value, names, float)
+                counts = read_table(connection, study_id, attribute.key, attribute.value_json, keys, int)
                 whole = len(values) == len(factors) == len(counts) == len(heads) and np.isfinite(factors).all()
             except (ValueError, TypeError):
                 whole = False
@@ -242,115 +228,6 @@ class Store:
         if study_id is None or name not in self.names():
             raise StorageError(f"{self.url}: {unknown('study', name, self.names())}")
         return int(study_id)
-
-
-_TRIAL_TABLES = (
-    models.TrialParamModel,
-    models.TrialValueModel,
-    models.TrialIntermediateValueModel,
-    models.TrialUserAttributeModel,
-    models.TrialSystemAttributeModel,
-    models.TrialHeartbeatModel,
-)
-
-
-# Made once: making a statement takes longer than running it.
-_END = (
-    sa.select(models.StudyModel.study_id, models.TrialModel.trial_id, models.TrialModel.number)
-    .outerjoin(models.TrialModel)
-    .where(models.StudyModel.study_name == sa.bindparam("study"))
-    .order_by(models.TrialModel.trial_id.desc())
-    .limit(1)
-)
-_IDS_AFTER = (
-    sa.select(models.TrialModel.trial_id)
-    .where(models.TrialModel.study_id == sa.bindparam("study_id"), models.TrialModel.trial_id > sa.bindparam("last_id"))
-    .order_by(models.TrialModel.number)
-)
-
-
-def _end_of(connection: sa.Connection, name: str) -> tuple[int, int, int]:
-    """A study's id, the id of its last trial, how many it has; looked up from the end, so as fast in a large table."""
-    end = connection.execute(_END, {"study": name}).first()
-    if end is None:
-        raise StorageError(f"study '{name}' is no longer there")
-    study_id, last_id, number = end
-    return (study_id, 0, 0) if last_id is None else (study_id, last_id, number + 1)
-
-
-def _table(
-    connection: sa.Connection, study_id: int, key: Any, value: Any, keys: Sequence[Any], kind: type
-) -> NDArray[Any]:
-    """The values under `keys` of every trial, in order (ntrial x nkey); of no trial if one lacks any of them.
-
-    A trial has a key at most once and the DB's own order of keys is the same for all, so nothing but values is read.
-    Raises ValueError or TypeError for one that is not of that `kind`.
-    """
-    where = models.TrialModel.study_id == study_id, key.in_(keys)
-    query = sa.select(value).join(models.TrialModel).where(*where).order_by(models.TrialModel.trial_id, key)
-    order = list(connection.scalars(query.with_only_columns(key).limit(len(keys))))
-    # The driver's own rows: SQLAlchemy's would cost three times the reading.
-    cursor = connection.connection.cursor()
-    cursor.execute(str(query.compile(connection.engine, compile_kwargs={"literal_binds": True})))
-    cells: NDArray[Any] = np.fromiter((kind(cell) for (cell,) in iter(cursor.fetchone, None)), kind)
-    cursor.close()
-    if len(cells) % len(keys) or sorted(order) != sorted(keys):
-        return np.empty((0, len(keys)), kind)
-    return cells.reshape(-1, len(keys))[:, [order.index(wanted) for wanted in keys]]
-
-
-def _heads(study_id: int, trials: Sequence[Trial]) -> list[dict[str, Any]]:
-    return [
-        {
-            "number": trial.number,
-            "study_id": study_id,
-            "state": (TrialState.PRUNED if trial.outcome.fell else TrialState.COMPLETE).name,
-            "datetime_start": trial.started and str(trial.started),
-            "datetime_complete": trial.completed and str(trial.completed),
-        }
-        for trial in trials
-    ]
-
-
-def _rows(
-    ids: Sequence[int], trials: Sequence[Trial], names: Sequence[str], distributions: Sequence[str]
-) -> dict[Any, list[dict[str, Any]]]:
-    """Rows by model class. A fall carries its value as intermediate value at the step that it survived to, as
-    Optuna's own `tell` would write it.
-    """
-    finite_value = models.TrialValueModel.TrialValueType.FINITE.name
-    finite_step = models.TrialIntermediateValueModel.TrialIntermediateValueType.FINITE.name
-    rows: dict[Any, list[dict[str, Any]]] = {
-        models.TrialParamModel: [
-            {"trial_id": i, "param_name": name, "param_value": value, "distribution_json": distribution}
-            for i, trial in zip(ids, trials, strict=True)
-            for name, value, distribution in zip(names, trial.factors.tolist(), distributions, strict=True)
-        ],
-        models.TrialValueModel: [
-            {"trial_id": i, "objective": 0, "value": trial.outcome.value, "value_type": finite_value}
-            for i, trial in zip(ids, trials, strict=True)
-        ],
-        models.TrialIntermediateValueModel: [
-            {
-                "trial_id": i,
-                "step": trial.outcome.steps,
-                "intermediate_value": trial.outcome.value,
-                "intermediate_value_type": finite_step,
-            }
-            for i, trial in zip(ids, trials, strict=True)
-        ],
-        models.TrialUserAttributeModel: [
-            {"trial_id": i, "key": key, "value_json": str(value)}
-            for i, trial in zip(ids, trials, strict=True)
-            for key, value in _attributes(trial).items()
-        ],
-    }
-    return rows
-
-
-def _attributes(trial: Trial) -> dict[str, int]:
-    periods = {f"periods_{joint + 1}": count for joint, count in enumerate(trial.outcome.periods)}
-    return {"generation": trial.generation, "steps": trial.outcome.steps, **periods}
 
 
 def _check_sqlite_file(path: Path, create: bool) -> None:

@@ -20,8 +20,9 @@ from metaid.crew import make_crew
 from metaid.errors import StorageError, StudyError
 from metaid.objective import Outcome
 from metaid.problem import Problem, StudySpec
+from metaid.rows import Trial
 from metaid.searchers import Searcher
-from metaid.store import Store, Trial
+from metaid.store import Store
 
 LARGEST_TPE = 2000  # trials; what the next one costs grows with all before it
 REPLAY_TOLERANCE = 1e-6  # relative; another machine's linear algebra may round differently

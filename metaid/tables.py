@@ -11,7 +11,8 @@ import pandas as pd
 
 from metaid.chain import lump_unit
 from metaid.problem import Problem
-from metaid.store import Store, Trial
+from metaid.rows import Trial
+from metaid.store import Store
 from metaid.study import stored_spec
 
 

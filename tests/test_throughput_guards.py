@@ -15,7 +15,8 @@ from conftest import Finished
 
 from metaid.objective import Outcome
 from metaid.problem import Problem, load_study
-from metaid.store import Store, Trial
+from metaid.rows import Trial
+from metaid.store import Store
 from metaid.study import create_study, run_study
 
 GENERATION = 9  # of cmaes at three links
