@@ -57,7 +57,7 @@ def advice(spec: StudySpec) -> str | None:
     if spec.study.sampler != "tpe" or spec.study.trials <= LARGEST_TPE:
         return None
     return (
-        f"{spec.study.trials} trials with tpe: each costs more than the one before, some 30 ms at trial 3,000 "
+        f"{spec.study.trials} trials with tpe: each takes longer than the one before "
         f"(advised: at most {LARGEST_TPE} with tpe, or sampler = 'cmaes')"
     )
 
