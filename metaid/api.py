@@ -10,17 +10,19 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from metaid import tables
 from metaid.chain import factors_from_names
 from metaid.episode import Episode, tip_push
-from metaid.errors import EpisodeError, StorageError
+from metaid.errors import EpisodeError, StorageError, StudyError
 from metaid.objective import Objective, Outcome
 from metaid.plant import MujocoPlant, load_plant
 from metaid.problem import COUNTING_STEPS, TIP_SPEED, Problem, StudySpec, load_study
 from metaid.store import DEFAULT_STORAGE, Store
 from metaid.study import Progress, create_study, run_study, stored_spec
+from metaid.validation import PUSHES, Validation, validate_factors
 
 LARGEST_FACTOR = 1000.0
 
@@ -134,6 +136,19 @@ def summary(name: str, storage: str | None = None) -> dict[str, Any]:
     """A study as `metaid study show --json` prints it."""
     with closing(Store(storage or default_storage())) as store:
         return tables.summary(store, name)
+
+
+def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: int = 0) -> Validation:
+    """What the best survivor of a study is worth on `pushes` that the search never used, and along a trajectory.
+
+    Raises StorageError, and StudyError if no trial survived yet.
+    """
+    with closing(Store(storage or default_storage())) as store:
+        factors = tables.lumps_frame(store, name)["factor"].to_numpy(dtype=float)
+        problem = Problem(stored_spec(store, name))
+    if np.isnan(factors).any():
+        raise StudyError(f"study '{name}' has no survivor yet, so there is nothing to validate: run it first")
+    return validate_factors(problem, factors, pushes, seed)
 
 
 def _spec(study: str | Path | StudySpec) -> StudySpec:

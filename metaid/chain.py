@@ -53,8 +53,7 @@ class Chain:
 
     def mass_matrix(self, angles: Array) -> Array:
         """M(φ) at absolute `angles` (... x nlink) → (... x nlink x nlink), in kg m².  Eq. 4."""
-        difference = angles[..., :, None] - angles[..., None, :]
-        return self.lumps.coriolis * np.cos(difference) + np.diag(self.inertia_lumps)
+        return mass_matrix(self.lumps, self.inertia_lumps, angles)
 
 
 @dataclass(frozen=True)
@@ -89,6 +88,13 @@ def _pairs(nlink: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """The links i < j of every Coriolis lump, in the order of `lump_names`: (nlump - nlink) each."""
     first, second = np.triu_indices(nlink, 1)
     return first, second
+
+
+def mass_matrix(lumps: Lumps, inertia_lumps: Array, angles: Array) -> Array:
+    """M(φ) (... x nlink x nlink), in kg m², at absolute `angles` (... x nlink), from `lumps` and d (nlink).  Eq. 4."""
+    difference = angles[..., :, None] - angles[..., None, :]
+    matrix: Array = lumps.coriolis * np.cos(difference) + np.diag(inertia_lumps)
+    return matrix
 
 
 def lump_names(nlink: int) -> list[str]:

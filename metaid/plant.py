@@ -109,8 +109,8 @@ def chain_of(links: tuple[LinkSettings, ...]) -> Chain:
     )
 
 
-def build_model(chain: Chain, gravity: float, timestep: float) -> mujoco.MjModel:
-    """A lean MuJoCo model of the chain: hinges about y, explicit inertials, nothing that an episode does not need.
+def build_spec(chain: Chain, gravity: float, timestep: float) -> mujoco.MjSpec:
+    """A lean MuJoCo chain: hinges about y, explicit inertials, nothing that an episode can do without.
 
     Autoreset is off: a diverged episode must not silently restart. Euler: a torque is written once a step
     (docs/method.md).
@@ -145,7 +145,7 @@ def build_model(chain: Chain, gravity: float, timestep: float) -> mujoco.MjModel
             damping=[chain.damping[i], 0.0, 0.0],
         )
         height = chain.length[i]
-    return spec.compile()
+    return spec
 
 
 @dataclass(eq=False)
@@ -159,7 +159,7 @@ class MujocoPlant:
         self.chain = chain_of(self.settings.links)
         _refuse_too_long_a_step(self.name, self.chain, self.gravity, self.timestep)
         try:
-            self.model = build_model(self.chain, self.gravity, self.timestep)
+            self.model = build_spec(self.chain, self.gravity, self.timestep).compile()
         except (ValueError, mujoco.FatalError) as problem:
             raise PlantError(f"plant {self.name}: MuJoCo cannot build it: {' '.join(str(problem).split())}") from None
         self.data = mujoco.MjData(self.model)

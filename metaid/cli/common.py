@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from metaid.store import Store
 
 
+FIGURES = (".png", ".pdf", ".svg")
+
+
 class Group(click.Group):
     """A group whose message for an unknown command lists the known ones."""
 

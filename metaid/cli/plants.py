@@ -7,9 +7,7 @@ from typing import Any
 
 import click
 
-from metaid.cli.common import Group, figure, json_option, numbers, print_json, print_table, whole_file
-
-FIGURES = (".png", ".pdf", ".svg")
+from metaid.cli.common import FIGURES, Group, figure, json_option, numbers, print_json, print_table, whole_file
 
 
 def _complete_plant(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:

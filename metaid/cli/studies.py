@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from metaid.cli.common import (
+    FIGURES,
     Group,
     figure,
     json_option,
@@ -258,6 +259,52 @@ def _print_study(store: Any, name: str) -> None:
 def _verification(mujoco: dict[str, Any]) -> str:
     told = "falls in MuJoCo" if mujoco["fell"] else f"MuJoCo gives it {mujoco['value']:.3g}"
     return f"screened with analytic physics, {told}: {'verified' if mujoco['agrees'] else 'NOT VERIFIED'}"
+
+
+@study.command(epilog="\b\nExample:\n  metaid study validate three-link -o tracking.png")
+@name_argument
+@storage_option
+@click.option(
+    "--pushes", type=click.IntRange(1, 1000), default=10, show_default=True, help="Pushes that the search never used."
+)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Which pushes.")
+@json_option
+@click.option(
+    "-o", "output", type=click.Path(path_type=Path), help="Draw tracking errors over time (.png, .pdf, .svg)."
+)
+def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, output: Path | None) -> None:
+    """What the identified model is worth: how long it keeps the pendulum coasting, and how well it tracks.
+
+    Beside it the nominal model, and the truth where the plant knows it.
+    """
+    from metaid import api
+
+    validation = api.validate(name, storage, pushes, seed)
+    if output is not None:
+        from metaid.figures import draw_tracking
+
+        with whole_file(output, FIGURES) as partial:
+            draw_tracking(validation, partial)
+    shown = validation.summary()
+    if as_json:
+        print_json({"study": name, **shown})
+        return
+    columns = ("coasting_s", "coasting_natural_times", "tracking_rms_deg", "tracking_max_deg")
+    rows = [
+        [
+            row["model"],
+            *(figure(row[key], ".3g") for key in columns[:2]),
+            str(row["coasting_whole_horizon"]),
+            *(figure(row[key], ".3g") for key in columns[2:]),
+        ]
+        for row in shown["models"]
+    ]
+    heading = ["model", "coasts, s", "in √(l/g)", "to the end", "tracking error, rms °", "max °"]
+    note = (
+        f"coasting: median of {pushes} new pushes, watched for {shown['horizon_s']:.3g} s; tracking: computed torque "
+        "along smooth sinusoids, with inertia lumps (not searched) in the nominal model's ratio to the gravity lumps"
+    )
+    print_table(f"{name}: what it is worth on {shown['plant']}", heading, rows, note)
 
 
 @study.command(epilog="\b\nExample:\n  metaid study export three-link -o trials.csv")
