@@ -14,7 +14,7 @@ from metaid.chain import Array, Lumps, compensation_torque, mass_matrix
 from metaid.plant import Plant
 
 AMPLITUDE = 0.5  # rad, of the mean joint's sinusoid
-SLOWEST_PERIOD, FASTEST_PERIOD = 12.0, 6.0  # of the joints' sinusoids, in natural times
+PERIODS = 6.0, 12.0  # fastest and slowest of the joints' sinusoids, in natural times
 BANDWIDTH = 3.0  # of the feedback, in rad per natural time
 LOST = np.pi  # rad off the trajectory: out of control
 
@@ -46,18 +46,28 @@ class Tracked:
     torques: Array
 
 
-def smooth_sinusoids(njoint: int, natural_time: float, timestep: float, seed: int = 0, harmonics: int = 1) -> Motion:
-    """A joint trajectory from rest upright: each joint swings as a sum of `harmonics` sinusoids of its own periods.
+def smooth_sinusoids(
+    njoint: int,
+    natural_time: float,
+    timestep: float,
+    seed: int = 0,
+    harmonics: int = 1,
+    amplitude: float = AMPLITUDE,
+    periods: tuple[float, float] = PERIODS,
+) -> Motion:
+    """A joint trajectory from rest upright: each joint swings as a sum of `harmonics` sinusoids of its own `periods`,
+    drawn between the fastest and the slowest, in natural times.
 
     Two of the slowest periods long; joints swing to alternate sides, so that the chain stays near the upright.
-    `natural_time` and `timestep` in s.
+    `amplitude` in rad, of the mean joint; `natural_time` and `timestep` in s.
     """
+    fastest, slowest = periods
     random = np.random.default_rng(seed)
-    times = np.arange(0.0, 2.0 * SLOWEST_PERIOD * natural_time, timestep)[:, None]
+    times = np.arange(0.0, 2.0 * slowest * natural_time, timestep)[:, None]
     angles, speeds, accelerations = (np.zeros((len(times), njoint)) for _ in range(3))
     for _ in range(harmonics):
-        rate = 2.0 * np.pi / (natural_time * random.uniform(FASTEST_PERIOD, SLOWEST_PERIOD, njoint))
-        half = AMPLITUDE / 2.0 / harmonics * random.uniform(0.7, 1.3, njoint) * (-1.0) ** np.arange(njoint)
+        rate = 2.0 * np.pi / (natural_time * random.uniform(fastest, slowest, njoint))
+        half = amplitude / 2.0 / harmonics * random.uniform(0.7, 1.3, njoint) * (-1.0) ** np.arange(njoint)
         angles += half * (1.0 - np.cos(rate * times))
         speeds += half * rate * np.sin(rate * times)
         accelerations += half * rate**2 * np.cos(rate * times)

@@ -1,0 +1,83 @@
+"""What the methods that know the torques see: a chain along exciting trajectories, measured perfectly or with noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from benchmarks.chains import Links
+from metaid.chain import Array
+from metaid.control import BANDWIDTH, Model, smooth_sinusoids, track
+from metaid.episode import natural_time
+from metaid.errors import StudyError
+from metaid.plant import MujocoPlant, PlantSettings, chain_of
+
+SWING, PERIODS, RUNS = 1.5, (4.0, 12.0), 8  # of the recorded motion: rad, natural times, trajectories
+TIGHTNESS = 2.0 * BANDWIDTH  # of its feedback, in rad per natural time
+NOISE = 1e-3  # rad
+FILTER_SPAN, FILTER_ORDER = 1.5, 5  # of the derivatives' filter, in natural times, and of its polynomial: the best of
+# six motions and five spans that were tried on these chains, so that the noisy rows are not a strawman
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Joint `angles` (rad), `speeds` (rad/s), `accelerations` (rad/s²) and `torques` (N m), each (nrun x nsteps x
+    njoint), at every `timestep` (s)."""
+
+    angles: Array
+    speeds: Array
+    accelerations: Array
+    torques: Array
+    timestep: float
+
+    @property
+    def seconds(self) -> float:
+        """How long the plant moved for it, in s."""
+        return self.angles[..., 0].size * self.timestep
+
+
+def record(true: Links, nominal: Links, seed: int) -> Recording:
+    """A plant of the `true` links along exciting trajectories, driven by computed torque of the `nominal` ones.
+
+    The accelerations are those of the plant itself, as if measured perfectly.  Raises StudyError if control is lost.
+    """
+    plant = MujocoPlant("chain", PlantSettings(links=true))
+    believed = chain_of(nominal)
+    model = Model(believed.lumps, believed.inertia_lumps)
+    scale = natural_time(believed, plant.gravity)
+    seen = []
+    for run in range(RUNS):
+        motion = smooth_sinusoids(plant.njoint, scale, plant.timestep, 1000 * seed + run, 1, SWING, PERIODS)
+        seen.append(track(plant, model, model, motion, TIGHTNESS / scale))
+        if len(seen[-1].angles) < len(motion.angles):
+            raise StudyError(
+                f"{plant.njoint} links, seed {seed}: the nominal model lost control of the recorded motion"
+            )
+    speeds = np.array([run.speeds for run in seen])
+    return Recording(
+        np.array([run.angles for run in seen])[:, :-1],
+        speeds[:, :-1],
+        np.diff(speeds, axis=1) / plant.timestep,
+        np.array([run.torques for run in seen])[:, :-1],
+        plant.timestep,
+    )
+
+
+def with_noise(clean: Recording, nominal: Links, gravity: float, seed: int) -> Recording:
+    """The recording with normal noise on every angle, and speeds and accelerations that are filtered derivatives of it.
+
+    Savitzky-Golay, which lags nowhere; the torques, which are commanded, pass through the same filter.
+    """
+    random = np.random.default_rng([seed, clean.angles.shape[2]])
+    angles = clean.angles + NOISE * random.normal(size=clean.angles.shape)
+    window = round(FILTER_SPAN * natural_time(chain_of(nominal), gravity) / clean.timestep) | 1
+
+    def filtered(signal: Array, derivative: int = 0) -> Array:
+        smooth: Array = savgol_filter(signal, window, FILTER_ORDER, derivative, clean.timestep, axis=1)
+        return smooth
+
+    return Recording(
+        filtered(angles), filtered(angles, 1), filtered(angles, 2), filtered(clean.torques), clean.timestep
+    )
