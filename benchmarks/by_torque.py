@@ -15,9 +15,9 @@ from metaid.chain import Array
 from metaid.episode import natural_time
 from metaid.plant import LinkSettings, build_spec, chain_of
 
-WINDOW, WINDOWS = 2.0, 32  # natural times that sysid simulates from a measured state, and how many of those it gets
+WINDOW, WINDOWS = 2.0, 24  # natural times that sysid simulates from a measured state, and how many of those it gets
 LEAST_FACTOR, LARGEST_FACTOR = 0.3, 3.0  # that sysid allows of each nominal mass, centre of mass and inertia
-SYSID_ITERATIONS = 50
+SYSID_ITERATIONS, SYSID_TOLERANCE = 50, 1e-5  # the latter of a step in the factors
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,13 @@ def mujoco_sysid(seen: Recording, nominal: Links, gravity: float) -> Found:
         n_threads=1,
     )
     found, _ = sysid.optimize(
-        factors, residual, optimizer="mujoco", verbose=False, max_iters=SYSID_ITERATIONS, output=io.StringIO()
+        factors,
+        residual,
+        optimizer="mujoco",
+        verbose=False,
+        max_iters=SYSID_ITERATIONS,
+        xtol=SYSID_TOLERANCE,
+        output=io.StringIO(),
     )
     identified = chain_of(tuple(_scaled(link, found[f"link_{i + 1}"].value) for i, link in enumerate(nominal)))
     return Found(identified.lumps.vector, identified.inertia_lumps, WINDOWS * steps * seen.timestep)

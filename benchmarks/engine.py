@@ -6,6 +6,8 @@ Bare `mj_step` is compiled too and has no timer to call. The plain Python loop i
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -41,13 +43,13 @@ def _row(nlink: int, quick: bool) -> Row:
     whole = mujoco_step(plant.model, plant.data)
     fastest = fastest_step(plant)
     assert isinstance(fastest, DirectStep), "MuJoCo's stages are not mj_step here: nothing to compare"
-    steps = {"mj_step": whole, "direct": fastest, "analytic": fastest_step(plant, "analytic")}
+    steps: dict[str, Any] = {"mj_step": whole, "direct": fastest, "analytic": fastest_step(plant, "analytic")}
     engines = {name: CompiledEpisode(plant, episode, step) for name, step in steps.items()}
     start = np.array([plant.start_speeds(impulses) for impulses in episode.pushes])
     short = Episode(episode.pushes, min(episode.steps, PLAIN_STEPS))
     run: dict[str, Callable[[], object]] = {
         "bare": lambda: bare(whole, start, episode.steps),
-        **{name: lambda engine=engine: engine.run(nominal) for name, engine in engines.items()},
+        **{name: partial(engine.run, nominal) for name, engine in engines.items()},
         "plain": lambda: run_plain(plant, nominal, short),
     }
     counts = {name: engine.run(nominal).steps for name, engine in engines.items()}

@@ -35,13 +35,13 @@ class EndlessCmaes:
     """CMA-ES that starts again, with the next seed, when it is finished."""
 
     def __init__(self, coordinates: Coordinates, seed: int, sigma: float, generation_size: int | None) -> None:
-        self._make = lambda: Cmaes(coordinates, seed + self._restarts, sigma, generation_size)
-        self._restarts = 0
+        self._settings = coordinates, sigma, generation_size
+        self._seed = seed
         self._searcher = self._make()
 
-    @property
-    def generation_size(self) -> int:
-        return self._searcher.generation_size
+    def _make(self) -> Cmaes:
+        coordinates, sigma, generation_size = self._settings
+        return Cmaes(coordinates, self._seed, sigma, generation_size)
 
     @property
     def spread(self) -> float | None:
@@ -53,7 +53,7 @@ class EndlessCmaes:
     def tell(self, outcomes: Sequence[Outcome]) -> None:
         self._searcher.tell(outcomes)
         if self._searcher.finished():
-            self._restarts += 1
+            self._seed += 1
             self._searcher = self._make()
 
     def finished(self) -> bool:

@@ -17,8 +17,8 @@ from metaid.plant import MujocoPlant, PlantSettings, chain_of
 SWING, PERIODS, RUNS = 1.5, (4.0, 12.0), 8  # of the recorded motion: rad, natural times, trajectories
 TIGHTNESS = 2.0 * BANDWIDTH  # of its feedback, in rad per natural time
 NOISE = 1e-3  # rad
-FILTER_SPAN, FILTER_ORDER = 1.5, 5  # of the derivatives' filter, in natural times, and of its polynomial: the best of
-# six motions and five spans that were tried on these chains, so that the noisy rows are not a strawman
+# The best of the spans and motions that were tried on these chains, so that the noisy rows are not a strawman:
+FILTER_SPAN, FILTER_ORDER = 1.5, 5  # of the derivatives' filter, in natural times, and of its polynomial
 
 
 @dataclass(frozen=True)

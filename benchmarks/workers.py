@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -39,6 +40,11 @@ def measure(quick: bool) -> dict[str, list[Row]]:
     return {"Workers: trials per second, three links, 5,000-step episodes": rows}
 
 
+def _evaluate_all(crew: Crew, batches: Array) -> None:
+    for batch in batches:
+        crew.evaluate(batch)
+
+
 def _rows(problem: Problem, batches: Array, workers: int, repeats: int) -> list[Row]:
     with ExitStack() as stack:
         begun = time.perf_counter()
@@ -51,7 +57,7 @@ def _rows(problem: Problem, batches: Array, workers: int, repeats: int) -> list[
             "ray": ray,
         }
         works: dict[str, Callable[[], object]] = {
-            name: lambda crew=crew: [crew.evaluate(batch) for batch in batches] for name, crew in crews.items()
+            name: partial(_evaluate_all, crew, batches) for name, crew in crews.items()
         }
         interleaved(works, 1)
         taken = interleaved(works, repeats)
