@@ -185,6 +185,8 @@ class CompiledEpisode:
     def run(self, candidate: Lumps) -> Record:
         """One episode with the `candidate` lumps. The record's arrays are overwritten by the next run."""
         plant, episode = self.plant, self.episode
+        for output in self._outputs:
+            output.fill(0)  # a fall leaves later pushes as they are, and the last candidate's must not be seen there
         steps, fell = _run(
             self.step,
             self._start,

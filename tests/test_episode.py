@@ -75,6 +75,16 @@ def test_compiled_loop_equals_plain_loop(nlink: int, kind: str) -> None:
     assert kind == "rich" or fell > 0
 
 
+def test_record_of_a_fall_shows_nothing_of_the_candidate_before() -> None:
+    """Pushes that were not begun are zero, whatever was evaluated last: a trial must not depend on its worker."""
+    plant = random_plant(2)
+    compiled = CompiledEpisode(plant, Episode(np.repeat(tip_push(plant, 0.1), 2, axis=0), 1500))
+    falling = plant.chain.lumps.scaled(np.full(3, 0.9))
+    fresh = compiled.run(falling).half_periods.copy()
+    assert compiled.run(plant.chain.lumps.scaled(np.full(3, 1.3))).half_periods.sum() > 0
+    assert (compiled.run(falling).half_periods == fresh).all()
+
+
 def paper_plant(nlink: int) -> MujocoPlant:
     """The paper's plant as far as it can be known: 1 kg rods, g = 9.8 m/s², a 10 ms step (DESIGN 2.3)."""
     links = (LinkSettings(length=0.45, mass=1.0),) * nlink
