@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Chain:
     """Physical parameters of a chain, each (nlink,): `length` and `com` in m, `mass` in kg, `inertia` in kg m²,
-    `damping` in N m s.
+    `damping` in N m s, `stiffness` in N m/rad.
     """
 
     length: Array
@@ -29,6 +29,7 @@ class Chain:
     com: Array
     inertia: Array
     damping: Array
+    stiffness: Array
 
     @property
     def nlink(self) -> int:

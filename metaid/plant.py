@@ -61,13 +61,15 @@ class Plant(Protocol):
 
 class LinkSettings(Settings):
     """One `[[links]]` table: `length` and `com` (from the joint; default half the length) in m, `mass` in kg,
-    `inertia` about the centre of mass (default: a slender rod's) in kg m², `damping` of its joint in N m s."""
+    `inertia` about the centre of mass (default: a slender rod's) in kg m², `damping` of its joint in N m s,
+    `stiffness` of a spring in its joint, at rest when the joint is straight, in N m/rad."""
 
     length: Positive
     mass: Positive
     com: Positive | None = None
     inertia: Annotated[float, Field(ge=1e-12, le=1e9)] | None = None
     damping: Annotated[float, Field(ge=0, le=1e6)] = 0.0
+    stiffness: Annotated[float, Field(ge=0, le=1e6)] = 0.0
 
     @model_validator(mode="after")
     def _com_on_link(self) -> LinkSettings:
@@ -81,12 +83,15 @@ class LinkSettings(Settings):
 class PlantSettings(Settings):
     """A plant file: links from the base up, `gravity` in m/s², `timestep` in s; `truth_known = false` keeps the truth
     from reports.
+
+    `over_compensation` is a declared fault: the torque that the plant receives has gravity factors larger by this.
     """
 
     description: str = ""
     gravity: Annotated[float, Field(gt=0, le=1e3)] = 9.81
     timestep: Annotated[float, Field(gt=0, le=0.1)] = 0.002
     truth_known: bool = True
+    over_compensation: Annotated[float, Field(gt=-1, lt=1)] = 0.0
     links: Annotated[tuple[LinkSettings, ...], Field(min_length=1, max_length=64, strict=False)]
 
 
@@ -106,6 +111,7 @@ def chain_of(links: tuple[LinkSettings, ...]) -> Chain:
         com=column(coms),
         inertia=column(inertias),
         damping=column([link.damping for link in links]),
+        stiffness=column([link.stiffness for link in links]),
     )
 
 
@@ -143,6 +149,7 @@ def build_spec(chain: Chain, gravity: float, timestep: float) -> mujoco.MjSpec:
             type=mujoco.mjtJoint.mjJNT_HINGE,
             axis=[0.0, 1.0, 0.0],
             damping=[chain.damping[i], 0.0, 0.0],
+            stiffness=[chain.stiffness[i], 0.0, 0.0],
         )
         height = chain.length[i]
     return spec
@@ -159,7 +166,7 @@ class MujocoPlant:
         self.chain = chain_of(self.settings.links)
         _refuse_too_long_a_step(self.name, self.chain, self.gravity, self.timestep)
         try:
-            self.model = build_spec(self.chain, self.gravity, self.timestep).compile()
+            self.model = build_spec(self.chain, self._felt_gravity, self.timestep).compile()
         except (ValueError, mujoco.FatalError) as problem:
             raise PlantError(f"plant {self.name}: MuJoCo cannot build it: {' '.join(str(problem).split())}") from None
         self.data = mujoco.MjData(self.model)
@@ -175,6 +182,11 @@ class MujocoPlant:
     @property
     def gravity(self) -> float:
         return self.settings.gravity
+
+    @property
+    def _felt_gravity(self) -> float:
+        """In m/s². Too large a torque by a share of the gravity terms is the same as gravity weaker by that share."""
+        return self.gravity * (1.0 - self.settings.over_compensation)
 
     def start_speeds(self, impulses: Array) -> Array:
         """Joint speeds (njoint), in rad/s, just after `impulses` (njoint), in N s, at the link tips of the chain at
@@ -211,8 +223,9 @@ def read_plant(path: Path) -> PlantSettings:
 
 
 def _refuse_too_long_a_step(name: str, chain: Chain, gravity: float, timestep: float) -> None:
-    stiffness, mass = gravity * chain.lumps.gravity, chain.mass_matrix(np.zeros(chain.nlink))
-    eigenvalues = np.linalg.eigvals(np.linalg.solve(mass, np.diag(stiffness))).real
+    joints = np.eye(chain.nlink) - np.eye(chain.nlink, k=-1)  # joint angles from absolute ones
+    stiffness = np.diag(gravity * chain.lumps.gravity) + joints.T @ np.diag(chain.stiffness) @ joints
+    eigenvalues = np.linalg.eigvals(np.linalg.solve(chain.mass_matrix(np.zeros(chain.nlink)), stiffness)).real
     fastest = float(np.sqrt(eigenvalues.max()))
     if not fastest * timestep * MIN_STEPS_PER_RADIAN <= 1.0:
         longest = 1.0 / (fastest * MIN_STEPS_PER_RADIAN)

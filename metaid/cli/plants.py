@@ -43,7 +43,7 @@ def show_plant(name: str, as_json: bool) -> None:
 
     shown = load_plant(name)
     chain, truth = shown.chain, shown.true_lumps()
-    columns = ("length", "mass", "com", "inertia", "damping")
+    columns = ("length", "mass", "com", "inertia", "damping", "stiffness")
     links = [
         dict(zip(columns, map(float, row), strict=True))
         for row in zip(*(getattr(chain, column) for column in columns), strict=True)
@@ -54,17 +54,18 @@ def show_plant(name: str, as_json: bool) -> None:
         for i, lump in enumerate(names)
     ]
     if as_json:
-        print_json(
-            {"plant": shown.name, "gravity": shown.gravity, "timestep": shown.timestep, "links": links, "lumps": lumps}
-        )
+        settings = {key: getattr(shown.settings, key) for key in ("gravity", "timestep", "over_compensation")}
+        print_json({"plant": shown.name, **settings, "links": links, "lumps": lumps})
         return
-    heading = ["link", "length, m", "mass, kg", "com, m", "inertia, kg m²", "damping, N m s"]
+    heading = ["link", "length, m", "mass, kg", "com, m", "inertia, kg m²", "damping, N m s", "stiffness, N m/rad"]
+    fault = shown.settings.over_compensation
     rows = [[str(i + 1), *(figure(link[column]) for column in columns)] for i, link in enumerate(links)]
     print_table(
         f"{shown.name}: {shown.settings.description}",
         heading,
         rows,
-        f"gravity {shown.gravity} m/s², timestep {shown.timestep} s",
+        f"gravity {shown.gravity} m/s², timestep {shown.timestep} s"
+        + (f"; declared fault: receives gravity factors larger by {fault}" if fault else ""),
     )
     print_table(
         "True lumps", ["lump", "value", "unit"], [[lump["name"], figure(lump["true"]), lump["unit"]] for lump in lumps]
