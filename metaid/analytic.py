@@ -24,6 +24,7 @@ class AnalyticStep(NamedTuple):
     coriolis: Array
     inertia: Array
     damping: Array
+    stiffness: Array
     mass: Array
     acceleration: Array
     timestep: float
@@ -33,8 +34,10 @@ def analytic_step(chain: Chain, gravity: float, timestep: float) -> AnalyticStep
     """A `chain` at rest upright; `gravity` in m/s², `timestep` in s."""
     n, lumps = chain.nlink, chain.lumps
     state = np.zeros(n), np.zeros(n), np.zeros(n)
-    weights = gravity * lumps.gravity, lumps.coriolis, chain.inertia_lumps, chain.damping.copy()
-    return AnalyticStep(*state, *weights, np.zeros((n, n)), np.zeros(n), timestep)
+    weights = gravity * lumps.gravity, lumps.coriolis, chain.inertia_lumps
+    return AnalyticStep(
+        *state, *weights, chain.damping.copy(), chain.stiffness.copy(), np.zeros((n, n)), np.zeros(n), timestep
+    )
 
 
 @compiled
@@ -42,15 +45,15 @@ def advance_analytically(chain, speeds, sines, cosines):  # type: ignore[no-unty
     """One timestep of an `AnalyticStep`, given the absolute link `speeds` and the `sines` and `cosines` of the absolute
     angles, (nlink) each.
 
-    Solves M φ̈ = Q − Σ_j a_ij sin(φ_i − φ_j) φ̇_j² + g μ_i sin φ_i (Eq. 4), Q the joint torques less viscous friction,
-    by M = L D Lᵀ: the factors of M take the place of its lower half.
+    Solves M φ̈ = Q − Σ_j a_ij sin(φ_i − φ_j) φ̇_j² + g μ_i sin φ_i (Eq. 4), Q the joint torques less viscous friction
+    and springs, by M = L D Lᵀ: the factors of M take the place of its lower half.
     """
-    qpos, qvel, torque, gravity, coriolis, inertia, damping, mass, acceleration, timestep = chain
+    qpos, qvel, torque, gravity, coriolis, inertia, damping, stiffness, mass, acceleration, timestep = chain
     n = qpos.shape[0]
     for i in range(n):
-        force = torque[i] - damping[i] * qvel[i] + gravity[i] * sines[i]
+        force = torque[i] - damping[i] * qvel[i] - stiffness[i] * qpos[i] + gravity[i] * sines[i]
         if i + 1 < n:
-            force -= torque[i + 1] - damping[i + 1] * qvel[i + 1]
+            force -= torque[i + 1] - damping[i + 1] * qvel[i + 1] - stiffness[i + 1] * qpos[i + 1]
         for j in range(n):
             centrifugal = coriolis[i, j] * speeds[j] * speeds[j]
             force -= centrifugal * (sines[i] * cosines[j] - cosines[i] * sines[j])

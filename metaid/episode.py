@@ -26,13 +26,16 @@ SLOWEST_LINK, SLOWEST_JOINT = 0.3, 0.2  # of the peak speed, in a rich push
 @dataclass(frozen=True)
 class Episode:
     """`pushes` (npush x njoint), horizontal impulses at the link tips in N s; `steps` after each; when a link counts
-    as fallen.
+    as fallen; whether the record keeps the joint angles.
+
+    A `fall_margin` of 0 means that a link past the limit has fallen however slow it is.
     """
 
     pushes: Array
     steps: int
     fall_limit: float = FALL_LIMIT
     fall_margin: float = FALL_MARGIN
+    keep_angles: bool = False
 
     def __post_init__(self) -> None:
         if self.steps < 1:
@@ -55,6 +58,7 @@ class Record:
     `crossing_span`: time from the first to the last crossing, interpolated between steps, in s.
     `speed_energy`, `acceleration_energy`: ∫ q̇² dt in rad²/s and ∫ q̈² dt in rad²/s³.
     `steps`: steps that were run; `fall_step`: the step by which a link had fallen, or None.
+    `angles`: joint angles (nsteps + 1 x njoint), in rad, of each push that was begun, if the episode keeps them.
     """
 
     timestep: float
@@ -64,6 +68,7 @@ class Record:
     crossing_span: Array
     speed_energy: Array
     acceleration_energy: Array
+    angles: tuple[Array, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -91,10 +96,11 @@ def run_plain(plant: Plant, candidate: Lumps, episode: Episode) -> tuple[Record,
     shape = episode.pushes.shape
     half_periods, span = np.zeros(shape, dtype=np.int64), np.zeros(shape)
     speed_energy, acceleration_energy = np.zeros(shape), np.zeros(shape)
-    steps, fall_step = 0, None
+    steps, fall_step, kept = 0, None, []
     for push, impulses in enumerate(episode.pushes):
         angles, speeds = _watch_push(plant, candidate, episode, impulses)
         ran = len(angles) - 1
+        kept.append(angles)
         half_periods[push], span[push] = crossings(angles, speeds[0], plant.timestep)
         speed_energy[push], acceleration_energy[push] = energies(speeds, plant.timestep)
         steps += ran
@@ -102,7 +108,8 @@ def run_plain(plant: Plant, candidate: Lumps, episode: Episode) -> tuple[Record,
         if has_fallen(np.cumsum(angles[-1]), np.cumsum(speeds[-1]), episode.fall_limit, fastest):
             fall_step = steps
             break
-    record = Record(plant.timestep, steps, fall_step, half_periods, span, speed_energy, acceleration_energy)
+    seen = half_periods, span, speed_energy, acceleration_energy
+    record = Record(plant.timestep, steps, fall_step, *seen, tuple(kept) if episode.keep_angles else ())
     return record, Trajectory(angles, speeds)
 
 

@@ -93,8 +93,9 @@ def _compensate(gravity, coriolis, angles, speeds, work, torque):  # type: ignor
 
 
 @compiled
-def _run(chain, start, gravity, coriolis, timestep, steps, limit, margin, work, outputs):  # type: ignore[no-untyped-def]
-    """All pushes of an episode; fills the four (npush x njoint) `outputs`; returns steps run and whether a link fell.
+def _run(chain, start, gravity, coriolis, timestep, steps, limit, margin, work, outputs, kept):  # type: ignore[no-untyped-def]
+    """All pushes of an episode; fills the four (npush x njoint) `outputs`, and `kept` (npush x nsteps + 1 x njoint)
+    with joint angles unless it is empty; returns steps run and whether a link fell.
 
     `work` are twelve vectors (njoint); nothing is allocated here.
     """
@@ -103,6 +104,7 @@ def _run(chain, start, gravity, coriolis, timestep, steps, limit, margin, work, 
     qpos, qvel, torque = chain.qpos, chain.qvel, chain.torque
     npush, n = start.shape
     ran = 0
+    keep = kept.size > 0
     for push in range(npush):
         fastest, angle, speed = 0.0, 0.0, 0.0
         for i in range(n):
@@ -141,6 +143,9 @@ def _run(chain, start, gravity, coriolis, timestep, steps, limit, margin, work, 
                 # Eq. 8, written so that NaN counts as fallen; beyond a radian a step nothing is simulated any more.
                 if not (abs(angle) <= limit or abs(speed) <= fastest) or not abs(speed) * timestep <= 1.0:
                     fallen = True
+            if keep:
+                for i in range(n):
+                    kept[push, step, i] = qpos[i]
             if fallen:
                 break
         for i in range(n):
@@ -157,7 +162,7 @@ def fastest_step(plant: MujocoPlant, physics: str = "mujoco") -> Step:
     """
     _quiet_mujoco()
     if physics == "analytic":
-        return analytic_step(plant.chain, plant.gravity, plant.timestep)
+        return analytic_step(plant.chain, plant.felt_gravity, plant.timestep)
     make = direct_step if agrees_with_mj_step(plant.model, plant.data) else mujoco_step
     return make(plant.model, plant.data)
 
@@ -181,6 +186,8 @@ class CompiledEpisode:
             np.zeros(shape),
             np.zeros(shape),
         )
+        npush, njoint = shape
+        self._angles = np.zeros((npush, episode.steps + 1, njoint) if episode.keep_angles else (0, 0, 0))
 
     def run(self, candidate: Lumps) -> Record:
         """One episode with the `candidate` lumps. The record's arrays are overwritten by the next run."""
@@ -198,8 +205,11 @@ class CompiledEpisode:
             episode.fall_margin,
             self._work,
             self._outputs,
+            self._angles,
         )
-        return Record(plant.timestep, steps, steps if fell else None, *self._outputs)
+        begun = range(0, steps, episode.steps)
+        angles = tuple(kept[: steps - first + 1] for kept, first in zip(self._angles, begun, strict=False))
+        return Record(plant.timestep, steps, steps if fell else None, *(*self._outputs, angles))
 
     def agrees_with_plain(self, candidate: Lumps, steps: int = 25) -> bool:
         """Whether a short episode comes out the same in the compiled and in the plain loop."""

@@ -5,12 +5,16 @@
 | `count` | whole periods in the fixed number of steps, an integer, as in the paper | gravity lumps |
 | `crossing` | the same from interpolated crossing times, mean over joints and pushes, in Hz | gravity lumps |
 | `spectral` | root of the ratio of spectral moments of the joint speeds, in Hz | all lumps, given rich pushes |
+
+What a period is, the paper does not say. `count` has a counting rule: `complete` (default), whole periods between
+crossings of the upright; `maxima`, local maxima of the wrapped angle, plus one; `alternations`, half the alternations
+between beyond +25 % and beyond −25 % of the largest angle, rounded up.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +25,34 @@ from metaid.errors import EpisodeError, unknown
 
 SPEED_RESOLUTION = 1e-3  # relative change of a joint speed over the horizon that still passes for coasting
 
+HYSTERESIS = 0.25  # of the largest angle, on either side of the upright, for the rule `alternations`
+
 
 def whole_periods(half_periods: NDArray[np.int64]) -> NDArray[np.int64]:
     """Complete periods per joint, summed over pushes: (npush x njoint) half periods → (njoint).  Eq. 9."""
     periods: NDArray[np.int64] = (half_periods // 2).sum(axis=0)
     return periods
+
+
+def maxima_periods(angles: Array) -> NDArray[np.int64]:
+    """Local maxima of each joint's angle, wrapped to (−π, π], plus one: (nsteps + 1 x njoint) → (njoint).
+
+    A revolution has a maximum where the angle wraps, so a joint that only turns round has periods by this rule.
+    """
+    wrapped = np.pi - (np.pi - angles) % (2.0 * np.pi)
+    inner = wrapped[1:-1]
+    maxima: NDArray[np.int64] = ((inner > wrapped[:-2]) & (inner >= wrapped[2:])).sum(axis=0) + 1
+    return maxima
+
+
+def alternation_periods(angles: Array) -> NDArray[np.int64]:
+    """Half the alternations of each joint between beyond +25 % and beyond −25 % of its largest angle, rounded up:
+    (nsteps + 1 x njoint) → (njoint).
+    """
+    threshold = HYSTERESIS * np.abs(angles).max(axis=0)
+    beyond = np.where(np.abs(angles) > threshold, np.sign(angles), 0.0)
+    alternations = [np.count_nonzero(np.diff(side[side != 0.0])) for side in beyond.T]
+    return (np.array(alternations) + 1) // 2
 
 
 def crossing_hz(half_periods: NDArray[np.int64], crossing_span: Array) -> Array:
@@ -46,13 +73,21 @@ def spectral_hz(acceleration_energy: Array, speed_energy: Array) -> float:
 class Measure:
     """A measure by `name`: its `unit`, its `value` from a record, the `resolution` within which two values are
     equally good in an episode of given timestep (s), and a `ceiling` above every survivor's value, which falls are
-    ranked by (Eq. 13)."""
+    ranked by (Eq. 13). `periods` counts per joint (njoint). Without `sees_coriolis`, what a search finds of the
+    Coriolis lumps means nothing."""
 
     name: str
     unit: str
     value: Callable[[Record], float]
     resolution: Callable[[Episode, float], float]
     ceiling: Callable[[Episode, float], float]
+    sees_coriolis: bool
+    periods: Callable[[Record], NDArray[np.int64]] = lambda record: whole_periods(record.half_periods)
+    keeps_angles: bool = False
+
+    def determines(self, lump: str) -> bool:
+        """Whether a search by this measure can find the lump of that name."""
+        return self.sees_coriolis or lump.startswith("gravity")
 
 
 def _nyquist_hz(_episode: Episode, timestep: float) -> float:
@@ -65,7 +100,8 @@ MEASURES = {
         unit="periods",
         value=lambda record: float(whole_periods(record.half_periods).sum()),
         resolution=lambda episode, timestep: 0.5,
-        ceiling=lambda episode, timestep: 0.5 * episode.pushes.size * episode.steps,
+        ceiling=lambda episode, timestep: episode.pushes.size * (0.5 * episode.steps + 1.0),
+        sees_coriolis=False,
     ),
     "crossing": Measure(
         name="crossing",
@@ -73,6 +109,7 @@ MEASURES = {
         value=lambda record: float(crossing_hz(record.half_periods, record.crossing_span).mean()),
         resolution=lambda episode, timestep: 0.5 / (episode.steps * timestep),
         ceiling=_nyquist_hz,
+        sees_coriolis=False,
     ),
     "spectral": Measure(
         name="spectral",
@@ -80,15 +117,34 @@ MEASURES = {
         value=lambda record: spectral_hz(record.acceleration_energy, record.speed_energy),
         resolution=lambda episode, timestep: SPEED_RESOLUTION / (2.0 * np.pi * episode.steps * timestep),
         ceiling=_nyquist_hz,
+        sees_coriolis=True,
     ),
 }
+ANGLE_RULES = {"maxima": maxima_periods, "alternations": alternation_periods}
+RULES = ("complete", *ANGLE_RULES)
 
 
-def get_measure(name: str) -> Measure:
-    """The measure of that name.  Raises EpisodeError, naming the allowed ones."""
+def get_measure(name: str, rule: str | None = None) -> Measure:
+    """The measure of that name, `count` with a counting `rule`.  Raises EpisodeError, naming the allowed ones."""
     if name not in MEASURES:
         raise EpisodeError(unknown("measure", name, MEASURES))
-    return MEASURES[name]
+    if rule is None:
+        return MEASURES[name]
+    if name != "count":
+        raise EpisodeError(f"the measure '{name}' has no counting rule (allowed: with the measure 'count')")
+    if rule not in RULES:
+        raise EpisodeError(unknown("rule", rule, RULES))
+    return MEASURES[name] if rule == "complete" else _counted_by(ANGLE_RULES[rule])
+
+
+def _counted_by(rule: Callable[[Array], NDArray[np.int64]]) -> Measure:
+    def periods(record: Record) -> NDArray[np.int64]:
+        counted: NDArray[np.int64] = np.sum([rule(angles) for angles in record.angles], axis=0)
+        return counted
+
+    return replace(
+        MEASURES["count"], value=lambda record: float(periods(record).sum()), periods=periods, keeps_angles=True
+    )
 
 
 def fall_value(ceiling: float, survived: int, total_steps: int) -> float:

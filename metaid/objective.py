@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from metaid.chain import Array, Lumps
 from metaid.episode import Episode, Record, run_plain
 from metaid.errors import EpisodeError
 from metaid.kernel import CompiledEpisode, fastest_step
-from metaid.measures import crossing_hz, fall_value, get_measure, spectral_hz, whole_periods
+from metaid.measures import crossing_hz, fall_value, get_measure, spectral_hz
 from metaid.plant import MujocoPlant, Plant
 
 
@@ -27,12 +27,21 @@ class Outcome:
 
 
 class Objective:
-    """Evaluates factors of `nominal` lumps on a `plant`. Holds the plant's state, so one per worker.
+    """Evaluates factors of `nominal` lumps on a `plant` by a `measure`, `count` with a counting `rule`. Holds the
+    plant's state, so one per worker.
 
     `physics` is "mujoco", or "analytic" for a MujocoPlant's own equations of motion.
     """
 
-    def __init__(self, plant: Plant, nominal: Lumps, episode: Episode, measure: str, physics: str = "mujoco") -> None:
+    def __init__(
+        self,
+        plant: Plant,
+        nominal: Lumps,
+        episode: Episode,
+        measure: str,
+        physics: str = "mujoco",
+        rule: str | None = None,
+    ) -> None:
         if nominal.nlink != plant.njoint or episode.pushes.shape[1] != plant.njoint:
             raise EpisodeError(
                 f"plant {plant.name} has {plant.njoint} joints, the nominal model {nominal.nlink}, "
@@ -40,8 +49,8 @@ class Objective:
             )
         self.plant = plant
         self.nominal = nominal
-        self.episode = episode
-        self.measure = get_measure(measure)
+        self.measure = get_measure(measure, rule)
+        self.episode = episode = replace(episode, keep_angles=episode.keep_angles or self.measure.keeps_angles)
         self._ceiling = self.measure.ceiling(episode, plant.timestep)
         self._compiled = _compiled_loop(plant, nominal, episode, physics)
 
@@ -59,7 +68,7 @@ class Objective:
         value = (
             fall_value(self._ceiling, record.steps, self.episode.total_steps) if fell else self.measure.value(record)
         )
-        return Outcome(value, fell, record.steps, tuple(whole_periods(record.half_periods).tolist()))
+        return Outcome(value, fell, record.steps, tuple(self.measure.periods(record).tolist()))
 
     def summary(self, factors: Array) -> dict[str, Any]:
         """One episode as the fields that `metaid episode --json` prints; frequencies are None for a fall."""
@@ -71,7 +80,7 @@ class Objective:
             "steps": self.episode.total_steps,
             "fell": fell,
             "fall_step": record.fall_step,
-            "periods": whole_periods(record.half_periods).tolist(),
+            "periods": self.measure.periods(record).tolist(),
             "frequency_hz": [None if fell else hz for hz in frequency.tolist()],
             "spectral_hz": None if fell else spectral_hz(record.acceleration_energy, record.speed_energy),
         }

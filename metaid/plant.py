@@ -166,7 +166,7 @@ class MujocoPlant:
         self.chain = chain_of(self.settings.links)
         _refuse_too_long_a_step(self.name, self.chain, self.gravity, self.timestep)
         try:
-            self.model = build_spec(self.chain, self._felt_gravity, self.timestep).compile()
+            self.model = build_spec(self.chain, self.felt_gravity, self.timestep).compile()
         except (ValueError, mujoco.FatalError) as problem:
             raise PlantError(f"plant {self.name}: MuJoCo cannot build it: {' '.join(str(problem).split())}") from None
         self.data = mujoco.MjData(self.model)
@@ -184,7 +184,7 @@ class MujocoPlant:
         return self.settings.gravity
 
     @property
-    def _felt_gravity(self) -> float:
+    def felt_gravity(self) -> float:
         """In m/s². Too large a torque by a share of the gravity terms is the same as gravity weaker by that share."""
         return self.gravity * (1.0 - self.settings.over_compensation)
 

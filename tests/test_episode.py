@@ -75,6 +75,21 @@ def test_compiled_loop_equals_plain_loop(nlink: int, kind: str) -> None:
     assert kind == "rich" or fell > 0
 
 
+def test_kept_angles_are_those_of_the_plain_loop_and_end_at_the_fall() -> None:
+    """A push that was not begun has none, the one that fell ends there, and nothing is kept unless asked for."""
+    plant = random_plant(2)
+    episode = Episode(np.repeat(tip_push(plant, 0.1), 3, axis=0), 1500, keep_angles=True)
+    compiled = CompiledEpisode(plant, episode)
+    for factor, pushes in ((1.2, 3), (0.9, 1)):
+        candidate = plant.chain.lumps.scaled(np.full(3, factor))
+        one, (other, _) = compiled.run(candidate), run_plain(plant, candidate, episode)
+        assert len(one.angles) == len(other.angles) == pushes
+        for kept, expected in zip(one.angles, other.angles, strict=True):
+            assert kept == pytest.approx(expected, rel=1e-6, abs=1e-9)
+    assert sum(len(kept) - 1 for kept in one.angles) == one.steps
+    assert CompiledEpisode(plant, Episode(episode.pushes, 10)).run(candidate).angles == ()
+
+
 def test_record_of_a_fall_shows_nothing_of_the_candidate_before() -> None:
     """Pushes that were not begun are zero, whatever was evaluated last: a trial must not depend on its worker."""
     plant = random_plant(2)
@@ -83,6 +98,17 @@ def test_record_of_a_fall_shows_nothing_of_the_candidate_before() -> None:
     fresh = compiled.run(falling).half_periods.copy()
     assert compiled.run(plant.chain.lumps.scaled(np.full(3, 1.3))).half_periods.sum() > 0
     assert (compiled.run(falling).half_periods == fresh).all()
+
+
+def test_without_a_margin_a_link_past_the_limit_has_fallen_however_slow() -> None:
+    """The fitted reading of the paper has such a rule; coasting truth falls by it."""
+    plant = random_plant(1)
+    fell = [
+        CompiledEpisode(plant, Episode(tip_push(plant, 1.0), 2000, fall_margin=margin)).run(plant.chain.lumps).fall_step
+        for margin in (1.5, 0.0)
+    ]
+    assert fell[0] is None
+    assert fell[1] == pytest.approx(np.pi / 2 / plant.timestep, abs=1)
 
 
 def paper_plant(nlink: int) -> MujocoPlant:

@@ -7,7 +7,16 @@ import pytest
 
 from metaid.episode import Episode, Record, crossings, energies
 from metaid.errors import EpisodeError
-from metaid.measures import MEASURES, crossing_hz, fall_value, get_measure, spectral_hz, whole_periods
+from metaid.measures import (
+    MEASURES,
+    alternation_periods,
+    crossing_hz,
+    fall_value,
+    get_measure,
+    maxima_periods,
+    spectral_hz,
+    whole_periods,
+)
 
 TIMESTEP = 0.001
 
@@ -71,3 +80,44 @@ def test_unknown_measure_names_the_known_ones() -> None:
     """A wrong name tells which are right."""
     with pytest.raises(EpisodeError, match=r"'spectrum'; did you mean 'spectral'.*count, crossing, spectral"):
         get_measure("spectrum")
+
+
+def test_counting_rules_of_a_swing_and_of_a_revolution() -> None:
+    """Of ten swings each rule counts ten; of four revolutions none is complete, three wrap within, and the rule adds
+    one.
+    """
+    swing, _ = sine(1.0, 10.01)
+    turning = np.linspace(0.0, 8 * np.pi - 0.1, 5001)[:, None]
+    assert get_measure("count", "complete") is MEASURES["count"]
+    assert maxima_periods(swing).tolist() == [11]
+    assert alternation_periods(swing).tolist() == [10]
+    assert maxima_periods(turning).tolist() == [5]
+    assert alternation_periods(turning).tolist() == [0]
+    assert maxima_periods(np.hstack([swing, -swing])).tolist() == [11, 11]
+
+
+def test_alternations_do_not_count_what_stays_within_a_quarter_of_the_largest_angle() -> None:
+    """Small wiggles between large swings are hysteresis, not periods."""
+    large, small = sine(0.5, 4.0, 1.0)[0], sine(5.0, 4.0, 0.2)[0]
+    assert alternation_periods(np.vstack([large, small, large])).tolist() == [4]
+
+
+def test_rules_of_a_record_are_summed_over_pushes() -> None:
+    """A rule counts each push by itself, whatever the joints did before."""
+    angles = sine(1.0, 10.01)[0]
+    record = Record(TIMESTEP, 0, None, *np.zeros((4, 2, 1)), angles=(angles, angles[:5005]))  # type: ignore[arg-type]
+    assert get_measure("count", "maxima").periods(record).tolist() == [17]
+    assert get_measure("count", "maxima").value(record) == 17.0
+
+
+@pytest.mark.parametrize(
+    ("measure", "rule", "message"),
+    [
+        ("count", "maximum", r"'maximum'; did you mean 'maxima'.*complete, maxima, alternations"),
+        ("spectral", "maxima", "'spectral' has no counting rule"),
+    ],
+)
+def test_rule_that_cannot_be_used_is_refused(measure: str, rule: str, message: str) -> None:
+    """Rules belong to `count`; a wrong name tells which are right."""
+    with pytest.raises(EpisodeError, match=message):
+        get_measure(measure, rule)

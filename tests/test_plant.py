@@ -1,0 +1,73 @@
+"""The options of a plant file: springs in joints, and the declared fault of receiving too large a torque."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from analytic_chain import simulate
+from conftest import Finished, random_links
+
+from metaid.chain import Lumps, compensation_torque
+from metaid.episode import Episode, pushed_speeds, run_plain, tip_push
+from metaid.errors import PlantError
+from metaid.kernel import CompiledEpisode, fastest_step
+from metaid.plant import MujocoPlant, PlantSettings
+
+STIFFNESS = np.array([0.3, 0.05])
+FAULT = 0.02
+
+
+@pytest.fixture
+def faulty() -> MujocoPlant:
+    """Two links with a spring in each joint and a fault."""
+    links = random_links(2, seed=1)
+    sprung = tuple(link.model_copy(update={"stiffness": k}) for link, k in zip(links, STIFFNESS.tolist(), strict=True))
+    return MujocoPlant("faulty", PlantSettings(links=sprung, over_compensation=FAULT))
+
+
+def test_springs_and_over_compensation_are_what_they_say(faulty: MujocoPlant) -> None:
+    """The motion is that of Newton's equations with −k q in each joint and gravity factors larger by the fault."""
+    candidate = faulty.chain.lumps.scaled(np.array([1.05, 1.1, 0.9]))
+    received = Lumps(candidate.gravity + FAULT * faulty.chain.lumps.gravity, candidate.coriolis)
+    pushes = tip_push(faulty, 0.1)
+    _, trajectory = run_plain(faulty, candidate, Episode(pushes, 2000, fall_limit=1e9))
+    law = lambda q, v: compensation_torque(received, q, v, faulty.gravity) - STIFFNESS * q  # noqa: E731
+    expected = simulate(faulty.chain, faulty.gravity, faulty.timestep, 2000, pushed_speeds(faulty, pushes)[0], law)
+    assert np.abs(trajectory.angles - expected).max() < 1e-9
+
+
+@pytest.mark.parametrize("physics", ["mujoco", "analytic"])
+def test_compiled_loop_honours_both(faulty: MujocoPlant, physics: str) -> None:
+    """Joint angles are those of the plain loop, by MuJoCo and by the analytic equations."""
+    episode = Episode(tip_push(faulty, 0.1), 2000, keep_angles=True)
+    candidate = faulty.chain.lumps.scaled(np.array([1.05, 1.1, 0.9]))
+    (compiled,), (plain,) = (
+        CompiledEpisode(faulty, episode, fastest_step(faulty, physics)).run(candidate).angles,
+        run_plain(faulty, candidate, episode)[0].angles,
+    )
+    assert np.abs(compiled - plain).max() < 1e-9
+
+
+def test_fault_does_not_change_the_true_lumps(faulty: MujocoPlant) -> None:
+    """The truth is the chain's; the fault is what a search is deceived by."""
+    assert (
+        faulty.chain.lumps.vector == MujocoPlant("p", PlantSettings(links=random_links(2, 1))).chain.lumps.vector
+    ).all()
+
+
+def test_spring_too_stiff_for_the_timestep_is_refused() -> None:
+    """A spring that turns a link in less than a step would be guessed, not simulated."""
+    stiff = random_links(1, seed=1)[0].model_copy(update={"stiffness": 1e4})
+    with pytest.raises(PlantError, match="too long for its fastest motion"):
+        MujocoPlant("stiff", PlantSettings(links=(stiff,)))
+
+
+def test_show_names_springs_and_fault(metaid: Callable[..., Finished]) -> None:
+    """What was fitted stands in the plant, by name."""
+    shown = json.loads(metaid("plant", "show", "paper-like-two-link", "--json").out)
+    assert shown["over_compensation"] == 0.0085
+    assert [link["stiffness"] for link in shown["links"]] == [0.0, 0.05]
+    assert "receives gravity factors larger by 0.0085" in metaid("plant", "show", "paper-like-two-link").out
