@@ -73,7 +73,8 @@ def _from_sensitivity(problem: Problem) -> Identifiability:
 def _one_by_one(problem: Problem) -> Array:
     """The largest change of each factor alone, within its bounds, that the measure does not tell from none."""
     nominal = MujocoPlant("nominal", problem.spec.plant.model_copy(update={"links": problem.spec.nominal}))
-    objective = Objective(nominal, problem.nominal.lumps, problem.episode, problem.measure.name)
+    rule = problem.spec.study.episode.rule
+    objective = Objective(nominal, problem.nominal.lumps, problem.episode, problem.measure.name, rule=rule)
     exact = np.ones(len(problem.names))
     unnoticed = objective.evaluate(exact).value + problem.resolution
 

@@ -34,7 +34,7 @@ from metaid.files import Settings, check, find_file, read_toml
 from metaid.measures import Measure, get_measure
 from metaid.objective import Objective, Outcome
 from metaid.plant import LinkSettings, MujocoPlant, PlantSettings, chain_of, read_plant
-from metaid.searchers import SAMPLERS, Searcher, make_searcher
+from metaid.searchers import SAMPLERS, Searcher, SearchOptions, make_searcher
 
 HORIZON = 1.5  # of a rich push, in units of √(l/g)
 COUNTING_STEPS = 5000  # after a tip push, as in the paper
@@ -53,7 +53,8 @@ class NominalSettings(Settings):
 class SearchSettings(Settings):
     """`[search]`: bounds `low`, `high` and `start` as factors of the nominal lumps, one for all or a table by lump
     name; the coordinates; the first step `sigma` in them; the `generation` size (default: the sampler's own); a
-    `target` of the measure at which the search may stop."""
+    `target` of the measure at which the search may stop; the `increment` of the factors in dinoip's steps, and whether
+    it goes `coarse_to_fine`."""
 
     coordinates: Literal["nominal-metric", "plain"] = "nominal-metric"
     start: Factors = 1.0
@@ -62,24 +63,27 @@ class SearchSettings(Settings):
     sigma: Annotated[float, Field(gt=0, le=10)] = 0.2
     generation: Annotated[int, Field(ge=2, le=100_000)] | None = None
     target: Annotated[float, Field(ge=0)] | None = None
+    increment: Annotated[float, Field(ge=1e-6, le=1)] = 0.01
+    coarse_to_fine: bool = False
 
 
 class EpisodeSettings(Settings):
-    """`[episode]`: the `measure`; `pushes`: "rich", "designed" (the best of many rich sets, by the nominal model),
-    "tip", or a list of impulses in N s, one per link tip; for the first two their `count` (default 2 per link); for
-    all three the `peak_speed` in rad/s; `steps` after each push; the `fall_limit` in rad and `fall_margin`; the
-    `physics`: "mujoco", or "analytic" to screen by the chain's own equations of motion, some five times as fast, and
-    have MuJoCo verify the best.
+    """`[episode]`: the `measure`, and for "count" its counting `rule`; `pushes`: "rich", "designed" (the best of many
+    rich sets, by the nominal model), "tip", or a list of impulses in N s, one per link tip; for the first two their
+    `count` (default 2 per link); for all three the `peak_speed` in rad/s; `steps` after each push; the `fall_limit` in
+    rad and `fall_margin` (0: past the limit is fallen, however slow); the `physics`: "mujoco", or "analytic" to screen
+    by the chain's own equations of motion, some five times as fast, and have MuJoCo verify the best.
     """
 
     physics: Literal["mujoco", "analytic"] = "mujoco"
     measure: str = "spectral"
+    rule: str | None = None
     pushes: Literal["rich", "designed", "tip"] | list[list[float]] | None = None
     count: Annotated[int, Field(ge=1, le=1000)] | None = None
     peak_speed: Annotated[float, Field(gt=0, le=1000)] | None = None
     steps: Annotated[int, Field(ge=2, le=10_000_000)] | None = None
     fall_limit: Annotated[float, Field(gt=0, le=1000)] | None = None
-    fall_margin: Annotated[float, Field(ge=1, le=1000)] = FALL_MARGIN
+    fall_margin: Annotated[float, Field(ge=0, le=1000)] = FALL_MARGIN
 
 
 class StudySettings(Settings):
@@ -152,7 +156,7 @@ class Problem:
         self.spec = spec
         self.nominal: Chain = chain_of(spec.nominal)
         self.names = lump_names(self.nominal.nlink)
-        self.measure = _measure(spec.study.episode.measure)
+        self.measure = _measure(spec.study.episode)
         if spec.study.sampler not in SAMPLERS:
             raise StudyError(f"sampler: {unknown('sampler', spec.study.sampler, SAMPLERS)}")
         plant = self.make_plant()
@@ -210,12 +214,14 @@ class Problem:
         return self._objective("mujoco").evaluate(factors)
 
     def _objective(self, physics: str) -> Objective:
-        return Objective(self.make_plant(), self.nominal.lumps, self.episode, self.measure.name, physics)
+        rule = self.spec.study.episode.rule
+        return Objective(self.make_plant(), self.nominal.lumps, self.episode, self.measure.name, physics, rule)
 
     def make_searcher(self) -> Searcher:
         """The searcher at the study's seed, knowing of no trial."""
-        study = self.spec.study
-        return make_searcher(study.sampler, self.coordinates, study.seed, study.search.sigma, study.search.generation)
+        study, search = self.spec.study, self.spec.study.search
+        options = SearchOptions(search.sigma, search.generation, search.increment, search.coarse_to_fine)
+        return make_searcher(study.sampler, self.coordinates, study.seed, options)
 
     def _factors(self, key: str, given: Factors) -> Array:
         if not isinstance(given, dict):
@@ -252,8 +258,8 @@ def _explicit(pushes: list[list[float]], njoint: int) -> Array:
     return np.array(pushes)
 
 
-def _measure(name: str) -> Measure:
+def _measure(episode: EpisodeSettings) -> Measure:
     try:
-        return get_measure(name)
+        return get_measure(episode.measure, episode.rule)
     except EpisodeError as problem:
         raise StudyError(f"episode: measure: {problem}") from None

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import cmaes
@@ -17,12 +18,26 @@ import optuna
 
 from metaid.chain import Array
 from metaid.coordinates import Coordinates
+from metaid.dinoip import Dinoip
 from metaid.errors import StudyError, unknown
 from metaid.newton import Newton
 from metaid.objective import Outcome
 
 RESAMPLINGS = 100  # of a candidate that leaves the bounds, before it is moved to the nearest one
 BATCH = 8  # candidates that an Optuna sampler proposes before it is told of any
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """What a study says to its searcher, which takes what concerns it: the first step `sigma` in the coordinates' own
+    unit, the generation size (default: the sampler's own), the `increment` of factors that dinoip steps by, and
+    whether it goes coarse to fine.
+    """
+
+    sigma: float = 0.2
+    generation_size: int | None = None
+    increment: float = 0.01
+    coarse_to_fine: bool = False
 
 
 class Searcher(Protocol):
@@ -118,21 +133,22 @@ class OptunaSampler:
         return False
 
 
-def _optuna(
-    make: Callable[[int], optuna.samplers.BaseSampler],
-) -> Callable[[Coordinates, int, float, int | None], Searcher]:
-    def searcher(coordinates: Coordinates, seed: int, _sigma: float, generation_size: int | None) -> Searcher:
+MakeSearcher = Callable[[Coordinates, int, SearchOptions], Searcher]
+
+
+def _optuna(make: Callable[[int], optuna.samplers.BaseSampler]) -> MakeSearcher:
+    def searcher(coordinates: Coordinates, seed: int, options: SearchOptions) -> Searcher:
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
-            return OptunaSampler(coordinates, make(seed), generation_size)
+            return OptunaSampler(coordinates, make(seed), options.generation_size)
 
     return searcher
 
 
-SAMPLERS: dict[str, Callable[[Coordinates, int, float, int | None], Searcher]] = {
-    "cmaes": Cmaes,
-    "newton": Newton,
+SAMPLERS: dict[str, MakeSearcher] = {
+    "cmaes": lambda coordinates, seed, options: Cmaes(coordinates, seed, options.sigma, options.generation_size),
+    "newton": lambda coordinates, seed, options: Newton(coordinates, seed, options.sigma, options.generation_size),
     "tpe": _optuna(lambda seed: optuna.samplers.TPESampler(seed=seed, multivariate=True, constant_liar=True)),
     "random": _optuna(lambda seed: optuna.samplers.RandomSampler(seed=seed)),
     "optuna-cmaes": _optuna(
@@ -140,15 +156,12 @@ SAMPLERS: dict[str, Callable[[Coordinates, int, float, int | None], Searcher]] =
             seed=seed, consider_pruned_trials=True, warn_independent_sampling=False
         )
     ),
+    "dinoip": lambda coordinates, seed, options: Dinoip(coordinates, options.increment, options.coarse_to_fine),
 }
 
 
-def make_searcher(
-    sampler: str, coordinates: Coordinates, seed: int, sigma: float, generation_size: int | None
-) -> Searcher:
-    """A searcher by name; `sigma` is the first step of those that have one, in the coordinates' own unit.  Raises
-    StudyError, naming the allowed ones.
-    """
+def make_searcher(sampler: str, coordinates: Coordinates, seed: int, options: SearchOptions) -> Searcher:
+    """A searcher by name.  Raises StudyError, naming the allowed ones."""
     if sampler not in SAMPLERS:
         raise StudyError(unknown("sampler", sampler, SAMPLERS))
-    return SAMPLERS[sampler](coordinates, seed, sigma, generation_size)
+    return SAMPLERS[sampler](coordinates, seed, options)

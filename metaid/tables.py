@@ -38,8 +38,8 @@ def trials_frame(store: Store, name: str) -> pd.DataFrame:
 
 
 def lumps_frame(store: Store, name: str) -> pd.DataFrame:
-    """One row a lump: `name`, `unit`, `nominal`, `factor`, `identified`, `low`, `high`, `true`, `error`; NaN where
-    not known.
+    """One row a lump: `name`, `unit`, `nominal`, `factor`, `identified`, `low`, `high`, `true`, `error`,
+    `determined`; NaN where not known. Of a lump that the study's measure cannot determine, nothing is said.
     """
     problem = Problem(stored_spec(store, name))
     return _lumps(problem, store.trials(name, problem.names))
@@ -49,12 +49,14 @@ def _lumps(problem: Problem, trials: list[Trial]) -> pd.DataFrame:
     survivors = [trial for trial in trials if not trial.outcome.fell]
     nominal = problem.nominal.lumps.vector
     unknown = np.full(len(nominal), np.nan)
+    determined = np.array([problem.measure.determines(lump) for lump in problem.names])
     factor = low = high = unknown
     if survivors:
-        best = best_trial(survivors)
+        best = _last_best(survivors)
         # The paper's "range of possible values": trials that the measure cannot tell from the best.
         equal = np.array([t.factors for t in survivors if t.outcome.value <= best.outcome.value + problem.resolution])
-        factor, low, high = best.factors, equal.min(axis=0), equal.max(axis=0)
+        found = best.factors, equal.min(axis=0), equal.max(axis=0)
+        factor, low, high = (np.where(determined, factors, np.nan) for factors in found)
     truth = problem.make_plant().true_lumps()
     true = unknown if truth is None else truth.vector
     identified = factor * nominal
@@ -68,6 +70,7 @@ def _lumps(problem: Problem, trials: list[Trial]) -> pd.DataFrame:
         "high": high * nominal,
         "true": true,
         "error": identified / true - 1.0,
+        "determined": determined,
     }
     return pd.DataFrame(columns)
 
@@ -75,6 +78,13 @@ def _lumps(problem: Problem, trials: list[Trial]) -> pd.DataFrame:
 def best_trial(survivors: list[Trial]) -> Trial:
     """The survivor of least value, the first of equals."""
     return min(survivors, key=lambda trial: trial.outcome.value)
+
+
+def _last_best(survivors: list[Trial]) -> Trial:
+    """The survivor of least value, the last of equals: a search that went on among them had a reason to, as DINOIP,
+    which ends just before the fall.
+    """
+    return best_trial(survivors[::-1])
 
 
 def summary(store: Store, name: str) -> dict[str, Any]:
@@ -85,7 +95,7 @@ def summary(store: Store, name: str) -> dict[str, Any]:
     survivors = [trial for trial in trials if not trial.outcome.fell]
     lumps = _lumps(problem, trials)
     best = best_trial(survivors) if survivors else None
-    errors = lumps["error"].abs()
+    errors = lumps["error"][lumps["determined"]].abs()
     return {
         "name": name,
         "plant": spec.plant_name,

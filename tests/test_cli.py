@@ -48,7 +48,7 @@ def test_show_prints_the_json_of_the_contract(metaid: Metaid) -> None:
         3,
     )
     assert shown["trials"]["total"] == 100 == shown["trials"]["complete"] + shown["trials"]["pruned"]
-    keys = ["name", "unit", "nominal", "factor", "identified", "low", "high", "true", "error"]
+    keys = ["name", "unit", "nominal", "factor", "identified", "low", "high", "true", "error", "determined"]
     for lump, true in zip(shown["lumps"], load_plant("three-link").chain.lumps.vector, strict=True):
         assert list(lump) == keys
         assert lump["identified"] == pytest.approx(lump["factor"] * lump["nominal"])

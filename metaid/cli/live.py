@@ -26,6 +26,7 @@ class Live:
         problem = Problem(stored_spec(store, name))
         truth = problem.make_plant().true_lumps()
         self._true_factors = None if truth is None else truth.vector / problem.nominal.lumps.vector
+        self._determined = [problem.measure.determines(lump) for lump in problem.names]
         self._unit = problem.measure.unit
         self._console = Console(stderr=True, markup=False, highlight=False)
         self._plain = not quiet and not self._console.is_terminal
@@ -61,7 +62,8 @@ class Live:
         if progress.best is not None:
             parts.append(f"best {progress.best.outcome.value:.2g} {self._unit}")
             if self._true_factors is not None:
-                parts.append(f"error {np.abs(progress.best.factors / self._true_factors - 1.0).max():.2%}")
+                errors = np.abs(progress.best.factors / self._true_factors - 1.0)[self._determined]
+                parts.append(f"error {errors.max():.2%}")
         return ", ".join(parts)
 
     def __enter__(self) -> Live:

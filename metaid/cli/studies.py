@@ -254,6 +254,9 @@ def _print_study(store: Any, name: str) -> None:
         found += f"; {_verification(best['mujoco'])}"
     note = f"{trials['total']} trials, {trials['pruned']} of them falls; {found}"
     print_table(title, ["lump", "nominal", "identified", "low", "high", "true", "error", "unit"], rows, note)
+    missed = [lump["name"] for lump in shown["lumps"] if not lump["determined"]]
+    if missed:
+        click.echo(f"not identified: {', '.join(missed)}: the measure '{shown['measure']}' cannot determine them")
 
 
 def _verification(mujoco: dict[str, Any]) -> str:
