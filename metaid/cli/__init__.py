@@ -54,8 +54,9 @@ def _fail(message: str) -> None:
     sys.exit(2)
 
 
-from metaid.cli import plants, studies  # noqa: E402  (they add their commands to `app`)
+from metaid.cli import paper, plants, studies  # noqa: E402  (they add their commands to `app`)
 
 app.add_command(plants.plant)
 app.add_command(plants.episode)
 app.add_command(studies.study)
+app.add_command(paper.paper)

@@ -1,0 +1,143 @@
+"""`metaid paper …`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from metaid.cli.common import Group, figure, json_option, print_json, print_table, whole_file
+from metaid.cli.plants import FIGURES
+
+output_option = click.option(
+    "-o", "output", type=click.Path(path_type=Path), help="Draw it (.png, .pdf, .svg)."
+)  # fmt: skip
+
+
+@click.group(cls=Group, epilog="\b\nExample:\n  metaid paper table1")
+def paper() -> None:
+    """The paper's results beside ours: correct dynamics ("pure"), and a reading fitted to its numbers ("like")."""
+
+
+@paper.command(epilog="\b\nExample:\n  metaid paper table1 -o table1.png")
+@json_option
+@output_option
+def table1(as_json: bool, output: Path | None) -> None:
+    """Table I: periods of one link over the gravity factor."""
+    _table(1, as_json, output)
+
+
+@paper.command(epilog="\b\nExample:\n  metaid paper table2 --json")
+@json_option
+@output_option
+def table2(as_json: bool, output: Path | None) -> None:
+    """Table II: periods of two links over the three factors."""
+    _table(2, as_json, output)
+
+
+def _table(number: int, as_json: bool, output: Path | None) -> None:
+    from metaid.paper import LIKE, PURE, run_table
+
+    rows = run_table(number)
+    _draw(output, lambda path: _figures().draw_table(rows, path))
+    if as_json:
+        print_json(rows)
+        return
+    pure, like = PURE[number], LIKE[number]
+    shown = [
+        [
+            " ".join(f"{factor:.2f}" for factor in row["factors"].values()),
+            _periods(row["paper_periods"], row["paper_falls"]),
+            _periods(row["periods"], row["falls"]),
+            _differences(row["difference"]),
+            _periods(row["complete_periods"], row["falls"]),
+            _periods(row["like_periods"], row["like_falls"]),
+            _differences(row["like_difference"]),
+        ]
+        for row in rows
+    ]
+    columns = ["factors", "paper", f"pure: {pure.rule}", "− paper", "pure: complete", f"like: {like.rule}", "− paper"]
+    print_table(
+        f"Table {'I' * number}: periods in 5,000 steps; factors of {', '.join(rows[0]['factors'])}", columns, shown
+    )
+    click.echo(f"pure: {pure.plant}, push {pure.push} N s at the tip; falls after a push of {pure.fall_push} N s")
+    click.echo(f"like: {like.plant}, fitted to these numbers; push {like.push} N s; a link beyond 90° has fallen")
+    totals = (sum(abs(d) for row in rows for d in row[key] or ()) for key in ("difference", "like_difference"))
+    click.echo("sum of absolute differences: pure {}, like {}".format(*totals))
+
+
+@paper.command(epilog="\b\nExample:\n  metaid paper fig4 -o fig4.png")
+@json_option
+@output_option
+def fig4(as_json: bool, output: Path | None) -> None:
+    """Fig. 4: both joint angles over 5,000 normalised steps, all factors 1.01."""
+    from metaid.paper import show_fig4
+
+    shown = show_fig4()
+    _draw(output, lambda path: _figures().draw_fig4(path))
+    if as_json:
+        print_json(shown)
+        return
+    rows = [
+        [
+            r["reading"],
+            r["rule"],
+            _periods(r["periods"]),
+            _periods(r["complete_periods"]),
+            _degrees(r["largest_degrees"]),
+        ]
+        for r in shown["readings"]
+    ]
+    rows.insert(0, ["paper", "not stated", _periods(shown["paper_periods"]), "", "axes to ±100"])
+    print_table("Fig. 4: all factors 1.01, 5,000 steps", ["", "rule", "periods", "complete", "largest angle, °"], rows)
+
+
+@paper.command(epilog="\b\nExample:\n  metaid paper sweep -o sweep.png")
+@json_option
+@output_option
+def sweep(as_json: bool, output: Path | None) -> None:
+    """Why counts cannot find the Coriolis lump: f_m1 from 0.5 to 1.5, gravity factors 1.01."""
+    from metaid.paper import run_sweep
+
+    rows = run_sweep()
+    _draw(output, lambda path: _figures().draw_sweep(rows, path))
+    if as_json:
+        print_json(rows)
+        return
+    shown = [
+        [
+            figure(row["factors"]["coriolis_1_2"], ".2f"),
+            _periods(row["periods"]),
+            *(figure(hz, ".6f") for hz in row["frequency_hz"]),
+            _periods(row["like_periods"]),
+        ]
+        for row in rows
+    ]
+    columns = ["f_m1", "pure: complete", "link 1, Hz", "link 2, Hz", "like: alternations"]
+    print_table("Periods of two links over f_m1; pure after a small push", columns, shown)
+
+
+def _figures() -> Any:
+    from metaid import paper_figures
+
+    return paper_figures
+
+
+def _draw(output: Path | None, draw: Callable[[Path], None]) -> None:
+    if output is not None:
+        with whole_file(output, FIGURES) as partial:
+            draw(partial)
+
+
+def _periods(periods: Sequence[int], falls: bool = False) -> str:
+    return "falls" if falls else "/".join(map(str, periods))
+
+
+def _differences(differences: Sequence[int] | None) -> str:
+    return "" if differences is None else "/".join(f"{d:+d}" if d else "0" for d in differences)
+
+
+def _degrees(degrees: Sequence[float]) -> str:
+    return " / ".join(f"{angle:.0f}" for angle in degrees)
