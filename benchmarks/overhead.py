@@ -60,7 +60,9 @@ class EndlessCmaes:
         return False
 
 
-SAMPLERS["endless-cmaes"] = EndlessCmaes
+SAMPLERS["endless-cmaes"] = lambda coordinates, seed, options: EndlessCmaes(
+    coordinates, seed, options.sigma, options.generation_size
+)
 
 
 def measure(quick: bool) -> dict[str, list[Row]]:

@@ -8,8 +8,7 @@ from typing import Any
 
 import click
 
-from metaid.cli.common import Group, figure, json_option, print_json, print_table, whole_file
-from metaid.cli.plants import FIGURES
+from metaid.cli.common import FIGURES, Group, figure, json_option, print_json, print_table, whole_file
 
 output_option = click.option(
     "-o", "output", type=click.Path(path_type=Path), help="Draw it (.png, .pdf, .svg)."

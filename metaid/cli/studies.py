@@ -27,6 +27,7 @@ from metaid.cli.common import (
 
 if TYPE_CHECKING:
     from metaid.problem import StudySpec
+    from metaid.study import Progress
 
 
 def _complete_study_file(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
@@ -170,23 +171,39 @@ def run(
     from metaid.cli.live import Live
     from metaid.study import run_study
 
-    signal.signal(signal.SIGTERM, _terminate)
+    stop = _Stop()
     with open_store(storage) as store:
         try:
             with Live(store, name, quiet) as live:
-                run_study(store, name, trials, workers, engine, ray_address, live.update)
-        except KeyboardInterrupt as stop:
+
+                def watch(progress: Progress) -> None:
+                    live.update(progress)
+                    stop.raise_if_asked()
+
+                run_study(store, name, trials, workers, engine, ray_address, watch)
+        except KeyboardInterrupt:
             click.echo(f"stopped; {live.trials} trials are in {storage}; go on with: metaid study run {name}", err=True)
-            raise click.exceptions.Exit(143 if isinstance(stop, _Terminated) else 130) from None
+            raise click.exceptions.Exit(128 + stop.asked) from None
         _print_study(store, name)
 
 
-class _Terminated(KeyboardInterrupt):
-    """SIGTERM, treated as Ctrl-C."""
+class _Stop:
+    """Ctrl-C and SIGTERM ask the run to stop after the generation that is under way; asked again, it stops at once."""
 
+    def __init__(self) -> None:
+        self.asked: int = 0
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._ask)
 
-def _terminate(_signal: int, _frame: FrameType | None) -> None:
-    raise _Terminated
+    def _ask(self, number: int, _frame: FrameType | None) -> None:
+        again, self.asked = self.asked, number
+        if again:
+            raise KeyboardInterrupt
+
+    def raise_if_asked(self) -> None:
+        """Raises KeyboardInterrupt where the run can be left."""
+        if self.asked:
+            raise KeyboardInterrupt
 
 
 @study.command("list", epilog="\b\nExample:\n  metaid study list --storage metaid.db")
