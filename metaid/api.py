@@ -146,9 +146,10 @@ def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: 
     with closing(Store(storage or default_storage())) as store:
         factors = tables.lumps_frame(store, name)["factor"].to_numpy(dtype=float)
         problem = Problem(stored_spec(store, name))
-    if np.isnan(factors).any():
+    if np.isnan(factors).all():
         raise StudyError(f"study '{name}' has no survivor yet, so there is nothing to validate: run it first")
-    return validate_factors(problem, factors, pushes, seed)
+    believed = np.where(np.isnan(factors), 1.0, factors)  # of a lump that was not identified, the nominal value
+    return validate_factors(problem, believed, pushes, seed)
 
 
 def _spec(study: str | Path | StudySpec) -> StudySpec:

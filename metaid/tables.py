@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from metaid.chain import lump_unit
+from metaid.identifiability import identifiability
 from metaid.problem import Problem
 from metaid.rows import Trial
 from metaid.store import Store
@@ -49,7 +51,7 @@ def _lumps(problem: Problem, trials: list[Trial]) -> pd.DataFrame:
     survivors = [trial for trial in trials if not trial.outcome.fell]
     nominal = problem.nominal.lumps.vector
     unknown = np.full(len(nominal), np.nan)
-    determined = np.array([problem.measure.determines(lump) for lump in problem.names])
+    determined = _determined(problem)
     factor = low = high = unknown
     if survivors:
         best = _last_best(survivors)
@@ -73,6 +75,13 @@ def _lumps(problem: Problem, trials: list[Trial]) -> pd.DataFrame:
         "determined": determined,
     }
     return pd.DataFrame(columns)
+
+
+def _determined(problem: Problem) -> NDArray[np.bool_]:
+    """Which lumps the trials can tell (nlump): by the sensitivity of the pushes for `spectral`, else by the measure."""
+    if problem.measure.name == "spectral":
+        return np.array(identifiability(problem).determined)
+    return np.array([problem.measure.determines(lump) for lump in problem.names])
 
 
 def best_trial(survivors: list[Trial]) -> Trial:

@@ -79,3 +79,15 @@ def test_check_and_create_say_what_cannot_be_found(metaid: Metaid) -> None:
     assert warned.status == 0
     assert warned.err.count("\n") == 1
     assert "cannot determine coriolis_1_2" in warned.err
+
+
+def test_report_gives_no_number_for_what_the_pushes_cannot_tell(tmp_path: Path) -> None:
+    """A study that ran all the same says which lumps it did not identify, and leaves them out of its largest error."""
+    changes = {"episode.pushes": [[0.0, 0.0, 0.05]], "episode.steps": 150, "search.coordinates": "plain", "trials": 60}
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    create_study(store, load_study("three-link", changes), "study")
+    run_study(store, "study")
+    missed = identifiability(Problem(load_study("three-link", changes))).undetermined_names
+    shown = {lump["name"]: lump for lump in tables.summary(store, "study")["lumps"]}
+    assert missed
+    assert {name for name, lump in shown.items() if lump["identified"] is None} == set(missed)

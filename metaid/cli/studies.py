@@ -273,7 +273,7 @@ def _print_study(store: Any, name: str) -> None:
     print_table(title, ["lump", "nominal", "identified", "low", "high", "true", "error", "unit"], rows, note)
     missed = [lump["name"] for lump in shown["lumps"] if not lump["determined"]]
     if missed:
-        click.echo(f"not identified: {', '.join(missed)}: the measure '{shown['measure']}' cannot determine them")
+        click.echo(f"not identified: {', '.join(missed)}: {shown['measure']} with these pushes cannot determine them")
 
 
 def _verification(mujoco: dict[str, Any]) -> str:
