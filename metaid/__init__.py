@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from metaid.api import evaluate, lumps, perturb, run, studies, summary, trials
+    from metaid.api import evaluate, load_findings, lumps, perturb, run, studies, summary, trials
     from metaid.errors import EpisodeError, MetaidError, PlantError, StorageError, StudyError
     from metaid.objective import Outcome
     from metaid.plant import Plant, load_plant
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
-    "metaid.api": ("evaluate", "lumps", "perturb", "run", "studies", "summary", "trials"),
+    "metaid.api": ("evaluate", "load_findings", "lumps", "perturb", "run", "studies", "summary", "trials"),
     "metaid.errors": ("EpisodeError", "MetaidError", "PlantError", "StorageError", "StudyError"),
     "metaid.objective": ("Outcome",),
     "metaid.plant": ("Plant", "load_plant"),
@@ -40,6 +40,7 @@ __all__ = [
     "StorageError",
     "StudyError",
     "evaluate",
+    "load_findings",
     "load_plant",
     "load_study",
     "lumps",

@@ -16,6 +16,7 @@ from metaid import tables
 from metaid.chain import factors_from_names
 from metaid.episode import Episode, tip_push
 from metaid.errors import EpisodeError, StorageError
+from metaid.findings import Findings, read_findings
 from metaid.objective import Objective, Outcome
 from metaid.plant import MujocoPlant, load_plant
 from metaid.problem import COUNTING_STEPS, TIP_SPEED, Problem, StudySpec, load_study
@@ -134,6 +135,12 @@ def summary(name: str, storage: str | None = None) -> dict[str, Any]:
     """A study as `metaid study show --json` prints it."""
     with closing(Store(storage or default_storage())) as store:
         return tables.summary(store, name)
+
+
+def load_findings(name: str, storage: str | None = None) -> Findings:
+    """All that a study knows, for `metaid.figures`."""
+    with closing(Store(storage or default_storage())) as store:
+        return read_findings(store, name)
 
 
 def _spec(study: str | Path | StudySpec) -> StudySpec:

@@ -18,6 +18,9 @@ def _complete_plant(_context: click.Context, _parameter: click.Parameter, incomp
     return [name for name in shipped_names("plants") if name.startswith(incomplete)]
 
 
+plant_argument = click.argument("name", metavar="PLANT", shell_complete=_complete_plant)
+
+
 @click.group(cls=Group, epilog="\b\nExample:\n  metaid plant show three-link")
 def plant() -> None:
     """Pendulums that can be identified."""
@@ -36,7 +39,7 @@ def list_plants() -> None:
 
 
 @plant.command("show", epilog="\b\nExample:\n  metaid plant show three-link --json")
-@click.argument("name", metavar="PLANT", shell_complete=_complete_plant)
+@plant_argument
 @json_option
 def show_plant(name: str, as_json: bool) -> None:
     """The links of a plant, and its true lumps where it knows them."""
@@ -74,7 +77,7 @@ def show_plant(name: str, as_json: bool) -> None:
 
 
 @click.command(epilog="\b\nExample:\n  metaid episode three-link --factor gravity_1=1.05 --factor gravity_2=1.05")
-@click.argument("name", metavar="PLANT", shell_complete=_complete_plant)
+@plant_argument
 @click.option(
     "--factor",
     "factors",
