@@ -62,10 +62,10 @@ def make_dashboard(store: Store, port: int) -> WSGIServer:
 def addresses(store: Store, port: int) -> Iterator[str]:
     """Where each study is to be seen."""
     yield f"the dashboard is http://{HOST}:{port}/dashboard, for this machine alone, until Ctrl-C"
-    listed = {study.study_name: study._study_id for study in optuna.get_all_study_summaries(store.optuna)}
+    listed = optuna.get_all_study_names(store.optuna)
     for name in store.names():
         shown = companion_name(name) if companion_name(name) in listed else name
-        yield f"  {shown}: http://{HOST}:{port}/dashboard/studies/{listed[shown]}"
+        yield f"  {shown}: http://{HOST}:{port}/dashboard/studies/{store.optuna.get_study_id_from_name(shown)}"
 
 
 class _Server(ThreadingMixIn, WSGIServer):
@@ -117,8 +117,8 @@ they survived to, and their value ranks them behind every survivor.
 
 {companion}
 
-| lump | nominal | identified | low | high | true | error |
-| --- | ---: | ---: | ---: | ---: | ---: | ---: |
+| lump | nominal | identified | low | high | true | error | unit |
+| --- | ---: | ---: | ---: | ---: | ---: | ---: | --- |
 {chr(10).join(_row(lump) for lump in shown["lumps"])}
 
 {SIGNED}
@@ -127,9 +127,9 @@ they survived to, and their value ranks them behind every survivor.
 
 def _row(lump: dict[str, Any]) -> str:
     cells = [lump[key] for key in ("nominal", "identified", "low", "high", "true")]
-    numbers = ["–" if cell is None else f"{cell:.5g} {lump['unit']}" for cell in cells]
+    numbers = ["–" if cell is None else f"{cell:.5g}" for cell in cells]
     error = "–" if lump["error"] is None else f"{lump['error']:+.3%}"
-    return f"| `{lump['name']}` | {' | '.join(numbers)} | {error} |"
+    return f"| `{lump['name']}` | {' | '.join(numbers)} | {error} | {lump['unit']} |"
 
 
 def _plain(text: str) -> str:
