@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from metaid.api import evaluate, load_findings, lumps, perturb, run, studies, summary, trials
-    from metaid.errors import EpisodeError, MetaidError, PlantError, StorageError, StudyError
+    from metaid.errors import EpisodeError, MetaidError, PlantError, RenderError, StorageError, StudyError
     from metaid.objective import Outcome
     from metaid.plant import Plant, load_plant
     from metaid.problem import load_study
@@ -24,7 +24,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "metaid.api": ("evaluate", "load_findings", "lumps", "perturb", "run", "studies", "summary", "trials"),
-    "metaid.errors": ("EpisodeError", "MetaidError", "PlantError", "StorageError", "StudyError"),
+    "metaid.errors": ("EpisodeError", "MetaidError", "PlantError", "RenderError", "StorageError", "StudyError"),
     "metaid.objective": ("Outcome",),
     "metaid.plant": ("Plant", "load_plant"),
     "metaid.problem": ("load_study",),
@@ -37,6 +37,7 @@ __all__ = [
     "Outcome",
     "Plant",
     "PlantError",
+    "RenderError",
     "StorageError",
     "StudyError",
     "evaluate",

@@ -13,7 +13,7 @@ from typing import Any
 import pandas as pd
 
 from metaid import tables
-from metaid.chain import factors_from_names
+from metaid.chain import Lumps, factors_from_names
 from metaid.episode import Episode, tip_push
 from metaid.errors import EpisodeError, StorageError
 from metaid.findings import Findings, read_findings
@@ -45,6 +45,17 @@ def episode_objective(
             "make a study with a nominal model"
         )
     return Objective(plant, lumps, Episode(tip_push(plant, peak_speed), steps), "crossing")
+
+
+def candidates_of(store: Store, name: str, objective: Objective) -> dict[str, Lumps]:
+    """A study's nominal and identified lumps, and those of the plant that `objective` is about.  Raises StorageError
+    where the study is about another plant or has no survivor.
+    """
+    found = read_findings(store, name)
+    nominal, plant = found.problem.nominal.lumps, found.problem.make_plant()
+    if not isinstance(objective.plant, MujocoPlant) or plant.settings != objective.plant.settings:
+        raise StorageError(f"study '{name}' is about the plant {plant.name}, not about {objective.plant.name}")
+    return {"nominal": nominal, "identified": nominal.scaled(found.best_factors), "true": objective.nominal}
 
 
 def check_factors(factors: Mapping[str, float], nlink: int) -> Any:

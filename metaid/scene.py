@@ -9,8 +9,8 @@ import mujoco
 import mujoco.viewer
 import numpy as np
 
-from metaid.chain import Chain
-from metaid.errors import MetaidError
+from metaid.chain import Array, Chain
+from metaid.errors import RenderError
 from metaid.plant import MujocoPlant
 
 LINK, JOINT, MASS = (0.34, 0.71, 0.91, 1.0), (0.0, 0.45, 0.70, 1.0), (0.84, 0.37, 0.0, 1.0)  # Okabe and Ito
@@ -36,7 +36,7 @@ def scene(chain: Chain, gravity: float, timestep: float) -> mujoco.MjModel:
         width=64,
         height=384,
     )
-    thick = 0.02 * reach
+    thick = 0.035 * reach
     shape = mujoco.mjtGeom
     spec.worldbody.add_light(pos=[0.0, -2.0 * reach, 2.0 * reach], dir=[0.0, 0.7, -0.7])
     spec.worldbody.add_geom(
@@ -63,19 +63,23 @@ def scene(chain: Chain, gravity: float, timestep: float) -> mujoco.MjModel:
     return spec.compile()
 
 
-def front_camera(chain: Chain) -> mujoco.MjvCamera:
-    """Looks along y at the base, from where the whole turning circle of the chain is seen."""
+def front_camera(chain: Chain, angles: Array) -> mujoco.MjvCamera:
+    """Looks along y from where all link tips are seen at all these joint `angles` (... x njoint), in rad."""
+    absolute = np.cumsum(angles, axis=-1)
+    across = np.abs(np.cumsum(chain.length * np.sin(absolute), axis=-1)).max()
+    reach, lowest = chain.length.sum(), min(np.cumsum(chain.length * np.cos(absolute), axis=-1).min(), 0.0)
+    half = 1.1 * max(across, (reach - lowest) / 2)
     camera = mujoco.MjvCamera()
     camera.azimuth, camera.elevation = 90.0, 0.0
-    camera.lookat = np.zeros(3)
-    camera.distance = 1.15 * float(chain.length.sum()) / np.tan(np.radians(22.5))
+    camera.lookat = [0.0, 0.0, (reach + lowest) / 2]
+    camera.distance = half / np.tan(np.radians(22.5))
     return camera
 
 
 def open_viewer(plant: MujocoPlant) -> None:
-    """MuJoCo's viewer on the plant, until its window is closed.  Raises MetaidError where there is no screen."""
+    """MuJoCo's viewer on the plant, until its window is closed.  Raises RenderError where there is no screen."""
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise MetaidError(
+        raise RenderError(
             "there is no screen here to open a window on: try 'metaid plant draw', or 'metaid episode … --video'"
         )
     model = scene(plant.chain, plant.gravity, plant.timestep)

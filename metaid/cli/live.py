@@ -35,10 +35,10 @@ class Live:
         self._true_factors = None if truth is None else truth.vector / self._nominal
         self._console = console or Console(stderr=True, markup=False, highlight=False)
         self._plain = not quiet and not self._console.is_terminal
-        self._bar = _Bar(self._console, quiet or self._plain, self._lumps)
-        self._task = self._bar.add_task(name, state="")
         self._name = name
         self._bests: deque[Array] = deque(maxlen=LOOK_BACK)
+        self._bar = _Bar(self._console, quiet or self._plain, self._lumps)
+        self._task = self._bar.add_task(name, state="")
         self._started: tuple[float, int] | None = None
         self._last_line = time.monotonic()
         self.trials = 0

@@ -7,7 +7,17 @@ from typing import Any
 
 import click
 
-from metaid.cli.common import Group, figure, json_option, numbers, print_json, print_table, whole_file
+from metaid.cli.common import (
+    Group,
+    figure,
+    json_option,
+    numbers,
+    open_store,
+    print_json,
+    print_table,
+    storage_option,
+    whole_file,
+)
 
 FIGURES = (".png", ".pdf", ".svg")
 
@@ -90,14 +100,35 @@ def show_plant(name: str, as_json: bool) -> None:
 )
 @json_option
 @click.option("-o", "output", type=click.Path(path_type=Path), help="Draw joint angles over time (.png, .pdf, .svg).")
-def episode(name: str, factors: tuple[str, ...], steps: int, as_json: bool, output: Path | None) -> None:
+@click.option(
+    "--video", type=click.Path(path_type=Path), help="Film it beside the truth (.mp4, .gif); no screen needed."
+)
+@click.option(
+    "--study", "study_name", metavar="NAME", help="For --video: film the study's nominal and identified lumps."
+)
+@storage_option
+def episode(
+    name: str,
+    factors: tuple[str, ...],
+    steps: int,
+    as_json: bool,
+    output: Path | None,
+    video: Path | None,
+    study_name: str | None,
+    storage: str,
+) -> None:
     """One perturb-and-count episode after a small push at the tip.
 
     Factors above 1 over-compensate and oscillate, factors below 1 fall, and 1 coasts.
     """
     from metaid import api
+    from metaid.plant import load_plant
 
-    objective = api.episode_objective(name, steps)
+    if study_name is not None and video is None:
+        raise click.UsageError("--study says whose lumps to film: it needs --video FILE.mp4")
+
+    plant = load_plant(name)
+    objective = api.episode_objective(plant, steps)
     candidate = api.check_factors(numbers(factors, "--factor"), objective.nominal.nlink)
     shown = objective.summary(candidate)
     if output is not None:
@@ -105,6 +136,15 @@ def episode(name: str, factors: tuple[str, ...], steps: int, as_json: bool, outp
 
         with whole_file(output, FIGURES) as partial:
             draw_episode(objective, candidate, partial)
+    if video is not None:
+        from metaid.video import SUFFIXES, film
+
+        filmed = {"candidate": objective.nominal.scaled(candidate), "true": objective.nominal}
+        if study_name is not None:
+            with open_store(storage) as store:
+                filmed = api.candidates_of(store, study_name, objective)
+        with whole_file(video, SUFFIXES, "--video") as partial:
+            film(plant, filmed, objective.episode, partial)
     if as_json:
         print_json(shown)
         return
