@@ -19,9 +19,10 @@ Example:
   metaid study create three-link
   metaid study run three-link
   metaid study report three-link -o report.html
+
 \b
-Shell completion:
-  eval "$(_METAID_COMPLETE=bash_source metaid)"    (or zsh_source, fish_source)
+Shell completion (or zsh_source, fish_source):
+  eval "$(_METAID_COMPLETE=bash_source metaid)"
 """
 
 

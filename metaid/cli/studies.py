@@ -47,9 +47,7 @@ def study() -> None:
     """Searches for the lumps of a plant, kept in a study DB."""
 
 
-@study.command(
-    epilog="\b\nExample:\n  metaid study create three-link --name wide --set search.low=0.4 --set trials=1000"
-)
+@study.command(epilog="\b\nExample:\n  metaid study create three-link --name wide --set search.low=0.4")
 @click.argument("source", metavar="STUDY", shell_complete=_complete_study_file)
 @click.option("--name", help="Name in the DB (default: the file's).")
 @storage_option
