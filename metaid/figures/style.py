@@ -46,8 +46,13 @@ SETTINGS: dict[Any, Any] = {
 @contextmanager
 def style() -> Iterator[None]:
     """Figures made inside look like metaid's."""
-    with mpl.rc_context(SETTINGS):
+    # Not rc_context: it would also undo what a notebook's backend sets when the first figure is made.
+    before = {key: mpl.rcParams[key] for key in SETTINGS}
+    mpl.rcParams.update(SETTINGS)
+    try:
         yield
+    finally:
+        mpl.rcParams.update(before)
 
 
 def new_axes(axes: Axes | None) -> Axes:
