@@ -14,8 +14,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from metaid.api import evaluate, lumps, perturb, run, studies, summary, trials, validate
-    from metaid.errors import EpisodeError, MetaidError, PlantError, StorageError, StudyError
+    from metaid.api import evaluate, load_findings, lumps, perturb, run, studies, summary, trials, validate
+    from metaid.errors import EpisodeError, MetaidError, PlantError, RenderError, StorageError, StudyError
     from metaid.objective import Outcome
     from metaid.plant import Plant, load_plant
     from metaid.problem import load_study
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
-    "metaid.api": ("evaluate", "lumps", "perturb", "run", "studies", "summary", "trials", "validate"),
-    "metaid.errors": ("EpisodeError", "MetaidError", "PlantError", "StorageError", "StudyError"),
+    "metaid.api": ("evaluate", "load_findings", "lumps", "perturb", "run", "studies", "summary", "trials", "validate"),
+    "metaid.errors": ("EpisodeError", "MetaidError", "PlantError", "RenderError", "StorageError", "StudyError"),
     "metaid.objective": ("Outcome",),
     "metaid.plant": ("Plant", "load_plant"),
     "metaid.problem": ("load_study",),
@@ -37,9 +37,11 @@ __all__ = [
     "Outcome",
     "Plant",
     "PlantError",
+    "RenderError",
     "StorageError",
     "StudyError",
     "evaluate",
+    "load_findings",
     "load_plant",
     "load_study",
     "lumps",

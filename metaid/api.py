@@ -14,9 +14,10 @@ import numpy as np
 import pandas as pd
 
 from metaid import tables
-from metaid.chain import factors_from_names
+from metaid.chain import Lumps, factors_from_names
 from metaid.episode import Episode, tip_push
 from metaid.errors import EpisodeError, StorageError, StudyError
+from metaid.findings import Findings, read_findings
 from metaid.objective import Objective, Outcome
 from metaid.plant import MujocoPlant, load_plant
 from metaid.problem import COUNTING_STEPS, TIP_SPEED, Problem, StudySpec, load_study
@@ -46,6 +47,17 @@ def episode_objective(
             "make a study with a nominal model"
         )
     return Objective(plant, lumps, Episode(tip_push(plant, peak_speed), steps), "crossing")
+
+
+def candidates_of(store: Store, name: str, objective: Objective) -> dict[str, Lumps]:
+    """A study's nominal and identified lumps, and those of the plant that `objective` is about.  Raises StorageError
+    where the study is about another plant or has no survivor.
+    """
+    found = read_findings(store, name)
+    nominal, plant = found.problem.nominal.lumps, found.problem.make_plant()
+    if not isinstance(objective.plant, MujocoPlant) or plant.settings != objective.plant.settings:
+        raise StorageError(f"study '{name}' is about the plant {plant.name}, not about {objective.plant.name}")
+    return {"nominal": nominal, "identified": nominal.scaled(found.best_factors), "true": objective.nominal}
 
 
 def check_factors(factors: Mapping[str, float], nlink: int) -> Any:
@@ -150,6 +162,12 @@ def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: 
         raise StudyError(f"study '{name}' has no survivor yet, so there is nothing to validate: run it first")
     believed = np.where(np.isnan(factors), 1.0, factors)  # of a lump that was not identified, the nominal value
     return validate_factors(problem, believed, pushes, seed)
+
+
+def load_findings(name: str, storage: str | None = None) -> Findings:
+    """All that a study knows, for `metaid.figures`."""
+    with closing(Store(storage or default_storage())) as store:
+        return read_findings(store, name)
 
 
 def _spec(study: str | Path | StudySpec) -> StudySpec:

@@ -29,6 +29,10 @@ class EpisodeError(MetaidError):
     """An episode that cannot be run as asked."""
 
 
+class RenderError(MetaidError):
+    """A picture that this machine cannot make."""
+
+
 def unknown(what: str, name: str, allowed: Iterable[str]) -> str:
     """The message for a `name` that is not among `allowed`: the nearest one, then all of them."""
     names = list(allowed)

@@ -22,19 +22,22 @@ def trials_frame(store: Store, name: str) -> pd.DataFrame:
     """One row a trial: `number`, `state`, `value`, `generation`, `steps`, `periods_i`, then a factor per lump, under
     its name.
     """
-    names = Problem(stored_spec(store, name)).names
+    problem = Problem(stored_spec(store, name))
+    names = problem.names
     trials = store.trials(name, names)
     heads = {
-        "number": [trial.number for trial in trials],
+        "number": np.array([trial.number for trial in trials], dtype=np.int64),
         "state": pd.Categorical(
             ["PRUNED" if trial.outcome.fell else "COMPLETE" for trial in trials], ["COMPLETE", "PRUNED"]
         ),
-        "value": [trial.outcome.value for trial in trials],
-        "generation": [trial.generation for trial in trials],
-        "steps": [trial.outcome.steps for trial in trials],
+        "value": np.array([trial.outcome.value for trial in trials], dtype=np.float64),
+        "generation": np.array([trial.generation for trial in trials], dtype=np.int64),
+        "steps": np.array([trial.outcome.steps for trial in trials], dtype=np.int64),
     }
-    njoint = len(trials[0].outcome.periods) if trials else 0
-    periods = {f"periods_{joint + 1}": [trial.outcome.periods[joint] for trial in trials] for joint in range(njoint)}
+    periods = {
+        f"periods_{joint + 1}": np.array([trial.outcome.periods[joint] for trial in trials], dtype=np.int64)
+        for joint in range(problem.nominal.nlink)
+    }
     factors = np.array([trial.factors for trial in trials]).reshape(len(trials), len(names))
     return pd.DataFrame({**heads, **periods, **{lump: factors[:, i] for i, lump in enumerate(names)}})
 
@@ -150,7 +153,9 @@ def studies_frame(store: Store) -> pd.DataFrame:
                 "max_error": shown["max_error"],
             }
         )
-    return pd.DataFrame(rows, columns=["name", "plant", "sampler", "measure", "trials", "pruned", "best", "max_error"])
+    words = {"name": str, "plant": str, "sampler": str, "measure": str}
+    kinds = {**words, "trials": np.int64, "pruned": np.int64, "best": np.float64, "max_error": np.float64}
+    return pd.DataFrame(rows, columns=list(kinds)).astype(kinds)
 
 
 def _without_nan(row: dict[Any, Any]) -> dict[str, Any]:

@@ -54,3 +54,32 @@ def metaid(
         return Finished(int(stop.value.code or 0), captured.out, captured.err)
 
     return run
+
+
+@pytest.fixture(scope="session")
+def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A DB of real runs, not to be changed: `plain` (three links, some falls), `boundary` (two links, half of them
+    falls) and `counted` (one link, whole periods).
+    """
+    from metaid.problem import load_study
+    from metaid.store import Store
+    from metaid.study import create_study, run_study
+
+    made: dict[str, tuple[str, dict[str, object]]] = {
+        "plain": (
+            "three-link",
+            {"search.coordinates": "plain", "search.start": 1.4, "episode.fall_limit": 1.1, "trials": 800},
+        ),
+        "boundary": (
+            "two-link-tpe",
+            {"sampler": "random", "search.coordinates": "plain", "episode.measure": "crossing", "trials": 150},
+        ),
+        "counted": ("one-link-count", {}),
+    }
+    path = tmp_path_factory.mktemp("studied") / "studied.db"
+    store = Store(str(path), create=True)
+    for name, (source, changes) in made.items():
+        create_study(store, load_study(source, changes), name)
+        run_study(store, name)
+    store.close()
+    return path

@@ -14,10 +14,15 @@ import metaid
 from metaid.cli.common import Group
 from metaid.errors import MetaidError
 
-EXAMPLE = """\b Example:
-  metaid study create three-link metaid study run three-link metaid study show three-link
-\b Shell completion:
-  eval "$(_METAID_COMPLETE=bash_source metaid)"    (or zsh_source, fish_source)
+EXAMPLE = """\b
+Example:
+  metaid study create three-link
+  metaid study run three-link
+  metaid study report three-link -o report.html
+
+\b
+Shell completion (or zsh_source, fish_source):
+  eval "$(_METAID_COMPLETE=bash_source metaid)"
 """
 
 
@@ -54,9 +59,14 @@ def _fail(message: str) -> None:
     sys.exit(2)
 
 
-from metaid.cli import paper, plants, studies  # noqa: E402  (they add their commands to `app`)
+from metaid.cli import paper, pictures, plants, studies  # noqa: E402  (they add their commands to `app`)
 
 app.add_command(plants.plant)
 app.add_command(plants.episode)
 app.add_command(studies.study)
 app.add_command(paper.paper)
+plants.plant.add_command(pictures.draw)
+plants.plant.add_command(pictures.view)
+studies.study.add_command(pictures.plot)
+studies.study.add_command(pictures.report)
+app.add_command(pictures.dashboard)

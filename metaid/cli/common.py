@@ -106,12 +106,12 @@ def figure(value: float | None, form: str = ".5g") -> str:
 
 
 @contextlib.contextmanager
-def whole_file(path: Path, suffixes: Sequence[str]) -> Iterator[Path]:
+def whole_file(path: Path, suffixes: Sequence[str], option: str = "-o") -> Iterator[Path]:
     """A temporary file beside `path` that takes its place when all went well: nothing is left half-written."""
     if path.suffix not in suffixes:
-        raise click.UsageError(f"-o {path}: the ending says the format (allowed: {', '.join(suffixes)})")
+        raise click.UsageError(f"{option} {path}: the ending says the format (allowed: {', '.join(suffixes)})")
     if not path.parent.is_dir():
-        raise click.UsageError(f"-o {path}: no such folder {path.parent}")
+        raise click.UsageError(f"{option} {path}: no such folder {path.parent}")
     partial = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
         yield partial

@@ -1,45 +1,45 @@
-"""What `study run` shows while it runs: a bar on a terminal, plain lines at intervals elsewhere, nothing when quiet.
-All on stderr.
+"""What `study run` shows while it runs: on a terminal a bar, the time left and the lumps as they settle, elsewhere
+plain lines at intervals, nothing when quiet. All on stderr.
 """
 
 from __future__ import annotations
 
 import time
+from collections import deque
+from collections.abc import Callable, Iterable
 from types import TracebackType
 
 import numpy as np
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
 
+from metaid.chain import Array, lump_unit
 from metaid.problem import Problem
 from metaid.store import Store
 from metaid.study import Progress as RunProgress
 from metaid.study import stored_spec
 
 INTERVAL = 5.0  # s between plain lines
+LOOK_BACK = 10  # generations over which a lump's last move is shown
+SHOWN = 12  # lumps at most
 
 
 class Live:
     """A context manager whose `update` is given the progress after each generation."""
 
-    def __init__(self, store: Store, name: str, quiet: bool) -> None:
-        problem = Problem(stored_spec(store, name))
-        truth = problem.make_plant().true_lumps()
-        self._true_factors = None if truth is None else truth.vector / problem.nominal.lumps.vector
-        self._determined = [problem.measure.determines(lump) for lump in problem.names]
-        self._unit = problem.measure.unit
-        self._console = Console(stderr=True, markup=False, highlight=False)
+    def __init__(self, store: Store, name: str, quiet: bool, console: Console | None = None) -> None:
+        self._problem = Problem(stored_spec(store, name))
+        truth = self._problem.make_plant().true_lumps()
+        self._nominal = self._problem.nominal.lumps.vector
+        self._true_factors = None if truth is None else truth.vector / self._nominal
+        self._determined = [self._problem.measure.determines(lump) for lump in self._problem.names]
+        self._console = console or Console(stderr=True, markup=False, highlight=False)
         self._plain = not quiet and not self._console.is_terminal
-        columns = (
-            TextColumn("{task.description}"),
-            BarColumn(bar_width=24),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[state]}"),
-            TimeRemainingColumn(),
-        )
-        self._bar = Progress(*columns, console=self._console, disable=quiet or self._plain, refresh_per_second=8)
-        self._task = self._bar.add_task(name, state="")
         self._name = name
+        self._bests: deque[Array] = deque(maxlen=LOOK_BACK)
+        self._bar = _Bar(self._console, quiet or self._plain, self._lumps)
+        self._task = self._bar.add_task(name, state="")
         self._started: tuple[float, int] | None = None
         self._last_line = time.monotonic()
         self.trials = 0
@@ -50,6 +50,8 @@ class Live:
         self._started = self._started or (now, progress.trials)
         self.trials = progress.trials
         state = self._state(progress, now)
+        if progress.best is not None:
+            self._bests.append(progress.best.factors)
         self._bar.update(self._task, completed=progress.trials, total=progress.total, state=state)
         if self._plain and now - self._last_line >= INTERVAL:
             self._last_line = now
@@ -58,13 +60,30 @@ class Live:
     def _state(self, progress: RunProgress, now: float) -> str:
         begun, first = self._started or (now, 0)
         rate = (progress.trials - first) / (now - begun) if now > begun else 0.0
-        parts = [f"{rate:.0f}/s", f"{progress.falls} falls"]
+        parts = [f"{rate:.0f} trials/s", f"{progress.falls} falls"]
         if progress.best is not None:
-            parts.append(f"best {progress.best.outcome.value:.2g} {self._unit}")
-            if self._true_factors is not None:
-                errors = np.abs(progress.best.factors / self._true_factors - 1.0)[self._determined]
-                parts.append(f"error {errors.max():.2%}")
+            parts.append(f"best {progress.best.outcome.value:.2g} {self._problem.measure.unit}")
+        if progress.spread is not None:
+            parts.append(f"step size {progress.spread:.2g}")
+        if progress.best is not None and self._true_factors is not None:
+            errors = np.abs(progress.best.factors / self._true_factors - 1.0)[self._determined]
+            parts.append(f"error {errors.max():.2%}")
         return ", ".join(parts)
+
+    def _lumps(self) -> Table:
+        """The best candidate's lumps, and how far each has moved lately: what stands still has settled."""
+        table = Table(box=None, padding=(0, 2), header_style="dim")
+        if not self._bests:
+            return table
+        best, earlier = self._bests[-1], self._bests[0]
+        for title in ("lump", "identified", "", "moved lately"):
+            table.add_column(title, justify="left" if title in ("lump", "") else "right")
+        for i, lump in enumerate(self._problem.names[:SHOWN]):
+            moved = best[i] / earlier[i] - 1.0
+            table.add_row(lump, f"{best[i] * self._nominal[i]:.5g}", lump_unit(lump), f"{moved:+.2%}")
+        if len(best) > SHOWN:
+            table.add_row(f"and {len(best) - SHOWN} more", "", "", "")
+        return table
 
     def __enter__(self) -> Live:
         self._bar.start()
@@ -74,3 +93,24 @@ class Live:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._bar.stop()
+
+
+class _Bar(Progress):
+    """A bar with its time left, the state beneath it, and `below`, made anew whenever drawn; gone when it stops."""
+
+    def __init__(self, console: Console, disable: bool, below: Callable[[], RenderableType]) -> None:
+        self._below = below
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(compact=True),
+            TextColumn("left"),
+        )
+        super().__init__(*columns, console=console, disable=disable, refresh_per_second=8, transient=True)
+
+    def get_renderables(self) -> Iterable[RenderableType]:
+        """The bar, the state of its one task, and what is below."""
+        yield self.make_tasks_table(self.tasks)
+        yield from (str(task.fields["state"]) for task in self.tasks)
+        yield self._below()

@@ -7,13 +7,27 @@ from typing import Any
 
 import click
 
-from metaid.cli.common import FIGURES, Group, figure, json_option, numbers, print_json, print_table, whole_file
+from metaid.cli.common import (
+    FIGURES,
+    Group,
+    figure,
+    json_option,
+    numbers,
+    open_store,
+    print_json,
+    print_table,
+    storage_option,
+    whole_file,
+)
 
 
 def _complete_plant(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
     from metaid.files import shipped_names
 
     return [name for name in shipped_names("plants") if name.startswith(incomplete)]
+
+
+plant_argument = click.argument("name", metavar="PLANT", shell_complete=_complete_plant)
 
 
 @click.group(cls=Group, epilog="\b\nExample:\n  metaid plant show three-link")
@@ -34,7 +48,7 @@ def list_plants() -> None:
 
 
 @plant.command("show", epilog="\b\nExample:\n  metaid plant show three-link --json")
-@click.argument("name", metavar="PLANT", shell_complete=_complete_plant)
+@plant_argument
 @json_option
 def show_plant(name: str, as_json: bool) -> None:
     """The links of a plant, and its true lumps where it knows them."""
@@ -73,7 +87,7 @@ def show_plant(name: str, as_json: bool) -> None:
 
 
 @click.command(epilog="\b\nExample:\n  metaid episode three-link --factor gravity_1=1.05 --factor gravity_2=1.05")
-@click.argument("name", metavar="PLANT", shell_complete=_complete_plant)
+@plant_argument
 @click.option(
     "--factor",
     "factors",
@@ -86,14 +100,35 @@ def show_plant(name: str, as_json: bool) -> None:
 )
 @json_option
 @click.option("-o", "output", type=click.Path(path_type=Path), help="Draw joint angles over time (.png, .pdf, .svg).")
-def episode(name: str, factors: tuple[str, ...], steps: int, as_json: bool, output: Path | None) -> None:
+@click.option(
+    "--video", type=click.Path(path_type=Path), help="Film it beside the truth (.mp4, .gif); no screen needed."
+)
+@click.option(
+    "--study", "study_name", metavar="NAME", help="For --video: film the study's nominal and identified lumps."
+)
+@storage_option
+def episode(
+    name: str,
+    factors: tuple[str, ...],
+    steps: int,
+    as_json: bool,
+    output: Path | None,
+    video: Path | None,
+    study_name: str | None,
+    storage: str,
+) -> None:
     """One perturb-and-count episode after a small push at the tip.
 
     Factors above 1 over-compensate and oscillate, factors below 1 fall, and 1 coasts.
     """
     from metaid import api
+    from metaid.plant import load_plant
 
-    objective = api.episode_objective(name, steps)
+    if study_name is not None and video is None:
+        raise click.UsageError("--study says whose lumps to film: it needs --video FILE.mp4")
+
+    plant = load_plant(name)
+    objective = api.episode_objective(plant, steps)
     candidate = api.check_factors(numbers(factors, "--factor"), objective.nominal.nlink)
     shown = objective.summary(candidate)
     if output is not None:
@@ -101,6 +136,15 @@ def episode(name: str, factors: tuple[str, ...], steps: int, as_json: bool, outp
 
         with whole_file(output, FIGURES) as partial:
             draw_episode(objective, candidate, partial)
+    if video is not None:
+        from metaid.video import SUFFIXES, film
+
+        filmed = {"candidate": objective.nominal.scaled(candidate), "true": objective.nominal}
+        if study_name is not None:
+            with open_store(storage) as store:
+                filmed = api.candidates_of(store, study_name, objective)
+        with whole_file(video, SUFFIXES, "--video") as partial:
+            film(plant, filmed, objective.episode, partial)
     if as_json:
         print_json(shown)
         return

@@ -54,9 +54,7 @@ def study() -> None:
     """Searches for the lumps of a plant, kept in a study DB."""
 
 
-@study.command(
-    epilog="\b\nExample:\n  metaid study create three-link --name wide --set search.low=0.4 --set trials=1000"
-)
+@study.command(epilog="\b\nExample:\n  metaid study create three-link --name wide --set search.low=0.4")
 @click.argument("source", metavar="STUDY", shell_complete=_complete_study_file)
 @click.option("--name", help="Name in the DB (default: the file's).")
 @storage_option
@@ -350,9 +348,12 @@ def export(name: str, storage: str, output: Path) -> None:
 @click.option("--yes", is_flag=True, help="Do not ask.")
 def delete(name: str, storage: str, yes: bool) -> None:
     """Delete a study and its trials from the DB."""
+    from metaid.companions import delete_companion
+
     with open_store(storage) as store:
         store.spec(name)  # refuses a name that is not there before asking
         if not yes:
             click.confirm(f"Delete study '{name}' from {storage}?", abort=True, err=True)
         store.delete(name)
+        delete_companion(store, name)
     click.echo(f"study '{name}' is deleted")

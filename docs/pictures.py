@@ -1,0 +1,136 @@
+"""Makes docs/images anew from a real run: the film, figures, the report, the dashboard and the live view.
+
+Run it as `.venv/bin/python docs/pictures.py`; it needs chromium, and something that renders (EGL or OSMesa).
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+from PIL import Image
+from rich.console import Console, Group
+
+ROOT = Path(__file__).parent.parent
+IMAGES = ROOT / "docs" / "images"
+sys.path.insert(0, str(ROOT / "tests"))
+
+from browser import Browser, open_browser  # noqa: E402
+
+from metaid.cli.live import Live  # noqa: E402
+from metaid.dashboard import make_dashboard  # noqa: E402
+from metaid.figures import Gallery, plant_figure, save  # noqa: E402
+from metaid.findings import read_findings  # noqa: E402
+from metaid.store import Store  # noqa: E402
+from metaid.study import Progress, run_study  # noqa: E402
+
+# Three links from far away, so that some candidates fall; and two links, counted, for the boundary of falling.
+STUDIES = (
+    "three-link",
+    "three-link --name from-afar --set search.coordinates=plain --set search.start=1.4 --set trials=800",
+    "two-link-tpe --name boundary --set sampler=random --set search.coordinates=plain"
+    ' --set episode.measure="crossing" --set search.low=0.6 --set search.high=1.6',
+)
+
+
+def main() -> None:
+    """Runs the studies in an empty folder and draws everything."""
+    IMAGES.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        for study in STUDIES:
+            metaid("study", "create", *study.split())
+        metaid("study", "run", "three-link", "--quiet")
+        metaid("study", "run", "boundary", "--quiet")
+        store = Store("metaid.db")
+        live_view(store)
+        metaid("episode", "three-link", "--study", "three-link", "--video", str(IMAGES / "film.gif"))
+        figures(store)
+        metaid("study", "report", "from-afar", "-o", "report.html")
+        with open_browser(Path(folder) / "profile") as browser:
+            browser.look((Path(folder) / "report.html").as_uri())
+            shoot(browser, "report.png", 1200, 1500)
+            browser.look((Path(folder) / "report.html").as_uri(), width=390, dark=True)
+            shoot(browser, "report-phone.png", 390, 1500)
+            dashboard(store, browser)
+        store.close()
+    os.chdir(ROOT)
+
+
+def metaid(*arguments: str) -> None:
+    """Runs a command as a user does."""
+    program = [sys.executable, "-c", "from metaid.cli import main; main()", *arguments]
+    subprocess.run(program, check=True, stdout=subprocess.DEVNULL)
+
+
+def live_view(store: Store) -> None:
+    """What a terminal shows half-way through a run, as SVG."""
+    console = Console(record=True, width=90, file=io.StringIO(), force_terminal=True, markup=False, highlight=False)
+    live = Live(store, "from-afar", False, console)
+
+    drawn = False
+
+    def watch(progress: Progress) -> None:
+        nonlocal drawn
+        time.sleep(0.02)  # as slow as a plant that is worth watching, for the rate and the time left
+        live.update(progress)
+        if progress.trials >= 500 and not drawn:
+            drawn = True
+            console.print(Group(*live._bar.get_renderables()))
+
+    run_study(store, "from-afar", watch=watch)
+    svg = console.export_svg(title="metaid study run from-afar")
+    (IMAGES / "live.svg").write_text(re.sub(r"@font-face \{.*?\}\s*", "", svg, flags=re.DOTALL))
+
+
+def figures(store: Store) -> None:
+    """The figures that the documents show."""
+    pictures = {"from-afar": ("convergence", "factors", "frequency"), "boundary": ("boundary",)}
+    for study, names in pictures.items():
+        gallery = Gallery(read_findings(store, study))
+        for picture in gallery.pictures():
+            if picture.name in names:
+                save(picture.figure, IMAGES / f"{picture.name}.png")
+                shrink(IMAGES / f"{picture.name}.png")
+        if study == "from-afar":
+            save(plant_figure(gallery.found.problem.make_plant()), IMAGES / "plant.png")
+            shrink(IMAGES / "plant.png")
+
+
+def dashboard(store: Store, browser: Browser) -> None:
+    """The note and the graphs of a study on the dashboard."""
+    with make_dashboard(store, 0) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        study = store.optuna.get_study_id_from_name("from-afar")
+        browser.look(f"http://127.0.0.1:{server.server_port}/dashboard/studies/{study}")
+        time.sleep(5)
+        shoot(browser, "dashboard.png", 1200, 1900)
+        server.shutdown()
+
+
+def shoot(browser: Browser, name: str, width: int, height: int) -> None:
+    """A picture of the page's beginning."""
+    clip = {"x": 0, "y": 0, "width": width, "height": height, "scale": 1}
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500}
+    browser.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    time.sleep(1)
+    shot = browser.driver.execute_cdp_cmd("Page.captureScreenshot", {"captureBeyondViewport": True, "clip": clip})
+    (IMAGES / name).write_bytes(base64.b64decode(shot["data"]))
+    shrink(IMAGES / name)
+
+
+def shrink(path: Path) -> None:
+    """As few bytes as a picture of few colours needs."""
+    Image.open(path).convert("RGB").quantize(128, dither=Image.Dither.NONE).save(path, optimize=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,94 @@
+"""What shows things: `metaid plant draw | view`, `metaid study plot | report`, `metaid dashboard`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from metaid.cli.common import FIGURES, open_store, storage_option, whole_file
+from metaid.cli.plants import plant_argument
+from metaid.cli.studies import name_argument
+from metaid.errors import MetaidError
+
+
+@click.command(epilog="\b\nExample:\n  metaid plant draw three-link -o plant.png")
+@plant_argument
+@click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="FILE.png, .pdf or .svg.")
+def draw(name: str, output: Path) -> None:
+    """Draw a labelled sketch of a plant: lengths, masses, centres of mass."""
+    from metaid.figures import plant_figure, save
+    from metaid.plant import load_plant
+
+    figure = plant_figure(load_plant(name))
+    with whole_file(output, FIGURES) as partial:
+        save(figure, partial)
+
+
+@click.command(epilog="\b\nExample (needs a screen):\n  metaid plant view three-link")
+@plant_argument
+def view(name: str) -> None:
+    """Open a plant in MuJoCo's viewer: it stands upright, and falls when touched."""
+    from metaid.plant import load_plant
+    from metaid.scene import open_viewer
+
+    open_viewer(load_plant(name))
+
+
+@click.command(epilog="\b\nExample:\n  metaid study plot three-link -o figures --format pdf")
+@name_argument
+@storage_option
+@click.option(
+    "-o", "folder", metavar="DIR", type=click.Path(path_type=Path), required=True, help="Folder, made if need be."
+)
+@click.option("--format", "ending", type=click.Choice(["png", "svg", "pdf"]), default="png", show_default=True)
+@click.option(
+    "--width", type=click.Choice(["page", "column"]), default="page", show_default=True, help="7 or 3.5 inches."
+)
+@click.option("--over", nargs=2, metavar="LUMP LUMP", help="Lumps of the fall boundary (default: the first two).")
+def plot(name: str, storage: str, folder: Path, ending: str, width: str, over: tuple[str, str] | None) -> None:
+    """Draw a study's figures: convergence, factors, ranges, frequency, fall boundary, …
+
+    A file each, named after what it shows, at the width of a journal's page or column.
+    """
+    from metaid.figures import Gallery, save
+    from metaid.findings import read_findings
+
+    with open_store(storage) as store:
+        shown = list(Gallery(read_findings(store, name), over).pictures(width))
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as problem:
+        raise MetaidError(f"{folder}: {problem.strerror}") from None
+    for picture in shown:
+        with whole_file(folder / f"{picture.name}.{ending}", FIGURES) as partial:
+            save(picture.figure, partial)
+    click.echo(f"{len(shown)} figures are in {folder}: {', '.join(picture.name for picture in shown)}")
+
+
+@click.command(epilog="\b\nExample:\n  metaid study report three-link -o report.html")
+@name_argument
+@storage_option
+@click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="FILE.html.")
+def report(name: str, storage: str, output: Path) -> None:
+    """Write one self-contained page: what was asked, what was found, figures, cost, how to repeat it."""
+    from metaid.findings import read_findings
+    from metaid.report import render
+
+    with open_store(storage) as store, whole_file(output, (".html",)) as partial:
+        partial.write_text(render(read_findings(store, name)), encoding="utf-8")
+    click.echo(f"the report of '{name}' is {output}")
+
+
+@click.command(epilog="\b\nExample (until Ctrl-C):\n  metaid dashboard --port 8080")
+@storage_option
+@click.option("--port", type=click.IntRange(0, 65535), default=8080, show_default=True, help="0 takes any free one.")
+def dashboard(storage: str, port: int) -> None:
+    """Open optuna-dashboard on the study DB, for this machine alone.
+
+    Every study gets a note that explains it and our figures; of more than 10,000 trials a thinned companion is shown.
+    """
+    from metaid.dashboard import serve
+
+    with open_store(storage) as store:
+        serve(store, port, click.echo)

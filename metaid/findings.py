@@ -1,0 +1,96 @@
+"""All that a study knows, read from the DB once: what figures, the report and the dashboard draw from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from metaid.chain import Array
+from metaid.errors import StorageError, unknown
+from metaid.objective import Objective
+from metaid.problem import Problem, StudySpec
+from metaid.store import Store
+from metaid.study import stored_spec
+from metaid.tables import lumps_frame, summary, trials_frame
+
+CLOSEST = 50  # survivors nearest to the best at least, when their correlation is asked for
+
+
+@dataclass(frozen=True)
+class Findings:
+    """A study's settings, its `trials` and `lumps` frames (`metaid.trials`, `metaid.lumps`), and its `summary`."""
+
+    name: str
+    spec: StudySpec
+    trials: pd.DataFrame
+    lumps: pd.DataFrame
+    summary: dict[str, Any]
+    problem: Problem
+
+    @property
+    def names(self) -> list[str]:
+        """The lumps' names, as the columns of `trials` have them."""
+        return self.problem.names
+
+    @property
+    def label(self) -> str:
+        """The measure with its unit, for an axis."""
+        unit = self.problem.measure.unit
+        return "whole periods" if unit == "periods" else f"frequency, {unit}"
+
+    @property
+    def survivors(self) -> pd.DataFrame:
+        """Rows of trials that did not fall."""
+        return self.trials.loc[self.trials["state"] == "COMPLETE"]
+
+    @property
+    def falls(self) -> pd.DataFrame:
+        """Rows of trials that fell."""
+        return self.trials.loc[self.trials["state"] == "PRUNED"]
+
+    @property
+    def true_factors(self) -> Array | None:
+        """True ÷ nominal (nlump), or None where the plant does not know."""
+        true: Array = (self.lumps["true"] / self.lumps["nominal"]).to_numpy()
+        return None if np.isnan(true).any() else true
+
+    @property
+    def best_factors(self) -> Array:
+        """Factors (nlump) of the best survivor.  Raises StorageError where there is none yet."""
+        if self.survivors.empty:
+            raise StorageError(f"study '{self.name}' has no survivor yet, so there is nothing to show: run it first")
+        factors: Array = self.lumps["factor"].to_numpy()
+        return factors
+
+    @property
+    def equals(self) -> pd.DataFrame:
+        """Survivors that the measure cannot tell from the best one; their range is `low` to `high`."""
+        survivors = self.survivors
+        equal: pd.DataFrame = survivors[survivors["value"] <= survivors["value"].min() + self.problem.resolution]
+        return equal
+
+    @property
+    def closest(self) -> pd.DataFrame:
+        """The `equals`, or the CLOSEST best survivors if those are more."""
+        closest: pd.DataFrame = self.survivors.nsmallest(max(len(self.equals), CLOSEST), "value")
+        return closest
+
+    def objective(self) -> Objective:
+        """What the study evaluated its candidates with."""
+        return self.problem.make_objective()
+
+    def index(self, lump: str) -> int:
+        """Where a lump stands.  Raises StorageError, naming the allowed ones."""
+        if lump not in self.names:
+            raise StorageError(unknown("lump", lump, self.names))
+        return self.names.index(lump)
+
+
+def read_findings(store: Store, name: str) -> Findings:
+    """The findings of a study in the DB.  Raises StorageError."""
+    spec = stored_spec(store, name)
+    trials, lumps = trials_frame(store, name), lumps_frame(store, name)
+    return Findings(name, spec, trials, lumps, summary(store, name), Problem(spec))

@@ -1,0 +1,75 @@
+"""A real Chromium without a window, that tells what it fetched and what its console said."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from selenium import webdriver
+from selenium.webdriver.chrome.service import Service
+
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+
+
+class Browser:
+    """A page in Chromium, of the given size in pixels."""
+
+    def __init__(self, driver: webdriver.Chrome) -> None:
+        self.driver = driver
+
+    def look(self, url: str, width: int = 1200, dark: bool = False) -> None:
+        """Opens `url` in a window of that width, preferring dark or light."""
+        size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500}
+        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [scheme]})
+        self.driver.get(url)
+
+    def text(self) -> str:
+        """What can be read on the page."""
+        return str(self.driver.execute_script("return document.body.innerText"))
+
+    def fetched(self) -> list[str]:
+        """Every URL asked for since the last call, but for data within the page and the browser's own pages."""
+        messages = [json.loads(entry["message"])["message"] for entry in self.driver.get_log("performance")]
+        urls = [m["params"]["request"]["url"] for m in messages if m["method"] == "Network.requestWillBeSent"]
+        return [url for url in urls if not url.startswith(("data:", "blob:", "chrome:", "about:"))]
+
+    def complaints(self) -> list[str]:
+        """What the console has said since the last call, errors and warnings."""
+        return [entry["message"] for entry in self.driver.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")]
+
+
+@contextmanager
+def open_browser(profile: Path) -> Iterator[Browser]:
+    """Chromium with an empty profile. Without one on this machine the test is skipped, or fails where it must not be
+    (METAID_BROWSER=required, which .ci/run sets).
+    """
+    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    if chromium is None or driver is None:
+        needs = "needs chromium and chromedriver (Debian: apt-get install chromium chromium-driver)"
+        (pytest.fail if os.environ.get("METAID_BROWSER") == "required" else pytest.skip)(needs)
+    options = webdriver.ChromeOptions()
+    options.binary_location = chromium
+    for flag in (*FLAGS, f"--user-data-dir={profile}"):
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    running = webdriver.Chrome(options, Service(driver))
+    try:
+        yield Browser(running)
+    finally:
+        running.quit()

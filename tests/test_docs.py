@@ -1,0 +1,133 @@
+"""The documents are true: their commands and Python blocks run, their links and pictures exist, help has examples."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import click
+import pytest
+from conftest import Finished
+
+from metaid.cli import app
+
+ROOT = Path(__file__).parent.parent
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+BLOCK = re.compile(r"(<!-- not run: [^\n]+ -->\n)?^```(\w+)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+NO_SCREEN = "metaid plant view"
+SERVES = "metaid dashboard"
+
+Metaid = Callable[..., Finished]
+
+
+def blocks(document: Path) -> Iterator[tuple[str, str]]:
+    """Language and text of each block that is to be run, in order."""
+    for skipped, language, text in BLOCK.findall(document.read_text(encoding="utf-8")):
+        if not skipped:
+            yield language, text
+
+
+def serve_and_interrupt(arguments: list[str]) -> None:
+    """Starts a command that serves until Ctrl-C, waits for its first line, and sends Ctrl-C."""
+    program = [sys.executable, "-c", "from metaid.cli import main; main()", *arguments[:-1], "0"]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None
+        try:
+            assert "http://127.0.0.1:" in server.stdout.readline()
+        finally:
+            server.send_signal(signal.SIGINT)
+        server.stdout.read()
+    assert server.returncode == 130
+
+
+def run_command(metaid: Metaid, command: str) -> None:
+    """One line of a document, as typed after the prompt."""
+    name, *arguments = shlex.split(command, comments=True)
+    assert name == "metaid", f"only metaid's own commands are run here: mark '{command}' with <!-- not run: why -->"
+    if command.startswith(SERVES):
+        serve_and_interrupt(arguments)
+        return
+    done = metaid(*arguments)
+    if done.status != 0 and "nothing on this machine can render" in done.err:
+        return  # tests/test_video.py asserts that the machine that checks can
+    if command.startswith(NO_SCREEN):
+        assert "there is no screen here" in done.err
+        return
+    assert done.status == 0, f"{command}: {done.err}"
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_every_block_runs(metaid: Metaid, monkeypatch: pytest.MonkeyPatch, document: Path) -> None:
+    """Files are written, commands and Python run, in order and in one empty folder."""
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    names: dict[str, object] = {}
+    for language, text in blocks(document):
+        if language == "toml":
+            name = re.match(r"# (\S+\.toml)\n", text)
+            assert name, f"a TOML block begins with '# FILE.toml': {text[:60]}"
+            Path(name[1]).write_text(text)
+        elif language == "console":
+            for line in text.splitlines():
+                assert line.startswith("$ "), f"a console block holds commands alone: {line}"
+                run_command(metaid, line[2:])
+        elif language == "python":
+            exec(compile(text, document.name, "exec"), names)
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_links_and_pictures_exist(document: Path) -> None:
+    """Every relative link leads to a file of the repository."""
+    text = document.read_text(encoding="utf-8")
+    for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text):
+        if "://" not in target:
+            assert (document.parent / target).exists(), target
+
+
+def test_pictures_are_small() -> None:
+    """A newcomer with a slow line sees them: 150 kB each, 1 MB for a film."""
+    for path in (ROOT / "docs" / "images").iterdir():
+        assert path.stat().st_size < (1_000_000 if path.suffix == ".gif" else 150_000), path.name
+
+
+def commands(group: click.Group = app, above: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """Every command and group of the command line."""
+    yield above
+    for name, command in group.commands.items():
+        if isinstance(command, click.Group):
+            yield from commands(command, (*above, name))
+        else:
+            yield (*above, name)
+
+
+@pytest.fixture(scope="module")
+def three_link(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A DB in which the study that examples are about has been run."""
+    from metaid import run
+
+    path = tmp_path_factory.mktemp("examples") / "metaid.db"
+    run("three-link", storage=str(path))
+    return path
+
+
+@pytest.mark.parametrize("command", list(commands()), ids=" ".join)
+def test_help_fits_a_screen_and_its_example_runs(
+    metaid: Metaid, three_link: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]
+) -> None:
+    """At most 30 lines of 80 columns; what stands under "Example" works as it stands."""
+    for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(variable, raising=False)
+    shown = metaid(*command, "--help").out
+    assert len(shown.splitlines()) <= 30
+    assert max(map(len, shown.splitlines())) <= 80
+    examples = [line.strip() for line in re.findall(r"^ +metaid .*$", shown.partition("Example")[2], re.MULTILINE)]
+    assert examples
+    if not any(example == "metaid study create three-link" for example in examples):
+        shutil.copy(three_link, "metaid.db")
+    for example in examples:
+        run_command(metaid, example)
