@@ -151,17 +151,18 @@ def summary(name: str, storage: str | None = None) -> dict[str, Any]:
 
 
 def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: int = 0) -> Validation:
-    """What the best survivor of a study is worth on `pushes` that the search never used, and along a trajectory.
+    """What the best survivor of a study is worth on `pushes` that the search never used, and along a trajectory. A lump
+    that the study's measure cannot determine keeps its nominal value.
 
     Raises StorageError, and StudyError if no trial survived yet.
     """
     with closing(Store(storage or default_storage())) as store:
-        factors = tables.lumps_frame(store, name)["factor"].to_numpy(dtype=float)
+        found = tables.lumps_frame(store, name)
         problem = Problem(stored_spec(store, name))
-    if np.isnan(factors).all():
+    factors = np.where(found["determined"], found["factor"], 1.0)
+    if np.isnan(factors).any():
         raise StudyError(f"study '{name}' has no survivor yet, so there is nothing to validate: run it first")
-    believed = np.where(np.isnan(factors), 1.0, factors)  # of a lump that was not identified, the nominal value
-    return validate_factors(problem, believed, pushes, seed)
+    return validate_factors(problem, factors, pushes, seed)
 
 
 def load_findings(name: str, storage: str | None = None) -> Findings:

@@ -136,6 +136,7 @@ def test_two_links_of_the_paper_are_identified_but_for_the_coriolis_lump(
     assert not coriolis["determined"]
     assert [coriolis[key] for key in ("factor", "identified", "low", "high", "error")] == [None] * 5
     assert shown["max_error"] == max(abs(lump["error"]) for lump in gravity)
+    assert metaid("study", "validate", "paper-two-link", "--pushes", "2").status == 0
     out = metaid("study", "show", "paper-two-link").out
     assert "not identified: coriolis_1_2: count with these pushes cannot determine them" in out
 
