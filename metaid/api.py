@@ -57,7 +57,7 @@ def candidates_of(store: Store, name: str, objective: Objective) -> dict[str, Lu
     nominal, plant = found.problem.nominal.lumps, found.problem.make_plant()
     if not isinstance(objective.plant, MujocoPlant) or plant.settings != objective.plant.settings:
         raise StorageError(f"study '{name}' is about the plant {plant.name}, not about {objective.plant.name}")
-    return {"nominal": nominal, "identified": nominal.scaled(found.best_factors), "true": objective.nominal}
+    return {"nominal": nominal, "identified": nominal.scaled(found.identified_factors), "true": objective.nominal}
 
 
 def check_factors(factors: Mapping[str, float], nlink: int) -> Any:

@@ -13,7 +13,7 @@ from metaid.findings import Findings
 from metaid.store import Store
 
 LONGEST = 10_000  # trials that a browser shows without hanging
-KEPT = 2_000  # trials of a companion
+KEPT = 1_000  # trials of a companion
 
 
 def companion_name(name: str) -> str:

@@ -43,6 +43,7 @@ class Graph:
 
 def serve(store: Store, port: int, say: Callable[[str], None]) -> None:
     """Serves the dashboard until interrupted; `say` is told where.  Raises MetaidError if the port is taken."""
+    say("writing notes and graphs where there are new trials …")
     with make_dashboard(store, port) as server:
         for line in addresses(store, server.server_port):
             say(line)
@@ -172,13 +173,13 @@ def _convergence(found: Findings) -> Graph:
 
 
 def _lumps(found: Findings) -> Graph:
-    factor, low, high = (found.lumps[key] for key in ("factor", "low", "high"))
-    nominal = found.lumps["nominal"]
+    lumps = found.lumps.dropna(subset=["identified"])
+    factor, low, high, nominal = (lumps[key] for key in ("factor", "low", "high", "nominal"))
     ranges = {
         "type": "scatter",
         "mode": "markers",
         "name": "identified, with its range",
-        "x": found.names,
+        "x": lumps["name"].tolist(),
         "y": _short(factor),
         "marker": {"color": SURVIVOR, "size": 9},
         "error_y": {

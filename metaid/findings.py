@@ -60,10 +60,32 @@ class Findings:
     @property
     def best_factors(self) -> Array:
         """Factors (nlump) of the best survivor.  Raises StorageError where there is none yet."""
-        if self.survivors.empty:
+        survivors = self.survivors
+        if survivors.empty:
             raise StorageError(f"study '{self.name}' has no survivor yet, so there is nothing to show: run it first")
-        factors: Array = self.lumps["factor"].to_numpy()
+        factors: Array = survivors.nsmallest(1, "value")[self.names].to_numpy(dtype=np.float64)[0]
         return factors
+
+    @property
+    def identified_factors(self) -> Array:
+        """Factors (nlump) that the study stands by: the best survivor's, and 1 where a lump is not identified."""
+        return np.where(self.lumps["identified"].isna(), 1.0, self.best_factors)
+
+    def errors(self, trials: pd.DataFrame) -> Array:
+        """The largest error of an identified lump in each of `trials` (ntrial), relative to the truth; NaN where the
+        plant does not know it.
+        """
+        true = (self.lumps["true"] / self.lumps["nominal"]).to_numpy()
+        told = self.lumps["identified"].notna().to_numpy()
+        errors: Array = np.abs(trials[self.names].to_numpy() / true - 1.0)[:, told].max(axis=1, initial=0.0)
+        return errors
+
+    @property
+    def bests(self) -> pd.DataFrame:
+        """Survivors that were the best when they came."""
+        survivors = self.survivors
+        bests: pd.DataFrame = survivors[survivors["value"] < survivors["value"].cummin().shift(fill_value=np.inf)]
+        return bests
 
     @property
     def equals(self) -> pd.DataFrame:

@@ -110,9 +110,7 @@ def cost(found: Findings) -> dict[str, Any]:
     steps = trials["steps"].cumsum()
     reached = []
     if found.true_factors is not None:
-        survivors = found.survivors
-        bests = survivors[survivors["value"] < survivors["value"].cummin().shift(fill_value=np.inf)]
-        errors = np.abs(bests[found.names].to_numpy() / found.true_factors - 1.0).max(axis=1)
+        bests, errors = found.bests, found.errors(found.bests)
         for digit in (0.1, 0.01, 0.001):
             within = np.flatnonzero(errors <= digit)
             if len(within):

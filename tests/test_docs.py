@@ -34,11 +34,12 @@ def blocks(document: Path) -> Iterator[tuple[str, str]]:
 
 
 def serve_and_interrupt(arguments: list[str]) -> None:
-    """Starts a command that serves until Ctrl-C, waits for its first line, and sends Ctrl-C."""
+    """Starts a command that serves until Ctrl-C, waits until it says where, and sends Ctrl-C."""
     program = [sys.executable, "-c", "from metaid.cli import main; main()", *arguments[:-1], "0"]
     with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as server:
         assert server.stdout is not None
         try:
+            server.stdout.readline()
             assert "http://127.0.0.1:" in server.stdout.readline()
         finally:
             server.send_signal(signal.SIGINT)

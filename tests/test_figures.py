@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
@@ -272,3 +273,15 @@ def test_mistake_is_answered_in_one_line_with_status_2_and_nothing_written(
     assert message in answered.err
     assert answered.err.count("\n") == 1
     assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
+
+
+def test_a_lump_that_is_not_identified_is_left_out_of_the_error(boundary: Findings) -> None:
+    """Where the table says nothing of a lump, the error and the film keep to those that it tells."""
+    untold = boundary.lumps["name"].str.startswith("coriolis")
+    lumps = boundary.lumps.copy()
+    lumps.loc[untold, ["factor", "identified", "low", "high", "error"]] = np.nan
+    found = dataclasses.replace(boundary, lumps=lumps)
+    gravity = lumps["error"].abs().max()
+    assert found.errors(found.bests)[-1] == pytest.approx(gravity)
+    assert np.array_equal(found.identified_factors == 1.0, untold)
+    assert {picture.name for picture in figures.Gallery(found).pictures()} == FILES

@@ -38,14 +38,11 @@ def plot_convergence(found: Findings, axes: Axes | None = None) -> Axes:
 def plot_error(found: Findings, axes: Axes | None = None) -> Axes:
     """The largest error of a lump, in %, of the best candidate so far; it needs a plant that knows its truth."""
     axes = new_axes(axes)
-    true = found.true_factors
-    if true is None:
+    if found.true_factors is None:
         axes.text(0.5, 0.5, "the plant does not tell its truth", transform=axes.transAxes, ha="center")
         return _finish(axes, "largest lump error, %")
-    survivors = found.survivors
-    is_best = survivors["value"] < survivors["value"].cummin().shift(fill_value=np.inf)
-    bests = survivors[is_best]
-    errors = 100.0 * np.abs(bests[found.names].to_numpy() / true - 1.0).max(axis=1, initial=0.0)
+    bests = found.bests
+    errors = 100.0 * found.errors(bests)
     last = found.trials["number"].max()
     axes.step(np.append(bests["number"], last), np.append(errors, errors[-1:]), where="post", color=SURVIVOR)
     axes.axhline(1.0, color=INK, linewidth=0.7, linestyle=":", label="1 %")
