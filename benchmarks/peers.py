@@ -33,7 +33,8 @@ TRIALS_PER_LUMP = 200  # after which metaid gives up
 STILL = 0.3  # of the measure's resolution: coasting that cannot be told from perfect, where metaid stops
 
 NEEDS = {
-    "metaid": "joint angles and speeds after pushes",
+    "metaid, cmaes": "joint angles and speeds after pushes",
+    "metaid, newton": "joint angles and speeds after pushes",
     "sysid": "joint angles, joint torques, speeds where a window starts; link lengths",
     "sysid, 1 mrad": "joint angles, joint torques; link lengths",
     "least squares": "joint angles, speeds, accelerations, torques",
@@ -57,14 +58,20 @@ class Result:
     trials: int | None
 
 
-def metaid_search(true: Links, nominal: Links, seed: int) -> Found:
-    """What a study with metaid's own settings finds, as `study run` runs it.
+def metaid_search(true: Links, nominal: Links, seed: int, sampler: str) -> Found:
+    """What a study with metaid's own settings and this sampler finds, as `study run` runs it.
 
     It stops where it cannot tell the coasting from perfect, or gives up; it never sees the true lumps.
     """
     nlump = len(chain_of(nominal).lumps.vector)
     settings = StudySettings.model_validate(
-        {"plant": "chain", "nominal": "nominal", "trials": TRIALS_PER_LUMP * nlump, "seed": seed}
+        {
+            "plant": "chain",
+            "nominal": "nominal",
+            "sampler": sampler,
+            "trials": TRIALS_PER_LUMP * nlump,
+            "seed": seed,
+        }
     )
     problem = Problem(
         StudySpec(name="peers", plant_name="chain", plant=PlantSettings(links=true), nominal=nominal, study=settings)
@@ -90,7 +97,8 @@ def compare(nlink: int, seed: int) -> Iterator[Result]:
     clean = record(true, nominal, seed)
     noisy = with_noise(clean, nominal, gravity, seed)
     methods: dict[str, Callable[[], Found]] = {
-        "metaid": lambda: metaid_search(true, nominal, seed),
+        "metaid, cmaes": lambda: metaid_search(true, nominal, seed, "cmaes"),
+        "metaid, newton": lambda: metaid_search(true, nominal, seed, "newton"),
         "sysid": lambda: mujoco_sysid(clean, nominal, gravity),
         "sysid, 1 mrad": lambda: mujoco_sysid(noisy, nominal, gravity),
         "least squares": lambda: least_squares(clean, nominal, gravity),
@@ -162,7 +170,8 @@ def main() -> None:
     links, seeds = ([1, 2], 2) if given.quick else ([int(text) for text in given.links.split(",")], given.seeds)
     results: list[Result] = []
     with threadpool_limits(1):
-        metaid_search(*random_chain(1, 0), seed=0)  # compiles the loop, which is no part of what is compared
+        # Compiles the loop, which is no part of what is compared.
+        metaid_search(*random_chain(1, 0), seed=0, sampler="cmaes")
         for nlink in links:
             for seed in range(seeds):
                 results += compare(nlink, seed)

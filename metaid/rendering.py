@@ -7,6 +7,7 @@ the process that asked it. Each frame is its panels side by side (size x npanel 
 from __future__ import annotations
 
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 import mujoco
@@ -18,14 +19,13 @@ from metaid.scene import front_camera, scene
 
 def write_job(path: Path, chain: Chain, angles: Array, size: int) -> None:
     """Saves what to render: joint `angles` (npanel x nframe x njoint), in rad, at `size` pixels a panel."""
-    parts = {key: getattr(chain, key) for key in ("length", "mass", "com", "inertia", "damping")}
-    np.savez(path, angles=angles, size=size, **parts)
+    np.savez(path, angles=angles, size=size, **{part.name: getattr(chain, part.name) for part in fields(chain)})
 
 
 def render_job(path: Path) -> None:
     """Renders a saved job to standard output."""
     job = np.load(path, allow_pickle=False)
-    chain = Chain(*(job[key] for key in ("length", "mass", "com", "inertia", "damping")))
+    chain = Chain(**{part.name: job[part.name] for part in fields(Chain)})
     model = scene(chain, gravity=9.81, timestep=0.001)  # nothing moves here: poses are set
     data, camera, size = mujoco.MjData(model), front_camera(chain, job["angles"]), int(job["size"])
     with mujoco.Renderer(model, size, size) as renderer:
