@@ -63,7 +63,7 @@ class Cmaes:
     def __init__(self, coordinates: Coordinates, seed: int, sigma: float, generation_size: int | None) -> None:
         self._coordinates = coordinates
         mean = np.zeros(len(coordinates.origin))
-        # A one-dimensional CMA-ES is refused by the package; its second coordinate is drawn and ignored.
+        # For one lump a second coordinate is drawn and ignored; the package would take one dimension as well.
         self._padding = max(0, 2 - len(mean))
         self._optimizer = cmaes.CMA(
             mean=np.pad(mean, (0, self._padding)), sigma=sigma, seed=seed, population_size=generation_size
