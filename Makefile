@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test check bench format build clean
+.PHONY: demo test check bench soak format build clean
 
 demo: .venv/.runtime
 	$(BIN)/metaid study create three-link --exist-ok
@@ -19,6 +19,9 @@ check: .venv/.dev
 
 bench: .venv/.runtime
 	$(BIN)/python -m benchmarks
+
+soak: .venv/.dev
+	$(BIN)/python -m soak
 
 format: .venv/.dev
 	$(BIN)/ruff format .

@@ -18,7 +18,7 @@ from pandas.testing import assert_frame_equal
 from metaid import tables
 from metaid.errors import StorageError, StudyError
 from metaid.plant import MujocoPlant
-from metaid.problem import Problem, StudySpec, load_study
+from metaid.problem import StudySpec, load_study
 from metaid.store import Store
 from metaid.study import create_study, run_study
 
@@ -196,31 +196,6 @@ def test_second_driver_is_noticed_before_it_writes(store: Store) -> None:
     with pytest.raises(StorageError, match="being run elsewhere"):
         run_study(store, "study", trials=40, watch=intrude)
     assert len(tables.trials_frame(store, "study")) == 20
-
-
-def test_killed_run_goes_on_as_if_nothing_had_happened(tmp_path: Path) -> None:
-    """SIGKILL at several moments, then resume: the same trials, and none RUNNING, doubled or lost."""
-    command = [sys.executable, "-c", "from metaid.cli import main; main()", "study"]
-    changes = {"trials": 3000}
-    subprocess.run(
-        [*command, "create", "three-link", "--set", "trials=3000"], cwd=tmp_path, check=True, capture_output=True
-    )
-    store = Store(str(tmp_path / "metaid.db"))
-    kills = 0
-    while kills < 3:
-        before = len(store.trials("three-link", Problem(load_study("three-link")).names))
-        process = subprocess.Popen(
-            [*command, "run", "three-link"], cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
-        while process.poll() is None and len(tables.trials_frame(store, "three-link")) < before + 100:
-            time.sleep(0.02)
-        if process.poll() is None:
-            process.send_signal(signal.SIGKILL)
-            kills += 1
-        process.wait()
-        assert len(tables.trials_frame(store, "three-link")) < 3000, "the run ended before it could be killed"
-    run_study(store, "three-link")
-    assert_frame_equal(tables.trials_frame(store, "three-link"), run(store, "whole", changes), check_exact=True)
 
 
 def test_interrupted_run_says_how_to_go_on(tmp_path: Path) -> None:

@@ -1,0 +1,1 @@
+"""Long runs that show what metaid promises of its reliability: `make soak`."""
