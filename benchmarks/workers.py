@@ -16,7 +16,8 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.common import START, Row, interleaved, make_spec, run_alone
 from metaid.chain import Array
-from metaid.crew import Crew, make_crew
+from metaid.crew import Crew
+from metaid.crews import make_crew
 from metaid.problem import Problem
 
 GENERATION = 16  # candidates in a batch

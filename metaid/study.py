@@ -16,7 +16,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from metaid.chain import Array
-from metaid.crew import make_crew
+from metaid.crews import make_crew
 from metaid.errors import StorageError, StudyError
 from metaid.objective import Outcome
 from metaid.problem import Problem, StudySpec
