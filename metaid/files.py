@@ -16,6 +16,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from metaid.errors import MetaidError, unknown
 
 PACKAGE = Path(__file__).resolve().parent
+LARGEST_FILE = 1_000_000  # bytes; what a person writes of 64 links is a hundredth of it
 
 
 class Settings(BaseModel):
@@ -34,6 +35,7 @@ class Settings(BaseModel):
 
 
 SettingsT = TypeVar("SettingsT", bound=Settings)
+_KINDS = {"plants": "plant", "studies": "study"}
 
 
 def shipped_folder(kind: str) -> Path:
@@ -49,29 +51,66 @@ def shipped_names(kind: str) -> list[str]:
     return sorted(path.stem for path in shipped_folder(kind).glob("*.toml"))
 
 
-def find_file(kind: str, name: str, error: type[MetaidError], folder: Path | None = None) -> Path:
-    """The file that `name` means: a path (relative to `folder`, or to where the user is) if it looks like one, else a
-    shipped name.
+def find_file(kind: str, name: str, error: type[MetaidError]) -> Path:
+    """The file that a user's `name` means: a path if it looks like one, else a shipped name."""
+    if _is_path(name):
+        return _existing(kind, Path(name), error)
+    return _shipped(kind, name, error)
+
+
+def find_file_beside(kind: str, name: str, source: Path, error: type[MetaidError]) -> Path:
+    """The file that `name`, which stands in the file `source`, means: a path within that file's folder, or a shipped
+    name. Whoever wrote the file may be a stranger, so it leads nowhere else, not by a link either.
     """
-    what = {"plants": "plant", "studies": "study"}[kind]
-    if name.endswith(".toml") or "/" in name or "\\" in name:
-        path = (folder or Path()) / name
-        if not path.is_file():
-            raise error(f"no {what} file at {path}")
-        return path
+    if not _is_path(name):
+        return _shipped(kind, name, error)
+    path = _existing(kind, source.parent / name, error)
+    if not path.resolve().is_relative_to(source.parent.resolve()):
+        raise error(f"{source}: {name} is outside the file's own folder (allowed: a path within it, or a shipped name)")
+    return path
+
+
+def _is_path(name: str) -> bool:
+    return name.endswith(".toml") or "/" in name or "\\" in name
+
+
+def _existing(kind: str, path: Path, error: type[MetaidError]) -> Path:
+    try:
+        found = path.is_file()
+    except OSError as problem:  # too long a name, a folder that may not be read
+        raise error(f"{path}: {problem.strerror}") from None
+    if not found:
+        raise error(f"no {_KINDS[kind]} file at {path}")
+    return path
+
+
+def _shipped(kind: str, name: str, error: type[MetaidError]) -> Path:
     if name not in shipped_names(kind):
-        raise error(f"{unknown(what, name, shipped_names(kind))}, or the path of a .toml file")
+        raise error(f"{unknown(_KINDS[kind], name, shipped_names(kind))}, or the path of a .toml file")
     return shipped_folder(kind) / f"{name}.toml"
 
 
 def read_toml(path: Path, error: type[MetaidError]) -> dict[str, Any]:
     """The tables of a TOML file; raises `error` where it cannot be read or does not parse."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as problem:
-        raise error(f"{path}: not valid TOML: {_one_line(str(problem))}") from None
+        with path.open("rb") as file:
+            text = file.read(LARGEST_FILE + 1)
     except OSError as problem:
         raise error(f"{path}: {problem.strerror}") from None
+    if len(text) > LARGEST_FILE:
+        raise error(f"{path}: too large (allowed: at most {LARGEST_FILE} bytes)")
+    try:
+        return parse_toml(text.decode())
+    except ValueError as problem:
+        raise error(f"{path}: not valid TOML: {_one_line(str(problem))}") from None
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """The tables of `text`.  Raises ValueError, whatever is wrong with it."""
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
 
 
 def check(model: type[SettingsT], data: Mapping[str, Any], source: str, error: type[MetaidError]) -> SettingsT:
@@ -87,9 +126,16 @@ def check(model: type[SettingsT], data: Mapping[str, Any], source: str, error: t
         message = (
             message
             if message == first["msg"] or "error" in first["type"]
-            else f"should be {message}, not {first['input']!r}"
+            else f"should be {message}, not {_shown(first['input'])}"
         )
         raise error(_one_line(f"{source}: {where}{message}")) from None
+
+
+def _shown(value: Any) -> str:
+    try:
+        return repr(value)
+    except (ValueError, RecursionError):  # an integer of more digits than Python prints, tables a thousand deep
+        return "what it is"
 
 
 def _path(data: Any, problem: ErrorDetails) -> list[int | str]:

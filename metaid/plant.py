@@ -18,11 +18,9 @@ from pydantic import Field, model_validator
 from metaid.chain import Array, Chain, Lumps, speeds_after
 from metaid.errors import PlantError
 from metaid.files import Settings, check, find_file, read_toml
+from metaid.possible import least_inertia, refuse_impossible, refuse_too_long_a_step
 
-Positive = Annotated[float, Field(gt=0, le=1e6)]
-MIN_STEPS_PER_RADIAN = (
-    5.0  # a chain that turns through a radian of its fastest mode in fewer steps is not simulated but guessed
-)
+Positive = Annotated[float, Field(ge=1e-6, le=1e6)]
 
 
 @runtime_checkable
@@ -66,16 +64,22 @@ class LinkSettings(Settings):
 
     length: Positive
     mass: Positive
-    com: Positive | None = None
-    inertia: Annotated[float, Field(ge=1e-12, le=1e9)] | None = None
+    com: Annotated[float, Field(gt=0, le=1e6)] | None = None
+    inertia: Annotated[float, Field(gt=0, le=1e9)] | None = None
     damping: Annotated[float, Field(ge=0, le=1e6)] = 0.0
     stiffness: Annotated[float, Field(ge=0, le=1e6)] = 0.0
 
     @model_validator(mode="after")
-    def _com_on_link(self) -> LinkSettings:
+    def _can_be_a_body(self) -> LinkSettings:
         if self.com is not None and self.com > self.length:
             raise ValueError(
                 f"com {self.com} lies beyond the link's length {self.length} (allowed: above 0, at most the length)"
+            )
+        least = least_inertia(self.mass, self.length)
+        if self.inertia is not None and self.inertia < least:
+            raise ValueError(
+                f"inertia {self.inertia} is below what the mass allows: a body of {self.mass} kg on a link of "
+                f"{self.length} m has at least {least:.3g} kg m²"
             )
         return self
 
@@ -88,8 +92,8 @@ class PlantSettings(Settings):
     """
 
     description: str = ""
-    gravity: Annotated[float, Field(gt=0, le=1e3)] = 9.81
-    timestep: Annotated[float, Field(gt=0, le=0.1)] = 0.002
+    gravity: Annotated[float, Field(ge=1e-3, le=1e3)] = 9.81
+    timestep: Annotated[float, Field(ge=1e-6, le=0.1)] = 0.002
     truth_known: bool = True
     over_compensation: Annotated[float, Field(gt=-1, lt=1)] = 0.0
     links: Annotated[tuple[LinkSettings, ...], Field(min_length=1, max_length=64, strict=False)]
@@ -164,7 +168,8 @@ class MujocoPlant:
 
     def __post_init__(self) -> None:
         self.chain = chain_of(self.settings.links)
-        _refuse_too_long_a_step(self.name, self.chain, self.gravity, self.timestep)
+        refuse_impossible(f"plant {self.name}", self.chain)
+        refuse_too_long_a_step(f"plant {self.name}", self.chain, self.gravity, self.timestep)
         try:
             self.model = build_spec(self.chain, self.felt_gravity, self.timestep).compile()
         except (ValueError, mujoco.FatalError) as problem:
@@ -211,25 +216,12 @@ class MujocoPlant:
         return self.chain.lumps if self.settings.truth_known else None
 
 
-def load_plant(name: str | Path, folder: Path | None = None) -> MujocoPlant:
+def load_plant(name: str | Path) -> MujocoPlant:
     """The shipped plant of that name, or the plant file at that path.  Raises PlantError."""
-    path = find_file("plants", str(name), PlantError, folder)
+    path = find_file("plants", str(name), PlantError)
     return MujocoPlant(path.stem, read_plant(path))
 
 
 def read_plant(path: Path) -> PlantSettings:
     """The checked contents of a plant file.  Raises PlantError."""
     return check(PlantSettings, read_toml(path, PlantError), str(path), PlantError)
-
-
-def _refuse_too_long_a_step(name: str, chain: Chain, gravity: float, timestep: float) -> None:
-    joints = np.eye(chain.nlink) - np.eye(chain.nlink, k=-1)  # joint angles from absolute ones
-    stiffness = np.diag(gravity * chain.lumps.gravity) + joints.T @ np.diag(chain.stiffness) @ joints
-    eigenvalues = np.linalg.eigvals(np.linalg.solve(chain.mass_matrix(np.zeros(chain.nlink)), stiffness)).real
-    fastest = float(np.sqrt(eigenvalues.max()))
-    if not fastest * timestep * MIN_STEPS_PER_RADIAN <= 1.0:
-        longest = 1.0 / (fastest * MIN_STEPS_PER_RADIAN)
-        raise PlantError(
-            f"plant {name}: timestep {timestep} s is too long for its fastest motion, {fastest:.3g} rad/s "
-            f"(allowed: at most {longest:.2g} s)"
-        )

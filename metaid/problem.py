@@ -30,17 +30,21 @@ from metaid.episode import (
     tip_push,
 )
 from metaid.errors import EpisodeError, PlantError, StudyError, unknown
-from metaid.files import Settings, check, find_file, read_toml
+from metaid.files import Settings, check, find_file, find_file_beside, read_toml
 from metaid.measures import Measure, get_measure
 from metaid.objective import Objective, Outcome
 from metaid.plant import LinkSettings, MujocoPlant, PlantSettings, chain_of, read_plant
+from metaid.possible import refuse_impossible
 from metaid.searchers import SAMPLERS, Searcher, SearchOptions, make_searcher
 
 HORIZON = 1.5  # of a rich push, in units of √(l/g)
+LARGEST_STEPS = 10_000_000  # after a push
+SLOWEST_PUSH = 1e-9  # rad/s of the fastest link after a push; what is slower is lost in rounding
 COUNTING_STEPS = 5000  # after a tip push, as in the paper
 TIP_SPEED = 0.1  # rad/s of the fastest link after a tip push: small, so that the oscillation is
 
 Factor = Annotated[float, Field(gt=0, le=100)]
+Impulse = Annotated[float, Field(ge=-1e6, le=1e6)]
 Factors = Factor | dict[str, Factor]
 
 
@@ -78,10 +82,10 @@ class EpisodeSettings(Settings):
     physics: Literal["mujoco", "analytic"] = "mujoco"
     measure: str = "spectral"
     rule: str | None = None
-    pushes: Literal["rich", "designed", "tip"] | list[list[float]] | None = None
+    pushes: Literal["rich", "designed", "tip"] | Annotated[list[list[Impulse]], Field(max_length=1000)] | None = None
     count: Annotated[int, Field(ge=1, le=1000)] | None = None
     peak_speed: Annotated[float, Field(gt=0, le=1000)] | None = None
-    steps: Annotated[int, Field(ge=2, le=10_000_000)] | None = None
+    steps: Annotated[int, Field(ge=2, le=LARGEST_STEPS)] | None = None
     fall_limit: Annotated[float, Field(gt=0, le=1000)] | None = None
     fall_margin: Annotated[float, Field(ge=0, le=1000)] = FALL_MARGIN
 
@@ -113,17 +117,28 @@ class StudySpec(Settings):
 def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec:
     """The shipped study of that name, or the study file at that path, with `changes` by dotted key.  Raises
     StudyError, PlantError.
+
+    What the file names lies in its own folder; a path in `changes` is the user's own and may be anywhere.
     """
     path = find_file("studies", str(name), StudyError)
     tables = read_toml(path, StudyError)
-    for key, value in (changes or {}).items():
+    changes = changes or {}
+    for key, value in changes.items():
         _change(tables, key, value)
     study = check(StudySettings, tables, str(path), StudyError)
-    plant_path = find_file("plants", study.plant, PlantError, path.parent)
+
+    def named(key: str, value: str) -> Path:
+        if key in changes:
+            return find_file("plants", value, PlantError)
+        return find_file_beside("plants", value, path, PlantError)
+
+    plant_path = named("plant", study.plant)
     plant = read_plant(plant_path)
-    spec = StudySpec(
-        name=path.stem, plant_name=plant_path.stem, plant=plant, nominal=_nominal_links(study, plant, path), study=study
-    )
+    if isinstance(study.nominal, NominalSettings):
+        nominal = study.nominal.links
+    else:
+        nominal = _same_gravity(read_plant(named("nominal", study.nominal)), plant, path).links
+    spec = StudySpec(name=path.stem, plant_name=plant_path.stem, plant=plant, nominal=nominal, study=study)
     Problem(spec)
     return spec
 
@@ -137,16 +152,13 @@ def _change(tables: dict[str, Any], key: str, value: Any) -> None:
     tables[last] = value
 
 
-def _nominal_links(study: StudySettings, plant: PlantSettings, path: Path) -> tuple[LinkSettings, ...]:
-    if isinstance(study.nominal, NominalSettings):
-        return study.nominal.links
-    model = read_plant(find_file("plants", study.nominal, PlantError, path.parent))
+def _same_gravity(model: PlantSettings, plant: PlantSettings, path: Path) -> PlantSettings:
     if model.gravity != plant.gravity:
         raise StudyError(
             f"{path}: the nominal model's gravity is {model.gravity} m/s², the plant's {plant.gravity}: "
             "they must agree, it is not searched"
         )
-    return model.links
+    return model
 
 
 class Problem:
@@ -164,6 +176,7 @@ class Problem:
             raise StudyError(
                 f"plant {plant.name} has {plant.njoint} links, the nominal model {self.nominal.nlink}: they must agree"
             )
+        refuse_impossible("nominal model", self.nominal)
         search = spec.study.search
         self.start, self.low, self.high = (self._factors(key, getattr(search, key)) for key in ("start", "low", "high"))
         for name, start, low, high in zip(self.names, self.start, self.low, self.high, strict=True):
@@ -177,6 +190,7 @@ class Problem:
         except EpisodeError as problem:
             raise StudyError(f"episode: {problem}") from None
         self.start_speeds = pushed_speeds(plant, self.episode.pushes)
+        _refuse_unseen_pushes(self.start_speeds, plant.timestep)
 
     @property
     def timestep(self) -> float:
@@ -238,6 +252,11 @@ class Problem:
         if kind == "rich" or kind == "designed":
             horizon = HORIZON * natural_time(self.nominal, plant.gravity)
             steps = wanted.steps or max(round(horizon / plant.timestep), 2)
+            if steps > LARGEST_STEPS:
+                raise EpisodeError(
+                    f"steps of {plant.timestep} s are too short for a horizon of {horizon:.3g} s: {steps} of them "
+                    f"(allowed: at most {LARGEST_STEPS}; name the steps, or make the timestep longer)"
+                )
             pushes, fall_limit = self._strong_pushes(plant, kind, steps * plant.timestep), RICH_FALL_LIMIT
         else:
             steps, fall_limit = wanted.steps or COUNTING_STEPS, FALL_LIMIT
@@ -250,6 +269,18 @@ class Problem:
         if kind == "rich":
             return rich_pushes(plant, count, peak_speed, seed)
         return pushes_for(plant, designed_speeds(self.nominal, plant.gravity, count, peak_speed, horizon, seed))
+
+
+def _refuse_unseen_pushes(start_speeds: Array, timestep: float) -> None:
+    """Raises StudyError where a push is so weak or so strong that no episode after it means anything; `start_speeds`
+    (npush x nlink) in rad/s, `timestep` in s.
+    """
+    fastest = np.abs(start_speeds).max(axis=1)
+    for push in np.flatnonzero(~((fastest >= SLOWEST_PUSH) & (fastest * timestep <= 1.0)))[:1]:
+        raise StudyError(
+            f"episode: push {push + 1} gives the fastest link {fastest[push]:.3g} rad/s "
+            f"(allowed: {SLOWEST_PUSH:g} to {1.0 / timestep:g} rad/s, a radian in a timestep)"
+        )
 
 
 def _explicit(pushes: list[list[float]], njoint: int) -> Array:

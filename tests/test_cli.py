@@ -171,7 +171,10 @@ MISTAKES = {
     "no such plant file": (["plant", "show", "my/arm.toml"], "no plant file at my/arm.toml"),
     "malformed TOML": (["plant", "show", "malformed.toml"], "malformed.toml: not valid TOML"),
     "binary file": (["plant", "show", "binary.toml"], "binary.toml: not valid TOML"),
-    "negative mass": (["plant", "show", "negative.toml"], "links: entry 1: mass: should be greater than 0, not -1.0"),
+    "negative mass": (
+        ["plant", "show", "negative.toml"],
+        "links: entry 1: mass: should be greater than or equal to 0.000001, not -1.0",
+    ),
     "unknown key": (["plant", "show", "unknown.toml"], "unknown key 'lenght'; did you mean 'length'?"),
     "missing key": (["plant", "show", "missing.toml"], "links: entry 1: mass: Field required"),
     "no links": (["plant", "show", "empty.toml"], "links: Field required"),

@@ -14,7 +14,7 @@ from metaid.chain import Lumps, compensation_torque
 from metaid.episode import Episode, pushed_speeds, run_plain, tip_push
 from metaid.errors import PlantError
 from metaid.kernel import CompiledEpisode, fastest_step
-from metaid.plant import MujocoPlant, PlantSettings
+from metaid.plant import LinkSettings, MujocoPlant, PlantSettings
 
 STIFFNESS = np.array([0.3, 0.05])
 FAULT = 0.02
@@ -71,3 +71,51 @@ def test_show_names_springs_and_fault(metaid: Callable[..., Finished]) -> None:
     assert shown["over_compensation"] == 0.0085
     assert [link["stiffness"] for link in shown["links"]] == [0.0, 0.05]
     assert "receives gravity factors larger by 0.0085" in metaid("plant", "show", "paper-like-two-link").out
+
+
+def link(**changes: float) -> LinkSettings:
+    """A rod of a metre and a kilogram, but for `changes`."""
+    return LinkSettings(**{"length": 1.0, "mass": 1.0, **changes})
+
+
+def test_inertia_below_what_the_mass_allows_is_refused_with_the_least() -> None:
+    """A body has a radius of gyration, of at least a thousandth of its link; one that has just that is allowed."""
+    with pytest.raises(ValueError, match=r"inertia 9e-07 is below what the mass allows.* at least 1e-06 kg m²"):
+        link(inertia=0.9e-6)
+    assert link(inertia=1e-6).inertia == 1e-6
+
+
+@pytest.mark.parametrize("nothing", [{"length": 0.0}, {"mass": 0.0}, {"mass": -1.0}, {"length": 5e-324}, {"com": 0.0}])
+def test_link_of_no_length_or_mass_is_refused(nothing: dict[str, float]) -> None:
+    """Nor one so small that squares of it are nothing."""
+    with pytest.raises(ValueError, match="greater than"):
+        link(**nothing)
+
+
+def test_chain_whose_mass_matrix_is_singular_is_refused() -> None:
+    """Links that weigh nothing beside what they carry leave their joints' motion to rounding."""
+    with pytest.raises(PlantError, match="mass matrix is singular"):
+        MujocoPlant("feather", PlantSettings(links=(link(mass=1e-6), link(mass=1e-6), link(mass=1e6))))
+
+
+def test_timestep_too_long_for_gravity_or_damping_is_refused_with_the_longest() -> None:
+    """The longest that is named is allowed, and a little more is not."""
+    for settings, links in (({"gravity": 9.81}, (link(),)), ({}, (link(damping=50.0), link(damping=20.0)))):
+        with pytest.raises(PlantError, match=r"too long for .*allowed: at most [\d.]+ s") as refusal:
+            MujocoPlant("fast", PlantSettings(links=links, timestep=0.1, **settings))
+        longest = float(str(refusal.value).split("at most ")[1].split(" s")[0])
+        MujocoPlant("fast", PlantSettings(links=links, timestep=0.97 * longest, **settings))
+        with pytest.raises(PlantError, match="too long for"):
+            MujocoPlant("fast", PlantSettings(links=links, timestep=1.06 * longest, **settings))
+
+
+def test_damped_chain_at_its_longest_timestep_comes_to_rest() -> None:
+    """What the check lets through does not blow up."""
+    plant = MujocoPlant("slow", PlantSettings(links=(link(damping=50.0), link(damping=20.0)), timestep=0.0028))
+    plant.push(np.array([0.0, 0.5]))
+    weightless = compensation_torque(plant.chain.lumps, *plant.states(), plant.gravity)
+    for _ in range(5000):
+        plant.apply_torque(weightless)
+        plant.step()
+        weightless = compensation_torque(plant.chain.lumps, *plant.states(), plant.gravity)
+    assert np.abs(plant.states()[1]).max() < 1e-6

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import signal
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
@@ -89,9 +88,11 @@ def load_study(source: str, changes: Sequence[str]) -> StudySpec:
 
 def _toml_value(text: str) -> Any:
     """A value as a study file would have it; bare words are strings."""
+    from metaid.files import parse_toml
+
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        return parse_toml(f"value = {text}")["value"]
+    except ValueError:
         return text
 
 
