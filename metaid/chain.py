@@ -76,12 +76,15 @@ class Lumps:
         return np.concatenate([self.gravity, self.coriolis[_pairs(self.nlink)]])
 
     def scaled(self, factors: Array) -> Lumps:
-        """The candidate whose lumps are `factors` (nlump) times these: candidate = factor × nominal."""
+        """The candidate whose lumps are `factors` (nlump) times these: candidate = factor × nominal.
+
+        Many candidates at once from `factors` (... x nlump): their lumps have the leading axes too.
+        """
         n = self.nlink
         vector = self.vector * factors
-        coriolis = np.zeros((n, n))
-        coriolis[_pairs(n)] = vector[n:]
-        return Lumps(vector[:n], coriolis + coriolis.T)
+        coriolis = np.zeros((*vector.shape[:-1], n, n))
+        coriolis[..., *_pairs(n)] = vector[..., n:]
+        return Lumps(vector[..., :n], coriolis + coriolis.swapaxes(-1, -2))
 
 
 @cache

@@ -12,8 +12,9 @@ from types import TracebackType
 from typing import Protocol
 
 from metaid.chain import Array
-from metaid.objective import Objective, Outcome
+from metaid.objective import Outcome
 from metaid.problem import Problem
+from metaid.queue import new_queue
 
 
 def nothing() -> None:
@@ -41,18 +42,13 @@ class LocalCrew:
         self._pool = ThreadPoolExecutor(workers, thread_name_prefix="metaid")
 
     def evaluate(self, batch: Array, meanwhile: Callable[[], None] = nothing) -> list[Outcome]:
-        outcomes: list[Outcome | None] = [None] * len(batch)
-        queue = iter(range(len(batch)))  # `next` on it is atomic, so each candidate goes to whoever is free first
-
-        def work(objective: Objective) -> None:
-            for i in queue:
-                outcomes[i] = objective.evaluate(batch[i])
-
-        working = [self._pool.submit(work, objective) for objective in self._objectives]
+        queue = new_queue()
+        working = [self._pool.submit(objective.evaluate_from, queue, batch) for objective in self._objectives]
         meanwhile()
+        found: dict[int, Outcome] = {}
         for worker in working:
-            worker.result()
-        return [outcome for outcome in outcomes if outcome is not None]
+            found |= worker.result()
+        return [found[i] for i in range(len(batch))]
 
     def __enter__(self) -> LocalCrew:
         return self

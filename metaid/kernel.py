@@ -9,6 +9,7 @@ is believed.
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterator
 from typing import Any
 
 import mujoco
@@ -30,8 +31,11 @@ from metaid.pipeline import (
     mujoco_step,
 )
 from metaid.plant import MujocoPlant
+from metaid.queue import Queue, new_queue, take
 
 Step = MujocoStep | DirectStep | AnalyticStep
+
+ROOM = 64  # candidates that a worker may run before it has to come back to Python with their results
 
 
 @cfunc("float64()")
@@ -94,8 +98,8 @@ def _compensate(gravity, coriolis, angles, speeds, work, torque):  # type: ignor
 
 @compiled
 def _run(chain, start, gravity, coriolis, timestep, steps, limit, margin, work, outputs, kept):  # type: ignore[no-untyped-def]
-    """All pushes of an episode; fills the four (npush x njoint) `outputs`, and `kept` (npush x nsteps + 1 x njoint)
-    with joint angles unless it is empty; returns steps run and whether a link fell.
+    """All pushes of an episode; returns steps run and whether a link fell. Fills the four (npush x njoint) `outputs`,
+    with zeros for pushes after a fall, and `kept` (npush x nsteps + 1 x njoint) with joint angles unless it is empty.
 
     `work` are twelve vectors (njoint); nothing is allocated here.
     """
@@ -106,6 +110,9 @@ def _run(chain, start, gravity, coriolis, timestep, steps, limit, margin, work, 
     ran = 0
     keep = kept.size > 0
     for push in range(npush):
+        for i in range(n):
+            half_periods[push, i], span[push, i], speed_energy[push, i], acceleration_energy[push, i] = 0, 0.0, 0.0, 0.0
+    for push in range(npush):
         fastest, angle, speed = 0.0, 0.0, 0.0
         for i in range(n):
             qpos[i], qvel[i] = 0.0, start[push, i]
@@ -115,7 +122,6 @@ def _run(chain, start, gravity, coriolis, timestep, steps, limit, margin, work, 
             previous_angle[i], previous_speed[i] = 0.0, start[push, i]
             squares[i], jumps[i] = 0.0, 0.0
             fastest = max(fastest, abs(speed))
-            half_periods[push, i], span[push, i], speed_energy[push, i], acceleration_energy[push, i] = 0, 0.0, 0.0, 0.0
         fastest *= margin
         for step in range(1, steps + 1):
             _compensate(gravity, coriolis, angles, speeds, work[:4], torque)
@@ -156,6 +162,30 @@ def _run(chain, start, gravity, coriolis, timestep, steps, limit, margin, work, 
     return ran, False
 
 
+@compiled
+def _run_some(chain, start, gravity, coriolis, queue, settings, work, results, outputs, kept):  # type: ignore[no-untyped-def]
+    """Episodes of candidates taken from the `queue` until it or the room for results is used up; returns how many.
+
+    Candidates are rows of forces `gravity` (ncandidate x njoint), in N m, and of lumps `coriolis` (ncandidate x njoint
+    x njoint). What the k-th episode gave is the k-th of the `results` (which candidate, steps, whether it fell) and of
+    the four `outputs` (nroom x npush x njoint).
+    """
+    timestep, steps, limit, margin = settings
+    half_periods, span, speed_energy, acceleration_energy = outputs
+    which, ran, fell = results
+    done = 0
+    while done < which.shape[0]:
+        candidate = take(queue)
+        if candidate >= gravity.shape[0]:
+            break
+        seen = half_periods[done], span[done], speed_energy[done], acceleration_energy[done]
+        lumps = gravity[candidate], coriolis[candidate]
+        ran[done], fell[done] = _run(chain, start, *lumps, timestep, steps, limit, margin, work, seen, kept)
+        which[done] = candidate
+        done += 1
+    return done
+
+
 def fastest_step(plant: MujocoPlant, physics: str = "mujoco") -> Step:
     """How the compiled loop moves `plant` on: its analytic equations, or MuJoCo's stages one by one, or `mj_step` where
     these are not the same to the last bit.
@@ -178,38 +208,40 @@ class CompiledEpisode:
         self.episode = episode
         self.step = fastest_step(plant) if step is None else step
         self._start = np.array([plant.start_speeds(impulses) for impulses in episode.pushes])
-        shape = episode.pushes.shape
+        self._settings = plant.timestep, episode.steps, episode.fall_limit, episode.fall_margin
         self._work = tuple(np.empty(plant.njoint) for _ in range(12))
+        npush, njoint = episode.pushes.shape
+        room = 1 if episode.keep_angles else ROOM
+        self._results = np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.bool_)
+        shape = room, npush, njoint
         self._outputs: tuple[Any, ...] = (
             np.zeros(shape, dtype=np.int64),
             np.zeros(shape),
             np.zeros(shape),
             np.zeros(shape),
         )
-        npush, njoint = shape
         self._angles = np.zeros((npush, episode.steps + 1, njoint) if episode.keep_angles else (0, 0, 0))
 
     def run(self, candidate: Lumps) -> Record:
         """One episode with the `candidate` lumps. The record's arrays are overwritten by the next run."""
-        plant, episode = self.plant, self.episode
-        for output in self._outputs:
-            output.fill(0)  # a fall leaves later pushes as they are, and the last candidate's must not be seen there
-        steps, fell = _run(
-            self.step,
-            self._start,
-            plant.gravity * candidate.gravity,
-            candidate.coriolis,
-            plant.timestep,
-            episode.steps,
-            episode.fall_limit,
-            episode.fall_margin,
-            self._work,
-            self._outputs,
-            self._angles,
-        )
-        begun = range(0, steps, episode.steps)
+        alone = Lumps(candidate.gravity[None], candidate.coriolis[None])
+        return next(record for _, record in self.run_from(new_queue(), alone))
+
+    def run_from(self, queue: Queue, candidates: Lumps) -> Iterator[tuple[int, Record]]:
+        """Episodes of those `candidates` (lumps with a leading axis, ncandidate) that this one takes from the `queue`,
+        which others may take from too: the number of each and its record, overwritten soon after.
+        """
+        forces = self.plant.gravity * candidates.gravity
+        buffers = self._settings, self._work, self._results, self._outputs, self._angles
+        while done := _run_some(self.step, self._start, forces, candidates.coriolis, queue, *buffers):
+            for k in range(done):
+                candidate, steps, fell = (column[k].item() for column in self._results)
+                yield candidate, self._record(steps, fell, tuple(output[k] for output in self._outputs))
+
+    def _record(self, steps: int, fell: bool, outputs: tuple[Any, ...]) -> Record:
+        begun = range(0, steps, self.episode.steps)
         angles = tuple(kept[: steps - first + 1] for kept, first in zip(self._angles, begun, strict=False))
-        return Record(plant.timestep, steps, steps if fell else None, *(*self._outputs, angles))
+        return Record(self.plant.timestep, steps, steps if fell else None, *(*outputs, angles))
 
     def agrees_with_plain(self, candidate: Lumps, steps: int = 25) -> bool:
         """Whether a short episode comes out the same in the compiled and in the plain loop."""

@@ -12,6 +12,7 @@ from metaid.errors import EpisodeError
 from metaid.kernel import CompiledEpisode, fastest_step
 from metaid.measures import crossing_hz, fall_value, get_measure, spectral_hz
 from metaid.plant import MujocoPlant, Plant
+from metaid.queue import Queue, take
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,21 @@ class Objective:
 
     def evaluate(self, factors: Array) -> Outcome:
         """The outcome for `factors` (nlump) of the nominal lumps."""
-        record = self.record(factors)
+        return self._outcome(self.record(factors))
+
+    def evaluate_from(self, queue: Queue, batch: Array) -> dict[int, Outcome]:
+        """The outcomes of those rows of the `batch` (ncandidate x nlump) that are taken here from a `queue` which
+        several objectives share, by row.
+        """
+        if self._compiled is not None:
+            records = self._compiled.run_from(queue, self.nominal.scaled(batch))
+            return {candidate: self._outcome(record) for candidate, record in records}
+        found = {}
+        while (candidate := take(queue)) < len(batch):
+            found[candidate] = self.evaluate(batch[candidate])
+        return found
+
+    def _outcome(self, record: Record) -> Outcome:
         fell = record.fall_step is not None
         value = (
             fall_value(self._ceiling, record.steps, self.episode.total_steps) if fell else self.measure.value(record)

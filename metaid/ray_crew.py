@@ -8,13 +8,12 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
-import numpy as np
-
 from metaid.chain import Array
 from metaid.crew import nothing
 from metaid.errors import StudyError
 from metaid.objective import Outcome
 from metaid.problem import Problem, StudySpec
+from metaid.queue import new_queue
 
 
 class RayCrew:
@@ -59,7 +58,8 @@ class _Worker:
         self._objective = Problem(StudySpec.model_validate_json(spec)).make_objective()
 
     def evaluate(self, batch: Array) -> list[Outcome]:
-        return [self._objective.evaluate(np.array(factors)) for factors in batch]
+        found = self._objective.evaluate_from(new_queue(), batch)
+        return [found[i] for i in range(len(batch))]
 
 
 def _start_ray(ray: Any, workers: int, address: str | None) -> None:
