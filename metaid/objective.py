@@ -19,12 +19,16 @@ from metaid.queue import Queue, take
 class Outcome:
     """What became of a candidate: its `value` in the measure's unit (for a fall, one above every survivor's), steps
     run, periods per joint.
+
+    One that could not be evaluated has the `failure` that says why, and for the searcher is a fall before the first
+    step, so worse than any that was seen.
     """
 
     value: float
     fell: bool
     steps: int
     periods: tuple[int, ...]
+    failure: str | None = None
 
 
 class Objective:

@@ -5,6 +5,7 @@ Statements and rows only; who holds the connection, and when a transaction ends,
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -32,6 +33,13 @@ class Trial:
     started: datetime | None = None
     completed: datetime | None = None
 
+    @property
+    def state(self) -> TrialState:
+        """COMPLETE for a survivor, PRUNED for a fall, FAIL where it could not be evaluated."""
+        if self.outcome.failure is not None:
+            return TrialState.FAIL
+        return TrialState.PRUNED if self.outcome.fell else TrialState.COMPLETE
+
 
 TRIAL_TABLES = (
     models.TrialParamModel,
@@ -42,6 +50,8 @@ TRIAL_TABLES = (
     models.TrialHeartbeatModel,
 )
 
+
+REASON = "reason"  # the attribute that says why a trial failed
 
 # Made once: making a statement takes longer than running it.
 _END = (
@@ -88,12 +98,48 @@ def read_table(
     return cells.reshape(-1, len(keys))[:, [order.index(wanted) for wanted in keys]]
 
 
+def _read_failures(connection: sa.Connection, study_id: int) -> list[tuple[float, str | None]]:
+    """What the searcher was told of each failed trial, and why it failed."""
+    trial, value, attribute = models.TrialModel, models.TrialIntermediateValueModel, models.TrialUserAttributeModel
+    query = (
+        sa.select(value.intermediate_value, attribute.value_json)
+        .select_from(trial)
+        .join(value, value.trial_id == trial.trial_id)
+        .join(attribute, attribute.trial_id == trial.trial_id)
+        .where(trial.study_id == study_id, trial.state == TrialState.FAIL, attribute.key == REASON)
+        .order_by(trial.trial_id)
+    )
+    return [(float(told), str(json.loads(reason))) for told, reason in connection.execute(query)]
+
+
+def read_outcomes(
+    connection: sa.Connection, study_id: int, states: Sequence[TrialState], joint_count: int
+) -> list[tuple[int, Outcome]]:
+    """The generation and the outcome of every trial, whose `states` are known, in order; of none if one lacks
+    something.  Raises ValueError or TypeError for what is not a number.
+    """
+    value, attribute = models.TrialValueModel, models.TrialUserAttributeModel
+    keys = ["generation", "steps", *(f"periods_{joint + 1}" for joint in range(joint_count))]
+    counts = read_table(connection, study_id, attribute.key, attribute.value_json, keys, int)
+    values = read_table(connection, study_id, value.objective, value.value, [0], float)
+    failures = _read_failures(connection, study_id) if TrialState.FAIL in states else []
+    failed = states.count(TrialState.FAIL)
+    if not (len(counts) == len(states) and len(failures) == failed and len(values) == len(states) - failed):
+        return []
+    by_state = {True: iter(failures), False: iter([(value, None) for value in values[:, 0].tolist()])}
+    told = [next(by_state[state == TrialState.FAIL]) for state in states]
+    return [
+        (generation, Outcome(value, state != TrialState.COMPLETE, steps, tuple(periods), failure))
+        for state, (value, failure), (generation, steps, *periods) in zip(states, told, counts.tolist(), strict=True)
+    ]
+
+
 def head_rows(study_id: int, trials: Sequence[Trial]) -> list[dict[str, Any]]:
     return [
         {
             "number": trial.number,
             "study_id": study_id,
-            "state": (TrialState.PRUNED if trial.outcome.fell else TrialState.COMPLETE).name,
+            "state": trial.state.name,
             "datetime_start": trial.started and str(trial.started),
             "datetime_complete": trial.completed and str(trial.completed),
         }
@@ -105,7 +151,7 @@ def detail_rows(
     ids: Sequence[int], trials: Sequence[Trial], names: Sequence[str], distributions: Sequence[str]
 ) -> dict[Any, list[dict[str, Any]]]:
     """Rows by model class. A fall carries its value as intermediate value at the step that it survived to, as
-    Optuna's own `tell` would write it.
+    Optuna's own `tell` would write it; a failure carries it there alone, as Optuna lets it have no other.
     """
     finite_value = models.TrialValueModel.TrialValueType.FINITE.name
     finite_step = models.TrialIntermediateValueModel.TrialIntermediateValueType.FINITE.name
@@ -118,6 +164,7 @@ def detail_rows(
         models.TrialValueModel: [
             {"trial_id": i, "objective": 0, "value": trial.outcome.value, "value_type": finite_value}
             for i, trial in zip(ids, trials, strict=True)
+            if trial.state != TrialState.FAIL
         ],
         models.TrialIntermediateValueModel: [
             {
@@ -129,14 +176,15 @@ def detail_rows(
             for i, trial in zip(ids, trials, strict=True)
         ],
         models.TrialUserAttributeModel: [
-            {"trial_id": i, "key": key, "value_json": str(value)}
+            {"trial_id": i, "key": key, "value_json": json.dumps(value)}
             for i, trial in zip(ids, trials, strict=True)
             for key, value in _attributes(trial).items()
         ],
     }
-    return rows
+    return {model: of_model for model, of_model in rows.items() if of_model}
 
 
-def _attributes(trial: Trial) -> dict[str, int]:
+def _attributes(trial: Trial) -> dict[str, int | str]:
     periods = {f"periods_{joint + 1}": count for joint, count in enumerate(trial.outcome.periods)}
-    return {"generation": trial.generation, "steps": trial.outcome.steps, **periods}
+    reason = {} if trial.outcome.failure is None else {REASON: trial.outcome.failure}
+    return {"generation": trial.generation, "steps": trial.outcome.steps, **periods, **reason}

@@ -22,13 +22,11 @@ from optuna.distributions import FloatDistribution, distribution_to_json
 from optuna.storages import RDBStorage
 from optuna.storages._rdb import models
 from optuna.study import StudyDirection
-from optuna.trial import TrialState
 from sqlalchemy.exc import SQLAlchemyError
 
 from metaid.chain import Array
 from metaid.errors import StorageError, unknown
-from metaid.objective import Outcome
-from metaid.rows import IDS_AFTER, TRIAL_TABLES, Trial, detail_rows, end_of, head_rows, read_table
+from metaid.rows import IDS_AFTER, TRIAL_TABLES, Trial, detail_rows, end_of, head_rows, read_outcomes, read_table
 
 DEFAULT_STORAGE = "metaid.db"
 SPEC_KEY = "metaid:study"
@@ -182,19 +180,16 @@ class Store:
     def trials(self, name: str, names: Sequence[str]) -> list[Trial]:
         """All trials in order, with their factors in the order of `names`."""
         study_id = self._study_id(name)
-        trial, parameter, attribute = models.TrialModel, models.TrialParamModel, models.TrialUserAttributeModel
-        joints = range(1, 1 + sum(lump.startswith("gravity_") for lump in names))
-        keys = ["generation", "steps", *(f"periods_{joint}" for joint in joints)]
+        trial, parameter = models.TrialModel, models.TrialParamModel
+        joint_count = sum(lump.startswith("gravity_") for lump in names)
         with self._snapshot() as connection:
             columns = trial.number, trial.state, trial._datetime_start_utc, trial._datetime_complete_utc
             query = sa.select(*columns).where(trial.study_id == study_id).order_by(trial.trial_id)
             heads = connection.execute(query).all()
-            value = models.TrialValueModel
             try:
-                values = read_table(connection, study_id, value.objective, value.value, [0], float)
                 factors = read_table(connection, study_id, parameter.param_name, parameter.param_value, names, float)
-                counts = read_table(connection, study_id, attribute.key, attribute.value_json, keys, int)
-                whole = len(values) == len(factors) == len(counts) == len(heads) and np.isfinite(factors).all()
+                outcomes = read_outcomes(connection, study_id, [head[1] for head in heads], joint_count)
+                whole = len(factors) == len(outcomes) == len(heads) and np.isfinite(factors).all()
             except (ValueError, TypeError):
                 whole = False
         if not whole:
@@ -202,13 +197,13 @@ class Store:
         return [
             Trial(
                 number=head[0],
-                generation=count[0],
+                generation=generation,
                 factors=row,
-                outcome=Outcome(value, head[1] == TrialState.PRUNED, count[1], tuple(count[2:])),
+                outcome=outcome,
                 started=head[2],
                 completed=head[3],
             )
-            for head, value, row, count in zip(heads, values[:, 0].tolist(), factors, counts.tolist(), strict=True)
+            for head, row, (generation, outcome) in zip(heads, factors, outcomes, strict=True)
         ]
 
     @contextmanager

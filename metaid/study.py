@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from types import TracebackType
 
 import numpy as np
+from optuna.trial import TrialState
 from threadpoolctl import threadpool_limits
 
 from metaid.chain import Array
@@ -172,7 +173,7 @@ class _Run:
         """
         for trial in trials:
             self.number += 1
-            self.falls += trial.outcome.fell
+            self.falls += trial.state == TrialState.PRUNED
             if not trial.outcome.fell and (self.best is None or trial.outcome.value < self.best.outcome.value):
                 self.best = trial
         self.outcomes += [trial.outcome for trial in trials]

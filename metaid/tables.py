@@ -17,20 +17,20 @@ from metaid.rows import Trial
 from metaid.store import Store
 from metaid.study import stored_spec
 
+STATES = ["COMPLETE", "PRUNED", "FAIL"]
+
 
 def trials_frame(store: Store, name: str) -> pd.DataFrame:
-    """One row a trial: `number`, `state`, `value`, `generation`, `steps`, `periods_i`, then a factor per lump, under
-    its name.
+    """One row a trial: `number`, `state`, `value` (NaN where it failed), `generation`, `steps`, `periods_i`, then a
+    factor per lump, under its name.
     """
     problem = Problem(stored_spec(store, name))
     names = problem.names
     trials = store.trials(name, names)
     heads = {
         "number": np.array([trial.number for trial in trials], dtype=np.int64),
-        "state": pd.Categorical(
-            ["PRUNED" if trial.outcome.fell else "COMPLETE" for trial in trials], ["COMPLETE", "PRUNED"]
-        ),
-        "value": np.array([trial.outcome.value for trial in trials], dtype=np.float64),
+        "state": pd.Categorical([trial.state.name for trial in trials], STATES),
+        "value": np.array([_value(trial) for trial in trials], dtype=np.float64),
         "generation": np.array([trial.generation for trial in trials], dtype=np.int64),
         "steps": np.array([trial.outcome.steps for trial in trials], dtype=np.int64),
     }
@@ -40,6 +40,10 @@ def trials_frame(store: Store, name: str) -> pd.DataFrame:
     }
     factors = np.array([trial.factors for trial in trials]).reshape(len(trials), len(names))
     return pd.DataFrame({**heads, **periods, **{lump: factors[:, i] for i, lump in enumerate(names)}})
+
+
+def _value(trial: Trial) -> float:
+    return np.nan if trial.outcome.failure is not None else trial.outcome.value
 
 
 def lumps_frame(store: Store, name: str) -> pd.DataFrame:
@@ -107,6 +111,7 @@ def summary(store: Store, name: str) -> dict[str, Any]:
     survivors = [trial for trial in trials if not trial.outcome.fell]
     lumps = _lumps(problem, trials)
     best = best_trial(survivors) if survivors else None
+    states = [trial.state.name for trial in trials]
     errors = lumps["error"][lumps["determined"]].abs()
     return {
         "name": name,
@@ -117,8 +122,8 @@ def summary(store: Store, name: str) -> dict[str, Any]:
         "trials": {
             "total": len(trials),
             "complete": len(survivors),
-            "pruned": len(trials) - len(survivors),
-            "failed": 0,
+            "pruned": states.count("PRUNED"),
+            "failed": states.count("FAIL"),
         },
         "best": {
             "number": best.number if best else None,

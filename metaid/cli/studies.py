@@ -268,7 +268,8 @@ def _print_study(store: Any, name: str) -> None:
         found = f"best {best['value']:.3g} {unit} at trial {best['number']}{largest}"
     if "mujoco" in best:
         found += f"; {_verification(best['mujoco'])}"
-    note = f"{trials['total']} trials, {trials['pruned']} of them falls; {found}"
+    failed = f", {trials['failed']} failed" if trials["failed"] else ""
+    note = f"{trials['total']} trials, {trials['pruned']} of them falls{failed}; {found}"
     print_table(title, ["lump", "nominal", "identified", "low", "high", "true", "error", "unit"], rows, note)
     missed = [lump["name"] for lump in shown["lumps"] if not lump["determined"]]
     if missed:
