@@ -85,8 +85,8 @@ def evaluate(study: str | Path | StudySpec, factors: Mapping[str, float] | None 
     """One candidate of a study, `factors` of its nominal lumps by name, without any DB.  Raises StudyError,
     PlantError, EpisodeError.
     """
-    objective = Problem(_spec(study)).make_objective()
-    return objective.evaluate(check_factors(factors or {}, objective.nominal.nlink))
+    with closing(Problem(_spec(study)).make_objective()) as objective:
+        return objective.evaluate(check_factors(factors or {}, objective.nominal.nlink))
 
 
 def run(
@@ -117,7 +117,7 @@ def ensure_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
     name = spec.name if name is None else name
     if name not in store.names():
         return create_study(store, spec, name)
-    if stored_spec(store, name) != spec:
+    if stored_spec(store, name).model_copy(update={"pushed": None}) != spec:
         raise StorageError(
             f"{store.url} has a study '{name}' made from other settings (choose another name, or delete it)"
         )

@@ -56,4 +56,6 @@ class LocalCrew:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        for objective in self._objectives:
+            objective.close()
         self._pool.shutdown(cancel_futures=True)

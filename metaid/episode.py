@@ -20,6 +20,7 @@ FALL_LIMIT = np.pi / 2  # rad
 RICH_FALL_LIMIT = np.pi  # rad; a link that is pushed to 60° on purpose has not fallen at 90°
 FALL_MARGIN = 1.5  # past the limit, a link this many times faster than any was right after the push has fallen
 REACH = 1.0  # rad that the fastest link of a rich push coasts through within the horizon: short of the fall limit
+TRIAL_IMPULSE = 1.0 / 16.0  # N s, where it is not known yet what a push does; a power of two, so nothing is rounded
 SLOWEST_LINK, SLOWEST_JOINT = 0.3, 0.2  # of the peak speed, in a rich push
 
 
@@ -114,17 +115,21 @@ def run_plain(plant: Plant, candidate: Lumps, episode: Episode) -> tuple[Record,
 
 
 def _watch_push(plant: Plant, candidate: Lumps, episode: Episode, impulses: Array) -> tuple[Array, Array]:
-    plant.push(impulses)
-    angles, speeds = plant.states()
-    history = [(angles, speeds)]
-    fastest = episode.fall_margin * np.abs(np.cumsum(speeds)).max()
-    for _ in range(episode.steps):
-        plant.apply_torque(compensation_torque(candidate, angles, speeds, plant.gravity))
-        plant.step()
+    """Joint angles and speeds (nsteps + 1 x njoint) after a push; however it ends, the torque is off then."""
+    try:
+        plant.push(impulses)
         angles, speeds = plant.states()
-        history.append((angles, speeds))
-        if has_fallen(np.cumsum(angles), np.cumsum(speeds), episode.fall_limit, fastest):
-            break
+        history = [(angles, speeds)]
+        fastest = episode.fall_margin * np.abs(np.cumsum(speeds)).max()
+        for _ in range(episode.steps):
+            plant.apply_torque(compensation_torque(candidate, angles, speeds, plant.gravity))
+            plant.step()
+            angles, speeds = plant.states()
+            history.append((angles, speeds))
+            if has_fallen(np.cumsum(angles), np.cumsum(speeds), episode.fall_limit, fastest):
+                break
+    finally:
+        plant.stop()
     return np.array([angles for angles, _ in history]), np.array([speeds for _, speeds in history])
 
 
@@ -168,6 +173,7 @@ def pushed_speeds(plant: Plant, pushes: Array) -> Array:
     for impulses in pushes:
         plant.push(impulses)
         seen.append(np.cumsum(plant.states()[1]))
+        plant.stop()
     return np.array(seen)
 
 
@@ -177,14 +183,14 @@ def pushes_for(plant: Plant, speeds: Array) -> Array:
 
     Found as one would on a rig: one trial push at each link, watching the speeds; they are linear in the impulses.
     """
-    response = pushed_speeds(plant, np.eye(plant.njoint)).T
+    response = pushed_speeds(plant, TRIAL_IMPULSE * np.eye(plant.njoint)).T / TRIAL_IMPULSE
     impulses: Array = np.asarray(np.linalg.solve(response, speeds.T).T, dtype=np.float64)
     return impulses
 
 
 def tip_push(plant: Plant, peak_speed: float) -> Array:
     """One push at the tip alone (1 x njoint), in N s, that gives the plant's fastest link `peak_speed`, in rad/s."""
-    impulses = np.eye(plant.njoint)[-1:]
+    impulses = TRIAL_IMPULSE * np.eye(plant.njoint)[-1:]
     return impulses * (peak_speed / float(np.abs(pushed_speeds(plant, impulses)).max()))
 
 

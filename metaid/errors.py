@@ -17,6 +17,10 @@ class PlantError(MetaidError):
     """A plant that does not exist, does not parse, or cannot be built."""
 
 
+class LostPlant(PlantError):  # noqa: N818, what happened to it, not what is wrong with it
+    """A plant that stopped answering in the middle of something: what it was doing can be done again."""
+
+
 class StudyError(MetaidError):
     """A study file or a study setting that cannot be used."""
 

@@ -15,7 +15,6 @@ import numpy as np
 from metaid.chain import Array
 from metaid.coordinates import sensitivity
 from metaid.objective import Objective
-from metaid.plant import MujocoPlant
 from metaid.problem import Problem
 
 COARSEST = 0.1  # a lump that is not known better than to a tenth is not determined: its nominal value is as good
@@ -72,8 +71,8 @@ def _from_sensitivity(problem: Problem) -> Identifiability:
 
 def _one_by_one(problem: Problem) -> Array:
     """The largest change of each factor alone, within its bounds, that the measure does not tell from none."""
-    nominal = MujocoPlant("nominal", problem.spec.plant.model_copy(update={"links": problem.spec.nominal}))
     rule = problem.spec.study.episode.rule
+    nominal = problem.nominal_plant()
     objective = Objective(nominal, problem.nominal.lumps, problem.episode, problem.measure.name, rule=rule)
     exact = np.ones(len(problem.names))
     unnoticed = objective.evaluate(exact).value + problem.resolution

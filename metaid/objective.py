@@ -8,11 +8,13 @@ from typing import Any
 
 from metaid.chain import Array, Lumps
 from metaid.episode import Episode, Record, run_plain
-from metaid.errors import EpisodeError
+from metaid.errors import EpisodeError, LostPlant
 from metaid.kernel import CompiledEpisode, fastest_step
 from metaid.measures import crossing_hz, fall_value, get_measure, spectral_hz
 from metaid.plant import MujocoPlant, Plant
 from metaid.queue import Queue, take
+
+TRIES = 3  # of an episode in which the plant was lost
 
 
 @dataclass(frozen=True)
@@ -60,11 +62,25 @@ class Objective:
         self._compiled = _compiled_loop(plant, nominal, episode, physics)
 
     def record(self, factors: Array) -> Record:
-        """What the episode of a candidate with these `factors` (nlump) shows."""
+        """What the episode of a candidate with these `factors` (nlump) shows.
+
+        An episode in which the plant was lost is run again.  Raises LostPlant where that is of no help.
+        """
         candidate = self.nominal.scaled(factors)
         if self._compiled is not None:
             return self._compiled.run(candidate)
-        return run_plain(self.plant, candidate, self.episode)[0]
+        tries = 0
+        while True:
+            try:
+                return run_plain(self.plant, candidate, self.episode)[0]
+            except LostPlant as problem:
+                tries += 1
+                if tries == TRIES:
+                    raise LostPlant(f"{problem}; the episode was tried {TRIES} times") from None
+
+    def close(self) -> None:
+        """Lets go of the plant."""
+        self.plant.close()
 
     def evaluate(self, factors: Array) -> Outcome:
         """The outcome for `factors` (nlump) of the nominal lumps."""

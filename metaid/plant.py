@@ -1,7 +1,7 @@
 """Plants: what is pushed and watched.
 
-A plant is anything that answers to `Plant`: five methods and three numbers, so that a rig can be one. `MujocoPlant`
-is a planar chain of hinges in MuJoCo, built from a plant file. The search sees a plant only through an episode;
+A plant is anything that answers to `Plant`, so that a rig can be one (docs/your-rig.md). `MujocoPlant` is a planar
+chain of hinges in MuJoCo, built from a plant file. The search sees a plant only through an episode;
 `true_lumps` is for the report.
 """
 
@@ -52,6 +52,12 @@ class Plant(Protocol):
 
     def step(self) -> None:
         """Lets one timestep pass."""
+
+    def stop(self) -> None:
+        """Takes the torque off at once: a push is over, a link has fallen, or something went wrong. Must not raise."""
+
+    def close(self) -> None:
+        """Lets go of the plant: nothing more is asked of it."""
 
     def true_lumps(self) -> Lumps | None:
         """The plant's own lumps, where it knows them. Only reports ask."""
@@ -212,6 +218,12 @@ class MujocoPlant:
     def step(self) -> None:
         mujoco.mj_step(self.model, self.data)
 
+    def stop(self) -> None:
+        self.data.qfrc_applied[:] = 0.0
+
+    def close(self) -> None:
+        """A simulated plant holds nothing that anybody waits for."""
+
     def true_lumps(self) -> Lumps | None:
         return self.chain.lumps if self.settings.truth_known else None
 
@@ -223,5 +235,10 @@ def load_plant(name: str | Path) -> MujocoPlant:
 
 
 def read_plant(path: Path) -> PlantSettings:
-    """The checked contents of a plant file.  Raises PlantError."""
-    return check(PlantSettings, read_toml(path, PlantError), str(path), PlantError)
+    """The checked contents of the file of a simulated plant.  Raises PlantError."""
+    tables = read_toml(path, PlantError)
+    if "socket" in tables:
+        raise PlantError(
+            f"{path}: a plant behind a socket has no links to simulate or draw (allowed: plant show, and in a study)"
+        )
+    return check(PlantSettings, tables, str(path), PlantError)

@@ -33,9 +33,10 @@ from metaid.errors import EpisodeError, PlantError, StudyError, unknown
 from metaid.files import Settings, check, find_file, find_file_beside, read_toml
 from metaid.measures import Measure, fall_value, get_measure
 from metaid.objective import Objective, Outcome
-from metaid.plant import LinkSettings, MujocoPlant, PlantSettings, chain_of, read_plant
+from metaid.plant import LinkSettings, MujocoPlant, Plant, PlantSettings, chain_of, read_plant
 from metaid.possible import refuse_impossible
 from metaid.searchers import SAMPLERS, Searcher, SearchOptions, make_searcher
+from metaid.socket_plant import SocketPlant, SocketSettings, read_any_plant
 
 HORIZON = 1.5  # of a rich push, in units of √(l/g)
 LARGEST_STEPS = 10_000_000  # after a push
@@ -104,14 +105,24 @@ class StudySettings(Settings):
     episode: EpisodeSettings = EpisodeSettings()
 
 
+class PushedSettings(Settings):
+    """What was found at a rig when the study was created: the `impulses` of its pushes, in N s, and the absolute link
+    `speeds` that they gave, in rad/s; both (npush x njoint).
+    """
+
+    impulses: list[list[float]]
+    speeds: list[list[float]]
+
+
 class StudySpec(Settings):
     """A study with nothing left to look up."""
 
     name: str
     plant_name: str
-    plant: PlantSettings
+    plant: PlantSettings | SocketSettings
     nominal: Annotated[tuple[LinkSettings, ...], Field(strict=False)]
     study: StudySettings
+    pushed: PushedSettings | None = None
 
 
 def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec:
@@ -133,7 +144,9 @@ def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> Study
         return find_file_beside("plants", value, path, PlantError)
 
     plant_path = named("plant", study.plant)
-    plant = read_plant(plant_path)
+    plant = read_any_plant(plant_path)
+    if isinstance(plant, SocketSettings) and "workers" not in study.model_fields_set:
+        study = study.model_copy(update={"workers": 1})
     if isinstance(study.nominal, NominalSettings):
         nominal = study.nominal.links
     else:
@@ -152,7 +165,7 @@ def _change(tables: dict[str, Any], key: str, value: Any) -> None:
     tables[last] = value
 
 
-def _same_gravity(model: PlantSettings, plant: PlantSettings, path: Path) -> PlantSettings:
+def _same_gravity(model: PlantSettings, plant: PlantSettings | SocketSettings, path: Path) -> PlantSettings:
     if model.gravity != plant.gravity:
         raise StudyError(
             f"{path}: the nominal model's gravity is {model.gravity} m/s², the plant's {plant.gravity}: "
@@ -171,12 +184,14 @@ class Problem:
         self.measure = _measure(spec.study.episode)
         if spec.study.sampler not in SAMPLERS:
             raise StudyError(f"sampler: {unknown('sampler', spec.study.sampler, SAMPLERS)}")
-        plant = self.make_plant()
+        plant = self.open_plant()
         if plant.njoint != self.nominal.nlink:
             raise StudyError(
                 f"plant {plant.name} has {plant.njoint} links, the nominal model {self.nominal.nlink}: they must agree"
             )
         refuse_impossible("nominal model", self.nominal)
+        if not self.is_simulated:
+            self._check_rig()
         search = spec.study.search
         self.start, self.low, self.high = (self._factors(key, getattr(search, key)) for key in ("start", "low", "high"))
         for name, start, low, high in zip(self.names, self.start, self.low, self.high, strict=True):
@@ -186,11 +201,15 @@ class Problem:
                     "(allowed: low <= start <= high, low < high)"
                 )
         try:
-            self.episode = self._make_episode(plant)
+            self.episode, self.start_speeds = self._pushed(plant)
         except EpisodeError as problem:
             raise StudyError(f"episode: {problem}") from None
-        self.start_speeds = pushed_speeds(plant, self.episode.pushes)
         _refuse_unseen_pushes(self.start_speeds, plant.timestep)
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the plant is simulated here, and not a rig, which is not to be moved without need."""
+        return isinstance(self.spec.plant, PlantSettings)
 
     @property
     def timestep(self) -> float:
@@ -215,9 +234,27 @@ class Problem:
             raise StudyError(f"search: coordinates: {problem}") from None
         return metric if self.measure.name == "spectral" else replace(metric, curvature=None)
 
-    def make_plant(self) -> MujocoPlant:
-        """A plant of its own for each worker."""
+    def open_plant(self) -> MujocoPlant | SocketPlant:
+        """A plant of its own for each worker, simulated or not."""
+        if isinstance(self.spec.plant, SocketSettings):
+            return SocketPlant(self.spec.plant_name, self.spec.plant)
         return MujocoPlant(self.spec.plant_name, self.spec.plant)
+
+    def make_plant(self) -> MujocoPlant:
+        """A simulated plant.  Raises StudyError where the study's is none."""
+        plant = self.open_plant()
+        if isinstance(plant, MujocoPlant):
+            return plant
+        raise StudyError(f"plant {plant.name} is a rig, and this needs a simulated plant")
+
+    def nominal_plant(self) -> MujocoPlant:
+        """The nominal model as a plant."""
+        if isinstance(self.spec.plant, PlantSettings):
+            return MujocoPlant("nominal", self.spec.plant.model_copy(update={"links": self.spec.nominal}))
+        settings = self.spec.plant
+        return MujocoPlant(
+            "nominal", PlantSettings(gravity=settings.gravity, timestep=settings.timestep, links=self.spec.nominal)
+        )
 
     def make_objective(self) -> Objective:
         """An objective of its own for each worker."""
@@ -234,7 +271,7 @@ class Problem:
 
     def _objective(self, physics: str) -> Objective:
         rule = self.spec.study.episode.rule
-        return Objective(self.make_plant(), self.nominal.lumps, self.episode, self.measure.name, physics, rule)
+        return Objective(self.open_plant(), self.nominal.lumps, self.episode, self.measure.name, physics, rule)
 
     def make_searcher(self) -> Searcher:
         """The searcher at the study's seed, knowing of no trial."""
@@ -251,7 +288,35 @@ class Problem:
         except EpisodeError as problem:
             raise StudyError(f"search: {key}: {problem}") from None
 
-    def _make_episode(self, plant: MujocoPlant) -> Episode:
+    def _check_rig(self) -> None:
+        """What needs a simulation, or more than one plant.  Raises StudyError."""
+        study = self.spec.study
+        if study.workers != 1:
+            raise StudyError(f"plant {self.spec.plant_name} is one rig: workers is {study.workers} (allowed: 1)")
+        if study.episode.physics != "mujoco":
+            raise StudyError(
+                f"plant {self.spec.plant_name} is behind a socket, so its equations of motion are not known: "
+                f"leave out episode.physics = '{study.episode.physics}'"
+            )
+
+    def _pushed(self, plant: Plant) -> tuple[Episode, Array]:
+        """The episode, and the absolute link speeds (npush x njoint) after its pushes.
+
+        Of a rig they are what was found at it when the study was created; before that, the nominal model's.
+        """
+        if self.is_simulated:
+            return self.at_plant(plant)
+        episode, speeds = self.at_plant(self.nominal_plant())
+        if self.spec.pushed is None:
+            return episode, speeds
+        return replace(episode, pushes=np.array(self.spec.pushed.impulses)), np.array(self.spec.pushed.speeds)
+
+    def at_plant(self, plant: Plant) -> tuple[Episode, Array]:
+        """The episode that this `plant` is pushed in, and the speeds that it gets; pushes it to find out."""
+        episode = self._make_episode(plant)
+        return episode, pushed_speeds(plant, episode.pushes)
+
+    def _make_episode(self, plant: Plant) -> Episode:
         wanted = self.spec.study.episode
         kind = wanted.pushes or ("rich" if wanted.measure == "spectral" else "tip")
         if kind == "rich" or kind == "designed":
@@ -268,7 +333,7 @@ class Problem:
             pushes = tip_push(plant, wanted.peak_speed or TIP_SPEED) if kind == "tip" else _explicit(kind, plant.njoint)
         return Episode(pushes, steps, wanted.fall_limit or fall_limit, wanted.fall_margin)
 
-    def _strong_pushes(self, plant: MujocoPlant, kind: Literal["rich", "designed"], horizon: float) -> Array:
+    def _strong_pushes(self, plant: Plant, kind: Literal["rich", "designed"], horizon: float) -> Array:
         wanted, seed = self.spec.study.episode, self.spec.study.seed
         peak_speed, count = wanted.peak_speed or REACH / horizon, wanted.count or 2 * plant.njoint
         if kind == "rich":

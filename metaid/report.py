@@ -66,7 +66,10 @@ def render(found: Findings) -> str:
         unit=found.problem.measure.unit,
         episode=found.problem.episode,
         timestep=found.problem.timestep,
-        plant_picture=inline_svg(plant_figure(found.problem.make_plant()), "plant-"),
+        plant_picture=inline_svg(
+            plant_figure(found.problem.make_plant() if found.problem.is_simulated else found.problem.nominal_plant()),
+            "plant-",
+        ),
         figures=shown,
         falls=falls(found),
         cost=cost(found),

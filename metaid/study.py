@@ -8,6 +8,7 @@ was stopped anywhere goes on from the last whole generation in the DB.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from types import TracebackType
@@ -20,9 +21,10 @@ from metaid.chain import Array
 from metaid.crews import make_crew
 from metaid.errors import StorageError, StudyError
 from metaid.objective import Outcome
-from metaid.problem import Problem, StudySpec
+from metaid.problem import Problem, PushedSettings, StudySpec
 from metaid.rows import Trial
 from metaid.searchers import Searcher
+from metaid.socket_plant import SocketSettings
 from metaid.store import Store
 
 LARGEST_TPE = 2000  # trials; what the next one costs grows with all before it
@@ -44,13 +46,30 @@ class Progress:
 
 
 def create_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
-    """Puts a study without trials into the DB and returns its name.  Raises StorageError if the name is taken."""
-    Problem(spec).make_searcher()  # what cannot be run is not created
+    """Puts a study without trials into the DB and returns its name.  Raises StorageError if the name is taken.
+
+    A rig is pushed, to find what pushes it needs and what they do.  Raises LostPlant where it does not answer.
+    """
+    problem = Problem(spec)
+    problem.make_searcher()  # what cannot be run is not created
     name = spec.name if name is None else name
     if not name or len(name) > 200 or not name.isprintable():
         raise StudyError("a study's name has 1 to 200 printable characters")
+    if not problem.is_simulated:
+        if name in store.names():
+            raise StorageError(f"{store.url} has a study '{name}' already (choose another with --name, or delete it)")
+        spec = _pushed_spec(problem)
+        Problem(spec).make_searcher()
     store.create(name, spec.model_dump_json())
     return name
+
+
+def _pushed_spec(problem: Problem) -> StudySpec:
+    """The study with the pushes that its rig needs, and what they do to it."""
+    with closing(problem.open_plant()) as plant:
+        episode, speeds = problem.at_plant(plant)
+    pushed = PushedSettings(impulses=episode.pushes.tolist(), speeds=speeds.tolist())
+    return problem.spec.model_copy(update={"pushed": pushed})
 
 
 def advice(spec: StudySpec) -> str | None:
@@ -91,6 +110,8 @@ def run_study(
     workers = spec.study.workers if workers is None else workers
     if total < 1 or workers < 1:
         raise StudyError(f"trials is {total} and workers is {workers} (allowed: 1 or more of each)")
+    if isinstance(spec.plant, SocketSettings) and workers != 1:
+        raise StudyError(f"plant {spec.plant_name} is one rig: workers is {workers} (allowed: 1)")
     with threadpool_limits(1):  # at these sizes BLAS threads cost far more than they give
         problem = Problem(spec)
         run = _Run(problem, problem.make_searcher(), total, spec.study.search.target)
@@ -103,7 +124,9 @@ def run_study(
                 batch = pending if pending is not None else run.searcher.ask()
                 have = len(run.outcomes)
                 started = datetime.now(UTC).replace(tzinfo=None)
-                outcomes = crew.evaluate(batch[have : have + total - run.number], meanwhile=writer.write)
+                # A rig's episodes are dear: each is kept, whatever becomes of the next.
+                until = have + min(total - run.number, len(batch) if problem.is_simulated else 1)
+                outcomes = crew.evaluate(batch[have:until], meanwhile=writer.write)
                 completed = datetime.now(UTC).replace(tzinfo=None)
                 fresh = [
                     Trial(run.number + i, run.generation, batch[have + i], outcome, started, completed)

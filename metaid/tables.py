@@ -66,7 +66,7 @@ def _lumps(problem: Problem, trials: list[Trial]) -> pd.DataFrame:
         equal = np.array([t.factors for t in survivors if t.outcome.value <= best.outcome.value + problem.resolution])
         found = best.factors, equal.min(axis=0), equal.max(axis=0)
         factor, low, high = (np.where(determined, factors, np.nan) for factors in found)
-    truth = problem.make_plant().true_lumps()
+    truth = problem.open_plant().true_lumps()
     true = unknown if truth is None else truth.vector
     identified = factor * nominal
     columns = {

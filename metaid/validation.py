@@ -86,7 +86,7 @@ class Validation:
 def validate_factors(problem: Problem, factors: Array, pushes: int = PUSHES, seed: int = 0) -> Validation:
     """Validates the `factors` (nlump) that a study of `problem` found, on `pushes` rich pushes that `seed` means.
 
-    Raises StudyError on a number of pushes or a seed that cannot be.
+    Raises StudyError on a number of pushes or a seed that cannot be, and of a rig.
     """
     if not 1 <= pushes <= MOST_PUSHES or seed < 0:
         raise StudyError(f"pushes is {pushes} and seed is {seed} (allowed: 1 to {MOST_PUSHES} pushes, a seed from 0)")

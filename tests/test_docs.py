@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -22,6 +23,7 @@ DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 BLOCK = re.compile(r"(<!-- not run: [^\n]+ -->\n)?^```(\w+)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 NO_SCREEN = "metaid plant view"
 SERVES = "metaid dashboard"
+RIG = "python examples/socket_rig.py"
 
 Metaid = Callable[..., Finished]
 
@@ -47,6 +49,28 @@ def serve_and_interrupt(arguments: list[str]) -> None:
     assert server.returncode == 130
 
 
+@pytest.fixture
+def rigs() -> Iterator[list[subprocess.Popen[str]]]:
+    """Example rigs that a document starts; ended after it."""
+    started: list[subprocess.Popen[str]] = []
+    yield started
+    for rig in started:
+        with rig:
+            rig.kill()
+
+
+def start_rig(command: str) -> subprocess.Popen[str]:
+    """The example rig as a document starts it, listening."""
+    _, script, *arguments = shlex.split(command)
+    log = Path("rig.log")
+    with log.open("w") as output:
+        rig = subprocess.Popen([sys.executable, str(ROOT / script), *arguments], stdout=output, text=True)
+    while "listening at" not in log.read_text():
+        assert rig.poll() is None
+        time.sleep(0.02)
+    return rig
+
+
 def run_command(metaid: Metaid, command: str) -> None:
     """One line of a document, as typed after the prompt."""
     name, *arguments = shlex.split(command, comments=True)
@@ -64,7 +88,9 @@ def run_command(metaid: Metaid, command: str) -> None:
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
-def test_every_block_runs(metaid: Metaid, monkeypatch: pytest.MonkeyPatch, document: Path) -> None:
+def test_every_block_runs(
+    metaid: Metaid, monkeypatch: pytest.MonkeyPatch, document: Path, rigs: list[subprocess.Popen[str]]
+) -> None:
     """Files are written, commands and Python run, in order and in one empty folder."""
     monkeypatch.setenv("MPLBACKEND", "agg")
     names: dict[str, object] = {}
@@ -76,7 +102,10 @@ def test_every_block_runs(metaid: Metaid, monkeypatch: pytest.MonkeyPatch, docum
         elif language == "console":
             for line in text.splitlines():
                 assert line.startswith("$ "), f"a console block holds commands alone: {line}"
-                run_command(metaid, line[2:])
+                if line.startswith(f"$ {RIG}"):
+                    rigs.append(start_rig(line[2:]))
+                else:
+                    run_command(metaid, line[2:])
         elif language == "python":
             exec(compile(text, document.name, "exec"), names)
 

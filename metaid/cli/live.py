@@ -30,7 +30,7 @@ class Live:
 
     def __init__(self, store: Store, name: str, quiet: bool, console: Console | None = None) -> None:
         self._problem = Problem(stored_spec(store, name))
-        truth = self._problem.make_plant().true_lumps()
+        truth = self._problem.open_plant().true_lumps()
         self._nominal = self._problem.nominal.lumps.vector
         self._true_factors = None if truth is None else truth.vector / self._nominal
         self._determined = [self._problem.measure.determines(lump) for lump in self._problem.names]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -19,6 +19,9 @@ from metaid.cli.common import (
     storage_option,
     whole_file,
 )
+
+if TYPE_CHECKING:
+    from metaid.socket_plant import SocketSettings
 
 
 def _complete_plant(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
@@ -53,9 +56,17 @@ def list_plants() -> None:
 def show_plant(name: str, as_json: bool) -> None:
     """The links of a plant, and its true lumps where it knows them."""
     from metaid.chain import lump_names, lump_unit
-    from metaid.plant import load_plant
+    from metaid.errors import PlantError
+    from metaid.files import find_file
+    from metaid.plant import MujocoPlant
+    from metaid.socket_plant import SocketSettings, read_any_plant
 
-    shown = load_plant(name)
+    path = find_file("plants", name, PlantError)
+    settings = read_any_plant(path)
+    if isinstance(settings, SocketSettings):
+        _show_rig(path.stem, settings, as_json)
+        return
+    shown = MujocoPlant(path.stem, settings)
     chain, truth = shown.chain, shown.true_lumps()
     columns = ("length", "mass", "com", "inertia", "damping", "stiffness")
     links = [
@@ -68,8 +79,8 @@ def show_plant(name: str, as_json: bool) -> None:
         for i, lump in enumerate(names)
     ]
     if as_json:
-        settings = {key: getattr(shown.settings, key) for key in ("gravity", "timestep", "over_compensation")}
-        print_json({"plant": shown.name, **settings, "links": links, "lumps": lumps})
+        common = {key: getattr(shown.settings, key) for key in ("gravity", "timestep", "over_compensation")}
+        print_json({"plant": shown.name, **common, "links": links, "lumps": lumps})
         return
     heading = ["link", "length, m", "mass, kg", "com, m", "inertia, kg m²", "damping, N m s", "stiffness, N m/rad"]
     fault = shown.settings.over_compensation
@@ -84,6 +95,19 @@ def show_plant(name: str, as_json: bool) -> None:
     print_table(
         "True lumps", ["lump", "value", "unit"], [[lump["name"], figure(lump["true"]), lump["unit"]] for lump in lumps]
     )
+
+
+def _show_rig(name: str, settings: SocketSettings, as_json: bool) -> None:
+    """What is known of a plant behind a socket; it is not called for that."""
+    from metaid.chain import lump_names, lump_unit
+
+    names = lump_names(settings.joints)
+    if as_json:
+        lumps = [{"name": lump, "unit": lump_unit(lump), "true": None} for lump in names]
+        print_json({"plant": name, **settings.model_dump(exclude={"description"}), "links": [], "lumps": lumps})
+        return
+    rows = [[key, str(value)] for key, value in settings.model_dump(exclude={"description"}).items()]
+    print_table(f"{name}: {settings.description}", ["setting", "value"], rows, f"true lumps not known: {len(names)}")
 
 
 @click.command(epilog="\b\nExample:\n  metaid episode three-link --factor gravity_1=1.05 --factor gravity_2=1.05")

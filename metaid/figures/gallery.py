@@ -52,11 +52,14 @@ class Gallery:
             raise StorageError(f"a boundary is over two different lumps, not {over[0]} twice")
 
     def pictures(self, width: str = "page") -> Iterator[Picture]:
-        """One after another, for a `width` of "page" or "column"."""
-        makers = [self._convergence, self._factors, self._ranges, self._frequency]
+        """One after another, for a `width` of "page" or "column". A rig is not moved for a picture: those that need
+        more episodes are left out.
+        """
+        simulated = self.found.problem.is_simulated
+        makers = [self._convergence, self._factors, self._ranges, *([self._frequency] if simulated else [])]
         if len(self.found.names) > 1:
             makers += [self._boundary, self._parallel, self._correlation]
-        for make in [*makers, self._episode]:
+        for make in [*makers, *([self._episode] if simulated else [])]:
             with style():
                 picture = make(WIDTHS[width])
             yield picture
@@ -67,8 +70,10 @@ class Gallery:
         return [sweep(self.objective, self.centre, i, self._line(i, SWEPT)) for i in range(len(self.names))]
 
     @cached_property
-    def boundary(self) -> Plane:
-        """The measure over the two lumps, between their bounds."""
+    def boundary(self) -> Plane | None:
+        """The measure over the two lumps, between their bounds; None of a rig."""
+        if not self.found.problem.is_simulated:
+            return None
         first, second = (self._line(i, GRID) for i in self._pair)
         return plane(self.objective, self.centre, self._pair, first, second)
 
@@ -125,6 +130,8 @@ class Gallery:
         caption = (
             f"Falls and survivors over {self.over[0]} and {self.over[1]}. Shaded: candidates fall there whose other "
             "lumps are the best one's; trials had others, so they may fall or survive elsewhere."
+            if self.boundary is not None
+            else f"Falls and survivors over {self.over[0]} and {self.over[1]}."
         )
         return Picture("boundary", caption, figure)
 

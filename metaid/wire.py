@@ -1,0 +1,81 @@
+"""One line of JSON there, one back, over a socket, each within a time limit: nothing here can wait for ever."""
+
+from __future__ import annotations
+
+import json
+import socket
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any
+from urllib.parse import urlsplit
+
+LONGEST_LINE = 1 << 16  # bytes of an answer; 64 links need 3,000
+FORMS = "tcp://HOST:PORT or unix:PATH"
+
+
+class WireError(Exception):
+    """No connection, no answer in time, or an answer that is not a line of JSON."""
+
+
+def parse_address(address: str) -> tuple[str, int] | str:
+    """Host and port of `tcp://HOST:PORT`, or the path of `unix:PATH`.  Raises ValueError."""
+    if address.startswith("unix:") and len(address) > len("unix:"):
+        return address.removeprefix("unix:")
+    parts = urlsplit(address)
+    if parts.scheme != "tcp" or not parts.hostname or not parts.port or parts.path:
+        raise ValueError(f"'{address}' is not an address (allowed: {FORMS})")
+    return parts.hostname, parts.port
+
+
+class Wire:
+    """A connection to `address`, made within `timeout` s.  Raises WireError."""
+
+    def __init__(self, address: str, timeout: float) -> None:
+        self._received = b""
+        target = parse_address(address)
+        try:
+            if isinstance(target, str):
+                self._socket = socket.socket(socket.AF_UNIX)
+                self._socket.settimeout(timeout)
+                self._socket.connect(target)
+            else:
+                self._socket = socket.create_connection(target, timeout)
+                self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        except OSError as problem:
+            raise WireError(f"no connection to {address}: {problem.strerror or problem}") from None
+
+    def ask(self, message: Mapping[str, Any], timeout: float) -> dict[str, Any]:
+        """The answer to `message`, both in all within `timeout` s.  Raises WireError; the connection is then of no
+        more use, as an answer that comes late would pass for that to the next message.
+        """
+        until = time.monotonic() + timeout
+        try:
+            self._socket.settimeout(timeout)
+            self._socket.sendall(json.dumps(message).encode() + b"\n")
+            while b"\n" not in self._received:
+                self._socket.settimeout(max(until - time.monotonic(), 1e-6))
+                part = self._socket.recv(4096)
+                if not part:
+                    raise WireError("the connection was closed")
+                self._received += part
+                if len(self._received) > LONGEST_LINE:
+                    raise WireError(f"an answer of more than {LONGEST_LINE} bytes")
+        except TimeoutError:
+            raise WireError(f"no answer within {timeout:g} s") from None
+        except OSError as problem:
+            raise WireError(f"the connection was lost: {problem.strerror or problem}") from None
+        line, _, self._received = self._received.partition(b"\n")
+        try:
+            answer = json.loads(line)
+        except ValueError:
+            raise WireError(f"an answer that is not JSON: {line[:60]!r}") from None
+        if not isinstance(answer, dict):
+            raise WireError(f"an answer that is not a JSON object: {line[:60]!r}")
+        return answer
+
+    def close(self) -> None:
+        """Ends the connection, from whichever thread: one that waits for an answer is told so."""
+        with suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
+        self._socket.close()
