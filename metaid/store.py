@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import operator
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -27,15 +27,22 @@ from sqlalchemy.exc import SQLAlchemyError
 from metaid.chain import Array
 from metaid.errors import StorageError, unknown
 from metaid.rows import IDS_AFTER, TRIAL_TABLES, Trial, detail_rows, end_of, head_rows, read_outcomes, read_table
+from metaid.sqlite import BUSY_TIMEOUT, has_tables, told, use_wal
 
 DEFAULT_STORAGE = "metaid.db"
 SPEC_KEY = "metaid:study"
-BUSY_TIMEOUT = 60  # s
+Guard = Callable[
+    [sa.Connection, int], None
+]  # of a transaction about to write to a study, by its id: raises, or lets it
 
 
 def storage_url(storage: str) -> str:
     """The URL of a `storage` given as a URL or as the path of an SQLite file."""
     return storage if "://" in storage else f"sqlite:///{storage}"
+
+
+def no_guard(connection: sa.Connection, study_id: int) -> None:
+    """Lets any transaction write: for who knows that no driver runs the study."""
 
 
 class Store:
@@ -52,16 +59,17 @@ class Store:
                 f"{storage}: not a storage (allowed: a file path, or a URL such as sqlite:///metaid.db)"
             ) from None
         self.is_sqlite = parsed.get_backend_name() == "sqlite"
-        if self.is_sqlite:
-            _check_sqlite_file(Path(parsed.database or ""), create)
+        # A DB that is there is not changed before its schema is known.
+        made = self.is_sqlite and has_tables(Path(parsed.database or ""), create)
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         with self._errors():
-            options = {"connect_args": {"timeout": BUSY_TIMEOUT}} if self.is_sqlite else {"pool_pre_ping": True}
-            self.optuna = RDBStorage(self.url, engine_kwargs=options)
+            patient = {} if "timeout" in parsed.query else {"connect_args": {"timeout": BUSY_TIMEOUT}}
+            options = patient if self.is_sqlite else {"pool_pre_ping": True}
+            self.optuna = RDBStorage(self.url, engine_kwargs=options, skip_table_creation=made)
         self._engine: sa.Engine = self.optuna.engine
         self._statements: dict[Any, Any] = {}
         if self.is_sqlite:
-            sa.event.listen(self._engine, "connect", _use_wal)
+            sa.event.listen(self._engine, "connect", use_wal)
             self._engine.dispose()  # so that the connection that checked the schema is opened again, with the pragmas
 
     def close(self) -> None:
@@ -71,9 +79,8 @@ class Store:
     def _errors(self) -> Iterator[None]:
         try:
             yield
-        except (SQLAlchemyError, RuntimeError, ImportError, sqlite3.Error) as problem:
-            cause = getattr(problem, "orig", None) or problem
-            raise StorageError(f"{self.url}: {' '.join(str(cause).split())[:300]}") from None
+        except (SQLAlchemyError, RuntimeError, ImportError, ValueError, LookupError, sqlite3.Error) as problem:
+            raise StorageError(f"{self.url}: {told(getattr(problem, 'orig', None) or problem)}") from None
 
     def names(self) -> list[str]:
         """Names of the studies that metaid made, oldest first."""
@@ -118,11 +125,27 @@ class Store:
         with self._errors(), self._engine.connect() as connection:
             return str(connection.scalar(query))
 
-    def delete(self, name: str) -> None:
-        """Deletes a study and its trials."""
-        study_id = self._study_id(name)
-        trials = sa.select(models.TrialModel.trial_id).where(models.TrialModel.study_id == study_id)
+    @contextmanager
+    def writing(self, name: str) -> Iterator[tuple[sa.Connection, int]]:
+        """A transaction in which nobody else takes or gives up the study, and the study's id."""
         with self._errors(), self._engine.begin() as connection:
+            self._lock(connection)
+            study = sa.select(models.StudyModel.study_id).where(models.StudyModel.study_name == name)
+            study_id = connection.scalar(study.with_for_update())
+            if study_id is None:
+                raise StorageError(f"study '{name}' is no longer there")
+            yield connection, study_id
+
+    def _lock(self, connection: sa.Connection) -> None:
+        if self.is_sqlite:
+            connection.exec_driver_sql("BEGIN IMMEDIATE")  # takes the write lock before anything is read
+
+    def delete(self, name: str, guard: Guard) -> None:
+        """Deletes a study and its trials, if `guard` lets it."""
+        self._study_id(name)  # refuses what is not metaid's
+        with self.writing(name) as (connection, study_id):
+            guard(connection, study_id)
+            trials = sa.select(models.TrialModel.trial_id).where(models.TrialModel.study_id == study_id)
             for model in TRIAL_TABLES:
                 connection.execute(sa.delete(model).where(model.trial_id.in_(trials)))
             for model in (
@@ -134,24 +157,26 @@ class Store:
                 connection.execute(sa.delete(model).where(model.study_id == study_id))
             connection.execute(sa.delete(models.StudyModel).where(models.StudyModel.study_id == study_id))
 
-    def append(self, name: str, names: Sequence[str], low: Array, high: Array, trials: Sequence[Trial]) -> None:
-        """Adds finished `trials` in one transaction; factors are stored under the lumps' `names` with their bounds
-        (nlump).
+    def append(
+        self, name: str, names: Sequence[str], low: Array, high: Array, trials: Sequence[Trial], guard: Guard = no_guard
+    ) -> None:
+        """Adds finished `trials` in one transaction, if `guard` lets it; factors are stored under the lumps' `names`
+        with their bounds (nlump).
 
-        Raises StorageError, and writes nothing, if they would not follow the last trial: somebody else is running the
-        study.
+        Raises StorageError, and writes nothing, if they would not follow the last trial: somebody else has written to
+        the study.
         """
         distributions = [
             distribution_to_json(FloatDistribution(a, b)) for a, b in zip(low.tolist(), high.tolist(), strict=True)
         ]
         with self._errors(), self._engine.begin() as connection:
-            if self.is_sqlite:
-                connection.exec_driver_sql("BEGIN IMMEDIATE")  # takes the write lock before the last number is read
+            self._lock(connection)
             study_id, last_id, count = end_of(connection, name)
+            guard(connection, study_id)
             if count != trials[0].number:
                 raise StorageError(
                     f"study '{name}' has {count} trials where {trials[0].number} were expected: "
-                    "it is being run elsewhere"
+                    "somebody else has written to it"
                 )
             self._insert(connection, models.TrialModel, head_rows(study_id, trials))
             ids = list(connection.scalars(IDS_AFTER, {"study_id": study_id, "last_id": last_id}))
@@ -223,35 +248,3 @@ class Store:
         if study_id is None or name not in self.names():
             raise StorageError(f"{self.url}: {unknown('study', name, self.names())}")
         return int(study_id)
-
-
-def _check_sqlite_file(path: Path, create: bool) -> None:
-    if not path.exists():
-        if not create:
-            raise StorageError(
-                f"no study DB at {path}: make a study with 'metaid study create', or name another with --storage"
-            )
-        if not path.parent.is_dir():
-            raise StorageError(f"{path}: no such folder {path.parent}")
-        return
-    if not path.is_file():
-        raise StorageError(f"{path}: not a file, so not a study DB")
-    try:
-        connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)
-        try:
-            tables = {row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-        finally:
-            connection.close()
-    except sqlite3.Error as problem:
-        raise StorageError(f"{path}: not a study DB: {problem}") from None
-    if tables and not {"studies", "trials", "version_info"} <= tables:
-        raise StorageError(f"{path}: an SQLite file, but not a study DB")
-    if not tables and not create:
-        raise StorageError(f"{path}: an empty file, not a study DB")
-
-
-def _use_wal(connection: Any, _record: Any) -> None:
-    cursor = connection.cursor()
-    cursor.execute("PRAGMA journal_mode=WAL")
-    cursor.execute("PRAGMA synchronous=NORMAL")
-    cursor.close()

@@ -20,6 +20,7 @@ from threadpoolctl import threadpool_limits
 from metaid.chain import Array
 from metaid.crews import make_crew
 from metaid.errors import StorageError, StudyError
+from metaid.lease import Lease, refuse_if_run
 from metaid.objective import Outcome
 from metaid.problem import Problem, PushedSettings, StudySpec
 from metaid.rows import Trial
@@ -90,6 +91,11 @@ def stored_spec(store: Store, name: str) -> StudySpec:
         raise StorageError(f"{store.url}: study '{name}' was made by another version of metaid") from None
 
 
+def delete_study(store: Store, name: str) -> None:
+    """Deletes a study and its trials from the DB.  Raises StorageError if it is not there, or is being run."""
+    store.delete(name, lambda connection, study_id: refuse_if_run(connection, study_id, name))
+
+
 def run_study(
     store: Store,
     name: str,
@@ -103,7 +109,7 @@ def run_study(
     is finished.
 
     `watch` is called after each generation. A KeyboardInterrupt leaves the DB at the last generation that `watch` saw;
-    a kill may lose that one.  Raises StudyError, StorageError.
+    a kill may lose that one.  Raises StudyError, StorageError; also where another driver runs the study.
     """
     spec = stored_spec(store, name)
     total = spec.study.trials if trials is None else trials
@@ -112,14 +118,15 @@ def run_study(
         raise StudyError(f"trials is {total} and workers is {workers} (allowed: 1 or more of each)")
     if isinstance(spec.plant, SocketSettings) and workers != 1:
         raise StudyError(f"plant {spec.plant_name} is one rig: workers is {workers} (allowed: 1)")
-    with threadpool_limits(1):  # at these sizes BLAS threads cost far more than they give
+    # At these sizes BLAS threads cost far more than they give.
+    with threadpool_limits(1), Lease(store, name) as lease:
         problem = Problem(spec)
         run = _Run(problem, problem.make_searcher(), total, spec.study.search.target)
         pending = run.replay(store.trials(name, problem.names), f"{store.url}: study '{name}'")
         watch(run.progress)
         if run.done:
             return run.progress
-        with make_crew(problem, engine, workers, ray_address) as crew, _Writer(store, name, problem) as writer:
+        with make_crew(problem, engine, workers, ray_address) as crew, _Writer(store, name, problem, lease) as writer:
             while not run.done:
                 batch = pending if pending is not None else run.searcher.ask()
                 have = len(run.outcomes)
@@ -143,17 +150,20 @@ class _Writer:
     is. It has no thread of its own: an error in writing ends the run there and then.
     """
 
-    def __init__(self, store: Store, name: str, problem: Problem) -> None:
+    def __init__(self, store: Store, name: str, problem: Problem, lease: Lease) -> None:
         self._store = store
         self._name = name
         self._problem = problem
+        self._lease = lease
         self.trials: list[Trial] = []
 
     def write(self) -> None:
         """Writes what it holds, if anything, in one transaction."""
         if self.trials:
             problem = self._problem
-            self._store.append(self._name, problem.names, problem.low, problem.high, self.trials)
+            self._store.append(
+                self._name, problem.names, problem.low, problem.high, self.trials, guard=self._lease.renew
+            )
             self.trials = []
 
     def __enter__(self) -> _Writer:

@@ -15,7 +15,7 @@ from metaid import tables
 from metaid.errors import StorageError
 from metaid.problem import load_study
 from metaid.store import Store
-from metaid.study import create_study, run_study
+from metaid.study import create_study, delete_study, run_study
 
 CHANGES = {
     "trials": 60,
@@ -140,7 +140,7 @@ def test_deleted_study_leaves_no_row_behind_and_others_alone(tmp_path: Path) -> 
         counts = {
             table: connection.execute(f"SELECT COUNT(*) FROM {table}").fetchone()[0] for table in tables_with_rows
         }
-        store.delete("one")
+        delete_study(store, "one")
         rest = {table: connection.execute(f"SELECT COUNT(*) FROM {table}").fetchone()[0] for table in tables_with_rows}
     assert store.names() == ["two"]
     assert rest["trials"] == 18
@@ -154,7 +154,7 @@ def test_study_that_optuna_made_is_left_alone(tmp_path: Path) -> None:
     store = Store(url)
     assert store.names() == []
     with pytest.raises(StorageError, match="unknown study"):
-        store.delete("somebody's")
+        delete_study(store, "somebody's")
     with pytest.raises(StorageError, match="has a study"):
         create_study(store, load_study("three-link"), "somebody's")
     create_study(store, load_study("three-link"), "ours")

@@ -182,22 +182,6 @@ def test_trials_that_do_not_follow_from_the_settings_are_refused(store: Store, t
         run_study(store, "study", trials=60)
 
 
-def test_second_driver_is_noticed_before_it_writes(store: Store) -> None:
-    """Trials that would not follow the last one are not written."""
-    create_study(store, load_study("three-link"), "study")
-    intruded = False
-
-    def intrude(_progress: object) -> None:
-        nonlocal intruded
-        if not intruded:
-            intruded = True
-            run_study(store, "study", trials=20)
-
-    with pytest.raises(StorageError, match="being run elsewhere"):
-        run_study(store, "study", trials=40, watch=intrude)
-    assert len(tables.trials_frame(store, "study")) == 20
-
-
 def test_interrupted_run_says_how_to_go_on(tmp_path: Path) -> None:
     """SIGINT and SIGTERM: status 130 and 143, one line, and whole generations in the DB."""
     command = [sys.executable, "-c", "from metaid.cli import main; main()", "study"]

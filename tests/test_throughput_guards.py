@@ -41,7 +41,7 @@ def test_a_generation_takes_as_many_statements_late_as_early(store: Store) -> No
 
     run_study(store, "study", trials=20 * GENERATION, watch=look)
     assert len(set(per_generation[2:])) == 1
-    assert per_generation[-1] < GENERATION
+    assert per_generation[-1] <= GENERATION
 
 
 def test_the_end_of_a_study_is_found_without_walking_its_trials(store: Store) -> None:

@@ -351,11 +351,12 @@ def export(name: str, storage: str, output: Path) -> None:
 def delete(name: str, storage: str, yes: bool) -> None:
     """Delete a study and its trials from the DB."""
     from metaid.companions import delete_companion
+    from metaid.study import delete_study
 
     with open_store(storage) as store:
         store.spec(name)  # refuses a name that is not there before asking
         if not yes:
             click.confirm(f"Delete study '{name}' from {storage}?", abort=True, err=True)
-        store.delete(name)
+        delete_study(store, name)
         delete_companion(store, name)
     click.echo(f"study '{name}' is deleted")
