@@ -70,6 +70,10 @@ class Lumps:
     def nlink(self) -> int:
         return len(self.gravity)
 
+    def __getitem__(self, candidate: int | None) -> Lumps:
+        """One of many candidates, whose lumps have a leading axis; or, with None, this one as the only one of many."""
+        return Lumps(self.gravity[candidate], self.coriolis[candidate])
+
     @cached_property
     def vector(self) -> Array:
         """All lumps in the order of `lump_names` (nlink (nlink + 1) / 2)."""

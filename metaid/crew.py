@@ -14,7 +14,8 @@ from typing import Protocol
 from metaid.chain import Array
 from metaid.objective import Outcome
 from metaid.problem import Problem
-from metaid.queue import new_queue
+
+SHARED = 512  # candidates that the workers share at most before their results are taken in: it bounds the memory
 
 
 def nothing() -> None:
@@ -42,13 +43,16 @@ class LocalCrew:
         self._pool = ThreadPoolExecutor(workers, thread_name_prefix="metaid")
 
     def evaluate(self, batch: Array, meanwhile: Callable[[], None] = nothing) -> list[Outcome]:
-        queue = new_queue()
-        working = [self._pool.submit(objective.evaluate_from, queue, batch) for objective in self._objectives]
-        meanwhile()
-        found: dict[int, Outcome] = {}
-        for worker in working:
-            found |= worker.result()
-        return [found[i] for i in range(len(batch))]
+        shares = [batch[first : first + SHARED] for first in range(0, len(batch), SHARED)]
+        outcomes: list[Outcome] = []
+        for share in shares:
+            shared = self._objectives[0].share(share)
+            working = [self._pool.submit(objective.work_on, shared) for objective in self._objectives]
+            meanwhile()
+            for worker in working:
+                worker.result()
+            outcomes += self._objectives[0].outcomes(shared)
+        return outcomes
 
     def __enter__(self) -> LocalCrew:
         return self

@@ -9,8 +9,6 @@ is believed.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -18,6 +16,7 @@ from numba import cfunc
 from numba.extending import overload
 
 from metaid.analytic import AnalyticStep, advance_analytically, analytic_step
+from metaid.batch import Batch, new_batch
 from metaid.chain import Array, Lumps
 from metaid.compiled import compiled
 from metaid.episode import Episode, Record, run_plain
@@ -31,11 +30,9 @@ from metaid.pipeline import (
     mujoco_step,
 )
 from metaid.plant import MujocoPlant
-from metaid.queue import Queue, new_queue, take
+from metaid.queue import take
 
 Step = MujocoStep | DirectStep | AnalyticStep
-
-ROOM = 64  # candidates that a worker may run before it has to come back to Python with their results
 
 
 @cfunc("float64()")
@@ -97,93 +94,93 @@ def _compensate(gravity, coriolis, angles, speeds, work, torque):  # type: ignor
 
 
 @compiled
-def _run(chain, start, gravity, coriolis, timestep, steps, limit, margin, work, outputs, kept):  # type: ignore[no-untyped-def]
-    """All pushes of an episode; returns steps run and whether a link fell. Fills the four (npush x njoint) `outputs`,
-    with zeros for pushes after a fall, and `kept` (npush x nsteps + 1 x njoint) with joint angles unless it is empty.
+def _run_push(chain, start, gravity, coriolis, settings, work, outputs, kept):  # type: ignore[no-untyped-def]
+    """One push of an episode, which gives the joints the speeds `start` (njoint): steps run, and whether a link fell.
 
-    `work` are twelve vectors (njoint); nothing is allocated here.
-    """
-    half_periods, span, speed_energy, acceleration_energy = outputs
-    angles, speeds, side, first, previous_angle, previous_speed, squares, jumps = work[4:]
-    qpos, qvel, torque = chain.qpos, chain.qvel, chain.torque
-    npush, n = start.shape
-    ran = 0
-    keep = kept.size > 0
-    for push in range(npush):
-        for i in range(n):
-            half_periods[push, i], span[push, i], speed_energy[push, i], acceleration_energy[push, i] = 0, 0.0, 0.0, 0.0
-    for push in range(npush):
-        fastest, angle, speed = 0.0, 0.0, 0.0
-        for i in range(n):
-            qpos[i], qvel[i] = 0.0, start[push, i]
-            side[i], first[i] = np.sign(start[push, i]), 0.0
-            speed += start[push, i]
-            angles[i], speeds[i] = 0.0, speed
-            previous_angle[i], previous_speed[i] = 0.0, start[push, i]
-            squares[i], jumps[i] = 0.0, 0.0
-            fastest = max(fastest, abs(speed))
-        fastest *= margin
-        for step in range(1, steps + 1):
-            _compensate(gravity, coriolis, angles, speeds, work[:4], torque)
-            _advance(chain, speeds, work[0], work[1])  # type: ignore[no-untyped-call]
-            ran += 1
-            angle, speed, fallen = 0.0, 0.0, False
-            for i in range(n):
-                q, v, v0 = qpos[i], qvel[i], previous_speed[i]
-                angle += q
-                speed += v
-                angles[i], speeds[i] = angle, speed
-                squares[i] += 0.5 * (v0 * v0 + v * v)
-                jumps[i] += (v - v0) * (v - v0)
-                if q * side[i] < 0.0:
-                    time = timestep * (step - q / (q - previous_angle[i]))
-                    if half_periods[push, i] == 0 and start[push, i] == 0.0 and first[i] == 0.0:
-                        first[i] = time
-                    else:
-                        half_periods[push, i] += 1
-                        span[push, i] = time - first[i]
-                    side[i] = -side[i]
-                elif side[i] == 0.0:
-                    side[i] = np.sign(q)
-                previous_angle[i], previous_speed[i] = q, v
-                # Eq. 8, written so that NaN counts as fallen; beyond a radian a step nothing is simulated any more.
-                if not (abs(angle) <= limit or abs(speed) <= fastest) or not abs(speed) * timestep <= 1.0:
-                    fallen = True
-            if keep:
-                for i in range(n):
-                    kept[push, step, i] = qpos[i]
-            if fallen:
-                break
-        for i in range(n):
-            speed_energy[push, i] = squares[i] * timestep
-            acceleration_energy[push, i] = jumps[i] / timestep
-        if fallen:
-            return ran, True
-    return ran, False
-
-
-@compiled
-def _run_some(chain, start, gravity, coriolis, queue, settings, work, results, outputs, kept):  # type: ignore[no-untyped-def]
-    """Episodes of candidates taken from the `queue` until it or the room for results is used up; returns how many.
-
-    Candidates are rows of forces `gravity` (ncandidate x njoint), in N m, and of lumps `coriolis` (ncandidate x njoint
-    x njoint). What the k-th episode gave is the k-th of the `results` (which candidate, steps, whether it fell) and of
-    the four `outputs` (nroom x npush x njoint).
+    Fills the four (njoint) `outputs`, and `kept` (nsteps + 1 x njoint) with joint angles unless it is empty. `work` are
+    twelve vectors (njoint); nothing is allocated here.
     """
     timestep, steps, limit, margin = settings
     half_periods, span, speed_energy, acceleration_energy = outputs
-    which, ran, fell = results
-    done = 0
-    while done < which.shape[0]:
-        candidate = take(queue)
-        if candidate >= gravity.shape[0]:
+    angles, speeds, side, first, previous_angle, previous_speed, squares, jumps = work[4:]
+    qpos, qvel, torque = chain.qpos, chain.qvel, chain.torque
+    n = start.shape[0]
+    fastest, angle, speed, ran, fallen = 0.0, 0.0, 0.0, 0, False
+    keep = kept.size > 0
+    for i in range(n):
+        qpos[i], qvel[i] = 0.0, start[i]
+        side[i], first[i] = np.sign(start[i]), 0.0
+        speed += start[i]
+        angles[i], speeds[i] = 0.0, speed
+        previous_angle[i], previous_speed[i] = 0.0, start[i]
+        squares[i], jumps[i] = 0.0, 0.0
+        half_periods[i], span[i] = 0, 0.0
+        fastest = max(fastest, abs(speed))
+    fastest *= margin
+    for step in range(1, steps + 1):
+        _compensate(gravity, coriolis, angles, speeds, work[:4], torque)
+        _advance(chain, speeds, work[0], work[1])  # type: ignore[no-untyped-call]
+        ran = step
+        angle, speed = 0.0, 0.0
+        for i in range(n):
+            q, v, v0 = qpos[i], qvel[i], previous_speed[i]
+            angle += q
+            speed += v
+            angles[i], speeds[i] = angle, speed
+            squares[i] += 0.5 * (v0 * v0 + v * v)
+            jumps[i] += (v - v0) * (v - v0)
+            if q * side[i] < 0.0:
+                time = timestep * (step - q / (q - previous_angle[i]))
+                if half_periods[i] == 0 and start[i] == 0.0 and first[i] == 0.0:
+                    first[i] = time
+                else:
+                    half_periods[i] += 1
+                    span[i] = time - first[i]
+                side[i] = -side[i]
+            elif side[i] == 0.0:
+                side[i] = np.sign(q)
+            previous_angle[i], previous_speed[i] = q, v
+            # Eq. 8, written so that NaN counts as fallen; beyond a radian a step nothing is simulated any more.
+            if not (abs(angle) <= limit or abs(speed) <= fastest) or not abs(speed) * timestep <= 1.0:
+                fallen = True
+        if keep:
+            for i in range(n):
+                kept[step, i] = qpos[i]
+        if fallen:
             break
-        seen = half_periods[done], span[done], speed_energy[done], acceleration_energy[done]
-        lumps = gravity[candidate], coriolis[candidate]
-        ran[done], fell[done] = _run(chain, start, *lumps, timestep, steps, limit, margin, work, seen, kept)
-        which[done] = candidate
-        done += 1
-    return done
+    for i in range(n):
+        speed_energy[i] = squares[i] * timestep
+        acceleration_energy[i] = jumps[i] / timestep
+    return ran, fallen
+
+
+@compiled
+def _run_from(chain, start, queue, lumps, settings, work, ran, fell, outputs, kept):  # type: ignore[no-untyped-def]
+    """Takes pushes of a `Batch` from its `queue` until there are none left; those of a candidate that is known to have
+    fallen after an earlier one are left out. `start` are the joint speeds (npush x njoint) after each.
+    """
+    gravity, coriolis = lumps
+    half_periods, span, speed_energy, acceleration_energy = outputs
+    npush = start.shape[0]
+    turn = take(queue)
+    while turn < gravity.shape[0] * npush:
+        candidate, push = turn // npush, turn % npush
+        fallen = False
+        for earlier in range(push):
+            fallen = fallen or fell[candidate, earlier]
+        if not fallen:
+            seen = (
+                half_periods[candidate, push],
+                span[candidate, push],
+                speed_energy[candidate, push],
+                acceleration_energy[candidate, push],
+            )
+            angles = kept[candidate, push] if kept.size > 0 else kept[:, :, 0, 0]
+            result = _run_push(
+                chain, start[push], gravity[candidate], coriolis[candidate], settings, work, seen, angles
+            )
+            ran[candidate, push], fell[candidate, push] = result
+        turn = take(queue)
 
 
 def fastest_step(plant: MujocoPlant, physics: str = "mujoco") -> Step:
@@ -210,38 +207,21 @@ class CompiledEpisode:
         self._start = np.array([plant.start_speeds(impulses) for impulses in episode.pushes])
         self._settings = plant.timestep, episode.steps, episode.fall_limit, episode.fall_margin
         self._work = tuple(np.empty(plant.njoint) for _ in range(12))
-        npush, njoint = episode.pushes.shape
-        room = 1 if episode.keep_angles else ROOM
-        self._results = np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.bool_)
-        shape = room, npush, njoint
-        self._outputs: tuple[Any, ...] = (
-            np.zeros(shape, dtype=np.int64),
-            np.zeros(shape),
-            np.zeros(shape),
-            np.zeros(shape),
-        )
-        self._angles = np.zeros((npush, episode.steps + 1, njoint) if episode.keep_angles else (0, 0, 0))
+
+    def new_batch(self, candidates: Lumps) -> Batch:
+        """A batch of `candidates`, lumps with a leading axis (ncandidate), for this and its like to work on."""
+        return new_batch(self.episode, self.plant.timestep, self.plant.gravity, candidates)
+
+    def work_on(self, batch: Batch) -> None:
+        """Runs pushes of the `batch` until there are none left; others may do so at the same time."""
+        lumps, results = (batch.gravity, batch.coriolis), (batch.ran, batch.fell, batch.outputs, batch.angles)
+        _run_from(self.step, self._start, batch.queue, lumps, self._settings, self._work, *results)
 
     def run(self, candidate: Lumps) -> Record:
-        """One episode with the `candidate` lumps. The record's arrays are overwritten by the next run."""
-        alone = Lumps(candidate.gravity[None], candidate.coriolis[None])
-        return next(record for _, record in self.run_from(new_queue(), alone))
-
-    def run_from(self, queue: Queue, candidates: Lumps) -> Iterator[tuple[int, Record]]:
-        """Episodes of those `candidates` (lumps with a leading axis, ncandidate) that this one takes from the `queue`,
-        which others may take from too: the number of each and its record, overwritten soon after.
-        """
-        forces = self.plant.gravity * candidates.gravity
-        buffers = self._settings, self._work, self._results, self._outputs, self._angles
-        while done := _run_some(self.step, self._start, forces, candidates.coriolis, queue, *buffers):
-            for k in range(done):
-                candidate, steps, fell = (column[k].item() for column in self._results)
-                yield candidate, self._record(steps, fell, tuple(output[k] for output in self._outputs))
-
-    def _record(self, steps: int, fell: bool, outputs: tuple[Any, ...]) -> Record:
-        begun = range(0, steps, self.episode.steps)
-        angles = tuple(kept[: steps - first + 1] for kept, first in zip(self._angles, begun, strict=False))
-        return Record(self.plant.timestep, steps, steps if fell else None, *(*outputs, angles))
+        """One episode with the `candidate` lumps."""
+        batch = self.new_batch(candidate[None])
+        self.work_on(batch)
+        return batch.records()[0]
 
     def agrees_with_plain(self, candidate: Lumps, steps: int = 25) -> bool:
         """Whether a short episode comes out the same in the compiled and in the plain loop."""

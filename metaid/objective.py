@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 from metaid.chain import Array, Lumps
-from metaid.episode import Episode, Record, run_plain
-from metaid.errors import EpisodeError, LostPlant
+from metaid.episode import Episode, Record
+from metaid.errors import EpisodeError
 from metaid.kernel import CompiledEpisode, fastest_step
 from metaid.measures import crossing_hz, fall_value, get_measure, spectral_hz
+from metaid.plain import PlainEpisode
 from metaid.plant import MujocoPlant, Plant
-from metaid.queue import Queue, take
-
-TRIES = 3  # of an episode in which the plant was lost
 
 
 @dataclass(frozen=True)
@@ -31,6 +29,14 @@ class Outcome:
     steps: int
     periods: tuple[int, ...]
     failure: str | None = None
+
+
+class Loop(Protocol):
+    """What runs episodes on a plant: one at a time, or those of a batch that it shares with others of its kind."""
+
+    def run(self, candidate: Lumps) -> Record: ...
+    def new_batch(self, candidates: Lumps) -> Any: ...
+    def work_on(self, batch: Any) -> None: ...
 
 
 class Objective:
@@ -59,24 +65,11 @@ class Objective:
         self.measure = get_measure(measure, rule)
         self.episode = episode = replace(episode, keep_angles=episode.keep_angles or self.measure.keeps_angles)
         self._ceiling = self.measure.ceiling(episode, plant.timestep)
-        self._compiled = _compiled_loop(plant, nominal, episode, physics)
+        self._loop: Loop = _fastest_loop(plant, nominal, episode, physics)
 
     def record(self, factors: Array) -> Record:
-        """What the episode of a candidate with these `factors` (nlump) shows.
-
-        An episode in which the plant was lost is run again.  Raises LostPlant where that is of no help.
-        """
-        candidate = self.nominal.scaled(factors)
-        if self._compiled is not None:
-            return self._compiled.run(candidate)
-        tries = 0
-        while True:
-            try:
-                return run_plain(self.plant, candidate, self.episode)[0]
-            except LostPlant as problem:
-                tries += 1
-                if tries == TRIES:
-                    raise LostPlant(f"{problem}; the episode was tried {TRIES} times") from None
+        """What the episode of a candidate with these `factors` (nlump) shows.  Raises LostPlant."""
+        return self._loop.run(self.nominal.scaled(factors))
 
     def close(self) -> None:
         """Lets go of the plant."""
@@ -86,17 +79,19 @@ class Objective:
         """The outcome for `factors` (nlump) of the nominal lumps."""
         return self._outcome(self.record(factors))
 
-    def evaluate_from(self, queue: Queue, batch: Array) -> dict[int, Outcome]:
-        """The outcomes of those rows of the `batch` (ncandidate x nlump) that are taken here from a `queue` which
-        several objectives share, by row.
+    def share(self, factors: Array) -> Any:
+        """A batch of candidates with these `factors` (ncandidate x nlump), for this objective and its like, each on a
+        thread of its own, to work on.
         """
-        if self._compiled is not None:
-            records = self._compiled.run_from(queue, self.nominal.scaled(batch))
-            return {candidate: self._outcome(record) for candidate, record in records}
-        found = {}
-        while (candidate := take(queue)) < len(batch):
-            found[candidate] = self.evaluate(batch[candidate])
-        return found
+        return self._loop.new_batch(self.nominal.scaled(factors))
+
+    def work_on(self, batch: Any) -> None:
+        """Runs episodes of the `batch` until there are none left; others may do so at the same time."""
+        self._loop.work_on(batch)
+
+    def outcomes(self, batch: Any) -> list[Outcome]:
+        """The outcomes of a `batch`'s candidates (ncandidate), once everyone is back from it."""
+        return [self._outcome(record) for record in batch.records()]
 
     def _outcome(self, record: Record) -> Outcome:
         fell = record.fall_step is not None
@@ -121,9 +116,9 @@ class Objective:
         }
 
 
-def _compiled_loop(plant: Plant, nominal: Lumps, episode: Episode, physics: str) -> CompiledEpisode | None:
+def _fastest_loop(plant: Plant, nominal: Lumps, episode: Episode, physics: str) -> Loop:
     if not isinstance(plant, MujocoPlant):
-        return None
+        return PlainEpisode(plant, episode)
     compiled = CompiledEpisode(plant, episode, fastest_step(plant, physics))
     if compiled.agrees_with_plain(nominal):
         return compiled
@@ -131,4 +126,4 @@ def _compiled_loop(plant: Plant, nominal: Lumps, episode: Episode, physics: str)
         f"the compiled loop disagrees with the plain one on plant {plant.name}; using the plain one, which is slow",
         stacklevel=3,
     )
-    return None
+    return PlainEpisode(plant, episode)

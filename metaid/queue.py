@@ -1,6 +1,6 @@
-"""A queue of candidates that compiled loops on several threads take from without the GIL.
+"""A queue that compiled loops on several threads take from without the GIL.
 
-The queue is a counter of one element; taking is one atomic instruction of the processor. Were each candidate handed
+The queue is a counter of one element; taking is one atomic instruction of the processor. Were each turn handed
 out by Python, a worker would have to wait for whoever holds the GIL after every episode.
 """
 
@@ -20,7 +20,7 @@ Queue = NDArray[np.int64]
 
 
 def new_queue() -> Queue:
-    """A queue of the candidates 0, 1, 2 and so on, none of them taken yet."""
+    """A queue of the numbers 0, 1, 2 and so on, none of them taken yet."""
     return np.zeros(1, dtype=np.int64)
 
 
@@ -37,5 +37,5 @@ def _add_one(_typing: Any, counter: Any) -> Any:
 
 @compiled
 def take(queue):  # type: ignore[no-untyped-def]
-    """The next candidate of the `queue`; each is given to one taker only."""
+    """The next number of the `queue`; each is given to one taker only."""
     return _add_one(queue)  # type: ignore[call-arg]

@@ -13,7 +13,6 @@ from metaid.crew import nothing
 from metaid.errors import StudyError
 from metaid.objective import Outcome
 from metaid.problem import Problem, StudySpec
-from metaid.queue import new_queue
 
 
 class RayCrew:
@@ -58,8 +57,9 @@ class _Worker:
         self._objective = Problem(StudySpec.model_validate_json(spec)).make_objective()
 
     def evaluate(self, batch: Array) -> list[Outcome]:
-        found = self._objective.evaluate_from(new_queue(), batch)
-        return [found[i] for i in range(len(batch))]
+        shared = self._objective.share(batch)
+        self._objective.work_on(shared)
+        return self._objective.outcomes(shared)
 
 
 def _start_ray(ray: Any, workers: int, address: str | None) -> None:
