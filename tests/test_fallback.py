@@ -32,12 +32,18 @@ class Rig:
     def step(self) -> None:
         self._inner.step()
 
+    def stop(self) -> None:
+        self._inner.stop()
+
+    def close(self) -> None:
+        self._inner.close()
+
     def true_lumps(self) -> Lumps | None:
         return None
 
 
 def test_plant_behind_the_interface_gives_the_same_outcomes() -> None:
-    """Five methods and four attributes are all that an episode needs of a plant."""
+    """Seven methods and four attributes are all that an episode needs of a plant."""
     inner = random_plant(2)
     rig = Rig(random_plant(2))
     assert isinstance(rig, Plant)
