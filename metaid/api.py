@@ -7,6 +7,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from contextlib import closing
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +19,12 @@ from metaid.chain import Lumps, factors_from_names
 from metaid.episode import Episode, tip_push
 from metaid.errors import EpisodeError, StorageError, StudyError
 from metaid.findings import Findings, read_findings
-from metaid.objective import Objective, Outcome
+from metaid.objective import LARGEST_FACTOR, Objective, Outcome
 from metaid.plant import MujocoPlant, load_plant
 from metaid.problem import COUNTING_STEPS, TIP_SPEED, Problem, StudySpec, load_study
 from metaid.store import DEFAULT_STORAGE, Store
 from metaid.study import Progress, create_study, run_study, stored_spec
 from metaid.validation import PUSHES, Validation, validate_factors
-
-LARGEST_FACTOR = 1000.0
 
 
 def default_storage() -> str:
@@ -65,7 +64,7 @@ def check_factors(factors: Mapping[str, float], nlink: int) -> Any:
     that are no factors.
     """
     for name, factor in factors.items():
-        if not 0.0 <= factor <= LARGEST_FACTOR:
+        if not isinstance(factor, Real) or not 0.0 <= factor <= LARGEST_FACTOR:
             raise EpisodeError(f"factor {name}={factor} (allowed: 0 to {LARGEST_FACTOR:g})")
     return factors_from_names(dict(factors), nlink)
 

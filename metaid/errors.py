@@ -9,8 +9,22 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 
+def printable(text: str) -> str:
+    """`text` with every control character, line break and half of a surrogate pair written out: what a file or a DB
+    says cannot command a terminal.
+    """
+    return text if text.isprintable() else "".join(map(_written_out, text))
+
+
+def _written_out(letter: str) -> str:
+    return letter if letter.isprintable() else letter.encode("unicode_escape").decode()
+
+
 class MetaidError(Exception):
-    """Base of every error that a user can mend; its message is one line."""
+    """Base of every error that a user can mend; its message is one printable line."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(printable(" ".join(message.split())))
 
 
 class PlantError(MetaidError):

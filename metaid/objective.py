@@ -6,6 +6,8 @@ import warnings
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
+import numpy as np
+
 from metaid.chain import Array, Lumps
 from metaid.episode import Episode, Record
 from metaid.errors import EpisodeError
@@ -13,6 +15,8 @@ from metaid.kernel import CompiledEpisode, fastest_step
 from metaid.measures import crossing_hz, fall_value, get_measure, spectral_hz
 from metaid.plain import PlainEpisode
 from metaid.plant import MujocoPlant, Plant
+
+LARGEST_FACTOR = 1000.0
 
 
 @dataclass(frozen=True)
@@ -68,15 +72,17 @@ class Objective:
         self._loop: Loop = _fastest_loop(plant, nominal, episode, physics)
 
     def record(self, factors: Array) -> Record:
-        """What the episode of a candidate with these `factors` (nlump) shows.  Raises LostPlant."""
-        return self._loop.run(self.nominal.scaled(factors))
+        """What the episode of a candidate with these `factors` (nlump) shows.  Raises EpisodeError where they are
+        none, LostPlant.
+        """
+        return self._loop.run(self.nominal.scaled(_checked(factors, len(self.nominal.vector))))
 
     def close(self) -> None:
         """Lets go of the plant."""
         self.plant.close()
 
     def evaluate(self, factors: Array) -> Outcome:
-        """The outcome for `factors` (nlump) of the nominal lumps."""
+        """The outcome for `factors` (nlump) of the nominal lumps.  Raises EpisodeError where they are none."""
         return self._outcome(self.record(factors))
 
     def share(self, factors: Array) -> Any:
@@ -114,6 +120,19 @@ class Objective:
             "frequency_hz": [None if fell else hz for hz in frequency.tolist()],
             "spectral_hz": None if fell else spectral_hz(record.acceleration_energy, record.speed_energy),
         }
+
+
+def _checked(factors: Array, nlump: int) -> Array:
+    try:
+        given = np.asarray(factors)
+        vector = given.astype(np.float64) if given.dtype.kind in "fiub" else None
+    except (TypeError, ValueError):
+        vector = None
+    if vector is None or vector.shape != (nlump,):
+        raise EpisodeError(f"these are no factors (allowed: {nlump} numbers, one for each lump)")
+    for factor in vector[~(np.abs(vector) <= LARGEST_FACTOR)][:1]:
+        raise EpisodeError(f"a factor is {factor:g} (allowed: {-LARGEST_FACTOR:g} to {LARGEST_FACTOR:g})")
+    return vector
 
 
 def _fastest_loop(plant: Plant, nominal: Lumps, episode: Episode, physics: str) -> Loop:

@@ -48,7 +48,7 @@ def has_tables(path: Path, create: bool) -> bool:
     try:
         with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as connection:
             tables = {row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-    except sqlite3.Error as problem:
+    except (sqlite3.Error, ValueError) as problem:  # a path or an SQL text that is no text, too
         raise StorageError(f"{path}: not a study DB that can be read: {told(problem)}") from None
     if tables and not tables >= TABLES:
         raise StorageError(f"{path}: an SQLite file, but not a study DB")

@@ -19,6 +19,7 @@ import numpy as np
 import optuna
 import sqlalchemy as sa
 from optuna.distributions import FloatDistribution, distribution_to_json
+from optuna.exceptions import OptunaError
 from optuna.storages import RDBStorage
 from optuna.storages._rdb import models
 from optuna.study import StudyDirection
@@ -34,6 +35,7 @@ SPEC_KEY = "metaid:study"
 Guard = Callable[
     [sa.Connection, int], None
 ]  # of a transaction about to write to a study, by its id: raises, or lets it
+SPOILED = ValueError, TypeError, LookupError, ArithmeticError  # what a row of another type or form comes to
 
 
 def storage_url(storage: str) -> str:
@@ -79,7 +81,7 @@ class Store:
     def _errors(self) -> Iterator[None]:
         try:
             yield
-        except (SQLAlchemyError, RuntimeError, ImportError, ValueError, LookupError, sqlite3.Error) as problem:
+        except (SQLAlchemyError, OptunaError, RuntimeError, ImportError, sqlite3.Error, *SPOILED) as problem:
             raise StorageError(f"{self.url}: {told(getattr(problem, 'orig', None) or problem)}") from None
 
     def names(self) -> list[str]:
@@ -210,12 +212,19 @@ class Store:
         with self._snapshot() as connection:
             columns = trial.number, trial.state, trial._datetime_start_utc, trial._datetime_complete_utc
             query = sa.select(*columns).where(trial.study_id == study_id).order_by(trial.trial_id)
-            heads = connection.execute(query).all()
             try:
+                heads = connection.execute(query).all()
+                states = [head[1] for head in heads]
                 factors = read_table(connection, study_id, parameter.param_name, parameter.param_value, names, float)
-                outcomes = read_outcomes(connection, study_id, [head[1] for head in heads], joint_count)
-                whole = len(factors) == len(outcomes) == len(heads) and np.isfinite(factors).all()
-            except (ValueError, TypeError):
+                outcomes = read_outcomes(connection, study_id, states, joint_count)
+                whole = (
+                    len(factors) == len(outcomes) == len(heads)
+                    and [head[0] for head in heads] == list(range(len(heads)))
+                    and all(state.is_finished() for state in states)
+                    and bool(np.isfinite(factors).all())
+                    and bool(np.isfinite([outcome.value for _, outcome in outcomes]).all())
+                )
+            except SPOILED:
                 whole = False
         if not whole:
             raise StorageError(f"{self.url}: study '{name}' has trials that metaid did not write")

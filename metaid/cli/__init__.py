@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import click
 
 import metaid
-from metaid.cli.common import Group
+from metaid.cli.common import Group, say
 from metaid.errors import MetaidError
 
 EXAMPLE = """\b
@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _fail(message: str) -> None:
-    click.echo(f"metaid: {' '.join(message.split())}", err=True)
+    say(f"metaid: {' '.join(message.split())}", err=True)
     sys.exit(2)
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from metaid.errors import MetaidError, unknown
+from metaid.errors import MetaidError, printable, unknown
 
 if TYPE_CHECKING:
     from metaid.store import Store
@@ -78,9 +78,15 @@ def numbers(given: Sequence[str], option: str) -> dict[str, float]:
     return values
 
 
+def say(text: str, err: bool = False) -> None:
+    """A line on stdout, or on stderr: nothing in it can command the terminal."""
+    click.echo(printable(text), err=err)
+
+
 def print_json(data: Any) -> None:
-    """JSON on stdout."""
-    click.echo(json.dumps(data, indent=2, ensure_ascii=False))
+    """JSON on stdout, printable letters as they are."""
+    text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False)
+    click.echo(text if text.replace("\n", "").isprintable() else json.dumps(data, indent=2, allow_nan=False))
 
 
 def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], note: str = "") -> None:
@@ -89,15 +95,25 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, caption=note or None, caption_justify="left")
+    table = Table(
+        title=_line(title),
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        caption=_line(note) or None,
+        caption_justify="left",
+    )
     for i, column in enumerate(columns):
         table.add_column(column, justify="left" if i == 0 else "right", no_wrap=i == 0)
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(_line, row))
     console = Console(markup=False, highlight=False)
     # A pipe has no width of its own, and a table cut to a guess would lose columns.
     console.width = console.width if console.is_terminal else 160
     console.print(table)
+
+
+def _line(text: str) -> str:
+    return printable(" ".join(text.split()))
 
 
 def figure(value: float | None, form: str = ".5g") -> str:
@@ -110,7 +126,7 @@ def whole_file(path: Path, suffixes: Sequence[str], option: str = "-o") -> Itera
     """A temporary file beside `path` that takes its place when all went well: nothing is left half-written."""
     if path.suffix not in suffixes:
         raise click.UsageError(f"{option} {path}: the ending says the format (allowed: {', '.join(suffixes)})")
-    if not path.parent.is_dir():
+    if not os.path.isdir(path.parent):
         raise click.UsageError(f"{option} {path}: no such folder {path.parent}")
     partial = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
@@ -119,4 +135,5 @@ def whole_file(path: Path, suffixes: Sequence[str], option: str = "-o") -> Itera
     except OSError as problem:
         raise MetaidError(f"{path}: {problem.strerror}") from None
     finally:
-        partial.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # the name may be too long even to look for
+            partial.unlink(missing_ok=True)

@@ -15,6 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from metaid.chain import Array, lump_unit
+from metaid.errors import printable
 from metaid.problem import Problem
 from metaid.store import Store
 from metaid.study import Progress as RunProgress
@@ -36,10 +37,10 @@ class Live:
         self._determined = [self._problem.measure.determines(lump) for lump in self._problem.names]
         self._console = console or Console(stderr=True, markup=False, highlight=False)
         self._plain = not quiet and not self._console.is_terminal
-        self._name = name
+        self._name = printable(name)
         self._bests: deque[Array] = deque(maxlen=LOOK_BACK)
         self._bar = _Bar(self._console, quiet or self._plain, self._lumps)
-        self._task = self._bar.add_task(name, state="")
+        self._task = self._bar.add_task(self._name, state="")
         self._started: tuple[float, int] | None = None
         self._last_line = time.monotonic()
         self.trials = 0
@@ -101,7 +102,7 @@ class _Bar(Progress):
     def __init__(self, console: Console, disable: bool, below: Callable[[], RenderableType]) -> None:
         self._below = below
         columns = (
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(),
             MofNCompleteColumn(),
             TimeRemainingColumn(compact=True),

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from metaid.cli.common import FIGURES, Group, figure, json_option, print_json, print_table, whole_file
+from metaid.cli.common import FIGURES, Group, figure, json_option, print_json, print_table, say, whole_file
 
 output_option = click.option(
     "-o", "output", type=click.Path(path_type=Path), help="Draw it (.png, .pdf, .svg)."
@@ -61,10 +61,10 @@ def _table(number: int, as_json: bool, output: Path | None) -> None:
     print_table(
         f"Table {'I' * number}: periods in 5,000 steps; factors of {', '.join(rows[0]['factors'])}", columns, shown
     )
-    click.echo(f"pure: {pure.plant}, push {pure.push} N s at the tip; falls after a push of {pure.fall_push} N s")
-    click.echo(f"like: {like.plant}, fitted to these numbers; push {like.push} N s; a link beyond 90° has fallen")
+    say(f"pure: {pure.plant}, push {pure.push} N s at the tip; falls after a push of {pure.fall_push} N s")
+    say(f"like: {like.plant}, fitted to these numbers; push {like.push} N s; a link beyond 90° has fallen")
     totals = (sum(abs(d) for row in rows for d in row[key] or ()) for key in ("difference", "like_difference"))
-    click.echo("sum of absolute differences: pure {}, like {}".format(*totals))
+    say("sum of absolute differences: pure {}, like {}".format(*totals))
 
 
 @paper.command(epilog="\b\nExample:\n  metaid paper fig4 -o fig4.png")

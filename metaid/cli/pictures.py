@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from metaid.cli.common import FIGURES, open_store, storage_option, whole_file
+from metaid.cli.common import FIGURES, open_store, say, storage_option, whole_file
 from metaid.cli.plants import plant_argument
 from metaid.cli.studies import name_argument
 from metaid.errors import MetaidError
@@ -63,7 +63,7 @@ def plot(name: str, storage: str, folder: Path, ending: str, width: str, over: t
     for picture in shown:
         with whole_file(folder / f"{picture.name}.{ending}", FIGURES) as partial:
             save(picture.figure, partial)
-    click.echo(f"{len(shown)} figures are in {folder}: {', '.join(picture.name for picture in shown)}")
+    say(f"{len(shown)} figures are in {folder}: {', '.join(picture.name for picture in shown)}")
 
 
 @click.command(epilog="\b\nExample:\n  metaid study report three-link -o report.html")
@@ -77,7 +77,7 @@ def report(name: str, storage: str, output: Path) -> None:
 
     with open_store(storage) as store, whole_file(output, (".html",)) as partial:
         partial.write_text(render(read_findings(store, name)), encoding="utf-8")
-    click.echo(f"the report of '{name}' is {output}")
+    say(f"the report of '{name}' is {output}")
 
 
 @click.command(epilog="\b\nExample (until Ctrl-C):\n  metaid dashboard --port 8080")
@@ -91,4 +91,4 @@ def dashboard(storage: str, port: int) -> None:
     from metaid.dashboard import serve
 
     with open_store(storage) as store:
-        serve(store, port, click.echo)
+        serve(store, port, say)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 import signal
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,9 +21,11 @@ from metaid.cli.common import (
     pairs,
     print_json,
     print_table,
+    say,
     storage_option,
     whole_file,
 )
+from metaid.errors import printable
 
 if TYPE_CHECKING:
     from metaid.problem import StudySpec
@@ -40,7 +43,8 @@ def _complete_name(context: click.Context, _parameter: click.Parameter, incomple
 
     try:
         with open_store(context.params.get("storage") or "metaid.db") as store:
-            return [name for name in store.names() if name.startswith(incomplete)]
+            # A name that a shell would read as more than a word is not offered to it.
+            return [name for name in store.names() if name.startswith(incomplete) and shlex.quote(name) == name]
     except MetaidError:
         return []
 
@@ -71,12 +75,12 @@ def create(source: str, name: str | None, storage: str, changes: tuple[str, ...]
     from metaid.study import advice, create_study
 
     spec = load_study(source, changes)
+    warnings = [advice(spec), _undetermined(spec)]
     with open_store(storage, create=True) as store:
         made = (ensure_study if exist_ok else create_study)(store, spec, name)
-    if (line := advice(spec)) is not None:
-        click.echo(line, err=True)
-    click.echo(f"study '{made}' is in {storage}; run it with: metaid study run {made}")
-    _warn_of_undetermined(spec)
+    for line in filter(None, warnings):
+        say(line, err=True)
+    say(f"study '{made}' is in {storage}; run it with: metaid study run {shlex.quote(made)}")
 
 
 def load_study(source: str, changes: Sequence[str]) -> StudySpec:
@@ -126,17 +130,18 @@ def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
     print_table(title, ["lump", "to within", "determined"], shown)
     for combination in found.combinations:
         terms = sorted(combination.items(), key=lambda term: -abs(term[1]))[:4]
-        click.echo("cannot be told from nothing: " + " ".join(f"{weight:+.2f} {name}" for name, weight in terms))
+        say("cannot be told from nothing: " + " ".join(f"{weight:+.2f} {name}" for name, weight in terms))
 
 
-def _warn_of_undetermined(spec: StudySpec) -> None:
+def _undetermined(spec: StudySpec) -> str | None:
     from metaid.identifiability import identifiability
     from metaid.problem import Problem
 
     names = identifiability(Problem(spec)).undetermined_names
-    if names:
-        what = f"{spec.study.episode.measure} with these pushes cannot determine {', '.join(names)}"
-        click.echo(f"warning: {what} (see metaid study check)", err=True)
+    if not names:
+        return None
+    what = f"{spec.study.episode.measure} with these pushes cannot determine {', '.join(names)}"
+    return f"warning: {what} (see metaid study check)"
 
 
 @study.command(epilog="\b\nExample:\n  metaid study run three-link --workers 2")
@@ -181,7 +186,10 @@ def run(
 
                 run_study(store, name, trials, workers, engine, ray_address, watch)
         except KeyboardInterrupt:
-            click.echo(f"stopped; {live.trials} trials are in {storage}; go on with: metaid study run {name}", err=True)
+            say(
+                f"stopped; {live.trials} trials are in {storage}; go on with: metaid study run {shlex.quote(name)}",
+                err=True,
+            )
             raise click.exceptions.Exit(128 + stop.asked) from None
         _print_study(store, name)
 
@@ -273,7 +281,7 @@ def _print_study(store: Any, name: str) -> None:
     print_table(title, ["lump", "nominal", "identified", "low", "high", "true", "error", "unit"], rows, note)
     missed = [lump["name"] for lump in shown["lumps"] if not lump["determined"]]
     if missed:
-        click.echo(f"not identified: {', '.join(missed)}: {shown['measure']} with these pushes cannot determine them")
+        say(f"not identified: {', '.join(missed)}: {shown['measure']} with these pushes cannot determine them")
 
 
 def _verification(mujoco: dict[str, Any]) -> str:
@@ -341,7 +349,7 @@ def export(name: str, storage: str, output: Path) -> None:
             frame.to_csv(partial, index=False)
         else:
             frame.to_parquet(partial, index=False)
-    click.echo(f"{len(frame)} trials are in {output}")
+    say(f"{len(frame)} trials are in {output}")
 
 
 @study.command(epilog="\b\nExample:\n  metaid study delete three-link --yes")
@@ -356,7 +364,7 @@ def delete(name: str, storage: str, yes: bool) -> None:
     with open_store(storage) as store:
         store.spec(name)  # refuses a name that is not there before asking
         if not yes:
-            click.confirm(f"Delete study '{name}' from {storage}?", abort=True, err=True)
+            click.confirm(printable(f"Delete study '{name}' from {storage}?"), abort=True, err=True)
         delete_study(store, name)
         delete_companion(store, name)
-    click.echo(f"study '{name}' is deleted")
+    say(f"study '{name}' is deleted")
