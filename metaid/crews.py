@@ -5,15 +5,19 @@ from __future__ import annotations
 from metaid.crew import Crew, LocalCrew
 from metaid.errors import StudyError, unknown
 from metaid.problem import Problem
-from metaid.ray_crew import RayCrew
+from metaid.ray_crew import PATIENCE, RayCrew
 
 ENGINES = ("local", "ray")
 
 
-def make_crew(problem: Problem, engine: str, workers: int, ray_address: str | None = None) -> Crew:
-    """A crew by engine name.  Raises StudyError, naming the allowed ones."""
+def make_crew(
+    problem: Problem, engine: str, workers: int, ray_address: str | None = None, patience: float = PATIENCE
+) -> Crew:
+    """A crew by engine name; Ray's has `patience` (s) with its workers.  Raises StudyError, naming the allowed
+    ones.
+    """
     if engine not in ENGINES:
         raise StudyError(unknown("engine", engine, ENGINES))
     if ray_address is not None and engine != "ray":
         raise StudyError("a Ray address needs the engine 'ray'")
-    return LocalCrew(problem, workers) if engine == "local" else RayCrew(problem.spec, workers, ray_address)
+    return LocalCrew(problem, workers) if engine == "local" else RayCrew(problem, workers, ray_address, patience)

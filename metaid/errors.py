@@ -47,6 +47,10 @@ class EpisodeError(MetaidError):
     """An episode that cannot be run as asked."""
 
 
+class WorkerError(MetaidError):
+    """Workers that are gone and do not come back."""
+
+
 class RenderError(MetaidError):
     """A picture that this machine cannot make."""
 

@@ -23,6 +23,7 @@ from metaid.errors import StorageError, StudyError
 from metaid.lease import Lease, refuse_if_run
 from metaid.objective import Outcome
 from metaid.problem import Problem, PushedSettings, StudySpec
+from metaid.ray_crew import PATIENCE
 from metaid.rows import Trial
 from metaid.searchers import Searcher
 from metaid.socket_plant import SocketSettings
@@ -104,12 +105,14 @@ def run_study(
     engine: str = "local",
     ray_address: str | None = None,
     watch: Callable[[Progress], None] = lambda progress: None,
+    patience: float = PATIENCE,
 ) -> Progress:
     """Runs a study, or goes on with it, until the DB holds `trials` in all (default: the study's own) or the searcher
     is finished.
 
     `watch` is called after each generation. A KeyboardInterrupt leaves the DB at the last generation that `watch` saw;
-    a kill may lose that one.  Raises StudyError, StorageError; also where another driver runs the study.
+    a kill may lose that one. Ray's workers are given `patience` (s), see `RayCrew`.  Raises StudyError, StorageError,
+    also where another driver runs the study, and WorkerError.
     """
     spec = stored_spec(store, name)
     total = spec.study.trials if trials is None else trials
@@ -126,7 +129,10 @@ def run_study(
         watch(run.progress)
         if run.done:
             return run.progress
-        with make_crew(problem, engine, workers, ray_address) as crew, _Writer(store, name, problem, lease) as writer:
+        with (
+            make_crew(problem, engine, workers, ray_address, patience) as crew,
+            _Writer(store, name, problem, lease) as writer,
+        ):
             while not run.done:
                 batch = pending if pending is not None else run.searcher.ask()
                 have = len(run.outcomes)

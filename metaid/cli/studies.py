@@ -164,15 +164,30 @@ def _undetermined(spec: StudySpec) -> str | None:
     help="Threads on this machine, or Ray actors.",
 )
 @click.option("--ray-address", metavar="A", help="A running Ray cluster, e.g. 10.0.0.1:6379.")
+@click.option(
+    "--patience",
+    type=click.FloatRange(0, min_open=True),
+    default=120.0,
+    show_default=True,
+    help="Seconds until a Ray worker that does not answer is replaced, or a run without any is stopped.",
+)
 @click.option("--quiet", is_flag=True, help="Print nothing while it runs.")
 def run(
-    name: str, storage: str, trials: int | None, workers: int | None, engine: str, ray_address: str | None, quiet: bool
+    name: str,
+    storage: str,
+    trials: int | None,
+    workers: int | None,
+    engine: str,
+    ray_address: str | None,
+    patience: float,
+    quiet: bool,
 ) -> None:
     """Run a study, or go on with it. Ctrl-C is safe: whole generations are in the DB.
 
     The trials depend on the study's settings and seed alone, not on workers, engine, or how often it was stopped.
     """
     from metaid.cli.live import Live
+    from metaid.errors import WorkerError
     from metaid.study import run_study
 
     stop = _Stop()
@@ -184,14 +199,17 @@ def run(
                     live.update(progress)
                     stop.raise_if_asked()
 
-                run_study(store, name, trials, workers, engine, ray_address, watch)
+                run_study(store, name, trials, workers, engine, ray_address, watch, patience)
+        except WorkerError as problem:
+            raise WorkerError(f"{problem}; {_how_to_go_on(live.trials, storage, name)}") from None
         except KeyboardInterrupt:
-            say(
-                f"stopped; {live.trials} trials are in {storage}; go on with: metaid study run {shlex.quote(name)}",
-                err=True,
-            )
+            say(f"stopped; {_how_to_go_on(live.trials, storage, name)}", err=True)
             raise click.exceptions.Exit(128 + stop.asked) from None
         _print_study(store, name)
+
+
+def _how_to_go_on(trials: int, storage: str, name: str) -> str:
+    return f"{trials} trials are in {storage}; go on with: metaid study run {name}"
 
 
 class _Stop:
