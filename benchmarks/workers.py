@@ -20,25 +20,28 @@ from metaid.crew import Crew
 from metaid.crews import make_crew
 from metaid.problem import Problem
 
-GENERATION = 16  # candidates in a batch
-BATCHES = 8
+GENERATIONS = (16, 64)  # candidates in a batch
+CANDIDATES = 128  # in all, in each turn
 
 
 def measure(quick: bool) -> dict[str, list[Row]]:
-    """One row a crew."""
+    """One row a crew and generation."""
     problem = Problem(make_spec(3))
-    shape = (BATCHES, GENERATION, len(problem.names))
-    batches = np.random.default_rng(0).uniform(START - 0.1, START + 0.1, shape)
     rows: list[Row] = []
     with threadpool_limits(1):
         for workers in (1, 2):
-            rows += _rows(problem, batches, workers, 2 if quick else 15)
-    one = {row["engine"]: row["÷ one thread"] for row in rows if row["workers"] == 1}
-    local = {row["workers"]: row["÷ one thread"] for row in rows if row["engine"] == "local"}
+            rows += _rows(problem, workers, 2 if quick else 15)
+    one = {(row["engine"], row["generation"]): row["÷ one thread"] for row in rows if row["workers"] == 1}
+    local = {(row["workers"], row["generation"]): row["÷ one thread"] for row in rows if row["engine"] == "local"}
     for row in rows:
-        row["÷ one worker"] = row["÷ one thread"] / one[row["engine"]]
-        row["÷ local"] = row["÷ one thread"] / local[row["workers"]]
+        row["÷ one worker"] = row["÷ one thread"] / one[row["engine"], row["generation"]]
+        row["÷ local"] = row["÷ one thread"] / local[row["workers"], row["generation"]]
     return {"Workers: trials per second, three links, 5,000-step episodes": rows}
+
+
+def _batches(problem: Problem, generation: int) -> Array:
+    shape = (CANDIDATES // generation, generation, len(problem.names))
+    return np.random.default_rng(0).uniform(START - 0.1, START + 0.1, shape)
 
 
 def _evaluate_all(crew: Crew, batches: Array) -> None:
@@ -46,32 +49,37 @@ def _evaluate_all(crew: Crew, batches: Array) -> None:
         crew.evaluate(batch)
 
 
-def _rows(problem: Problem, batches: Array, workers: int, repeats: int) -> list[Row]:
+def _rows(problem: Problem, workers: int, repeats: int) -> list[Row]:
+    rows: list[Row] = []
     with ExitStack() as stack:
         begun = time.perf_counter()
         ray = stack.enter_context(make_crew(problem, "ray", workers))
-        ray.evaluate(batches[0])
+        ray.evaluate(_batches(problem, GENERATIONS[0])[0])
         started = time.perf_counter() - begun
         crews: dict[str, Crew] = {
             "one thread": stack.enter_context(make_crew(problem, "local", 1)),
             "local": stack.enter_context(make_crew(problem, "local", workers)),
             "ray": ray,
         }
-        works: dict[str, Callable[[], object]] = {
-            name: partial(_evaluate_all, crew, batches) for name, crew in crews.items()
-        }
-        interleaved(works, 1)
-        taken = interleaved(works, repeats)
-    return [
-        {
-            "engine": engine,
-            "workers": workers,
-            "trials/s": BATCHES * GENERATION / taken[engine],
-            "÷ one thread": taken["one thread"] / taken[engine],
-            "start, s": started if engine == "ray" else None,
-        }
-        for engine in ("local", "ray")
-    ]
+        for generation in GENERATIONS:
+            batches = _batches(problem, generation)
+            works: dict[str, Callable[[], object]] = {
+                name: partial(_evaluate_all, crew, batches) for name, crew in crews.items()
+            }
+            interleaved(works, 1)
+            taken = interleaved(works, repeats)
+            rows += [
+                {
+                    "engine": engine,
+                    "workers": workers,
+                    "generation": generation,
+                    "trials/s": CANDIDATES / taken[engine],
+                    "÷ one thread": taken["one thread"] / taken[engine],
+                    "start, s": started if engine == "ray" else None,
+                }
+                for engine in ("local", "ray")
+            ]
+    return rows
 
 
 if __name__ == "__main__":

@@ -55,11 +55,12 @@ def test_trials_are_the_same_for_any_number_of_workers(store: Store) -> None:
     assert_frame_equal(one, three, check_exact=True)
 
 
-def test_trials_are_the_same_on_two_ray_actors(store: Store) -> None:
-    """Ray and threads, bit for bit, survivors and falls alike."""
+def test_trials_are_the_same_on_two_ray_actors(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ray and threads, bit for bit, survivors and falls alike; a Ray cluster that was not asked for is left alone."""
     changes = {"trials": 100, "search.start": 0.8, "episode.fall_limit": 1.0}
     local = run(store, "local", changes)
     assert set(local["state"]) == {"COMPLETE", "PRUNED"}
+    monkeypatch.setenv("RAY_ADDRESS", "127.0.0.1:1")
     assert_frame_equal(local, run(store, "ray", changes, engine="ray", workers=2), check_exact=True)
 
 
