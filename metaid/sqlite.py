@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import optuna
+from optuna.storages._rdb.models import SCHEMA_VERSION
+
 from metaid.errors import StorageError
 
 BUSY_TIMEOUT = 60  # s to wait for another program's write, unless the URL says otherwise: sqlite:///FILE?timeout=5
-TABLES = {"studies", "trials", "version_info"}  # of any study DB
+TABLES = {"studies", "trials", "version_info", "alembic_version"}  # of any study DB
 DAMAGED = "the file is damaged: put a copy back, or save what can be read with: sqlite3 FILE .recover"
 ADVICE = {
     sqlite3.SQLITE_BUSY: "another program is writing to it, or holds it: try again when that one is done",
@@ -19,7 +24,7 @@ ADVICE = {
     sqlite3.SQLITE_FULL: "what was written before is safe: make room and go on",
     sqlite3.SQLITE_IOERR: "what was written before is safe: see to the disk, which is full or failing, and go on",
     sqlite3.SQLITE_CORRUPT: DAMAGED,
-    sqlite3.SQLITE_NOTADB: DAMAGED,
+    sqlite3.SQLITE_NOTADB: "it is something else, or damaged: put a copy back",
 }
 
 
@@ -48,6 +53,8 @@ def has_tables(path: Path, create: bool) -> bool:
     try:
         with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as connection:
             tables = {row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+            if tables >= TABLES:
+                _check_version(connection, path)
     except (sqlite3.Error, ValueError) as problem:  # a path or an SQL text that is no text, too
         raise StorageError(f"{path}: not a study DB that can be read: {told(problem)}") from None
     if tables and not tables >= TABLES:
@@ -55,6 +62,37 @@ def has_tables(path: Path, create: bool) -> bool:
     if not tables and not create:
         raise StorageError(f"{path}: an empty file, not a study DB")
     return bool(tables)
+
+
+def _check_version(connection: sqlite3.Connection, path: Path) -> None:
+    """Optuna's own check comes after it has added what it misses; this one changes nothing."""
+    versions = connection.execute("SELECT schema_version, library_version FROM version_info").fetchall()
+    revisions = connection.execute("SELECT version_num FROM alembic_version").fetchall()
+    if len(versions) != 1 or len(revisions) != 1:
+        raise StorageError(f"{path}: does not say which version of Optuna made it; {DAMAGED}")
+    schema, library = versions[0]
+    if schema != SCHEMA_VERSION:
+        raise StorageError(
+            f"{path}: made by Optuna {library} with tables of schema {schema} (allowed: {SCHEMA_VERSION}, that of "
+            f"Optuna {optuna.__version__} here)"
+        )
+
+
+def make_file(path: Path, fill: Callable[[Path], None]) -> None:
+    """A new file at `path`, made whole by `fill` under another name first: one that is there has all its tables. One
+    that somebody else has made meanwhile is left alone.  Raises StorageError.
+    """
+    partial = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        fill(partial)
+        os.link(partial, path)
+    except FileExistsError:
+        return
+    except OSError as problem:
+        raise StorageError(f"{path}: cannot be made: {problem.strerror}") from None
+    finally:
+        for file in (partial, partial.with_name(f"{partial.name}-journal")):
+            file.unlink(missing_ok=True)
 
 
 def use_wal(connection: Any, _record: Any) -> None:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import optuna
 import sqlalchemy as sa
+from alembic.util.exc import CommandError
 from optuna.distributions import FloatDistribution, distribution_to_json
 from optuna.exceptions import OptunaError
 from optuna.storages import RDBStorage
@@ -28,7 +29,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from metaid.chain import Array
 from metaid.errors import StorageError, unknown
 from metaid.rows import IDS_AFTER, TRIAL_TABLES, Trial, detail_rows, end_of, head_rows, read_outcomes, read_table
-from metaid.sqlite import BUSY_TIMEOUT, has_tables, told, use_wal
+from metaid.sqlite import BUSY_TIMEOUT, DAMAGED, has_tables, make_file, told, use_wal
 
 DEFAULT_STORAGE = "metaid.db"
 SPEC_KEY = "metaid:study"
@@ -62,11 +63,15 @@ class Store:
             ) from None
         self.is_sqlite = parsed.get_backend_name() == "sqlite"
         # A DB that is there is not changed before its schema is known.
-        made = self.is_sqlite and has_tables(Path(parsed.database or ""), create)
+        path = Path(parsed.database or "")
+        made = self.is_sqlite and has_tables(path, create)
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         with self._errors():
             patient = {} if "timeout" in parsed.query else {"connect_args": {"timeout": BUSY_TIMEOUT}}
             options = patient if self.is_sqlite else {"pool_pre_ping": True}
+            if self.is_sqlite and not path.exists():
+                make_file(path, _make_tables)
+                made = True
             self.optuna = RDBStorage(self.url, engine_kwargs=options, skip_table_creation=made)
         self._engine: sa.Engine = self.optuna.engine
         self._statements: dict[Any, Any] = {}
@@ -81,8 +86,24 @@ class Store:
     def _errors(self) -> Iterator[None]:
         try:
             yield
-        except (SQLAlchemyError, OptunaError, RuntimeError, ImportError, sqlite3.Error, *SPOILED) as problem:
+        except (
+            SQLAlchemyError,
+            OptunaError,
+            CommandError,
+            RuntimeError,
+            ImportError,
+            sqlite3.Error,
+            *SPOILED,
+        ) as problem:
             raise StorageError(f"{self.url}: {told(getattr(problem, 'orig', None) or problem)}") from None
+
+    def check(self) -> None:
+        """Raises StorageError if the file is damaged: nothing should be written to it then."""
+        if self.is_sqlite:
+            with self._errors(), self._engine.connect() as connection:
+                found = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar_one()
+            if found != "ok":
+                raise StorageError(f"{self.url}: {str(found).splitlines()[-1]}; {DAMAGED}")
 
     def names(self) -> list[str]:
         """Names of the studies that metaid made, oldest first."""
@@ -257,3 +278,7 @@ class Store:
         if study_id is None or name not in self.names():
             raise StorageError(f"{self.url}: {unknown('study', name, self.names())}")
         return int(study_id)
+
+
+def _make_tables(path: Path) -> None:
+    RDBStorage(f"sqlite:///{path}").engine.dispose()

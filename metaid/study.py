@@ -121,6 +121,7 @@ def run_study(
         raise StudyError(f"trials is {total} and workers is {workers} (allowed: 1 or more of each)")
     if isinstance(spec.plant, SocketSettings) and workers != 1:
         raise StudyError(f"plant {spec.plant_name} is one rig: workers is {workers} (allowed: 1)")
+    store.check()
     # At these sizes BLAS threads cost far more than they give.
     with threadpool_limits(1), Lease(store, name) as lease:
         problem = Problem(spec)
