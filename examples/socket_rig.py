@@ -184,10 +184,11 @@ class Rig:
 class Faults:
     """What goes wrong on purpose: `--fault KIND@N` at the Nth step since the start.
 
-    `drop` closes the connection, `silence` loses the answer, `late` has a tick go by before the torque comes.
+    `drop` closes the connection, `silence` loses the answer, `late` has a tick go by before the torque comes, and
+    `die` ends the process.
     """
 
-    KINDS = ("drop", "silence", "late")
+    KINDS = ("drop", "silence", "late", "die")
 
     def __init__(self, given: list[str]) -> None:
         self.steps = 0
@@ -211,6 +212,8 @@ def talk(rig: Rig, connection: socket.socket, faults: Faults) -> None:
             try:
                 message = json.loads(line)
                 fault = faults.next(message)
+                if fault == "die":
+                    raise SystemExit("died on purpose")
                 if fault == "drop":
                     return
                 if fault == "late":
@@ -250,7 +253,10 @@ def listen(address: str) -> socket.socket:
     """A socket at tcp://HOST:PORT (port 0: any free one) or unix:PATH; says where."""
     if address.startswith("unix:"):
         listener = socket.socket(socket.AF_UNIX)
-        listener.bind(address.removeprefix("unix:"))
+        path = Path(address.removeprefix("unix:"))
+        if path.is_socket():
+            path.unlink()  # left over from the last time
+        listener.bind(str(path))
         print(f"listening at {address}", flush=True)
     else:
         host, _, port = address.removeprefix("tcp://").rpartition(":")
@@ -270,7 +276,7 @@ def main() -> None:
     parser.add_argument("--watchdog", type=float, default=0.2, help="s without a command until the torque goes off")
     parser.add_argument("--limit", type=float, default=720.0, help="degrees that no link may pass")
     parser.add_argument(
-        "--fault", action="append", default=[], metavar="KIND@N", help="drop, silence or late at step N"
+        "--fault", action="append", default=[], metavar="KIND@N", help="drop, silence, late or die at step N"
     )
     given = parser.parse_args()
     plant = tomllib.loads(given.plant.read_text(encoding="utf-8"))

@@ -35,6 +35,10 @@ class LostPlant(PlantError):  # noqa: N818, what happened to it, not what is wro
     """A plant that stopped answering in the middle of something: what it was doing can be done again."""
 
 
+class AbsentPlant(LostPlant):
+    """A plant that cannot be reached at all: to ask it for the next thing is of no use either."""
+
+
 class StudyError(MetaidError):
     """A study file or a study setting that cannot be used."""
 

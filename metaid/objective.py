@@ -10,9 +10,9 @@ import numpy as np
 
 from metaid.chain import Array, Lumps
 from metaid.episode import Episode, Record
-from metaid.errors import EpisodeError
+from metaid.errors import EpisodeError, LostPlant
 from metaid.kernel import CompiledEpisode, fastest_step
-from metaid.measures import crossing_hz, fall_value, get_measure, spectral_hz
+from metaid.measures import Measure, crossing_hz, fall_value, get_measure, spectral_hz
 from metaid.plain import PlainEpisode
 from metaid.plant import MujocoPlant, Plant
 
@@ -73,7 +73,7 @@ class Objective:
 
     def record(self, factors: Array) -> Record:
         """What the episode of a candidate with these `factors` (nlump) shows.  Raises EpisodeError where they are
-        none, LostPlant.
+        none, LostPlant and AbsentPlant.
         """
         return self._loop.run(self.nominal.scaled(_checked(factors, len(self.nominal.vector))))
 
@@ -82,7 +82,7 @@ class Objective:
         self.plant.close()
 
     def evaluate(self, factors: Array) -> Outcome:
-        """The outcome for `factors` (nlump) of the nominal lumps.  Raises EpisodeError where they are none."""
+        """The outcome for `factors` (nlump) of the nominal lumps.  Raises as `record` does."""
         return self._outcome(self.record(factors))
 
     def share(self, factors: Array) -> Any:
@@ -96,10 +96,14 @@ class Objective:
         self._loop.work_on(batch)
 
     def outcomes(self, batch: Any) -> list[Outcome]:
-        """The outcomes of a `batch`'s candidates (ncandidate), once everyone is back from it."""
+        """The outcomes of a `batch`'s candidates (ncandidate), once everyone is back from it: a failure where the plant
+        was lost in every try.
+        """
         return [self._outcome(record) for record in batch.records()]
 
-    def _outcome(self, record: Record) -> Outcome:
+    def _outcome(self, record: Record | LostPlant) -> Outcome:
+        if isinstance(record, LostPlant):
+            return failure(self.measure, self.episode, self.plant.timestep, str(record))
         fell = record.fall_step is not None
         value = (
             fall_value(self._ceiling, record.steps, self.episode.total_steps) if fell else self.measure.value(record)
@@ -120,6 +124,12 @@ class Objective:
             "frequency_hz": [None if fell else hz for hz in frequency.tolist()],
             "spectral_hz": None if fell else spectral_hz(record.acceleration_energy, record.speed_energy),
         }
+
+
+def failure(measure: Measure, episode: Episode, timestep: float, reason: str) -> Outcome:
+    """What the searcher is told of a candidate that could not be evaluated for that `reason`."""
+    value = fall_value(measure.ceiling(episode, timestep), 0, episode.total_steps)
+    return Outcome(value, True, 0, (0,) * episode.pushes.shape[1], reason)
 
 
 def _checked(factors: Array, nlump: int) -> Array:

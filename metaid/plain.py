@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from metaid.chain import Lumps
 from metaid.episode import Episode, Record, run_plain
-from metaid.errors import LostPlant
+from metaid.errors import AbsentPlant, LostPlant
 from metaid.plant import Plant
 
 TRIES = 3  # of an episode in which the plant was lost
@@ -21,10 +21,12 @@ class PlainBatch:
 
     candidates: Lumps
     queue: Iterator[int]
-    seen: dict[int, Record]
+    seen: dict[int, Record | LostPlant]
 
-    def records(self) -> list[Record]:
-        """What each candidate's episode showed, once the queue is empty and every loop is back."""
+    def records(self) -> list[Record | LostPlant]:
+        """What each candidate's episode showed, or how the plant was lost in it, once the queue is empty and every loop
+        is back.
+        """
         return [self.seen[candidate] for candidate in range(len(self.seen))]
 
 
@@ -41,13 +43,20 @@ class PlainEpisode:
         return PlainBatch(candidates, iter(range(len(candidates.gravity))), {})
 
     def work_on(self, batch: PlainBatch) -> None:
-        """Runs episodes of the `batch` until there are none left; others may do so at the same time."""
+        """Runs episodes of the `batch` until there are none left; others may do so at the same time.  Raises
+        AbsentPlant.
+        """
         for candidate in batch.queue:
-            batch.seen[candidate] = self.run(batch.candidates[candidate])
+            try:
+                batch.seen[candidate] = self.run(batch.candidates[candidate])
+            except AbsentPlant:
+                raise  # nor is it there for the next
+            except LostPlant as problem:
+                batch.seen[candidate] = problem
 
     def run(self, candidate: Lumps) -> Record:
         """One episode with the `candidate` lumps, again if the plant was lost in it.  Raises LostPlant where that is of
-        no help.
+        no help, AbsentPlant where there is no plant any more.
         """
         tries = 0
         while True:
@@ -56,4 +65,4 @@ class PlainEpisode:
             except LostPlant as problem:
                 tries += 1
                 if tries == TRIES:
-                    raise LostPlant(f"{problem}; the episode was tried {TRIES} times") from None
+                    raise type(problem)(f"{problem}; the episode was tried {TRIES} times") from None

@@ -31,8 +31,8 @@ from metaid.episode import (
 )
 from metaid.errors import EpisodeError, PlantError, StudyError, unknown
 from metaid.files import Settings, check, find_file, find_file_beside, read_toml
-from metaid.measures import Measure, fall_value, get_measure
-from metaid.objective import Objective, Outcome
+from metaid.measures import Measure, get_measure
+from metaid.objective import Objective, Outcome, failure
 from metaid.plant import LinkSettings, MujocoPlant, Plant, PlantSettings, chain_of, read_plant
 from metaid.possible import refuse_impossible
 from metaid.searchers import SAMPLERS, Searcher, SearchOptions, make_searcher
@@ -266,8 +266,7 @@ class Problem:
 
     def failed(self, reason: str) -> Outcome:
         """What the searcher is told of a candidate that could not be evaluated for that `reason`."""
-        value = fall_value(self.measure.ceiling(self.episode, self.timestep), 0, self.episode.total_steps)
-        return Outcome(value, True, 0, (0,) * self.nominal.nlink, reason)
+        return failure(self.measure, self.episode, self.timestep, reason)
 
     def _objective(self, physics: str) -> Objective:
         rule = self.spec.study.episode.rule

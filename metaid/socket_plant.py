@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from metaid.chain import Array, Lumps
-from metaid.errors import LostPlant, PlantError
+from metaid.errors import AbsentPlant, LostPlant, PlantError
 from metaid.files import Settings, check, find_file, read_toml
 from metaid.plant import PlantSettings, read_plant
 from metaid.wire import FORMS, Wire, WireError, parse_address
@@ -46,8 +46,8 @@ class SocketSettings(Settings):
 class SocketPlant:
     """The plant that listens where `settings` say; it is called when first needed.
 
-    Raises LostPlant where it does not answer in time or not as agreed, PlantError where it is another plant than the
-    settings say.
+    Raises AbsentPlant where it cannot be reached, LostPlant where it then does not answer in time or not as agreed,
+    PlantError where it is another plant than the settings say.
     """
 
     def __init__(self, name: str, settings: SocketSettings) -> None:
@@ -112,8 +112,8 @@ class SocketPlant:
         return np.array(taken)
 
     def _ask(self, message: dict[str, Any], timeout: float) -> dict[str, Any]:
+        wire = self._wire or self._connect()
         try:
-            wire = self._wire or self._connect()
             answer = wire.ask(message, timeout)
         except WireError as problem:
             raise self._lost(f"{message['do']}: {problem}") from None
@@ -123,14 +123,10 @@ class SocketPlant:
 
     def _connect(self) -> Wire:
         """A connection to the plant that the settings mean."""
-        if self._closed:
-            raise WireError("it was let go")
-        wire = Wire(self.settings.socket, self.settings.step_timeout)
         try:
-            hello = wire.ask({"do": "hello", "metaid": PROTOCOL}, self.settings.step_timeout)
-        except WireError:
-            wire.close()
-            raise
+            wire, hello = self._greeted()
+        except WireError as problem:
+            raise AbsentPlant(f"plant {self.name} at {self.settings.socket}: {problem}") from None
         said = {"metaid": PROTOCOL, **{key: getattr(self.settings, key) for key in ("joints", "timestep", "gravity")}}
         for key, expected in said.items():
             if hello.get(key) != expected:
@@ -141,6 +137,17 @@ class SocketPlant:
                 )
         self._wire = wire
         return wire
+
+    def _greeted(self) -> tuple[Wire, dict[str, Any]]:
+        """A connection to whatever listens there, and what it says of itself."""
+        if self._closed:
+            raise WireError("it was let go")
+        wire = Wire(self.settings.socket, self.settings.step_timeout)
+        try:
+            return wire, wire.ask({"do": "hello", "metaid": PROTOCOL}, self.settings.step_timeout)
+        except WireError as problem:
+            wire.close()
+            raise WireError(f"hello: {problem}") from None
 
     def _take(self, answer: dict[str, Any]) -> None:
         """Keeps the state in an `answer`; of a plant that has stopped itself no angle is known, which is a fall."""

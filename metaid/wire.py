@@ -35,13 +35,7 @@ class Wire:
         self._received = b""
         target = parse_address(address)
         try:
-            if isinstance(target, str):
-                self._socket = socket.socket(socket.AF_UNIX)
-                self._socket.settimeout(timeout)
-                self._socket.connect(target)
-            else:
-                self._socket = socket.create_connection(target, timeout)
-                self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._socket = _connected(target, timeout)
         except OSError as problem:
             raise WireError(f"no connection to {address}: {problem.strerror or problem}") from None
 
@@ -79,3 +73,18 @@ class Wire:
         with suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
+
+
+def _connected(target: tuple[str, int] | str, timeout: float) -> socket.socket:
+    if not isinstance(target, str):
+        connection = socket.create_connection(target, timeout)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return connection
+    connection = socket.socket(socket.AF_UNIX)
+    try:
+        connection.settimeout(timeout)
+        connection.connect(target)
+    except OSError:
+        connection.close()
+        raise
+    return connection

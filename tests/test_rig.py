@@ -16,12 +16,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import optuna
 import pytest
 from conftest import Finished
 
 import metaid
 from metaid.episode import Episode, pushed_speeds, rich_pushes, run_plain
-from metaid.errors import LostPlant, PlantError, StudyError
+from metaid.errors import AbsentPlant, LostPlant, PlantError, StudyError
 from metaid.objective import Objective
 from metaid.problem import Problem, load_study
 from metaid.socket_plant import SocketPlant, SocketSettings
@@ -212,7 +213,7 @@ def test_plant_that_does_not_answer_is_given_up(two_link: Any, silent: bool) -> 
             listener.close()
         pushes = Episode(np.array([[0.1, 0.1]]), 60)
         objective = Objective(rig_at(address, step_timeout=0.05), two_link.chain.lumps, pushes, "spectral")
-        with pytest.raises(LostPlant, match=r"push: no (answer|connection).*the episode was tried 3 times"):
+        with pytest.raises(AbsentPlant, match=r"no (answer|connection).*the episode was tried 3 times"):
             objective.evaluate(np.ones(3))
 
 
@@ -342,20 +343,37 @@ def test_study_of_a_rig_is_run_shown_and_reported_without_calling_it_again(
     assert json.loads(metaid("study", "show", "find-rig", "--json").out)["trials"]["total"] == 12
 
 
-def test_episodes_before_the_one_that_is_lost_for_good_are_kept(serve: Serve, tmp_path: Path) -> None:
-    """A rig that dies in mid-generation leaves every finished episode in the DB, and the run goes on from there."""
+def test_candidate_that_loses_the_rig_every_time_fails_and_the_run_goes_on(serve: Serve, tmp_path: Path) -> None:
+    """Three tries; then the trial is FAIL with its reason, and the next candidate has its turn."""
     path = str(tmp_path / "rig.db")
-    steps = 5000
-    dying = serve(
-        "--body", "mujoco", "--watchdog", "60", *(f"--fault=drop@{step}" for step in (steps, steps + 2, steps + 3))
+    server = serve("--body", "mujoco", "--watchdog", "60", *(f"--fault=drop@{step}" for step in (5000, 5001, 5002)))
+    metaid.run(rig_files(tmp_path, server, trials=14), storage=path)
+    trials = metaid.trials("find-rig", path)
+    failed = trials[trials["state"] == "FAIL"]
+    assert len(trials) == 14
+    assert len(failed) == 1
+    reason = (
+        optuna.load_study(study_name="find-rig", storage=f"sqlite:///{path}")
+        .trials[failed.index[0]]
+        .user_attrs["reason"]
     )
+    assert "the connection was closed; the episode was tried 3 times" in reason
+    assert (trials["state"].iloc[failed.index[0] + 1 :] != "FAIL").all()
+
+
+def test_run_ends_where_the_rig_dies_and_goes_on_from_there(serve: Serve, tmp_path: Path) -> None:
+    """Every episode before it is in the DB, in mid-generation too; in the end the trials are those of a run that was
+    never stopped.
+    """
+    path, listen = str(tmp_path / "rig.db"), f"unix:{tmp_path / 'rig.sock'}"
+    dying = serve("--body", "mujoco", "--watchdog", "60", "--fault=die@5000", listen=listen)
     study = rig_files(tmp_path, dying, trials=30)
-    with pytest.raises(LostPlant, match="tried 3 times"):
+    with pytest.raises(AbsentPlant, match=r"no connection to unix:.*tried 3 times"):
         metaid.run(study, storage=path)
     kept = metaid.trials("find-rig", path)
-    done = int(kept["steps"].cumsum().searchsorted(steps))
-    assert len(kept) == done
-    assert done % 7 != 0
+    assert len(kept) == int(kept["steps"].cumsum().searchsorted(5000))
+    assert len(kept) % 7 > 0
+    serve("--body", "mujoco", "--watchdog", "60", listen=listen)
     metaid.run(study, storage=path)
     changes = {"sampler": "cmaes", "trials": 30}
     metaid.run(load_study("two-link-tpe", changes), name="built-in", storage=path)
