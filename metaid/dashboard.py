@@ -22,6 +22,7 @@ from metaid.companions import LONGEST, companion_name, write_companion
 from metaid.errors import MetaidError
 from metaid.figures.style import FALL, RANGE, SURVIVOR
 from metaid.findings import Findings, read_findings
+from metaid.guard import guarded
 from metaid.store import Store
 
 HOST = "127.0.0.1"
@@ -55,7 +56,7 @@ def make_dashboard(store: Store, port: int) -> WSGIServer:
     for name in store.names():
         explain(store, name)
     try:
-        return make_server(HOST, port, wsgi(store.optuna), _Server, _Quiet)
+        return make_server(HOST, port, guarded(wsgi(store.optuna)), _Server, _Quiet)
     except OSError as problem:
         raise MetaidError(f"port {port} cannot be used: {problem.strerror} (choose another with --port)") from None
 
