@@ -58,9 +58,10 @@ def _rows(problem: Problem, workers: int, repeats: int) -> list[Row]:
         started = time.perf_counter() - begun
         crews: dict[str, Crew] = {
             "one thread": stack.enter_context(make_crew(problem, "local", 1)),
-            "local": stack.enter_context(make_crew(problem, "local", workers)),
             "ray": ray,
         }
+        if workers > 1:
+            crews["local"] = stack.enter_context(make_crew(problem, "local", workers))
         for generation in GENERATIONS:
             batches = _batches(problem, generation)
             works: dict[str, Callable[[], object]] = {
@@ -68,6 +69,7 @@ def _rows(problem: Problem, workers: int, repeats: int) -> list[Row]:
             }
             interleaved(works, 1)
             taken = interleaved(works, repeats)
+            taken.setdefault("local", taken["one thread"])
             rows += [
                 {
                     "engine": engine,
