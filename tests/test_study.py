@@ -186,9 +186,8 @@ def test_trials_that_do_not_follow_from_the_settings_are_refused(store: Store, t
 def test_interrupted_run_says_how_to_go_on(tmp_path: Path) -> None:
     """SIGINT and SIGTERM: status 130 and 143, one line, and whole generations in the DB."""
     command = [sys.executable, "-c", "from metaid.cli import main; main()", "study"]
-    subprocess.run(
-        [*command, "create", "three-link", "--set", "trials=1000000"], cwd=tmp_path, check=True, capture_output=True
-    )
+    endless = ["--set", "trials=1000000", "--set", "sampler=random", "--set", "search.generation=9"]
+    subprocess.run([*command, "create", "three-link", *endless], cwd=tmp_path, check=True, capture_output=True)
     store = Store(str(tmp_path / "metaid.db"))
     for stop, status in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):
         before = len(tables.trials_frame(store, "three-link"))
