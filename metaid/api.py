@@ -15,15 +15,16 @@ import numpy as np
 import pandas as pd
 
 from metaid import tables
-from metaid.chain import Lumps, factors_from_names
+from metaid.chain import Array, Lumps, factors_from_names
 from metaid.episode import Episode, tip_push
 from metaid.errors import EpisodeError, StorageError, StudyError
 from metaid.findings import Findings, read_findings
 from metaid.objective import LARGEST_FACTOR, Objective, Outcome
 from metaid.plant import MujocoPlant, load_plant
 from metaid.problem import COUNTING_STEPS, TIP_SPEED, Problem, StudySpec, load_study
+from metaid.running import Progress
 from metaid.store import DEFAULT_STORAGE, Store
-from metaid.study import Progress, create_study, run_study, stored_spec
+from metaid.study import create_study, run_study, stored_spec
 from metaid.validation import PUSHES, Validation, validate_factors
 
 
@@ -53,20 +54,20 @@ def candidates_of(store: Store, name: str, objective: Objective) -> dict[str, Lu
     where the study is about another plant or has no survivor.
     """
     found = read_findings(store, name)
-    nominal, plant = found.problem.nominal.lumps, found.problem.make_plant()
+    nominal, plant = found.problem.lumps, found.problem.make_plant()
     if not isinstance(objective.plant, MujocoPlant) or plant.settings != objective.plant.settings:
         raise StorageError(f"study '{name}' is about the plant {plant.name}, not about {objective.plant.name}")
     return {"nominal": nominal, "identified": nominal.scaled(found.identified_factors), "true": objective.nominal}
 
 
-def check_factors(factors: Mapping[str, float], nlink: int) -> Any:
-    """Factors by lump name → (nlump), 1 for those not named.  Raises EpisodeError on unknown names and on numbers
-    that are no factors.
+def check_factors(factors: Mapping[str, float], lumps: Lumps) -> Array:
+    """Factors by lump name → (nlump) of those that `lumps` searches, 1 for those not named.  Raises EpisodeError on
+    unknown names and on numbers that are no factors.
     """
     for name, factor in factors.items():
         if not isinstance(factor, Real) or not 0.0 <= factor <= LARGEST_FACTOR:
             raise EpisodeError(f"factor {name}={factor} (allowed: 0 to {LARGEST_FACTOR:g})")
-    return factors_from_names(dict(factors), nlink)
+    return factors_from_names(dict(factors), lumps.nlink, kinds=lumps.searched)
 
 
 def perturb(
@@ -77,7 +78,7 @@ def perturb(
     Returns what `metaid episode --json` prints.  Raises PlantError, EpisodeError.
     """
     objective = episode_objective(plant, steps)
-    return objective.summary(check_factors(factors or {}, objective.nominal.nlink))
+    return objective.summary(check_factors(factors or {}, objective.nominal))
 
 
 def evaluate(study: str | Path | StudySpec, factors: Mapping[str, float] | None = None) -> Outcome:
@@ -85,7 +86,7 @@ def evaluate(study: str | Path | StudySpec, factors: Mapping[str, float] | None 
     PlantError, EpisodeError.
     """
     with closing(Problem(_spec(study)).make_objective()) as objective:
-        return objective.evaluate(check_factors(factors or {}, objective.nominal.nlink))
+        return objective.evaluate(check_factors(factors or {}, objective.nominal))
 
 
 def run(
@@ -161,7 +162,9 @@ def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: 
     factors = np.where(found["determined"], found["factor"], 1.0)
     if np.isnan(factors).any():
         raise StudyError(f"study '{name}' has no survivor yet, so there is nothing to validate: run it first")
-    return validate_factors(problem, factors, pushes, seed)
+    nlump = len(problem.names)
+    inertia = None if problem.is_only else (factors * found["nominal"]).to_numpy()[nlump:]
+    return validate_factors(problem, factors[:nlump], pushes, seed, inertia)
 
 
 def load_findings(name: str, storage: str | None = None) -> Findings:

@@ -17,13 +17,15 @@ from metaid.chain import Array, Lumps
 from metaid.episode import Episode, Record
 from metaid.queue import Queue, new_queue
 
+Laws = tuple[Array, Array, Array, Array, Array, float]
 Outputs = tuple[NDArray[np.int64], Array, Array, Array]
 
 
 @dataclass(frozen=True)
 class Batch:
-    """`gravity` (ncandidate x njoint), the lumps times g in N m, and `coriolis` (ncandidate x njoint x njoint), in
-    kg m², of the candidates; the `queue` of their pushes, candidate by candidate.
+    """`laws`: the candidates' gravity lumps times g (ncandidate x njoint), in N m; their Coriolis lumps (ncandidate x
+    njoint x njoint); those of damping, dry friction and inertia (ncandidate x njoint); and the stiffness, in 1/s².
+    `queue`: their pushes, candidate by candidate.
 
     Loops fill in `ran` and `fell` (ncandidate x npush): steps after a push, and whether it ended in a fall; the four
     `outputs` (ncandidate x npush x njoint) that a Record has; and, unless it is empty, `angles` (ncandidate x npush x
@@ -32,8 +34,7 @@ class Batch:
 
     episode: Episode
     timestep: float
-    gravity: Array
-    coriolis: Array
+    laws: Laws
     queue: Queue
     ran: NDArray[np.int64]
     fell: NDArray[np.bool_]
@@ -42,7 +43,7 @@ class Batch:
 
     def records(self) -> list[Record]:
         """What each candidate's episode showed, once the queue is empty and every loop is back."""
-        return [self._record(candidate) for candidate in range(len(self.gravity))]
+        return [self._record(candidate) for candidate in range(len(self.ran))]
 
     def _record(self, candidate: int) -> Record:
         fell = bool(self.fell[candidate].any())
@@ -67,11 +68,27 @@ def new_batch(episode: Episode, timestep: float, gravity: float, candidates: Lum
     return Batch(
         episode,
         timestep,
-        gravity * candidates.gravity,
-        candidates.coriolis,
+        _laws(episode, gravity, candidates),
         new_queue(),
         np.zeros((count, npush), dtype=np.int64),
         np.zeros((count, npush), dtype=np.bool_),
         outputs,
         np.zeros((count, npush, episode.steps + 1, njoint) if episode.keep_angles else (0, 0, 0, 0)),
+    )
+
+
+def _laws(episode: Episode, gravity: float, candidates: Lumps) -> Laws:
+    """Copies, all of one layout: the loop would be compiled anew for any other."""
+
+    def copied(lumps: Array) -> Array:
+        return np.array(lumps, order="C")
+
+    damping, coulomb, inertia = (copied(candidates.of(kind)) for kind in ("damping", "coulomb", "inertia"))
+    return (
+        copied(gravity * candidates.gravity),
+        copied(candidates.coriolis),
+        damping,
+        coulomb,
+        inertia,
+        episode.stiffness,
     )

@@ -7,11 +7,12 @@ whatever the number of links.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from metaid.chain import Array, Chain, compensation_basis
+from metaid.chain import IDEAL, Array, Chain, compensation_basis
 from metaid.episode import rich_speeds
 from metaid.errors import EpisodeError
 
@@ -62,17 +63,13 @@ def plain(start: Array, low: Array, high: Array) -> Coordinates:
     return Coordinates(start, np.eye(len(start)), low, high)
 
 
-def nominal_metric(
-    nominal: Chain, gravity: float, start_speeds: Array, horizon: float, start: Array, low: Array, high: Array
-) -> Coordinates:
-    """Coordinates in which the nominal model finds the spectral measure round, least determined factor at unit
-    spread.  Eq. 12.
+def nominal_metric(h: Array, start: Array, low: Array, high: Array) -> Coordinates:
+    """Coordinates in which the spectral measure, of sensitivity `h` (nlump x nlump), is round: least determined factor
+    at unit spread.  Eq. 12.
 
-    `start_speeds` (npush x nlink): absolute link speeds after each push, in rad/s; `horizon` in s; `start`, `low`,
-    `high` (nlump).
-    Raises EpisodeError where the pushes tell nothing of some combination of lumps.
+    `start`, `low`, `high` (nlump).  Raises EpisodeError where the pushes tell nothing of some combination of lumps.
     """
-    values, vectors = np.linalg.eigh(sensitivity(nominal, gravity, start_speeds, horizon))
+    values, vectors = np.linalg.eigh(h)
     if not values[0] > SMALLEST_EIGENVALUE * values[-1]:
         raise EpisodeError(
             "these pushes cannot tell all lumps apart, so there is no nominal metric: "
@@ -83,32 +80,52 @@ def nominal_metric(
     return Coordinates(start, root / np.sqrt(unit), low, high, curvature=1.0 / (unit * (2.0 * np.pi) ** 2))
 
 
-def sensitivity(nominal: Chain, gravity: float, start_speeds: Array, horizon: float) -> Array:
+def sensitivity(
+    nominal: Chain,
+    gravity: float,
+    start_speeds: Array,
+    horizon: float,
+    kinds: Sequence[str] = IDEAL,
+    stiffness: float = 0.0,
+) -> Array:
     """H (nlump x nlump), in rad²/s²: near exact compensation (2π spectral_hz)² = δᵀ H δ, with δ the error of the
-    factors.  Eq. 11.
+    factors of the lumps of these `kinds`.  Eq. 11.
 
-    At exact compensation every push coasts, φ(t) = ω t, so the motion about which H is taken needs no simulation.
+    At exact compensation every push coasts, φ(t) = ω t, or with a `stiffness` k (1/s²) swings, φ(t) = ω sin(√k t)/√k,
+    so the motion about which H is taken needs no simulation. `start_speeds` (npush x nlink): absolute link speeds after
+    each push, in rad/s; `horizon` in s.
     """
     times = (np.arange(SAMPLES) + 0.5) * horizon / SAMPLES
-    angles = start_speeds[:, None, :] * times[None, :, None]
-    speeds = np.broadcast_to(start_speeds[:, None, :], angles.shape)
-    force = compensation_basis(angles, speeds, gravity) * nominal.lumps.vector
+    rate = np.sqrt(stiffness)
+    reached = np.sin(rate * times) / rate if stiffness else times
+    angles = start_speeds[:, None, :] * reached[None, :, None]
+    speeds = start_speeds[:, None, :] * np.cos(rate * times)[None, :, None]
+    force = compensation_basis(angles, speeds, gravity, kinds, stiffness) * nominal.lumps_of(kinds).vector
     acceleration = np.linalg.solve(nominal.mass_matrix(angles), force)
     joint_acceleration = np.diff(acceleration, axis=-2, prepend=0.0)
     joint_speeds = np.diff(start_speeds, axis=-1, prepend=0.0)
-    flat = (joint_acceleration / np.sqrt(SAMPLES * (joint_speeds**2).sum())).reshape(-1, force.shape[-1])
+    energy = (joint_speeds**2).sum() * (np.cos(rate * times) ** 2).sum()
+    flat = (joint_acceleration / np.sqrt(energy)).reshape(-1, force.shape[-1])
     h: Array = flat.T @ flat
     return h
 
 
-def designed_speeds(nominal: Chain, gravity: float, count: int, peak_speed: float, horizon: float, seed: int) -> Array:
+def designed_speeds(
+    nominal: Chain,
+    gravity: float,
+    count: int,
+    peak_speed: float,
+    horizon: float,
+    seed: int,
+    kinds: Sequence[str] = IDEAL,
+) -> Array:
     """Absolute link speeds (count x nlink), in rad/s, of the best of many rich push sets, by the nominal model.
 
     Best is the set whose least determined lump is determined best: the least largest diagonal element of H⁻¹ (Eq. 14).
     """
 
     def coarsest(speeds: Array) -> float:
-        values, vectors = np.linalg.eigh(sensitivity(nominal, gravity, speeds, horizon))
+        values, vectors = np.linalg.eigh(sensitivity(nominal, gravity, speeds, horizon, kinds))
         if not values[0] > SMALLEST_EIGENVALUE * values[-1]:
             return np.inf
         return float(np.diag(vectors / values @ vectors.T).max())

@@ -29,7 +29,8 @@ class Episode:
     """`pushes` (npush x njoint), horizontal impulses at the link tips in N s; `steps` after each; when a link counts
     as fallen; whether the record keeps the joint angles.
 
-    A `fall_margin` of 0 means that a link past the limit has fallen however slow it is.
+    A `fall_margin` of 0 means that a link past the limit has fallen however slow it is. With a `stiffness` k, in 1/s²,
+    the law also asks for q̈ = −k q, so that the plant swings where it would coast (Eq. 17).
     """
 
     pushes: Array
@@ -37,6 +38,7 @@ class Episode:
     fall_limit: float = FALL_LIMIT
     fall_margin: float = FALL_MARGIN
     keep_angles: bool = False
+    stiffness: float = 0.0
 
     def __post_init__(self) -> None:
         if self.steps < 1:
@@ -57,7 +59,7 @@ class Record:
 
     `half_periods`: crossings of the upright after the first, the push itself being the first if it moved that joint.
     `crossing_span`: time from the first to the last crossing, interpolated between steps, in s.
-    `speed_energy`, `acceleration_energy`: ∫ q̇² dt in rad²/s and ∫ q̈² dt in rad²/s³.
+    `speed_energy`, `acceleration_energy`: ∫ q̇² dt in rad²/s and ∫ (q̈ + k q)² dt in rad²/s³, k the episode's stiffness.
     `steps`: steps that were run; `fall_step`: the step by which a link had fallen, or None.
     `angles`: joint angles (nsteps + 1 x njoint), in rad, of each push that was begun, if the episode keeps them.
     """
@@ -103,7 +105,8 @@ def run_plain(plant: Plant, candidate: Lumps, episode: Episode) -> tuple[Record,
         ran = len(angles) - 1
         kept.append(angles)
         half_periods[push], span[push] = crossings(angles, speeds[0], plant.timestep)
-        speed_energy[push], acceleration_energy[push] = energies(speeds, plant.timestep)
+        asked = -episode.stiffness * angles[:-1]
+        speed_energy[push], acceleration_energy[push] = energies(speeds, plant.timestep, asked)
         steps += ran
         fastest = episode.fall_margin * np.abs(np.cumsum(speeds[0])).max()
         if has_fallen(np.cumsum(angles[-1]), np.cumsum(speeds[-1]), episode.fall_limit, fastest):
@@ -122,7 +125,7 @@ def _watch_push(plant: Plant, candidate: Lumps, episode: Episode, impulses: Arra
         history = [(angles, speeds)]
         fastest = episode.fall_margin * np.abs(np.cumsum(speeds)).max()
         for _ in range(episode.steps):
-            plant.apply_torque(compensation_torque(candidate, angles, speeds, plant.gravity))
+            plant.apply_torque(compensation_torque(candidate, angles, speeds, plant.gravity, episode.stiffness))
             plant.step()
             angles, speeds = plant.states()
             history.append((angles, speeds))
@@ -157,11 +160,16 @@ def crossings(angles: Array, start_speeds: Array, timestep: float) -> tuple[NDAr
     return half_periods, span
 
 
-def energies(speeds: Array, timestep: float) -> tuple[Array, Array]:
-    """∫ q̇² dt (trapezoid) and ∫ q̈² dt (finite differences) per joint of `speeds` (nsteps + 1 x njoint), in rad/s."""
+def energies(speeds: Array, timestep: float, asked: Array | float = 0.0) -> tuple[Array, Array]:
+    """∫ q̇² dt (trapezoid) and ∫ (q̈ − asked)² dt (finite differences) per joint of `speeds` (nsteps + 1 x njoint), in
+    rad/s.  Eqs. 10 and 18.
+
+    `asked` (nsteps x njoint): the acceleration that the law asks for at the beginning of each step, in rad/s². The
+    torque of a step is that of its beginning, so with an exact law nothing is left, however long the step.
+    """
     squared = speeds**2
     speed_energy = timestep * (squared.sum(axis=0) - 0.5 * (squared[0] + squared[-1]))
-    acceleration_energy = (np.diff(speeds, axis=0) ** 2).sum(axis=0) / timestep
+    acceleration_energy = ((np.diff(speeds, axis=0) - timestep * asked) ** 2).sum(axis=0) / timestep
     return speed_energy, acceleration_energy
 
 

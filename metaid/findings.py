@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,9 @@ CLOSEST = 50  # survivors nearest to the best at least, when their correlation i
 
 @dataclass(frozen=True)
 class Findings:
-    """A study's settings, its `trials` and `lumps` frames (`metaid.trials`, `metaid.lumps`), and its `summary`."""
+    """A study's settings; the `trials` and `lumps` of its first stage, as `metaid.trials` and `metaid.lumps` have them;
+    its `summary`; and the same of its `second` stage, if it has one with a survivor.
+    """
 
     name: str
     spec: StudySpec
@@ -29,6 +31,7 @@ class Findings:
     lumps: pd.DataFrame
     summary: dict[str, Any]
     problem: Problem
+    second: Findings | None = None
 
     @property
     def names(self) -> list[str]:
@@ -36,10 +39,17 @@ class Findings:
         return self.problem.names
 
     @property
+    def stages(self) -> list[Findings]:
+        """The findings of each stage."""
+        return [self] if self.second is None else [self, self.second]
+
+    @property
     def label(self) -> str:
         """The measure with its unit, for an axis."""
         unit = self.problem.measure.unit
-        return "whole periods" if unit == "periods" else f"frequency, {unit}"
+        if unit == "periods":
+            return "whole periods"
+        return f"frequency, {unit}" if self.problem.stage == 1 else f"deviation from the oscillation, {unit}"
 
     @property
     def survivors(self) -> pd.DataFrame:
@@ -114,5 +124,14 @@ class Findings:
 def read_findings(store: Store, name: str) -> Findings:
     """The findings of a study in the DB.  Raises StorageError."""
     spec = stored_spec(store, name)
-    trials, lumps = trials_frame(store, name), lumps_frame(store, name)
-    return Findings(name, spec, trials, lumps, summary(store, name), Problem(spec))
+    trials, lumps, shown = trials_frame(store, name), lumps_frame(store, name), summary(store, name)
+
+    def of(problem: Problem, second: Findings | None = None) -> Findings:
+        own = trials if problem.is_only else trials[trials["stage"] == problem.stage]
+        rows = lumps[lumps["name"].isin(problem.names)].reset_index(drop=True)
+        return Findings(name, spec, own, rows, shown, problem, second)
+
+    first = of(Problem(spec))
+    following = None if first.survivors.empty else first.problem.second(first.best_factors)
+    second = None if following is None else of(following)
+    return first if second is None or second.survivors.empty else replace(first, second=second)

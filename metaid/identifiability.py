@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from metaid.chain import Array
-from metaid.coordinates import sensitivity
 from metaid.objective import Objective
 from metaid.problem import Problem
 
@@ -54,8 +53,7 @@ def identifiability(problem: Problem) -> Identifiability:
 
 def _from_sensitivity(problem: Problem) -> Identifiability:
     """Half the width of the ellipsoid δᵀ H δ = (2π resolution)² along each lump.  Eq. 14."""
-    horizon = problem.episode.steps * problem.timestep
-    h = sensitivity(problem.nominal, problem.spec.plant.gravity, problem.start_speeds, horizon)
+    h = problem.sensitivity()
     values, vectors = np.linalg.eigh(h)
     seen = values > len(values) * np.finfo(float).eps * values[-1]
     widths = np.full(len(values), np.inf)
@@ -73,7 +71,7 @@ def _one_by_one(problem: Problem) -> Array:
     """The largest change of each factor alone, within its bounds, that the measure does not tell from none."""
     rule = problem.spec.study.episode.rule
     nominal = problem.nominal_plant()
-    objective = Objective(nominal, problem.nominal.lumps, problem.episode, problem.measure.name, rule=rule)
+    objective = Objective(nominal, problem.lumps, problem.episode, problem.measure.name, rule=rule)
     exact = np.ones(len(problem.names))
     unnoticed = objective.evaluate(exact).value + problem.resolution
 

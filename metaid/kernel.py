@@ -17,7 +17,7 @@ from numba.extending import overload
 
 from metaid.analytic import AnalyticStep, advance_analytically, analytic_step
 from metaid.batch import Batch, new_batch
-from metaid.chain import Array, Lumps
+from metaid.chain import SLIDING, Array, Lumps
 from metaid.compiled import compiled
 from metaid.episode import Episode, Record, run_plain
 from metaid.pipeline import (
@@ -70,12 +70,13 @@ def _advance_of(chain, speeds, sines, cosines):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _compensate(gravity, coriolis, angles, speeds, work, torque):  # type: ignore[no-untyped-def]
-    """Joint torques from candidate lumps.  Eqs. 5 and 6, with sin(φ_i − φ_j) expanded so that each angle needs one
-    sine and cosine.
+def _compensate(law, angles, speeds, qvel, work, torque):  # type: ignore[no-untyped-def]
+    """Joint torques of a `law` (see `batch.Laws`).  Eqs. 5, 6, 15 and 17, with sin(φ_i − φ_j) and cos(φ_i − φ_j)
+    expanded so that each angle needs one sine and cosine.
 
     The sums over j run outside, so that the links i are independent of each other within them.
     """
+    gravity, coriolis, damping, coulomb, inertia, stiffness = law
     n = angles.shape[0]
     sines, cosines, sine_sums, cosine_sums = work
     for i in range(n):
@@ -83,18 +84,21 @@ def _compensate(gravity, coriolis, angles, speeds, work, torque):  # type: ignor
         sine_sums[i], cosine_sums[i] = 0.0, 0.0
     for j in range(n):
         squared = speeds[j] * speeds[j]
-        sine, cosine = squared * sines[j], squared * cosines[j]
+        pulled = stiffness * angles[j]
+        sine, cosine = squared * sines[j] + pulled * cosines[j], squared * cosines[j] - pulled * sines[j]
         for i in range(n):
             sine_sums[i] += coriolis[j, i] * sine
             cosine_sums[i] += coriolis[j, i] * cosine
     carried = 0.0
     for i in range(n - 1, -1, -1):
-        carried += sines[i] * (cosine_sums[i] - gravity[i]) - cosines[i] * sine_sums[i]  # Eq. 5
-        torque[i] = carried  # Eq. 6
+        carried += sines[i] * (cosine_sums[i] - gravity[i]) - cosines[i] * sine_sums[i]  # Eq. 5, and 17 but for d
+        carried -= stiffness * inertia[i] * angles[i]
+        sliding = min(max(qvel[i] / SLIDING, -1.0), 1.0)
+        torque[i] = carried + damping[i] * qvel[i] + coulomb[i] * sliding  # Eqs. 6 and 15
 
 
 @compiled
-def _run_push(chain, start, gravity, coriolis, settings, work, outputs, kept):  # type: ignore[no-untyped-def]
+def _run_push(chain, start, law, settings, work, outputs, kept):  # type: ignore[no-untyped-def]
     """One push of an episode, which gives the joints the speeds `start` (njoint): steps run, and whether a link fell.
 
     Fills the four (njoint) `outputs`, and `kept` (nsteps + 1 x njoint) with joint angles unless it is empty. `work` are
@@ -105,6 +109,7 @@ def _run_push(chain, start, gravity, coriolis, settings, work, outputs, kept):  
     angles, speeds, side, first, previous_angle, previous_speed, squares, jumps = work[4:]
     qpos, qvel, torque = chain.qpos, chain.qvel, chain.torque
     n = start.shape[0]
+    pull = timestep * law[-1]
     fastest, angle, speed, ran, fallen = 0.0, 0.0, 0.0, 0, False
     keep = kept.size > 0
     for i in range(n):
@@ -118,7 +123,7 @@ def _run_push(chain, start, gravity, coriolis, settings, work, outputs, kept):  
         fastest = max(fastest, abs(speed))
     fastest *= margin
     for step in range(1, steps + 1):
-        _compensate(gravity, coriolis, angles, speeds, work[:4], torque)
+        _compensate(law, angles, speeds, qvel, work[:4], torque)
         _advance(chain, speeds, work[0], work[1])  # type: ignore[no-untyped-call]
         ran = step
         angle, speed = 0.0, 0.0
@@ -128,7 +133,8 @@ def _run_push(chain, start, gravity, coriolis, settings, work, outputs, kept):  
             speed += v
             angles[i], speeds[i] = angle, speed
             squares[i] += 0.5 * (v0 * v0 + v * v)
-            jumps[i] += (v - v0) * (v - v0)
+            jump = v - v0 + pull * previous_angle[i]  # Eq. 18: what the step did beyond q̈ = −k q
+            jumps[i] += jump * jump
             if q * side[i] < 0.0:
                 time = timestep * (step - q / (q - previous_angle[i]))
                 if half_periods[i] == 0 and start[i] == 0.0 and first[i] == 0.0:
@@ -155,11 +161,11 @@ def _run_push(chain, start, gravity, coriolis, settings, work, outputs, kept):  
 
 
 @compiled
-def _run_from(chain, start, queue, lumps, settings, work, ran, fell, outputs, kept):  # type: ignore[no-untyped-def]
+def _run_from(chain, start, queue, laws, settings, work, ran, fell, outputs, kept):  # type: ignore[no-untyped-def]
     """Takes pushes of a `Batch` from its `queue` until there are none left; those of a candidate that is known to have
     fallen after an earlier one are left out. `start` are the joint speeds (npush x njoint) after each.
     """
-    gravity, coriolis = lumps
+    gravity, coriolis, damping, coulomb, inertia, stiffness = laws
     half_periods, span, speed_energy, acceleration_energy = outputs
     npush = start.shape[0]
     turn = take(queue)
@@ -176,9 +182,9 @@ def _run_from(chain, start, queue, lumps, settings, work, ran, fell, outputs, ke
                 acceleration_energy[candidate, push],
             )
             angles = kept[candidate, push] if kept.size > 0 else kept[:, :, 0, 0]
-            result = _run_push(
-                chain, start[push], gravity[candidate], coriolis[candidate], settings, work, seen, angles
-            )
+            friction = damping[candidate], coulomb[candidate]
+            law = gravity[candidate], coriolis[candidate], *friction, inertia[candidate], stiffness
+            result = _run_push(chain, start[push], law, settings, work, seen, angles)
             ran[candidate, push], fell[candidate, push] = result
         turn = take(queue)
 
@@ -214,8 +220,8 @@ class CompiledEpisode:
 
     def work_on(self, batch: Batch) -> None:
         """Runs pushes of the `batch` until there are none left; others may do so at the same time."""
-        lumps, results = (batch.gravity, batch.coriolis), (batch.ran, batch.fell, batch.outputs, batch.angles)
-        _run_from(self.step, self._start, batch.queue, lumps, self._settings, self._work, *results)
+        results = batch.ran, batch.fell, batch.outputs, batch.angles
+        _run_from(self.step, self._start, batch.queue, batch.laws, self._settings, self._work, *results)
 
     def run(self, candidate: Lumps) -> Record:
         """One episode with the `candidate` lumps."""
@@ -226,7 +232,11 @@ class CompiledEpisode:
     def agrees_with_plain(self, candidate: Lumps, steps: int = 25) -> bool:
         """Whether a short episode comes out the same in the compiled and in the plain loop."""
         short = Episode(
-            self.episode.pushes[:1], min(steps, self.episode.steps), self.episode.fall_limit, self.episode.fall_margin
+            self.episode.pushes[:1],
+            min(steps, self.episode.steps),
+            self.episode.fall_limit,
+            self.episode.fall_margin,
+            stiffness=self.episode.stiffness,
         )
         compiled = CompiledEpisode(self.plant, short, self.step).run(candidate)
         plain, _ = run_plain(self.plant, candidate, short)

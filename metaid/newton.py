@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from metaid.chain import Array
 from metaid.coordinates import Coordinates
@@ -25,6 +26,7 @@ FEWEST_BLIND = 6
 BLIND_GROWTH = 1.3  # of the spread, from one generation without a survivor to the next
 DAMPING = 0.1
 FLATTEST = 0.02  # of κ: no direction is taken for flatter than that
+MOST_ROOM = 0.1  # of the way between the bounds
 CONVERGED = 1e-6  # distance to the truth, in factors of the least determined lump
 
 
@@ -134,10 +136,26 @@ class Newton:
         while high - low > 1e-6 * high:
             middle = 0.5 * (low + high)
             low, high = (middle, high) if np.linalg.norm(slopes / (curvatures + middle)) > radius else (low, middle)
-        step = -axes @ (slopes / (curvatures + high))
-        while not self._coordinates.inside(self._centre + step) and np.linalg.norm(step) > CONVERGED:
-            step = 0.8 * step
-        self._step = step
+        self._step = -axes @ (slopes / (curvatures + high))
+        if not self._coordinates.inside(self._centre + self._step):
+            root = np.sqrt(curvatures + high)[:, None] * axes.T
+            self._step = self._within_bounds(root, slopes / np.sqrt(curvatures + high))
+
+    def _within_bounds(self, root: Array, target: Array) -> Array:
+        """The step that minimises |root step + target|² within the bounds, less the room that slopes need.
+
+        A lump at its bound stays there while the others move: to shorten the step instead would be the end of them.
+        """
+        coordinates = self._coordinates
+        inverse = np.linalg.inv(coordinates.spread)
+        matrix = root @ inverse
+        reach = self._slope_reach * float(np.sqrt(self._centre_value / self._curvature))
+        room = np.linalg.norm(coordinates.spread, axis=1) * reach
+        room = np.minimum(room, MOST_ROOM * (coordinates.high - coordinates.low))
+        offset = root @ (inverse @ coordinates.origin + self._centre)
+        found = lsq_linear(matrix, offset - target, (coordinates.low + room, coordinates.high - room), "bvls")
+        step: Array = coordinates.z(found.x) - self._centre
+        return step
 
     def _judge_step(self) -> None:
         """Goes on from the best candidate; if no step helped, tries a tenth of it, and at last forgets the Hessian."""

@@ -1,4 +1,4 @@
-"""One step of a frictionless hinge chain by MuJoCo's own stages, without those that a chain has no use for.
+"""One step of a hinge chain by MuJoCo's own stages, without those that a chain has no use for.
 
 `mj_step` also looks for contacts, constraints, tendons, actuators, sensors and bad numbers, and the rest of its work
 is the seven calls below. They are the same machine code on the same numbers, so the result is the same to the last
@@ -57,6 +57,8 @@ class DirectStep(NamedTuple):
     bias: Array
     smooth: Array
     acceleration: Array
+    damping: Array
+    stiffness: Array
     model: int
     data: int
     bias_at: int
@@ -75,7 +77,8 @@ def direct_step(model: mujoco.MjModel, data: mujoco.MjData) -> DirectStep:
     vectors = data.qfrc_bias, data.qfrc_smooth, data.qacc
     bias_at, smooth_at, acceleration_at = (vector.ctypes.data for vector in vectors)
     addresses = model._address, data._address, bias_at, smooth_at, acceleration_at
-    return DirectStep(data.qpos, data.qvel, data.qfrc_applied, *vectors, *addresses, model.opt.timestep)
+    passive = np.ravel(model.dof_damping), np.ravel(model.jnt_stiffness)
+    return DirectStep(data.qpos, data.qvel, data.qfrc_applied, *vectors, *passive, *addresses, model.opt.timestep)
 
 
 @compiled
@@ -89,7 +92,8 @@ def advance_directly(chain):  # type: ignore[no-untyped-def]
     _mj_comVel(model, data)
     _mj_rne(model, data, 0, chain.bias_at)
     for i in range(chain.qvel.shape[0]):
-        chain.smooth[i] = chain.torque[i] - chain.bias[i]
+        passive = -chain.stiffness[i] * chain.qpos[i] - chain.damping[i] * chain.qvel[i]
+        chain.smooth[i] = passive - chain.bias[i] + chain.torque[i]
     _mj_solveM(model, data, chain.acceleration_at, chain.smooth_at, 1)
     for i in range(chain.qvel.shape[0]):
         chain.qvel[i] += chain.timestep * chain.acceleration[i]

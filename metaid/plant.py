@@ -7,7 +7,7 @@ chain of hinges in MuJoCo, built from a plant file. The search sees a plant only
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Protocol, runtime_checkable
 
@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from pydantic import Field, model_validator
 
-from metaid.chain import Array, Chain, Lumps, speeds_after
+from metaid.chain import FRICTION, IDEAL, Array, Chain, Lumps, speeds_after
 from metaid.errors import PlantError
 from metaid.files import Settings, check, find_file, read_toml
 from metaid.possible import least_inertia, refuse_impossible, refuse_too_long_a_step
@@ -65,14 +65,15 @@ class Plant(Protocol):
 
 class LinkSettings(Settings):
     """One `[[links]]` table: `length` and `com` (from the joint; default half the length) in m, `mass` in kg,
-    `inertia` about the centre of mass (default: a slender rod's) in kg m², `damping` of its joint in N m s,
-    `stiffness` of a spring in its joint, at rest when the joint is straight, in N m/rad."""
+    `inertia` about the centre of mass (default: a slender rod's) in kg m²; of its joint the `damping` in N m s, the dry
+    friction `frictionloss` in N m, and the `stiffness` of a spring, at rest when the joint is straight, in N m/rad."""
 
     length: Positive
     mass: Positive
     com: Annotated[float, Field(gt=0, le=1e6)] | None = None
     inertia: Annotated[float, Field(gt=0, le=1e9)] | None = None
     damping: Annotated[float, Field(ge=0, le=1e6)] = 0.0
+    frictionloss: Annotated[float, Field(ge=0, le=1e6)] = 0.0
     stiffness: Annotated[float, Field(ge=0, le=1e6)] = 0.0
 
     @model_validator(mode="after")
@@ -121,6 +122,7 @@ def chain_of(links: tuple[LinkSettings, ...]) -> Chain:
         com=column(coms),
         inertia=column(inertias),
         damping=column([link.damping for link in links]),
+        coulomb=column([link.frictionloss for link in links]),
         stiffness=column([link.stiffness for link in links]),
     )
 
@@ -129,7 +131,8 @@ def build_spec(chain: Chain, gravity: float, timestep: float) -> mujoco.MjSpec:
     """A lean MuJoCo chain: hinges about y, explicit inertials, nothing that an episode can do without.
 
     Autoreset is off: a diverged episode must not silently restart. Euler: a torque is written once a step
-    (docs/method.md).
+    (docs/method.md). Viscous friction is explicit, at the speed that a step begins with, as the law's is; dry friction
+    is a constraint, so only a chain that has some is given MuJoCo's solver.
     """
     spec = mujoco.MjSpec()
     spec.option.timestep = timestep
@@ -137,7 +140,7 @@ def build_spec(chain: Chain, gravity: float, timestep: float) -> mujoco.MjSpec:
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     off = mujoco.mjtDisableBit
     spec.option.disableflags = int(
-        off.mjDSBL_CONSTRAINT
+        (0 if chain.coulomb.any() else off.mjDSBL_CONSTRAINT)
         | off.mjDSBL_CONTACT
         | off.mjDSBL_AUTORESET
         | off.mjDSBL_SENSOR
@@ -159,6 +162,7 @@ def build_spec(chain: Chain, gravity: float, timestep: float) -> mujoco.MjSpec:
             type=mujoco.mjtJoint.mjJNT_HINGE,
             axis=[0.0, 1.0, 0.0],
             damping=[chain.damping[i], 0.0, 0.0],
+            frictionloss=chain.coulomb[i],
             stiffness=[chain.stiffness[i], 0.0, 0.0],
         )
         height = chain.length[i]
@@ -225,7 +229,9 @@ class MujocoPlant:
         """A simulated plant holds nothing that anybody waits for."""
 
     def true_lumps(self) -> Lumps | None:
-        return self.chain.lumps if self.settings.truth_known else None
+        if not self.settings.truth_known:
+            return None
+        return replace(self.chain.lumps_of((*IDEAL, *FRICTION)), searched=self.chain.kinds)
 
 
 def load_plant(name: str | Path) -> MujocoPlant:

@@ -1,8 +1,9 @@
 """What a study is about: a study file made whole, and what follows from it.
 
 `StudySpec` is all that a run depends on (the study's settings with plant and nominal model written out); it goes into
-the study DB, so a study can be resumed and shown without its files. `Problem` is what follows: the nominal lumps, the
-pushes, the episode, the coordinates.
+the study DB, so a study can be resumed and shown without its files. `Problem` is what follows for one stage of it: the
+nominal lumps, the pushes, the episode, the coordinates. Most studies have one stage; with `[inertia]` a second searches
+the inertia lumps, by a law made of what the first has found.
 """
 
 from __future__ import annotations
@@ -13,10 +14,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
-from metaid.chain import Array, Chain, factors_from_names, lump_names
-from metaid.coordinates import Coordinates, designed_speeds, nominal_metric, plain
+from metaid.chain import FRICTION, IDEAL, Array, Chain, Lumps, factors_from_names, lump_names
+from metaid.coordinates import Coordinates, designed_speeds, nominal_metric, plain, sensitivity
 from metaid.episode import (
     FALL_LIMIT,
     FALL_MARGIN,
@@ -56,11 +57,16 @@ class NominalSettings(Settings):
 
 
 class SearchSettings(Settings):
-    """`[search]`: bounds `low`, `high` and `start` as factors of the nominal lumps, one for all or a table by lump
+    """`[search]`: the kinds of `lumps` that are searched, "gravity" and "coriolis" and, if wanted, "damping" and
+    "coulomb"; bounds `low`, `high` and `start` as factors of the nominal lumps, one for all or a table by lump
     name; the coordinates; the first step `sigma` in them; the `generation` size (default: the sampler's own); a
     `target` of the measure at which the search may stop; the `increment` of the factors in dinoip's steps, and whether
     it goes `coarse_to_fine`."""
 
+    lumps: Annotated[tuple[Literal["gravity", "coriolis", "damping", "coulomb"], ...], Field(strict=False)] = (
+        "gravity",
+        "coriolis",
+    )
     coordinates: Literal["nominal-metric", "plain"] = "nominal-metric"
     start: Factors = 1.0
     low: Factors = 0.5
@@ -70,6 +76,21 @@ class SearchSettings(Settings):
     target: Annotated[float, Field(ge=0)] | None = None
     increment: Annotated[float, Field(ge=1e-6, le=1)] = 0.01
     coarse_to_fine: bool = False
+
+    @field_validator("lumps")
+    @classmethod
+    def _in_order(cls, lumps: tuple[str, ...]) -> tuple[str, ...]:
+        if not set(IDEAL) <= set(lumps) or len(set(lumps)) < len(lumps):
+            raise ValueError(f"needs {' and '.join(IDEAL)}, each kind once (allowed besides: {', '.join(FRICTION)})")
+        return tuple(kind for kind in (*IDEAL, *FRICTION) if kind in lumps)
+
+
+class InertiaSettings(Settings):
+    """`[inertia]`: a second stage, which searches the inertia lumps: its number of `trials`, and the `stiffness` k in
+    1/s² of the q̈ = −k q that its law asks for (default: one period within the horizon)."""
+
+    trials: Annotated[int, Field(ge=1, le=100_000_000)]
+    stiffness: Annotated[float, Field(gt=0, le=1e8)] | None = None
 
 
 class EpisodeSettings(Settings):
@@ -103,6 +124,12 @@ class StudySettings(Settings):
     workers: Annotated[int, Field(ge=1, le=1024)] = 2
     search: SearchSettings = SearchSettings()
     episode: EpisodeSettings = EpisodeSettings()
+    inertia: InertiaSettings | None = None
+
+    @property
+    def total_trials(self) -> int:
+        """The trials of all stages."""
+        return self.trials + (self.inertia.trials if self.inertia else 0)
 
 
 class PushedSettings(Settings):
@@ -123,6 +150,12 @@ class StudySpec(Settings):
     nominal: Annotated[tuple[LinkSettings, ...], Field(strict=False)]
     study: StudySettings
     pushed: PushedSettings | None = None
+
+    @property
+    def names(self) -> tuple[list[str], ...]:
+        """The names of the lumps that each stage searches."""
+        kinds = [self.study.search.lumps] + [("inertia",)] * (self.study.inertia is not None)
+        return tuple(lump_names(len(self.nominal), searched) for searched in kinds)
 
 
 def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec:
@@ -175,15 +208,17 @@ def _same_gravity(model: PlantSettings, plant: PlantSettings | SocketSettings, p
 
 
 class Problem:
-    """All that a study's settings determine before any trial.  Raises StudyError where they contradict each other."""
+    """All that a study's settings determine before any trial of a stage: of the first, or, given the factors `found`
+    (nlump) there, of the second.  Raises StudyError where they contradict each other.
+    """
 
-    def __init__(self, spec: StudySpec) -> None:
+    def __init__(self, spec: StudySpec, found: Array | None = None) -> None:
         self.spec = spec
+        self.found = found
+        self.stage = 1 if found is None else 2
         self.nominal: Chain = chain_of(spec.nominal)
-        self.names = lump_names(self.nominal.nlink)
         self.measure = _measure(spec.study.episode)
-        if spec.study.sampler not in SAMPLERS:
-            raise StudyError(f"sampler: {unknown('sampler', spec.study.sampler, SAMPLERS)}")
+        _check_settings(spec, self.nominal)
         plant = self.open_plant()
         if plant.njoint != self.nominal.nlink:
             raise StudyError(
@@ -192,8 +227,13 @@ class Problem:
         refuse_impossible("nominal model", self.nominal)
         if not self.is_simulated:
             self._check_rig()
+        self.lumps = self._nominal_lumps()
+        self.names = self.lumps.names
         search = spec.study.search
         self.start, self.low, self.high = (self._factors(key, getattr(search, key)) for key in ("start", "low", "high"))
+        if found is not None:
+            # A link that holds more mass than was believed has larger gravity and inertia lumps alike.
+            self.start = np.clip(found[: self.nominal.nlink], self.low, self.high)
         for name, start, low, high in zip(self.names, self.start, self.low, self.high, strict=True):
             if not low < high or not low <= start <= high:
                 raise StudyError(
@@ -212,6 +252,27 @@ class Problem:
         return isinstance(self.spec.plant, PlantSettings)
 
     @property
+    def is_last(self) -> bool:
+        """Whether no other stage follows."""
+        return self.stage == len(self.spec.names)
+
+    @property
+    def is_only(self) -> bool:
+        """Whether the study has no other stage."""
+        return len(self.spec.names) == 1
+
+    def second(self, found: Array) -> Problem | None:
+        """The second stage, after the first has found these factors (nlump); None if there is none."""
+        return None if self.is_last else Problem(self.spec, found)
+
+    def stages(self, found: Array | None = None) -> list[Problem]:
+        """This first stage and those that follow from the factors `found` (nlump) in it; if it has found none yet, from
+        its nominal lumps.
+        """
+        following = self.second(np.ones(len(self.names)) if found is None else found)
+        return [self] if following is None else [self, following]
+
+    @property
     def timestep(self) -> float:
         return self.spec.plant.timestep
 
@@ -225,14 +286,17 @@ class Problem:
         """What the searcher moves in.  Raises StudyError where the nominal metric does not exist."""
         if self.spec.study.search.coordinates == "plain":
             return plain(self.start, self.low, self.high)
-        horizon = self.episode.steps * self.timestep
         try:
-            metric = nominal_metric(
-                self.nominal, self.spec.plant.gravity, self.start_speeds, horizon, self.start, self.low, self.high
-            )
+            metric = nominal_metric(self.sensitivity(), self.start, self.low, self.high)
         except EpisodeError as problem:
             raise StudyError(f"search: coordinates: {problem}") from None
         return metric if self.measure.name == "spectral" else replace(metric, curvature=None)
+
+    def sensitivity(self) -> Array:
+        """H (nlump x nlump) of this stage's lumps and pushes, by the nominal model.  Eq. 11."""
+        horizon, gravity = self.episode.steps * self.timestep, self.spec.plant.gravity
+        searched, stiffness = self.lumps.searched, self.episode.stiffness
+        return sensitivity(self.nominal, gravity, self.start_speeds, horizon, searched, stiffness)
 
     def open_plant(self) -> MujocoPlant | SocketPlant:
         """A plant of its own for each worker, simulated or not."""
@@ -270,7 +334,7 @@ class Problem:
 
     def _objective(self, physics: str) -> Objective:
         rule = self.spec.study.episode.rule
-        return Objective(self.open_plant(), self.nominal.lumps, self.episode, self.measure.name, physics, rule)
+        return Objective(self.open_plant(), self.lumps, self.episode, self.measure.name, physics, rule)
 
     def make_searcher(self) -> Searcher:
         """The searcher at the study's seed, knowing of no trial."""
@@ -278,14 +342,20 @@ class Problem:
         options = SearchOptions(search.sigma, search.generation, search.increment, search.coarse_to_fine)
         return make_searcher(study.sampler, self.coordinates, study.seed, options)
 
+    def _nominal_lumps(self) -> Lumps:
+        """What the candidates' factors are of. The law of the second stage is what the first has found."""
+        lumps = self.nominal.lumps_of(self.spec.study.search.lumps)
+        return lumps if self.found is None else replace(lumps.scaled(self.found), searched=("inertia",))
+
     def _factors(self, key: str, given: Factors) -> Array:
         if not isinstance(given, dict):
             return np.full(len(self.names), given)
-        default = SearchSettings.model_fields[key].default
+        default, n = SearchSettings.model_fields[key].default, self.nominal.nlink
         try:
-            return factors_from_names(given, self.nominal.nlink, default)
+            named = factors_from_names(given, n, default, (*self.spec.study.search.lumps, "inertia"))
         except EpisodeError as problem:
             raise StudyError(f"search: {key}: {problem}") from None
+        return named[-n:] if self.stage == 2 else named[: len(self.names)]
 
     def _check_rig(self) -> None:
         """What needs a simulation, or more than one plant.  Raises StudyError."""
@@ -330,14 +400,41 @@ class Problem:
         else:
             steps, fall_limit = wanted.steps or COUNTING_STEPS, FALL_LIMIT
             pushes = tip_push(plant, wanted.peak_speed or TIP_SPEED) if kind == "tip" else _explicit(kind, plant.njoint)
-        return Episode(pushes, steps, wanted.fall_limit or fall_limit, wanted.fall_margin)
+        limit = wanted.fall_limit or fall_limit
+        return Episode(pushes, steps, limit, wanted.fall_margin, stiffness=self._stiffness(steps * plant.timestep))
+
+    def _stiffness(self, horizon: float) -> float:
+        inertia = self.spec.study.inertia
+        if self.stage == 1 or inertia is None:
+            return 0.0
+        return inertia.stiffness or (2.0 * np.pi / horizon) ** 2
 
     def _strong_pushes(self, plant: Plant, kind: Literal["rich", "designed"], horizon: float) -> Array:
         wanted, seed = self.spec.study.episode, self.spec.study.seed
         peak_speed, count = wanted.peak_speed or REACH / horizon, wanted.count or 2 * plant.njoint
         if kind == "rich":
             return rich_pushes(plant, count, peak_speed, seed)
-        return pushes_for(plant, designed_speeds(self.nominal, plant.gravity, count, peak_speed, horizon, seed))
+        kinds = self.spec.study.search.lumps
+        return pushes_for(plant, designed_speeds(self.nominal, plant.gravity, count, peak_speed, horizon, seed, kinds))
+
+
+def _check_settings(spec: StudySpec, nominal: Chain) -> None:
+    """Raises StudyError where settings contradict each other."""
+    study, plant = spec.study, spec.plant
+    if study.sampler not in SAMPLERS:
+        raise StudyError(f"sampler: {unknown('sampler', study.sampler, SAMPLERS)}")
+    if study.inertia is not None and study.episode.measure != "spectral":
+        raise StudyError("inertia: a second stage needs the Coriolis lumps, so measure = 'spectral'")
+    dry = isinstance(plant, PlantSettings) and any(link.frictionloss for link in plant.links)
+    if study.episode.physics == "analytic" and dry:
+        raise StudyError("episode: physics: 'analytic' has no dry friction, and the plant has (allowed: 'mujoco')")
+    for kind, key in zip(FRICTION, ("damping", "frictionloss"), strict=True):
+        missing = np.flatnonzero(nominal.lumps_of((kind,)).of(kind) == 0.0) + 1
+        if kind in study.search.lumps and len(missing):
+            raise StudyError(
+                f"search: lumps: {key} of link {missing[0]} is 0 in the nominal model, so there are no factors of it "
+                f"(allowed: above 0 where {kind} is searched)"
+            )
 
 
 def _refuse_unseen_pushes(start_speeds: Array, timestep: float) -> None:

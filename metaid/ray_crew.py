@@ -57,7 +57,7 @@ class RayCrew:
 
         self._ray: Any = ray
         self._problem = problem
-        self._spec = problem.spec.model_dump_json()
+        self._asked = problem.spec.model_dump_json(), problem.found
         self._workers = workers
         self._patience = patience
         self._slowest = 0.0  # s a candidate
@@ -82,7 +82,7 @@ class RayCrew:
     def _hire(self) -> None:
         actor: Any = self._ray.remote(num_cpus=1)(_Worker)
         while len(self._hands) < self._workers:
-            hired = actor.remote(self._spec)
+            hired = actor.remote(*self._asked)
             self._hands.append(_Hand(hired, hired.place.remote()))
 
     def _hand_out(self, shares: Shares, batch: Array) -> None:
@@ -176,8 +176,8 @@ class RayCrew:
 class _Worker:
     """What runs in a Ray actor."""
 
-    def __init__(self, spec: str) -> None:
-        self._objective = Problem(StudySpec.model_validate_json(spec)).make_objective()
+    def __init__(self, spec: str, found: Array | None) -> None:
+        self._objective = Problem(StudySpec.model_validate_json(spec), found).make_objective()
         self._warm = False
 
     def place(self) -> tuple[str, int]:

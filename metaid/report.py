@@ -71,8 +71,7 @@ def render(found: Findings) -> str:
             "plant-",
         ),
         figures=shown,
-        falls=falls(found),
-        cost=cost(found),
+        stages=[{"found": stage, "falls": falls(stage), "cost": cost(stage)} for stage in found.stages],
         unidentified=unidentified(found),
         versions={"metaid": metaid.__version__, "Python": platform.python_version(), **_versions()},
         files=files(found),
@@ -132,6 +131,8 @@ def unidentified(found: Findings) -> list[dict[str, Any]]:
             why = (
                 f"{found.problem.measure.name} with these pushes hardly responds to it; spectral with rich pushes does"
             )
+        elif lump["identified"] is None:
+            why = "its stage has no survivor yet"
         elif (width := (lump["high"] - lump["low"]) / lump["identified"]) > WIDEST:
             why = f"trials as good as the best differ by {width:.1%} of its value"
         if why is not None:

@@ -24,7 +24,9 @@ from metaid.objective import Outcome
 
 @dataclass(frozen=True)
 class Trial:
-    """One row of the trial table; `factors` (nlump)."""
+    """One row of the trial table; `factors` (nlump) of the lumps that its `stage` searches, None where a study has but
+    one.
+    """
 
     number: int
     generation: int
@@ -32,6 +34,7 @@ class Trial:
     outcome: Outcome
     started: datetime | None = None
     completed: datetime | None = None
+    stage: int | None = None
 
     @property
     def state(self) -> TrialState:
@@ -187,4 +190,5 @@ def detail_rows(
 def _attributes(trial: Trial) -> dict[str, int | str]:
     periods = {f"periods_{joint + 1}": count for joint, count in enumerate(trial.outcome.periods)}
     reason = {} if trial.outcome.failure is None else {REASON: trial.outcome.failure}
-    return {"generation": trial.generation, "steps": trial.outcome.steps, **periods, **reason}
+    stage = {} if trial.stage is None else {"stage": trial.stage}
+    return {"generation": trial.generation, "steps": trial.outcome.steps, **periods, **stage, **reason}

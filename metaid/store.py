@@ -7,6 +7,7 @@ a RUNNING trial. Nothing in a DB is ever unpickled.
 
 from __future__ import annotations
 
+import itertools
 import json
 import operator
 import sqlite3
@@ -225,30 +226,35 @@ class Store:
             order = operator.itemgetter(*statement.positiontup)
             connection.exec_driver_sql(statement.string, [order(row) for row in rows])
 
-    def trials(self, name: str, names: Sequence[str]) -> list[Trial]:
-        """All trials in order, with their factors in the order of `names`."""
+    def trials(self, name: str, *names: Sequence[str]) -> list[Trial]:
+        """All trials in order, with their factors in the order of their stage's `names`."""
         study_id = self._study_id(name)
         trial, parameter = models.TrialModel, models.TrialParamModel
-        joint_count = sum(lump.startswith("gravity_") for lump in names)
+        joint_count = sum(lump.startswith("gravity_") for lump in names[0])
         with self._snapshot() as connection:
             columns = trial.number, trial.state, trial._datetime_start_utc, trial._datetime_complete_utc
             query = sa.select(*columns).where(trial.study_id == study_id).order_by(trial.trial_id)
             try:
                 heads = connection.execute(query).all()
                 states = [head[1] for head in heads]
-                factors = read_table(connection, study_id, parameter.param_name, parameter.param_value, names, float)
+                tables = [
+                    read_table(connection, study_id, parameter.param_name, parameter.param_value, searched, float)
+                    for searched in names
+                ]
+                factors = list(itertools.chain(*tables))
                 outcomes = read_outcomes(connection, study_id, states, joint_count)
                 whole = (
                     len(factors) == len(outcomes) == len(heads)
                     and [head[0] for head in heads] == list(range(len(heads)))
                     and all(state.is_finished() for state in states)
-                    and bool(np.isfinite(factors).all())
+                    and all(np.isfinite(table).all() for table in tables)
                     and bool(np.isfinite([outcome.value for _, outcome in outcomes]).all())
                 )
             except SPOILED:
                 whole = False
         if not whole:
             raise StorageError(f"{self.url}: study '{name}' has trials that metaid did not write")
+        stages = [None] * len(heads) if len(names) == 1 else [i + 1 for i, table in enumerate(tables) for _ in table]
         return [
             Trial(
                 number=head[0],
@@ -257,8 +263,9 @@ class Store:
                 outcome=outcome,
                 started=head[2],
                 completed=head[3],
+                stage=stage,
             )
-            for head, row, (generation, outcome) in zip(heads, factors, outcomes, strict=True)
+            for head, row, (generation, outcome), stage in zip(heads, factors, outcomes, stages, strict=True)
         ]
 
     @contextmanager

@@ -9,42 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from types import TracebackType
 
-import numpy as np
-from optuna.trial import TrialState
 from threadpoolctl import threadpool_limits
 
-from metaid.chain import Array
+from metaid.crew import Crew
 from metaid.crews import make_crew
 from metaid.errors import StorageError, StudyError
 from metaid.lease import Lease, refuse_if_run
-from metaid.objective import Outcome
 from metaid.problem import Problem, PushedSettings, StudySpec
 from metaid.ray_crew import PATIENCE
 from metaid.rows import Trial
-from metaid.searchers import Searcher
+from metaid.running import Progress, Run
 from metaid.socket_plant import SocketSettings
 from metaid.store import Store
 
 LARGEST_TPE = 2000  # trials; what the next one costs grows with all before it
-REPLAY_TOLERANCE = 1e-6  # relative; another machine's linear algebra may round differently
-
-
-@dataclass(frozen=True)
-class Progress:
-    """How far a run is: trials done, how many of them fell, trials in all, the best survivor, the searcher's
-    spread, the run's state.
-    """
-
-    trials: int
-    falls: int
-    total: int
-    best: Trial | None
-    spread: float | None
-    generation: int
 
 
 def create_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
@@ -53,7 +34,7 @@ def create_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
     A rig is pushed, to find what pushes it needs and what they do.  Raises LostPlant where it does not answer.
     """
     problem = Problem(spec)
-    problem.make_searcher()  # what cannot be run is not created
+    _refuse_what_cannot_be_run(problem)
     name = spec.name if name is None else name
     if not name or len(name) > 200 or not name.isprintable():
         raise StudyError("a study's name has 1 to 200 printable characters")
@@ -61,9 +42,14 @@ def create_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
         if name in store.names():
             raise StorageError(f"{store.url} has a study '{name}' already (choose another with --name, or delete it)")
         spec = _pushed_spec(problem)
-        Problem(spec).make_searcher()
+        _refuse_what_cannot_be_run(Problem(spec))
     store.create(name, spec.model_dump_json())
     return name
+
+
+def _refuse_what_cannot_be_run(problem: Problem) -> None:
+    for stage in problem.stages():
+        stage.make_searcher()
 
 
 def _pushed_spec(problem: Problem) -> StudySpec:
@@ -115,7 +101,7 @@ def run_study(
     also where another driver runs the study, and WorkerError.
     """
     spec = stored_spec(store, name)
-    total = spec.study.trials if trials is None else trials
+    total = spec.study.total_trials if trials is None else trials
     workers = spec.study.workers if workers is None else workers
     if total < 1 or workers < 1:
         raise StudyError(f"trials is {total} and workers is {workers} (allowed: 1 or more of each)")
@@ -124,32 +110,38 @@ def run_study(
     store.check()
     # At these sizes BLAS threads cost far more than they give.
     with threadpool_limits(1), Lease(store, name) as lease:
-        problem = Problem(spec)
-        run = _Run(problem, problem.make_searcher(), total, spec.study.search.target)
-        pending = run.replay(store.trials(name, problem.names), f"{store.url}: study '{name}'")
+        stored = store.trials(name, *spec.names)
+        run = Run(Problem(spec), max(total, len(stored)))
+        run.replay(stored, f"{store.url}: study '{name}'")
         watch(run.progress)
-        if run.done:
-            return run.progress
-        with (
-            make_crew(problem, engine, workers, ray_address, patience) as crew,
-            _Writer(store, name, problem, lease) as writer,
-        ):
-            while not run.done:
-                batch = pending if pending is not None else run.searcher.ask()
-                have = len(run.outcomes)
-                started = datetime.now(UTC).replace(tzinfo=None)
-                # A rig's episodes are dear: each is kept, whatever becomes of the next.
-                until = have + min(total - run.number, len(batch) if problem.is_simulated else 1)
-                outcomes = crew.evaluate(batch[have:until], meanwhile=writer.write)
-                completed = datetime.now(UTC).replace(tzinfo=None)
-                fresh = [
-                    Trial(run.number + i, run.generation, batch[have + i], outcome, started, completed)
-                    for i, outcome in enumerate(outcomes)
-                ]
-                writer.trials = fresh
-                pending = run.add(fresh, batch)
-                watch(run.progress)
+        while not run.done:
+            problem = run.problem
+            with (
+                make_crew(problem, engine, workers, ray_address, patience) as crew,
+                _Writer(store, name, problem, lease) as writer,
+            ):
+                _run_stage(run, crew, writer, watch)
     return run.progress
+
+
+def _run_stage(run: Run, crew: Crew, writer: _Writer, watch: Callable[[Progress], None]) -> None:
+    """Goes on with a run until it is done, or its stage is."""
+    problem = run.problem
+    stage = None if problem.is_only else problem.stage
+    while run.problem is problem and not run.done:
+        batch = run.candidates()
+        if not problem.is_simulated:
+            batch = batch[:1]  # a rig's episodes are dear: each is kept, whatever becomes of the next
+        started = datetime.now(UTC).replace(tzinfo=None)
+        outcomes = crew.evaluate(batch, meanwhile=writer.write)
+        completed = datetime.now(UTC).replace(tzinfo=None)
+        trials = [
+            Trial(run.number + i, run.generation, batch[i], outcome, started, completed, stage)
+            for i, outcome in enumerate(outcomes)
+        ]
+        writer.trials = trials
+        run.add(trials)
+        watch(run.progress)
 
 
 class _Writer:
@@ -184,59 +176,3 @@ class _Writer:
         # An interrupt may come just after the transaction that wrote them.
         if error is None or (self.trials and self._store.count(self._name) == self.trials[0].number):
             self.write()
-
-
-class _Run:
-    """Where a run stands: how many trials there are, and what is known of the generation that is not yet whole."""
-
-    def __init__(self, problem: Problem, searcher: Searcher, total: int, target: float | None) -> None:
-        self.problem = problem
-        self.searcher = searcher
-        self.total = total
-        self.target = target
-        self.number = self.falls = self.generation = 0
-        self.best: Trial | None = None
-        self.outcomes: list[Outcome] = []
-
-    @property
-    def progress(self) -> Progress:
-        return Progress(self.number, self.falls, self.total, self.best, self.searcher.spread, self.generation)
-
-    @property
-    def done(self) -> bool:
-        reached = self.target is not None and self.best is not None and self.best.outcome.value <= self.target
-        return self.number >= self.total or (not self.outcomes and (reached or self.searcher.finished()))
-
-    def add(self, trials: list[Trial], batch: Array) -> Array | None:
-        """Takes in trials of the generation `batch`; tells the searcher when it is whole, else returns the batch to
-        go on with.
-        """
-        for trial in trials:
-            self.number += 1
-            self.falls += trial.state == TrialState.PRUNED
-            if not trial.outcome.fell and (self.best is None or trial.outcome.value < self.best.outcome.value):
-                self.best = trial
-        self.outcomes += [trial.outcome for trial in trials]
-        if len(self.outcomes) < len(batch):
-            return batch
-        self.searcher.tell(self.outcomes)
-        self.outcomes = []
-        self.generation += 1
-        return None
-
-    def replay(self, trials: list[Trial], where: str) -> Array | None:
-        """Asks and tells the searcher all that the DB holds; returns the generation to go on with if the last one is
-        not whole.
-        """
-        batch: Array | None = None
-        while self.number < len(trials):
-            batch = self.searcher.ask()
-            stored = trials[self.number : self.number + len(batch)]
-            known = np.array([trial.factors for trial in stored])
-            if not np.allclose(batch[: len(known)], known, rtol=REPLAY_TOLERANCE, atol=0.0):
-                raise StorageError(
-                    f"{where}: trial {self.number} and on do not follow from its settings and seed: "
-                    "made by another version, or changed"
-                )
-            batch = self.add(stored, batch)
-        return batch

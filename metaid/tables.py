@@ -4,6 +4,8 @@ result.
 
 from __future__ import annotations
 
+import itertools
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +14,7 @@ from numpy.typing import NDArray
 
 from metaid.chain import lump_unit
 from metaid.identifiability import identifiability
-from metaid.problem import Problem
+from metaid.problem import Problem, StudySpec
 from metaid.rows import Trial
 from metaid.store import Store
 from metaid.study import stored_spec
@@ -21,12 +23,12 @@ STATES = ["COMPLETE", "PRUNED", "FAIL"]
 
 
 def trials_frame(store: Store, name: str) -> pd.DataFrame:
-    """One row a trial: `number`, `state`, `value` (NaN where it failed), `generation`, `steps`, `periods_i`, then a
-    factor per lump, under its name.
+    """One row a trial: `number`, `state`, `value` (NaN where it failed), `generation`, `steps`, `periods_i`, `stage` if
+    the study has two, then a factor per lump, under its name; NaN where the trial's stage does not search it.
     """
-    problem = Problem(stored_spec(store, name))
-    names = problem.names
-    trials = store.trials(name, names)
+    spec = stored_spec(store, name)
+    names = list(itertools.chain(*spec.names))
+    trials = store.trials(name, *spec.names)
     heads = {
         "number": np.array([trial.number for trial in trials], dtype=np.int64),
         "state": pd.Categorical([trial.state.name for trial in trials], STATES),
@@ -36,9 +38,15 @@ def trials_frame(store: Store, name: str) -> pd.DataFrame:
     }
     periods = {
         f"periods_{joint + 1}": np.array([trial.outcome.periods[joint] for trial in trials], dtype=np.int64)
-        for joint in range(problem.nominal.nlink)
+        for joint in range(len(spec.nominal))
     }
-    factors = np.array([trial.factors for trial in trials]).reshape(len(trials), len(names))
+    if len(spec.names) > 1:
+        heads["stage"] = np.array([trial.stage for trial in trials], dtype=np.int64)
+    factors, row, column = np.full((len(trials), len(names)), np.nan), 0, 0
+    for searched, own in zip(spec.names, _by_stage(spec, trials), strict=True):
+        rows, columns = slice(row, row + len(own)), slice(column, column + len(searched))
+        factors[rows, columns] = np.array([trial.factors for trial in own]).reshape(len(own), len(searched))
+        row, column = rows.stop, columns.stop
     return pd.DataFrame({**heads, **periods, **{lump: factors[:, i] for i, lump in enumerate(names)}})
 
 
@@ -50,13 +58,38 @@ def lumps_frame(store: Store, name: str) -> pd.DataFrame:
     """One row a lump: `name`, `unit`, `nominal`, `factor`, `identified`, `low`, `high`, `true`, `error`,
     `determined`; NaN where not known. Of a lump that the study's measure cannot determine, nothing is said.
     """
-    problem = Problem(stored_spec(store, name))
-    return _lumps(problem, store.trials(name, problem.names))
+    spec = stored_spec(store, name)
+    return pd.concat([_lumps(stage) for stage in stages(spec, store.trials(name, *spec.names))], ignore_index=True)
 
 
-def _lumps(problem: Problem, trials: list[Trial]) -> pd.DataFrame:
-    survivors = [trial for trial in trials if not trial.outcome.fell]
-    nominal = problem.nominal.lumps.vector
+@dataclass(frozen=True)
+class Stage:
+    """One stage of a study with its trials."""
+
+    problem: Problem
+    trials: list[Trial]
+
+    @property
+    def survivors(self) -> list[Trial]:
+        """Those that did not fall."""
+        return [trial for trial in self.trials if not trial.outcome.fell]
+
+
+def stages(spec: StudySpec, trials: list[Trial]) -> list[Stage]:
+    """The stages of a study, those that have no trial yet too."""
+    by_stage = _by_stage(spec, trials)
+    survivors = [trial for trial in by_stage[0] if not trial.outcome.fell]
+    problems = Problem(spec).stages(best_trial(survivors).factors if survivors else None)
+    return [Stage(problem, own) for problem, own in zip(problems, by_stage, strict=True)]
+
+
+def _by_stage(spec: StudySpec, trials: list[Trial]) -> list[list[Trial]]:
+    return [[trial for trial in trials if trial.stage in (None, i + 1)] for i in range(len(spec.names))]
+
+
+def _lumps(stage: Stage) -> pd.DataFrame:
+    problem, survivors = stage.problem, stage.survivors
+    nominal = problem.lumps.vector
     unknown = np.full(len(nominal), np.nan)
     determined = _determined(problem)
     factor = low = high = unknown
@@ -67,7 +100,7 @@ def _lumps(problem: Problem, trials: list[Trial]) -> pd.DataFrame:
         found = best.factors, equal.min(axis=0), equal.max(axis=0)
         factor, low, high = (np.where(determined, factors, np.nan) for factors in found)
     truth = problem.open_plant().true_lumps()
-    true = unknown if truth is None else truth.vector
+    true = unknown if truth is None else truth.vector_of(problem.lumps.searched, np.nan)
     identified = factor * nominal
     columns = {
         "name": problem.names,
@@ -78,7 +111,7 @@ def _lumps(problem: Problem, trials: list[Trial]) -> pd.DataFrame:
         "low": low * nominal,
         "high": high * nominal,
         "true": true,
-        "error": identified / true - 1.0,
+        "error": identified / np.where(true == 0.0, np.nan, true) - 1.0,
         "determined": determined,
     }
     return pd.DataFrame(columns)
@@ -106,38 +139,46 @@ def _last_best(survivors: list[Trial]) -> Trial:
 def summary(store: Store, name: str) -> dict[str, Any]:
     """A study as `metaid study show --json` prints it; None where something is not known."""
     spec = stored_spec(store, name)
-    problem = Problem(spec)
-    trials = store.trials(name, problem.names)
-    survivors = [trial for trial in trials if not trial.outcome.fell]
-    lumps = _lumps(problem, trials)
-    best = best_trial(survivors) if survivors else None
-    states = [trial.state.name for trial in trials]
+    trials = store.trials(name, *spec.names)
+    by_stage = stages(spec, trials)
+    lumps = pd.concat([_lumps(stage) for stage in by_stage], ignore_index=True)
     errors = lumps["error"][lumps["determined"]].abs()
     return {
         "name": name,
         "plant": spec.plant_name,
         "sampler": spec.study.sampler,
-        "measure": problem.measure.name,
+        "measure": by_stage[0].problem.measure.name,
         "seed": spec.study.seed,
-        "trials": {
-            "total": len(trials),
-            "complete": len(survivors),
-            "pruned": states.count("PRUNED"),
-            "failed": states.count("FAIL"),
-        },
-        "best": {
-            "number": best.number if best else None,
-            "value": best.outcome.value if best else None,
-            **_verified(problem, best),
-        },
+        "trials": _counts(trials),
+        "best": _best(by_stage[0]),
         "lumps": [_without_nan(row) for row in lumps.to_dict("records")],
         "max_error": None if errors.isna().any() else float(errors.max()),
+        **({"stages": [_stage_summary(stage) for stage in by_stage]} if len(by_stage) > 1 else {}),
     }
 
 
-def _verified(problem: Problem, best: Trial | None) -> dict[str, Any]:
+def _stage_summary(stage: Stage) -> dict[str, Any]:
+    searched = list(stage.problem.lumps.searched)
+    return {"stage": stage.problem.stage, "searched": searched, "trials": _counts(stage.trials), "best": _best(stage)}
+
+
+def _counts(trials: list[Trial]) -> dict[str, int]:
+    states = [trial.state.name for trial in trials]
+    counts = {kind: states.count(state) for kind, state in zip(("complete", "pruned", "failed"), STATES, strict=True)}
+    return {"total": len(trials), **counts}
+
+
+def _best(stage: Stage) -> dict[str, Any]:
+    survivors = stage.survivors
+    if not survivors:
+        return {"number": None, "value": None}
+    best = best_trial(survivors)
+    return {"number": best.number, "value": best.outcome.value, **_verified(stage.problem, best)}
+
+
+def _verified(problem: Problem, best: Trial) -> dict[str, Any]:
     """What MuJoCo says of the best candidate of a study that was screened by other physics; nothing for any other."""
-    if problem.spec.study.episode.physics == "mujoco" or best is None:
+    if problem.spec.study.episode.physics == "mujoco":
         return {}
     outcome = problem.verify(best.factors)
     agrees = not outcome.fell and abs(outcome.value - best.outcome.value) <= problem.resolution

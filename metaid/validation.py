@@ -6,7 +6,7 @@ ones only serve to say how good a result could have been.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -83,8 +83,11 @@ class Validation:
         return {**head, **times, "models": [row(shown) for shown in self.models]}
 
 
-def validate_factors(problem: Problem, factors: Array, pushes: int = PUSHES, seed: int = 0) -> Validation:
-    """Validates the `factors` (nlump) that a study of `problem` found, on `pushes` rich pushes that `seed` means.
+def validate_factors(
+    problem: Problem, factors: Array, pushes: int = PUSHES, seed: int = 0, inertia: Array | None = None
+) -> Validation:
+    """Validates the `factors` (nlump) that the first stage of a study found, which `problem` is, and the `inertia`
+    lumps (nlink), in kg m², that the second found, if there was one, on `pushes` rich pushes that `seed` means.
 
     Raises StudyError on a number of pushes or a seed that cannot be, and of a rig.
     """
@@ -94,10 +97,12 @@ def validate_factors(problem: Problem, factors: Array, pushes: int = PUSHES, see
     time = natural_time(nominal, plant.gravity)
     fresh = fresh_pushes(plant, pushes, REACH / (HORIZON * time), problem.spec.study.seed, seed)
     steps = round(LONGEST * time / plant.timestep)
-    candidates = {"nominal": nominal.lumps, "identified": nominal.lumps.scaled(factors)}
+    candidates = {"nominal": problem.lumps, "identified": replace(problem.lumps.scaled(factors), inertia=inertia)}
     truth = plant.true_lumps()
     if truth is not None:
         candidates["true"] = truth
+    if inertia is None:
+        candidates = {name: _with_believed_inertia(lumps, nominal) for name, lumps in candidates.items()}
 
     def validated(name: str, lumps: Lumps) -> Validated:
         coasting = np.array([coasting_time(plant, lumps, impulses, steps) for impulses in fresh])
@@ -105,6 +110,11 @@ def validate_factors(problem: Problem, factors: Array, pushes: int = PUSHES, see
 
     models = tuple(validated(name, lumps) for name, lumps in candidates.items())
     return Validation(plant.name, seed, fresh, plant.timestep, time, steps * plant.timestep, models)
+
+
+def _with_believed_inertia(lumps: Lumps, nominal: Chain) -> Lumps:
+    """Where inertia lumps are not identified, d_i is μ_i times the nominal model's d_i / μ_i, for every model alike."""
+    return replace(lumps, inertia=nominal.inertia_lumps * lumps.gravity / nominal.lumps.gravity)
 
 
 def fresh_pushes(plant: Plant, count: int, peak_speed: float, study_seed: int, seed: int) -> Array:
@@ -135,12 +145,11 @@ def tracking_errors(plant: Plant, lumps: Lumps, nominal: Chain) -> tuple[Array, 
     """Errors of the joint angles (nsteps x njoint), in rad, along smooth sinusoids under computed torque with `lumps`,
     up to where control was lost, and whether it never was.
 
-    The inertia lumps are not identified: d_i is μ_i times the nominal model's d_i / μ_i, for every model alike.  The
-    feedback is weighted by the nominal mass matrix, for every model alike.
+    The feedback is weighted by the nominal mass matrix, for every model alike.
     """
     time = natural_time(nominal, plant.gravity)
     desired = smooth_sinusoids(plant.njoint, time, plant.timestep)
-    model = Model(lumps, nominal.inertia_lumps * lumps.gravity / nominal.lumps.gravity)
+    model = Model(lumps, lumps.of("inertia"))
     feedback = Model(nominal.lumps, nominal.inertia_lumps)
     seen = track(plant, model, feedback, desired, BANDWIDTH / time)
     return seen.angles - desired.angles[: len(seen.angles)], len(seen.angles) == len(desired.angles)

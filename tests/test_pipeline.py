@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
-from conftest import random_links, random_plant
+from conftest import random_links
 
 from metaid.episode import Episode, rich_pushes
 from metaid.kernel import CompiledEpisode, fastest_step
@@ -13,10 +13,17 @@ from metaid.pipeline import DirectStep, MujocoStep, agrees_with_mj_step, direct_
 from metaid.plant import MujocoPlant, PlantSettings
 
 
+def plant_with(nlink: int, **joint: float) -> MujocoPlant:
+    """A random chain whose joints have springs or friction."""
+    links = tuple(link.model_copy(update=joint) for link in random_links(nlink, 1))
+    return MujocoPlant("joints", PlantSettings(links=links))
+
+
+@pytest.mark.parametrize("joint", [{}, {"damping": 0.02, "stiffness": 0.1}], ids=["bare", "damped"])
 @pytest.mark.parametrize("nlink", [1, 2, 3, 5, 10])
-def test_episodes_are_the_same_to_the_last_bit(nlink: int) -> None:
+def test_episodes_are_the_same_to_the_last_bit(nlink: int, joint: dict[str, float]) -> None:
     """Survivors and falls, near the truth and far from it, come out equal in every number."""
-    plant = random_plant(nlink)
+    plant = plant_with(nlink, **joint)
     lumps = plant.chain.lumps
     episode = Episode(rich_pushes(plant, 4, 3.0, seed=1), steps=300)
     whole = CompiledEpisode(plant, episode, mujoco_step(plant.model, plant.data))
@@ -36,15 +43,15 @@ def _arrays(record):  # type: ignore[no-untyped-def]
     return record.half_periods, record.crossing_span, record.speed_energy, record.acceleration_energy
 
 
-def test_a_frictionless_chain_is_stepped_directly() -> None:
+@pytest.mark.parametrize("joint", [{}, {"damping": 0.01}, {"stiffness": 0.1}])
+def test_a_chain_is_stepped_directly_with_and_without_viscous_friction_and_springs(joint: dict[str, float]) -> None:
     """The faster way is the one that is taken."""
-    assert isinstance(fastest_step(random_plant(3)), DirectStep)
+    assert isinstance(fastest_step(plant_with(3, **joint)), DirectStep)
 
 
-def test_a_chain_with_friction_is_left_to_mj_step() -> None:
-    """The stages know no friction, and the check on the very model notices."""
-    links = tuple(link.model_copy(update={"damping": 0.01}) for link in random_links(3, 1))
-    assert isinstance(fastest_step(MujocoPlant("damped", PlantSettings(links=links))), MujocoStep)
+def test_a_chain_with_dry_friction_is_left_to_mj_step() -> None:
+    """The stages know no constraint, and the check on the very model notices."""
+    assert isinstance(fastest_step(plant_with(3, frictionloss=0.01)), MujocoStep)
 
 
 @pytest.mark.parametrize(
@@ -53,13 +60,12 @@ def test_a_chain_with_friction_is_left_to_mj_step() -> None:
         '<joint type="slide" axis="1 0 0"/>',
         "<freejoint/>",
         '<joint type="ball"/>',
-        '<joint type="hinge" axis="0 1 0" stiffness="0.1"/>',
         '<joint type="hinge" axis="0 1 0" frictionloss="0.1"/>',
         "",
     ],
 )
-def test_models_that_are_no_frictionless_chain_are_not_accepted(joint: str) -> None:
-    """Other joints, springs and dry friction are noticed, before or by the comparison."""
+def test_models_that_are_no_chain_of_hinges_are_not_accepted(joint: str) -> None:
+    """Other joints and dry friction are noticed, before or by the comparison."""
     inertial = '<inertial pos="0 0 0.2" mass="1" diaginertia="0.01 0.01 0.01"/>'
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody><body>{joint}{inertial}</body></worldbody></mujoco>")
     assert not agrees_with_mj_step(model, mujoco.MjData(model))

@@ -17,8 +17,8 @@ from rich.table import Table
 from metaid.chain import Array, lump_unit
 from metaid.errors import printable
 from metaid.problem import Problem
+from metaid.running import Progress as RunProgress
 from metaid.store import Store
-from metaid.study import Progress as RunProgress
 from metaid.study import stored_spec
 
 INTERVAL = 5.0  # s between plain lines
@@ -30,23 +30,33 @@ class Live:
     """A context manager whose `update` is given the progress after each generation."""
 
     def __init__(self, store: Store, name: str, quiet: bool, console: Console | None = None) -> None:
-        self._problem = Problem(stored_spec(store, name))
-        truth = self._problem.open_plant().true_lumps()
-        self._nominal = self._problem.nominal.lumps.vector
-        self._true_factors = None if truth is None else truth.vector / self._nominal
-        self._determined = [self._problem.measure.determines(lump) for lump in self._problem.names]
+        self._bests: deque[Array] = deque(maxlen=LOOK_BACK)
+        self._begin(Problem(stored_spec(store, name)))
         self._console = console or Console(stderr=True, markup=False, highlight=False)
         self._plain = not quiet and not self._console.is_terminal
         self._name = printable(name)
-        self._bests: deque[Array] = deque(maxlen=LOOK_BACK)
         self._bar = _Bar(self._console, quiet or self._plain, self._lumps)
         self._task = self._bar.add_task(self._name, state="")
         self._started: tuple[float, int] | None = None
         self._last_line = time.monotonic()
         self.trials = 0
 
+    def _begin(self, problem: Problem) -> None:
+        """Turns to a stage of the study."""
+        truth = problem.open_plant().true_lumps()
+        self._problem = problem
+        self._nominal = problem.lumps.vector
+        self._true_factors = None
+        if truth is not None:
+            true = truth.vector_of(problem.lumps.searched, np.nan)
+            self._true_factors = np.where(true == 0.0, np.nan, true) / self._nominal
+        self._determined = [problem.measure.determines(lump) for lump in problem.names]
+        self._bests.clear()
+
     def update(self, progress: RunProgress) -> None:
         """Shows how far the run is."""
+        if progress.problem.stage != self._problem.stage:
+            self._begin(progress.problem)
         now = time.monotonic()
         self._started = self._started or (now, progress.trials)
         self.trials = progress.trials
@@ -61,14 +71,15 @@ class Live:
     def _state(self, progress: RunProgress, now: float) -> str:
         begun, first = self._started or (now, 0)
         rate = (progress.trials - first) / (now - begun) if now > begun else 0.0
-        parts = [f"{rate:.0f} trials/s", f"{progress.falls} falls"]
+        parts = [] if self._problem.is_only else [f"stage {self._problem.stage}"]
+        parts += [f"{rate:.0f} trials/s", f"{progress.falls} falls"]
         if progress.best is not None:
             parts.append(f"best {progress.best.outcome.value:.2g} {self._problem.measure.unit}")
         if progress.spread is not None:
             parts.append(f"step size {progress.spread:.2g}")
         if progress.best is not None and self._true_factors is not None:
             errors = np.abs(progress.best.factors / self._true_factors - 1.0)[self._determined]
-            parts.append(f"error {errors.max():.2%}")
+            parts.append(f"error {np.nanmax(errors):.2%}")
         return ", ".join(parts)
 
     def _lumps(self) -> Table:

@@ -68,21 +68,22 @@ def show_plant(name: str, as_json: bool) -> None:
         return
     shown = MujocoPlant(path.stem, settings)
     chain, truth = shown.chain, shown.true_lumps()
-    columns = ("length", "mass", "com", "inertia", "damping", "stiffness")
+    columns = ("length", "mass", "com", "inertia", "damping", "coulomb", "stiffness")
     links = [
         dict(zip(columns, map(float, row), strict=True))
         for row in zip(*(getattr(chain, column) for column in columns), strict=True)
     ]
-    names = lump_names(shown.njoint)
+    names = lump_names(shown.njoint, chain.kinds)
+    true = [None] * len(names) if truth is None else truth.vector.tolist()
     lumps: list[dict[str, Any]] = [
-        {"name": lump, "unit": lump_unit(lump), "true": None if truth is None else float(truth.vector[i])}
-        for i, lump in enumerate(names)
+        {"name": lump, "unit": lump_unit(lump), "true": value} for lump, value in zip(names, true, strict=True)
     ]
     if as_json:
         common = {key: getattr(shown.settings, key) for key in ("gravity", "timestep", "over_compensation")}
         print_json({"plant": shown.name, **common, "links": links, "lumps": lumps})
         return
-    heading = ["link", "length, m", "mass, kg", "com, m", "inertia, kg m²", "damping, N m s", "stiffness, N m/rad"]
+    heading = ["link", "length, m", "mass, kg", "com, m", "inertia, kg m²", "damping, N m s", "dry friction, N m"]
+    heading.append("stiffness, N m/rad")
     fault = shown.settings.over_compensation
     rows = [[str(i + 1), *(figure(link[column]) for column in columns)] for i, link in enumerate(links)]
     print_table(
@@ -153,7 +154,7 @@ def episode(
 
     plant = load_plant(name)
     objective = api.episode_objective(plant, steps)
-    candidate = api.check_factors(numbers(factors, "--factor"), objective.nominal.nlink)
+    candidate = api.check_factors(numbers(factors, "--factor"), objective.nominal)
     shown = objective.summary(candidate)
     if output is not None:
         from metaid.figures import draw_episode

@@ -29,7 +29,7 @@ from metaid.errors import printable
 
 if TYPE_CHECKING:
     from metaid.problem import StudySpec
-    from metaid.study import Progress
+    from metaid.running import Progress
 
 
 def _complete_study_file(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
@@ -112,8 +112,11 @@ def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
     from metaid.problem import Problem
 
     spec = load_study(source, changes)
-    found = identifiability(Problem(spec))
-    rows = list(zip(found.names, found.resolution.tolist(), found.determined, strict=True))
+    stages = [identifiability(problem) for problem in Problem(spec).stages()]
+    rows = [
+        row for found in stages for row in zip(found.names, found.resolution.tolist(), found.determined, strict=True)
+    ]
+    combinations = [combination for found in stages for combination in found.combinations]
     if as_json:
         lumps = [{"name": n, "resolution": r if math.isfinite(r) else None, "determined": d} for n, r, d in rows]
         print_json(
@@ -121,14 +124,14 @@ def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
                 "study": spec.name,
                 "measure": spec.study.episode.measure,
                 "lumps": lumps,
-                "undetermined": found.combinations,
+                "undetermined": combinations,
             }
         )
         return
     shown = [[n, f"{r:.2%}" if math.isfinite(r) else "–", "yes" if d else "NO"] for n, r, d in rows]
     title = f"{spec.name}: what {spec.study.episode.measure} with these pushes can determine"
     print_table(title, ["lump", "to within", "determined"], shown)
-    for combination in found.combinations:
+    for combination in combinations:
         terms = sorted(combination.items(), key=lambda term: -abs(term[1]))[:4]
         say("cannot be told from nothing: " + " ".join(f"{weight:+.2f} {name}" for name, weight in terms))
 
@@ -137,7 +140,7 @@ def _undetermined(spec: StudySpec) -> str | None:
     from metaid.identifiability import identifiability
     from metaid.problem import Problem
 
-    names = identifiability(Problem(spec)).undetermined_names
+    names = [name for problem in Problem(spec).stages() for name in identifiability(problem).undetermined_names]
     if not names:
         return None
     what = f"{spec.study.episode.measure} with these pushes cannot determine {', '.join(names)}"
@@ -294,6 +297,9 @@ def _print_study(store: Any, name: str) -> None:
         found = f"best {best['value']:.3g} {unit} at trial {best['number']}{largest}"
     if "mujoco" in best:
         found += f"; {_verification(best['mujoco'])}"
+    for stage in shown.get("stages", [])[1:]:
+        if stage["best"]["value"] is not None:
+            found += f"; stage 2: best {stage['best']['value']:.3g} {unit} at trial {stage['best']['number']}"
     failed = f", {trials['failed']} failed" if trials["failed"] else ""
     note = f"{trials['total']} trials, {trials['pruned']} of them falls{failed}; {found}"
     print_table(title, ["lump", "nominal", "identified", "low", "high", "true", "error", "unit"], rows, note)
@@ -324,6 +330,7 @@ def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, out
     Beside it the nominal model, and the truth where the plant knows it.
     """
     from metaid import api
+    from metaid.study import stored_spec
 
     validation = api.validate(name, storage, pushes, seed)
     if output is not None:
@@ -346,9 +353,12 @@ def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, out
         for row in shown["models"]
     ]
     heading = ["model", "coasts, s", "in √(l/g)", "to the end", "tracking error, rms °", "max °"]
+    with open_store(storage) as store:
+        searched = len(stored_spec(store, name).names) > 1
+    ratio = "" if searched else ", with inertia lumps (not searched) in the nominal model's ratio to the gravity lumps"
     note = (
         f"coasting: median of {pushes} new pushes, watched for {shown['horizon_s']:.3g} s; tracking: computed torque "
-        "along smooth sinusoids, with inertia lumps (not searched) in the nominal model's ratio to the gravity lumps"
+        f"along smooth sinusoids{ratio}"
     )
     print_table(f"{name}: what it is worth on {shown['plant']}", heading, rows, note)
 

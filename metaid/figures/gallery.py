@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -63,6 +63,14 @@ class Gallery:
             with style():
                 picture = make(WIDTHS[width])
             yield picture
+        if self.second is not None:
+            for picture in self.second.pictures(width):
+                yield replace(picture, name=f"inertia-{picture.name}", caption=f"Second stage. {picture.caption}")
+
+    @cached_property
+    def second(self) -> Gallery | None:
+        """The figures of the second stage, if there is one."""
+        return None if self.found.second is None else Gallery(self.found.second)
 
     @cached_property
     def sweeps(self) -> list[Sweep]:
@@ -156,8 +164,9 @@ class Gallery:
         figure, (left, right) = _pair_of_panels(width, (3, 2))
         plot_angles(self.trajectory, self.objective.plant.timestep, left)
         plot_phase(self.trajectory, right)
+        does = "it coasts" if self.found.problem.stage == 1 else "every joint swings at the same frequency"
         caption = (
-            "Joint angles and phase portrait of the best candidate after the last push; exactly compensated, it coasts."
+            f"Joint angles and phase portrait of the best candidate after the last push; exactly compensated, {does}."
         )
         return Picture("episode", caption, figure)
 
