@@ -10,7 +10,8 @@ import logging
 import os
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
@@ -199,10 +200,29 @@ def _kill(process: int) -> None:
     os.kill(process, signal.SIGKILL)
 
 
+@contextmanager
+def _on_loopback() -> Iterator[None]:
+    """Within it Ray starts on loopback. Elsewhere it listens on every interface, and runs what anybody sends it; it has
+    no option for this but the one that keeps it from clusters, as it does by itself where a firewall would ask.
+    """
+    from ray._private import ray_constants
+
+    name, before = ray_constants.ENABLE_RAY_CLUSTERS_ENV_VAR, ray_constants.ENABLE_RAY_CLUSTER
+    environment = dict(os.environ)
+    os.environ[name], ray_constants.ENABLE_RAY_CLUSTER = "0", False  # for Ray's processes, and for this one
+    try:
+        yield
+    finally:
+        os.environ.pop(name)
+        os.environ.update({key: value for key, value in environment.items() if key == name})
+        ray_constants.ENABLE_RAY_CLUSTER = before
+
+
 def _start_ray(ray: Any, workers: int, address: str | None) -> None:
     quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
     if address is None:
-        ray.init(address="local", num_cpus=workers, include_dashboard=False, **quiet)
+        with _on_loopback():
+            ray.init(address="local", num_cpus=workers, include_dashboard=False, **quiet)
         return
     try:
         ray.init(address=address, **quiet)
