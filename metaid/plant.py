@@ -132,7 +132,8 @@ def build_spec(chain: Chain, gravity: float, timestep: float) -> mujoco.MjSpec:
 
     Autoreset is off: a diverged episode must not silently restart. Euler: a torque is written once a step
     (docs/method.md). Viscous friction is explicit, at the speed that a step begins with, as the law's is; dry friction
-    is a constraint, so only a chain that has some is given MuJoCo's solver.
+    is a constraint, so only a chain that has some is given MuJoCo's solver, and that starts afresh at every step: what
+    a push shows must not depend on the one before.
     """
     spec = mujoco.MjSpec()
     spec.option.timestep = timestep
@@ -140,7 +141,7 @@ def build_spec(chain: Chain, gravity: float, timestep: float) -> mujoco.MjSpec:
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     off = mujoco.mjtDisableBit
     spec.option.disableflags = int(
-        (0 if chain.coulomb.any() else off.mjDSBL_CONSTRAINT)
+        (off.mjDSBL_WARMSTART if chain.coulomb.any() else off.mjDSBL_CONSTRAINT)
         | off.mjDSBL_CONTACT
         | off.mjDSBL_AUTORESET
         | off.mjDSBL_SENSOR
