@@ -98,15 +98,17 @@ def run(
     engine: str = "local",
     ray_address: str | None = None,
     watch: Callable[[Progress], None] = lambda progress: None,
+    patience: float | None = None,
 ) -> pd.DataFrame:
     """Creates the study in the DB unless it is there, runs it up to its number of trials, and returns its lumps.
+    A Ray worker or a DB server that is silent is given up after `patience` (s; default: 120 and 300).
 
     Raises StorageError if a study of that name was made from other settings.
     """
     spec = _spec(study)
     with closing(Store(storage or default_storage(), create=True)) as store:
         name = ensure_study(store, spec, name)
-        run_study(store, name, trials, workers, engine, ray_address, watch)
+        run_study(store, name, trials, workers, engine, ray_address, watch, patience)
         return tables.lumps_frame(store, name)
 
 

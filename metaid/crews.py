@@ -11,7 +11,7 @@ ENGINES = ("local", "ray")
 
 
 def make_crew(
-    problem: Problem, engine: str, workers: int, ray_address: str | None = None, patience: float = PATIENCE
+    problem: Problem, engine: str, workers: int, ray_address: str | None = None, patience: float | None = None
 ) -> Crew:
     """A crew by engine name; Ray's has `patience` (s) with its workers.  Raises StudyError, naming the allowed
     ones.
@@ -20,4 +20,6 @@ def make_crew(
         raise StudyError(unknown("engine", engine, ENGINES))
     if ray_address is not None and engine != "ray":
         raise StudyError("a Ray address needs the engine 'ray'")
-    return LocalCrew(problem, workers) if engine == "local" else RayCrew(problem, workers, ray_address, patience)
+    if engine == "local":
+        return LocalCrew(problem, workers)
+    return RayCrew(problem, workers, ray_address, PATIENCE if patience is None else patience)

@@ -47,6 +47,10 @@ class StorageError(MetaidError):
     """A study DB that is missing, is not one, or does not hold what was asked for."""
 
 
+class UnreachableError(StorageError):
+    """A study DB on a server that does not answer now."""
+
+
 class EpisodeError(MetaidError):
     """An episode that cannot be run as asked."""
 

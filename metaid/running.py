@@ -23,7 +23,7 @@ REPLAY_TOLERANCE = 1e-6  # relative; another machine's linear algebra may round 
 @dataclass(frozen=True)
 class Progress:
     """How far a run is: trials done, how many of them fell, trials in all, the best survivor of the stage that
-    `problem` is, the searcher's spread, the generation.
+    `problem` is, the searcher's spread, the generation; what it is `waiting` for, if it is.
     """
 
     trials: int
@@ -33,6 +33,7 @@ class Progress:
     spread: float | None
     generation: int
     problem: Problem
+    waiting: str | None = None
 
 
 class Run:

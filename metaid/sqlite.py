@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import optuna
+import sqlalchemy as sa
 from optuna.storages._rdb.models import SCHEMA_VERSION
 
 from metaid.errors import StorageError
@@ -26,6 +27,11 @@ ADVICE = {
     sqlite3.SQLITE_CORRUPT: DAMAGED,
     sqlite3.SQLITE_NOTADB: "it is something else, or damaged: put a copy back",
 }
+
+
+def sqlite_options(url: sa.URL) -> dict[str, Any]:
+    """How SQLAlchemy opens the file. What the URL says goes first."""
+    return {} if "timeout" in url.query else {"connect_args": {"timeout": BUSY_TIMEOUT}}
 
 
 def told(problem: BaseException) -> str:

@@ -13,24 +13,23 @@ import operator
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import optuna
 import sqlalchemy as sa
 from alembic.util.exc import CommandError
 from optuna.distributions import FloatDistribution, distribution_to_json
-from optuna.exceptions import OptunaError
-from optuna.storages import RDBStorage
+from optuna.exceptions import OptunaError, StorageInternalError
 from optuna.storages._rdb import models
 from optuna.study import StudyDirection
 from sqlalchemy.exc import SQLAlchemyError
 
 from metaid.chain import Array
-from metaid.errors import StorageError, unknown
+from metaid.errors import StorageError, UnreachableError, unknown
+from metaid.opening import open_storage
 from metaid.rows import IDS_AFTER, TRIAL_TABLES, Trial, detail_rows, end_of, head_rows, read_outcomes, read_table
-from metaid.sqlite import BUSY_TIMEOUT, DAMAGED, has_tables, make_file, told, use_wal
+from metaid.server import does_not_answer, missing_driver, parsed_url, without_password, without_secrets
+from metaid.sqlite import DAMAGED, told
 
 DEFAULT_STORAGE = "metaid.db"
 SPEC_KEY = "metaid:study"
@@ -38,6 +37,8 @@ Guard = Callable[
     [sa.Connection, int], None
 ]  # of a transaction about to write to a study, by its id: raises, or lets it
 SPOILED = ValueError, TypeError, LookupError, ArithmeticError  # what a row of another type or form comes to
+
+_STUDY = sa.select(models.StudyModel.study_id).where(models.StudyModel.study_name == sa.bindparam("study"))
 
 
 def storage_url(storage: str) -> str:
@@ -55,48 +56,32 @@ class Store:
     """
 
     def __init__(self, storage: str, create: bool = False) -> None:
-        self.url = storage_url(storage)
-        try:
-            parsed = sa.engine.make_url(self.url)
-        except SQLAlchemyError:
-            raise StorageError(
-                f"{storage}: not a storage (allowed: a file path, or a URL such as sqlite:///metaid.db)"
-            ) from None
-        self.is_sqlite = parsed.get_backend_name() == "sqlite"
-        # A DB that is there is not changed before its schema is known.
-        path = Path(parsed.database or "")
-        made = self.is_sqlite and has_tables(path, create)
-        optuna.logging.set_verbosity(optuna.logging.WARNING)
+        self.shown = without_password(storage)  # as the user named it
+        self.url = storage_url(self.shown)
+        self._address = parsed_url(storage_url(storage))
+        self.is_sqlite = self._address.get_backend_name() == "sqlite"
+        self._driver: Any = sqlite3  # whose errors are to be expected
         with self._errors():
-            patient = {} if "timeout" in parsed.query else {"connect_args": {"timeout": BUSY_TIMEOUT}}
-            options = patient if self.is_sqlite else {"pool_pre_ping": True}
-            if self.is_sqlite and not path.exists():
-                make_file(path, _make_tables)
-                made = True
-            self.optuna = RDBStorage(self.url, engine_kwargs=options, skip_table_creation=made)
+            self.optuna = open_storage(self._address, create)
         self._engine: sa.Engine = self.optuna.engine
+        self._driver = self._engine.dialect.dbapi
         self._statements: dict[Any, Any] = {}
-        if self.is_sqlite:
-            sa.event.listen(self._engine, "connect", use_wal)
-            self._engine.dispose()  # so that the connection that checked the schema is opened again, with the pragmas
 
     def close(self) -> None:
+        self.optuna.remove_session()
         self._engine.dispose()
 
     @contextmanager
     def _errors(self) -> Iterator[None]:
         try:
             yield
-        except (
-            SQLAlchemyError,
-            OptunaError,
-            CommandError,
-            RuntimeError,
-            ImportError,
-            sqlite3.Error,
-            *SPOILED,
-        ) as problem:
-            raise StorageError(f"{self.url}: {told(getattr(problem, 'orig', None) or problem)}") from None
+        except ImportError as problem:
+            raise StorageError(f"{self.url}: {missing_driver(self._address, problem)}") from None
+        except (SQLAlchemyError, OptunaError, CommandError, RuntimeError, *SPOILED, self._driver.Error) as error:
+            cause = (isinstance(error, StorageInternalError) and error.__cause__) or error
+            said = without_secrets(told(getattr(cause, "orig", None) or cause), self._address)
+            away = not self.is_sqlite and does_not_answer(cause, self._driver)
+            raise (UnreachableError if away else StorageError)(f"{self.url}: {said}") from None
 
     def check(self) -> None:
         """Raises StorageError if the file is damaged: nothing should be written to it then."""
@@ -153,16 +138,18 @@ class Store:
     def writing(self, name: str) -> Iterator[tuple[sa.Connection, int]]:
         """A transaction in which nobody else takes or gives up the study, and the study's id."""
         with self._errors(), self._engine.begin() as connection:
-            self._lock(connection)
-            study = sa.select(models.StudyModel.study_id).where(models.StudyModel.study_name == name)
-            study_id = connection.scalar(study.with_for_update())
+            self._lock(connection, name)
+            study_id = connection.scalar(_STUDY, {"study": name})
             if study_id is None:
                 raise StorageError(f"study '{name}' is no longer there")
             yield connection, study_id
 
-    def _lock(self, connection: sa.Connection) -> None:
+    def _lock(self, connection: sa.Connection, name: str) -> None:
+        """Keeps others from writing to the study until the transaction ends; before anything of it is read."""
         if self.is_sqlite:
-            connection.exec_driver_sql("BEGIN IMMEDIATE")  # takes the write lock before anything is read
+            connection.exec_driver_sql("BEGIN IMMEDIATE")
+        else:
+            connection.execute(_STUDY.with_for_update(), {"study": name})
 
     def delete(self, name: str, guard: Guard) -> None:
         """Deletes a study and its trials, if `guard` lets it."""
@@ -194,7 +181,7 @@ class Store:
             distribution_to_json(FloatDistribution(a, b)) for a, b in zip(low.tolist(), high.tolist(), strict=True)
         ]
         with self._errors(), self._engine.begin() as connection:
-            self._lock(connection)
+            self._lock(connection, name)
             study_id, last_id, count = end_of(connection, name)
             guard(connection, study_id)
             if count != trials[0].number:
@@ -285,7 +272,3 @@ class Store:
         if study_id is None or name not in self.names():
             raise StorageError(f"{self.url}: {unknown('study', name, self.names())}")
         return int(study_id)
-
-
-def _make_tables(path: Path) -> None:
-    RDBStorage(f"sqlite:///{path}").engine.dispose()

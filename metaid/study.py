@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import replace
 from datetime import UTC, datetime
 from types import TracebackType
 
@@ -18,8 +19,8 @@ from metaid.crew import Crew
 from metaid.crews import make_crew
 from metaid.errors import StorageError, StudyError
 from metaid.lease import Lease, refuse_if_run
+from metaid.patience import SERVER_PATIENCE, keep_trying
 from metaid.problem import Problem, PushedSettings, StudySpec
-from metaid.ray_crew import PATIENCE
 from metaid.rows import Trial
 from metaid.running import Progress, Run
 from metaid.socket_plant import SocketSettings
@@ -91,14 +92,15 @@ def run_study(
     engine: str = "local",
     ray_address: str | None = None,
     watch: Callable[[Progress], None] = lambda progress: None,
-    patience: float = PATIENCE,
+    patience: float | None = None,
 ) -> Progress:
     """Runs a study, or goes on with it, until the DB holds `trials` in all (default: the study's own) or the searcher
     is finished.
 
     `watch` is called after each generation. A KeyboardInterrupt leaves the DB at the last generation that `watch` saw;
-    a kill may lose that one. Ray's workers are given `patience` (s), see `RayCrew`.  Raises StudyError, StorageError,
-    also where another driver runs the study, and WorkerError.
+    a kill may lose that one. A Ray worker or a DB server that is silent is given up after `patience` (s; default:
+    120 and 300); `watch` is called while a server is waited for, once a second.  Raises StudyError,
+    StorageError, also where another driver runs the study, and WorkerError.
     """
     spec = stored_spec(store, name)
     total = spec.study.total_trials if trials is None else trials
@@ -114,11 +116,15 @@ def run_study(
         run = Run(Problem(spec), max(total, len(stored)))
         run.replay(stored, f"{store.url}: study '{name}'")
         watch(run.progress)
+
+        def wait(trials: int, why: str) -> None:
+            watch(replace(run.progress, trials=trials, waiting=why))
+
         while not run.done:
             problem = run.problem
             with (
                 make_crew(problem, engine, workers, ray_address, patience) as crew,
-                _Writer(store, name, problem, lease) as writer,
+                _Writer(store, name, problem, lease, patience, wait) as writer,
             ):
                 _run_stage(run, crew, writer, watch)
     return run.progress
@@ -149,21 +155,42 @@ class _Writer:
     is. It has no thread of its own: an error in writing ends the run there and then.
     """
 
-    def __init__(self, store: Store, name: str, problem: Problem, lease: Lease) -> None:
+    def __init__(
+        self,
+        store: Store,
+        name: str,
+        problem: Problem,
+        lease: Lease,
+        patience: float | None,
+        wait: Callable[[int, str], None],
+    ) -> None:
         self._store = store
         self._name = name
         self._problem = problem
         self._lease = lease
+        self._patience = SERVER_PATIENCE if patience is None else patience
+        self._wait = wait  # told how many trials are in the DB, and what it waits for
+        self._away = False  # whether the server did not answer when it was last asked
         self.trials: list[Trial] = []
 
     def write(self) -> None:
-        """Writes what it holds, if anything, in one transaction."""
+        """Writes what it holds, if anything, in one transaction; waits for a server that does not answer."""
         if self.trials:
-            problem = self._problem
-            self._store.append(
-                self._name, problem.names, problem.low, problem.high, self.trials, guard=self._lease.renew
-            )
+            before = self.trials[0].number
+            go_on = f"{before} trials are in it; go on with: metaid study run {self._name}"
+            keep_trying(self._append, self._patience, self._tell, go_on)
+            self._away = False
             self.trials = []
+
+    def _append(self) -> None:
+        # A server that goes away in the middle of a commit may have written them all the same.
+        if not self._away or self._store.count(self._name) != self.trials[-1].number + 1:
+            names, low, high = self._problem.names, self._problem.low, self._problem.high
+            self._store.append(self._name, names, low, high, self.trials, guard=self._lease.renew)
+
+    def _tell(self, why: str) -> None:
+        self._away = True
+        self._wait(self.trials[0].number, why)
 
     def __enter__(self) -> _Writer:
         return self
@@ -171,7 +198,7 @@ class _Writer:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if isinstance(error, StorageError):
+        if isinstance(error, StorageError) or (error is not None and self._away):
             return
         # An interrupt may come just after the transaction that wrote them.
         if error is None or (self.trials and self._store.count(self._name) == self.trials[0].number):

@@ -69,6 +69,8 @@ class Live:
             self._console.print(f"{self._name} {progress.trials}/{progress.total} {state}", soft_wrap=True)
 
     def _state(self, progress: RunProgress, now: float) -> str:
+        if progress.waiting is not None:
+            return progress.waiting
         begun, first = self._started or (now, 0)
         rate = (progress.trials - first) / (now - begun) if now > begun else 0.0
         parts = [] if self._problem.is_only else [f"stage {self._problem.stage}"]

@@ -80,7 +80,7 @@ def create(source: str, name: str | None, storage: str, changes: tuple[str, ...]
         made = (ensure_study if exist_ok else create_study)(store, spec, name)
     for line in filter(None, warnings):
         say(line, err=True)
-    say(f"study '{made}' is in {storage}; run it with: metaid study run {shlex.quote(made)}")
+    say(f"study '{made}' is in {store.shown}; run it with: metaid study run {shlex.quote(made)}")
 
 
 def load_study(source: str, changes: Sequence[str]) -> StudySpec:
@@ -170,9 +170,7 @@ def _undetermined(spec: StudySpec) -> str | None:
 @click.option(
     "--patience",
     type=click.FloatRange(0, min_open=True),
-    default=120.0,
-    show_default=True,
-    help="Seconds until a Ray worker that does not answer is replaced, or a run without any is stopped.",
+    help="Seconds that a Ray worker, or a DB server, may be silent [default: 120, and 300].",
 )
 @click.option("--quiet", is_flag=True, help="Print nothing while it runs.")
 def run(
@@ -182,7 +180,7 @@ def run(
     workers: int | None,
     engine: str,
     ray_address: str | None,
-    patience: float,
+    patience: float | None,
     quiet: bool,
 ) -> None:
     """Run a study, or go on with it. Ctrl-C is safe: whole generations are in the DB.
@@ -204,9 +202,9 @@ def run(
 
                 run_study(store, name, trials, workers, engine, ray_address, watch, patience)
         except WorkerError as problem:
-            raise WorkerError(f"{problem}; {_how_to_go_on(live.trials, storage, name)}") from None
+            raise WorkerError(f"{problem}; {_how_to_go_on(live.trials, store.shown, name)}") from None
         except KeyboardInterrupt:
-            say(f"stopped; {_how_to_go_on(live.trials, storage, name)}", err=True)
+            say(f"stopped; {_how_to_go_on(live.trials, store.shown, name)}", err=True)
             raise click.exceptions.Exit(128 + stop.asked) from None
         _print_study(store, name)
 
@@ -253,7 +251,7 @@ def list_studies(storage: str) -> None:
         for row in frame.to_dict("records")
     ]
     print_table(
-        f"Studies in {storage}",
+        f"Studies in {store.shown}",
         ["study", "plant", "sampler", "measure", "trials", "falls", "best", "largest error"],
         rows,
     )
@@ -392,7 +390,7 @@ def delete(name: str, storage: str, yes: bool) -> None:
     with open_store(storage) as store:
         store.spec(name)  # refuses a name that is not there before asking
         if not yes:
-            click.confirm(printable(f"Delete study '{name}' from {storage}?"), abort=True, err=True)
+            click.confirm(printable(f"Delete study '{name}' from {store.shown}?"), abort=True, err=True)
         delete_study(store, name)
         delete_companion(store, name)
     say(f"study '{name}' is deleted")
