@@ -68,7 +68,7 @@ def new_batch(episode: Episode, timestep: float, gravity: float, candidates: Lum
     return Batch(
         episode,
         timestep,
-        _laws(episode, gravity, candidates),
+        laws_of(episode, gravity, candidates),
         new_queue(),
         np.zeros((count, npush), dtype=np.int64),
         np.zeros((count, npush), dtype=np.bool_),
@@ -77,8 +77,11 @@ def new_batch(episode: Episode, timestep: float, gravity: float, candidates: Lum
     )
 
 
-def _laws(episode: Episode, gravity: float, candidates: Lumps) -> Laws:
-    """Copies, all of one layout: the loop would be compiled anew for any other."""
+def laws_of(episode: Episode, gravity: float, candidates: Lumps) -> Laws:
+    """What the loop sends to these `candidates`, lumps with a leading axis (ncandidate); `gravity` in m/s².
+
+    Copies, all of one layout: the loop would be compiled anew for any other.
+    """
 
     def copied(lumps: Array) -> Array:
         return np.array(lumps, order="C")

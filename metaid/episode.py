@@ -25,12 +25,29 @@ SLOWEST_LINK, SLOWEST_JOINT = 0.3, 0.2  # of the peak speed, in a rich push
 
 
 @dataclass(frozen=True)
+class NoiseFloor:
+    """What an episode's readings would show of a plant at rest: the `energy` ∫ q̈² dt of all pushes and joints, in
+    rad²/s³; the `frequency` that it looks like, in Hz; and the root of the standard deviation of its square, `spread`,
+    in Hz.
+    """
+
+    energy: float
+    frequency: float
+    spread: float
+
+
+SILENT = NoiseFloor(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
 class Episode:
     """`pushes` (npush x njoint), horizontal impulses at the link tips in N s; `steps` after each; when a link counts
     as fallen; whether the record keeps the joint angles.
 
     A `fall_margin` of 0 means that a link past the limit has fallen however slow it is. With a `stiffness` k, in 1/s²,
-    the law also asks for q̈ = −k q, so that the plant swings where it would coast (Eq. 17).
+    the law also asks for q̈ = −k q, so that the plant swings where it would coast (Eq. 17). For a plant with faults: a
+    joint within `deadband` (rad) of the upright is on neither side of it; `seed` is of the noise, and `noise_floor` how
+    much of it there is.
     """
 
     pushes: Array
@@ -39,6 +56,9 @@ class Episode:
     fall_margin: float = FALL_MARGIN
     keep_angles: bool = False
     stiffness: float = 0.0
+    deadband: float = 0.0
+    seed: int = 0
+    noise_floor: NoiseFloor = SILENT
 
     def __post_init__(self) -> None:
         if self.steps < 1:
@@ -62,6 +82,7 @@ class Record:
     `speed_energy`, `acceleration_energy`: ∫ q̇² dt in rad²/s and ∫ (q̈ + k q)² dt in rad²/s³, k the episode's stiffness.
     `steps`: steps that were run; `fall_step`: the step by which a link had fallen, or None.
     `angles`: joint angles (nsteps + 1 x njoint), in rad, of each push that was begun, if the episode keeps them.
+    `noise_floor`: ∫ q̈² dt of a plant at rest, of all pushes and joints, in rad²/s³.
     """
 
     timestep: float
@@ -72,6 +93,7 @@ class Record:
     speed_energy: Array
     acceleration_energy: Array
     angles: tuple[Array, ...] = ()
+    noise_floor: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -104,7 +126,7 @@ def run_plain(plant: Plant, candidate: Lumps, episode: Episode) -> tuple[Record,
         angles, speeds = _watch_push(plant, candidate, episode, impulses)
         ran = len(angles) - 1
         kept.append(angles)
-        half_periods[push], span[push] = crossings(angles, speeds[0], plant.timestep)
+        half_periods[push], span[push] = crossings(angles, speeds[0], plant.timestep, episode.deadband)
         asked = -episode.stiffness * angles[:-1]
         speed_energy[push], acceleration_energy[push] = energies(speeds, plant.timestep, asked)
         steps += ran
@@ -113,7 +135,8 @@ def run_plain(plant: Plant, candidate: Lumps, episode: Episode) -> tuple[Record,
             fall_step = steps
             break
     seen = half_periods, span, speed_energy, acceleration_energy
-    record = Record(plant.timestep, steps, fall_step, *seen, tuple(kept) if episode.keep_angles else ())
+    kept_angles = tuple(kept) if episode.keep_angles else ()
+    record = Record(plant.timestep, steps, fall_step, *seen, kept_angles, episode.noise_floor.energy)
     return record, Trajectory(angles, speeds)
 
 
@@ -136,17 +159,19 @@ def _watch_push(plant: Plant, candidate: Lumps, episode: Episode, impulses: Arra
     return np.array([angles for angles, _ in history]), np.array([speeds for _, speeds in history])
 
 
-def crossings(angles: Array, start_speeds: Array, timestep: float) -> tuple[NDArray[np.int64], Array]:
+def crossings(
+    angles: Array, start_speeds: Array, timestep: float, deadband: float = 0.0
+) -> tuple[NDArray[np.int64], Array]:
     """Half periods (njoint) and the time they took (njoint), in s, of joint `angles` (nsteps + 1 x njoint) that start
     upright.
 
     The push is the first crossing of every joint that it moved. A later one lies between the steps about it, on the
-    straight line.
+    straight line. Angles within the `deadband` (rad) are left out.
     """
     njoint = angles.shape[1]
     half_periods, span = np.zeros(njoint, dtype=np.int64), np.zeros(njoint)
     for joint in range(njoint):
-        moving = np.flatnonzero(angles[:, joint])
+        moving = np.flatnonzero(np.abs(angles[:, joint]) > deadband)
         if len(moving) == 0:
             continue
         angle = angles[moving, joint]

@@ -78,8 +78,9 @@ class Findings:
 
     @property
     def identified_factors(self) -> Array:
-        """Factors (nlump) that the study stands by: the best survivor's, and 1 where a lump is not identified."""
-        return np.where(self.lumps["identified"].isna(), 1.0, self.best_factors)
+        """Factors (nlump) that the study stands by, and 1 where a lump is not identified.  Raises StorageError."""
+        best, factor = self.best_factors, self.lumps["factor"].to_numpy()
+        return np.where(np.isnan(factor), 1.0, factor if self.problem.measure.is_noisy else best)
 
     def errors(self, trials: pd.DataFrame) -> Array:
         """The largest error of an identified lump in each of `trials` (ntrial), relative to the truth; NaN where the
@@ -101,7 +102,7 @@ class Findings:
     def equals(self) -> pd.DataFrame:
         """Survivors that the measure cannot tell from the best one; their range is `low` to `high`."""
         survivors = self.survivors
-        equal: pd.DataFrame = survivors[survivors["value"] <= survivors["value"].min() + self.problem.resolution]
+        equal: pd.DataFrame = survivors[survivors["value"] <= self.problem.as_good_as(survivors["value"].min())]
         return equal
 
     @property

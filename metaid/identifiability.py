@@ -1,9 +1,8 @@
 """What a study can determine and what it cannot, from its nominal model alone, before any trial.
 
 The nominal model is taken for the truth, and the question is which other factors the study's measure could not tell
-from it. For
-`spectral` the sensitivity H answers for all lumps together (Eqs. 11 and 14). `count` and `crossing` have no
-such form: there one lump at a time is moved away, as far as the measure does not notice.
+from it. For `spectral` and `smoothed` the sensitivity H answers for all lumps together (Eqs. 11 and 14). `count` and
+`crossing` have no such form: there one lump at a time is moved away, as far as the measure does not notice.
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ class Identifiability:
 
 def identifiability(problem: Problem) -> Identifiability:
     """What the measure and the pushes of a study can determine, if its nominal model were the truth."""
-    if problem.measure.name == "spectral":
+    if problem.measure.sees_coriolis:
         return _from_sensitivity(problem)
     return Identifiability(tuple(problem.names), _one_by_one(problem))
 

@@ -54,12 +54,12 @@ def _quiet_mujoco() -> None:
     mujoco.set_mju_user_warning(_no_warning.ctypes)
 
 
-def _advance(chain, speeds, sines, cosines):  # type: ignore[no-untyped-def]
+def advance(chain, speeds, sines, cosines):  # type: ignore[no-untyped-def]
     """One timestep of any `Step`; which one is settled when the loop is compiled."""
     raise NotImplementedError
 
 
-@overload(_advance, inline="always")
+@overload(advance, inline="always")
 def _advance_of(chain, speeds, sines, cosines):  # type: ignore[no-untyped-def]
     kind = chain.instance_class
     if kind is MujocoStep:
@@ -70,7 +70,7 @@ def _advance_of(chain, speeds, sines, cosines):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _compensate(law, angles, speeds, qvel, work, torque):  # type: ignore[no-untyped-def]
+def compensate(law, angles, speeds, qvel, work, torque):  # type: ignore[no-untyped-def]
     """Joint torques of a `law` (see `batch.Laws`).  Eqs. 5, 6, 15 and 17, with sin(φ_i − φ_j) and cos(φ_i − φ_j)
     expanded so that each angle needs one sine and cosine.
 
@@ -123,8 +123,8 @@ def _run_push(chain, start, law, settings, work, outputs, kept):  # type: ignore
         fastest = max(fastest, abs(speed))
     fastest *= margin
     for step in range(1, steps + 1):
-        _compensate(law, angles, speeds, qvel, work[:4], torque)
-        _advance(chain, speeds, work[0], work[1])  # type: ignore[no-untyped-call]
+        compensate(law, angles, speeds, qvel, work[:4], torque)
+        advance(chain, speeds, work[0], work[1])  # type: ignore[no-untyped-call]
         ran = step
         angle, speed = 0.0, 0.0
         for i in range(n):
@@ -240,12 +240,17 @@ class CompiledEpisode:
         )
         compiled = CompiledEpisode(self.plant, short, self.step).run(candidate)
         plain, _ = run_plain(self.plant, candidate, short)
-        return (
-            compiled.fall_step == plain.fall_step
-            and bool((compiled.half_periods == plain.half_periods).all())
-            and _same(compiled.speed_energy, plain.speed_energy)
-            and _same(compiled.acceleration_energy, plain.acceleration_energy)
-        )
+        return same_record(compiled, plain)
+
+
+def same_record(compiled: Record, plain: Record) -> bool:
+    """Whether two loops saw the same, but for rounding."""
+    return (
+        compiled.fall_step == plain.fall_step
+        and bool((compiled.half_periods == plain.half_periods).all())
+        and _same(compiled.speed_energy, plain.speed_energy)
+        and _same(compiled.acceleration_energy, plain.acceleration_energy)
+    )
 
 
 def _same(one: Array, other: Array) -> bool:

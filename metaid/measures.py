@@ -5,6 +5,7 @@
 | `count` | whole periods in the fixed number of steps, an integer, as in the paper | gravity lumps |
 | `crossing` | the same from interpolated crossing times, mean over joints and pushes, in Hz | gravity lumps |
 | `spectral` | root of the ratio of spectral moments of the joint speeds, in Hz | all lumps, given rich pushes |
+| `smoothed` | the same of smooth curves through the angles, less what noise alone shows, in Hz | the same, with noise |
 
 What a period is, the paper does not say. `count` has a counting rule: `complete` (default), whole periods between
 crossings of the upright; `maxima`, local maxima of the wrapped angle, plus one; `alternations`, half the alternations
@@ -22,7 +23,9 @@ from numpy.typing import NDArray
 from metaid.chain import Array
 from metaid.episode import Episode, Record
 from metaid.errors import EpisodeError, unknown
+from metaid.smoothing import smoothed_hz
 
+NOISE_RESOLUTION = 2.0  # of the noise floor's spread: four standard deviations of the square
 SPEED_RESOLUTION = 1e-3  # relative change of a joint speed over the horizon that still passes for coasting
 
 HYSTERESIS = 0.25  # of the largest angle, on either side of the upright, for the rule `alternations`
@@ -74,7 +77,8 @@ class Measure:
     """A measure by `name`: its `unit`, its `value` from a record, the `resolution` within which two values are
     equally good in an episode of given timestep (s), and a `ceiling` above every survivor's value, which falls are
     ranked by (Eq. 13). `periods` counts per joint (njoint). Without `sees_coriolis`, what a search finds of the
-    Coriolis lumps means nothing."""
+    Coriolis lumps means nothing. With `is_noisy`, the best trial is the luckiest of many equals, and their mean is the
+    better estimate."""
 
     name: str
     unit: str
@@ -84,6 +88,7 @@ class Measure:
     sees_coriolis: bool
     periods: Callable[[Record], NDArray[np.int64]] = lambda record: whole_periods(record.half_periods)
     keeps_angles: bool = False
+    is_noisy: bool = False
 
     def determines(self, lump: str) -> bool:
         """Whether a search by this measure can find the lump of that name."""
@@ -92,6 +97,10 @@ class Measure:
 
 def _nyquist_hz(_episode: Episode, timestep: float) -> float:
     return 0.5 / timestep
+
+
+def _coasting_hz(episode: Episode, timestep: float) -> float:
+    return SPEED_RESOLUTION / (2.0 * np.pi * episode.steps * timestep)
 
 
 MEASURES = {
@@ -115,9 +124,21 @@ MEASURES = {
         name="spectral",
         unit="Hz",
         value=lambda record: spectral_hz(record.acceleration_energy, record.speed_energy),
-        resolution=lambda episode, timestep: SPEED_RESOLUTION / (2.0 * np.pi * episode.steps * timestep),
+        resolution=_coasting_hz,
         ceiling=_nyquist_hz,
         sees_coriolis=True,
+    ),
+    "smoothed": Measure(
+        name="smoothed",
+        unit="Hz",
+        value=lambda record: smoothed_hz(np.array(record.angles), record.timestep, record.noise_floor),
+        resolution=lambda episode, timestep: max(
+            _coasting_hz(episode, timestep), NOISE_RESOLUTION * episode.noise_floor.spread
+        ),
+        ceiling=_nyquist_hz,
+        sees_coriolis=True,
+        keeps_angles=True,
+        is_noisy=True,
     ),
 }
 ANGLE_RULES = {"maxima": maxima_periods, "alternations": alternation_periods}

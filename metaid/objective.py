@@ -9,8 +9,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from metaid.chain import Array, Lumps
-from metaid.episode import Episode, Record
+from metaid.episode import Episode, Record, Trajectory, run_plain
 from metaid.errors import EpisodeError, LostPlant
+from metaid.faulty import FaultyEpisode
 from metaid.kernel import CompiledEpisode, fastest_step
 from metaid.measures import Measure, crossing_hz, fall_value, get_measure, spectral_hz
 from metaid.plain import PlainEpisode
@@ -37,6 +38,8 @@ class Outcome:
 
 class Loop(Protocol):
     """What runs episodes on a plant: one at a time, or those of a batch that it shares with others of its kind."""
+
+    plant: Any
 
     def run(self, candidate: Lumps) -> Record: ...
     def new_batch(self, candidates: Lumps) -> Any: ...
@@ -68,14 +71,21 @@ class Objective:
         self.nominal = nominal
         self.measure = get_measure(measure, rule)
         self.episode = episode = replace(episode, keep_angles=episode.keep_angles or self.measure.keeps_angles)
-        self._ceiling = self.measure.ceiling(episode, plant.timestep)
         self._loop: Loop = _fastest_loop(plant, nominal, episode, physics)
+        self._ceiling = self.measure.ceiling(episode, self._loop.plant.timestep)
 
     def record(self, factors: Array) -> Record:
         """What the episode of a candidate with these `factors` (nlump) shows.  Raises EpisodeError where they are
         none, LostPlant and AbsentPlant.
         """
         return self._loop.run(self.nominal.scaled(_checked(factors, len(self.nominal.vector))))
+
+    def watch(self, factors: Array) -> tuple[Record, Trajectory]:
+        """The same, and the motion after the last push, step by step in Python."""
+        candidate = self.nominal.scaled(factors)
+        if isinstance(self._loop, FaultyEpisode):
+            return self._loop.run_plain(candidate)
+        return run_plain(self.plant, candidate, self.episode)
 
     def close(self) -> None:
         """Lets go of the plant."""
@@ -148,11 +158,15 @@ def _checked(factors: Array, nlump: int) -> Array:
 def _fastest_loop(plant: Plant, nominal: Lumps, episode: Episode, physics: str) -> Loop:
     if not isinstance(plant, MujocoPlant):
         return PlainEpisode(plant, episode)
-    compiled = CompiledEpisode(plant, episode, fastest_step(plant, physics))
+    step = fastest_step(plant, physics)
+    compiled: CompiledEpisode | FaultyEpisode = CompiledEpisode(plant, episode, step)
+    slow: Loop = PlainEpisode(plant, episode)
+    if plant.settings.faults.named:
+        compiled, slow = FaultyEpisode(plant, episode, step), FaultyEpisode(plant, episode, None)
     if compiled.agrees_with_plain(nominal):
         return compiled
     warnings.warn(
         f"the compiled loop disagrees with the plain one on plant {plant.name}; using the plain one, which is slow",
         stacklevel=3,
     )
-    return PlainEpisode(plant, episode)
+    return slow

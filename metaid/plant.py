@@ -17,6 +17,7 @@ from pydantic import Field, model_validator
 
 from metaid.chain import FRICTION, IDEAL, Array, Chain, Lumps, speeds_after
 from metaid.errors import PlantError
+from metaid.faults import FaultSettings
 from metaid.files import Settings, check, find_file, read_toml
 from metaid.possible import least_inertia, refuse_impossible, refuse_too_long_a_step
 
@@ -95,7 +96,8 @@ class PlantSettings(Settings):
     """A plant file: links from the base up, `gravity` in m/s², `timestep` in s; `truth_known = false` keeps the truth
     from reports.
 
-    `over_compensation` is a declared fault: the torque that the plant receives has gravity factors larger by this.
+    `over_compensation` is a declared fault: the torque that the plant receives has gravity factors larger by this. The
+    faults of a real plant are in `[faults]`.
     """
 
     description: str = ""
@@ -103,7 +105,20 @@ class PlantSettings(Settings):
     timestep: Annotated[float, Field(ge=1e-6, le=0.1)] = 0.002
     truth_known: bool = True
     over_compensation: Annotated[float, Field(gt=-1, lt=1)] = 0.0
+    faults: FaultSettings = FaultSettings()
     links: Annotated[tuple[LinkSettings, ...], Field(min_length=1, max_length=64, strict=False)]
+
+    @model_validator(mode="after")
+    def _one_limit_a_joint(self) -> PlantSettings:
+        limit = self.faults.torque_limit
+        if isinstance(limit, tuple) and len(limit) != len(self.links):
+            raise ValueError(f"faults: torque_limit has {len(limit)} numbers (allowed: one, or {len(self.links)})")
+        return self
+
+    @property
+    def control_period(self) -> float:
+        """Time between two torques, and between two readings, in s."""
+        return self.timestep * self.faults.control_every
 
 
 def chain_of(links: tuple[LinkSettings, ...]) -> Chain:
@@ -185,6 +200,8 @@ class MujocoPlant:
             self.model = build_spec(self.chain, self.felt_gravity, self.timestep).compile()
         except (ValueError, mujoco.FatalError) as problem:
             raise PlantError(f"plant {self.name}: MuJoCo cannot build it: {' '.join(str(problem).split())}") from None
+        if tilt := self.settings.faults.tilt:
+            self.model.opt.gravity[:] = self.felt_gravity * np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
         self.data = mujoco.MjData(self.model)
 
     @property

@@ -24,6 +24,7 @@ from metaid.episode import (
     REACH,
     RICH_FALL_LIMIT,
     Episode,
+    NoiseFloor,
     natural_time,
     pushed_speeds,
     pushes_for,
@@ -31,17 +32,20 @@ from metaid.episode import (
     tip_push,
 )
 from metaid.errors import EpisodeError, PlantError, StudyError, unknown
+from metaid.faulty import FaultyPlant
 from metaid.files import Settings, check, find_file, find_file_beside, read_toml
 from metaid.measures import Measure, get_measure
 from metaid.objective import Objective, Outcome, failure
 from metaid.plant import LinkSettings, MujocoPlant, Plant, PlantSettings, chain_of, read_plant
 from metaid.possible import refuse_impossible
 from metaid.searchers import SAMPLERS, Searcher, SearchOptions, make_searcher
+from metaid.smoothing import noise_floor
 from metaid.socket_plant import SocketPlant, SocketSettings, read_any_plant
 
 HORIZON = 1.5  # of a rich push, in units of √(l/g)
 LARGEST_STEPS = 10_000_000  # after a push
 SLOWEST_PUSH = 1e-9  # rad/s of the fastest link after a push; what is slower is lost in rounding
+RESTS = 200  # horizons of a push for which the readings of a plant at rest are watched
 COUNTING_STEPS = 5000  # after a tip push, as in the paper
 TIP_SPEED = 0.1  # rad/s of the fastest link after a tip push: small, so that the oscillation is
 
@@ -97,8 +101,9 @@ class EpisodeSettings(Settings):
     """`[episode]`: the `measure`, and for "count" its counting `rule`; `pushes`: "rich", "designed" (the best of many
     rich sets, by the nominal model), "tip", or a list of impulses in N s, one per link tip; for the first two their
     `count` (default 2 per link); for all three the `peak_speed` in rad/s; `steps` after each push; the `fall_limit` in
-    rad and `fall_margin` (0: past the limit is fallen, however slow); the `physics`: "mujoco", or "analytic" to screen
-    by the chain's own equations of motion, some five times as fast, and have MuJoCo verify the best.
+    rad and `fall_margin` (0: past the limit is fallen, however slow); `repeats` of every push, which average noise; the
+    `physics`: "mujoco", or "analytic" to screen by the chain's own equations of motion, some five times as fast, and
+    have MuJoCo verify the best.
     """
 
     physics: Literal["mujoco", "analytic"] = "mujoco"
@@ -110,6 +115,7 @@ class EpisodeSettings(Settings):
     steps: Annotated[int, Field(ge=2, le=LARGEST_STEPS)] | None = None
     fall_limit: Annotated[float, Field(gt=0, le=1000)] | None = None
     fall_margin: Annotated[float, Field(ge=0, le=1000)] = FALL_MARGIN
+    repeats: Annotated[int, Field(ge=1, le=1000)] = 1
 
 
 class StudySettings(Settings):
@@ -245,6 +251,8 @@ class Problem:
         except EpisodeError as problem:
             raise StudyError(f"episode: {problem}") from None
         _refuse_unseen_pushes(self.start_speeds, plant.timestep)
+        if self.measure.is_noisy and isinstance(plant, MujocoPlant):
+            self.episode = replace(self.episode, noise_floor=self._noise_floor(plant))
 
     @property
     def is_simulated(self) -> bool:
@@ -274,12 +282,18 @@ class Problem:
 
     @property
     def timestep(self) -> float:
-        return self.spec.plant.timestep
+        """Time between two control steps, in s."""
+        plant = self.spec.plant
+        return plant.control_period if isinstance(plant, PlantSettings) else plant.timestep
 
     @property
     def resolution(self) -> float:
         """How far two values of the measure must be apart to be told apart, in its unit."""
         return self.measure.resolution(self.episode, self.timestep)
+
+    def as_good_as(self, best: float) -> float:
+        """The largest value that cannot be told from the `best` one. What noise alone takes below zero is luck."""
+        return (max(best, 0.0) if self.measure.is_noisy else best) + self.resolution
 
     @cached_property
     def coordinates(self) -> Coordinates:
@@ -387,27 +401,40 @@ class Problem:
 
     def _make_episode(self, plant: Plant) -> Episode:
         wanted = self.spec.study.episode
-        kind = wanted.pushes or ("rich" if wanted.measure == "spectral" else "tip")
+        kind = wanted.pushes or ("rich" if self.measure.sees_coriolis else "tip")
+        if kind == "tip" and self.measure.name == "smoothed":
+            raise EpisodeError(
+                "pushes: 'smoothed' fits one curve to a push, so it must be short (allowed: rich pushes)"
+            )
         if kind == "rich" or kind == "designed":
             horizon = HORIZON * natural_time(self.nominal, plant.gravity)
-            steps = wanted.steps or max(round(horizon / plant.timestep), 2)
+            steps = wanted.steps or max(round(horizon / self.timestep), 2)
             if steps > LARGEST_STEPS:
                 raise EpisodeError(
-                    f"steps of {plant.timestep} s are too short for a horizon of {horizon:.3g} s: {steps} of them "
+                    f"steps of {self.timestep} s are too short for a horizon of {horizon:.3g} s: {steps} of them "
                     f"(allowed: at most {LARGEST_STEPS}; name the steps, or make the timestep longer)"
                 )
-            pushes, fall_limit = self._strong_pushes(plant, kind, steps * plant.timestep), RICH_FALL_LIMIT
+            pushes, fall_limit = self._strong_pushes(plant, kind, steps * self.timestep), RICH_FALL_LIMIT
         else:
             steps, fall_limit = wanted.steps or COUNTING_STEPS, FALL_LIMIT
             pushes = tip_push(plant, wanted.peak_speed or TIP_SPEED) if kind == "tip" else _explicit(kind, plant.njoint)
-        limit = wanted.fall_limit or fall_limit
-        return Episode(pushes, steps, limit, wanted.fall_margin, stiffness=self._stiffness(steps * plant.timestep))
+        pushes = np.tile(pushes, (wanted.repeats, 1))
+        limits = wanted.fall_limit or fall_limit, wanted.fall_margin
+        stiffness = self._stiffness(steps * self.timestep)
+        return Episode(pushes, steps, *limits, stiffness=stiffness, seed=self.spec.study.seed)
 
     def _stiffness(self, horizon: float) -> float:
         inertia = self.spec.study.inertia
         if self.stage == 1 or inertia is None:
             return 0.0
         return inertia.stiffness or (2.0 * np.pi / horizon) ** 2
+
+    def _noise_floor(self, plant: MujocoPlant) -> NoiseFloor:
+        """From a rest episode of this `plant`: held upright, its sensors are read for RESTS times a push's horizon."""
+        count = self.episode.steps + 1
+        rest = FaultyPlant(plant).rest(RESTS * count, self.spec.study.seed)
+        joint_speeds = np.diff(self.start_speeds, axis=1, prepend=0.0)
+        return noise_floor(rest.reshape(RESTS, count, -1), self.timestep, joint_speeds)
 
     def _strong_pushes(self, plant: Plant, kind: Literal["rich", "designed"], horizon: float) -> Array:
         wanted, seed = self.spec.study.episode, self.spec.study.seed
@@ -425,6 +452,8 @@ def _check_settings(spec: StudySpec, nominal: Chain) -> None:
         raise StudyError(f"sampler: {unknown('sampler', study.sampler, SAMPLERS)}")
     if study.inertia is not None and study.episode.measure != "spectral":
         raise StudyError("inertia: a second stage needs the Coriolis lumps, so measure = 'spectral'")
+    if study.episode.measure == "smoothed" and study.search.lumps != IDEAL:
+        raise StudyError("search: lumps: 'smoothed' does not see friction (allowed: gravity and coriolis)")
     dry = isinstance(plant, PlantSettings) and any(link.frictionloss for link in plant.links)
     if study.episode.physics == "analytic" and dry:
         raise StudyError("episode: physics: 'analytic' has no dry friction, and the plant has (allowed: 'mujoco')")

@@ -96,8 +96,9 @@ def _lumps(stage: Stage) -> pd.DataFrame:
     if survivors:
         best = _last_best(survivors)
         # The paper's "range of possible values": trials that the measure cannot tell from the best.
-        equal = np.array([t.factors for t in survivors if t.outcome.value <= best.outcome.value + problem.resolution])
-        found = best.factors, equal.min(axis=0), equal.max(axis=0)
+        equal = np.array([t.factors for t in survivors if t.outcome.value <= problem.as_good_as(best.outcome.value)])
+        told = equal.mean(axis=0) if problem.measure.is_noisy else best.factors
+        found = told, equal.min(axis=0), equal.max(axis=0)
         factor, low, high = (np.where(determined, factors, np.nan) for factors in found)
     truth = problem.open_plant().true_lumps()
     true = unknown if truth is None else truth.vector_of(problem.lumps.searched, np.nan)
@@ -118,8 +119,8 @@ def _lumps(stage: Stage) -> pd.DataFrame:
 
 
 def _determined(problem: Problem) -> NDArray[np.bool_]:
-    """Which lumps the trials can tell (nlump): by the sensitivity of the pushes for `spectral`, else by the measure."""
-    if problem.measure.name == "spectral":
+    """Which lumps the trials can tell (nlump): by the sensitivity of the pushes, else by the measure."""
+    if problem.measure.sees_coriolis:
         return np.array(identifiability(problem).determined)
     return np.array([problem.measure.determines(lump) for lump in problem.names])
 
@@ -151,10 +152,15 @@ def summary(store: Store, name: str) -> dict[str, Any]:
         "seed": spec.study.seed,
         "trials": _counts(trials),
         "best": _best(by_stage[0]),
+        **_noise_floor(by_stage[0].problem),
         "lumps": [_without_nan(row) for row in lumps.to_dict("records")],
         "max_error": None if errors.isna().any() else float(errors.max()),
         **({"stages": [_stage_summary(stage) for stage in by_stage]} if len(by_stage) > 1 else {}),
     }
+
+
+def _noise_floor(problem: Problem) -> dict[str, float]:
+    return {"noise_floor_hz": problem.episode.noise_floor.frequency} if problem.measure.is_noisy else {}
 
 
 def _stage_summary(stage: Stage) -> dict[str, Any]:

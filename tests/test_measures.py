@@ -49,10 +49,10 @@ def test_constant_speed_has_no_frequency_in_any_measure() -> None:
     """Coasting is zero in every measure."""
     angles, speeds = TIMESTEP * np.arange(1001)[:, None], np.ones((1001, 1))
     half_periods, span = crossings(angles, speeds[0], TIMESTEP)
-    record = Record(
-        TIMESTEP, 1000, None, half_periods[None], span[None], *(e[None] for e in energies(speeds, TIMESTEP))
-    )
-    assert [measure.value(record) for measure in MEASURES.values()] == [0.0, 0.0, 0.0]
+    seen = half_periods[None], span[None], *(e[None] for e in energies(speeds, TIMESTEP))
+    record = Record(TIMESTEP, 1000, None, *seen, angles=(angles,))
+    values = {name: measure.value(record) for name, measure in MEASURES.items()}
+    assert values == {"count": 0.0, "crossing": 0.0, "spectral": 0.0, "smoothed": pytest.approx(0.0, abs=1e-9)}
 
 
 def test_count_is_of_whole_periods_and_crossing_of_the_time_they_took() -> None:
@@ -71,7 +71,8 @@ def test_every_fall_is_worse_than_every_survivor_and_earlier_falls_are_worse(mea
     angles = np.append(0.0, 0.1 * np.resize([1.0, -1.0], steps))[:, None]
     speeds = np.resize([1.0, -1.0], steps + 1)[:, None]
     half_periods, span = crossings(angles, speeds[0], TIMESTEP)
-    wild = Record(TIMESTEP, steps, None, half_periods[None], span[None], *(e[None] for e in energies(speeds, TIMESTEP)))
+    seen = half_periods[None], span[None], *(e[None] for e in energies(speeds, TIMESTEP))
+    wild = Record(TIMESTEP, steps, None, *seen, angles=(angles,))
     ceiling = measure.ceiling(episode, TIMESTEP)
     assert measure.value(wild) <= ceiling < fall_value(ceiling, steps - 1, steps) < fall_value(ceiling, 1, steps)
 

@@ -80,7 +80,8 @@ def show_plant(name: str, as_json: bool) -> None:
     ]
     if as_json:
         common = {key: getattr(shown.settings, key) for key in ("gravity", "timestep", "over_compensation")}
-        print_json({"plant": shown.name, **common, "links": links, "lumps": lumps})
+        faults = shown.settings.faults.model_dump(mode="json")
+        print_json({"plant": shown.name, **common, "faults": faults, "links": links, "lumps": lumps})
         return
     heading = ["link", "length, m", "mass, kg", "com, m", "inertia, kg m²", "damping, N m s", "dry friction, N m"]
     heading.append("stiffness, N m/rad")
@@ -91,7 +92,8 @@ def show_plant(name: str, as_json: bool) -> None:
         heading,
         rows,
         f"gravity {shown.gravity} m/s², timestep {shown.timestep} s"
-        + (f"; declared fault: receives gravity factors larger by {fault}" if fault else ""),
+        + (f"; declared fault: receives gravity factors larger by {fault}" if fault else "")
+        + "".join(f"; {name} {value}" for name, value in shown.settings.faults.named.items()),
     )
     print_table(
         "True lumps", ["lump", "value", "unit"], [[lump["name"], figure(lump["true"]), lump["unit"]] for lump in lumps]

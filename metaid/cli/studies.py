@@ -293,6 +293,8 @@ def _print_study(store: Any, name: str) -> None:
     found = "no survivor yet"
     if best["value"] is not None:
         found = f"best {best['value']:.3g} {unit} at trial {best['number']}{largest}"
+    if "noise_floor_hz" in shown:
+        found += f"; noise floor {shown['noise_floor_hz']:.3g} Hz, subtracted"
     if "mujoco" in best:
         found += f"; {_verification(best['mujoco'])}"
     for stage in shown.get("stages", [])[1:]:

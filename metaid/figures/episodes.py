@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from metaid.chain import Array
-from metaid.episode import Trajectory, run_plain
+from metaid.episode import Trajectory
 from metaid.figures.style import COLOURS, PAGE, new_axes, save, style, verbatim
 from metaid.objective import Objective
 
@@ -44,7 +44,7 @@ def plot_phase(trajectory: Trajectory, axes: Axes | None = None) -> Axes:
 
 def draw_episode(objective: Objective, factors: Array, path: Path) -> None:
     """Angles and phase portrait of a candidate's episode, as a file whose ending says the format."""
-    record, trajectory = run_plain(objective.plant, objective.nominal.scaled(factors), objective.episode)
+    record, trajectory = objective.watch(factors)
     with style():
         figure = Figure(figsize=(PAGE, 2.6), layout="constrained")
         left, right = figure.subplots(1, 2, width_ratios=(3, 2))

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from metaid.chain import Array
-from metaid.episode import Trajectory, run_plain
+from metaid.episode import Trajectory
 from metaid.errors import StorageError
 from metaid.figures.episodes import plot_angles, plot_phase
 from metaid.figures.landscape import plot_boundary, plot_parallel, plot_sweep
@@ -88,8 +88,7 @@ class Gallery:
     @cached_property
     def trajectory(self) -> Trajectory:
         """The best candidate's motion after the last push."""
-        candidate = self.objective.nominal.scaled(self.centre)
-        return run_plain(self.objective.plant, candidate, self.objective.episode)[1]
+        return self.objective.watch(self.centre)[1]
 
     def _line(self, lump: int, count: int) -> Array:
         return np.linspace(self.found.problem.low[lump], self.found.problem.high[lump], count)
@@ -162,7 +161,7 @@ class Gallery:
 
     def _episode(self, width: float) -> Picture:
         figure, (left, right) = _pair_of_panels(width, (3, 2))
-        plot_angles(self.trajectory, self.objective.plant.timestep, left)
+        plot_angles(self.trajectory, self.found.problem.timestep, left)
         plot_phase(self.trajectory, right)
         does = "it coasts" if self.found.problem.stage == 1 else "every joint swings at the same frequency"
         caption = (

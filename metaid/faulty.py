@@ -1,0 +1,265 @@
+"""Episodes on a plant with faults: what a controller sees is what its sensors read, what the plant gets is what its
+drives deliver.
+
+`FaultyPlant` is such a plant for the plain loop, and so the reference for `FaultyEpisode`, which is the same in one
+compiled function. Plants without faults have a loop of their own (`kernel`), which none of this slows down.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+
+from metaid.batch import laws_of
+from metaid.chain import Array, Lumps
+from metaid.compiled import compiled
+from metaid.episode import Episode, Record, Trajectory, run_plain
+from metaid.faults import Noise, draw, readings, slope_weights, stream
+from metaid.kernel import Step, advance, compensate, same_record
+from metaid.plain import PlainEpisode
+from metaid.plant import MujocoPlant
+
+RESTING = 1000  # readings of the plant at rest, which tell how far noise alone can throw one
+DEADBAND = 5.0  # of their standard deviation: a reading so near the upright tells no side
+
+
+class FaultyPlant:
+    """A `Plant` that is a MujocoPlant behind its faults; a step is a control step. `begin` gives it the noise of an
+    episode.
+    """
+
+    def __init__(self, plant: MujocoPlant) -> None:
+        self.inner = plant
+        self.faults = plant.settings.faults
+        self.name, self.njoint, self.gravity = plant.name, plant.njoint, plant.gravity
+        self.timestep = plant.settings.control_period
+        self._limits = self.faults.torque_limits(plant.njoint)
+        self._weights = slope_weights(self.timestep)
+
+    def begin(self, noise: Noise) -> None:
+        """The next push is the first of an episode with this `noise`."""
+        self._noise = noise
+        self._push = -1
+
+    def push(self, impulses: Array) -> None:
+        self._push += 1
+        self._step = 0
+        self._commands = deque([np.zeros(self.njoint)] * self.faults.delay)
+        self._angles: list[Array] = []
+        # What such a push has done in a calibration; nobody reads a speed from angles as soon as it is there.
+        self._expected = self.inner.start_speeds(impulses)
+        self.inner.push(impulses * (1.0 + self._noise.impulses[self._push]))
+        self._read()
+
+    def _read(self) -> None:
+        angles, speeds = self.inner.states()
+        self._angles.append(readings(angles + self._noise.angles[self._push, self._step], self.faults.encoder_step))
+        count = len(self._weights)
+        if self.faults.speed_sensor:
+            self._speeds = speeds + self._noise.speeds[self._push, self._step]
+        elif len(self._angles) >= count:
+            self._speeds = self._weights @ np.array(self._angles[-count:])
+        else:
+            self._speeds = self._expected
+
+    def states(self) -> tuple[Array, Array]:
+        return self._angles[-1], self._speeds
+
+    def apply_torque(self, torque: Array) -> None:
+        self._commands.append(torque)
+
+    def step(self) -> None:
+        delivered = np.clip(self._commands.popleft(), -self._limits, self._limits)
+        self.inner.apply_torque(delivered + self._noise.torques[self._push, self._step])
+        for _ in range(self.faults.control_every):
+            self.inner.step()
+        self._step += 1
+        self._read()
+
+    def stop(self) -> None:
+        self.inner.stop()
+
+    def close(self) -> None:
+        self.inner.close()
+
+    def true_lumps(self) -> Lumps | None:
+        return self.inner.true_lumps()
+
+    def rest(self, count: int, seed: int) -> Array:
+        """Angle readings (count x njoint), in rad, of the plant held upright."""
+        noise = draw(self.faults, np.random.default_rng([seed, count]), 1, count - 1, self.njoint)
+        return readings(noise.angles[0], self.faults.encoder_step)
+
+
+@compiled
+def _read(chain, expected, noise, push, step, sensors, kept, speeds):  # type: ignore[no-untyped-def]
+    """Fills the reading of this step into `kept` (nsteps + 1 x njoint), and the joint `speeds` (njoint)."""
+    angle_noise, speed_noise = noise
+    speed_sensor, encoder_step, weights = sensors
+    count = weights.shape[0]
+    for i in range(speeds.shape[0]):
+        angle = chain.qpos[i] + angle_noise[push, step, i]
+        if encoder_step > 0.0:
+            angle = np.floor(angle / encoder_step + 0.5) * encoder_step
+        kept[push, step, i] = angle
+        if speed_sensor:
+            speeds[i] = chain.qvel[i] + speed_noise[push, step, i]
+        elif step + 1 >= count:
+            speeds[i] = 0.0
+            for k in range(count):
+                speeds[i] += weights[k] * kept[push, step + 1 - count + k, i]
+        else:
+            speeds[i] = expected[push, i]
+
+
+@compiled
+def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, kept):  # type: ignore[no-untyped-def]
+    """All pushes of an episode; returns control steps run and whether a link fell. Fills the four (npush x njoint)
+    `outputs` and `kept` (npush x nsteps + 1 x njoint), the angle readings.
+
+    `laws` are those of one candidate (see `batch.Laws`), `work` eleven vectors (njoint) and the commands under way
+    (delay + 1 x njoint); nothing is allocated here.
+    """
+    half_periods, span, speed_energy, acceleration_energy = outputs
+    start, expected = starts
+    gravity, coriolis, damping, coulomb, inertia, stiffness = laws
+    law = gravity[0], coriolis[0], damping[0], coulomb[0], inertia[0], stiffness
+    angle_noise, speed_noise, torque_noise = noise
+    control_every, limits, tilt = drives
+    timestep, steps, limit, margin, deadband = settings
+    angles, speeds, joint_speeds, previous, first, command, absolute, commands = work[4:]
+    npush, n = start.shape
+    slots = commands.shape[0]
+    period = timestep * control_every
+    ran = 0
+    for push in range(npush):
+        for i in range(n):
+            half_periods[push, i], span[push, i], speed_energy[push, i], acceleration_energy[push, i] = 0, 0.0, 0.0, 0.0
+    for push in range(npush):
+        for i in range(n):
+            chain.qpos[i], chain.qvel[i] = 0.0, start[push, i]
+            for slot in range(slots):
+                commands[slot, i] = 0.0
+        fastest, fallen, step = 0.0, False, 0
+        while True:
+            _read(chain, expected, (angle_noise, speed_noise), push, step, sensors, kept, joint_speeds)
+            angle, speed = 0.0, 0.0
+            for i in range(n):
+                v, v0 = joint_speeds[i], previous[i]
+                angle += kept[push, step, i]
+                speed += v
+                angles[i], speeds[i] = angle, speed
+                if step == 0:
+                    fastest, first[i] = max(fastest, margin * abs(speed)), v
+                else:
+                    speed_energy[push, i] += 0.5 * period * (v0 * v0 + v * v)
+                    jump = v - v0 + period * stiffness * kept[push, step - 1, i]  # Eq. 18
+                    acceleration_energy[push, i] += jump * jump / period
+                    # Eq. 8, and what the simulation cannot follow; written so that NaN counts as fallen.
+                    if not (abs(angle) <= limit or abs(speed) <= fastest) or not abs(chain.qvel[i]) * timestep <= 1.0:
+                        fallen = True
+                previous[i] = v
+            if fallen or step == steps:
+                break
+            compensate(law, angles, speeds, joint_speeds, work[:4], command)
+            for i in range(n):
+                commands[step % slots, i] = command[i]
+                delivered = min(max(commands[(step + 1) % slots, i], -limits[i]), limits[i])
+                chain.torque[i] = delivered + torque_noise[push, step, i]
+            for _ in range(control_every):
+                angle, speed = tilt, 0.0
+                for i in range(n):
+                    angle += chain.qpos[i]
+                    speed += chain.qvel[i]
+                    absolute[i], work[0][i], work[1][i] = speed, np.sin(angle), np.cos(angle)
+                advance(chain, absolute, work[0], work[1])  # type: ignore[no-untyped-call]
+            step += 1
+            ran += 1
+        for i in range(n):
+            half_periods[push, i], span[push, i] = _crossings(kept, push, step, i, first[i], period, deadband)
+        if fallen:
+            return ran, True
+    return ran, False
+
+
+@compiled
+def _crossings(kept, push, steps, joint, start_speed, period, deadband):  # type: ignore[no-untyped-def]
+    """Half periods of one joint and the time they took, in s, as `episode.crossings` has them."""
+    half_periods, first, last, seen, angle = 0, 0.0, 0.0, -1, 0.0
+    begun = start_speed != 0.0
+    for step in range(steps + 1):
+        reading = kept[push, step, joint]
+        if not abs(reading) > deadband:
+            continue
+        if seen >= 0 and (reading > 0.0) != (angle > 0.0):
+            time = period * (step - reading / (reading - angle) * (step - seen))
+            if begun:
+                half_periods += 1
+                last = time
+            else:
+                begun, first, last = True, time, time
+        seen, angle = step, reading
+    return half_periods, last - first
+
+
+class FaultyEpisode(PlainEpisode):
+    """An episode on one plant with faults: compiled, with the given `step`, or in plain Python with None; holds
+    buffers, so one per thread.
+    """
+
+    plant: FaultyPlant
+
+    def __init__(self, plant: MujocoPlant, episode: Episode, step: Step | None) -> None:
+        faulty = FaultyPlant(plant)
+        deadband = DEADBAND * float(faulty.rest(RESTING, episode.seed).std())
+        super().__init__(faulty, replace(episode, deadband=deadband))
+        self.step = step
+        faults, njoint = faulty.faults, plant.njoint
+        self._expected = np.array([plant.start_speeds(impulses) for impulses in episode.pushes])
+        self._sensors = faults.speed_sensor, faults.encoder_step, slope_weights(faulty.timestep)
+        self._drives = faults.control_every, faults.torque_limits(njoint), faults.tilt
+        self._settings = plant.timestep, episode.steps, episode.fall_limit, episode.fall_margin, deadband
+        self._work = (*(np.empty(njoint) for _ in range(11)), np.empty((faults.delay + 1, njoint)))
+
+    def run(self, candidate: Lumps) -> Record:
+        if self.step is None:
+            return self.run_plain(candidate)[0]
+        noise, plant, shape = self._noise(candidate), self.plant.inner, self.episode.pushes.shape
+        struck = self.episode.pushes * (1.0 + noise.impulses)
+        start = np.array([plant.start_speeds(impulses) for impulses in struck])
+        outputs = np.zeros(shape, dtype=np.int64), np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        readings = np.empty((shape[0], self.episode.steps + 1, shape[1]))
+        steps, fell = _run(
+            self.step,
+            (start, self._expected),
+            laws_of(self.episode, plant.gravity, candidate[None]),
+            (noise.angles, noise.speeds, noise.torques),
+            self._sensors,
+            self._drives,
+            self._settings,
+            self._work,
+            outputs,
+            readings,
+        )
+        begun = range(0, steps, self.episode.steps) if self.episode.keep_angles else ()
+        kept = tuple(push[: steps - first + 1] for push, first in zip(readings, begun, strict=False))
+        period, floor = self.plant.timestep, self.episode.noise_floor.energy
+        return Record(period, steps, steps if fell else None, *outputs, kept, floor)
+
+    def run_plain(self, candidate: Lumps) -> tuple[Record, Trajectory]:
+        """The same episode in the plain loop: the reference. The motion is what the sensors read of it."""
+        self.plant.begin(self._noise(candidate))
+        return run_plain(self.plant, candidate, self.episode)
+
+    def agrees_with_plain(self, candidate: Lumps, steps: int = 25) -> bool:
+        """Whether a short episode comes out the same in the compiled and in the plain loop."""
+        short = replace(self.episode, pushes=self.episode.pushes[:1], steps=min(steps, self.episode.steps))
+        episode = FaultyEpisode(self.plant.inner, short, self.step)
+        return same_record(episode.run(candidate), episode.run_plain(candidate)[0])
+
+    def _noise(self, candidate: Lumps) -> Noise:
+        npush, njoint = self.episode.pushes.shape
+        random = stream(self.episode.seed, candidate)
+        return draw(self.plant.faults, random, npush, self.episode.steps, njoint)
