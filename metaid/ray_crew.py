@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -27,6 +28,8 @@ PATIENCE = 120.0  # s
 SLOWER = 100.0  # times the slowest candidate so far: so long a worker may take, be it beyond its patience
 TICK = 1.0  # s between two looks at the workers
 ANNOUNCED = 10.0  # s without a worker, after which it is said: Ray needs some 5 to start
+
+TOKEN = Path.home() / ".ray" / "auth_token"
 
 log = logging.getLogger("metaid")
 
@@ -54,6 +57,8 @@ class RayCrew:
     def __init__(self, problem: Problem, workers: int, address: str | None, patience: float = PATIENCE) -> None:
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+        if address is not None and (TOKEN.exists() or {"RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH"} & set(os.environ)):
+            os.environ.setdefault("RAY_AUTH_MODE", "token")  # as `ray start` does
         import ray
 
         self._ray: Any = ray
@@ -227,4 +232,6 @@ def _start_ray(ray: Any, workers: int, address: str | None) -> None:
     try:
         ray.init(address=address, **quiet)
     except (ConnectionError, ValueError, RuntimeError) as problem:
+        if isinstance(problem.__cause__, ray.exceptions.AuthenticationError):
+            raise StudyError(f"the Ray cluster at {address} wants its token (RAY_AUTH_TOKEN, or {TOKEN})") from None
         raise StudyError(f"no Ray cluster at {address}: {' '.join(str(problem).split())[:200]}") from None

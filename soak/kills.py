@@ -86,16 +86,17 @@ def _killed(path: Path, name: str, random: Random) -> bool:
         doom = [str(random.randint(1, WRITES)), str(random.randint(1, STATEMENTS))]
         doomed = [sys.executable, "-m", "soak.doomed", *doom, *arguments]
         return subprocess.run(doomed, cwd=ROOT, capture_output=True).returncode == -signal.SIGKILL
-    before = _count(path)
+    before = count(path)
     with subprocess.Popen([*METAID, *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        while how == "moment" and process.poll() is None and _count(path) == before:
+        while how == "moment" and process.poll() is None and count(path) == before:
             time.sleep(0.01)
         time.sleep(random.uniform(0.0, LONGEST_WAIT if how == "moment" else LONGEST_START))
         process.kill()
     return process.returncode == -signal.SIGKILL
 
 
-def _count(path: Path) -> int:
+def count(path: Path) -> int:
+    """How many trials the DB of one study has."""
     with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True, timeout=60)) as connection:
         return int(connection.execute("SELECT COUNT(*) FROM trials").fetchone()[0])
 

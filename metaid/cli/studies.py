@@ -210,7 +210,7 @@ def run(
 
 
 def _how_to_go_on(trials: int, storage: str, name: str) -> str:
-    return f"{trials} trials are in {storage}; go on with: metaid study run {name}"
+    return f"{trials} trials are in {storage}; go on with: metaid study run {shlex.quote(name)}"
 
 
 class _Stop:
