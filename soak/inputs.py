@@ -36,7 +36,7 @@ from soak.common import SoakResult, soaked
 from soak.judge import BrokenPromiseError, command, promised
 
 SEED = 7
-CASES = {"plants": 40_000, "studies": 30_000, "factors": 22_000, "arguments": 6_000, "databases": 2_000}
+CASES = {"plants": 42_000, "studies": 31_000, "factors": 22_000, "arguments": 4_000, "databases": 1_000}
 LONGEST_EPISODE = 20_000  # steps of an accepted study that are run
 PROCESSES = 2
 UNSET = "DISPLAY", "WAYLAND_DISPLAY", "METAID_STORAGE"  # no window opens, no other DB is meant

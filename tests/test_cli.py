@@ -194,6 +194,14 @@ MISTAKES = {
         ["study", "create", "three-link", "--set", "search.low=1.1"],
         "is not within its bounds",
     ),
+    "push too weak to be seen": (
+        ["study", "create", "one-link-count", "--set", "episode.pushes=[[1e-12]]"],
+        "push 1 gives the fastest link",
+    ),
+    "push too strong for the timestep": (
+        ["study", "create", "one-link-count", "--set", "episode.pushes=[[0.01], [1e3]]"],
+        "push 2 gives the fastest link",
+    ),
     "zero trials": (
         ["study", "create", "three-link", "--set", "trials=0"],
         "trials: should be greater than or equal to 1",

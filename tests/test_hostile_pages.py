@@ -66,11 +66,13 @@ def test_dashboard_of_a_study_named_as_a_script_runs_none(evil: Path, tmp_path: 
         for page, text in (
             ("dashboard", "noted"),
             (f"dashboard/studies/{ours}", "Convergence"),
-            (f"dashboard/studies/{ours}/note", "gravity_1"),
+            (f"dashboard/studies/{ours}/note", "This note is written by metaid"),
             (f"dashboard/studies/{theirs}/note", "seen"),
         ):
             _look(browser, f"{address}/{page}", text)
             assert not browser.driver.execute_script(OWNED), page
+            links = browser.driver.execute_script("return [...document.links].map(link => link.textContent)")
+            assert "click" not in links or str(theirs) in page  # a stranger's note may have links, ours has none
             assert all(url.startswith(address) for url in browser.fetched())
     store.close()
 

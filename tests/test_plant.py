@@ -100,8 +100,9 @@ def test_chain_whose_mass_matrix_is_singular_is_refused() -> None:
 
 def test_timestep_too_long_for_gravity_or_damping_is_refused_with_the_longest() -> None:
     """The longest that is named is allowed, and a little more is not."""
-    for settings, links in (({"gravity": 9.81}, (link(),)), ({}, (link(damping=50.0), link(damping=20.0)))):
-        with pytest.raises(PlantError, match=r"too long for .*allowed: at most [\d.]+ s") as refusal:
+    damped = link(damping=50.0), link(damping=20.0)
+    for settings, links, what in (({"gravity": 9.81}, (link(),), "rad/s"), ({}, damped, "damping of its joints")):
+        with pytest.raises(PlantError, match=rf"too long for .*{what}.*allowed: at most [\d.]+ s") as refusal:
             MujocoPlant("fast", PlantSettings(links=links, timestep=0.1, **settings))
         longest = float(str(refusal.value).split("at most ")[1].split(" s")[0])
         MujocoPlant("fast", PlantSettings(links=links, timestep=0.97 * longest, **settings))
