@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from metaid.api import evaluate, load_findings, lumps, perturb, run, studies, summary, trials, validate
+    from metaid.api import evaluate, load_findings, lumps, parameters, perturb, run, studies, summary, trials, validate
     from metaid.errors import EpisodeError, MetaidError, PlantError, RenderError, StorageError, StudyError
     from metaid.objective import Outcome
     from metaid.plant import Plant, load_plant
@@ -23,7 +23,18 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
-    "metaid.api": ("evaluate", "load_findings", "lumps", "perturb", "run", "studies", "summary", "trials", "validate"),
+    "metaid.api": (
+        "evaluate",
+        "load_findings",
+        "lumps",
+        "parameters",
+        "perturb",
+        "run",
+        "studies",
+        "summary",
+        "trials",
+        "validate",
+    ),
     "metaid.errors": ("EpisodeError", "MetaidError", "PlantError", "RenderError", "StorageError", "StudyError"),
     "metaid.objective": ("Outcome",),
     "metaid.plant": ("Plant", "load_plant"),
@@ -45,6 +56,7 @@ __all__ = [
     "load_plant",
     "load_study",
     "lumps",
+    "parameters",
     "perturb",
     "run",
     "studies",

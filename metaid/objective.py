@@ -36,6 +36,14 @@ class Outcome:
     failure: str | None = None
 
 
+class Candidates(Protocol):
+    """What factors are of: the nominal lumps, or whatever else lumps follow from."""
+
+    @property
+    def vector(self) -> Array: ...
+    def scaled(self, factors: Array) -> Lumps: ...
+
+
 class Loop(Protocol):
     """What runs episodes on a plant: one at a time, or those of a batch that it shares with others of its kind."""
 
@@ -50,7 +58,8 @@ class Objective:
     """Evaluates factors of `nominal` lumps on a `plant` by a `measure`, `count` with a counting `rule`. Holds the
     plant's state, so one per worker.
 
-    `physics` is "mujoco", or "analytic" for a MujocoPlant's own equations of motion.
+    With other `candidates`, factors are of these. `physics` is "mujoco", or "analytic" for a MujocoPlant's own
+    equations of motion.
     """
 
     def __init__(
@@ -61,6 +70,7 @@ class Objective:
         measure: str,
         physics: str = "mujoco",
         rule: str | None = None,
+        candidates: Candidates | None = None,
     ) -> None:
         if nominal.nlink != plant.njoint or episode.pushes.shape[1] != plant.njoint:
             raise EpisodeError(
@@ -69,6 +79,7 @@ class Objective:
             )
         self.plant = plant
         self.nominal = nominal
+        self._candidates: Candidates = nominal if candidates is None else candidates
         self.measure = get_measure(measure, rule)
         self.episode = episode = replace(episode, keep_angles=episode.keep_angles or self.measure.keeps_angles)
         self._loop: Loop = _fastest_loop(plant, nominal, episode, physics)
@@ -78,7 +89,7 @@ class Objective:
         """What the episode of a candidate with these `factors` (nlump) shows.  Raises EpisodeError where they are
         none, LostPlant and AbsentPlant.
         """
-        return self._loop.run(self.nominal.scaled(_checked(factors, len(self.nominal.vector))))
+        return self._loop.run(self._candidates.scaled(_checked(factors, len(self._candidates.vector))))
 
     def watch(self, factors: Array) -> tuple[Record, Trajectory]:
         """The same, and the motion after the last push, step by step in Python."""
@@ -99,7 +110,7 @@ class Objective:
         """A batch of candidates with these `factors` (ncandidate x nlump), for this objective and its like, each on a
         thread of its own, to work on.
         """
-        return self._loop.new_batch(self.nominal.scaled(factors))
+        return self._loop.new_batch(self._candidates.scaled(factors))
 
     def work_on(self, batch: Any) -> None:
         """Runs episodes of the `batch` until there are none left; others may do so at the same time."""

@@ -147,8 +147,7 @@ def build_spec(chain: Chain, gravity: float, timestep: float) -> mujoco.MjSpec:
 
     Autoreset is off: a diverged episode must not silently restart. Euler: a torque is written once a step
     (docs/method.md). Viscous friction is explicit, at the speed that a step begins with, as the law's is; dry friction
-    is a constraint, so only a chain that has some is given MuJoCo's solver, and that starts afresh at every step: what
-    a push shows must not depend on the one before.
+    is a constraint, so only a chain that has some is given MuJoCo's solver.
     """
     spec = mujoco.MjSpec()
     spec.option.timestep = timestep
@@ -156,7 +155,7 @@ def build_spec(chain: Chain, gravity: float, timestep: float) -> mujoco.MjSpec:
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     off = mujoco.mjtDisableBit
     spec.option.disableflags = int(
-        (off.mjDSBL_WARMSTART if chain.coulomb.any() else off.mjDSBL_CONSTRAINT)
+        (0 if chain.coulomb.any() else off.mjDSBL_CONSTRAINT)
         | off.mjDSBL_CONTACT
         | off.mjDSBL_AUTORESET
         | off.mjDSBL_SENSOR

@@ -11,11 +11,12 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, field_validator
 
+from metaid.bodies import BodySpace, bodies_of, body_space
 from metaid.chain import FRICTION, IDEAL, Array, Chain, Lumps, factors_from_names, lump_names
 from metaid.coordinates import Coordinates, designed_speeds, nominal_metric, plain, sensitivity
 from metaid.episode import (
@@ -35,12 +36,13 @@ from metaid.errors import EpisodeError, PlantError, StudyError, unknown
 from metaid.faulty import FaultyPlant
 from metaid.files import Settings, check, find_file, find_file_beside, read_toml
 from metaid.measures import Measure, get_measure
-from metaid.objective import Objective, Outcome, failure
+from metaid.objective import Candidates, Objective, Outcome, failure
 from metaid.plant import LinkSettings, MujocoPlant, Plant, PlantSettings, chain_of, read_plant
 from metaid.possible import refuse_impossible
 from metaid.searchers import SAMPLERS, Searcher, SearchOptions, make_searcher
 from metaid.smoothing import noise_floor
 from metaid.socket_plant import SocketPlant, SocketSettings, read_any_plant
+from metaid.walk import Walking
 
 HORIZON = 1.5  # of a rich push, in units of √(l/g)
 LARGEST_STEPS = 10_000_000  # after a push
@@ -65,12 +67,18 @@ class SearchSettings(Settings):
     "coulomb"; bounds `low`, `high` and `start` as factors of the nominal lumps, one for all or a table by lump
     name; the coordinates; the first step `sigma` in them; the `generation` size (default: the sampler's own); a
     `target` of the measure at which the search may stop; the `increment` of the factors in dinoip's steps, and whether
-    it goes `coarse_to_fine`."""
+    it goes `coarse_to_fine`.
+
+    With the `space` "parameters", factors are of each link's mass and centre of mass instead, in coordinates of their
+    own, and the last `walk` trials go through the bodies that are as good as the best.
+    """
 
     lumps: Annotated[tuple[Literal["gravity", "coriolis", "damping", "coulomb"], ...], Field(strict=False)] = (
         "gravity",
         "coriolis",
     )
+    space: Literal["lumps", "parameters"] = "lumps"
+    walk: Annotated[int, Field(ge=0, le=100_000_000)] = 64
     coordinates: Literal["nominal-metric", "plain"] = "nominal-metric"
     start: Factors = 1.0
     low: Factors = 0.5
@@ -159,7 +167,9 @@ class StudySpec(Settings):
 
     @property
     def names(self) -> tuple[list[str], ...]:
-        """The names of the lumps that each stage searches."""
+        """The names under which the factors of each stage's candidates are in the DB."""
+        if self.study.search.space == "parameters":
+            return (bodies_of(chain_of(self.nominal)).names,)
         kinds = [self.study.search.lumps] + [("inertia",)] * (self.study.inertia is not None)
         return tuple(lump_names(len(self.nominal), searched) for searched in kinds)
 
@@ -236,16 +246,17 @@ class Problem:
         self.lumps = self._nominal_lumps()
         self.names = self.lumps.names
         search = spec.study.search
-        self.start, self.low, self.high = (self._factors(key, getattr(search, key)) for key in ("start", "low", "high"))
+        factors = [self._factors(key, getattr(search, key)) for key in ("start", "low", "high")]
+        self.body_space: BodySpace | None = None
+        if search.space == "parameters":
+            self.body_space = body_space(self.nominal, *factors)
+            _check_bounds(self.body_space.names, self.body_space.start, self.body_space.low, self.body_space.high)
+            factors = [self.lump_factors(bound) for bound in factors]
+        self.start, self.low, self.high = factors
         if found is not None:
             # A link that holds more mass than was believed has larger gravity and inertia lumps alike.
             self.start = np.clip(found[: self.nominal.nlink], self.low, self.high)
-        for name, start, low, high in zip(self.names, self.start, self.low, self.high, strict=True):
-            if not low < high or not low <= start <= high:
-                raise StudyError(
-                    f"search: the start {start:g} of {name} is not within its bounds {low:g} to {high:g} "
-                    "(allowed: low <= start <= high, low < high)"
-                )
+        _check_bounds(self.names, self.start, self.low, self.high)
         try:
             self.episode, self.start_speeds = self._pushed(plant)
         except EpisodeError as problem:
@@ -258,6 +269,17 @@ class Problem:
     def is_simulated(self) -> bool:
         """Whether the plant is simulated here, and not a rig, which is not to be moved without need."""
         return isinstance(self.spec.plant, PlantSettings)
+
+    @property
+    def searched(self) -> Searched:
+        """What candidates are factors of, and the bounds of these."""
+        if self.body_space is None:
+            return Searched(self.lumps, self.names, self.low, self.high)
+        return Searched(self.body_space.bodies, self.body_space.names, self.body_space.low, self.body_space.high)
+
+    def lump_factors(self, factors: Array) -> Array:
+        """The factors of the lumps (... x nlump) that candidates with these `factors` (... x nsearched) have."""
+        return factors if self.body_space is None else self.body_space.lump_factors(factors)
 
     @property
     def is_last(self) -> bool:
@@ -297,7 +319,7 @@ class Problem:
 
     @cached_property
     def coordinates(self) -> Coordinates:
-        """What the searcher moves in.  Raises StudyError where the nominal metric does not exist."""
+        """What a searcher of lumps moves in.  Raises StudyError where the nominal metric does not exist."""
         if self.spec.study.search.coordinates == "plain":
             return plain(self.start, self.low, self.high)
         try:
@@ -335,26 +357,34 @@ class Problem:
         )
 
     def make_objective(self) -> Objective:
-        """An objective of its own for each worker."""
-        return self._objective(self.spec.study.episode.physics)
+        """An objective of its own for each worker, in factors of what is searched."""
+        return self._objective(self.spec.study.episode.physics, self.searched.nominal)
+
+    def make_lump_objective(self) -> Objective:
+        """An objective in factors of the nominal lumps, whatever is searched."""
+        return self._objective(self.spec.study.episode.physics, self.lumps)
 
     def verify(self, factors: Array) -> Outcome:
         """What MuJoCo says of `factors` (nlump), whichever physics the study searches with."""
-        return self._objective("mujoco").evaluate(factors)
+        return self._objective("mujoco", self.lumps).evaluate(factors)
 
     def failed(self, reason: str) -> Outcome:
         """What the searcher is told of a candidate that could not be evaluated for that `reason`."""
         return failure(self.measure, self.episode, self.timestep, reason)
 
-    def _objective(self, physics: str) -> Objective:
+    def _objective(self, physics: str, candidates: Candidates) -> Objective:
         rule = self.spec.study.episode.rule
-        return Objective(self.open_plant(), self.lumps, self.episode, self.measure.name, physics, rule)
+        return Objective(self.open_plant(), self.lumps, self.episode, self.measure.name, physics, rule, candidates)
 
     def make_searcher(self) -> Searcher:
         """The searcher at the study's seed, knowing of no trial."""
         study, search = self.spec.study, self.spec.study.search
         options = SearchOptions(search.sigma, search.generation, search.increment, search.coarse_to_fine)
-        return make_searcher(study.sampler, self.coordinates, study.seed, options)
+        if self.body_space is None:
+            return make_searcher(study.sampler, self.coordinates, study.seed, options)
+        coordinates = self.body_space.coordinates
+        searcher = make_searcher(study.sampler, coordinates, study.seed, options)
+        return Walking(searcher, coordinates, study.seed, study.trials - search.walk)
 
     def _nominal_lumps(self) -> Lumps:
         """What the candidates' factors are of. The law of the second stage is what the first has found."""
@@ -362,8 +392,14 @@ class Problem:
         return lumps if self.found is None else replace(lumps.scaled(self.found), searched=("inertia",))
 
     def _factors(self, key: str, given: Factors) -> Array:
+        names = self.names if self.spec.study.search.space == "lumps" else self.spec.names[0]
         if not isinstance(given, dict):
-            return np.full(len(self.names), given)
+            return np.full(len(names), given)
+        if names is not self.names:
+            for name in given:
+                if name not in names:
+                    raise StudyError(f"search: {key}: {unknown('parameter', name, names)}")
+            return np.array([given.get(name, SearchSettings.model_fields[key].default) for name in names])
         default, n = SearchSettings.model_fields[key].default, self.nominal.nlink
         try:
             named = factors_from_names(given, n, default, (*self.spec.study.search.lumps, "inertia"))
@@ -445,9 +481,50 @@ class Problem:
         return pushes_for(plant, designed_speeds(self.nominal, plant.gravity, count, peak_speed, horizon, seed, kinds))
 
 
+class Searched(NamedTuple):
+    """The `nominal` of which candidates are factors; the `names` (nsearched) of these, and their bounds `low` and
+    `high`.
+    """
+
+    nominal: Candidates
+    names: list[str]
+    low: Array
+    high: Array
+
+
+def _check_bounds(names: list[str], starts: Array, lows: Array, highs: Array) -> None:
+    """Raises StudyError where a start is not within its bounds."""
+    for name, start, low, high in zip(names, starts, lows, highs, strict=True):
+        if not low < high or not low <= start <= high:
+            raise StudyError(
+                f"search: the start {start:g} of {name} is not within its bounds {low:g} to {high:g} "
+                "(allowed: low <= start <= high, low < high)"
+            )
+
+
+def _check_parameters(study: StudySettings) -> None:
+    """Raises StudyError where a search of individual parameters is asked for what it does not have."""
+    search = study.search
+    given = {
+        "search.lumps": search.lumps != IDEAL,
+        "search.coordinates": search.coordinates != "nominal-metric",
+        "search.target": search.target is not None,
+        "inertia": study.inertia is not None,
+    }
+    for key, has in given.items():
+        if has:
+            raise StudyError(f"{key}: space = 'parameters' has none of these: leave it out")
+    if study.episode.measure != "spectral":
+        raise StudyError("search: space: 'parameters' follow from the Coriolis lumps too, so measure = 'spectral'")
+    if search.walk >= study.trials:
+        raise StudyError(f"search: walk is {search.walk} of {study.trials} trials (allowed: less than all)")
+
+
 def _check_settings(spec: StudySpec, nominal: Chain) -> None:
     """Raises StudyError where settings contradict each other."""
     study, plant = spec.study, spec.plant
+    if study.search.space == "parameters":
+        _check_parameters(study)
     if study.sampler not in SAMPLERS:
         raise StudyError(f"sampler: {unknown('sampler', study.sampler, SAMPLERS)}")
     if study.inertia is not None and study.episode.measure != "spectral":

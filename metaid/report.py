@@ -21,6 +21,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 import metaid
+from metaid.body_tables import told_of_bodies
 from metaid.figures import Gallery, plant_figure, style
 from metaid.figures.style import INK
 from metaid.findings import Findings
@@ -73,6 +74,7 @@ def render(found: Findings) -> str:
         figures=shown,
         stages=[{"found": stage, "falls": falls(stage), "cost": cost(stage)} for stage in found.stages],
         unidentified=unidentified(found),
+        told_of_bodies=told_of_bodies(found.summary) if "parameters" in found.summary else None,
         versions={"metaid": metaid.__version__, "Python": platform.python_version(), **_versions()},
         files=files(found),
         quoted_name=shlex.quote(found.name),

@@ -217,7 +217,7 @@ class Store:
         """All trials in order, with their factors in the order of their stage's `names`."""
         study_id = self._study_id(name)
         trial, parameter = models.TrialModel, models.TrialParamModel
-        joint_count = sum(lump.startswith("gravity_") for lump in names[0])
+        joint_count = sum(name.startswith(("gravity_", "mass_")) for name in names[0])
         with self._snapshot() as connection:
             columns = trial.number, trial.state, trial._datetime_start_utc, trial._datetime_complete_utc
             query = sa.select(*columns).where(trial.study_id == study_id).order_by(trial.trial_id)

@@ -185,7 +185,7 @@ class _Writer:
     def _append(self) -> None:
         # A server that goes away in the middle of a commit may have written them all the same.
         if not self._away or self._store.count(self._name) != self.trials[-1].number + 1:
-            names, low, high = self._problem.names, self._problem.low, self._problem.high
+            names, low, high = self._problem.searched[1:]
             self._store.append(self._name, names, low, high, self.trials, guard=self._lease.renew)
 
     def _tell(self, why: str) -> None:

@@ -5,14 +5,16 @@ result.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from metaid.body_tables import parameters_of
 from metaid.chain import lump_unit
+from metaid.errors import StudyError
 from metaid.identifiability import identifiability
 from metaid.problem import Problem, StudySpec
 from metaid.rows import Trial
@@ -24,7 +26,8 @@ STATES = ["COMPLETE", "PRUNED", "FAIL"]
 
 def trials_frame(store: Store, name: str) -> pd.DataFrame:
     """One row a trial: `number`, `state`, `value` (NaN where it failed), `generation`, `steps`, `periods_i`, `stage` if
-    the study has two, then a factor per lump, under its name; NaN where the trial's stage does not search it.
+    the study has two, then a factor per lump, under its name; NaN where the trial's stage does not search it. A search
+    of individual parameters has a factor per parameter before those of the lumps that follow from them.
     """
     spec = stored_spec(store, name)
     names = list(itertools.chain(*spec.names))
@@ -47,7 +50,11 @@ def trials_frame(store: Store, name: str) -> pd.DataFrame:
         rows, columns = slice(row, row + len(own)), slice(column, column + len(searched))
         factors[rows, columns] = np.array([trial.factors for trial in own]).reshape(len(own), len(searched))
         row, column = rows.stop, columns.stop
-    return pd.DataFrame({**heads, **periods, **{lump: factors[:, i] for i, lump in enumerate(names)}})
+    searched_factors = {name: factors[:, i] for i, name in enumerate(names)}
+    if spec.study.search.space == "parameters":
+        problem = Problem(spec)
+        searched_factors |= dict(zip(problem.names, problem.lump_factors(factors).T, strict=True))
+    return pd.DataFrame({**heads, **periods, **searched_factors})
 
 
 def _value(trial: Trial) -> float:
@@ -76,10 +83,15 @@ class Stage:
 
 
 def stages(spec: StudySpec, trials: list[Trial]) -> list[Stage]:
-    """The stages of a study, those that have no trial yet too."""
+    """The stages of a study, those that have no trial yet too; their trials with factors of lumps, whatever was
+    searched.
+    """
     by_stage = _by_stage(spec, trials)
     survivors = [trial for trial in by_stage[0] if not trial.outcome.fell]
-    problems = Problem(spec).stages(best_trial(survivors).factors if survivors else None)
+    first = Problem(spec)
+    if first.body_space is not None:
+        return [Stage(first, [replace(trial, factors=first.lump_factors(trial.factors)) for trial in trials])]
+    problems = first.stages(best_trial(survivors).factors if survivors else None)
     return [Stage(problem, own) for problem, own in zip(problems, by_stage, strict=True)]
 
 
@@ -155,12 +167,34 @@ def summary(store: Store, name: str) -> dict[str, Any]:
         **_noise_floor(by_stage[0].problem),
         "lumps": [_without_nan(row) for row in lumps.to_dict("records")],
         "max_error": None if errors.isna().any() else float(errors.max()),
+        **_parameters(spec, trials),
         **({"stages": [_stage_summary(stage) for stage in by_stage]} if len(by_stage) > 1 else {}),
     }
 
 
 def _noise_floor(problem: Problem) -> dict[str, float]:
     return {"noise_floor_hz": problem.episode.noise_floor.frequency} if problem.measure.is_noisy else {}
+
+
+def _parameters(spec: StudySpec, trials: list[Trial]) -> dict[str, Any]:
+    """What is known of individual parameters, and how far the lumps of all those bodies agree; nothing for a search of
+    lumps.
+    """
+    if spec.study.search.space == "lumps":
+        return {}
+    frame = parameters_of(Problem(spec), trials)
+    return {"parameters": [_without_nan(row) for row in frame.to_dict("records")]}
+
+
+def parameters_frame(store: Store, name: str) -> pd.DataFrame:
+    """One row a parameter of a study that searches individual ones: `name`, `unit`, `nominal`, its range `low` to
+    `high` over the bodies that are as good as the best, `true` where the plant knows it, and how many `bodies` these
+    are.  Raises StudyError of another study.
+    """
+    spec = stored_spec(store, name)
+    if spec.study.search.space == "lumps":
+        raise StudyError(f"study '{name}' searches lumps (allowed: one with search.space = 'parameters')")
+    return parameters_of(Problem(spec), store.trials(name, *spec.names))
 
 
 def _stage_summary(stage: Stage) -> dict[str, Any]:

@@ -62,7 +62,7 @@ class Live:
         self.trials = progress.trials
         state = self._state(progress, now)
         if progress.best is not None:
-            self._bests.append(progress.best.factors)
+            self._bests.append(self._problem.lump_factors(progress.best.factors))
         self._bar.update(self._task, completed=progress.trials, total=progress.total, state=state)
         if self._plain and now - self._last_line >= INTERVAL:
             self._last_line = now
@@ -80,7 +80,8 @@ class Live:
         if progress.spread is not None:
             parts.append(f"step size {progress.spread:.2g}")
         if progress.best is not None and self._true_factors is not None:
-            errors = np.abs(progress.best.factors / self._true_factors - 1.0)[self._determined]
+            factors = self._problem.lump_factors(progress.best.factors)
+            errors = np.abs(factors / self._true_factors - 1.0)[self._determined]
             parts.append(f"error {np.nanmax(errors):.2%}")
         return ", ".join(parts)
 

@@ -27,6 +27,8 @@ from metaid.cli.common import (
 )
 from metaid.errors import printable
 
+PARAMETER_FIGURES = ("nominal", "low", "high", "true")
+
 if TYPE_CHECKING:
     from metaid.problem import StudySpec
     from metaid.running import Progress
@@ -303,9 +305,19 @@ def _print_study(store: Any, name: str) -> None:
     failed = f", {trials['failed']} failed" if trials["failed"] else ""
     note = f"{trials['total']} trials, {trials['pruned']} of them falls{failed}; {found}"
     print_table(title, ["lump", "nominal", "identified", "low", "high", "true", "error", "unit"], rows, note)
+    if "parameters" in shown:
+        _show_parameters(shown)
     missed = [lump["name"] for lump in shown["lumps"] if not lump["determined"]]
     if missed:
         say(f"not identified: {', '.join(missed)}: {shown['measure']} with these pushes cannot determine them")
+
+
+def _show_parameters(shown: dict[str, Any]) -> None:
+    from metaid.body_tables import told_of_bodies
+
+    rows = [[row["name"], *(figure(row[key]) for key in PARAMETER_FIGURES), row["unit"]] for row in shown["parameters"]]
+    print_table("Bodies that move the same", ["parameter", *PARAMETER_FIGURES, "unit"], rows)
+    click.echo(told_of_bodies(shown))
 
 
 def _verification(mujoco: dict[str, Any]) -> str:
