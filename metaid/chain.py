@@ -191,7 +191,7 @@ def compensation_basis(
     angles: Array, speeds: Array, gravity: float, kinds: Sequence[str] = IDEAL, stiffness: float = 0.0
 ) -> Array:
     """Generalised force per unit of each lump of these `kinds`, in absolute angles (... x nlink x nlump).  Eqs. 5, 15
-    and 17 are this times the lumps.
+    and 16 are this times the lumps.
 
     `angles` (... x nlink) in rad and `speeds` (... x nlink) in rad/s are absolute; `gravity` in m/s², `stiffness` in
     1/s².
@@ -231,13 +231,13 @@ def compensation_torque(
     `lumps`.
 
     `joint_angles` in rad, `joint_speeds` in rad/s, both (nlink); `gravity` in m/s², `stiffness` in 1/s².  Eqs. 5, 6,
-    15 and 17; Eq. 11 of the paper, with u = 0 where `stiffness` is.
+    15 and 16; Eq. 11 of the paper, with u = 0 where `stiffness` is.
     """
     angles, speeds = np.cumsum(joint_angles), np.cumsum(joint_speeds)
     sine = np.sin(angles[:, None] - angles[None, :])
     force = (lumps.coriolis * sine) @ speeds**2 - gravity * lumps.gravity * np.sin(angles)  # Eq. 5
     if stiffness:
-        force -= stiffness * mass_matrix(lumps, lumps.of("inertia"), angles) @ angles  # Eq. 17
+        force -= stiffness * mass_matrix(lumps, lumps.of("inertia"), angles) @ angles  # Eq. 16
     torque = np.cumsum(force[::-1])[::-1]  # Eq. 6
     return torque + lumps.of("damping") * joint_speeds + lumps.of("coulomb") * sliding(joint_speeds)  # Eq. 15
 

@@ -45,7 +45,7 @@ class Episode:
     as fallen; whether the record keeps the joint angles.
 
     A `fall_margin` of 0 means that a link past the limit has fallen however slow it is. With a `stiffness` k, in 1/s²,
-    the law also asks for q̈ = −k q, so that the plant swings where it would coast (Eq. 17). For a plant with faults: a
+    the law also asks for q̈ = −k q, so that the plant swings where it would coast (Eq. 16). For a plant with faults: a
     joint within `deadband` (rad) of the upright is on neither side of it; `seed` is of the noise, and `noise_floor` how
     much of it there is.
     """
@@ -187,7 +187,7 @@ def crossings(
 
 def energies(speeds: Array, timestep: float, asked: Array | float = 0.0) -> tuple[Array, Array]:
     """∫ q̇² dt (trapezoid) and ∫ (q̈ − asked)² dt (finite differences) per joint of `speeds` (nsteps + 1 x njoint), in
-    rad/s.  Eqs. 10 and 18.
+    rad/s.  Eqs. 10 and 17.
 
     `asked` (nsteps x njoint): the acceleration that the law asks for at the beginning of each step, in rad/s². The
     torque of a step is that of its beginning, so with an exact law nothing is left, however long the step.

@@ -155,7 +155,7 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, k
                     fastest, first[i] = max(fastest, margin * abs(speed)), v
                 else:
                     speed_energy[push, i] += 0.5 * period * (v0 * v0 + v * v)
-                    jump = v - v0 + period * stiffness * kept[push, step - 1, i]  # Eq. 18
+                    jump = v - v0 + period * stiffness * kept[push, step - 1, i]  # Eq. 17
                     acceleration_energy[push, i] += jump * jump / period
                     # Eq. 8, and what the simulation cannot follow; written so that NaN counts as fallen.
                     if not (abs(angle) <= limit or abs(speed) <= fastest) or not abs(chain.qvel[i]) * timestep <= 1.0:

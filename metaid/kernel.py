@@ -71,7 +71,7 @@ def _advance_of(chain, speeds, sines, cosines):  # type: ignore[no-untyped-def]
 
 @compiled
 def compensate(law, angles, speeds, qvel, work, torque):  # type: ignore[no-untyped-def]
-    """Joint torques of a `law` (see `batch.Laws`).  Eqs. 5, 6, 15 and 17, with sin(φ_i − φ_j) and cos(φ_i − φ_j)
+    """Joint torques of a `law` (see `batch.Laws`).  Eqs. 5, 6, 15 and 16, with sin(φ_i − φ_j) and cos(φ_i − φ_j)
     expanded so that each angle needs one sine and cosine.
 
     The sums over j run outside, so that the links i are independent of each other within them.
@@ -91,7 +91,7 @@ def compensate(law, angles, speeds, qvel, work, torque):  # type: ignore[no-unty
             cosine_sums[i] += coriolis[j, i] * cosine
     carried = 0.0
     for i in range(n - 1, -1, -1):
-        carried += sines[i] * (cosine_sums[i] - gravity[i]) - cosines[i] * sine_sums[i]  # Eq. 5, and 17 but for d
+        carried += sines[i] * (cosine_sums[i] - gravity[i]) - cosines[i] * sine_sums[i]  # Eq. 5, and 16 but for d
         carried -= stiffness * inertia[i] * angles[i]
         sliding = min(max(qvel[i] / SLIDING, -1.0), 1.0)
         torque[i] = carried + damping[i] * qvel[i] + coulomb[i] * sliding  # Eqs. 6 and 15
@@ -133,7 +133,7 @@ def _run_push(chain, start, law, settings, work, outputs, kept):  # type: ignore
             speed += v
             angles[i], speeds[i] = angle, speed
             squares[i] += 0.5 * (v0 * v0 + v * v)
-            jump = v - v0 + pull * previous_angle[i]  # Eq. 18: what the step did beyond q̈ = −k q
+            jump = v - v0 + pull * previous_angle[i]  # Eq. 17: what the step did beyond q̈ = −k q
             jumps[i] += jump * jump
             if q * side[i] < 0.0:
                 time = timestep * (step - q / (q - previous_angle[i]))

@@ -1,0 +1,197 @@
+"""Friction and inertia: how often the full dynamics are found, and what friction does where it is not searched.
+
+    python -m benchmarks.friction                       # all parts, N = 2, 3, 5, ten chains each
+    python -m benchmarks.friction --links 10 --parts full --samplers newton --seeds 0 1 2 3 4
+
+Chains and nominal models are those of benchmarks/chains.py, with friction in every joint: damping of
+0.2 × U(0.5, 1.5) × √(g/l) × (I_i + m_i c_i²), so that a link alone would lose a fifth of its speed in about √(l/g), and
+dry friction of 0.05 × U(0.5, 1.5) × g m_i c_i; nominal values are true × U(0.7, 1.3).
+
+**full**: all lumps of A, c and g and of viscous friction, in two stages. **dry**: gravity, Coriolis, viscous and dry
+friction lumps, in one. **ignored**: the plant is damped, and only gravity and Coriolis lumps are searched; the errors
+are those of the best candidate, at a tenth, 30 % and all of the damping. A run ends when every lump is within 0.1 %
+(not where friction is ignored), its searcher is finished, or after 3,000 trials of newton and 6,000 of cmaes (10,000 at
+ten links).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from statistics import median
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from benchmarks.chains import Links, random_chain
+from benchmarks.common import table
+from metaid.chain import FRICTION, IDEAL, Array
+from metaid.crew import LocalCrew
+from metaid.plant import PlantSettings, chain_of
+from metaid.problem import Problem, StudySettings, StudySpec
+
+MOST = {"newton": 3000, "cmaes": 6000}
+MOST_AT_TEN = 10_000
+DAMPED, DRY = 0.2, 0.05
+SHARES = (0.1, 0.3, 1.0)  # of the damping, where it is ignored
+
+
+@dataclass(frozen=True)
+class Searched:
+    """One stage of one chain: trials until its worst lump was within 1 % and 0.1 % (None: never), and in all; the error
+    of its worst lump in the end, and the median error.
+    """
+
+    part: str
+    links: int
+    lumps: int
+    seed: int
+    sampler: str
+    stage: int
+    share: float
+    nominal_error: float
+    trials_1: int | None
+    trials_01: int | None
+    trials: int
+    error: float
+    median_error: float
+    factors: list[float]
+
+
+def rubbing_chain(nlink: int, seed: int, share: float = 1.0) -> tuple[Links, Links]:
+    """The true and the nominal links of a random chain with friction, `share` of the damping named above."""
+    pair = random_chain(nlink, seed)
+    random, true = np.random.default_rng([nlink, seed, 1]), chain_of(pair[0])
+    rate = np.sqrt(9.81 / true.length.mean())
+    damping = share * DAMPED * rate * (true.inertia + true.mass * true.com**2) * random.uniform(0.5, 1.5, nlink)
+    dry = DRY * 9.81 * true.mass * true.com * random.uniform(0.5, 1.5, nlink)
+    believed = random.uniform(0.7, 1.3, (2, nlink))
+
+    def rubbing(links: Links, damping: Array, dry: Array) -> Links:
+        return tuple(
+            link.model_copy(update={"damping": b, "frictionloss": c})
+            for link, b, c in zip(links, damping.tolist(), dry.tolist(), strict=True)
+        )
+
+    return rubbing(pair[0], damping, dry), rubbing(pair[1], damping * believed[0], dry * believed[1])
+
+
+def without_dry(links: Links) -> Links:
+    """The same without dry friction."""
+    return tuple(link.model_copy(update={"frictionloss": 0.0}) for link in links)
+
+
+def search(part: str, seed: int, pair: tuple[Links, Links], sampler: str, share: float = 1.0) -> Iterator[Searched]:
+    """What each stage finds."""
+    true, nominal = pair
+    nlink = len(true)
+    kinds = {"full": (*IDEAL, "damping"), "dry": (*IDEAL, *FRICTION), "ignored": IDEAL}[part]
+    most = MOST_AT_TEN if nlink >= 10 else MOST[sampler]
+    settings: dict[str, Any] = {"plant": "chain", "nominal": "nominal", "trials": most, "seed": seed}
+    inertia = {"inertia": {"trials": most}} if part == "full" else {}
+    study = StudySettings.model_validate({**settings, "sampler": sampler, "search": {"lumps": kinds}, **inertia})
+    plant = PlantSettings(links=true)
+    problem: Problem | None = Problem(
+        StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study)
+    )
+    while problem is not None:
+        found, best = _one_stage(part, seed, sampler, share, problem, chain_of(true), most)
+        yield found
+        problem = problem.second(best)
+
+
+def _one_stage(part: str, seed: int, sampler: str, share: float, problem: Problem, true: Any, most: int) -> Any:
+    truth = true.lumps_of(problem.lumps.searched).vector / problem.lumps.vector
+    searcher, trials, best, factors = problem.make_searcher(), 0, np.inf, problem.start
+    reached: dict[float, int] = {}
+    with LocalCrew(problem, 2) as crew:
+        while trials < most and not searcher.finished() and (part == "ignored" or 0.001 not in reached):
+            batch = searcher.ask()
+            outcomes = crew.evaluate(batch)
+            for candidate, outcome in zip(batch, outcomes, strict=True):
+                trials += 1
+                if outcome.value < best:
+                    best, factors = outcome.value, candidate
+                    error = np.abs(factors / truth - 1.0).max()
+                    for within in (0.01, 0.001):
+                        if error <= within:
+                            reached.setdefault(within, trials)
+            searcher.tell(outcomes)
+    errors = np.abs(factors / truth - 1.0)
+    found = Searched(
+        part=part,
+        links=true.nlink,
+        lumps=len(truth),
+        seed=seed,
+        sampler=sampler,
+        stage=problem.stage,
+        share=share,
+        nominal_error=float(np.abs(1.0 / truth - 1.0).max()),
+        trials_1=reached.get(0.01),
+        trials_01=reached.get(0.001),
+        trials=trials,
+        error=float(errors.max()),
+        median_error=float(np.median(errors)),
+        factors=(factors / truth).tolist(),
+    )
+    return found, factors
+
+
+def shown(runs: list[Searched]) -> list[dict[str, Any]]:
+    """A row for all runs of the same kind: how many got there, and medians."""
+    rows = []
+    keys = dict.fromkeys((run.sampler, run.links, run.stage, run.share) for run in runs)
+    for sampler, links, stage, share in keys:
+        own = [r for r in runs if (r.sampler, r.links, r.stage, r.share) == (sampler, links, stage, share)]
+        row: dict[str, Any] = {"sampler": sampler, "links": links, "lumps": own[0].lumps}
+        if own[0].part == "ignored":
+            gravity, coriolis = ([abs(f - 1.0) for r in own for f in _kind(r, kind)] for kind in IDEAL)
+            row |= {"damping": f"{share:.0%}", "worst gravity lump, %": f"{100 * max(gravity):.1f}"}
+            row |= {"median, %": f"{100 * median(gravity):.2f}", "worst Coriolis lump, %": f"{100 * max(coriolis):.1f}"}
+            rows.append(row | {"median of them, %": f"{100 * median(coriolis):.2f}"})
+            continue
+        if own[0].part == "full":
+            row["stage"] = stage
+        counts = [[getattr(r, key) for r in own if getattr(r, key) is not None] for key in ("trials_1", "trials_01")]
+        for within, got in zip(("1 %", "0.1 %"), counts, strict=True):
+            row[f"within {within}"] = f"{len(got)} of {len(own)}"
+            row[f"trials to {within}"] = f"{median(got):,.0f}" if got else "–"
+        rows.append(row | {"worst error, %": f"{100 * max(r.error for r in own):.2f}"})
+    return rows
+
+
+def _kind(run: Searched, kind: str) -> list[float]:
+    return run.factors[: run.links] if kind == "gravity" else run.factors[run.links :]
+
+
+def main() -> None:
+    """Runs what is asked for and prints tables or JSON."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.friction")
+    parser.add_argument("--links", type=int, nargs="+", default=[2, 3, 5])
+    parser.add_argument("--seeds", type=int, nargs="+", default=list(range(10)))
+    parser.add_argument("--samplers", nargs="+", choices=list(MOST), default=list(MOST))
+    parser.add_argument("--parts", nargs="+", choices=["full", "dry", "ignored"], default=["full", "dry", "ignored"])
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    found: dict[str, list[Searched]] = {part: [] for part in arguments.parts}
+    with threadpool_limits(1):
+        for part in arguments.parts:
+            for sampler in arguments.samplers if part != "ignored" else arguments.samplers[:1]:
+                for links in arguments.links:
+                    for share in SHARES if part == "ignored" else (1.0,):
+                        for seed in arguments.seeds:
+                            true, nominal = rubbing_chain(links, seed, share)
+                            pair = (true, nominal) if part == "dry" else (without_dry(true), without_dry(nominal))
+                            found[part] += search(part, seed, pair, sampler, share)
+    if arguments.json:
+        print(json.dumps({part: [asdict(run) for run in runs] for part, runs in found.items()}))
+        return
+    for part, runs in found.items():
+        print(f"**{part}**\n\n{table(shown(runs))}\n")
+
+
+if __name__ == "__main__":
+    main()
