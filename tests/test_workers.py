@@ -25,6 +25,7 @@ from metaid.shares import TRIES
 from metaid.store import Store
 from metaid.study import create_study, run_study
 
+LONGEST = 600  # s that a test may take on the busiest machine
 CHANGES = {"trials": 45, "search.coordinates": "plain", "search.start": 0.8, "episode.fall_limit": 1.0}
 
 
@@ -37,6 +38,16 @@ def cluster() -> Iterator[Cluster]:
     yield cluster
     ray.shutdown()
     cluster.shutdown()
+
+
+@pytest.fixture(autouse=True)
+def end_of_waiting() -> Iterator[None]:
+    """What is tested is that nothing is waited for without end: then a test must not do so either."""
+    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    signal.alarm(LONGEST)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
 
 
 @pytest.fixture
