@@ -97,6 +97,15 @@ def test_walk_goes_to_the_ends_of_the_set() -> None:
         assert ends[2 * parameter + 1, parameter] == pytest.approx(possible[:, parameter].max(), abs=0.01)
 
 
+def test_ends_of_the_set_are_corners_whatever_the_way_there() -> None:
+    """For five links too, where no grid can tell: two ways through the set come to the same ends."""
+    space = space_of(5)
+    same = SameMotion(space.bodies, np.ones(10), space.low, space.high)
+    one, other = (np.array([same.factors(mass) for mass in same.ends(np.random.default_rng(seed))]) for seed in (6, 7))
+    reached = np.arange(20), np.arange(20) // 2
+    assert one[reached] == pytest.approx(other[reached], rel=1e-9)
+
+
 def test_walk_waits_for_a_survivor() -> None:
     """While everything falls there is no best body to walk from, so the search goes on beyond its share."""
     coordinates = space_of(2).coordinates
@@ -132,6 +141,8 @@ def test_lumps_are_found_and_bodies_are_not_and_the_report_says_so(
     for row in shown["parameters"]:
         assert row["high"] / row["low"] > 2.0
         assert row["low"] < 0.99 * row["true"] < 1.01 * row["true"] < row["high"]
+    mass_1 = shown["parameters"][0]
+    assert (mass_1["low"], mass_1["high"]) == pytest.approx((0.5 * 0.9, 2.0 * 0.9), rel=1e-9)
     said = metaid("study", "show", "two-link-parameters", *where).out
     assert metaid("study", "report", "two-link-parameters", "-o", "report.html", *where).status == 0
     page = Path("report.html").read_text()
