@@ -66,18 +66,24 @@ def record(true: Links, nominal: Links, seed: int) -> Recording:
 
 
 def with_noise(clean: Recording, nominal: Links, gravity: float, seed: int) -> Recording:
-    """The recording with normal noise on every angle, and speeds and accelerations that are filtered derivatives of it.
-
-    Savitzky-Golay, which lags nowhere; the torques, which are commanded, pass through the same filter.
+    """The recording with normal noise on every angle, and speeds and accelerations that are filtered derivatives of
+    it.
     """
     random = np.random.default_rng([seed, clean.angles.shape[2]])
     angles = clean.angles + NOISE * random.normal(size=clean.angles.shape)
-    window = round(FILTER_SPAN * natural_time(chain_of(nominal), gravity) / clean.timestep) | 1
+    return filtered(angles, clean.torques, clean.timestep, natural_time(chain_of(nominal), gravity))
 
-    def filtered(signal: Array, derivative: int = 0) -> Array:
-        smooth: Array = savgol_filter(signal, window, FILTER_ORDER, derivative, clean.timestep, axis=1)
-        return smooth
 
-    return Recording(
-        filtered(angles), filtered(angles, 1), filtered(angles, 2), filtered(clean.torques), clean.timestep
-    )
+def filtered(angles: Array, torques: Array, timestep: float, scale: float) -> Recording:
+    """A recording of noisy `angles` (rad) and commanded `torques` (N m), (nrun x nsteps x njoint): derivatives by
+    Savitzky-Golay, which lags nowhere, over a span of the natural time `scale`, in s.
+
+    The torques pass through the same filter.
+    """
+    window = max(round(FILTER_SPAN * scale / timestep), FILTER_ORDER + 2) | 1
+
+    def smooth(signal: Array, derivative: int = 0) -> Array:
+        result: Array = savgol_filter(signal, window, FILTER_ORDER, derivative, timestep, axis=1)
+        return result
+
+    return Recording(smooth(angles), smooth(angles, 1), smooth(angles, 2), smooth(torques), timestep)

@@ -47,7 +47,8 @@ class Episode:
     A `fall_margin` of 0 means that a link past the limit has fallen however slow it is. With a `stiffness` k, in 1/s²,
     the law also asks for q̈ = −k q, so that the plant swings where it would coast (Eq. 16). For a plant with faults: a
     joint within `deadband` (rad) of the upright is on neither side of it; `seed` is of the noise, and `noise_floor` how
-    much of it there is.
+    much of it there is. The law is told the angles that the speeds lead to after `lead` seconds, for a plant whose
+    torques come late.
     """
 
     pushes: Array
@@ -59,6 +60,7 @@ class Episode:
     deadband: float = 0.0
     seed: int = 0
     noise_floor: NoiseFloor = SILENT
+    lead: float = 0.0
 
     def __post_init__(self) -> None:
         if self.steps < 1:
@@ -148,7 +150,8 @@ def _watch_push(plant: Plant, candidate: Lumps, episode: Episode, impulses: Arra
         history = [(angles, speeds)]
         fastest = episode.fall_margin * np.abs(np.cumsum(speeds)).max()
         for _ in range(episode.steps):
-            plant.apply_torque(compensation_torque(candidate, angles, speeds, plant.gravity, episode.stiffness))
+            led = angles + episode.lead * speeds
+            plant.apply_torque(compensation_torque(candidate, led, speeds, plant.gravity, episode.stiffness))
             plant.step()
             angles, speeds = plant.states()
             history.append((angles, speeds))

@@ -128,7 +128,7 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, k
     law = gravity[0], coriolis[0], damping[0], coulomb[0], inertia[0], stiffness
     angle_noise, speed_noise, torque_noise = noise
     control_every, limits, tilt = drives
-    timestep, steps, limit, margin, deadband = settings
+    timestep, steps, limit, margin, deadband, lead = settings
     angles, speeds, joint_speeds, previous, first, command, absolute, commands = work[4:]
     npush, n = start.shape
     slots = commands.shape[0]
@@ -163,6 +163,8 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, k
                 previous[i] = v
             if fallen or step == steps:
                 break
+            for i in range(n):
+                angles[i] += lead * speeds[i]
             compensate(law, angles, speeds, joint_speeds, work[:4], command)
             for i in range(n):
                 commands[step % slots, i] = command[i]
@@ -220,7 +222,7 @@ class FaultyEpisode(PlainEpisode):
         self._expected = np.array([plant.start_speeds(impulses) for impulses in episode.pushes])
         self._sensors = faults.speed_sensor, faults.encoder_step, slope_weights(faulty.timestep)
         self._drives = faults.control_every, faults.torque_limits(njoint), faults.tilt
-        self._settings = plant.timestep, episode.steps, episode.fall_limit, episode.fall_margin, deadband
+        self._settings = plant.timestep, episode.steps, episode.fall_limit, episode.fall_margin, deadband, episode.lead
         self._work = (*(np.empty(njoint) for _ in range(11)), np.empty((faults.delay + 1, njoint)))
 
     def run(self, candidate: Lumps) -> Record:

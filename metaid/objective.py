@@ -172,7 +172,7 @@ def _fastest_loop(plant: Plant, nominal: Lumps, episode: Episode, physics: str) 
     step = fastest_step(plant, physics)
     compiled: CompiledEpisode | FaultyEpisode = CompiledEpisode(plant, episode, step)
     slow: Loop = PlainEpisode(plant, episode)
-    if plant.settings.faults.named:
+    if plant.settings.faults.named or episode.lead:
         compiled, slow = FaultyEpisode(plant, episode, step), FaultyEpisode(plant, episode, None)
     if compiled.agrees_with_plain(nominal):
         return compiled

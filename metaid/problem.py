@@ -110,6 +110,7 @@ class EpisodeSettings(Settings):
     rich sets, by the nominal model), "tip", or a list of impulses in N s, one per link tip; for the first two their
     `count` (default 2 per link); for all three the `peak_speed` in rad/s; `steps` after each push; the `fall_limit` in
     rad and `fall_margin` (0: past the limit is fallen, however slow); `repeats` of every push, which average noise; the
+    `lead` in s, for a plant whose torques come late: the law is told the angles that the speeds lead to by then; the
     `physics`: "mujoco", or "analytic" to screen by the chain's own equations of motion, some five times as fast, and
     have MuJoCo verify the best.
     """
@@ -124,6 +125,7 @@ class EpisodeSettings(Settings):
     fall_limit: Annotated[float, Field(gt=0, le=1000)] | None = None
     fall_margin: Annotated[float, Field(ge=0, le=1000)] = FALL_MARGIN
     repeats: Annotated[int, Field(ge=1, le=1000)] = 1
+    lead: Annotated[float, Field(ge=0, le=1)] = 0.0
 
 
 class StudySettings(Settings):
@@ -457,7 +459,7 @@ class Problem:
         pushes = np.tile(pushes, (wanted.repeats, 1))
         limits = wanted.fall_limit or fall_limit, wanted.fall_margin
         stiffness = self._stiffness(steps * self.timestep)
-        return Episode(pushes, steps, *limits, stiffness=stiffness, seed=self.spec.study.seed)
+        return Episode(pushes, steps, *limits, stiffness=stiffness, seed=self.spec.study.seed, lead=wanted.lead)
 
     def _stiffness(self, horizon: float) -> float:
         inertia = self.spec.study.inertia

@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from metaid.body_tables import parameters_of
-from metaid.chain import lump_unit
+from metaid.chain import Array, lump_unit
 from metaid.errors import StudyError
 from metaid.identifiability import identifiability
 from metaid.problem import Problem, StudySpec
@@ -106,11 +106,9 @@ def _lumps(stage: Stage) -> pd.DataFrame:
     determined = _determined(problem)
     factor = low = high = unknown
     if survivors:
-        best = _last_best(survivors)
-        # The paper's "range of possible values": trials that the measure cannot tell from the best.
-        equal = np.array([t.factors for t in survivors if t.outcome.value <= problem.as_good_as(best.outcome.value)])
-        told = equal.mean(axis=0) if problem.measure.is_noisy else best.factors
-        found = told, equal.min(axis=0), equal.max(axis=0)
+        factors = np.array([trial.factors for trial in survivors])
+        values = np.array([trial.outcome.value for trial in survivors])
+        found = identified_factors(problem, factors, values)
         factor, low, high = (np.where(determined, factors, np.nan) for factors in found)
     truth = problem.open_plant().true_lumps()
     true = unknown if truth is None else truth.vector_of(problem.lumps.searched, np.nan)
@@ -130,6 +128,18 @@ def _lumps(stage: Stage) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
+def identified_factors(problem: Problem, factors: Array, values: Array) -> tuple[Array, Array, Array]:
+    """What survivors with these `factors` (ntrial x nlump) and `values` (ntrial) say of each lump's factor: the one to
+    stand by, and the least and largest possible, (nlump) each.
+    """
+    # The last of equals: a search that went on among them had a reason to, as DINOIP, which ends just before the fall.
+    best = len(values) - 1 - int(values[::-1].argmin())
+    # The paper's "range of possible values": trials that the measure cannot tell from the best.
+    equal = factors[values <= problem.as_good_as(float(values[best]))]
+    told = equal.mean(axis=0) if problem.measure.is_noisy else factors[best]
+    return told, equal.min(axis=0), equal.max(axis=0)
+
+
 def _determined(problem: Problem) -> NDArray[np.bool_]:
     """Which lumps the trials can tell (nlump): by the sensitivity of the pushes, else by the measure."""
     if problem.measure.sees_coriolis:
@@ -140,13 +150,6 @@ def _determined(problem: Problem) -> NDArray[np.bool_]:
 def best_trial(survivors: list[Trial]) -> Trial:
     """The survivor of least value, the first of equals."""
     return min(survivors, key=lambda trial: trial.outcome.value)
-
-
-def _last_best(survivors: list[Trial]) -> Trial:
-    """The survivor of least value, the last of equals: a search that went on among them had a reason to, as DINOIP,
-    which ends just before the fall.
-    """
-    return best_trial(survivors[::-1])
 
 
 def summary(store: Store, name: str) -> dict[str, Any]:

@@ -173,6 +173,20 @@ def test_delay_limit_and_slow_control_act_on_the_torque() -> None:
     assert _first_speeds(faulty_plant(1, control_every=3), torque, 2)[:, 0] == pytest.approx(free[[2, 5]])
 
 
+def test_lead_makes_up_for_torques_that_come_late() -> None:
+    """A delayed plant does not coast with exact lumps; told where the links will be by then, it does."""
+    plant = faulty_plant(2, delay=3)
+    exact, episode = plant.chain.lumps, replace(episode_of(plant), lead=3 * plant.timestep)
+    values = [
+        Objective(plant, exact, each, "spectral").evaluate(np.ones(3)).value for each in (episode_of(plant), episode)
+    ]
+    assert values[1] < 0.2 * values[0]
+    compiled = FaultyEpisode(plant, episode, fastest_step(plant))
+    assert compiled.agrees_with_plain(exact, steps=80)
+    ideal = Objective(faulty_plant(2), exact, episode, "spectral").evaluate(np.ones(3)).value
+    assert ideal == pytest.approx(values[0], rel=0.2)
+
+
 def test_tilted_base_pulls_the_upright_chain_over() -> None:
     """At the upright of the base the gravity lump times g sin(tilt) acts: in MuJoCo, and so in both loops."""
     plant = faulty_plant(1, tilt=0.05)

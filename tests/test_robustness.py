@@ -1,0 +1,45 @@
+"""The robustness benchmark: what it says of a fault follows from what it measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.robustness import FAULTS, Result, draw_pictures, error_rows, first_rows, identify, largest_size
+
+
+def test_size_for_one_percent_lies_on_the_curve() -> None:
+    """Between two sizes on a straight line of logarithms; not below the first, nor beyond the last."""
+    assert largest_size([(1.0, 0.001), (10.0, 0.1)]) == pytest.approx(np.sqrt(10.0))
+    assert largest_size([(1.0, 0.02), (10.0, 0.1)]) is None
+    assert largest_size([(1.0, 0.001), (10.0, 0.009)]) == np.inf
+    assert largest_size([(16.0, 0.001), (8.0, 0.001), (4.0, 0.1)]) == pytest.approx(np.sqrt(32.0))
+
+
+def test_tables_and_pictures_say_what_breaks_first(tmp_path: Path) -> None:
+    """Medians over the chains, and the lump whose error passes one percent at the smallest size."""
+    names = ("gravity_1", "gravity_2", "coriolis_1_2")
+    results = [
+        Result(2, name, size, seed, names, (1e-3, 2e-3, 1e-2 * (i + 0.5) * (seed + 1) / 2), (1e-3, 1e-3, 1e-3))
+        for name, fault in FAULTS.items()
+        for i, size in enumerate(fault.sizes)
+        for seed in range(3)
+    ]
+    rows = {(row["fault"], row["size"]): row for row in error_rows(results)}
+    assert rows["tilt, mrad", 3.0]["N = 2, coriolis, %"] == pytest.approx(1.5)
+    assert rows["tilt, mrad", 3.0]["N = 2, gravity, %"] == pytest.approx(0.2)
+    tilt = next(row for row in first_rows(results) if row["fault"] == "tilt, mrad")
+    assert tilt["first lump beyond"] == "coriolis_1_2, 1.5% at 3"
+    assert tilt["gravity within 1 % up to"] == "30 and more"
+    assert tilt["coriolis within 1 % up to"] == "2"
+    draw_pictures(results, tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"robustness.png", "robustness-lumps.png"}
+
+
+def test_one_chain_is_identified_by_both_methods() -> None:
+    """A milliradian of noise on two links: metaid within two percent, least squares with torques in its own way."""
+    found = identify((2, "angle noise", 1.0, 0))
+    assert max(found.errors[:2]) < 0.02
+    assert max(found.least_squares) < 0.2
