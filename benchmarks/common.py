@@ -19,7 +19,7 @@ import numpy as np
 
 from metaid.files import shipped_folder
 from metaid.plant import LinkSettings, read_plant
-from metaid.problem import EpisodeSettings, SearchSettings, StudySettings, StudySpec
+from metaid.spec import EpisodeSettings, SearchSettings, StudySettings, StudySpec
 from metaid.store import Store
 from metaid.study import create_study
 

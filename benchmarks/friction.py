@@ -31,7 +31,8 @@ from benchmarks.common import table
 from metaid.chain import FRICTION, IDEAL, Array
 from metaid.crew import LocalCrew
 from metaid.plant import PlantSettings, chain_of
-from metaid.problem import Problem, StudySettings, StudySpec
+from metaid.problem import Problem
+from metaid.spec import StudySettings, StudySpec
 
 MOST = {"newton": 3000, "cmaes": 6000}
 MOST_AT_TEN = 10_000

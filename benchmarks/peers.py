@@ -26,7 +26,8 @@ from benchmarks.recording import record, with_noise
 from metaid.chain import Array
 from metaid.cli.common import print_table
 from metaid.plant import PlantSettings, chain_of
-from metaid.problem import Problem, StudySettings, StudySpec
+from metaid.problem import Problem
+from metaid.spec import StudySettings, StudySpec
 
 SUCCESS = 0.01  # worst lump error
 TRIALS_PER_LUMP = 200  # after which metaid gives up

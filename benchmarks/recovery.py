@@ -25,7 +25,8 @@ from threadpoolctl import threadpool_limits
 from benchmarks.chains import random_chain
 from metaid.crew import LocalCrew
 from metaid.plant import LinkSettings, PlantSettings, chain_of
-from metaid.problem import Problem, StudySettings, StudySpec
+from metaid.problem import Problem
+from metaid.spec import StudySettings, StudySpec
 
 LINKS = (1, 2, 3, 4, 5, 7, 10)
 ONCE = (15, 20)

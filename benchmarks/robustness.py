@@ -39,7 +39,8 @@ from metaid.episode import natural_time
 from metaid.faults import draw
 from metaid.faulty import FaultyPlant
 from metaid.plant import MujocoPlant, PlantSettings, chain_of
-from metaid.problem import Problem, StudySettings, StudySpec
+from metaid.problem import Problem
+from metaid.spec import StudySettings, StudySpec
 from metaid.tables import identified_factors
 
 Row = dict[str, Any]

@@ -15,7 +15,8 @@ import numpy as np
 
 from benchmarks import plain_optuna
 from benchmarks.common import START, Row, made, make_spec, run_alone
-from metaid.problem import Problem, StudySpec
+from metaid.problem import Problem
+from metaid.spec import StudySpec
 from metaid.study import run_study
 
 TRIALS = 800  # of ours, in each run

@@ -21,8 +21,10 @@ from metaid.errors import EpisodeError, StorageError, StudyError
 from metaid.findings import Findings, read_findings
 from metaid.objective import LARGEST_FACTOR, Objective, Outcome
 from metaid.plant import MujocoPlant, load_plant
-from metaid.problem import COUNTING_STEPS, TIP_SPEED, Problem, StudySpec, load_study
+from metaid.problem import Problem, load_study
+from metaid.pushing import COUNTING_STEPS, TIP_SPEED
 from metaid.running import Progress
+from metaid.spec import StudySpec
 from metaid.store import DEFAULT_STORAGE, Store
 from metaid.study import create_study, run_study, stored_spec
 from metaid.validation import PUSHES, Validation, validate_factors

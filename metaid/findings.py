@@ -11,7 +11,8 @@ import pandas as pd
 from metaid.chain import Array
 from metaid.errors import StorageError, unknown
 from metaid.objective import Objective
-from metaid.problem import Problem, StudySpec
+from metaid.problem import Problem
+from metaid.spec import StudySpec
 from metaid.store import Store
 from metaid.study import stored_spec
 from metaid.tables import lumps_frame, summary, trials_frame

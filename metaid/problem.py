@@ -1,9 +1,7 @@
-"""What a study is about: a study file made whole, and what follows from it.
+"""What follows from a study's settings before any trial.
 
-`StudySpec` is all that a run depends on (the study's settings with plant and nominal model written out); it goes into
-the study DB, so a study can be resumed and shown without its files. `Problem` is what follows for one stage of it: the
-nominal lumps, the pushes, the episode, the coordinates. Most studies have one stage; with `[inertia]` a second searches
-the inertia lumps, by a law made of what the first has found.
+`Problem` is that for one stage of the study: the nominal lumps, the pushes, the episode, the coordinates. Most studies
+have one stage; with `[inertia]` a second searches the inertia lumps, by a law made of what the first has found.
 """
 
 from __future__ import annotations
@@ -11,218 +9,34 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import Field, field_validator
 
-from metaid.bodies import BodySpace, bodies_of, body_space
-from metaid.chain import FRICTION, IDEAL, Array, Chain, Lumps, factors_from_names, lump_names
-from metaid.coordinates import Coordinates, designed_speeds, nominal_metric, plain, sensitivity
-from metaid.episode import (
-    FALL_LIMIT,
-    FALL_MARGIN,
-    REACH,
-    RICH_FALL_LIMIT,
-    Episode,
-    NoiseFloor,
-    natural_time,
-    pushed_speeds,
-    pushes_for,
-    rich_pushes,
-    tip_push,
-)
-from metaid.errors import EpisodeError, PlantError, StudyError, unknown
-from metaid.faulty import FaultyPlant
-from metaid.files import Settings, check, find_file, find_file_beside, read_toml
+from metaid.bodies import BodySpace, body_space
+from metaid.chain import Array, Chain, Lumps, factors_from_names
+from metaid.contradictions import check_bounds, check_rig, check_settings
+from metaid.coordinates import Coordinates, nominal_metric, plain, sensitivity
+from metaid.episode import Episode, pushed_speeds
+from metaid.errors import EpisodeError, StudyError, unknown
 from metaid.measures import Measure, get_measure
 from metaid.objective import Candidates, Objective, Outcome, failure
-from metaid.plant import LinkSettings, MujocoPlant, Plant, PlantSettings, chain_of, read_plant
+from metaid.plant import MujocoPlant, Plant, PlantSettings, chain_of
 from metaid.possible import refuse_impossible
-from metaid.searchers import SAMPLERS, Searcher, SearchOptions, make_searcher
-from metaid.smoothing import noise_floor
-from metaid.socket_plant import SocketPlant, SocketSettings, read_any_plant
+from metaid.pushing import make_episode, refuse_unseen_pushes, rest_noise
+from metaid.searchers import Searcher, SearchOptions, make_searcher
+from metaid.socket_plant import SocketPlant, SocketSettings
+from metaid.spec import EpisodeSettings, Factors, SearchSettings, StudySpec, read_study
 from metaid.walk import Walking
-
-HORIZON = 1.5  # of a rich push, in units of √(l/g)
-LARGEST_STEPS = 10_000_000  # after a push
-SLOWEST_PUSH = 1e-9  # rad/s of the fastest link after a push; what is slower is lost in rounding
-RESTS = 200  # horizons of a push for which the readings of a plant at rest are watched
-COUNTING_STEPS = 5000  # after a tip push, as in the paper
-TIP_SPEED = 0.1  # rad/s of the fastest link after a tip push: small, so that the oscillation is
-
-Factor = Annotated[float, Field(gt=0, le=100)]
-Impulse = Annotated[float, Field(ge=-1e6, le=1e6)]
-Factors = Factor | dict[str, Factor]
-
-
-class NominalSettings(Settings):
-    """A nominal model beside the study: `[[nominal.links]]`, as in a plant file."""
-
-    links: Annotated[tuple[LinkSettings, ...], Field(min_length=1, max_length=64, strict=False)]
-
-
-class SearchSettings(Settings):
-    """`[search]`: the kinds of `lumps` that are searched, "gravity" and "coriolis" and, if wanted, "damping" and
-    "coulomb"; bounds `low`, `high` and `start` as factors of the nominal lumps, one for all or a table by lump
-    name; the coordinates; the first step `sigma` in them; the `generation` size (default: the sampler's own); a
-    `target` of the measure at which the search may stop; the `increment` of the factors in dinoip's steps, and whether
-    it goes `coarse_to_fine`.
-
-    With the `space` "parameters", factors are of each link's mass and centre of mass instead, in coordinates of their
-    own, and the last `walk` trials go through the bodies that are as good as the best.
-    """
-
-    lumps: Annotated[tuple[Literal["gravity", "coriolis", "damping", "coulomb"], ...], Field(strict=False)] = (
-        "gravity",
-        "coriolis",
-    )
-    space: Literal["lumps", "parameters"] = "lumps"
-    walk: Annotated[int, Field(ge=0, le=100_000_000)] = 64
-    coordinates: Literal["nominal-metric", "plain"] = "nominal-metric"
-    start: Factors = 1.0
-    low: Factors = 0.5
-    high: Factors = 2.0
-    sigma: Annotated[float, Field(gt=0, le=10)] = 0.2
-    generation: Annotated[int, Field(ge=2, le=100_000)] | None = None
-    target: Annotated[float, Field(ge=0)] | None = None
-    increment: Annotated[float, Field(ge=1e-6, le=1)] = 0.01
-    coarse_to_fine: bool = False
-
-    @field_validator("lumps")
-    @classmethod
-    def _in_order(cls, lumps: tuple[str, ...]) -> tuple[str, ...]:
-        if not set(IDEAL) <= set(lumps) or len(set(lumps)) < len(lumps):
-            raise ValueError(f"needs {' and '.join(IDEAL)}, each kind once (allowed besides: {', '.join(FRICTION)})")
-        return tuple(kind for kind in (*IDEAL, *FRICTION) if kind in lumps)
-
-
-class InertiaSettings(Settings):
-    """`[inertia]`: a second stage, which searches the inertia lumps: its number of `trials`, and the `stiffness` k in
-    1/s² of the q̈ = −k q that its law asks for (default: one period within the horizon)."""
-
-    trials: Annotated[int, Field(ge=1, le=100_000_000)]
-    stiffness: Annotated[float, Field(gt=0, le=1e8)] | None = None
-
-
-class EpisodeSettings(Settings):
-    """`[episode]`: the `measure`, and for "count" its counting `rule`; `pushes`: "rich", "designed" (the best of many
-    rich sets, by the nominal model), "tip", or a list of impulses in N s, one per link tip; for the first two their
-    `count` (default 2 per link); for all three the `peak_speed` in rad/s; `steps` after each push; the `fall_limit` in
-    rad and `fall_margin` (0: past the limit is fallen, however slow); `repeats` of every push, which average noise; the
-    `lead` in s, for a plant whose torques come late: the law is told the angles that the speeds lead to by then; the
-    `physics`: "mujoco", or "analytic" to screen by the chain's own equations of motion, some five times as fast, and
-    have MuJoCo verify the best.
-    """
-
-    physics: Literal["mujoco", "analytic"] = "mujoco"
-    measure: str = "spectral"
-    rule: str | None = None
-    pushes: Literal["rich", "designed", "tip"] | Annotated[list[list[Impulse]], Field(max_length=1000)] | None = None
-    count: Annotated[int, Field(ge=1, le=1000)] | None = None
-    peak_speed: Annotated[float, Field(gt=0, le=1000)] | None = None
-    steps: Annotated[int, Field(ge=2, le=LARGEST_STEPS)] | None = None
-    fall_limit: Annotated[float, Field(gt=0, le=1000)] | None = None
-    fall_margin: Annotated[float, Field(ge=0, le=1000)] = FALL_MARGIN
-    repeats: Annotated[int, Field(ge=1, le=1000)] = 1
-    lead: Annotated[float, Field(ge=0, le=1)] = 0.0
-
-
-class StudySettings(Settings):
-    """A study file."""
-
-    description: str = ""
-    plant: str
-    nominal: str | NominalSettings
-    sampler: str = "cmaes"
-    trials: Annotated[int, Field(ge=1, le=100_000_000)]
-    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
-    workers: Annotated[int, Field(ge=1, le=1024)] = 2
-    search: SearchSettings = SearchSettings()
-    episode: EpisodeSettings = EpisodeSettings()
-    inertia: InertiaSettings | None = None
-
-    @property
-    def total_trials(self) -> int:
-        """The trials of all stages."""
-        return self.trials + (self.inertia.trials if self.inertia else 0)
-
-
-class PushedSettings(Settings):
-    """What was found at a rig when the study was created: the `impulses` of its pushes, in N s, and the absolute link
-    `speeds` that they gave, in rad/s; both (npush x njoint).
-    """
-
-    impulses: list[list[float]]
-    speeds: list[list[float]]
-
-
-class StudySpec(Settings):
-    """A study with nothing left to look up."""
-
-    name: str
-    plant_name: str
-    plant: PlantSettings | SocketSettings
-    nominal: Annotated[tuple[LinkSettings, ...], Field(strict=False)]
-    study: StudySettings
-    pushed: PushedSettings | None = None
-
-    @property
-    def names(self) -> tuple[list[str], ...]:
-        """The names under which the factors of each stage's candidates are in the DB."""
-        if self.study.search.space == "parameters":
-            return (bodies_of(chain_of(self.nominal)).names,)
-        kinds = [self.study.search.lumps] + [("inertia",)] * (self.study.inertia is not None)
-        return tuple(lump_names(len(self.nominal), searched) for searched in kinds)
 
 
 def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec:
-    """The shipped study of that name, or the study file at that path, with `changes` by dotted key.  Raises
-    StudyError, PlantError.
-
-    What the file names lies in its own folder; a path in `changes` is the user's own and may be anywhere.
+    """The shipped study of that name, or the study file at that path, with `changes` by dotted key, which can be run.
+    Raises StudyError, PlantError.
     """
-    path = find_file("studies", str(name), StudyError)
-    tables = read_toml(path, StudyError)
-    changes = changes or {}
-    for key, value in changes.items():
-        _change(tables, key, value)
-    study = check(StudySettings, tables, str(path), StudyError)
-
-    def named(key: str, value: str) -> Path:
-        if key in changes:
-            return find_file("plants", value, PlantError)
-        return find_file_beside("plants", value, path, PlantError)
-
-    plant_path = named("plant", study.plant)
-    plant = read_any_plant(plant_path)
-    if isinstance(plant, SocketSettings) and "workers" not in study.model_fields_set:
-        study = study.model_copy(update={"workers": 1})
-    if isinstance(study.nominal, NominalSettings):
-        nominal = study.nominal.links
-    else:
-        nominal = _same_gravity(read_plant(named("nominal", study.nominal)), plant, path).links
-    spec = StudySpec(name=path.stem, plant_name=plant_path.stem, plant=plant, nominal=nominal, study=study)
+    spec = read_study(name, changes)
     Problem(spec)
     return spec
-
-
-def _change(tables: dict[str, Any], key: str, value: Any) -> None:
-    *parents, last = key.split(".")
-    for parent in parents:
-        tables = tables.setdefault(parent, {})
-        if not isinstance(tables, dict):
-            raise StudyError(f"--set {key}: '{parent}' is not a table")
-    tables[last] = value
-
-
-def _same_gravity(model: PlantSettings, plant: PlantSettings | SocketSettings, path: Path) -> PlantSettings:
-    if model.gravity != plant.gravity:
-        raise StudyError(
-            f"{path}: the nominal model's gravity is {model.gravity} m/s², the plant's {plant.gravity}: "
-            "they must agree, it is not searched"
-        )
-    return model
 
 
 class Problem:
@@ -236,7 +50,7 @@ class Problem:
         self.stage = 1 if found is None else 2
         self.nominal: Chain = chain_of(spec.nominal)
         self.measure = _measure(spec.study.episode)
-        _check_settings(spec, self.nominal)
+        check_settings(spec, self.nominal)
         plant = self.open_plant()
         if plant.njoint != self.nominal.nlink:
             raise StudyError(
@@ -244,7 +58,7 @@ class Problem:
             )
         refuse_impossible("nominal model", self.nominal)
         if not self.is_simulated:
-            self._check_rig()
+            check_rig(spec)
         self.lumps = self._nominal_lumps()
         self.names = self.lumps.names
         search = spec.study.search
@@ -252,20 +66,20 @@ class Problem:
         self.body_space: BodySpace | None = None
         if search.space == "parameters":
             self.body_space = body_space(self.nominal, *factors)
-            _check_bounds(self.body_space.names, self.body_space.start, self.body_space.low, self.body_space.high)
+            check_bounds(self.body_space.names, self.body_space.start, self.body_space.low, self.body_space.high)
             factors = [self.lump_factors(bound) for bound in factors]
         self.start, self.low, self.high = factors
         if found is not None:
             # A link that holds more mass than was believed has larger gravity and inertia lumps alike.
             self.start = np.clip(found[: self.nominal.nlink], self.low, self.high)
-        _check_bounds(self.names, self.start, self.low, self.high)
+        check_bounds(self.names, self.start, self.low, self.high)
         try:
             self.episode, self.start_speeds = self._pushed(plant)
         except EpisodeError as problem:
             raise StudyError(f"episode: {problem}") from None
-        _refuse_unseen_pushes(self.start_speeds, plant.timestep)
+        refuse_unseen_pushes(self.start_speeds, plant.timestep)
         if self.measure.is_noisy and isinstance(plant, MujocoPlant):
-            self.episode = replace(self.episode, noise_floor=self._noise_floor(plant))
+            self.episode = replace(self.episode, noise_floor=rest_noise(plant, spec, self.episode, self.start_speeds))
 
     @property
     def is_simulated(self) -> bool:
@@ -307,8 +121,7 @@ class Problem:
     @property
     def timestep(self) -> float:
         """Time between two control steps, in s."""
-        plant = self.spec.plant
-        return plant.control_period if isinstance(plant, PlantSettings) else plant.timestep
+        return self.spec.timestep
 
     @property
     def resolution(self) -> float:
@@ -409,17 +222,6 @@ class Problem:
             raise StudyError(f"search: {key}: {problem}") from None
         return named[-n:] if self.stage == 2 else named[: len(self.names)]
 
-    def _check_rig(self) -> None:
-        """What needs a simulation, or more than one plant.  Raises StudyError."""
-        study = self.spec.study
-        if study.workers != 1:
-            raise StudyError(f"plant {self.spec.plant_name} is one rig: workers is {study.workers} (allowed: 1)")
-        if study.episode.physics != "mujoco":
-            raise StudyError(
-                f"plant {self.spec.plant_name} is behind a socket, so its equations of motion are not known: "
-                f"leave out episode.physics = '{study.episode.physics}'"
-            )
-
     def _pushed(self, plant: Plant) -> tuple[Episode, Array]:
         """The episode, and the absolute link speeds (npush x njoint) after its pushes.
 
@@ -434,53 +236,8 @@ class Problem:
 
     def at_plant(self, plant: Plant) -> tuple[Episode, Array]:
         """The episode that this `plant` is pushed in, and the speeds that it gets; pushes it to find out."""
-        episode = self._make_episode(plant)
+        episode = make_episode(plant, self.spec, self.nominal, self.measure, self.stage)
         return episode, pushed_speeds(plant, episode.pushes)
-
-    def _make_episode(self, plant: Plant) -> Episode:
-        wanted = self.spec.study.episode
-        kind = wanted.pushes or ("rich" if self.measure.sees_coriolis else "tip")
-        if kind == "tip" and self.measure.name == "smoothed":
-            raise EpisodeError(
-                "pushes: 'smoothed' fits one curve to a push, so it must be short (allowed: rich pushes)"
-            )
-        if kind == "rich" or kind == "designed":
-            horizon = HORIZON * natural_time(self.nominal, plant.gravity)
-            steps = wanted.steps or max(round(horizon / self.timestep), 2)
-            if steps > LARGEST_STEPS:
-                raise EpisodeError(
-                    f"steps of {self.timestep} s are too short for a horizon of {horizon:.3g} s: {steps} of them "
-                    f"(allowed: at most {LARGEST_STEPS}; name the steps, or make the timestep longer)"
-                )
-            pushes, fall_limit = self._strong_pushes(plant, kind, steps * self.timestep), RICH_FALL_LIMIT
-        else:
-            steps, fall_limit = wanted.steps or COUNTING_STEPS, FALL_LIMIT
-            pushes = tip_push(plant, wanted.peak_speed or TIP_SPEED) if kind == "tip" else _explicit(kind, plant.njoint)
-        pushes = np.tile(pushes, (wanted.repeats, 1))
-        limits = wanted.fall_limit or fall_limit, wanted.fall_margin
-        stiffness = self._stiffness(steps * self.timestep)
-        return Episode(pushes, steps, *limits, stiffness=stiffness, seed=self.spec.study.seed, lead=wanted.lead)
-
-    def _stiffness(self, horizon: float) -> float:
-        inertia = self.spec.study.inertia
-        if self.stage == 1 or inertia is None:
-            return 0.0
-        return inertia.stiffness or (2.0 * np.pi / horizon) ** 2
-
-    def _noise_floor(self, plant: MujocoPlant) -> NoiseFloor:
-        """From a rest episode of this `plant`: held upright, its sensors are read for RESTS times a push's horizon."""
-        count = self.episode.steps + 1
-        rest = FaultyPlant(plant).rest(RESTS * count, self.spec.study.seed)
-        joint_speeds = np.diff(self.start_speeds, axis=1, prepend=0.0)
-        return noise_floor(rest.reshape(RESTS, count, -1), self.timestep, joint_speeds)
-
-    def _strong_pushes(self, plant: Plant, kind: Literal["rich", "designed"], horizon: float) -> Array:
-        wanted, seed = self.spec.study.episode, self.spec.study.seed
-        peak_speed, count = wanted.peak_speed or REACH / horizon, wanted.count or 2 * plant.njoint
-        if kind == "rich":
-            return rich_pushes(plant, count, peak_speed, seed)
-        kinds = self.spec.study.search.lumps
-        return pushes_for(plant, designed_speeds(self.nominal, plant.gravity, count, peak_speed, horizon, seed, kinds))
 
 
 class Searched(NamedTuple):
@@ -492,75 +249,6 @@ class Searched(NamedTuple):
     names: list[str]
     low: Array
     high: Array
-
-
-def _check_bounds(names: list[str], starts: Array, lows: Array, highs: Array) -> None:
-    """Raises StudyError where a start is not within its bounds."""
-    for name, start, low, high in zip(names, starts, lows, highs, strict=True):
-        if not low < high or not low <= start <= high:
-            raise StudyError(
-                f"search: the start {start:g} of {name} is not within its bounds {low:g} to {high:g} "
-                "(allowed: low <= start <= high, low < high)"
-            )
-
-
-def _check_parameters(study: StudySettings) -> None:
-    """Raises StudyError where a search of individual parameters is asked for what it does not have."""
-    search = study.search
-    given = {
-        "search.lumps": search.lumps != IDEAL,
-        "search.coordinates": search.coordinates != "nominal-metric",
-        "search.target": search.target is not None,
-        "inertia": study.inertia is not None,
-    }
-    for key, has in given.items():
-        if has:
-            raise StudyError(f"{key}: space = 'parameters' has none of these: leave it out")
-    if study.episode.measure != "spectral":
-        raise StudyError("search: space: 'parameters' follow from the Coriolis lumps too, so measure = 'spectral'")
-    if search.walk >= study.trials:
-        raise StudyError(f"search: walk is {search.walk} of {study.trials} trials (allowed: less than all)")
-
-
-def _check_settings(spec: StudySpec, nominal: Chain) -> None:
-    """Raises StudyError where settings contradict each other."""
-    study, plant = spec.study, spec.plant
-    if study.search.space == "parameters":
-        _check_parameters(study)
-    if study.sampler not in SAMPLERS:
-        raise StudyError(f"sampler: {unknown('sampler', study.sampler, SAMPLERS)}")
-    if study.inertia is not None and study.episode.measure != "spectral":
-        raise StudyError("inertia: a second stage needs the Coriolis lumps, so measure = 'spectral'")
-    if study.episode.measure == "smoothed" and study.search.lumps != IDEAL:
-        raise StudyError("search: lumps: 'smoothed' does not see friction (allowed: gravity and coriolis)")
-    dry = isinstance(plant, PlantSettings) and any(link.frictionloss for link in plant.links)
-    if study.episode.physics == "analytic" and dry:
-        raise StudyError("episode: physics: 'analytic' has no dry friction, and the plant has (allowed: 'mujoco')")
-    for kind, key in zip(FRICTION, ("damping", "frictionloss"), strict=True):
-        missing = np.flatnonzero(nominal.lumps_of((kind,)).of(kind) == 0.0) + 1
-        if kind in study.search.lumps and len(missing):
-            raise StudyError(
-                f"search: lumps: {key} of link {missing[0]} is 0 in the nominal model, so there are no factors of it "
-                f"(allowed: above 0 where {kind} is searched)"
-            )
-
-
-def _refuse_unseen_pushes(start_speeds: Array, timestep: float) -> None:
-    """Raises StudyError where a push is so weak or so strong that no episode after it means anything; `start_speeds`
-    (npush x nlink) in rad/s, `timestep` in s.
-    """
-    fastest = np.abs(start_speeds).max(axis=1)
-    for push in np.flatnonzero(~((fastest >= SLOWEST_PUSH) & (fastest * timestep <= 1.0)))[:1]:
-        raise StudyError(
-            f"episode: push {push + 1} gives the fastest link {fastest[push]:.3g} rad/s "
-            f"(allowed: {SLOWEST_PUSH:g} to {1.0 / timestep:g} rad/s, a radian in a timestep)"
-        )
-
-
-def _explicit(pushes: list[list[float]], njoint: int) -> Array:
-    if not pushes or any(len(push) != njoint for push in pushes):
-        raise EpisodeError(f"pushes: every push needs {njoint} impulses, one per link, in N s")
-    return np.array(pushes)
 
 
 def _measure(episode: EpisodeSettings) -> Measure:

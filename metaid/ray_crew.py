@@ -21,8 +21,9 @@ from metaid.chain import Array
 from metaid.crew import SHARED, nothing
 from metaid.errors import MetaidError, StudyError, WorkerError
 from metaid.objective import Outcome
-from metaid.problem import Problem, StudySpec
+from metaid.problem import Problem
 from metaid.shares import Share, Shares
+from metaid.spec import StudySpec
 
 PATIENCE = 120.0  # s
 SLOWER = 100.0  # times the slowest candidate so far: so long a worker may take, be it beyond its patience

@@ -20,10 +20,11 @@ from metaid.crews import make_crew
 from metaid.errors import StorageError, StudyError
 from metaid.lease import Lease, refuse_if_run
 from metaid.patience import SERVER_PATIENCE, keep_trying
-from metaid.problem import Problem, PushedSettings, StudySpec
+from metaid.problem import Problem
 from metaid.rows import Trial
 from metaid.running import Progress, Run
 from metaid.socket_plant import SocketSettings
+from metaid.spec import PushedSettings, StudySpec
 from metaid.store import Store
 
 LARGEST_TPE = 2000  # trials; what the next one costs grows with all before it

@@ -16,8 +16,9 @@ from metaid.body_tables import parameters_of
 from metaid.chain import Array, lump_unit
 from metaid.errors import StudyError
 from metaid.identifiability import identifiability
-from metaid.problem import Problem, StudySpec
+from metaid.problem import Problem
 from metaid.rows import Trial
+from metaid.spec import StudySpec
 from metaid.store import Store
 from metaid.study import stored_spec
 

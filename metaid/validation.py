@@ -16,7 +16,8 @@ from metaid.control import BANDWIDTH, Model, smooth_sinusoids, track
 from metaid.episode import REACH, natural_time, rich_pushes
 from metaid.errors import StudyError
 from metaid.plant import Plant
-from metaid.problem import HORIZON, Problem
+from metaid.problem import Problem
+from metaid.pushing import HORIZON
 
 COASTING = 0.1  # a joint speed changed by more than this share of the fastest link's is no longer coasting
 LONGEST = 100.0  # natural times for which coasting is watched

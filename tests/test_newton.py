@@ -13,7 +13,8 @@ from benchmarks.friction import rubbing_chain, without_dry
 from metaid import tables
 from metaid.errors import StudyError
 from metaid.plant import PlantSettings
-from metaid.problem import Problem, SearchSettings, StudySettings, StudySpec, load_study
+from metaid.problem import Problem, load_study
+from metaid.spec import SearchSettings, StudySettings, StudySpec
 from metaid.store import Store
 from metaid.study import create_study, run_study
 

@@ -18,7 +18,8 @@ from pandas.testing import assert_frame_equal
 from metaid import tables
 from metaid.errors import StorageError, StudyError
 from metaid.plant import MujocoPlant
-from metaid.problem import StudySpec, load_study
+from metaid.problem import load_study
+from metaid.spec import StudySpec
 from metaid.store import Store
 from metaid.study import create_study, run_study
 

@@ -30,8 +30,8 @@ from metaid.errors import printable
 PARAMETER_FIGURES = ("nominal", "low", "high", "true")
 
 if TYPE_CHECKING:
-    from metaid.problem import StudySpec
     from metaid.running import Progress
+    from metaid.spec import StudySpec
 
 
 def _complete_study_file(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
