@@ -26,14 +26,6 @@ def without_password(storage: str) -> str:
     return re.sub(r"(?<=[?&])(password|sslpassword)=[^&#]*", r"\1=***", masked) if "://" in storage else masked
 
 
-def without_secrets(said: str, url: sa.URL) -> str:
-    """What a driver said, without the passwords of the URL."""
-    secrets = [url.password, *(url.query.get(key) for key in ("password", "sslpassword"))]
-    for secret in secrets:
-        said = said.replace(secret, "***") if isinstance(secret, str) and secret else said
-    return said
-
-
 def parsed_url(url: str) -> sa.URL:
     """Raises StorageError where it is not the URL of a DB."""
     shown = without_password(url)

@@ -28,7 +28,7 @@ from metaid.chain import Array
 from metaid.errors import StorageError, UnreachableError, unknown
 from metaid.opening import open_storage
 from metaid.rows import IDS_AFTER, TRIAL_TABLES, Trial, detail_rows, end_of, head_rows, read_outcomes, read_table
-from metaid.server import does_not_answer, missing_driver, parsed_url, without_password, without_secrets
+from metaid.server import does_not_answer, missing_driver, parsed_url, without_password
 from metaid.sqlite import DAMAGED, told
 
 DEFAULT_STORAGE = "metaid.db"
@@ -68,7 +68,6 @@ class Store:
         self._statements: dict[Any, Any] = {}
 
     def close(self) -> None:
-        self.optuna.remove_session()
         self._engine.dispose()
 
     @contextmanager
@@ -79,7 +78,7 @@ class Store:
             raise StorageError(f"{self.url}: {missing_driver(self._address, problem)}") from None
         except (SQLAlchemyError, OptunaError, CommandError, RuntimeError, *SPOILED, self._driver.Error) as error:
             cause = (isinstance(error, StorageInternalError) and error.__cause__) or error
-            said = without_secrets(told(getattr(cause, "orig", None) or cause), self._address)
+            said = told(getattr(cause, "orig", None) or cause)
             away = not self.is_sqlite and does_not_answer(cause, self._driver)
             raise (UnreachableError if away else StorageError)(f"{self.url}: {said}") from None
 
