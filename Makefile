@@ -1,46 +1,68 @@
 # `make demo` and `make test` need Python 3.11 or newer and nothing else: each sets up .venv with the versions in constraints.txt.
 PYTHON ?= python3
-BIN := .venv/bin
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+NEWEST ?= python3.13
+VENV ?= .venv
+CONSTRAINTS ?= constraints.txt
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint $(CONSTRAINTS)
 
-.PHONY: demo test check bench soak format build clean
+.PHONY: demo test test-min test-newest pin-min check audit bench soak format build clean
 
-demo: .venv/.runtime
+demo: $(VENV)/.runtime
 	$(BIN)/metaid study create three-link --exist-ok
 	$(BIN)/metaid study run three-link --workers 2
 
-test: .venv/.dev
+test: $(VENV)/.dev
 	$(BIN)/pytest -n 2 --dist worksteal
 
-check: .venv/.dev
+# The lowest version that pyproject.toml allows of each direct dependency; and the newest of everything, on the newest Python.
+test-min:
+	$(MAKE) test VENV=.venv-min CONSTRAINTS=constraints-min.txt
+
+test-newest:
+	$(MAKE) test VENV=.venv-newest CONSTRAINTS=/dev/null PYTHON=$(NEWEST)
+
+pin-min: .venv-tools/bin/uv
+	.venv-tools/bin/uv pip compile --quiet pyproject.toml --all-extras --resolution lowest-direct --only-binary :all: \
+		--python-version 3.11 --no-annotate --no-header --output-file constraints-min.txt
+
+check: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-bench: .venv/.runtime
+# Licences, pins, and known vulnerabilities where the internet is; status 2 where it is not.
+audit: $(VENV)/.dev .venv-tools/bin/pip-audit
+	$(BIN)/python -m supply .venv-tools/bin/pip-audit
+
+bench: $(VENV)/.runtime
 	$(BIN)/python -m benchmarks
 
-soak: .venv/.dev
+soak: $(VENV)/.dev
 	$(BIN)/python -m soak
 
-format: .venv/.dev
+format: $(VENV)/.dev
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-build: .venv/.dev
+build: $(VENV)/.dev
 	$(BIN)/python -m build
 
 clean:
-	rm -rf .venv build dist .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .venv-min .venv-newest .venv-tools build dist .pytest_cache .mypy_cache .ruff_cache
 
-.venv/bin/python:
+$(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit("metaid needs Python 3.11 or newer: make PYTHON=python3.11 ..." if sys.version_info < (3, 11) else 0)'
-	$(PYTHON) -m venv .venv
+	$(PYTHON) -m venv $(VENV)
 
-.venv/.runtime: .venv/bin/python pyproject.toml constraints.txt
+$(VENV)/.runtime: $(BIN)/python pyproject.toml $(CONSTRAINTS)
 	$(PIP) --editable .
 	@touch $@
 
-.venv/.dev: .venv/.runtime
+$(VENV)/.dev: $(VENV)/.runtime
 	$(PIP) --editable '.[dev]'
 	@touch $@
+
+.venv-tools/bin/%:
+	$(PYTHON) -m venv .venv-tools
+	.venv-tools/bin/python -m pip install --quiet --disable-pip-version-check $*

@@ -1,0 +1,1 @@
+"""What metaid stands on: pins, licences and known vulnerabilities of its dependencies: `make audit`."""

@@ -1,0 +1,49 @@
+"""The licence of each dependency, and whether metaid may be used with it by anyone."""
+
+from __future__ import annotations
+
+import re
+from importlib.metadata import Distribution
+
+# Permissive ones; and those that ask only for changes of their own files (MPL), or for being replaceable (LGPL), of
+# what is imported as it is.
+ALLOWED = {
+    *("0BSD", "Apache-2.0", "BSD", "BSD-2-Clause", "BSD-3-Clause", "CC0-1.0", "ISC", "MIT", "MIT-CMU", "PSF-2.0"),
+    *("Zlib", "MPL-2.0", "LGPL-3.0-only"),
+}
+SPDX = {
+    "3-Clause BSD License": "BSD-3-Clause",
+    "Apache 2.0": "Apache-2.0",
+    "Apache Software License": "Apache-2.0",
+    "BSD 3-Clause License": "BSD-3-Clause",
+    "BSD License": "BSD",
+    "ISC License (ISCL)": "ISC",
+    "ISC license": "ISC",
+    "MIT License": "MIT",
+    "Mozilla Public License 2.0 (MPL 2.0)": "MPL-2.0",
+    "Python Software Foundation License": "PSF-2.0",
+}
+
+
+def licence(package: Distribution) -> str:
+    """What a package says of its licence, as an SPDX expression where it can be told; empty if nothing.
+
+    Its expression counts; else its licence field, where that is a name and not the whole text; else its classifiers.
+    """
+    told = package.metadata
+    fields: list[str] = told.get_all("License") or [""]
+    field = fields[0].strip()
+    if "License-Expression" in told:
+        return told["License-Expression"]
+    if field and field != "UNKNOWN" and "\n" not in field:
+        return SPDX.get(field, field)
+    classified = [c.split(" :: ")[-1] for c in told.get_all("Classifier") or [] if c.startswith("License :: ")]
+    return " AND ".join(SPDX.get(name, name) for name in classified)
+
+
+def is_allowed(expression: str) -> bool:
+    """Whether an SPDX expression without brackets leaves a choice of licences that are all ALLOWED."""
+    return all(
+        any(re.sub(r" WITH \S+$", "", choice.strip()) in ALLOWED for choice in part.split(" OR "))
+        for part in expression.split(" AND ")
+    )

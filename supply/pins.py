@@ -1,0 +1,43 @@
+"""What is installed, and whether constraints.txt names it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from pathlib import Path
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+
+def pinned(constraints: Path) -> dict[str, str]:
+    """The version that a constraints file gives to each package, by its canonical name."""
+    lines = re.findall(r"^([\w.-]+)==(\S+)$", constraints.read_text(encoding="utf-8"), re.MULTILINE)
+    return {canonicalize_name(name): version for name, version in lines}
+
+
+def installed(requirements: Iterable[str]) -> dict[str, Distribution]:
+    """All that `requirements` need here, each and what it needs in turn, by canonical name."""
+    found: dict[str, Distribution] = {}
+    waiting = [Requirement(requirement) for requirement in requirements]
+    seen: set[tuple[str, frozenset[str]]] = set()
+    while waiting:
+        wanted = waiting.pop()
+        name = canonicalize_name(wanted.name)
+        if (name, frozenset(wanted.extras)) in seen:
+            continue
+        seen.add((name, frozenset(wanted.extras)))
+        try:
+            found[name] = distribution(name)
+        except PackageNotFoundError:
+            raise SystemExit(f"{name} is not installed: pip install --constraint constraints.txt '.[dev]'") from None
+        waiting += _needed(found[name], wanted.extras)
+    return found
+
+
+def _needed(package: Distribution, extras: Iterable[str]) -> Iterator[Requirement]:
+    for text in package.requires or []:
+        requirement = Requirement(text)
+        if requirement.marker is None or any(requirement.marker.evaluate({"extra": e}) for e in ("", *extras)):
+            yield requirement

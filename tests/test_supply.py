@@ -1,0 +1,123 @@
+"""What metaid stands on is pinned, licensed and looked after; an audit that could not be made never says that all is
+well.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tomllib
+from collections.abc import Mapping
+from email.message import Message
+from importlib.metadata import Distribution
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+from packaging.version import Version
+
+from supply.licences import is_allowed, licence
+from supply.pins import installed, pinned
+from supply.vulnerabilities import CANARY, AuditError, vulnerabilities
+
+ROOT = Path(__file__).parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+DIRECT = [*PROJECT["dependencies"], *(need for needs in PROJECT["optional-dependencies"].values() for need in needs)]
+PINNED, LOWEST = pinned(ROOT / "constraints.txt"), pinned(ROOT / "constraints-min.txt")
+
+
+def test_every_dependency_is_pinned() -> None:
+    """What this environment has for metaid and all its extras, down to the last: a version in the constraints."""
+    assert set(installed(DIRECT)) <= set(PINNED) | set(LOWEST)
+
+
+@pytest.mark.parametrize("need", DIRECT)
+def test_lowest_version_that_is_allowed_is_the_one_that_is_tested(need: str) -> None:
+    """Each direct dependency has a lower bound, and `make test-min` installs just that."""
+    requirement = Requirement(need)
+    lower = [bound.version for bound in requirement.specifier if bound.operator == ">="]
+    assert len(lower) == 1
+    assert Version(LOWEST[canonicalize_name(requirement.name)]) == Version(lower[0])
+
+
+def test_licences_of_what_is_pinned_are_allowed() -> None:
+    """Each as the package itself tells it."""
+    here = {name: package for name, package in installed(DIRECT).items() if PINNED.get(name) == package.version}
+    assert {name: licence(package) for name, package in here.items() if not is_allowed(licence(package))} == {}
+
+
+class Told(Distribution):
+    """A package with given metadata."""
+
+    def __init__(self, **told: str) -> None:
+        self._told = told
+
+    def read_text(self, filename: str) -> str | None:
+        """Its METADATA."""
+        message = Message()
+        for key, value in self._told.items():
+            message[key.replace("_", "-")] = value
+        return str(message) if filename == "METADATA" else None
+
+    def locate_file(self, path: str | PathLike[str]) -> Any:
+        """It has no files."""
+        raise NotImplementedError
+
+
+@pytest.mark.parametrize(
+    ("told", "allowed"),
+    [
+        ({"License_Expression": "MIT"}, True),
+        ({"License_Expression": "Apache-2.0 WITH LLVM-exception AND BSD-2-Clause"}, True),
+        ({"License_Expression": "GPL-3.0-only OR MIT"}, True),
+        ({"License_Expression": "GPL-3.0-only AND MIT"}, False),
+        ({"License": "AGPL", "Classifier": "License :: OSI Approved :: MIT License"}, False),
+        ({"License": "BSD 3-Clause License"}, True),
+        ({"License": "UNKNOWN", "Classifier": "License :: OSI Approved :: ISC License (ISCL)"}, True),
+        ({"Classifier": "License :: OSI Approved :: GNU General Public License v3 (GPLv3)"}, False),
+        ({"License": "Commercial, ask us"}, False),
+        ({}, False),
+    ],
+)
+def test_licence_is_allowed_only_where_it_is_known_to_be(told: Mapping[str, str], allowed: bool) -> None:
+    """An expression before the field, the field before classifiers; nothing told is not allowed."""
+    assert is_allowed(licence(Told(**told))) is allowed
+
+
+def answering(*answers: object) -> list[str]:
+    """A command that answers as pip-audit does: with the first to the list of pins, with the last to the canary."""
+    code = f"import sys; print({answers[0]!r} if 'numpy' in open(sys.argv[-1]).read() else {answers[-1]!r})"
+    return [sys.executable, "-c", code]
+
+
+def told_of(name: str, *advisories: str) -> str:
+    """pip-audit's answer about one package."""
+    return json.dumps({"dependencies": [{"name": name, "version": "1", "vulns": [{"id": i} for i in advisories]}]})
+
+
+CAUGHT = told_of(CANARY[0], "CVE-2014-1402")
+SKIPPED = json.dumps({"dependencies": [{"name": "numpy", "skip_reason": "Dependency not found on PyPI"}]})
+
+
+def test_advisories_are_told_by_package() -> None:
+    """And nothing of those that have none."""
+    assert vulnerabilities({"numpy": "1"}, answering(told_of("numpy", "CVE-1"), CAUGHT)) == {"numpy": ["CVE-1"]}
+    assert vulnerabilities({"numpy": "1"}, answering(told_of("numpy"), CAUGHT)) == {}
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        (answering(SKIPPED, CAUGHT), "no answer for 1 of 1 packages: numpy"),
+        (answering(told_of("numpy"), told_of(CANARY[0])), "knows nothing of jinja2 2.4.1"),
+        (answering("", CAUGHT), "no answer"),
+        (["no-such-program"], "No such file"),
+    ],
+)
+def test_audit_that_was_not_made_is_not_a_clean_one(command: list[str], message: str) -> None:
+    """Packages passed over, a mirror without advisories, no network, no pip-audit."""
+    with pytest.raises(AuditError, match=message):
+        vulnerabilities({"numpy": "1"}, command)
