@@ -4,6 +4,7 @@ one program at a time, and when it does not answer.
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -17,6 +18,7 @@ from metaid.sqlite import TABLES
 
 PATIENT = {"connect_timeout": 10, "keepalives_idle": 30, "keepalives_interval": 10, "keepalives_count": 3}  # s
 LONGEST_SILENCE = 60  # s: in a transaction, in waiting for somebody else's, and for what was sent to arrive
+LOUD = "psycopg", "sqlalchemy.pool"  # they log, with tracebacks, that a connection is lost: the error tells it already
 MAKING_TABLES = 0x6D657461  # an advisory lock's number: any, but the same for all who make them
 
 
@@ -51,6 +53,8 @@ def server_options(url: sa.URL) -> dict[str, Any]:
     """How SQLAlchemy connects to a server: a connection that the server closed is opened again, and a server that has
     vanished is noticed. What the URL says goes first.
     """
+    for name in LOUD:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     if url.get_backend_name() != "postgresql":
         return {"pool_pre_ping": True}
     settings = {**PATIENT, "tcp_user_timeout": LONGEST_SILENCE * 1000, "fallback_application_name": "metaid"}

@@ -19,6 +19,7 @@ import numpy as np
 import optuna
 import pandas as pd
 import pytest
+import sqlalchemy as sa
 from conftest import Finished
 from pandas.testing import assert_frame_equal
 from postgres import PASSWORD, QUOTED, Postgres, run_postgres
@@ -176,6 +177,25 @@ def test_server_that_is_restarted_is_waited_for(server: Postgres, store: Store, 
     assert len(waited) >= 4
     assert all("waiting for the study DB" in why for why in waited[1:])
     assert PASSWORD not in unquote("".join(waited))
+    assert_same(store, alone)
+
+
+def test_server_that_is_restarted_in_the_middle_of_a_write_gets_it_again(
+    server: Postgres, store: Store, alone: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Between two statements of it, and nothing is logged by those that lost their connection."""
+    lost: list[str] = []
+
+    def lose(_connection: Any, _cursor: Any, statement: str, *_others: Any) -> None:
+        if statement.startswith("INSERT INTO trial_params") and not lost:
+            lost.append(statement)
+            server.stop()
+            server.start()
+
+    sa.event.listen(store.optuna.engine, "before_cursor_execute", lose)
+    run_study(store, "study")
+    assert lost
+    assert [record.getMessage() for record in caplog.records] == []
     assert_same(store, alone)
 
 
