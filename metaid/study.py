@@ -113,9 +113,7 @@ def run_study(
     store.check()
     # At these sizes BLAS threads cost far more than they give.
     with threadpool_limits(1), Lease(store, name) as lease:
-        stored = store.trials(name, *spec.names)
-        run = Run(Problem(spec), max(total, len(stored)))
-        run.replay(stored, f"{store.url}: study '{name}'")
+        run = _replayed(store, name, spec, total)
         watch(run.progress)
 
         def wait(trials: int, why: str) -> None:
@@ -129,6 +127,13 @@ def run_study(
             ):
                 _run_stage(run, crew, writer, watch)
     return run.progress
+
+
+def _replayed(store: Store, name: str, spec: StudySpec, total: int) -> Run:
+    stored = store.trials(name, *spec.names)
+    run = Run(Problem(spec), max(total, len(stored)))
+    run.replay(stored, f"{store.url}: study '{name}'")
+    return run
 
 
 def _run_stage(run: Run, crew: Crew, writer: _Writer, watch: Callable[[Progress], None]) -> None:

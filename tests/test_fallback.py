@@ -71,7 +71,7 @@ def test_compiled_loop_that_disagrees_is_not_used(monkeypatch: pytest.MonkeyPatc
     assert wrong.evaluate(factors).value == pytest.approx(right.value, rel=1e-9)
 
 
-@pytest.mark.parametrize("factor", [1e3, 1e6])
+@pytest.mark.parametrize("factor", [30.0, 1e3])
 def test_diverging_candidate_is_a_fall_and_leaves_no_log_behind(factor: float, tmp_path, monkeypatch) -> None:  # type: ignore[no-untyped-def]
     """However wild the torques, the episode ends as a fall with a finite value, and MuJoCo writes no log file."""
     monkeypatch.chdir(tmp_path)
