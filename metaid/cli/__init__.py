@@ -59,7 +59,7 @@ def _fail(message: str) -> None:
     sys.exit(2)
 
 
-from metaid.cli import paper, pictures, plants, studies  # noqa: E402  (they add their commands to `app`)
+from metaid.cli import paper, pictures, plants, results, studies  # noqa: E402  (they add their commands to `app`)
 
 app.add_command(plants.plant)
 app.add_command(plants.episode)
@@ -67,6 +67,8 @@ app.add_command(studies.study)
 app.add_command(paper.paper)
 plants.plant.add_command(pictures.draw)
 plants.plant.add_command(pictures.view)
+for command in (results.show, results.validate, results.export):
+    studies.study.add_command(command)
 studies.study.add_command(pictures.plot)
 studies.study.add_command(pictures.report)
 app.add_command(pictures.dashboard)

@@ -6,14 +6,12 @@ import math
 import shlex
 import signal
 from collections.abc import Sequence
-from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from metaid.cli.common import (
-    FIGURES,
     Group,
     figure,
     json_option,
@@ -23,11 +21,9 @@ from metaid.cli.common import (
     print_table,
     say,
     storage_option,
-    whole_file,
 )
+from metaid.cli.printed import print_study
 from metaid.errors import printable
-
-PARAMETER_FIGURES = ("nominal", "low", "high", "true")
 
 if TYPE_CHECKING:
     from metaid.running import Progress
@@ -208,7 +204,7 @@ def run(
         except KeyboardInterrupt:
             say(f"stopped; {_how_to_go_on(live.trials, store.shown, name)}", err=True)
             raise click.exceptions.Exit(128 + stop.asked) from None
-        _print_study(store, name)
+        print_study(store, name)
 
 
 def _how_to_go_on(trials: int, storage: str, name: str) -> str:
@@ -257,139 +253,6 @@ def list_studies(storage: str) -> None:
         ["study", "plant", "sampler", "measure", "trials", "falls", "best", "largest error"],
         rows,
     )
-
-
-@study.command(epilog="\b\nExample:\n  metaid study show three-link --json")
-@name_argument
-@storage_option
-@json_option
-def show(name: str, storage: str, as_json: bool) -> None:
-    """What a study found: every lump beside its nominal value, and the truth where the plant knows it."""
-    from metaid.tables import summary
-
-    with open_store(storage) as store:
-        if as_json:
-            print_json(summary(store, name))
-        else:
-            _print_study(store, name)
-
-
-def _print_study(store: Any, name: str) -> None:
-    from metaid.measures import MEASURES
-    from metaid.tables import summary
-
-    shown = summary(store, name)
-    rows = [
-        [
-            lump["name"],
-            *(figure(lump[key]) for key in ("nominal", "identified", "low", "high", "true")),
-            figure(lump["error"], "+.3%"),
-            lump["unit"],
-        ]
-        for lump in shown["lumps"]
-    ]
-    trials, best = shown["trials"], shown["best"]
-    title = f"{shown['name']}: {shown['plant']}, {shown['sampler']}, {shown['measure']}, seed {shown['seed']}"
-    largest = "" if shown["max_error"] is None else f"; largest error {shown['max_error']:.3%}"
-    unit = MEASURES[shown["measure"]].unit
-    found = "no survivor yet"
-    if best["value"] is not None:
-        found = f"best {best['value']:.3g} {unit} at trial {best['number']}{largest}"
-    if "noise_floor_hz" in shown:
-        found += f"; noise floor {shown['noise_floor_hz']:.3g} Hz, subtracted"
-    if "mujoco" in best:
-        found += f"; {_verification(best['mujoco'])}"
-    for stage in shown.get("stages", [])[1:]:
-        if stage["best"]["value"] is not None:
-            found += f"; stage 2: best {stage['best']['value']:.3g} {unit} at trial {stage['best']['number']}"
-    failed = f", {trials['failed']} failed" if trials["failed"] else ""
-    note = f"{trials['total']} trials, {trials['pruned']} of them falls{failed}; {found}"
-    print_table(title, ["lump", "nominal", "identified", "low", "high", "true", "error", "unit"], rows, note)
-    if "parameters" in shown:
-        _show_parameters(shown)
-    missed = [lump["name"] for lump in shown["lumps"] if not lump["determined"]]
-    if missed:
-        say(f"not identified: {', '.join(missed)}: {shown['measure']} with these pushes cannot determine them")
-
-
-def _show_parameters(shown: dict[str, Any]) -> None:
-    from metaid.body_tables import told_of_bodies
-
-    rows = [[row["name"], *(figure(row[key]) for key in PARAMETER_FIGURES), row["unit"]] for row in shown["parameters"]]
-    print_table("Bodies that move the same", ["parameter", *PARAMETER_FIGURES, "unit"], rows)
-    click.echo(told_of_bodies(shown))
-
-
-def _verification(mujoco: dict[str, Any]) -> str:
-    told = "falls in MuJoCo" if mujoco["fell"] else f"MuJoCo gives it {mujoco['value']:.3g}"
-    return f"screened with analytic physics, {told}: {'verified' if mujoco['agrees'] else 'NOT VERIFIED'}"
-
-
-@study.command(epilog="\b\nExample:\n  metaid study validate three-link -o tracking.png")
-@name_argument
-@storage_option
-@click.option(
-    "--pushes", type=click.IntRange(1, 1000), default=10, show_default=True, help="Pushes that the search never used."
-)
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Which pushes.")
-@json_option
-@click.option(
-    "-o", "output", type=click.Path(path_type=Path), help="Draw tracking errors over time (.png, .pdf, .svg)."
-)
-def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, output: Path | None) -> None:
-    """What the identified model is worth: how long it keeps the pendulum coasting, and how well it tracks.
-
-    Beside it the nominal model, and the truth where the plant knows it.
-    """
-    from metaid import api
-    from metaid.study import stored_spec
-
-    validation = api.validate(name, storage, pushes, seed)
-    if output is not None:
-        from metaid.figures import draw_tracking
-
-        with whole_file(output, FIGURES) as partial:
-            draw_tracking(validation, partial)
-    shown = validation.summary()
-    if as_json:
-        print_json({"study": name, **shown})
-        return
-    columns = ("coasting_s", "coasting_natural_times", "tracking_rms_deg", "tracking_max_deg")
-    rows = [
-        [
-            row["model"],
-            *(figure(row[key], ".3g") for key in columns[:2]),
-            str(row["coasting_whole_horizon"]),
-            *(figure(row[key], ".3g") for key in columns[2:]),
-        ]
-        for row in shown["models"]
-    ]
-    heading = ["model", "coasts, s", "in √(l/g)", "to the end", "tracking error, rms °", "max °"]
-    with open_store(storage) as store:
-        searched = len(stored_spec(store, name).names) > 1
-    ratio = "" if searched else ", with inertia lumps (not searched) in the nominal model's ratio to the gravity lumps"
-    note = (
-        f"coasting: median of {pushes} new pushes, watched for {shown['horizon_s']:.3g} s; tracking: computed torque "
-        f"along smooth sinusoids{ratio}"
-    )
-    print_table(f"{name}: what it is worth on {shown['plant']}", heading, rows, note)
-
-
-@study.command(epilog="\b\nExample:\n  metaid study export three-link -o trials.csv")
-@name_argument
-@storage_option
-@click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="FILE.csv or FILE.parquet.")
-def export(name: str, storage: str, output: Path) -> None:
-    """Write every trial to a file: state, value, generation, steps, periods per joint, factors."""
-    from metaid.tables import trials_frame
-
-    with open_store(storage) as store, whole_file(output, (".csv", ".parquet")) as partial:
-        frame = trials_frame(store, name)
-        if output.suffix == ".csv":
-            frame.to_csv(partial, index=False)
-        else:
-            frame.to_parquet(partial, index=False)
-    say(f"{len(frame)} trials are in {output}")
 
 
 @study.command(epilog="\b\nExample:\n  metaid study delete three-link --yes")

@@ -1,0 +1,103 @@
+"""`metaid study show`, `validate` and `export`: what a study has found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from metaid.cli.common import (
+    FIGURES,
+    figure,
+    json_option,
+    open_store,
+    print_json,
+    print_table,
+    say,
+    storage_option,
+    whole_file,
+)
+from metaid.cli.printed import print_study
+from metaid.cli.studies import name_argument
+
+
+@click.command(epilog="\b\nExample:\n  metaid study show three-link --json")
+@name_argument
+@storage_option
+@json_option
+def show(name: str, storage: str, as_json: bool) -> None:
+    """What a study found: every lump beside its nominal value, and the truth where the plant knows it."""
+    from metaid.tables import summary
+
+    with open_store(storage) as store:
+        if as_json:
+            print_json(summary(store, name))
+        else:
+            print_study(store, name)
+
+
+@click.command(epilog="\b\nExample:\n  metaid study validate three-link -o tracking.png")
+@name_argument
+@storage_option
+@click.option(
+    "--pushes", type=click.IntRange(1, 1000), default=10, show_default=True, help="Pushes that the search never used."
+)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Which pushes.")
+@json_option
+@click.option(
+    "-o", "output", type=click.Path(path_type=Path), help="Draw tracking errors over time (.png, .pdf, .svg)."
+)
+def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, output: Path | None) -> None:
+    """What the identified model is worth: how long it keeps the pendulum coasting, and how well it tracks.
+
+    Beside it the nominal model, and the truth where the plant knows it.
+    """
+    from metaid import api
+    from metaid.study import stored_spec
+
+    validation = api.validate(name, storage, pushes, seed)
+    if output is not None:
+        from metaid.figures import draw_tracking
+
+        with whole_file(output, FIGURES) as partial:
+            draw_tracking(validation, partial)
+    shown = validation.summary()
+    if as_json:
+        print_json({"study": name, **shown})
+        return
+    columns = ("coasting_s", "coasting_natural_times", "tracking_rms_deg", "tracking_max_deg")
+    rows = [
+        [
+            row["model"],
+            *(figure(row[key], ".3g") for key in columns[:2]),
+            str(row["coasting_whole_horizon"]),
+            *(figure(row[key], ".3g") for key in columns[2:]),
+        ]
+        for row in shown["models"]
+    ]
+    heading = ["model", "coasts, s", "in √(l/g)", "to the end", "tracking error, rms °", "max °"]
+    with open_store(storage) as store:
+        searched = len(stored_spec(store, name).names) > 1
+    ratio = "" if searched else ", with inertia lumps (not searched) in the nominal model's ratio to the gravity lumps"
+    note = (
+        f"coasting: median of {pushes} new pushes, watched for {shown['horizon_s']:.3g} s; tracking: computed torque "
+        f"along smooth sinusoids{ratio}"
+    )
+    print_table(f"{name}: what it is worth on {shown['plant']}", heading, rows, note)
+
+
+@click.command(epilog="\b\nExample:\n  metaid study export three-link -o trials.csv")
+@name_argument
+@storage_option
+@click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="FILE.csv or FILE.parquet.")
+def export(name: str, storage: str, output: Path) -> None:
+    """Write every trial to a file: state, value, generation, steps, periods per joint, factors."""
+    from metaid.tables import trials_frame
+
+    with open_store(storage) as store, whole_file(output, (".csv", ".parquet")) as partial:
+        frame = trials_frame(store, name)
+        if output.suffix == ".csv":
+            frame.to_csv(partial, index=False)
+        else:
+            frame.to_parquet(partial, index=False)
+    say(f"{len(frame)} trials are in {output}")
