@@ -74,13 +74,13 @@ def with_noise(clean: Recording, nominal: Links, gravity: float, seed: int) -> R
     return filtered(angles, clean.torques, clean.timestep, natural_time(chain_of(nominal), gravity))
 
 
-def filtered(angles: Array, torques: Array, timestep: float, scale: float) -> Recording:
+def filtered(angles: Array, torques: Array, timestep: float, scale: float, span: float = FILTER_SPAN) -> Recording:
     """A recording of noisy `angles` (rad) and commanded `torques` (N m), (nrun x nsteps x njoint): derivatives by
-    Savitzky-Golay, which lags nowhere, over a span of the natural time `scale`, in s.
+    Savitzky-Golay, which lags nowhere, over a `span` in units of the natural time `scale`, in s.
 
     The torques pass through the same filter.
     """
-    window = max(round(FILTER_SPAN * scale / timestep), FILTER_ORDER + 2) | 1
+    window = max(round(span * scale / timestep), FILTER_ORDER + 2) | 1
 
     def smooth(signal: Array, derivative: int = 0) -> Array:
         result: Array = savgol_filter(signal, window, FILTER_ORDER, derivative, timestep, axis=1)

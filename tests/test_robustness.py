@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.robustness import FAULTS, Result, draw_pictures, error_rows, first_rows, identify, largest_size
+from benchmarks.faulted import FAULTS, Result, identify
+from benchmarks.robustness import draw_pictures, error_rows, first_rows, largest_size
 
 
 def test_size_for_one_percent_lies_on_the_curve() -> None:
@@ -38,8 +39,13 @@ def test_tables_and_pictures_say_what_breaks_first(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {"robustness.png", "robustness-lumps.png"}
 
 
+def test_least_squares_is_given_trajectories_that_weak_drives_can_follow() -> None:
+    """Where the widest swing needs more torque than there is, it gets a smaller one."""
+    assert max(identify((2, "torque limit", 8.0, 0)).least_squares) < 0.5
+
+
 def test_one_chain_is_identified_by_both_methods() -> None:
     """A milliradian of noise on two links: metaid within two percent, least squares with torques in its own way."""
     found = identify((2, "angle noise", 1.0, 0))
     assert max(found.errors[:2]) < 0.02
-    assert max(found.least_squares) < 0.2
+    assert max(found.least_squares) < 0.02

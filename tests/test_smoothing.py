@@ -14,6 +14,7 @@ from metaid.errors import StudyError
 from metaid.objective import Objective
 from metaid.problem import Problem, load_study
 from metaid.smoothing import noise_floor, smooth_energies, smoothed_hz
+from metaid.tables import identified_factors
 
 PERIOD = 0.002
 TIMES = PERIOD * np.arange(151)[:, None]
@@ -103,3 +104,22 @@ def test_long_pushes_are_refused() -> None:
     """One curve does not fit an oscillation of five thousand steps."""
     with pytest.raises(StudyError, match="allowed: rich pushes"):
         load_study("noisy-three-link", {"episode.pushes": "tip"})
+
+
+def test_friction_is_refused_for_it_is_even_in_time() -> None:
+    """A joint that is slowed by friction accelerates at once, which an odd curve does not see."""
+    changes = {"search.lumps": ["gravity", "coriolis", "damping"]}
+    with pytest.raises(StudyError, match="'smoothed' does not see friction"):
+        load_study("noisy-three-link", changes)
+
+
+def test_identified_lumps_are_means_over_the_range_not_the_luckiest_trial() -> None:
+    """Trials that noise takes below zero are as good as each other; those of a smooth measure are not."""
+    problem = Problem(load_study("noisy-three-link"))
+    factors = np.array([[1.0] * 6, [1.2] * 6, [1.1] * 6, [3.0] * 6])
+    values = np.array([-3.0, 0.5, 0.0, 5.0]) * problem.resolution
+    told, low, high = identified_factors(problem, factors, values)
+    assert told == pytest.approx(np.full(6, 1.1))
+    assert (low.tolist(), high.tolist()) == ([1.0] * 6, [1.2] * 6)
+    spectral = Problem(load_study("three-link"))
+    assert identified_factors(spectral, factors, values - values.min())[0].tolist() == [1.0] * 6
