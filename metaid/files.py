@@ -118,8 +118,12 @@ def check(model: type[SettingsT], data: Mapping[str, Any], source: str, error: t
     try:
         return model.model_validate(data)
     except ValidationError as problem:
+        try:
+            found = problem.errors(include_url=False)
+        except UnicodeEncodeError:
+            raise error(f"{source}: holds a text that is not UTF-8") from None
         # Of a value that may be several things, the side that it fits best has its problem deepest.
-        first = max(problem.errors(include_url=False), key=lambda error: len(_path(data, error)))
+        first = max(found, key=lambda error: len(_path(data, error)))
         path = _path(data, first)
         where = "".join(f"entry {part + 1}: " if isinstance(part, int) else f"{part}: " for part in path)
         message = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")

@@ -46,7 +46,11 @@ def has_tables(path: Path, create: bool) -> bool:
     """Whether the file holds a study DB; false if it is yet to be made, which `create` allows.  Raises StorageError,
     and has written nothing, where the file is missing or is something else.
     """
-    if not path.exists():
+    try:
+        there = path.exists()
+    except OSError as problem:  # a name that no file system takes
+        raise StorageError(f"{path}: not a study DB that can be read: {problem.strerror}") from None
+    if not there:
         if not create:
             raise StorageError(
                 f"no study DB at {path}: make a study with 'metaid study create', or name another with --storage"

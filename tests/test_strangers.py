@@ -201,6 +201,20 @@ def test_names_in_a_db_cannot_command_the_terminal(metaid: Metaid, studied: Path
     assert json.loads(told[2].out)["name"] == EVIL
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("study", "create", "two-link-tpe", "--set", "episode.physics=\udced"),
+        ("study", "list", "--storage", 300 * "x"),
+    ],
+)
+def test_texts_that_no_file_could_hold_are_refused_in_a_line(metaid: Metaid, arguments: tuple[str, ...]) -> None:
+    """Bytes that are not UTF-8, and a file name longer than any file system takes."""
+    answered = metaid(*arguments)
+    assert answered.status == 2
+    assert answered.err.count("\n") == 1
+
+
 def test_export_has_numbers_and_states_only(metaid: Metaid, studied: Path) -> None:
     """No cell is text of a stranger's, which a spreadsheet could take for a formula."""
     shutil.copy(studied, "evil.db")
