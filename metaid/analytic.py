@@ -41,9 +41,8 @@ def analytic_step(chain: Chain, gravity: float, timestep: float) -> AnalyticStep
 
 
 @compiled
-def advance_analytically(chain, speeds, sines, cosines):  # type: ignore[no-untyped-def]
-    """One timestep of an `AnalyticStep`, given the absolute link `speeds` and the `sines` and `cosines` of the absolute
-    angles, (nlink) each.
+def advance_analytically(chain, links):  # type: ignore[no-untyped-def]
+    """One timestep of an `AnalyticStep`, given its `links`' speeds, cosines and sines.
 
     Solves M φ̈ = Q − Σ_j a_ij sin(φ_i − φ_j) φ̇_j² + g μ_i sin φ_i (Eq. 4), Q the joint torques less viscous friction
     and springs, by M = L D Lᵀ: the factors of M take the place of its lower half.
@@ -51,15 +50,16 @@ def advance_analytically(chain, speeds, sines, cosines):  # type: ignore[no-unty
     qpos, qvel, torque, gravity, coriolis, inertia, damping, stiffness, mass, acceleration, timestep = chain
     n = qpos.shape[0]
     for i in range(n):
-        force = torque[i] - damping[i] * qvel[i] - stiffness[i] * qpos[i] + gravity[i] * sines[i]
+        cosine, sine = links[i].cosine, links[i].sine
+        force = torque[i] - damping[i] * qvel[i] - stiffness[i] * qpos[i] + gravity[i] * sine
         if i + 1 < n:
             force -= torque[i + 1] - damping[i + 1] * qvel[i + 1] - stiffness[i + 1] * qpos[i + 1]
         for j in range(n):
-            centrifugal = coriolis[i, j] * speeds[j] * speeds[j]
-            force -= centrifugal * (sines[i] * cosines[j] - cosines[i] * sines[j])
+            centrifugal = coriolis[i, j] * links[j].speed * links[j].speed
+            force -= centrifugal * (sine * links[j].cosine - cosine * links[j].sine)
         mass[i, i] = inertia[i]
         for j in range(i):
-            mass[i, j] = coriolis[i, j] * (cosines[i] * cosines[j] + sines[i] * sines[j])
+            mass[i, j] = coriolis[i, j] * (cosine * links[j].cosine + sine * links[j].sine)
             for k in range(j):
                 mass[i, j] -= mass[i, k] * mass[j, k] * mass[k, k]
             mass[i, j] /= mass[j, j]

@@ -17,7 +17,8 @@ from metaid.chain import Array, Lumps
 from metaid.compiled import compiled
 from metaid.episode import Episode, Record, Trajectory, run_plain
 from metaid.faults import Noise, draw, readings, slope_weights, stream
-from metaid.kernel import Step, advance, compensate, same_record
+from metaid.kernel import Step, advance, look, same_record
+from metaid.law import LINK, compensate, turn_to_angles
 from metaid.plain import PlainEpisode
 from metaid.plant import MujocoPlant
 
@@ -119,8 +120,8 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, k
     """All pushes of an episode; returns control steps run and whether a link fell. Fills the four (npush x njoint)
     `outputs` and `kept` (npush x nsteps + 1 x njoint), the angle readings.
 
-    `laws` are those of one candidate (see `batch.Laws`), `work` eleven vectors (njoint) and the commands under way
-    (delay + 1 x njoint); nothing is allocated here.
+    `laws` are those of one candidate (see `batch.Laws`); `work`: the links as they are `told` to the law and as they
+    move, four vectors (njoint), the commands under way (delay + 1 x njoint). Nothing is allocated here.
     """
     half_periods, span, speed_energy, acceleration_energy = outputs
     start, expected = starts
@@ -129,7 +130,7 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, k
     angle_noise, speed_noise, torque_noise = noise
     control_every, limits, tilt = drives
     timestep, steps, limit, margin, deadband, lead = settings
-    angles, speeds, joint_speeds, previous, first, command, absolute, commands = work[4:]
+    told, moving, joint_speeds, previous, first, command, commands = work
     npush, n = start.shape
     slots = commands.shape[0]
     period = timestep * control_every
@@ -150,7 +151,8 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, k
                 v, v0 = joint_speeds[i], previous[i]
                 angle += kept[push, step, i]
                 speed += v
-                angles[i], speeds[i] = angle, speed
+                told[i].angle = angle + lead * speed
+                told[i].speed = speed
                 if step == 0:
                     fastest, first[i] = max(fastest, margin * abs(speed)), v
                 else:
@@ -163,9 +165,8 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, k
                 previous[i] = v
             if fallen or step == steps:
                 break
-            for i in range(n):
-                angles[i] += lead * speeds[i]
-            compensate(law, angles, speeds, joint_speeds, work[:4], command)
+            turn_to_angles(told, stiffness)
+            compensate(law, told, joint_speeds, command)
             for i in range(n):
                 commands[step % slots, i] = command[i]
                 delivered = min(max(commands[(step + 1) % slots, i], -limits[i]), limits[i])
@@ -175,8 +176,10 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, k
                 for i in range(n):
                     angle += chain.qpos[i]
                     speed += chain.qvel[i]
-                    absolute[i], work[0][i], work[1][i] = speed, np.sin(angle), np.cos(angle)
-                advance(chain, absolute, work[0], work[1])  # type: ignore[no-untyped-call]
+                    moving[i].angle = angle
+                    moving[i].speed = speed
+                look(chain, moving, stiffness)  # type: ignore[no-untyped-call]
+                advance(chain, moving)  # type: ignore[no-untyped-call]
             step += 1
             ran += 1
         for i in range(n):
@@ -223,7 +226,8 @@ class FaultyEpisode(PlainEpisode):
         self._sensors = faults.speed_sensor, faults.encoder_step, slope_weights(faulty.timestep)
         self._drives = faults.control_every, faults.torque_limits(njoint), faults.tilt
         self._settings = plant.timestep, episode.steps, episode.fall_limit, episode.fall_margin, deadband, episode.lead
-        self._work = (*(np.empty(njoint) for _ in range(11)), np.empty((faults.delay + 1, njoint)))
+        told, moving = np.zeros(njoint, LINK), np.zeros(njoint, LINK)
+        self._work = told, moving, *(np.empty(njoint) for _ in range(4)), np.empty((faults.delay + 1, njoint))
 
     def run(self, candidate: Lumps) -> Record:
         if self.step is None:

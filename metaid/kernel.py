@@ -17,16 +17,19 @@ from numba.extending import overload
 
 from metaid.analytic import AnalyticStep, advance_analytically, analytic_step
 from metaid.batch import Batch, new_batch
-from metaid.chain import SLIDING, Array, Lumps
+from metaid.chain import Array, Lumps
 from metaid.compiled import compiled
 from metaid.episode import Episode, Record, run_plain
+from metaid.law import LINK, compensate, turn_to_angles
 from metaid.pipeline import (
     DirectStep,
     MujocoStep,
     advance_directly,
+    advance_with_mujoco,
     agrees_with_mj_step,
     direct_step,
-    mj_step,
+    look_directly,
+    look_with_mujoco,
     mujoco_step,
 )
 from metaid.plant import MujocoPlant
@@ -54,98 +57,84 @@ def _quiet_mujoco() -> None:
     mujoco.set_mju_user_warning(_no_warning.ctypes)
 
 
-def advance(chain, speeds, sines, cosines):  # type: ignore[no-untyped-def]
-    """One timestep of any `Step`; which one is settled when the loop is compiled."""
+def look(chain, links, stiffness):  # type: ignore[no-untyped-def]
+    """Begins a timestep of any `Step`: turns its `links` to their angles, for a law with this `stiffness`."""
+    raise NotImplementedError
+
+
+@overload(look, inline="always")
+def _look_of(chain, links, stiffness):  # type: ignore[no-untyped-def]
+    kind = chain.instance_class
+    if kind is MujocoStep:
+        return lambda chain, links, stiffness: look_with_mujoco(chain, links, stiffness)
+    if kind is DirectStep:
+        return lambda chain, links, stiffness: look_directly(chain, links, stiffness)
+    return lambda chain, links, stiffness: turn_to_angles(links, stiffness)
+
+
+def advance(chain, links):  # type: ignore[no-untyped-def]
+    """Ends it, with the torque in `chain`. Which `Step` it is, is settled when the loop is compiled."""
     raise NotImplementedError
 
 
 @overload(advance, inline="always")
-def _advance_of(chain, speeds, sines, cosines):  # type: ignore[no-untyped-def]
+def _advance_of(chain, links):  # type: ignore[no-untyped-def]
     kind = chain.instance_class
     if kind is MujocoStep:
-        return lambda chain, speeds, sines, cosines: mj_step(chain.model, chain.data)
+        return lambda chain, links: advance_with_mujoco(chain)
     if kind is DirectStep:
-        return lambda chain, speeds, sines, cosines: advance_directly(chain)
-    return lambda chain, speeds, sines, cosines: advance_analytically(chain, speeds, sines, cosines)
+        return lambda chain, links: advance_directly(chain)
+    return lambda chain, links: advance_analytically(chain, links)
 
 
 @compiled
-def compensate(law, angles, speeds, qvel, work, torque):  # type: ignore[no-untyped-def]
-    """Joint torques of a `law` (see `batch.Laws`).  Eqs. 5, 6, 15 and 16, with sin(φ_i − φ_j) and cos(φ_i − φ_j)
-    expanded so that each angle needs one sine and cosine.
-
-    The sums over j run outside, so that the links i are independent of each other within them.
-    """
-    gravity, coriolis, damping, coulomb, inertia, stiffness = law
-    n = angles.shape[0]
-    sines, cosines, sine_sums, cosine_sums = work
-    for i in range(n):
-        sines[i], cosines[i] = np.sin(angles[i]), np.cos(angles[i])
-        sine_sums[i], cosine_sums[i] = 0.0, 0.0
-    for j in range(n):
-        squared = speeds[j] * speeds[j]
-        pulled = stiffness * angles[j]
-        sine, cosine = squared * sines[j] + pulled * cosines[j], squared * cosines[j] - pulled * sines[j]
-        for i in range(n):
-            sine_sums[i] += coriolis[j, i] * sine
-            cosine_sums[i] += coriolis[j, i] * cosine
-    carried = 0.0
-    for i in range(n - 1, -1, -1):
-        carried += sines[i] * (cosine_sums[i] - gravity[i]) - cosines[i] * sine_sums[i]  # Eq. 5, and 16 but for d
-        carried -= stiffness * inertia[i] * angles[i]
-        sliding = min(max(qvel[i] / SLIDING, -1.0), 1.0)
-        torque[i] = carried + damping[i] * qvel[i] + coulomb[i] * sliding  # Eqs. 6 and 15
-
-
-@compiled
-def _run_push(chain, start, law, settings, work, outputs, kept):  # type: ignore[no-untyped-def]
+def _run_push(chain, start, law, settings, links, outputs, kept):  # type: ignore[no-untyped-def]
     """One push of an episode, which gives the joints the speeds `start` (njoint): steps run, and whether a link fell.
 
-    Fills the four (njoint) `outputs`, and `kept` (nsteps + 1 x njoint) with joint angles unless it is empty. `work` are
-    twelve vectors (njoint); nothing is allocated here.
+    Fills the four (njoint) `outputs`, and `kept` (nsteps + 1 x njoint) with joint angles unless it is empty. `links`
+    (njoint) are working space; nothing is allocated here.
     """
     timestep, steps, limit, margin = settings
     half_periods, span, speed_energy, acceleration_energy = outputs
-    angles, speeds, side, first, previous_angle, previous_speed, squares, jumps = work[4:]
     qpos, qvel, torque = chain.qpos, chain.qvel, chain.torque
     n = start.shape[0]
-    pull = timestep * law[-1]
-    fastest, angle, speed, ran, fallen = 0.0, 0.0, 0.0, 0, False
+    stiffness = law[-1]
+    fastest, speed, ran, fallen = 0.0, 0.0, 0, False
     keep = kept.size > 0
     for i in range(n):
         qpos[i], qvel[i] = 0.0, start[i]
-        side[i], first[i] = np.sign(start[i]), 0.0
-        speed += start[i]
-        angles[i], speeds[i] = 0.0, speed
-        previous_angle[i], previous_speed[i] = 0.0, start[i]
-        squares[i], jumps[i] = 0.0, 0.0
         half_periods[i], span[i] = 0, 0.0
-        fastest = max(fastest, abs(speed))
-    fastest *= margin
+        speed += start[i]
+        fastest = max(fastest, margin * abs(speed))
+        _set_off(links[i], speed, start[i])
     for step in range(1, steps + 1):
-        compensate(law, angles, speeds, qvel, work[:4], torque)
-        advance(chain, speeds, work[0], work[1])  # type: ignore[no-untyped-call]
+        look(chain, links, stiffness)  # type: ignore[no-untyped-call]
+        compensate(law, links, qvel, torque)
+        advance(chain, links)  # type: ignore[no-untyped-call]
         ran = step
         angle, speed = 0.0, 0.0
         for i in range(n):
-            q, v, v0 = qpos[i], qvel[i], previous_speed[i]
+            link = links[i]
+            q, v, q0, v0 = qpos[i], qvel[i], link.previous_angle, link.previous_speed
             angle += q
             speed += v
-            angles[i], speeds[i] = angle, speed
-            squares[i] += 0.5 * (v0 * v0 + v * v)
-            jump = v - v0 + pull * previous_angle[i]  # Eq. 17: what the step did beyond q̈ = −k q
-            jumps[i] += jump * jump
-            if q * side[i] < 0.0:
-                time = timestep * (step - q / (q - previous_angle[i]))
-                if half_periods[i] == 0 and start[i] == 0.0 and first[i] == 0.0:
-                    first[i] = time
+            link.angle = angle
+            link.speed = speed
+            link.squares += v0 * v0 + v * v
+            jump = v - v0 + timestep * stiffness * q0  # Eq. 17: what the step did beyond q̈ = −k q
+            link.jumps += jump * jump
+            if q * link.side < 0.0:
+                time = timestep * (step - q / (q - q0))
+                if half_periods[i] == 0 and start[i] == 0.0 and link.first == 0.0:
+                    link.first = time
                 else:
                     half_periods[i] += 1
-                    span[i] = time - first[i]
-                side[i] = -side[i]
-            elif side[i] == 0.0:
-                side[i] = np.sign(q)
-            previous_angle[i], previous_speed[i] = q, v
+                    span[i] = time - link.first
+                link.side = -link.side
+            elif link.side == 0.0:
+                link.side = np.sign(q)
+            link.previous_angle = q
+            link.previous_speed = v
             # Eq. 8, written so that NaN counts as fallen; beyond a radian a step nothing is simulated any more.
             if not (abs(angle) <= limit or abs(speed) <= fastest) or not abs(speed) * timestep <= 1.0:
                 fallen = True
@@ -155,13 +144,26 @@ def _run_push(chain, start, law, settings, work, outputs, kept):  # type: ignore
         if fallen:
             break
     for i in range(n):
-        speed_energy[i] = squares[i] * timestep
-        acceleration_energy[i] = jumps[i] / timestep
+        speed_energy[i] = 0.5 * timestep * links[i].squares
+        acceleration_energy[i] = links[i].jumps / timestep
     return ran, fallen
 
 
 @compiled
-def _run_from(chain, start, queue, laws, settings, work, ran, fell, outputs, kept):  # type: ignore[no-untyped-def]
+def _set_off(link, speed, joint_speed):  # type: ignore[no-untyped-def]
+    """A `link` that a push has just given its absolute `speed` and its joint's, in rad/s, and has not yet moved."""
+    link.angle = 0.0
+    link.speed = speed
+    link.previous_angle = 0.0
+    link.previous_speed = joint_speed
+    link.side = np.sign(joint_speed)
+    link.first = 0.0
+    link.squares = 0.0
+    link.jumps = 0.0
+
+
+@compiled
+def _run_from(chain, start, queue, laws, settings, links, ran, fell, outputs, kept):  # type: ignore[no-untyped-def]
     """Takes pushes of a `Batch` from its `queue` until there are none left; those of a candidate that is known to have
     fallen after an earlier one are left out. `start` are the joint speeds (npush x njoint) after each.
     """
@@ -184,7 +186,7 @@ def _run_from(chain, start, queue, laws, settings, work, ran, fell, outputs, kep
             angles = kept[candidate, push] if kept.size > 0 else kept[:, :, 0, 0]
             friction = damping[candidate], coulomb[candidate]
             law = gravity[candidate], coriolis[candidate], *friction, inertia[candidate], stiffness
-            result = _run_push(chain, start[push], law, settings, work, seen, angles)
+            result = _run_push(chain, start[push], law, settings, links, seen, angles)
             ran[candidate, push], fell[candidate, push] = result
         turn = take(queue)
 
@@ -212,7 +214,7 @@ class CompiledEpisode:
         self.step = fastest_step(plant) if step is None else step
         self._start = np.array([plant.start_speeds(impulses) for impulses in episode.pushes])
         self._settings = plant.timestep, episode.steps, episode.fall_limit, episode.fall_margin
-        self._work = tuple(np.empty(plant.njoint) for _ in range(12))
+        self._links = np.zeros(plant.njoint, LINK)
 
     def new_batch(self, candidates: Lumps) -> Batch:
         """A batch of `candidates`, lumps with a leading axis (ncandidate), for this and its like to work on."""
@@ -221,7 +223,7 @@ class CompiledEpisode:
     def work_on(self, batch: Batch) -> None:
         """Runs pushes of the `batch` until there are none left; others may do so at the same time."""
         results = batch.ran, batch.fell, batch.outputs, batch.angles
-        _run_from(self.step, self._start, batch.queue, batch.laws, self._settings, self._work, *results)
+        _run_from(self.step, self._start, batch.queue, batch.laws, self._settings, self._links, *results)
 
     def run(self, candidate: Lumps) -> Record:
         """One episode with the `candidate` lumps."""

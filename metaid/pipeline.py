@@ -1,8 +1,10 @@
-"""One step of a hinge chain by MuJoCo's own stages, without those that a chain has no use for.
+"""One step of a hinge chain by MuJoCo, in two halves: first where the links are, then where a torque takes them.
 
-`mj_step` also looks for contacts, constraints, tendons, actuators, sensors and bad numbers, and the rest of its work
-is the seven calls below. They are the same machine code on the same numbers, so the result is the same to the last
-bit; `agrees_with_mj_step` sees to it on the very model that is to be stepped.
+In between, the law reads cosines and sines off the rotation matrices that MuJoCo has just worked out. MuJoCo cuts
+`mj_step` in two for this, `mj_step1` and `mj_step2`. They also look for contacts, constraints, tendons, actuators,
+sensors and bad numbers; the rest of their work is the seven calls that a `DirectStep` is made of. These are the same
+machine code on the same numbers, so the result is the same to the last bit; `agrees_with_mj_step` sees to it on the
+very model that is to be stepped.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from numba import types
 
 from metaid.chain import Array
 from metaid.compiled import compiled
+from metaid.law import turn
 
 llvmlite.binding.load_library_permanently(str(next(Path(mujoco.__file__).parent.glob("libmujoco.*"))))
 
@@ -29,6 +32,8 @@ def _stage(name: str, *more: Any) -> Any:
 
 
 mj_step = _stage("mj_step")
+_mj_step1 = _stage("mj_step1")
+_mj_step2 = _stage("mj_step2")
 _mj_kinematics = _stage("mj_kinematics")
 _mj_comPos = _stage("mj_comPos")  # noqa: N816, MuJoCo's own name
 _mj_crb = _stage("mj_crb")
@@ -39,11 +44,14 @@ _mj_solveM = _stage("mj_solveM", types.uintp, types.uintp, types.intc)  # noqa: 
 
 
 class MujocoStep(NamedTuple):
-    """What the compiled loop steps with `mj_step`: views of the state and the applied torque (nlink), two addresses."""
+    """What the compiled loop steps with `mj_step1` and `mj_step2`: views of the state, the applied torque (nlink) and
+    the links' rotation matrices (nlink x 9), two addresses.
+    """
 
     qpos: Array
     qvel: Array
     torque: Array
+    rotations: Array
     model: int
     data: int
 
@@ -54,6 +62,7 @@ class DirectStep(NamedTuple):
     qpos: Array
     qvel: Array
     torque: Array
+    rotations: Array
     bias: Array
     smooth: Array
     acceleration: Array
@@ -68,8 +77,8 @@ class DirectStep(NamedTuple):
 
 
 def mujoco_step(model: mujoco.MjModel, data: mujoco.MjData) -> MujocoStep:
-    """`mj_step` on these two, which must outlive it."""
-    return MujocoStep(data.qpos, data.qvel, data.qfrc_applied, model._address, data._address)
+    """`mj_step1` and `mj_step2` on these two, which must outlive it."""
+    return MujocoStep(data.qpos, data.qvel, data.qfrc_applied, data.xmat[1:], model._address, data._address)
 
 
 def direct_step(model: mujoco.MjModel, data: mujoco.MjData) -> DirectStep:
@@ -78,14 +87,41 @@ def direct_step(model: mujoco.MjModel, data: mujoco.MjData) -> DirectStep:
     bias_at, smooth_at, acceleration_at = (vector.ctypes.data for vector in vectors)
     addresses = model._address, data._address, bias_at, smooth_at, acceleration_at
     passive = np.ravel(model.dof_damping), np.ravel(model.jnt_stiffness)
-    return DirectStep(data.qpos, data.qvel, data.qfrc_applied, *vectors, *passive, *addresses, model.opt.timestep)
+    views = data.qpos, data.qvel, data.qfrc_applied, data.xmat[1:]
+    return DirectStep(*views, *vectors, *passive, *addresses, model.opt.timestep)
+
+
+@compiled
+def look_with_mujoco(chain, links, stiffness):  # type: ignore[no-untyped-def]
+    """The first half of a timestep of a `MujocoStep`; turns the `links` to where they are."""
+    _mj_step1(chain.model, chain.data)
+    _turn_to_rotations(chain.rotations, links, stiffness)
+
+
+@compiled
+def advance_with_mujoco(chain):  # type: ignore[no-untyped-def]
+    """The second half."""
+    _mj_step2(chain.model, chain.data)
+
+
+@compiled
+def look_directly(chain, links, stiffness):  # type: ignore[no-untyped-def]
+    """The first half of a timestep of a `DirectStep`; turns the `links` to where they are."""
+    _mj_kinematics(chain.model, chain.data)
+    _turn_to_rotations(chain.rotations, links, stiffness)
+
+
+@compiled
+def _turn_to_rotations(rotations, links, stiffness):  # type: ignore[no-untyped-def]
+    """Hinges about y: the matrix of a link at the absolute angle φ begins with cos φ, 0, sin φ."""
+    for i in range(rotations.shape[0]):
+        turn(links[i], rotations[i, 0], rotations[i, 2], stiffness)
 
 
 @compiled
 def advance_directly(chain):  # type: ignore[no-untyped-def]
-    """One timestep of a `DirectStep`."""
+    """The second half."""
     model, data = chain.model, chain.data
-    _mj_kinematics(model, data)
     _mj_comPos(model, data)
     _mj_crb(model, data)
     _mj_factorM(model, data)
@@ -103,6 +139,7 @@ def advance_directly(chain):  # type: ignore[no-untyped-def]
 @compiled
 def _advance_many(chain, steps):  # type: ignore[no-untyped-def]
     for _ in range(steps):
+        _mj_kinematics(chain.model, chain.data)
         advance_directly(chain)
 
 
