@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
+from postgres import Postgres, run_postgres
 
 from metaid.cli import main
 from metaid.plant import LinkSettings, MujocoPlant, PlantSettings
@@ -83,3 +84,16 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
         run_study(store, name)
     store.close()
     return path
+
+
+@pytest.fixture(scope="session")
+def server() -> Iterator[Postgres]:
+    """One PostgreSQL server for all tests of a process."""
+    with run_postgres() as running:
+        yield running
+
+
+@pytest.fixture
+def url(server: Postgres) -> str:
+    """The URL of an empty database on it."""
+    return server.new_database()

@@ -22,7 +22,7 @@ import pytest
 import sqlalchemy as sa
 from conftest import Finished
 from pandas.testing import assert_frame_equal
-from postgres import PASSWORD, QUOTED, Postgres, run_postgres
+from postgres import PASSWORD, QUOTED, Postgres
 
 from metaid import api, tables
 from metaid.errors import StorageError
@@ -36,19 +36,6 @@ from soak.common import METAID, ROOT
 CHANGES = {"trials": 90, "search.coordinates": "plain", "search.start": 0.8, "episode.fall_limit": 1.0}
 LONG = {**CHANGES, "trials": 1_000_000}
 Metaid = Callable[..., Finished]
-
-
-@pytest.fixture(scope="session")
-def server() -> Iterator[Postgres]:
-    """One server for all tests of a process."""
-    with run_postgres() as running:
-        yield running
-
-
-@pytest.fixture
-def url(server: Postgres) -> str:
-    """The URL of an empty database."""
-    return server.new_database()
 
 
 @pytest.fixture
