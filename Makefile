@@ -1,6 +1,6 @@
 # `make demo` and `make test` need Python 3.11 or newer and nothing else: each sets up .venv with the versions in constraints.txt.
 PYTHON ?= python3
-NEWEST ?= python3.13
+NEWEST ?= python3.14
 VENV ?= .venv
 CONSTRAINTS ?= constraints.txt
 BIN := $(VENV)/bin

@@ -46,6 +46,8 @@ def promised() -> Iterator[None]:
     with _watched(), warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+        # Python 3.13 and newer, of connections that Optuna's pool keeps; nobody is shown it.
+        warnings.filterwarnings("ignore", "unclosed database", ResourceWarning)
         try:
             yield
         except MetaidError as refusal:

@@ -27,7 +27,7 @@ def test_study_from_creation_to_deletion(metaid: Metaid) -> None:
     assert "three-link" in metaid("study", "list").out
     assert metaid("study", "export", "three-link", "-o", "trials.csv").status == 0
     assert metaid("study", "export", "three-link", "-o", "trials.parquet").status == 0
-    csv, parquet = pd.read_csv("trials.csv"), pd.read_parquet("trials.parquet")
+    csv, parquet = pd.read_csv("trials.csv", converters={"gravity_1": float}), pd.read_parquet("trials.parquet")
     assert len(csv) == len(parquet) == 300
     assert csv["gravity_1"].to_numpy() == pytest.approx(parquet["gravity_1"].to_numpy(), abs=0)
     assert metaid("study", "delete", "three-link", "--yes").status == 0
