@@ -63,11 +63,7 @@ class Cmaes:
     def __init__(self, coordinates: Coordinates, seed: int, sigma: float, generation_size: int | None) -> None:
         self._coordinates = coordinates
         mean = np.zeros(len(coordinates.origin))
-        # For one lump a second coordinate is drawn and ignored; the package would take one dimension as well.
-        self._padding = max(0, 2 - len(mean))
-        self._optimizer = cmaes.CMA(
-            mean=np.pad(mean, (0, self._padding)), sigma=sigma, seed=seed, population_size=generation_size
-        )
+        self._optimizer = cmaes.CMA(mean=mean, sigma=sigma, seed=seed, population_size=generation_size)
         self._asked: list[Array] = []
 
     @property
@@ -76,18 +72,14 @@ class Cmaes:
 
     def ask(self) -> Array:
         self._asked = [self._candidate() for _ in range(self._optimizer.population_size)]
-        return np.array([self._coordinates.factors(self._trim(z)) for z in self._asked])
+        return np.array([self._coordinates.factors(z) for z in self._asked])
 
     def _candidate(self) -> Array:
         for _ in range(RESAMPLINGS):
             z: Array = self._optimizer.ask()
-            if self._coordinates.inside(self._trim(z)):
+            if self._coordinates.inside(z):
                 return z
-        moved = self._coordinates.z(self._coordinates.factors(self._trim(z)))
-        return np.append(moved, z[len(moved) :])
-
-    def _trim(self, z: Array) -> Array:
-        return z[: len(z) - self._padding]
+        return self._coordinates.z(self._coordinates.factors(z))
 
     def tell(self, outcomes: Sequence[Outcome]) -> None:
         self._optimizer.tell([(z, outcome.value) for z, outcome in zip(self._asked, outcomes, strict=True)])
