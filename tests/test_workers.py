@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 import ray
 from conftest import Finished
@@ -85,6 +87,12 @@ def processes(crew: RayCrew) -> list[int]:
     return [hand.place[1] for hand in crew._hands if hand.place is not None]
 
 
+def workers_here() -> set[int]:
+    """The processes on this machine that Ray has named after a worker of ours, started or not."""
+    commands = {process.pid: process.info["cmdline"] or [""] for process in psutil.process_iter(["cmdline"])}
+    return {process for process, command in commands.items() if command[0].startswith("ray::_Worker")}
+
+
 def test_workers_killed_at_work_are_replaced(node: Any, problem: Problem) -> None:
     """SIGKILL of both while they evaluate: every outcome is there, the same as any other's."""
     with RayCrew(problem, 2, None) as crew:
@@ -98,6 +106,18 @@ def test_workers_killed_at_work_are_replaced(node: Any, problem: Problem) -> Non
 
         assert crew.evaluate(batch_of(problem), meanwhile=kill) == expected(problem)
         assert not set(killed) & set(processes(crew))
+
+
+def test_worker_killed_while_it_starts_is_replaced(node: Any, problem: Problem) -> None:
+    """Before it has said where it is, or been given anything."""
+    before = workers_here()
+    with RayCrew(problem, 1, None, patience=30.0) as crew:
+        while not (killed := workers_here() - before):
+            time.sleep(0.005)
+        for process in killed:
+            os.kill(process, signal.SIGKILL)
+        assert crew.evaluate(batch_of(problem)) == expected(problem)
+        assert not killed & set(processes(crew))
 
 
 def test_worker_that_hangs_is_replaced(node: Any, problem: Problem) -> None:
