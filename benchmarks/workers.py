@@ -1,7 +1,8 @@
 """What a second worker gains, with threads and with Ray, and what Ray costs over threads.
 
 The same batches of full episodes for all, by turns: one generation after another, as in a study, with nothing else in
-between. All are compared with one thread that took its turns among them. Ray's start is timed apart.
+between. All are compared with one thread that took its turns among them. Ray's start is timed apart; its own processes
+are busy for some seconds more, and are given those.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ from metaid.crew import Crew
 from metaid.crews import make_crew
 from metaid.problem import Problem
 
-GENERATIONS = (16, 64)  # candidates in a batch
-CANDIDATES = 128  # in all, in each turn
+GENERATIONS = (16, 64, 256)  # candidates in a batch
+CANDIDATES = 256  # in all, in each turn
+SETTLING = 10.0  # s that Ray's own processes are given after its start
 
 
 def measure(quick: bool) -> dict[str, list[Row]]:
@@ -30,7 +32,7 @@ def measure(quick: bool) -> dict[str, list[Row]]:
     rows: list[Row] = []
     with threadpool_limits(1):
         for workers in (1, 2):
-            rows += _rows(problem, workers, 2 if quick else 15)
+            rows += _rows(problem, workers, 2 if quick else 21, 0.0 if quick else SETTLING)
     one = {(row["engine"], row["generation"]): row["÷ one thread"] for row in rows if row["workers"] == 1}
     local = {(row["workers"], row["generation"]): row["÷ one thread"] for row in rows if row["engine"] == "local"}
     for row in rows:
@@ -49,13 +51,14 @@ def _evaluate_all(crew: Crew, batches: Array) -> None:
         crew.evaluate(batch)
 
 
-def _rows(problem: Problem, workers: int, repeats: int) -> list[Row]:
+def _rows(problem: Problem, workers: int, repeats: int, settling: float) -> list[Row]:
     rows: list[Row] = []
     with ExitStack() as stack:
         begun = time.perf_counter()
         ray = stack.enter_context(make_crew(problem, "ray", workers))
         ray.evaluate(_batches(problem, GENERATIONS[0])[0])
         started = time.perf_counter() - begun
+        time.sleep(settling)
         crews: dict[str, Crew] = {
             "one thread": stack.enter_context(make_crew(problem, "local", 1)),
             "ray": ray,
