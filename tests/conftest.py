@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from postgres import Postgres, run_postgres
+from rig import Serve, serving
 
 from metaid.cli import main
 from metaid.plant import LinkSettings, MujocoPlant, PlantSettings
@@ -97,3 +98,10 @@ def server() -> Iterator[Postgres]:
 def url(server: Postgres) -> str:
     """The URL of an empty database on it."""
     return server.new_database()
+
+
+@pytest.fixture
+def serve(tmp_path: Path) -> Iterator[Serve]:
+    """Starts the example rig with more arguments; ends it afterwards."""
+    with serving(tmp_path) as start:
+        yield start
