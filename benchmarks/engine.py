@@ -10,16 +10,20 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numba import types
 
 from benchmarks.common import PLANTS, Row, interleaved, make_spec, run_alone
 from metaid.chain import Array
 from metaid.compiled import compiled
 from metaid.episode import Episode, run_plain
 from metaid.kernel import CompiledEpisode, fastest_step
-from metaid.pipeline import DirectStep, MujocoStep, mj_step, mujoco_step
+from metaid.pipeline import DirectStep, MujocoStep, mujoco_step
 from metaid.problem import Problem
 
 PLAIN_STEPS = 100  # of the plain loop, after each push
+
+# Of MuJoCo's library, which metaid.pipeline has loaded.
+mj_step: Any = types.ExternalFunction("mj_step", types.void(types.uintp, types.uintp))
 
 
 @compiled

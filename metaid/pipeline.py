@@ -31,7 +31,6 @@ def _stage(name: str, *more: Any) -> Any:
     return types.ExternalFunction(name, types.void(types.uintp, types.uintp, *more))
 
 
-mj_step = _stage("mj_step")
 _mj_step1 = _stage("mj_step1")
 _mj_step2 = _stage("mj_step2")
 _mj_kinematics = _stage("mj_kinematics")
