@@ -11,9 +11,10 @@ from mujoco import sysid
 
 from benchmarks.chains import Links
 from benchmarks.recording import RUNS, Recording
-from metaid.chain import Array
 from metaid.episode import natural_time
-from metaid.plant import LinkSettings, build_spec, chain_of
+from metaid.models import Array
+from metaid.plant import LinkSettings, chain_of
+from metaid.plant.mujoco_model import build_spec
 
 WINDOW, WINDOWS = 2.0, 24  # natural times that sysid simulates from a measured state, and how many of those it gets
 LEAST_FACTOR, LARGEST_FACTOR = 0.3, 3.0  # that sysid allows of each nominal mass, centre of mass and inertia

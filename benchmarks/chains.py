@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from metaid.chain import Array
+from metaid.models import Array
 from metaid.plant import LinkSettings
 
 Links = tuple[LinkSettings, ...]

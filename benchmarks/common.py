@@ -19,9 +19,8 @@ import numpy as np
 
 from metaid.files import shipped_folder
 from metaid.plant import LinkSettings, read_plant
-from metaid.spec import EpisodeSettings, SearchSettings, StudySettings, StudySpec
 from metaid.store import Store
-from metaid.study import create_study
+from metaid.study import EpisodeSettings, SearchSettings, StudySettings, StudySpec, create_study
 
 PLANTS = {1: "one-link", 2: "two-link", 3: "three-link", 5: "five-link", 10: "ten-link"}
 STEPS = 5000  # of a whole episode, over its 2 pushes per link

@@ -13,12 +13,10 @@ import numpy as np
 from numba import types
 
 from benchmarks.common import PLANTS, Row, interleaved, make_spec, run_alone
-from metaid.chain import Array
-from metaid.compiled import compiled
-from metaid.episode import Episode, run_plain
-from metaid.kernel import CompiledEpisode, fastest_step
-from metaid.pipeline import DirectStep, MujocoStep, mujoco_step
-from metaid.problem import Problem
+from metaid.compiled import CompiledLoop, DirectStep, MujocoStep, compiled, fastest_step, mujoco_step
+from metaid.episode import Episode, run_stepwise
+from metaid.models import Array
+from metaid.study import Problem
 
 PLAIN_STEPS = 100  # of the plain loop, after each push
 
@@ -48,16 +46,16 @@ def _row(nlink: int, quick: bool) -> Row:
     fastest = fastest_step(plant)
     assert isinstance(fastest, DirectStep), "MuJoCo's stages are not mj_step here: nothing to compare"
     steps: dict[str, Any] = {"mj_step": whole, "direct": fastest, "analytic": fastest_step(plant, "analytic")}
-    engines = {name: CompiledEpisode(plant, episode, step) for name, step in steps.items()}
+    engines = {name: CompiledLoop(plant, episode, step) for name, step in steps.items()}
     start = np.array([plant.start_speeds(impulses) for impulses in episode.pushes])
     short = Episode(episode.pushes, min(episode.steps, PLAIN_STEPS))
     run: dict[str, Callable[[], object]] = {
         "bare": lambda: bare(whole, start, episode.steps),
         **{name: partial(engine.run, nominal) for name, engine in engines.items()},
-        "plain": lambda: run_plain(plant, nominal, short),
+        "plain": lambda: run_stepwise(plant, nominal, short),
     }
     counts = {name: engine.run(nominal).steps for name, engine in engines.items()}
-    counts |= {"bare": episode.total_steps, "plain": run_plain(plant, nominal, short)[0].steps}
+    counts |= {"bare": episode.total_steps, "plain": run_stepwise(plant, nominal, short)[0].steps}
     bare(whole, start, 1)
     plain = {"plain": run.pop("plain")}
     taken = interleaved(run, 5 if quick else 101) | interleaved(plain, 2 if quick else 5)

@@ -12,15 +12,11 @@ from threadpoolctl import threadpool_limits
 from benchmarks.by_torque import least_squares
 from benchmarks.chains import random_chain
 from benchmarks.recording import PERIODS, SWING, TIGHTNESS, filtered
-from metaid.chain import Array
-from metaid.control import Model, smooth_sinusoids, track
 from metaid.episode import natural_time
-from metaid.faults import draw
-from metaid.faulty import FaultyPlant
-from metaid.plant import MujocoPlant, PlantSettings, chain_of
-from metaid.problem import Problem
-from metaid.spec import StudySettings, StudySpec
-from metaid.tables import identified_factors
+from metaid.models import Array
+from metaid.plant import FaultyPlant, MujocoPlant, PlantSettings, chain_of, draw
+from metaid.results import Model, identified_factors, smooth_sinusoids, track
+from metaid.study import Problem, StudySettings, StudySpec
 
 LINKS, SEEDS = (2, 3, 5), 5
 TRIALS = {2: 250, 3: 500, 5: 1000}

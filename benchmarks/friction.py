@@ -28,11 +28,10 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.chains import Links, random_chain
 from benchmarks.common import table
-from metaid.chain import FRICTION, IDEAL, Array
-from metaid.crew import LocalCrew
+from metaid.models import FRICTION, IDEAL, Array
 from metaid.plant import PlantSettings, chain_of
-from metaid.problem import Problem
-from metaid.spec import StudySettings, StudySpec
+from metaid.study import Problem, StudySettings, StudySpec
+from metaid.study.evaluation import ThreadEvaluator
 
 MOST = {"newton": 3000, "cmaes": 6000}
 MOST_AT_TEN = 10_000
@@ -108,7 +107,7 @@ def _one_stage(part: str, seed: int, sampler: str, share: float, problem: Proble
     truth = true.lumps_of(problem.lumps.searched).vector / problem.lumps.vector
     searcher, trials, best, factors = problem.make_searcher(), 0, np.inf, problem.start
     reached: dict[float, int] = {}
-    with LocalCrew(problem, 2) as crew:
+    with ThreadEvaluator(problem, 2) as crew:
         while trials < most and not searcher.finished() and (part == "ignored" or 0.001 not in reached):
             batch = searcher.ask()
             outcomes = crew.evaluate(batch)

@@ -15,14 +15,12 @@ import numpy as np
 import optuna
 
 from benchmarks.common import Row, made, make_spec, run_alone, seconds
-from metaid.chain import Array
-from metaid.coordinates import Coordinates
-from metaid.objective import Outcome
-from metaid.problem import Problem
-from metaid.searchers import SAMPLERS, Cmaes
+from metaid.episode import Outcome
+from metaid.models import Array
+from metaid.results import trials_frame
+from metaid.search import SAMPLERS, Cmaes, Coordinates, Sampler, SamplerOptions
 from metaid.store import Store
-from metaid.study import run_study
-from metaid.tables import trials_frame
+from metaid.study import Problem, run_study
 
 MARKS = (100, 1_000, 10_000, 50_000)
 TPE_MARKS = (100, 300, 1_000, 2_000)
@@ -34,14 +32,12 @@ MEGABYTE = 1e6
 class EndlessCmaes:
     """CMA-ES that starts again, with the next seed, when it is finished."""
 
-    def __init__(self, coordinates: Coordinates, seed: int, sigma: float, generation_size: int | None) -> None:
-        self._settings = coordinates, sigma, generation_size
-        self._seed = seed
+    def __init__(self, coordinates: Coordinates, seed: int, options: SamplerOptions) -> None:
+        self._coordinates, self._seed, self._options = coordinates, seed, options
         self._searcher = self._make()
 
     def _make(self) -> Cmaes:
-        coordinates, sigma, generation_size = self._settings
-        return Cmaes(coordinates, self._seed, sigma, generation_size)
+        return Cmaes(self._coordinates, self._seed, self._options)
 
     @property
     def spread(self) -> float | None:
@@ -60,9 +56,7 @@ class EndlessCmaes:
         return False
 
 
-SAMPLERS["endless-cmaes"] = lambda coordinates, seed, options: EndlessCmaes(
-    coordinates, seed, options.sigma, options.generation_size
-)
+SAMPLERS["endless-cmaes"] = Sampler(EndlessCmaes)
 
 
 def measure(quick: bool) -> dict[str, list[Row]]:

@@ -21,7 +21,7 @@ from statistics import median
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from metaid.problem import Problem, load_study
+from metaid.study import Problem, load_study
 
 STUDIES = {1: "paper-one-link", 2: "paper-two-link"}
 BUDGETS = {1: 100, 2: 500}

@@ -23,11 +23,10 @@ from threadpoolctl import threadpool_limits
 from benchmarks.by_torque import Found, least_squares, mujoco_sysid
 from benchmarks.chains import Links, random_chain
 from benchmarks.recording import record, with_noise
-from metaid.chain import Array
 from metaid.cli.common import print_table
+from metaid.models import Array
 from metaid.plant import PlantSettings, chain_of
-from metaid.problem import Problem
-from metaid.spec import StudySettings, StudySpec
+from metaid.study import Problem, StudySettings, StudySpec
 
 SUCCESS = 0.01  # worst lump error
 TRIALS_PER_LUMP = 200  # after which metaid gives up

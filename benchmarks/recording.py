@@ -8,11 +8,11 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from benchmarks.chains import Links
-from metaid.chain import Array
-from metaid.control import BANDWIDTH, Model, smooth_sinusoids, track
 from metaid.episode import natural_time
 from metaid.errors import StudyError
+from metaid.models import Array
 from metaid.plant import MujocoPlant, PlantSettings, chain_of
+from metaid.results import BANDWIDTH, Model, smooth_sinusoids, track
 
 SWING, PERIODS, RUNS = 1.5, (4.0, 12.0), 8  # of the recorded motion: rad, natural times, trajectories
 TIGHTNESS = 2.0 * BANDWIDTH  # of its feedback, in rad per natural time

@@ -23,10 +23,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchmarks.chains import random_chain
-from metaid.crew import LocalCrew
 from metaid.plant import LinkSettings, PlantSettings, chain_of
-from metaid.problem import Problem
-from metaid.spec import StudySettings, StudySpec
+from metaid.study import Problem, StudySettings, StudySpec
+from metaid.study.evaluation import ThreadEvaluator
 
 LINKS = (1, 2, 3, 4, 5, 7, 10)
 ONCE = (15, 20)
@@ -79,7 +78,7 @@ def recover(
     reached: dict[float, tuple[int, float]] = {}
     trials = steps = falls = 0
     best, error = np.inf, np.inf
-    with LocalCrew(problem, workers) as crew:
+    with ThreadEvaluator(problem, workers) as crew:
         crew.evaluate(problem.start[None])
         began, cpu = time.perf_counter(), time.process_time()
         while 0.001 not in reached and trials < most_trials and time.perf_counter() - began < MOST_SECONDS:

@@ -32,7 +32,7 @@ from PIL import Image
 
 from benchmarks.common import Row, table
 from benchmarks.faulted import FAULTS, LINKS, NO_FAULT, SEEDS, Result, identify, jobs
-from metaid.figures.style import COLOURS, INK, PAGE, save, style
+from metaid.show.figures import COLOURS, INK, PAGE, save, style
 
 WANTED = 0.01  # worst error of a lump
 LEAST = "torque limit"  # the fault that is the worse the less it is

@@ -25,8 +25,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.chains import random_chain
 from metaid.plant import PlantSettings, chain_of
-from metaid.problem import Problem
-from metaid.spec import StudySettings, StudySpec
+from metaid.study import Problem, StudySettings, StudySpec
 
 BUDGETS = {1: 100, 2: 300, 3: 600, 5: 1200}
 SAMPLERS = ("newton", "cmaes", "cmaes, plain", "tpe", "tpe, plain", "optuna-cmaes", "differential evolution", "random")

@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from benchmarks.common import Row, machine, make_spec, table
-from metaid.chain import Array
-from metaid.problem import Problem, load_study
-from metaid.ray_crew import RayCrew
+from metaid.models import Array
+from metaid.study import Problem, load_study
+from metaid.study.evaluation import RayEvaluator
 
 STUDIES = {
     "three-link": lambda: load_study("three-link"),
@@ -84,7 +84,7 @@ def measure(study: str, candidates: int) -> Costs:
 
 
 def _ray_costs(problem: Problem) -> tuple[float, float, float]:
-    with RayCrew(problem, 1, None) as crew:
+    with RayEvaluator(problem, 1, None) as crew:
         crew.evaluate(problem.start[None])
         actor, ray = crew._hands[0].actor, crew._ray
         trips = []

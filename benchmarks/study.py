@@ -15,9 +15,7 @@ import numpy as np
 
 from benchmarks import plain_optuna
 from benchmarks.common import START, Row, made, make_spec, run_alone
-from metaid.problem import Problem
-from metaid.spec import StudySpec
-from metaid.study import run_study
+from metaid.study import Problem, StudySpec, run_study
 
 TRIALS = 800  # of ours, in each run
 WARM_UP = 20

@@ -16,10 +16,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchmarks.common import START, Row, interleaved, make_spec, run_alone
-from metaid.chain import Array
-from metaid.crew import Crew
-from metaid.crews import make_crew
-from metaid.problem import Problem
+from metaid.models import Array
+from metaid.study import Problem
+from metaid.study.evaluation import Evaluator, make_evaluator
 
 GENERATIONS = (16, 64, 256)  # candidates in a batch
 CANDIDATES = 256  # in all, in each turn
@@ -46,7 +45,7 @@ def _batches(problem: Problem, generation: int) -> Array:
     return np.random.default_rng(0).uniform(START - 0.1, START + 0.1, shape)
 
 
-def _evaluate_all(crew: Crew, batches: Array) -> None:
+def _evaluate_all(crew: Evaluator, batches: Array) -> None:
     for batch in batches:
         crew.evaluate(batch)
 
@@ -55,16 +54,16 @@ def _rows(problem: Problem, workers: int, repeats: int, settling: float) -> list
     rows: list[Row] = []
     with ExitStack() as stack:
         begun = time.perf_counter()
-        ray = stack.enter_context(make_crew(problem, "ray", workers))
+        ray = stack.enter_context(make_evaluator(problem, "ray", workers))
         ray.evaluate(_batches(problem, GENERATIONS[0])[0])
         started = time.perf_counter() - begun
         time.sleep(settling)
-        crews: dict[str, Crew] = {
-            "one thread": stack.enter_context(make_crew(problem, "local", 1)),
+        crews: dict[str, Evaluator] = {
+            "one thread": stack.enter_context(make_evaluator(problem, "local", 1)),
             "ray": ray,
         }
         if workers > 1:
-            crews["local"] = stack.enter_context(make_crew(problem, "local", workers))
+            crews["local"] = stack.enter_context(make_evaluator(problem, "local", workers))
         for generation in GENERATIONS:
             batches = _batches(problem, generation)
             works: dict[str, Callable[[], object]] = {

@@ -26,12 +26,11 @@ sys.path.insert(0, str(ROOT / "tests"))
 from browser import Browser, open_browser  # noqa: E402
 
 from metaid.cli.live import Live  # noqa: E402
-from metaid.dashboard import make_dashboard  # noqa: E402
-from metaid.figures import Gallery, plant_figure, save  # noqa: E402
-from metaid.findings import read_findings  # noqa: E402
-from metaid.running import Progress  # noqa: E402
+from metaid.results import read_findings  # noqa: E402
+from metaid.show import make_dashboard  # noqa: E402
+from metaid.show.figures import Gallery, plant_figure, save  # noqa: E402
 from metaid.store import Store  # noqa: E402
-from metaid.study import run_study  # noqa: E402
+from metaid.study import Progress, run_study  # noqa: E402
 
 # Three links from far away, so that some candidates fall; and two links, counted, for the boundary of falling.
 STUDIES = (

@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from metaid.api import evaluate, load_findings, lumps, parameters, perturb, run, studies, summary, trials, validate
+    from metaid.episode import Outcome
     from metaid.errors import EpisodeError, MetaidError, PlantError, RenderError, StorageError, StudyError
-    from metaid.objective import Outcome
     from metaid.plant import Plant, load_plant
-    from metaid.problem import load_study
+    from metaid.show import figures
+    from metaid.study import load_study
 
 __version__ = "0.1.0"
 
@@ -36,10 +37,11 @@ _HOME = {
         "validate",
     ),
     "metaid.errors": ("EpisodeError", "MetaidError", "PlantError", "RenderError", "StorageError", "StudyError"),
-    "metaid.objective": ("Outcome",),
+    "metaid.episode": ("Outcome",),
     "metaid.plant": ("Plant", "load_plant"),
-    "metaid.problem": ("load_study",),
+    "metaid.study": ("load_study",),
 }
+_MODULES = {"figures": "metaid.show.figures"}
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 __all__ = [
@@ -52,6 +54,7 @@ __all__ = [
     "StorageError",
     "StudyError",
     "evaluate",
+    "figures",
     "load_findings",
     "load_plant",
     "load_study",
@@ -67,6 +70,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return import_module(_MODULES[name])
     if name in _MODULE_OF:
         return getattr(import_module(_MODULE_OF[name]), name)
     raise AttributeError(f"module 'metaid' has no attribute '{name}'")

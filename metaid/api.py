@@ -14,20 +14,25 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from metaid import tables
-from metaid.chain import Array, Lumps, factors_from_names
-from metaid.episode import Episode, tip_push
+from metaid import results
+from metaid.compiled import LARGEST_FACTOR, Objective
+from metaid.episode import Episode, Outcome, tip_push
 from metaid.errors import EpisodeError, StorageError, StudyError
-from metaid.findings import Findings, read_findings
-from metaid.objective import LARGEST_FACTOR, Objective, Outcome
+from metaid.models import Array, Lumps, factors_from_names
 from metaid.plant import MujocoPlant, load_plant
-from metaid.problem import Problem, load_study
-from metaid.pushing import COUNTING_STEPS, TIP_SPEED
-from metaid.running import Progress
-from metaid.spec import StudySpec
+from metaid.results import PUSHES, Findings, Validation, read_findings, validate_factors
 from metaid.store import DEFAULT_STORAGE, Store
-from metaid.study import create_study, run_study, stored_spec
-from metaid.validation import PUSHES, Validation, validate_factors
+from metaid.study import (
+    COUNTING_STEPS,
+    TIP_SPEED,
+    Problem,
+    Progress,
+    StudySpec,
+    create_study,
+    load_study,
+    run_study,
+    stored_spec,
+)
 
 
 def default_storage() -> str:
@@ -111,7 +116,7 @@ def run(
     with closing(Store(storage or default_storage(), create=True)) as store:
         name = ensure_study(store, spec, name)
         run_study(store, name, trials, workers, engine, ray_address, watch, patience)
-        return tables.lumps_frame(store, name)
+        return results.lumps_frame(store, name)
 
 
 def ensure_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
@@ -131,7 +136,7 @@ def ensure_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
 def trials(name: str, storage: str | None = None) -> pd.DataFrame:
     """Every trial of a study: state, value, generation, steps, periods per joint, factors by lump name."""
     with closing(Store(storage or default_storage())) as store:
-        return tables.trials_frame(store, name)
+        return results.trials_frame(store, name)
 
 
 def lumps(name: str, storage: str | None = None) -> pd.DataFrame:
@@ -139,7 +144,7 @@ def lumps(name: str, storage: str | None = None) -> pd.DataFrame:
     knows them.
     """
     with closing(Store(storage or default_storage())) as store:
-        return tables.lumps_frame(store, name)
+        return results.lumps_frame(store, name)
 
 
 def parameters(name: str, storage: str | None = None) -> pd.DataFrame:
@@ -147,19 +152,19 @@ def parameters(name: str, storage: str | None = None) -> pd.DataFrame:
     truth where the plant knows it.  Raises StorageError, and StudyError of a study that searches lumps.
     """
     with closing(Store(storage or default_storage())) as store:
-        return tables.parameters_frame(store, name)
+        return results.parameters_frame(store, name)
 
 
 def studies(storage: str | None = None) -> pd.DataFrame:
     """The studies of a DB, one row each."""
     with closing(Store(storage or default_storage())) as store:
-        return tables.studies_frame(store)
+        return results.studies_frame(store)
 
 
 def summary(name: str, storage: str | None = None) -> dict[str, Any]:
     """A study as `metaid study show --json` prints it."""
     with closing(Store(storage or default_storage())) as store:
-        return tables.summary(store, name)
+        return results.summary(store, name)
 
 
 def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: int = 0) -> Validation:
@@ -169,7 +174,7 @@ def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: 
     Raises StorageError, and StudyError if no trial survived yet.
     """
     with closing(Store(storage or default_storage())) as store:
-        found = tables.lumps_frame(store, name)
+        found = results.lumps_frame(store, name)
         problem = Problem(stored_spec(store, name))
     factors = np.where(found["determined"], found["factor"], 1.0)
     if np.isnan(factors).any():

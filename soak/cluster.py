@@ -18,10 +18,9 @@ from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
-from metaid.problem import load_study
+from metaid.results import trials_frame
 from metaid.store import Store
-from metaid.study import create_study, run_study
-from metaid.tables import trials_frame
+from metaid.study import create_study, load_study, run_study
 from soak.common import METAID, ROOT, SoakResult, soaked
 from soak.kills import faults
 from soak.workers import at_work

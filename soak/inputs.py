@@ -22,14 +22,13 @@ from random import Random
 import numpy as np
 
 from metaid import api
-from metaid.chain import lump_names
-from metaid.episode import Episode, run_plain, tip_push
+from metaid.compiled import Objective
+from metaid.episode import Episode, Outcome, run_stepwise, tip_push
 from metaid.files import shipped_folder, shipped_names
-from metaid.objective import Objective, Outcome
+from metaid.models import lump_names
 from metaid.plant import MujocoPlant, load_plant, read_plant
-from metaid.problem import Problem, load_study
 from metaid.store import Store
-from metaid.study import create_study, run_study
+from metaid.study import Problem, create_study, load_study, run_study
 from soak import cases
 from soak.arguments import arguments
 from soak.common import SoakResult, soaked
@@ -89,7 +88,7 @@ def plants(random: Random, shop: Workshop) -> None:
         return
     with promised():
         plant = MujocoPlant("plant", read_plant(Path("plant.toml")))
-        record, trajectory = run_plain(plant, plant.chain.lumps, Episode(tip_push(plant, 0.1), 5))
+        record, trajectory = run_stepwise(plant, plant.chain.lumps, Episode(tip_push(plant, 0.1), 5))
         if record.fall_step is None and not np.isfinite(trajectory.speeds).all():
             raise BrokenPromiseError("a state that is not finite, and no fall")
 

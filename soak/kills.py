@@ -21,10 +21,9 @@ from typing import Any
 
 import pandas as pd
 
-from metaid import tables
-from metaid.problem import load_study
+from metaid import results
 from metaid.store import Store
-from metaid.study import create_study, run_study
+from metaid.study import create_study, load_study, run_study
 from soak.common import METAID, ROOT, SoakResult, soaked
 
 KILLS = {"cmaes": 20, "newton": 15, "random": 15}
@@ -65,7 +64,7 @@ def kill_often(folder: Path, sampler: str, changes: Mapping[str, Any], kills: in
         with closing(Store(str(alone), create=True)) as store:
             create_study(store, spec, name)
             run_study(store, name)
-            whole = tables.trials_frame(store, name)
+            whole = results.trials_frame(store, name)
         with closing(Store(str(path), create=True)) as store:
             create_study(store, spec, name)
         while done < kills and _killed(path, name, random):
@@ -115,7 +114,7 @@ def faults(path: Path, name: str, whole: pd.DataFrame, finished: bool = False) -
             integrity = connection.execute("PRAGMA integrity_check").fetchall()
             states = {row[0] for row in connection.execute("SELECT DISTINCT state FROM trials")}
         with closing(Store(str(copy))) as store:
-            found = tables.trials_frame(store, name)
+            found = results.trials_frame(store, name)
     wrong = [] if integrity == [("ok",)] else [f"integrity_check says {integrity[0][0]}"]
     if not states <= {"COMPLETE", "PRUNED"}:
         wrong.append(f"trials are {', '.join(sorted(states))}")

@@ -12,10 +12,9 @@ from contextlib import closing
 from pathlib import Path
 from random import Random
 
-from metaid.problem import load_study
+from metaid.results import trials_frame
 from metaid.store import Store
-from metaid.study import create_study, run_study
-from metaid.tables import trials_frame
+from metaid.study import create_study, load_study, run_study
 from soak.common import METAID, SoakResult, soaked
 from soak.kills import faults
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from metaid.chain import Array, Chain
+from metaid.models.chain import Chain
+from metaid.models.lumps import Array
 
 
 def jacobians(chain: Chain, angles: Array) -> tuple[Array, Array]:

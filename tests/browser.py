@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +14,9 @@ from pathlib import Path
 import pytest
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
+
+from metaid.show import make_dashboard
+from metaid.store.database import Store
 
 FLAGS = (
     "--headless",
@@ -73,3 +78,24 @@ def open_browser(profile: Path) -> Iterator[Browser]:
         yield Browser(running)
     finally:
         running.quit()
+
+
+@contextmanager
+def served(store: Store) -> Iterator[str]:
+    """The dashboard's address while it is served."""
+    with make_dashboard(store, 0) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            yield f"http://{server.server_address[0]}:{server.server_port}"
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+def wait_for(browser: Browser, text: str) -> None:
+    """Until the page shows `text`; the dashboard draws itself after it has loaded."""
+    deadline = time.monotonic() + 60
+    while text not in browser.text():
+        assert time.monotonic() < deadline, f"the page never showed {text!r}: {browser.text()[:500]}"
+        time.sleep(0.1)

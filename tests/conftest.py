@@ -12,7 +12,8 @@ from postgres import Postgres, run_postgres
 from rig import Serve, serving
 
 from metaid.cli import main
-from metaid.plant import LinkSettings, MujocoPlant, PlantSettings
+from metaid.plant.mujoco_plant import MujocoPlant
+from metaid.plant.settings import LinkSettings, PlantSettings
 
 
 def random_links(nlink: int, seed: int) -> tuple[LinkSettings, ...]:
@@ -63,9 +64,10 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A DB of real runs, not to be changed: `plain` (three links, some falls), `boundary` (two links, half of them
     falls) and `counted` (one link, whole periods).
     """
-    from metaid.problem import load_study
-    from metaid.store import Store
-    from metaid.study import create_study, run_study
+    from metaid.store.database import Store
+    from metaid.study.create import create_study
+    from metaid.study.problem import load_study
+    from metaid.study.run import run_study
 
     made: dict[str, tuple[str, dict[str, object]]] = {
         "plain": (

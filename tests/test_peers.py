@@ -12,7 +12,8 @@ from benchmarks import peers
 from benchmarks.by_torque import Found, inverse_dynamics_regressor, least_squares, mujoco_sysid
 from benchmarks.chains import Links, random_chain
 from benchmarks.recording import Recording, record, with_noise
-from metaid.plant import MujocoPlant, PlantSettings, chain_of
+from metaid.plant.mujoco_plant import MujocoPlant
+from metaid.plant.settings import PlantSettings, chain_of
 
 GRAVITY = 9.81
 

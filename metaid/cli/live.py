@@ -14,12 +14,11 @@ from rich.console import Console, RenderableType
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from metaid.chain import Array, lump_unit
 from metaid.errors import printable
-from metaid.problem import Problem
-from metaid.running import Progress as RunProgress
+from metaid.models import Array, lump_unit
 from metaid.store import Store
-from metaid.study import stored_spec
+from metaid.study import Problem, stored_spec
+from metaid.study import Progress as RunProgress
 
 INTERVAL = 5.0  # s between plain lines
 LOOK_BACK = 10  # generations over which a lump's last move is shown

@@ -119,9 +119,9 @@ def sweep(as_json: bool, output: Path | None) -> None:
 
 
 def _figures() -> Any:
-    from metaid import paper_figures
+    from metaid.paper import figures
 
-    return paper_figures
+    return figures
 
 
 def _draw(output: Path | None, draw: Callable[[Path], None]) -> None:

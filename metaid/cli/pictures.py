@@ -17,8 +17,8 @@ from metaid.errors import MetaidError
 @click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="FILE.png, .pdf or .svg.")
 def draw(name: str, output: Path) -> None:
     """Draw a labelled sketch of a plant: lengths, masses, centres of mass."""
-    from metaid.figures import plant_figure, save
     from metaid.plant import load_plant
+    from metaid.show.figures import plant_figure, save
 
     figure = plant_figure(load_plant(name))
     with whole_file(output, FIGURES) as partial:
@@ -30,7 +30,7 @@ def draw(name: str, output: Path) -> None:
 def view(name: str) -> None:
     """Open a plant in MuJoCo's viewer: it stands upright, and falls when touched."""
     from metaid.plant import load_plant
-    from metaid.scene import open_viewer
+    from metaid.show import open_viewer
 
     open_viewer(load_plant(name))
 
@@ -51,8 +51,8 @@ def plot(name: str, storage: str, folder: Path, ending: str, width: str, over: t
 
     A file each, named after what it shows, at the width of a journal's page or column.
     """
-    from metaid.figures import Gallery, save
-    from metaid.findings import read_findings
+    from metaid.results import read_findings
+    from metaid.show.figures import Gallery, save
 
     with open_store(storage) as store:
         shown = list(Gallery(read_findings(store, name), over).pictures(width))
@@ -72,8 +72,8 @@ def plot(name: str, storage: str, folder: Path, ending: str, width: str, over: t
 @click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="FILE.html.")
 def report(name: str, storage: str, output: Path) -> None:
     """Write one self-contained page: what was asked, what was found, figures, cost, how to repeat it."""
-    from metaid.findings import read_findings
-    from metaid.report import render
+    from metaid.results import read_findings
+    from metaid.show import render
 
     with open_store(storage) as store, whole_file(output, (".html",)) as partial:
         partial.write_text(render(read_findings(store, name)), encoding="utf-8")
@@ -88,7 +88,7 @@ def dashboard(storage: str, port: int) -> None:
 
     Every study gets a note that explains it and our figures; of more than 10,000 trials a thinned companion is shown.
     """
-    from metaid.dashboard import serve
+    from metaid.show import serve
 
     with open_store(storage) as store:
         serve(store, port, say)

@@ -21,7 +21,7 @@ from metaid.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from metaid.socket_plant import SocketSettings
+    from metaid.plant import SocketSettings
 
 
 def _complete_plant(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
@@ -55,11 +55,10 @@ def list_plants() -> None:
 @json_option
 def show_plant(name: str, as_json: bool) -> None:
     """The links of a plant, and its true lumps where it knows them."""
-    from metaid.chain import lump_names, lump_unit
     from metaid.errors import PlantError
     from metaid.files import find_file
-    from metaid.plant import MujocoPlant
-    from metaid.socket_plant import SocketSettings, read_any_plant
+    from metaid.models import lump_names, lump_unit
+    from metaid.plant import MujocoPlant, SocketSettings, read_any_plant
 
     path = find_file("plants", name, PlantError)
     settings = read_any_plant(path)
@@ -102,7 +101,7 @@ def show_plant(name: str, as_json: bool) -> None:
 
 def _show_rig(name: str, settings: SocketSettings, as_json: bool) -> None:
     """What is known of a plant behind a socket; it is not called for that."""
-    from metaid.chain import lump_names, lump_unit
+    from metaid.models import lump_names, lump_unit
 
     names = lump_names(settings.joints)
     if as_json:
@@ -159,12 +158,12 @@ def episode(
     candidate = api.check_factors(numbers(factors, "--factor"), objective.nominal)
     shown = objective.summary(candidate)
     if output is not None:
-        from metaid.figures import draw_episode
+        from metaid.show.figures import draw_episode
 
         with whole_file(output, FIGURES) as partial:
             draw_episode(objective, candidate, partial)
     if video is not None:
-        from metaid.video import SUFFIXES, film
+        from metaid.show import SUFFIXES, film
 
         filmed = {"candidate": objective.nominal.scaled(candidate), "true": objective.nominal}
         if study_name is not None:

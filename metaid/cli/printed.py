@@ -13,8 +13,8 @@ PARAMETER_FIGURES = ("nominal", "low", "high", "true")
 
 def print_study(store: Any, name: str) -> None:
     """Every lump beside its nominal value, and the truth where the plant knows it; what was tried, and the best."""
-    from metaid.measures import MEASURES
-    from metaid.tables import summary
+    from metaid.episode import MEASURES
+    from metaid.results import summary
 
     shown = summary(store, name)
     rows = [
@@ -51,11 +51,11 @@ def print_study(store: Any, name: str) -> None:
 
 
 def _show_parameters(shown: dict[str, Any]) -> None:
-    from metaid.body_tables import told_of_bodies
+    from metaid.results import describe_bodies
 
     rows = [[row["name"], *(figure(row[key]) for key in PARAMETER_FIGURES), row["unit"]] for row in shown["parameters"]]
     print_table("Bodies that move the same", ["parameter", *PARAMETER_FIGURES, "unit"], rows)
-    click.echo(told_of_bodies(shown))
+    click.echo(describe_bodies(shown))
 
 
 def _verification(mujoco: dict[str, Any]) -> str:

@@ -27,7 +27,7 @@ from metaid.cli.studies import name_argument
 @json_option
 def show(name: str, storage: str, as_json: bool) -> None:
     """What a study found: every lump beside its nominal value, and the truth where the plant knows it."""
-    from metaid.tables import summary
+    from metaid.results import summary
 
     with open_store(storage) as store:
         if as_json:
@@ -57,7 +57,7 @@ def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, out
 
     validation = api.validate(name, storage, pushes, seed)
     if output is not None:
-        from metaid.figures import draw_tracking
+        from metaid.show.figures import draw_tracking
 
         with whole_file(output, FIGURES) as partial:
             draw_tracking(validation, partial)
@@ -92,7 +92,7 @@ def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, out
 @click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="FILE.csv or FILE.parquet.")
 def export(name: str, storage: str, output: Path) -> None:
     """Write every trial to a file: state, value, generation, steps, periods per joint, factors."""
-    from metaid.tables import trials_frame
+    from metaid.results import trials_frame
 
     with open_store(storage) as store, whole_file(output, (".csv", ".parquet")) as partial:
         frame = trials_frame(store, name)

@@ -26,8 +26,7 @@ from metaid.cli.printed import print_study
 from metaid.errors import printable
 
 if TYPE_CHECKING:
-    from metaid.running import Progress
-    from metaid.spec import StudySpec
+    from metaid.study import Progress, StudySpec
 
 
 def _complete_study_file(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
@@ -83,7 +82,7 @@ def create(source: str, name: str | None, storage: str, changes: tuple[str, ...]
 
 def load_study(source: str, changes: Sequence[str]) -> StudySpec:
     """A study file with `KEY=VALUE` changes."""
-    from metaid.problem import load_study as load
+    from metaid.study import load_study as load
 
     return load(source, {key: _toml_value(text) for key, text in pairs(changes, "--set").items()})
 
@@ -106,8 +105,7 @@ def _toml_value(text: str) -> Any:
 @json_option
 def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
     """What STUDY can determine and how well, from its nominal model, before any trial."""
-    from metaid.identifiability import identifiability
-    from metaid.problem import Problem
+    from metaid.study import Problem, identifiability
 
     spec = load_study(source, changes)
     stages = [identifiability(problem) for problem in Problem(spec).stages()]
@@ -135,8 +133,7 @@ def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
 
 
 def _undetermined(spec: StudySpec) -> str | None:
-    from metaid.identifiability import identifiability
-    from metaid.problem import Problem
+    from metaid.study import Problem, identifiability
 
     names = [name for problem in Problem(spec).stages() for name in identifiability(problem).undetermined_names]
     if not names:
@@ -234,7 +231,7 @@ class _Stop:
 @storage_option
 def list_studies(storage: str) -> None:
     """The studies of a DB."""
-    from metaid.tables import studies_frame
+    from metaid.results import studies_frame
 
     with open_store(storage) as store:
         frame = studies_frame(store)
@@ -261,7 +258,7 @@ def list_studies(storage: str) -> None:
 @click.option("--yes", is_flag=True, help="Do not ask.")
 def delete(name: str, storage: str, yes: bool) -> None:
     """Delete a study and its trials from the DB."""
-    from metaid.companions import delete_companion
+    from metaid.show import delete_companion
     from metaid.study import delete_study
 
     with open_store(storage) as store:

@@ -1,0 +1,20 @@
+"""The same episode at full speed: one compiled function around MuJoCo's stages, or around the analytic chain.
+
+`Objective` evaluates candidates with the fastest loop that a plant has. numba and MuJoCo are loaded with this package.
+"""
+
+from metaid.compiled.decorator import compiled
+from metaid.compiled.loop import CompiledLoop, fastest_step
+from metaid.compiled.objective import LARGEST_FACTOR, Objective
+from metaid.compiled.stages import DirectStep, MujocoStep, mujoco_step
+
+__all__ = [
+    "LARGEST_FACTOR",
+    "CompiledLoop",
+    "DirectStep",
+    "MujocoStep",
+    "Objective",
+    "compiled",
+    "fastest_step",
+    "mujoco_step",
+]

@@ -1,0 +1,97 @@
+"""Candidates whose episodes several compiled loops run side by side, push by push, and what these gave.
+
+A push is what a loop takes from the queue, for pushes are independent of each other: a generation of nine candidates
+keeps two workers busy to the end. What is taken before an earlier push of the same candidate is known to end in a fall
+is simulated in vain, and left out of the record; so the record does not depend on who took what, nor when.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.compiled.queue import Queue, new_queue
+from metaid.episode import Episode, Record
+from metaid.models import Array, Lumps
+
+Laws = tuple[Array, Array, Array, Array, Array, float]
+Outputs = tuple[NDArray[np.int64], Array, Array, Array]
+
+
+@dataclass(frozen=True)
+class Batch:
+    """`laws`: the candidates' gravity lumps times g (ncandidate x njoint), in N m; their Coriolis lumps (ncandidate x
+    njoint x njoint); those of damping, dry friction and inertia (ncandidate x njoint); and the stiffness, in 1/s².
+    `queue`: their pushes, candidate by candidate.
+
+    Loops fill in `ran` and `fell` (ncandidate x npush): steps after a push, and whether it ended in a fall; the four
+    `outputs` (ncandidate x npush x njoint) that a Record has; and, unless it is empty, `angles` (ncandidate x npush x
+    nsteps + 1 x njoint).
+    """
+
+    episode: Episode
+    timestep: float
+    laws: Laws
+    queue: Queue
+    ran: NDArray[np.int64]
+    fell: NDArray[np.bool_]
+    outputs: Outputs
+    angles: Array
+
+    def records(self) -> list[Record]:
+        """What each candidate's episode showed, once the queue is empty and every loop is back."""
+        return [self._record(candidate) for candidate in range(len(self.ran))]
+
+    def _record(self, candidate: int) -> Record:
+        fell = bool(self.fell[candidate].any())
+        begun = 1 + int(self.fell[candidate].argmax()) if fell else len(self.episode.pushes)
+        seen: list[Any] = [output[candidate] for output in self.outputs]
+        for output in seen:
+            output[begun:] = 0
+        ran = self.ran[candidate, :begun].tolist()
+        kept = self.angles[candidate] if self.episode.keep_angles else ()
+        angles = tuple(angles[: steps + 1] for angles, steps in zip(kept, ran, strict=False))
+        return Record(self.timestep, sum(ran), sum(ran) if fell else None, *(*seen, angles))
+
+
+def new_batch(episode: Episode, timestep: float, gravity: float, candidates: Lumps) -> Batch:
+    """A batch of `candidates`, lumps with a leading axis (ncandidate), of which nothing has been run; `gravity` in
+    m/s², `timestep` in s.
+    """
+    npush, njoint = episode.pushes.shape
+    count = len(candidates.gravity)
+    shape = count, npush, njoint
+    outputs = np.zeros(shape, dtype=np.int64), np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    return Batch(
+        episode,
+        timestep,
+        laws_of(episode, gravity, candidates),
+        new_queue(),
+        np.zeros((count, npush), dtype=np.int64),
+        np.zeros((count, npush), dtype=np.bool_),
+        outputs,
+        np.zeros((count, npush, episode.steps + 1, njoint) if episode.keep_angles else (0, 0, 0, 0)),
+    )
+
+
+def laws_of(episode: Episode, gravity: float, candidates: Lumps) -> Laws:
+    """What the loop sends to these `candidates`, lumps with a leading axis (ncandidate); `gravity` in m/s².
+
+    Copies, all of one layout: the loop would be compiled anew for any other.
+    """
+
+    def copied(lumps: Array) -> Array:
+        return np.array(lumps, order="C")
+
+    damping, coulomb, inertia = (copied(candidates.of(kind)) for kind in ("damping", "coulomb", "inertia"))
+    return (
+        copied(gravity * candidates.gravity),
+        copied(candidates.coriolis),
+        damping,
+        coulomb,
+        inertia,
+        episode.stiffness,
+    )

@@ -1,0 +1,159 @@
+"""The episode as one compiled function that releases the GIL and allocates nothing.
+
+It does what `run_stepwise` does, at the speed of its step: MuJoCo's own `mj_step`, the same from MuJoCo's stages
+(`stages`), or the analytic equations of motion (`analytic`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba.extending import overload
+
+from metaid.compiled.analytic import AnalyticStep, advance_analytically
+from metaid.compiled.decorator import compiled
+from metaid.compiled.law import compensate, turn_to_angles
+from metaid.compiled.queue import take
+from metaid.compiled.stages import (
+    DirectStep,
+    MujocoStep,
+    advance_directly,
+    advance_with_mujoco,
+    look_directly,
+    look_with_mujoco,
+)
+
+Step = MujocoStep | DirectStep | AnalyticStep
+
+
+def look(chain, links, stiffness):  # type: ignore[no-untyped-def]
+    """Begins a timestep of any `Step`: turns its `links` to their angles, for a law with this `stiffness`."""
+    raise NotImplementedError
+
+
+@overload(look, inline="always")
+def _look_of(chain, links, stiffness):  # type: ignore[no-untyped-def]
+    kind = chain.instance_class
+    if kind is MujocoStep:
+        return lambda chain, links, stiffness: look_with_mujoco(chain, links, stiffness)
+    if kind is DirectStep:
+        return lambda chain, links, stiffness: look_directly(chain, links, stiffness)
+    return lambda chain, links, stiffness: turn_to_angles(links, stiffness)
+
+
+def advance(chain, links):  # type: ignore[no-untyped-def]
+    """Ends it, with the torque in `chain`. Which `Step` it is, is settled when the loop is compiled."""
+    raise NotImplementedError
+
+
+@overload(advance, inline="always")
+def _advance_of(chain, links):  # type: ignore[no-untyped-def]
+    kind = chain.instance_class
+    if kind is MujocoStep:
+        return lambda chain, links: advance_with_mujoco(chain)
+    if kind is DirectStep:
+        return lambda chain, links: advance_directly(chain)
+    return lambda chain, links: advance_analytically(chain, links)
+
+
+@compiled
+def _run_push(chain, start, law, settings, links, outputs, kept):  # type: ignore[no-untyped-def]
+    """One push of an episode, which gives the joints the speeds `start` (njoint): steps run, and whether a link fell.
+
+    Fills the four (njoint) `outputs`, and `kept` (nsteps + 1 x njoint) with joint angles unless it is empty. `links`
+    (njoint) are working space; nothing is allocated here.
+    """
+    timestep, steps, limit, margin = settings
+    half_periods, span, speed_energy, acceleration_energy = outputs
+    qpos, qvel, torque = chain.qpos, chain.qvel, chain.torque
+    n = start.shape[0]
+    stiffness = law[-1]
+    fastest, speed, ran, fallen = 0.0, 0.0, 0, False
+    keep = kept.size > 0
+    for i in range(n):
+        qpos[i], qvel[i] = 0.0, start[i]
+        half_periods[i], span[i] = 0, 0.0
+        speed += start[i]
+        fastest = max(fastest, margin * abs(speed))
+        _set_off(links[i], speed, start[i])
+    for step in range(1, steps + 1):
+        look(chain, links, stiffness)  # type: ignore[no-untyped-call]
+        compensate(law, links, qvel, torque)
+        advance(chain, links)  # type: ignore[no-untyped-call]
+        ran = step
+        angle, speed = 0.0, 0.0
+        for i in range(n):
+            link = links[i]
+            q, v, q0, v0 = qpos[i], qvel[i], link.previous_angle, link.previous_speed
+            angle += q
+            speed += v
+            link.angle = angle
+            link.speed = speed
+            link.squares += v0 * v0 + v * v
+            jump = v - v0 + timestep * stiffness * q0  # Eq. 17: what the step did beyond q̈ = −k q
+            link.jumps += jump * jump
+            if q * link.side < 0.0:
+                time = timestep * (step - q / (q - q0))
+                if half_periods[i] == 0 and start[i] == 0.0 and link.first == 0.0:
+                    link.first = time
+                else:
+                    half_periods[i] += 1
+                    span[i] = time - link.first
+                link.side = -link.side
+            elif link.side == 0.0:
+                link.side = np.sign(q)
+            link.previous_angle = q
+            link.previous_speed = v
+            # Eq. 8, written so that NaN counts as fallen; beyond a radian a step nothing is simulated any more.
+            if not (abs(angle) <= limit or abs(speed) <= fastest) or not abs(speed) * timestep <= 1.0:
+                fallen = True
+        if keep:
+            for i in range(n):
+                kept[step, i] = qpos[i]
+        if fallen:
+            break
+    for i in range(n):
+        speed_energy[i] = 0.5 * timestep * links[i].squares
+        acceleration_energy[i] = links[i].jumps / timestep
+    return ran, fallen
+
+
+@compiled
+def _set_off(link, speed, joint_speed):  # type: ignore[no-untyped-def]
+    """A `link` that a push has just given its absolute `speed` and its joint's, in rad/s, and has not yet moved."""
+    link.angle = 0.0
+    link.speed = speed
+    link.previous_angle = 0.0
+    link.previous_speed = joint_speed
+    link.side = np.sign(joint_speed)
+    link.first = 0.0
+    link.squares = 0.0
+    link.jumps = 0.0
+
+
+@compiled
+def run_from(chain, start, queue, laws, settings, links, ran, fell, outputs, kept):  # type: ignore[no-untyped-def]
+    """Takes pushes of a `Batch` from its `queue` until there are none left; those of a candidate that is known to have
+    fallen after an earlier one are left out. `start` are the joint speeds (npush x njoint) after each.
+    """
+    gravity, coriolis, damping, coulomb, inertia, stiffness = laws
+    half_periods, span, speed_energy, acceleration_energy = outputs
+    npush = start.shape[0]
+    turn = take(queue)
+    while turn < gravity.shape[0] * npush:
+        candidate, push = turn // npush, turn % npush
+        fallen = False
+        for earlier in range(push):
+            fallen = fallen or fell[candidate, earlier]
+        if not fallen:
+            seen = (
+                half_periods[candidate, push],
+                span[candidate, push],
+                speed_energy[candidate, push],
+                acceleration_energy[candidate, push],
+            )
+            angles = kept[candidate, push] if kept.size > 0 else kept[:, :, 0, 0]
+            friction = damping[candidate], coulomb[candidate]
+            law = gravity[candidate], coriolis[candidate], *friction, inertia[candidate], stiffness
+            result = _run_push(chain, start[push], law, settings, links, seen, angles)
+            ran[candidate, push], fell[candidate, push] = result
+        turn = take(queue)

@@ -1,0 +1,68 @@
+"""The compensation law as the compiled loops apply it (`chain.compensation_torque` is the reference), and what they
+keep of a link meanwhile.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from metaid.compiled.decorator import compiled
+from metaid.models import SLIDING
+
+# Records, not arrays: one address instead of twelve makes an episode around `mj_step` some 3 percent faster.
+LINK = np.dtype(
+    [
+        ("angle", np.float64),  # absolute, in rad, as the law is told of it
+        ("speed", np.float64),  # absolute, in rad/s
+        ("cosine", np.float64),  # of the angle
+        ("sine", np.float64),
+        ("pull_cosine", np.float64),  # its part in the sums of Eqs. 5 and 16, see `turn`
+        ("pull_sine", np.float64),
+        ("previous_angle", np.float64),  # of the joint, a step ago
+        ("previous_speed", np.float64),
+        ("side", np.float64),  # of the upright that the joint is on: −1, 0 before it has moved, 1
+        ("first", np.float64),  # time of the joint's first crossing, in s
+        ("squares", np.float64),  # sum over steps of q̇² before and after
+        ("jumps", np.float64),  # sum over steps of the square of what q̇ gained and was not asked to
+    ]
+)
+
+
+@compiled
+def turn(link, cosine, sine, stiffness):  # type: ignore[no-untyped-def]
+    """The `link` with its angle and speed is turned to this `cosine` and `sine`: what Σ_j of Eqs. 5 and 16 has of it.
+
+    sin(φ_i − φ_j) and cos(φ_i − φ_j) are expanded, so that each angle needs one cosine and one sine.
+    """
+    squared, asked = link.speed * link.speed, stiffness * link.angle
+    link.cosine = cosine
+    link.sine = sine
+    link.pull_cosine = squared * cosine - asked * sine
+    link.pull_sine = squared * sine + asked * cosine
+
+
+@compiled
+def turn_to_angles(links, stiffness):  # type: ignore[no-untyped-def]
+    """All `links` are turned to their angles."""
+    for i in range(links.shape[0]):
+        turn(links[i], np.cos(links[i].angle), np.sin(links[i].angle), stiffness)
+
+
+@compiled
+def compensate(law, links, qvel, torque):  # type: ignore[no-untyped-def]
+    """Fills in the joint `torque` (njoint) of a `law` (see `batch.Laws`) for `links` that are turned to their angles;
+    `qvel` are joint speeds (njoint).  Eqs. 5, 6, 15 and 16.
+    """
+    gravity, coriolis, damping, coulomb, inertia, stiffness = law
+    n = links.shape[0]
+    carried = 0.0
+    for i in range(n - 1, -1, -1):
+        link = links[i]
+        cosines, sines = -gravity[i], 0.0
+        for j in range(n):
+            cosines += coriolis[i, j] * links[j].pull_cosine
+            sines += coriolis[i, j] * links[j].pull_sine
+        asked = stiffness * inertia[i] * link.angle
+        carried += link.sine * cosines - link.cosine * sines - asked  # Eq. 5, and 16 but for d
+        sliding = min(max(qvel[i] * (1.0 / SLIDING), -1.0), 1.0)
+        torque[i] = carried + damping[i] * qvel[i] + coulomb[i] * sliding  # Eqs. 6 and 15

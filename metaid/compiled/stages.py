@@ -1,0 +1,166 @@
+"""One step of a hinge chain by MuJoCo, in two halves: first where the links are, then where a torque takes them.
+
+In between, the law reads cosines and sines off the rotation matrices that MuJoCo has just worked out. MuJoCo cuts
+`mj_step` in two for this, `mj_step1` and `mj_step2`. They also look for contacts, constraints, tendons, actuators,
+sensors and bad numbers; the rest of their work is the seven calls that a `DirectStep` is made of. These are the same
+machine code on the same numbers, so the result is the same to the last bit; `agrees_with_mj_step` sees to it on the
+very model that is to be stepped.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import llvmlite.binding
+import mujoco
+import numpy as np
+from numba import types
+
+from metaid.compiled.decorator import compiled
+from metaid.compiled.law import turn
+from metaid.models import Array
+
+llvmlite.binding.load_library_permanently(str(next(Path(mujoco.__file__).parent.glob("libmujoco.*"))))
+
+CHECKED_STEPS = 50  # after each of the states that `agrees_with_mj_step` starts from
+
+
+def _stage(name: str, *more: Any) -> Any:
+    """A function of MuJoCo's library that takes the addresses of model and data, and `more`."""
+    return types.ExternalFunction(name, types.void(types.uintp, types.uintp, *more))
+
+
+_mj_step1 = _stage("mj_step1")
+_mj_step2 = _stage("mj_step2")
+_mj_kinematics = _stage("mj_kinematics")
+_mj_comPos = _stage("mj_comPos")  # noqa: N816, MuJoCo's own name
+_mj_crb = _stage("mj_crb")
+_mj_factorM = _stage("mj_factorM")  # noqa: N816
+_mj_comVel = _stage("mj_comVel")  # noqa: N816
+_mj_rne = _stage("mj_rne", types.intc, types.uintp)
+_mj_solveM = _stage("mj_solveM", types.uintp, types.uintp, types.intc)  # noqa: N816
+
+
+class MujocoStep(NamedTuple):
+    """What the compiled loop steps with `mj_step1` and `mj_step2`: views of the state, the applied torque (nlink) and
+    the links' rotation matrices (nlink x 9), two addresses.
+    """
+
+    qpos: Array
+    qvel: Array
+    torque: Array
+    rotations: Array
+    model: int
+    data: int
+
+
+class DirectStep(NamedTuple):
+    """The same for MuJoCo's stages called one by one: they also need the vectors that pass between them (nlink)."""
+
+    qpos: Array
+    qvel: Array
+    torque: Array
+    rotations: Array
+    bias: Array
+    smooth: Array
+    acceleration: Array
+    damping: Array
+    stiffness: Array
+    model: int
+    data: int
+    bias_at: int
+    smooth_at: int
+    acceleration_at: int
+    timestep: float
+
+
+def mujoco_step(model: mujoco.MjModel, data: mujoco.MjData) -> MujocoStep:
+    """`mj_step1` and `mj_step2` on these two, which must outlive it."""
+    return MujocoStep(data.qpos, data.qvel, data.qfrc_applied, data.xmat[1:], model._address, data._address)
+
+
+def direct_step(model: mujoco.MjModel, data: mujoco.MjData) -> DirectStep:
+    """MuJoCo's stages on these two, which must outlive it."""
+    vectors = data.qfrc_bias, data.qfrc_smooth, data.qacc
+    bias_at, smooth_at, acceleration_at = (vector.ctypes.data for vector in vectors)
+    addresses = model._address, data._address, bias_at, smooth_at, acceleration_at
+    passive = np.ravel(model.dof_damping), np.ravel(model.jnt_stiffness)
+    views = data.qpos, data.qvel, data.qfrc_applied, data.xmat[1:]
+    return DirectStep(*views, *vectors, *passive, *addresses, model.opt.timestep)
+
+
+@compiled
+def look_with_mujoco(chain, links, stiffness):  # type: ignore[no-untyped-def]
+    """The first half of a timestep of a `MujocoStep`; turns the `links` to where they are."""
+    _mj_step1(chain.model, chain.data)
+    _turn_to_rotations(chain.rotations, links, stiffness)
+
+
+@compiled
+def advance_with_mujoco(chain):  # type: ignore[no-untyped-def]
+    """The second half."""
+    _mj_step2(chain.model, chain.data)
+
+
+@compiled
+def look_directly(chain, links, stiffness):  # type: ignore[no-untyped-def]
+    """The first half of a timestep of a `DirectStep`; turns the `links` to where they are."""
+    _mj_kinematics(chain.model, chain.data)
+    _turn_to_rotations(chain.rotations, links, stiffness)
+
+
+@compiled
+def _turn_to_rotations(rotations, links, stiffness):  # type: ignore[no-untyped-def]
+    """Hinges about y: the matrix of a link at the absolute angle φ begins with cos φ, 0, sin φ."""
+    for i in range(rotations.shape[0]):
+        turn(links[i], rotations[i, 0], rotations[i, 2], stiffness)
+
+
+@compiled
+def advance_directly(chain):  # type: ignore[no-untyped-def]
+    """The second half."""
+    model, data = chain.model, chain.data
+    _mj_comPos(model, data)
+    _mj_crb(model, data)
+    _mj_factorM(model, data)
+    _mj_comVel(model, data)
+    _mj_rne(model, data, 0, chain.bias_at)
+    for i in range(chain.qvel.shape[0]):
+        passive = -chain.stiffness[i] * chain.qpos[i] - chain.damping[i] * chain.qvel[i]
+        chain.smooth[i] = passive - chain.bias[i] + chain.torque[i]
+    _mj_solveM(model, data, chain.acceleration_at, chain.smooth_at, 1)
+    for i in range(chain.qvel.shape[0]):
+        chain.qvel[i] += chain.timestep * chain.acceleration[i]
+        chain.qpos[i] += chain.timestep * chain.qvel[i]
+
+
+@compiled
+def _advance_many(chain, steps):  # type: ignore[no-untyped-def]
+    for _ in range(steps):
+        _mj_kinematics(chain.model, chain.data)
+        advance_directly(chain)
+
+
+def agrees_with_mj_step(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
+    """Whether `DirectStep` is `mj_step` to the last bit on this model; leaves `data` at rest.
+
+    Compared after a number of steps from random states with random torques, fast and large ones among them.
+    """
+    if model.nv == 0 or (model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any():
+        return False
+    random, chain, same = np.random.default_rng(0), direct_step(model, data), True
+    for size in (0.1, 1.0, 5.0):
+        angles, speeds, torque = size * random.standard_normal((3, model.nv))
+        states = []
+        for direct in (False, True):
+            mujoco.mj_resetData(model, data)
+            data.qpos[:], data.qvel[:], data.qfrc_applied[:] = angles, speeds, torque
+            if direct:
+                _advance_many(chain, CHECKED_STEPS)
+            else:
+                mujoco.mj_step(model, data, CHECKED_STEPS)
+            states.append((data.qpos.tobytes(), data.qvel.tobytes()))
+        same = same and states[0] == states[1]
+    mujoco.mj_resetData(model, data)
+    return same

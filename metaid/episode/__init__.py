@@ -1,0 +1,43 @@
+"""The perturb-and-count episode: pushes, the loop step by step, what it shows, and the measures of that.
+
+`Episode` says what is done to a plant, `run_stepwise` does it on any plant, and `Record` is what was seen. A measure
+turns a record into one number, `Outcome` is what a searcher is told. No storage and no sampler.
+"""
+
+from metaid.episode.episode import FALL_LIMIT, FALL_MARGIN, RICH_FALL_LIMIT, Episode, NoiseFloor
+from metaid.episode.measures import MEASURES, Measure, crossing_hz, fall_value, get_measure, spectral_hz, whole_periods
+from metaid.episode.outcome import Outcome, failure
+from metaid.episode.pushes import REACH, natural_time, pushed_speeds, pushes_for, rich_pushes, rich_speeds, tip_push
+from metaid.episode.record import Record, Trajectory, same_record
+from metaid.episode.smoothing import noise_floor
+from metaid.episode.stepwise import StepwiseLoop, run_stepwise
+
+__all__ = [
+    "FALL_LIMIT",
+    "FALL_MARGIN",
+    "MEASURES",
+    "REACH",
+    "RICH_FALL_LIMIT",
+    "Episode",
+    "Measure",
+    "NoiseFloor",
+    "Outcome",
+    "Record",
+    "StepwiseLoop",
+    "Trajectory",
+    "crossing_hz",
+    "failure",
+    "fall_value",
+    "get_measure",
+    "natural_time",
+    "noise_floor",
+    "pushed_speeds",
+    "pushes_for",
+    "rich_pushes",
+    "rich_speeds",
+    "run_stepwise",
+    "same_record",
+    "spectral_hz",
+    "tip_push",
+    "whole_periods",
+]

@@ -1,0 +1,174 @@
+"""From what an episode showed to a frequency: pure functions of arrays.
+
+| measure | value | what it can identify |
+| --- | --- | --- |
+| `count` | whole periods in the fixed number of steps, an integer, as in the paper | gravity lumps |
+| `crossing` | the same from interpolated crossing times, mean over joints and pushes, in Hz | gravity lumps |
+| `spectral` | root of the ratio of spectral moments of the joint speeds, in Hz | all lumps, given rich pushes |
+| `smoothed` | the same of smooth curves through the angles, less what noise alone shows, in Hz | the same, with noise |
+
+What a period is, the paper does not say. `count` has a counting rule: `complete` (default), whole periods between
+crossings of the upright; `maxima`, local maxima of the wrapped angle, plus one; `alternations`, half the alternations
+between beyond +25 % and beyond −25 % of the largest angle, rounded up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.episode.episode import Episode
+from metaid.episode.record import Record
+from metaid.episode.smoothing import smoothed_hz
+from metaid.errors import EpisodeError, unknown
+from metaid.models import Array
+
+NOISE_RESOLUTION = 2.0  # of the noise floor's spread: four standard deviations of the square
+SPEED_RESOLUTION = 1e-3  # relative change of a joint speed over the horizon that still passes for coasting
+
+HYSTERESIS = 0.25  # of the largest angle, on either side of the upright, for the rule `alternations`
+
+
+def whole_periods(half_periods: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Complete periods per joint, summed over pushes: (npush x njoint) half periods → (njoint).  Eq. 9."""
+    periods: NDArray[np.int64] = (half_periods // 2).sum(axis=0)
+    return periods
+
+
+def maxima_periods(angles: Array) -> NDArray[np.int64]:
+    """Local maxima of each joint's angle, wrapped to (−π, π], plus one: (nsteps + 1 x njoint) → (njoint).
+
+    A revolution has a maximum where the angle wraps, so a joint that only turns round has periods by this rule.
+    """
+    wrapped = np.pi - (np.pi - angles) % (2.0 * np.pi)
+    inner = wrapped[1:-1]
+    maxima: NDArray[np.int64] = ((inner > wrapped[:-2]) & (inner >= wrapped[2:])).sum(axis=0) + 1
+    return maxima
+
+
+def alternation_periods(angles: Array) -> NDArray[np.int64]:
+    """Half the alternations of each joint between beyond +25 % and beyond −25 % of its largest angle, rounded up:
+    (nsteps + 1 x njoint) → (njoint).
+    """
+    threshold = HYSTERESIS * np.abs(angles).max(axis=0)
+    beyond = np.where(np.abs(angles) > threshold, np.sign(angles), 0.0)
+    alternations = [np.count_nonzero(np.diff(side[side != 0.0])) for side in beyond.T]
+    return (np.array(alternations) + 1) // 2
+
+
+def crossing_hz(half_periods: NDArray[np.int64], crossing_span: Array) -> Array:
+    """Half periods over twice the time they took (npush x njoint), in Hz; zero if it never came back.  Eq. 9."""
+    return np.divide(half_periods, 2.0 * crossing_span, out=np.zeros(half_periods.shape), where=crossing_span > 0.0)
+
+
+def spectral_hz(acceleration_energy: Array, speed_energy: Array) -> float:
+    """√(∫ q̈² dt / ∫ q̇² dt, each summed over joints and pushes) / 2π, in Hz: Rice's mean crossing frequency.  Eq. 10.
+
+    Both energies are (npush x njoint). Joints that swing as one sinusoid give its frequency; zero if nothing moves.
+    """
+    total = float(speed_energy.sum())
+    return float(np.sqrt(acceleration_energy.sum() / total)) / (2.0 * np.pi) if total > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A measure by `name`: its `unit`, its `value` from a record, the `resolution` within which two values are
+    equally good in an episode of given timestep (s), and a `ceiling` above every survivor's value, which falls are
+    ranked by (Eq. 13). `periods` counts per joint (njoint). Without `sees_coriolis`, what a search finds of the
+    Coriolis lumps means nothing. With `is_noisy`, the best trial is the luckiest of many equals, and their mean is the
+    better estimate."""
+
+    name: str
+    unit: str
+    value: Callable[[Record], float]
+    resolution: Callable[[Episode, float], float]
+    ceiling: Callable[[Episode, float], float]
+    sees_coriolis: bool
+    periods: Callable[[Record], NDArray[np.int64]] = lambda record: whole_periods(record.half_periods)
+    keeps_angles: bool = False
+    is_noisy: bool = False
+
+    def determines(self, lump: str) -> bool:
+        """Whether a search by this measure can find the lump of that name."""
+        return self.sees_coriolis or lump.startswith("gravity")
+
+
+def _nyquist_hz(_episode: Episode, timestep: float) -> float:
+    return 0.5 / timestep
+
+
+def _coasting_hz(episode: Episode, timestep: float) -> float:
+    return SPEED_RESOLUTION / (2.0 * np.pi * episode.steps * timestep)
+
+
+MEASURES = {
+    "count": Measure(
+        name="count",
+        unit="periods",
+        value=lambda record: float(whole_periods(record.half_periods).sum()),
+        resolution=lambda episode, timestep: 0.5,
+        ceiling=lambda episode, timestep: episode.pushes.size * (0.5 * episode.steps + 1.0),
+        sees_coriolis=False,
+    ),
+    "crossing": Measure(
+        name="crossing",
+        unit="Hz",
+        value=lambda record: float(crossing_hz(record.half_periods, record.crossing_span).mean()),
+        resolution=lambda episode, timestep: 0.5 / (episode.steps * timestep),
+        ceiling=_nyquist_hz,
+        sees_coriolis=False,
+    ),
+    "spectral": Measure(
+        name="spectral",
+        unit="Hz",
+        value=lambda record: spectral_hz(record.acceleration_energy, record.speed_energy),
+        resolution=_coasting_hz,
+        ceiling=_nyquist_hz,
+        sees_coriolis=True,
+    ),
+    "smoothed": Measure(
+        name="smoothed",
+        unit="Hz",
+        value=lambda record: smoothed_hz(np.array(record.angles), record.timestep, record.noise_floor),
+        resolution=lambda episode, timestep: max(
+            _coasting_hz(episode, timestep), NOISE_RESOLUTION * episode.noise_floor.spread
+        ),
+        ceiling=_nyquist_hz,
+        sees_coriolis=True,
+        keeps_angles=True,
+        is_noisy=True,
+    ),
+}
+ANGLE_RULES = {"maxima": maxima_periods, "alternations": alternation_periods}
+RULES = ("complete", *ANGLE_RULES)
+
+
+def get_measure(name: str, rule: str | None = None) -> Measure:
+    """The measure of that name, `count` with a counting `rule`.  Raises EpisodeError, naming the allowed ones."""
+    if name not in MEASURES:
+        raise EpisodeError(unknown("measure", name, MEASURES))
+    if rule is None:
+        return MEASURES[name]
+    if name != "count":
+        raise EpisodeError(f"the measure '{name}' has no counting rule (allowed: with the measure 'count')")
+    if rule not in RULES:
+        raise EpisodeError(unknown("rule", rule, RULES))
+    return MEASURES[name] if rule == "complete" else _counted_by(ANGLE_RULES[rule])
+
+
+def _counted_by(rule: Callable[[Array], NDArray[np.int64]]) -> Measure:
+    def periods(record: Record) -> NDArray[np.int64]:
+        counted: NDArray[np.int64] = np.sum([rule(angles) for angles in record.angles], axis=0)
+        return counted
+
+    return replace(
+        MEASURES["count"], value=lambda record: float(periods(record).sum()), periods=periods, keeps_angles=True
+    )
+
+
+def fall_value(ceiling: float, survived: int, total_steps: int) -> float:
+    """The value of a fall: above the `ceiling` of every survivor, and the higher the earlier it came.  Eq. 13."""
+    return ceiling * (2.0 - survived / total_steps)

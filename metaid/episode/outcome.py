@@ -1,0 +1,30 @@
+"""What became of a candidate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from metaid.episode.episode import Episode
+from metaid.episode.measures import Measure, fall_value
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a candidate: its `value` in the measure's unit (for a fall, one above every survivor's), steps
+    run, periods per joint.
+
+    One that could not be evaluated has the `failure` that says why, and for the searcher is a fall before the first
+    step, so worse than any that was seen.
+    """
+
+    value: float
+    fell: bool
+    steps: int
+    periods: tuple[int, ...]
+    failure: str | None = None
+
+
+def failure(measure: Measure, episode: Episode, timestep: float, reason: str) -> Outcome:
+    """What the searcher is told of a candidate that could not be evaluated for that `reason`."""
+    value = fall_value(measure.ceiling(episode, timestep), 0, episode.total_steps)
+    return Outcome(value, True, 0, (0,) * episode.pushes.shape[1], reason)

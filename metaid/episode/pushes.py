@@ -1,0 +1,70 @@
+"""Pushes: impulses that give the links the speeds that are wanted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from metaid.models import Array, Chain
+from metaid.plant import Plant
+
+REACH = 1.0  # rad that the fastest link of a rich push coasts through within the horizon: short of the fall limit
+
+TRIAL_IMPULSE = 1.0 / 16.0  # N s, where it is not known yet what a push does; a power of two, so nothing is rounded
+
+SLOWEST_LINK, SLOWEST_JOINT = 0.3, 0.2  # of the peak speed, in a rich push
+
+
+def pushed_speeds(plant: Plant, pushes: Array) -> Array:
+    """The absolute link speeds (npush x njoint), in rad/s, that are seen right after each of the `pushes` (npush x
+    njoint), in N s.
+    """
+    seen = []
+    for impulses in pushes:
+        plant.push(impulses)
+        seen.append(np.cumsum(plant.states()[1]))
+        plant.stop()
+    return np.array(seen)
+
+
+def pushes_for(plant: Plant, speeds: Array) -> Array:
+    """The impulses (npush x njoint), in N s, that give the plant these absolute link `speeds` (npush x njoint), in
+    rad/s.
+
+    Found as one would on a rig: one trial push at each link, watching the speeds; they are linear in the impulses.
+    """
+    response = pushed_speeds(plant, TRIAL_IMPULSE * np.eye(plant.njoint)).T / TRIAL_IMPULSE
+    impulses: Array = np.asarray(np.linalg.solve(response, speeds.T).T, dtype=np.float64)
+    return impulses
+
+
+def tip_push(plant: Plant, peak_speed: float) -> Array:
+    """One push at the tip alone (1 x njoint), in N s, that gives the plant's fastest link `peak_speed`, in rad/s."""
+    impulses = TRIAL_IMPULSE * np.eye(plant.njoint)[-1:]
+    return impulses * (peak_speed / float(np.abs(pushed_speeds(plant, impulses)).max()))
+
+
+def rich_speeds(njoint: int, count: int, seed: int) -> Array:
+    """Link speeds (count x njoint) as fractions of a peak speed: a random sign and 0.3 to 1 for every link.
+
+    No joint gets less than 0.2 of the peak: one that hardly moves tells little of the lumps about it.
+    """
+    random = np.random.default_rng(seed)
+    speeds = np.zeros((count, njoint))
+    for push in range(count):
+        below = 0.0
+        for link in range(njoint):
+            speed = below
+            while abs(speed - below) < SLOWEST_JOINT:
+                speed = random.uniform(SLOWEST_LINK, 1.0) * random.choice([-1.0, 1.0])
+            speeds[push, link] = below = speed
+    return speeds
+
+
+def rich_pushes(plant: Plant, count: int, peak_speed: float, seed: int) -> Array:
+    """`count` random pushes (count x njoint), in N s, whose fastest link may get `peak_speed`, in rad/s."""
+    return pushes_for(plant, peak_speed * rich_speeds(plant.njoint, count, seed))
+
+
+def natural_time(chain: Chain, gravity: float) -> float:
+    """√(l/g) for the chain's mean link length, in s: what sets every time scale of its motion."""
+    return float(np.sqrt(chain.length.mean() / gravity))

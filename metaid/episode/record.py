@@ -1,0 +1,96 @@
+"""What an episode showed: sums and crossings of each joint's motion after each push."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.models import Array
+
+
+@dataclass(frozen=True)
+class Record:
+    """What an episode showed, per push and joint (npush x njoint); rows after a fall are not filled in.
+
+    `half_periods`: crossings of the upright after the first, the push itself being the first if it moved that joint.
+    `crossing_span`: time from the first to the last crossing, interpolated between steps, in s.
+    `speed_energy`, `acceleration_energy`: ∫ q̇² dt in rad²/s and ∫ (q̈ + k q)² dt in rad²/s³, k the episode's stiffness.
+    `steps`: steps that were run; `fall_step`: the step by which a link had fallen, or None.
+    `angles`: joint angles (nsteps + 1 x njoint), in rad, of each push that was begun, if the episode keeps them.
+    `noise_floor`: ∫ q̈² dt of a plant at rest, of all pushes and joints, in rad²/s³.
+    """
+
+    timestep: float
+    steps: int
+    fall_step: int | None
+    half_periods: NDArray[np.int64]
+    crossing_span: Array
+    speed_energy: Array
+    acceleration_energy: Array
+    angles: tuple[Array, ...] = ()
+    noise_floor: float = 0.0
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Joint `angles` in rad and `speeds` in rad/s of the last push, (nsteps + 1 x njoint), the state right after the
+    push first.
+    """
+
+    angles: Array
+    speeds: Array
+
+
+def crossings(
+    angles: Array, start_speeds: Array, timestep: float, deadband: float = 0.0
+) -> tuple[NDArray[np.int64], Array]:
+    """Half periods (njoint) and the time they took (njoint), in s, of joint `angles` (nsteps + 1 x njoint) that start
+    upright.
+
+    The push is the first crossing of every joint that it moved. A later one lies between the steps about it, on the
+    straight line. Angles within the `deadband` (rad) are left out.
+    """
+    njoint = angles.shape[1]
+    half_periods, span = np.zeros(njoint, dtype=np.int64), np.zeros(njoint)
+    for joint in range(njoint):
+        moving = np.flatnonzero(np.abs(angles[:, joint]) > deadband)
+        if len(moving) == 0:
+            continue
+        angle = angles[moving, joint]
+        after = np.flatnonzero(np.sign(angle[1:]) != np.sign(angle[:-1])) + 1
+        fraction = angle[after] / (angle[after] - angle[after - 1])
+        times = timestep * (moving[after] - fraction * (moving[after] - moving[after - 1]))
+        if start_speeds[joint] != 0.0:
+            times = np.append(0.0, times)
+        half_periods[joint] = max(len(times) - 1, 0)
+        span[joint] = times[-1] - times[0] if len(times) else 0.0
+    return half_periods, span
+
+
+def energies(speeds: Array, timestep: float, asked: Array | float = 0.0) -> tuple[Array, Array]:
+    """∫ q̇² dt (trapezoid) and ∫ (q̈ − asked)² dt (finite differences) per joint of `speeds` (nsteps + 1 x njoint), in
+    rad/s.  Eqs. 10 and 17.
+
+    `asked` (nsteps x njoint): the acceleration that the law asks for at the beginning of each step, in rad/s². The
+    torque of a step is that of its beginning, so with an exact law nothing is left, however long the step.
+    """
+    squared = speeds**2
+    speed_energy = timestep * (squared.sum(axis=0) - 0.5 * (squared[0] + squared[-1]))
+    acceleration_energy = ((np.diff(speeds, axis=0) - timestep * asked) ** 2).sum(axis=0) / timestep
+    return speed_energy, acceleration_energy
+
+
+def same_record(compiled: Record, plain: Record) -> bool:
+    """Whether two loops saw the same, but for rounding."""
+    return (
+        compiled.fall_step == plain.fall_step
+        and bool((compiled.half_periods == plain.half_periods).all())
+        and _same(compiled.speed_energy, plain.speed_energy)
+        and _same(compiled.acceleration_energy, plain.acceleration_energy)
+    )
+
+
+def _same(one: Array, other: Array) -> bool:
+    return bool(np.allclose(one, other, rtol=1e-6, atol=1e-9))

@@ -1,0 +1,77 @@
+"""The law that compensates with a candidate's lumps, and the mass matrix that they make.
+
+Absolute angles φ_i are measured from the upright, joint angles are q_i = φ_i − φ_{i−1}. Equation numbers are those of
+docs/method.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from metaid.models.lumps import IDEAL, Array, Lumps
+
+SLIDING = 0.1  # rad/s; a joint slower than this is sent that share of its dry friction: a sign would chatter
+
+
+def mass_matrix(lumps: Lumps, inertia_lumps: Array, angles: Array) -> Array:
+    """M(φ) (... x nlink x nlink), in kg m², at absolute `angles` (... x nlink), from `lumps` and d (nlink).  Eq. 4."""
+    difference = angles[..., :, None] - angles[..., None, :]
+    matrix: Array = lumps.coriolis * np.cos(difference) + np.diag(inertia_lumps)
+    return matrix
+
+
+def compensation_basis(
+    angles: Array, speeds: Array, gravity: float, kinds: Sequence[str] = IDEAL, stiffness: float = 0.0
+) -> Array:
+    """Generalised force per unit of each lump of these `kinds`, in absolute angles (... x nlink x nlump).  Eqs. 5, 15
+    and 16 are this times the lumps.
+
+    `angles` (... x nlink) in rad and `speeds` (... x nlink) in rad/s are absolute; `gravity` in m/s², `stiffness` in
+    1/s².
+    """
+    n = angles.shape[-1]
+    links = np.arange(n)
+    first, second = np.triu_indices(n, 1)
+    joint_speeds = np.diff(speeds, axis=-1, prepend=0.0)
+    parts = []
+    for kind in kinds:
+        part = np.zeros((*angles.shape, len(first) if kind == "coriolis" else n))
+        if kind == "gravity":
+            part[..., links, links] = -gravity * np.sin(angles)
+        elif kind == "coriolis":
+            sine = np.sin(angles[..., first] - angles[..., second])
+            pairs = np.arange(len(first))
+            part[..., first, pairs] = sine * speeds[..., second] ** 2
+            part[..., second, pairs] = -sine * speeds[..., first] ** 2
+        elif kind == "inertia":
+            part[..., links, links] = -stiffness * angles
+        else:  # a torque in joint i turns link i one way and link i − 1 the other
+            part[..., links, links] = torque = joint_speeds if kind == "damping" else sliding(joint_speeds)
+            part[..., links[:-1], links[1:]] = -torque[..., 1:]
+        parts.append(part)
+    return np.concatenate(parts, axis=-1)
+
+
+def sliding(joint_speeds: Array) -> Array:
+    """The sign of joint speeds (...), in rad/s, without a jump: its share of the dry friction.  Eq. 15."""
+    return np.clip(joint_speeds / SLIDING, -1.0, 1.0)
+
+
+def compensation_torque(
+    lumps: Lumps, joint_angles: Array, joint_speeds: Array, gravity: float, stiffness: float = 0.0
+) -> Array:
+    """The joint torque (nlink), in N m, that would leave the plant nothing but q̈ = −stiffness q if it had these
+    `lumps`.
+
+    `joint_angles` in rad, `joint_speeds` in rad/s, both (nlink); `gravity` in m/s², `stiffness` in 1/s².  Eqs. 5, 6,
+    15 and 16; Eq. 11 of the paper, with u = 0 where `stiffness` is.
+    """
+    angles, speeds = np.cumsum(joint_angles), np.cumsum(joint_speeds)
+    sine = np.sin(angles[:, None] - angles[None, :])
+    force = (lumps.coriolis * sine) @ speeds**2 - gravity * lumps.gravity * np.sin(angles)  # Eq. 5
+    if stiffness:
+        force -= stiffness * mass_matrix(lumps, lumps.of("inertia"), angles) @ angles  # Eq. 16
+    torque = np.cumsum(force[::-1])[::-1]  # Eq. 6
+    return torque + lumps.of("damping") * joint_speeds + lumps.of("coulomb") * sliding(joint_speeds)  # Eq. 15

@@ -1,0 +1,49 @@
+"""Which chains a plant file may describe: those that can exist, and that its timestep can follow."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from metaid.errors import PlantError
+from metaid.models.chain import Chain
+
+LEAST_GYRATION = 1e-3  # of a link's length: a radius of gyration below it is no body's, but a point's
+LEAST_MASS_EIGENVALUE = 1e-10  # of the mass matrix with a unit diagonal; below it rounding decides how the chain moves
+MIN_STEPS_PER_RADIAN = (
+    5.0  # a chain that turns through a radian of its fastest mode in fewer steps is not simulated but guessed
+)
+
+
+def least_inertia(mass: float, length: float) -> float:
+    """The least inertia about its centre of mass, in kg m², that a link of that `mass` (kg) and `length` (m) has."""
+    return mass * (LEAST_GYRATION * length) ** 2
+
+
+def refuse_impossible(name: str, chain: Chain) -> None:
+    """Raises PlantError where the mass matrix (Eq. 4) of the upright chain is singular, or all but singular."""
+    root = np.sqrt(chain.inertia_lumps)
+    scaled = chain.mass_matrix(np.zeros(chain.nlink)) / np.outer(root, root)
+    if not np.linalg.eigvalsh(scaled)[0] > LEAST_MASS_EIGENVALUE:
+        raise PlantError(
+            f"{name}: masses and lengths differ so much from link to link that the mass matrix is singular "
+            "(allowed: links that each have a share in the motion)"
+        )
+
+
+def refuse_too_long_a_step(name: str, chain: Chain, gravity: float, timestep: float) -> None:
+    """Raises PlantError where steps of `timestep` (s) cannot follow the chain's fastest mode, over-compensated by
+    all of `gravity` (m/s²), or overshoot what its joints damp in one.
+    """
+    joints = np.eye(chain.nlink) - np.eye(chain.nlink, k=-1)  # joint angles from absolute ones
+    stiffness = np.diag(gravity * chain.lumps.gravity) + joints.T @ np.diag(chain.stiffness) @ joints
+    damping = joints.T @ np.diag(chain.damping) @ joints
+    masses = chain.mass_matrix(np.zeros(chain.nlink))
+    fastest = float(np.sqrt(np.linalg.eigvals(np.linalg.solve(masses, stiffness)).real.max()))
+    quickest = float(np.linalg.eigvals(np.linalg.solve(masses, damping)).real.max())
+    rate = max(fastest * MIN_STEPS_PER_RADIAN, quickest)
+    if not rate * timestep <= 1.0:
+        what = f"the damping of its joints, {quickest:.3g}/s" if rate == quickest else f"{fastest:.3g} rad/s"
+        raise PlantError(
+            f"{name}: timestep {timestep} s is too long for its fastest motion, {what} "
+            f"(allowed: at most {1 / rate:.2g} s)"
+        )

@@ -1,0 +1,33 @@
+"""What is pushed and watched.
+
+`Plant` is the protocol. `MujocoPlant` is a chain that MuJoCo simulates, `FaultyPlant` the same behind the faults that a
+real one has, and `SocketPlant` a rig, or any other process, behind a socket. `load_plant` reads a plant file. MuJoCo is
+loaded when a simulated plant first moves.
+"""
+
+from metaid.plant.faults import Noise, draw, slope_weights, stream
+from metaid.plant.faulty_plant import FaultyPlant
+from metaid.plant.loading import load_plant, load_rig, read_any_plant, read_plant
+from metaid.plant.mujoco_plant import MujocoPlant
+from metaid.plant.protocol import Plant
+from metaid.plant.settings import LinkSettings, PlantSettings, chain_of
+from metaid.plant.socket_plant import SocketPlant, SocketSettings
+
+__all__ = [
+    "FaultyPlant",
+    "LinkSettings",
+    "MujocoPlant",
+    "Noise",
+    "Plant",
+    "PlantSettings",
+    "SocketPlant",
+    "SocketSettings",
+    "chain_of",
+    "draw",
+    "load_plant",
+    "load_rig",
+    "read_any_plant",
+    "read_plant",
+    "slope_weights",
+    "stream",
+]

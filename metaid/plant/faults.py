@@ -1,0 +1,105 @@
+"""What a real plant has and an ideal one has not: the `[faults]` of a plant file, and the noise of one episode.
+
+All noise of an episode is drawn before it, from a stream of random numbers that a seed and the candidate alone
+determine: whoever evaluates a candidate, and however often, gets the same episode.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from hashlib import blake2b
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from metaid.files import Settings
+from metaid.models import Array, Lumps
+
+SPEED_WINDOW = 0.03  # s of angle readings that a joint speed is fitted to where there is no speed sensor
+FEWEST_READINGS = 3  # of them, however slowly they come
+
+Size = Annotated[float, Field(ge=0, le=1e6)]
+Limit = Annotated[float, Field(gt=0, le=1e9)]
+
+
+class FaultSettings(Settings):
+    """The `[faults]` table of a plant file; every fault is off unless it is named. Noise is normal, its size the
+    standard deviation.
+
+    Sensors: `angle_noise` in rad, `speed_noise` in rad/s; `speed_sensor = false`, then speeds are those of a straight
+    line through the last angle readings; `encoder_step`, the resolution of an angle reading in rad. Control: a new
+    torque `control_every` physics steps, `delay` in such control steps. Drives: `torque_limit` in N m, one for all
+    joints or one each, `torque_noise` in N m, anew for every control step. `push_noise`: of every impulse, as a share
+    of it. `tilt`: of the base, in rad, positive towards positive angles.
+    """
+
+    angle_noise: Size = 0.0
+    speed_noise: Size = 0.0
+    speed_sensor: bool = True
+    encoder_step: Annotated[float, Field(ge=0, le=1)] = 0.0
+    control_every: Annotated[int, Field(ge=1, le=1000)] = 1
+    delay: Annotated[int, Field(ge=0, le=1000)] = 0
+    torque_limit: Limit | Annotated[tuple[Limit, ...], Field(min_length=1, strict=False)] | None = None
+    torque_noise: Size = 0.0
+    push_noise: Annotated[float, Field(ge=0, le=1)] = 0.0
+    tilt: Annotated[float, Field(ge=-1, le=1)] = 0.0
+
+    @property
+    def named(self) -> dict[str, object]:
+        """The faults that are on, with their size."""
+        return {name: value for name, value in self if value != type(self).model_fields[name].default}
+
+    def torque_limits(self, njoint: int) -> Array:
+        """The largest torque of each joint (njoint), in N m; infinite where there is no limit."""
+        return np.full(njoint, np.inf if self.torque_limit is None else self.torque_limit, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What chance adds in one episode: to every impulse, as a share of it (npush x njoint); to the `angles` in rad and
+    `speeds` in rad/s that are read (npush x nsteps + 1 x njoint), the reading right after the push first; to the
+    `torques` in N m (npush x nsteps x njoint).
+    """
+
+    impulses: Array
+    angles: Array
+    speeds: Array
+    torques: Array
+
+
+def stream(seed: int, candidate: Lumps) -> np.random.Generator:
+    """The random numbers of a candidate's episode: they depend on the `seed` and on the lumps, to the last bit."""
+    digest = blake2b(candidate.vector.tobytes(), key=seed.to_bytes(8, "little"), digest_size=16).digest()
+    return np.random.Generator(np.random.SFC64(int.from_bytes(digest, "little")))
+
+
+def draw(faults: FaultSettings, random: np.random.Generator, npush: int, steps: int, njoint: int) -> Noise:
+    """The noise of an episode of `npush` pushes with `steps` control steps each."""
+
+    def normal(size: float, *shape: int) -> Array:
+        return size * random.standard_normal(shape) if size else np.zeros(shape)
+
+    return Noise(
+        impulses=normal(faults.push_noise, npush, njoint),
+        angles=normal(faults.angle_noise, npush, steps + 1, njoint),
+        speeds=normal(faults.speed_noise, npush, steps + 1, njoint),
+        torques=normal(faults.torque_noise, npush, steps, njoint),
+    )
+
+
+def readings(angles: Array, encoder_step: float) -> Array:
+    """What an encoder shows of `angles` (...), in rad: the nearest multiple of its step."""
+    return np.floor(angles / encoder_step + 0.5) * encoder_step if encoder_step else angles
+
+
+def slope_weights(period: float) -> Array:
+    """What the last angle readings (nreading), one every `period` in s, are weighted with for the speed: the slope of
+    the straight line that fits them best, in 1/s.
+
+    A line, as an exactly compensated pendulum moves on one: there the filter does not lag.
+    """
+    count = max(round(SPEED_WINDOW / period) + 1, FEWEST_READINGS)
+    times = period * (np.arange(count) - 0.5 * (count - 1))
+    weights: Array = times / (times**2).sum()
+    return weights

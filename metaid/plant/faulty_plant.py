@@ -1,0 +1,81 @@
+"""A simulated plant behind its faults: what a controller sees is what the sensors read, what the plant gets is what the
+drives deliver.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from metaid.models import Array, Lumps
+from metaid.plant.faults import Noise, draw, readings, slope_weights
+from metaid.plant.mujoco_plant import MujocoPlant
+
+
+class FaultyPlant:
+    """A `Plant` that is a MujocoPlant behind its faults; a step is a control step. `begin` gives it the noise of an
+    episode.
+    """
+
+    def __init__(self, plant: MujocoPlant) -> None:
+        self.inner = plant
+        self.faults = plant.settings.faults
+        self.name, self.njoint, self.gravity = plant.name, plant.njoint, plant.gravity
+        self.timestep = plant.settings.control_period
+        self._limits = self.faults.torque_limits(plant.njoint)
+        self._weights = slope_weights(self.timestep)
+
+    def begin(self, noise: Noise) -> None:
+        """The next push is the first of an episode with this `noise`."""
+        self._noise = noise
+        self._push = -1
+
+    def push(self, impulses: Array) -> None:
+        self._push += 1
+        self._step = 0
+        self._commands = deque([np.zeros(self.njoint)] * self.faults.delay)
+        self._angles: list[Array] = []
+        # What such a push has done in a calibration; nobody reads a speed from angles as soon as it is there.
+        self._expected = self.inner.start_speeds(impulses)
+        self.inner.push(impulses * (1.0 + self._noise.impulses[self._push]))
+        self._read()
+
+    def _read(self) -> None:
+        angles, speeds = self.inner.states()
+        self._angles.append(readings(angles + self._noise.angles[self._push, self._step], self.faults.encoder_step))
+        count = len(self._weights)
+        if self.faults.speed_sensor:
+            self._speeds = speeds + self._noise.speeds[self._push, self._step]
+        elif len(self._angles) >= count:
+            self._speeds = self._weights @ np.array(self._angles[-count:])
+        else:
+            self._speeds = self._expected
+
+    def states(self) -> tuple[Array, Array]:
+        return self._angles[-1], self._speeds
+
+    def apply_torque(self, torque: Array) -> None:
+        self._commands.append(torque)
+
+    def step(self) -> None:
+        delivered = np.clip(self._commands.popleft(), -self._limits, self._limits)
+        self.inner.apply_torque(delivered + self._noise.torques[self._push, self._step])
+        for _ in range(self.faults.control_every):
+            self.inner.step()
+        self._step += 1
+        self._read()
+
+    def stop(self) -> None:
+        self.inner.stop()
+
+    def close(self) -> None:
+        self.inner.close()
+
+    def true_lumps(self) -> Lumps | None:
+        return self.inner.true_lumps()
+
+    def rest(self, count: int, seed: int) -> Array:
+        """Angle readings (count x njoint), in rad, of the plant held upright."""
+        noise = draw(self.faults, np.random.default_rng([seed, count]), 1, count - 1, self.njoint)
+        return readings(noise.angles[0], self.faults.encoder_step)

@@ -1,0 +1,97 @@
+"""A planar chain of hinges, simulated by MuJoCo."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from metaid.models import FRICTION, IDEAL, Array, Lumps, refuse_impossible, refuse_too_long_a_step, speeds_after
+from metaid.plant.settings import PlantSettings, chain_of
+
+if TYPE_CHECKING:
+    from mujoco import MjData, MjModel
+
+    from metaid.plant.mujoco_model import Simulation
+
+
+@dataclass(eq=False)
+class MujocoPlant:
+    """A planar chain in MuJoCo; its `simulation` is its own, so a worker needs a plant of its own.
+
+    MuJoCo is loaded and the chain built when it first moves.
+    """
+
+    name: str
+    settings: PlantSettings
+
+    def __post_init__(self) -> None:
+        self.chain = chain_of(self.settings.links)
+        refuse_impossible(f"plant {self.name}", self.chain)
+        refuse_too_long_a_step(f"plant {self.name}", self.chain, self.gravity, self.timestep)
+
+    @cached_property
+    def simulation(self) -> Simulation:
+        """The plant's own model and state.  Raises PlantError where MuJoCo cannot build it."""
+        from metaid.plant.mujoco_model import simulate
+
+        return simulate(self.name, self.chain, self.felt_gravity, self.timestep, self.settings.faults.tilt)
+
+    @property
+    def model(self) -> MjModel:
+        """MuJoCo's model of the plant."""
+        return self.simulation.model
+
+    @property
+    def data(self) -> MjData:
+        """MuJoCo's state of the plant."""
+        return self.simulation.data
+
+    @property
+    def njoint(self) -> int:
+        return self.chain.nlink
+
+    @property
+    def timestep(self) -> float:
+        return self.settings.timestep
+
+    @property
+    def gravity(self) -> float:
+        return self.settings.gravity
+
+    @property
+    def felt_gravity(self) -> float:
+        """In m/s². Too large a torque by a share of the gravity terms is the same as gravity weaker by that share."""
+        return self.gravity * (1.0 - self.settings.over_compensation)
+
+    def start_speeds(self, impulses: Array) -> Array:
+        """Joint speeds (njoint), in rad/s, just after `impulses` (njoint), in N s, at the link tips of the chain at
+        rest upright.
+        """
+        return np.diff(speeds_after(self.chain, impulses), prepend=0.0)
+
+    def push(self, impulses: Array) -> None:
+        self.simulation.reset()
+        self.data.qvel[:] = self.start_speeds(impulses)
+
+    def states(self) -> tuple[Array, Array]:
+        return self.data.qpos.copy(), self.data.qvel.copy()
+
+    def apply_torque(self, torque: Array) -> None:
+        self.data.qfrc_applied[:] = torque
+
+    def step(self) -> None:
+        self.simulation.step()
+
+    def stop(self) -> None:
+        self.data.qfrc_applied[:] = 0.0
+
+    def close(self) -> None:
+        """A simulated plant holds nothing that anybody waits for."""
+
+    def true_lumps(self) -> Lumps | None:
+        if not self.settings.truth_known:
+            return None
+        return replace(self.chain.lumps_of((*IDEAL, *FRICTION)), searched=self.chain.kinds)

@@ -1,0 +1,47 @@
+"""What an episode needs of a plant. Anything that answers to `Plant` can be pushed, a rig too (docs/your-rig.md)."""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+from metaid.models import Array, Lumps
+
+
+@runtime_checkable
+class Plant(Protocol):
+    """What an episode needs of a plant: states, torques, steps, and the truth or None. Angles are joint angles from
+    the upright.
+    """
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def njoint(self) -> int: ...
+    @property
+    def timestep(self) -> float:
+        """Time between two control steps, in s."""
+
+    @property
+    def gravity(self) -> float:
+        """Gravitational acceleration, in m/s²."""
+
+    def push(self, impulses: Array) -> None:
+        """Brings the plant to rest upright, then strikes the link tips with horizontal `impulses` (njoint), in N s."""
+
+    def states(self) -> tuple[Array, Array]:
+        """Joint angles (njoint), in rad, and joint speeds (njoint), in rad/s."""
+
+    def apply_torque(self, torque: Array) -> None:
+        """Sets the joint torque (njoint), in N m, that holds during the next step."""
+
+    def step(self) -> None:
+        """Lets one timestep pass."""
+
+    def stop(self) -> None:
+        """Takes the torque off at once: a push is over, a link has fallen, or something went wrong. Must not raise."""
+
+    def close(self) -> None:
+        """Lets go of the plant: nothing more is asked of it."""
+
+    def true_lumps(self) -> Lumps | None:
+        """The plant's own lumps, where it knows them. Only reports ask."""

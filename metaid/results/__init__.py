@@ -1,0 +1,36 @@
+"""What a study found: frames and JSON, all findings of a study at once, validation, and sweeps about the result.
+
+Here, and only here, the truth meets the result. Neither MuJoCo nor numba is loaded before something is simulated.
+"""
+
+from metaid.results.body_tables import describe_bodies
+from metaid.results.control import BANDWIDTH, Model, smooth_sinusoids, track
+from metaid.results.findings import Findings, read_findings
+from metaid.results.identified import identified_factors
+from metaid.results.overview import summary
+from metaid.results.sweeps import Plane, Sweep, plane, sweep
+from metaid.results.tables import lumps_frame, parameters_frame, studies_frame, trials_frame
+from metaid.results.validation import PUSHES, Validation, validate_factors
+
+__all__ = [
+    "BANDWIDTH",
+    "PUSHES",
+    "Findings",
+    "Model",
+    "Plane",
+    "Sweep",
+    "Validation",
+    "describe_bodies",
+    "identified_factors",
+    "lumps_frame",
+    "parameters_frame",
+    "plane",
+    "read_findings",
+    "smooth_sinusoids",
+    "studies_frame",
+    "summary",
+    "sweep",
+    "track",
+    "trials_frame",
+    "validate_factors",
+]

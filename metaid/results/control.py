@@ -1,0 +1,110 @@
+"""Computed-torque control of a chain along a joint trajectory: what identified lumps are good for.
+
+The feedforward is the candidate's; the feedback is the same whatever the candidate, so that candidates are compared by
+what they know alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from metaid.models import Array, Lumps, compensation_torque, mass_matrix
+from metaid.plant import Plant
+
+AMPLITUDE = 0.5  # rad, of the mean joint's sinusoid
+PERIODS = 6.0, 12.0  # fastest and slowest of the joints' sinusoids, in natural times
+BANDWIDTH = 3.0  # of the feedback, in rad per natural time
+LOST = np.pi  # rad off the trajectory: out of control
+
+
+@dataclass(frozen=True)
+class Model:
+    """What computed torque needs of a chain: its `lumps`, and `inertia_lumps` d (nlink), in kg m²."""
+
+    lumps: Lumps
+    inertia_lumps: Array
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Joint `angles` in rad, `speeds` in rad/s and `accelerations` in rad/s² over time, each (nsteps x njoint)."""
+
+    angles: Array
+    speeds: Array
+    accelerations: Array
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """What was seen of a plant along a trajectory: joint `angles` (rad), `speeds` (rad/s), and the `torques` (N m)
+    that held from each step to the next, all (nsteps x njoint)."""
+
+    angles: Array
+    speeds: Array
+    torques: Array
+
+
+def smooth_sinusoids(
+    njoint: int,
+    natural_time: float,
+    timestep: float,
+    seed: int = 0,
+    harmonics: int = 1,
+    amplitude: float = AMPLITUDE,
+    periods: tuple[float, float] = PERIODS,
+) -> Motion:
+    """A joint trajectory from rest upright: each joint swings as a sum of `harmonics` sinusoids of its own `periods`,
+    drawn between the fastest and the slowest, in natural times.
+
+    Two of the slowest periods long; joints swing to alternate sides, so that the chain stays near the upright.
+    `amplitude` in rad, of the mean joint; `natural_time` and `timestep` in s.
+    """
+    fastest, slowest = periods
+    random = np.random.default_rng(seed)
+    times = np.arange(0.0, 2.0 * slowest * natural_time, timestep)[:, None]
+    angles, speeds, accelerations = (np.zeros((len(times), njoint)) for _ in range(3))
+    for _ in range(harmonics):
+        rate = 2.0 * np.pi / (natural_time * random.uniform(fastest, slowest, njoint))
+        half = amplitude / 2.0 / harmonics * random.uniform(0.7, 1.3, njoint) * (-1.0) ** np.arange(njoint)
+        angles += half * (1.0 - np.cos(rate * times))
+        speeds += half * rate * np.sin(rate * times)
+        accelerations += half * rate**2 * np.cos(rate * times)
+    return Motion(angles, speeds, accelerations)
+
+
+def computed_torque(model: Model, angles: Array, speeds: Array, accelerations: Array, gravity: float) -> Array:
+    """The joint torque (nlink), in N m, that gives a chain with this `model` these joint `accelerations` (rad/s²).
+
+    Joint `angles` in rad, `speeds` in rad/s, all (nlink); `gravity` in m/s².  Eqs. 4, 5 and 6.
+    """
+    return inertial_torque(model, angles, accelerations) + compensation_torque(model.lumps, angles, speeds, gravity)
+
+
+def inertial_torque(model: Model, angles: Array, accelerations: Array) -> Array:
+    """The joint torque (nlink), in N m, of M(φ) φ̈ alone, from joint `angles` and `accelerations` (nlink)."""
+    force = mass_matrix(model.lumps, model.inertia_lumps, np.cumsum(angles)) @ np.cumsum(accelerations)
+    return np.cumsum(force[::-1])[::-1]  # Eq. 6
+
+
+def track(plant: Plant, model: Model, feedback: Model, desired: Motion, bandwidth: float) -> Tracked:
+    """Drives the plant from rest upright along `desired` with computed torque from `model`.
+
+    τ = M̃(φ) q̈_d + h̃ + g̃ + M̄(φ) (k_p e + k_d ė), critically damped at `bandwidth` (rad/s); M̄ is that of `feedback`,
+    which should be of a possible chain: a mass matrix that is not positive definite turns the feedback against itself.
+    Ends early where control is lost.
+    """
+    plant.push(np.zeros(plant.njoint))
+    seen = []
+    for angle, speed, acceleration in zip(desired.angles, desired.speeds, desired.accelerations, strict=True):
+        angles, speeds = plant.states()
+        if not np.abs(angles - angle).max() <= LOST:
+            break
+        correction = bandwidth**2 * (angle - angles) + 2.0 * bandwidth * (speed - speeds)
+        torque = computed_torque(model, angles, speeds, acceleration, plant.gravity)
+        torque = torque + inertial_torque(feedback, angles, correction)
+        seen.append((angles, speeds, torque))
+        plant.apply_torque(torque)
+        plant.step()
+    return Tracked(*(np.array(column) for column in zip(*seen, strict=True)))

@@ -1,0 +1,140 @@
+"""All that a study knows, read from the DB once: what figures, the report and the dashboard draw from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from metaid.errors import StorageError, unknown
+from metaid.models import Array
+from metaid.results.overview import summary
+from metaid.results.tables import lumps_frame, trials_frame
+from metaid.store import Store
+from metaid.study import Problem, StudySpec, stored_spec
+
+if TYPE_CHECKING:
+    from metaid.compiled import Objective
+
+CLOSEST = 50  # survivors nearest to the best at least, when their correlation is asked for
+
+
+@dataclass(frozen=True)
+class Findings:
+    """A study's settings; the `trials` and `lumps` of its first stage, as `metaid.trials` and `metaid.lumps` have them;
+    its `summary`; and the same of its `second` stage, if it has one with a survivor.
+    """
+
+    name: str
+    spec: StudySpec
+    trials: pd.DataFrame
+    lumps: pd.DataFrame
+    summary: dict[str, Any]
+    problem: Problem
+    second: Findings | None = None
+
+    @property
+    def names(self) -> list[str]:
+        """The lumps' names, as the columns of `trials` have them."""
+        return self.problem.names
+
+    @property
+    def stages(self) -> list[Findings]:
+        """The findings of each stage."""
+        return [self] if self.second is None else [self, self.second]
+
+    @property
+    def label(self) -> str:
+        """The measure with its unit, for an axis."""
+        unit = self.problem.measure.unit
+        if unit == "periods":
+            return "whole periods"
+        return f"frequency, {unit}" if self.problem.stage == 1 else f"deviation from the oscillation, {unit}"
+
+    @property
+    def survivors(self) -> pd.DataFrame:
+        """Rows of trials that did not fall."""
+        return self.trials.loc[self.trials["state"] == "COMPLETE"]
+
+    @property
+    def falls(self) -> pd.DataFrame:
+        """Rows of trials that fell."""
+        return self.trials.loc[self.trials["state"] == "PRUNED"]
+
+    @property
+    def true_factors(self) -> Array | None:
+        """True ÷ nominal (nlump), or None where the plant does not know."""
+        true: Array = (self.lumps["true"] / self.lumps["nominal"]).to_numpy()
+        return None if np.isnan(true).any() else true
+
+    @property
+    def best_factors(self) -> Array:
+        """Factors (nlump) of the best survivor.  Raises StorageError where there is none yet."""
+        survivors = self.survivors
+        if survivors.empty:
+            raise StorageError(f"study '{self.name}' has no survivor yet, so there is nothing to show: run it first")
+        factors: Array = survivors.nsmallest(1, "value")[self.names].to_numpy(dtype=np.float64)[0]
+        return factors
+
+    @property
+    def identified_factors(self) -> Array:
+        """Factors (nlump) that the study stands by, and 1 where a lump is not identified.  Raises StorageError."""
+        best, factor = self.best_factors, self.lumps["factor"].to_numpy()
+        return np.where(np.isnan(factor), 1.0, factor if self.problem.measure.is_noisy else best)
+
+    def errors(self, trials: pd.DataFrame) -> Array:
+        """The largest error of an identified lump in each of `trials` (ntrial), relative to the truth; NaN where the
+        plant does not know it.
+        """
+        true = (self.lumps["true"] / self.lumps["nominal"]).to_numpy()
+        told = self.lumps["identified"].notna().to_numpy()
+        errors: Array = np.abs(trials[self.names].to_numpy() / true - 1.0)[:, told].max(axis=1, initial=0.0)
+        return errors
+
+    @property
+    def bests(self) -> pd.DataFrame:
+        """Survivors that were the best when they came."""
+        survivors = self.survivors
+        bests: pd.DataFrame = survivors[survivors["value"] < survivors["value"].cummin().shift(fill_value=np.inf)]
+        return bests
+
+    @property
+    def equals(self) -> pd.DataFrame:
+        """Survivors that the measure cannot tell from the best one; their range is `low` to `high`."""
+        survivors = self.survivors
+        equal: pd.DataFrame = survivors[survivors["value"] <= self.problem.as_good_as(survivors["value"].min())]
+        return equal
+
+    @property
+    def closest(self) -> pd.DataFrame:
+        """The `equals`, or the CLOSEST best survivors if those are more."""
+        closest: pd.DataFrame = self.survivors.nsmallest(max(len(self.equals), CLOSEST), "value")
+        return closest
+
+    def objective(self) -> Objective:
+        """What the study evaluated its candidates with."""
+        return self.problem.make_lump_objective()
+
+    def index(self, lump: str) -> int:
+        """Where a lump stands.  Raises StorageError, naming the allowed ones."""
+        if lump not in self.names:
+            raise StorageError(unknown("lump", lump, self.names))
+        return self.names.index(lump)
+
+
+def read_findings(store: Store, name: str) -> Findings:
+    """The findings of a study in the DB.  Raises StorageError."""
+    spec = stored_spec(store, name)
+    trials, lumps, shown = trials_frame(store, name), lumps_frame(store, name), summary(store, name)
+
+    def of(problem: Problem, second: Findings | None = None) -> Findings:
+        own = trials if problem.is_only else trials[trials["stage"] == problem.stage]
+        rows = lumps[lumps["name"].isin(problem.names)].reset_index(drop=True)
+        return Findings(name, spec, own, rows, shown, problem, second)
+
+    first = of(Problem(spec))
+    following = None if first.survivors.empty else first.problem.second(first.best_factors)
+    second = None if following is None else of(following)
+    return first if second is None or second.survivors.empty else replace(first, second=second)

@@ -1,0 +1,155 @@
+"""What a study's result is worth: pushes that the search never used, and control along a trajectory.
+
+Both are simulated with the nominal lumps, the identified ones and, where the plant knows them, the true ones. The true
+ones only serve to say how good a result could have been.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from metaid.episode import REACH, natural_time, rich_pushes
+from metaid.errors import StudyError
+from metaid.models import Array, Chain, Lumps, compensation_torque
+from metaid.plant import Plant
+from metaid.results.control import BANDWIDTH, Model, smooth_sinusoids, track
+from metaid.study import HORIZON, Problem
+
+COASTING = 0.1  # a joint speed changed by more than this share of the fastest link's is no longer coasting
+COASTING_HORIZON = 100.0  # natural times for which coasting is watched
+PUSHES, MOST_PUSHES = 10, 1000
+
+
+@dataclass(frozen=True)
+class Validated:
+    """How good the lumps named `model` are.
+
+    `coasting` (npush): time, in s, for which each push coasts, at most the horizon; `errors` (nsteps x njoint): of the
+    joint angles along the trajectory, in rad, as far as it got before the chain was out of control; `tracked` is
+    whether it got to the end.
+    """
+
+    model: str
+    coasting: Array
+    errors: Array
+    tracked: bool
+
+    @property
+    def rms_error(self) -> float:
+        """Root of the mean square of the tracking errors, in rad; infinite if control was lost."""
+        return float(np.sqrt((self.errors**2).mean())) if self.tracked else np.inf
+
+    @property
+    def max_error(self) -> float:
+        """Largest tracking error, in rad; infinite if control was lost."""
+        return float(np.abs(self.errors).max()) if self.tracked else np.inf
+
+
+@dataclass(frozen=True)
+class Validation:
+    """`models` compared on one `plant`; `pushes` (npush x njoint) in N s, the others in s."""
+
+    plant: str
+    seed: int
+    pushes: Array
+    timestep: float
+    natural_time: float
+    horizon: float
+    models: tuple[Validated, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """What `metaid study validate --json` prints; None for the tracking error of a model that lost control."""
+
+        def degrees(radians: float) -> float | None:
+            return float(np.degrees(radians)) if np.isfinite(radians) else None
+
+        def row(shown: Validated) -> dict[str, Any]:
+            median = float(np.median(shown.coasting))
+            return {
+                "model": shown.model,
+                "coasting_s": median,
+                "coasting_natural_times": median / self.natural_time,
+                "coasting_each_s": shown.coasting.tolist(),
+                "coasting_whole_horizon": int((shown.coasting >= self.horizon).sum()),
+                "tracking_rms_deg": degrees(shown.rms_error),
+                "tracking_max_deg": degrees(shown.max_error),
+            }
+
+        head = {"plant": self.plant, "seed": self.seed, "pushes": len(self.pushes)}
+        times = {"natural_time_s": self.natural_time, "horizon_s": self.horizon}
+        return {**head, **times, "models": [row(shown) for shown in self.models]}
+
+
+def validate_factors(
+    problem: Problem, factors: Array, pushes: int = PUSHES, seed: int = 0, inertia: Array | None = None
+) -> Validation:
+    """Validates the `factors` (nlump) that the first stage of a study found, which `problem` is, and the `inertia`
+    lumps (nlink), in kg m², that the second found, if there was one, on `pushes` rich pushes that `seed` means.
+
+    Raises StudyError on a number of pushes or a seed that cannot be, and of a rig.
+    """
+    if not 1 <= pushes <= MOST_PUSHES or seed < 0:
+        raise StudyError(f"pushes is {pushes} and seed is {seed} (allowed: 1 to {MOST_PUSHES} pushes, a seed from 0)")
+    plant, nominal = problem.make_plant(), problem.nominal
+    time = natural_time(nominal, plant.gravity)
+    fresh = fresh_pushes(plant, pushes, REACH / (HORIZON * time), problem.spec.study.seed, seed)
+    steps = round(COASTING_HORIZON * time / plant.timestep)
+    candidates = {"nominal": problem.lumps, "identified": replace(problem.lumps.scaled(factors), inertia=inertia)}
+    truth = plant.true_lumps()
+    if truth is not None:
+        candidates["true"] = truth
+    if inertia is None:
+        candidates = {name: _with_believed_inertia(lumps, nominal) for name, lumps in candidates.items()}
+
+    def validated(name: str, lumps: Lumps) -> Validated:
+        coasting = np.array([coasting_time(plant, lumps, impulses, steps) for impulses in fresh])
+        return Validated(name, coasting, *tracking_errors(plant, lumps, nominal))
+
+    models = tuple(validated(name, lumps) for name, lumps in candidates.items())
+    return Validation(plant.name, seed, fresh, plant.timestep, time, steps * plant.timestep, models)
+
+
+def _with_believed_inertia(lumps: Lumps, nominal: Chain) -> Lumps:
+    """Where inertia lumps are not identified, d_i is μ_i times the nominal model's d_i / μ_i, for every model alike."""
+    return replace(lumps, inertia=nominal.inertia_lumps * lumps.gravity / nominal.lumps.gravity)
+
+
+def fresh_pushes(plant: Plant, count: int, peak_speed: float, study_seed: int, seed: int) -> Array:
+    """Rich pushes (count x njoint), in N s, from a stream of random numbers that no study's pushes come from."""
+    stream = int(np.random.SeedSequence([study_seed, seed]).generate_state(1)[0])
+    return rich_pushes(plant, count, peak_speed, stream)
+
+
+def coasting_time(plant: Plant, lumps: Lumps, impulses: Array, steps: int) -> float:
+    """For how long, in s and at most `steps`, the plant coasts after a push of `impulses` (njoint), in N s, with
+    `lumps` in the law.
+
+    It has coasted until a joint's speed has changed by a tenth of the speed of the fastest link after the push.
+    """
+    plant.push(impulses)
+    angles, speeds = plant.states()
+    pushed, tolerance = speeds, COASTING * np.abs(np.cumsum(speeds)).max()
+    for step in range(steps):
+        plant.apply_torque(compensation_torque(lumps, angles, speeds, plant.gravity))
+        plant.step()
+        angles, speeds = plant.states()
+        if not np.abs(speeds - pushed).max() <= tolerance:
+            return step * plant.timestep
+    return steps * plant.timestep
+
+
+def tracking_errors(plant: Plant, lumps: Lumps, nominal: Chain) -> tuple[Array, bool]:
+    """Errors of the joint angles (nsteps x njoint), in rad, along smooth sinusoids under computed torque with `lumps`,
+    up to where control was lost, and whether it never was.
+
+    The feedback is weighted by the nominal mass matrix, for every model alike.
+    """
+    time = natural_time(nominal, plant.gravity)
+    desired = smooth_sinusoids(plant.njoint, time, plant.timestep)
+    model = Model(lumps, lumps.of("inertia"))
+    feedback = Model(nominal.lumps, nominal.inertia_lumps)
+    seen = track(plant, model, feedback, desired, BANDWIDTH / time)
+    return seen.angles - desired.angles[: len(seen.angles)], len(seen.angles) == len(desired.angles)

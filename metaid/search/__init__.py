@@ -1,0 +1,31 @@
+"""Where to try next.
+
+A searcher proposes factors, generation by generation, and is told what became of them. `SAMPLERS` is the registry:
+one more sampler is one more entry. The coordinates that searchers move in, and the sensitivity of the measure by the
+nominal model, are here too.
+"""
+
+from metaid.search.body_space import BodySpace, body_space
+from metaid.search.cmaes import Cmaes
+from metaid.search.coordinates import Coordinates, nominal_metric, plain_coordinates
+from metaid.search.registry import SAMPLERS, Sampler, SamplerOptions, make_searcher
+from metaid.search.searcher import Searcher
+from metaid.search.sensitivity import designed_speeds, sensitivity
+from metaid.search.walk import Walking
+
+__all__ = [
+    "SAMPLERS",
+    "BodySpace",
+    "Cmaes",
+    "Coordinates",
+    "Sampler",
+    "SamplerOptions",
+    "Searcher",
+    "Walking",
+    "body_space",
+    "designed_speeds",
+    "make_searcher",
+    "nominal_metric",
+    "plain_coordinates",
+    "sensitivity",
+]

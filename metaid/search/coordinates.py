@@ -1,0 +1,76 @@
+"""Changes of coordinates between what a searcher moves in and the factors that are tried and stored.
+
+`plain`: the factors themselves. `nominal-metric`: factor = start + L z, where L Lᵀ ∝ H⁻¹ and H is what the nominal
+model alone says of how the spectral measure grows away from exact compensation: in z the landscape is nearly round,
+whatever the number of links.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from metaid.errors import EpisodeError
+from metaid.models import Array
+
+LEAST_SENSITIVITY = (
+    1e-12  # relative to the largest; below it a combination of lumps cannot be told from its nominal value
+)
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """factor = `origin` + `spread` @ z, with the factors kept between `low` and `high`, all (nlump); z = 0 is the
+    start.  Eq. 12.
+
+    `curvature`: where it is known, κ in spectral_hz² ≈ κ |z − z*|², in Hz².
+    """
+
+    origin: Array
+    spread: Array
+    low: Array
+    high: Array
+    curvature: float | None = None
+
+    def factors(self, z: Array) -> Array:
+        """Factors (nlump) at z (nlump), moved to the nearest bound where they are beyond it."""
+        return np.clip(self.origin + self.spread @ z, self.low, self.high)
+
+    def inside(self, z: Array) -> bool:
+        """Whether z means factors within the bounds."""
+        factors = self.origin + self.spread @ z
+        return bool(np.all((self.low <= factors) & (factors <= self.high)))
+
+    def z(self, factors: Array) -> Array:
+        """The z (nlump) of `factors` (nlump)."""
+        return np.asarray(np.linalg.solve(self.spread, factors - self.origin), dtype=np.float64)
+
+    def box(self) -> tuple[Array, Array]:
+        """The least box in z, low and high (nlump), that holds every allowed change of each single coordinate of z."""
+        room = np.where(self.spread != 0.0, np.abs(self.spread), np.nan)
+        up = np.where(self.spread > 0.0, (self.high - self.origin)[:, None], (self.origin - self.low)[:, None])
+        down = np.where(self.spread > 0.0, (self.origin - self.low)[:, None], (self.high - self.origin)[:, None])
+        return -np.nanmin(down / room, axis=0), np.nanmin(up / room, axis=0)
+
+
+def plain_coordinates(start: Array, low: Array, high: Array) -> Coordinates:
+    """The factors themselves, measured from `start`; all (nlump)."""
+    return Coordinates(start, np.eye(len(start)), low, high)
+
+
+def nominal_metric(h: Array, start: Array, low: Array, high: Array) -> Coordinates:
+    """Coordinates in which the spectral measure, of sensitivity `h` (nlump x nlump), is round: least determined factor
+    at unit spread.  Eq. 12.
+
+    `start`, `low`, `high` (nlump).  Raises EpisodeError where the pushes tell nothing of some combination of lumps.
+    """
+    values, vectors = np.linalg.eigh(h)
+    if not values[0] > LEAST_SENSITIVITY * values[-1]:
+        raise EpisodeError(
+            "these pushes cannot tell all lumps apart, so there is no nominal metric: "
+            "use pushes = 'rich' or coordinates = 'plain'"
+        )
+    root = vectors / np.sqrt(values) @ vectors.T
+    unit = np.diag(root @ root).max()
+    return Coordinates(start, root / np.sqrt(unit), low, high, curvature=1.0 / (unit * (2.0 * np.pi) ** 2))

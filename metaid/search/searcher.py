@@ -1,0 +1,45 @@
+"""What every searcher answers to: ask for a generation, tell what became of it.
+
+A generation's size belongs to the study, not to the number of workers, so the trials are the same whoever evaluates
+them. Falls carry values above every survivor's (Eq. 13); searchers that can be told of a fall as such are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Protocol
+
+from pydantic import Field
+
+from metaid.episode import Outcome
+from metaid.files import Settings
+from metaid.models import Array
+
+
+class GenerationOptions(Settings):
+    """`generation`: how many candidates a generation has (default: the sampler's own number)."""
+
+    generation: Annotated[int, Field(ge=2, le=100_000)] | None = None
+
+
+class StepOptions(GenerationOptions):
+    """`sigma`: the first step, in the coordinates' own unit."""
+
+    sigma: Annotated[float, Field(gt=0, le=10)] = 0.2
+
+
+class Searcher(Protocol):
+    """Proposes factors and learns from outcomes, generation by generation."""
+
+    @property
+    def spread(self) -> float | None:
+        """How widely it still looks about, in its own coordinates; None where it has no such number."""
+
+    def ask(self) -> Array:
+        """The next generation's factors (ncandidate x nlump)."""
+
+    def tell(self, outcomes: Sequence[Outcome]) -> None:
+        """What became of them, in the same order."""
+
+    def finished(self) -> bool:
+        """Whether it cannot improve any more."""

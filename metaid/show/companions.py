@@ -1,0 +1,61 @@
+"""Thinned companions of studies too long for a browser: an Optuna study beside the original, with the best trials and
+others evenly from first to last.
+"""
+
+from __future__ import annotations
+
+import optuna
+import pandas as pd
+from optuna.distributions import BaseDistribution, FloatDistribution
+from optuna.trial import TrialState, create_trial
+
+from metaid.results import Findings
+from metaid.store import Store
+
+MOST_TRIALS_SHOWN = 10_000  # trials that a browser shows without hanging
+KEPT = 1_000  # trials of a companion
+
+
+def companion_name(name: str) -> str:
+    """What the companion of a study is called in the DB."""
+    return f"{name} (thinned)"
+
+
+def thinned(trials: pd.DataFrame) -> pd.DataFrame:
+    """At most KEPT rows of `trials`, in order: a quarter of them the best survivors, the others evenly spaced."""
+    survivors = trials[trials["state"] == "COMPLETE"]
+    best = survivors.nsmallest(KEPT // 4, "value")
+    others = trials.drop(best.index)
+    even = others.iloc[:: max(-(-len(others) // (KEPT - len(best))), 1)]
+    kept: pd.DataFrame = pd.concat([best, even]).sort_values("number")
+    return kept
+
+
+def write_companion(store: Store, found: Findings) -> optuna.Study:
+    """Makes or renews the companion; each of its trials says in `trial` which one of the study it is."""
+    delete_companion(store, found.name)
+    names = found.names
+    space: dict[str, BaseDistribution] = {
+        lump: FloatDistribution(low, high)
+        for lump, low, high in zip(names, found.problem.low.tolist(), found.problem.high.tolist(), strict=True)
+    }
+    companion = optuna.create_study(storage=store.optuna, study_name=companion_name(found.name))
+    numbers = ["generation", "steps", *(f"periods_{joint + 1}" for joint in range(found.problem.nominal.nlink))]
+    companion.add_trials(
+        create_trial(
+            state=TrialState[row["state"]],
+            value=row["value"],
+            params={lump: row[lump] for lump in names},
+            distributions=space,
+            user_attrs={"trial": row["number"], **{key: row[key] for key in numbers}},
+            intermediate_values={row["steps"]: row["value"]},
+        )
+        for row in thinned(found.trials).to_dict("records")
+    )
+    return companion
+
+
+def delete_companion(store: Store, name: str) -> None:
+    """Deletes the companion of a study, if it has one."""
+    if companion_name(name) in optuna.get_all_study_names(store.optuna):
+        optuna.delete_study(study_name=companion_name(name), storage=store.optuna)

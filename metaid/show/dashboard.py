@@ -1,0 +1,235 @@
+"""optuna-dashboard on the study DB, on this machine's loopback alone.
+
+Before it is served, every study is given a note that explains it and our key figures as the dashboard's custom
+graphs; studies too long for a browser get a thinned companion.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from socketserver import ThreadingMixIn
+from typing import Any
+from wsgiref.simple_server import WSGIRequestHandler, WSGIServer, make_server
+
+import numpy as np
+import optuna
+import pandas as pd
+from optuna_dashboard import get_note, save_note, save_plotly_graph_object, wsgi
+
+from metaid.errors import MetaidError
+from metaid.results import Findings, read_findings
+from metaid.show.companions import MOST_TRIALS_SHOWN, companion_name, write_companion
+from metaid.show.figures import FALL, RANGE, SURVIVOR
+from metaid.show.loopback import loopback_only
+from metaid.store import Store
+
+HOST = "127.0.0.1"
+SIGNED = "*This note is written by metaid. Take this line out to keep your own.*"
+POINTS = 400  # of a custom graph at most: the DB keeps graphs in rows of 2 kB
+SHOWN_KEY = "metaid:shown"  # the number of trials that note and graphs were made from
+
+
+@dataclass(frozen=True)
+class Graph:
+    """A graph in plotly's terms, which the dashboard draws by itself: plotly need not be installed."""
+
+    data: list[dict[str, Any]]
+    layout: dict[str, Any]
+
+    def to_json(self) -> str:
+        return json.dumps({"data": self.data, "layout": self.layout})
+
+
+def serve(store: Store, port: int, say: Callable[[str], None]) -> None:
+    """Serves the dashboard until interrupted; `say` is told where.  Raises MetaidError if the port is taken."""
+    say("writing notes and graphs where there are new trials …")
+    with make_dashboard(store, port) as server:
+        for line in addresses(store, server.server_port):
+            say(line)
+        server.serve_forever()
+
+
+def make_dashboard(store: Store, port: int) -> WSGIServer:
+    """The server, bound to loopback and not yet serving; port 0 takes a free one.  Raises MetaidError."""
+    for name in store.names():
+        explain(store, name)
+    try:
+        return make_server(HOST, port, loopback_only(wsgi(store.optuna)), _Server, _Quiet)
+    except OSError as problem:
+        raise MetaidError(f"port {port} cannot be used: {problem.strerror} (choose another with --port)") from None
+
+
+def addresses(store: Store, port: int) -> Iterator[str]:
+    """Where each study is to be seen."""
+    yield f"the dashboard is http://{HOST}:{port}/dashboard, for this machine alone, until Ctrl-C"
+    listed = optuna.get_all_study_names(store.optuna)
+    for name in store.names():
+        shown = companion_name(name) if companion_name(name) in listed else name
+        yield f"  {shown}: http://{HOST}:{port}/dashboard/studies/{store.optuna.get_study_id_from_name(shown)}"
+
+
+class _Server(ThreadingMixIn, WSGIServer):
+    daemon_threads = True
+
+
+class _Quiet(WSGIRequestHandler):
+    def log_message(self, format: str, *arguments: Any) -> None:
+        """Says nothing of each request."""
+
+
+def explain(store: Store, name: str) -> None:
+    """Attaches note, custom graphs and, where it is long, a companion to a study, unless they are there already."""
+    study = optuna.load_study(study_name=name, storage=store.optuna)
+    count = store.optuna.get_n_trials(study._study_id)
+    if store.optuna.get_study_system_attrs(study._study_id).get(SHOWN_KEY) == count:
+        return
+    found = read_findings(store, name)
+    long = len(found.trials) > MOST_TRIALS_SHOWN
+    shown = [study, write_companion(store, found)] if long else [study]
+    for each in shown:
+        if not (written := get_note(each)) or SIGNED in written:
+            save_note(each, note(found))
+        if not found.survivors.empty:
+            for title, graph in graphs(found).items():
+                save_plotly_graph_object(each, graph, graph_object_id=title)
+    store.optuna.set_study_system_attr(study._study_id, SHOWN_KEY, count)
+
+
+def note(found: Findings) -> str:
+    """What the study is, in Markdown."""
+    shown, trials = found.summary, found.summary["trials"]
+    if len(found.trials) > MOST_TRIALS_SHOWN:
+        companion = (
+            f"This study is long: *{_escaped(companion_name(found.name))}* has its best trials and an even choice."
+        )
+    else:
+        companion = ""
+    return f"""# {_escaped(found.name)}
+
+{_escaped(found.spec.study.description)}
+
+Lumps of the plant **{_escaped(shown["plant"])}**, searched by {shown["sampler"]} with seed {shown["seed"]}.
+A parameter is a factor of the nominal {"value" if found.problem.body_space else "lump"}. The value is the measure
+*{shown["measure"]}*, in {found.problem.measure.unit}; it is least where the pendulum coasts.
+
+**{trials["complete"]}** trials survived. **{trials["pruned"]}** fell: they are PRUNED, their last step is the one that
+they survived to, and their value ranks them behind every survivor.
+
+{companion}
+
+| lump | nominal | identified | low | high | true | error | unit |
+| --- | ---: | ---: | ---: | ---: | ---: | ---: | --- |
+{chr(10).join(_row(lump) for lump in shown["lumps"])}
+
+{SIGNED}
+"""
+
+
+def _row(lump: dict[str, Any]) -> str:
+    cells = [lump[key] for key in ("nominal", "identified", "low", "high", "true")]
+    numbers = ["–" if cell is None else f"{cell:.5g}" for cell in cells]
+    error = "–" if lump["error"] is None else f"{lump['error']:+.3%}"
+    return f"| `{lump['name']}` | {' | '.join(numbers)} | {error} | {lump['unit']} |"
+
+
+def _escaped(text: str) -> str:
+    """A user's text with nothing left in it that Markdown or HTML would read."""
+    return "".join(f"\\{letter}" if letter in "\\`*_{}[]()<>#+!|~&" else letter for letter in " ".join(text.split()))
+
+
+def graphs(found: Findings) -> dict[str, Graph]:
+    """Our key figures by title: convergence, the lumps' ranges, falls over the first two lumps."""
+    made = {"Convergence": _convergence(found), "Lumps": _lumps(found)}
+    if len(found.names) > 1:
+        made["Falls"] = _falls(found, *found.names[:2])
+    return made
+
+
+def _convergence(found: Findings) -> Graph:
+    survivors = found.survivors
+    best = survivors["value"].cummin()
+    changes = survivors[best.diff().ne(0.0)]
+    last = int(found.trials["number"].max())
+    falls = _thin(found.falls)["number"]
+    lines = [
+        {
+            "name": "best so far",
+            "x": [*changes["number"].tolist(), last],
+            "y": _short([*changes["value"], best.iloc[-1]]),
+            "mode": "lines",
+            "line": {"shape": "hv", "color": SURVIVOR},
+        },
+        {
+            "name": f"falls ({len(found.falls)})",
+            "x": falls.tolist(),
+            "y": _short(np.full(len(falls), survivors["value"].max())),
+            "mode": "markers",
+            "marker": {"symbol": "line-ns-open", "color": FALL},
+        },
+    ]
+    scale = "log" if best.iloc[-1] > 0.0 else "linear"
+    return Graph([{"type": "scatter", **line} for line in lines], _layout("Convergence", "trial", found.label, scale))
+
+
+def _lumps(found: Findings) -> Graph:
+    lumps = found.lumps.dropna(subset=["identified"])
+    factor, low, high, nominal = (lumps[key] for key in ("factor", "low", "high", "nominal"))
+    ranges = {
+        "type": "scatter",
+        "mode": "markers",
+        "name": "identified, with its range",
+        "x": lumps["name"].tolist(),
+        "y": _short(factor),
+        "marker": {"color": SURVIVOR, "size": 9},
+        "error_y": {
+            "type": "data",
+            "symmetric": False,
+            "array": _short(high / nominal - factor),
+            "arrayminus": _short(factor - low / nominal),
+        },
+    }
+    data = [ranges]
+    if found.true_factors is not None:
+        star = {"symbol": "star-open", "size": 13, "color": FALL}
+        data.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "name": "truth",
+                "x": found.names,
+                "y": _short(found.true_factors),
+                "marker": star,
+            }
+        )
+    return Graph(data, _layout("Lumps", "", "factor of nominal"))
+
+
+def _falls(found: Findings, first: str, second: str) -> Graph:
+    kinds = [("survivor", found.survivors, RANGE, "circle"), ("fall", found.falls, FALL, "x")]
+    data = [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "name": label,
+            "x": _short(_thin(rows)[first]),
+            "y": _short(_thin(rows)[second]),
+            "marker": {"color": colour, "symbol": symbol, "size": 5},
+        }
+        for label, rows, colour, symbol in kinds
+    ]
+    return Graph(data, _layout("Falls", f"factor of {first}", f"factor of {second}"))
+
+
+def _layout(title: str, x: str, y: str, scale: str = "linear") -> dict[str, Any]:
+    return {"title": {"text": title}, "xaxis": {"title": {"text": x}}, "yaxis": {"title": {"text": y}, "type": scale}}
+
+
+def _short(numbers: Any) -> list[float]:
+    """Numbers to five digits: a graph is looked at."""
+    return [float(f"{number:.5g}") for number in numbers]
+
+
+def _thin(rows: pd.DataFrame) -> pd.DataFrame:
+    return rows.iloc[:: max(-(-len(rows) // POINTS), 1)]

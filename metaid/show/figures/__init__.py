@@ -1,0 +1,45 @@
+"""Pictures, with matplotlib: each `plot_` function draws data on an Axes (a new one if none is given) and returns it.
+
+from metaid import figures, load_findings
+
+found = load_findings("three-link")
+figures.plot_convergence(found)
+"""
+
+from metaid.show.figures.episodes import draw_episode, plot_angles, plot_phase
+from metaid.show.figures.gallery import Gallery, Picture
+from metaid.show.figures.landscape import plot_boundary, plot_parallel, plot_sweep
+from metaid.show.figures.lumps import plot_correlation, plot_ranges
+from metaid.show.figures.plants import plant_figure, plot_plant
+from metaid.show.figures.search import plot_convergence, plot_error, plot_factor
+from metaid.show.figures.style import COLOURS, FALL, INK, PAGE, RANGE, SUFFIXES, SURVIVOR, save, style
+from metaid.show.figures.tracking import draw_tracking, plot_tracking
+
+__all__ = [
+    "COLOURS",
+    "FALL",
+    "INK",
+    "PAGE",
+    "RANGE",
+    "SUFFIXES",
+    "SURVIVOR",
+    "Gallery",
+    "Picture",
+    "draw_episode",
+    "draw_tracking",
+    "plant_figure",
+    "plot_angles",
+    "plot_boundary",
+    "plot_convergence",
+    "plot_correlation",
+    "plot_error",
+    "plot_factor",
+    "plot_parallel",
+    "plot_phase",
+    "plot_plant",
+    "plot_ranges",
+    "plot_sweep",
+    "plot_tracking",
+    "save",
+    "style",
+]

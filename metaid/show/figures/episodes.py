@@ -1,0 +1,54 @@
+"""What an episode showed: joint angles over time, and the phase portrait."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from metaid.compiled import Objective
+from metaid.episode import Trajectory
+from metaid.models import Array
+from metaid.show.figures.style import COLOURS, PAGE, new_axes, save, style, verbatim
+
+
+def plot_angles(trajectory: Trajectory, timestep: float, axes: Axes | None = None) -> Axes:
+    """Joint angles, in degrees, over time, in s."""
+    axes = new_axes(axes)
+    times = timestep * np.arange(len(trajectory.angles))
+    for joint, angles in enumerate(trajectory.angles.T):
+        axes.plot(times, np.degrees(angles), color=COLOURS[joint % len(COLOURS)], label=f"joint {joint + 1}")
+    axes.set_xlabel("time, s")
+    axes.set_ylabel("joint angle, degrees")
+    axes.grid(True)
+    axes.legend(loc="upper left", ncols=min(len(trajectory.angles.T), 5))
+    return axes
+
+
+def plot_phase(trajectory: Trajectory, axes: Axes | None = None) -> Axes:
+    """Joint speeds, in degrees per second, over joint angles, in degrees; a dot where each starts."""
+    axes = new_axes(axes)
+    for joint, (angles, speeds) in enumerate(
+        zip(np.degrees(trajectory.angles.T), np.degrees(trajectory.speeds.T), strict=True)
+    ):
+        colour = COLOURS[joint % len(COLOURS)]
+        axes.plot(angles, speeds, color=colour, label=f"joint {joint + 1}")
+        axes.plot(angles[0], speeds[0], "o", color=colour, markersize=3)
+    axes.set_xlabel("joint angle, degrees")
+    axes.set_ylabel("joint speed, degrees/s")
+    axes.grid(True)
+    return axes
+
+
+def draw_episode(objective: Objective, factors: Array, path: Path) -> None:
+    """Angles and phase portrait of a candidate's episode, as a file whose ending says the format."""
+    record, trajectory = objective.watch(factors)
+    with style():
+        figure = Figure(figsize=(PAGE, 2.6), layout="constrained")
+        left, right = figure.subplots(1, 2, width_ratios=(3, 2))
+        plot_angles(trajectory, record.timestep, left)
+        plot_phase(trajectory, right)
+        left.set_title(f"{verbatim(objective.plant.name)}: {'fell' if record.fall_step is not None else 'no fall'}")
+    save(figure, path)

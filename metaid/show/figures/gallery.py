@@ -1,0 +1,199 @@
+"""The figures of a study as `metaid study plot` and the report have them: one a question, each with a caption."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from metaid.episode import Trajectory
+from metaid.errors import StorageError
+from metaid.models import Array
+from metaid.results import Findings, Plane, Sweep, plane, sweep
+from metaid.show.figures.episodes import plot_angles, plot_phase
+from metaid.show.figures.landscape import plot_boundary, plot_parallel, plot_sweep
+from metaid.show.figures.lumps import plot_correlation, plot_ranges
+from metaid.show.figures.search import plot_convergence, plot_error, plot_factor
+from metaid.show.figures.style import COLUMN, PAGE, style
+
+PANELS = 12  # lumps at most in a figure of one panel each
+SWEPT, GRID = 61, 31  # factors along a line, and along each side of a plane
+WIDTHS = {"page": PAGE, "column": COLUMN}  # inches
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure, the file name that it deserves, and what it shows in a sentence or two."""
+
+    name: str
+    caption: str
+    figure: Figure
+
+
+class Gallery:
+    """All figures of a study; `over` are the two lumps of the fall boundary (default: gravity of the first two links).
+
+    Raises StorageError where there is no survivor yet, or no such lump.
+    """
+
+    def __init__(self, found: Findings, over: tuple[str, str] | None = None) -> None:
+        self.found = found
+        self.centre = found.best_factors
+        self.objective = found.objective()
+        self.names = found.names[:PANELS]
+        self.over = over or (found.names[0], found.names[min(1, len(found.names) - 1)])
+        self._pair = found.index(self.over[0]), found.index(self.over[1])
+        if over and over[0] == over[1]:
+            raise StorageError(f"a boundary is over two different lumps, not {over[0]} twice")
+
+    def pictures(self, width: str = "page") -> Iterator[Picture]:
+        """One after another, for a `width` of "page" or "column". A rig is not moved for a picture: those that need
+        more episodes are left out.
+        """
+        simulated = self.found.problem.is_simulated
+        makers = [self._convergence, self._factors, self._ranges, *([self._frequency] if simulated else [])]
+        if len(self.found.names) > 1:
+            makers += [self._boundary, self._parallel, self._correlation]
+        for make in [*makers, *([self._episode] if simulated else [])]:
+            with style():
+                picture = make(WIDTHS[width])
+            yield picture
+        if self.second is not None:
+            for picture in self.second.pictures(width):
+                yield replace(picture, name=f"inertia-{picture.name}", caption=f"Second stage. {picture.caption}")
+
+    @cached_property
+    def second(self) -> Gallery | None:
+        """The figures of the second stage, if there is one."""
+        return None if self.found.second is None else Gallery(self.found.second)
+
+    @cached_property
+    def sweeps(self) -> list[Sweep]:
+        """The measure along each lump's factor, from its lower to its upper bound."""
+        return [sweep(self.objective, self.centre, i, self._line(i, SWEPT)) for i in range(len(self.names))]
+
+    @cached_property
+    def boundary(self) -> Plane | None:
+        """The measure over the two lumps, between their bounds; None of a rig."""
+        if not self.found.problem.is_simulated:
+            return None
+        first, second = (self._line(i, GRID) for i in self._pair)
+        return plane(self.objective, self.centre, self._pair, first, second)
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """The best candidate's motion after the last push."""
+        return self.objective.watch(self.centre)[1]
+
+    def _line(self, lump: int, count: int) -> Array:
+        return np.linspace(self.found.problem.low[lump], self.found.problem.high[lump], count)
+
+    def _convergence(self, width: float) -> Picture:
+        figure, (left, right) = _pair_of_panels(width, (1, 1))
+        plot_convergence(self.found, left)
+        plot_error(self.found, right)
+        return Picture(
+            "convergence",
+            "The measure of every survivor, and the best so far; falls are marked along the top. "
+            "Beside it the largest error of a lump of the best candidate, which the search never sees.",
+            figure,
+        )
+
+    def _factors(self, width: float) -> Picture:
+        figure, axes = _panels(width, len(self.names))
+        for lump, panel in zip(self.names, axes, strict=True):
+            plot_factor(self.found, lump, panel)
+        _share_legend(figure, axes)
+        return Picture("factors", f"Each lump's factor over the trials.{self._how_many}", figure)
+
+    def _frequency(self, width: float) -> Picture:
+        figure, axes = _panels(width, len(self.names))
+        for swept, panel in zip(self.sweeps, axes, strict=True):
+            plot_sweep(self.found, swept, panel)
+        _share_legend(figure, axes)
+        caption = f"The measure against one lump's factor, the other lumps at their best.{self._how_many}"
+        return Picture("frequency", caption, figure)
+
+    @property
+    def _how_many(self) -> str:
+        shown, all_of_them = len(self.names), len(self.found.names)
+        return "" if shown == all_of_them else f" The first {shown} of {all_of_them} lumps."
+
+    def _ranges(self, width: float) -> Picture:
+        figure = Figure(figsize=(width, 1.2 + 0.2 * len(self.found.names)), layout="constrained")
+        plot_ranges(self.found, figure.subplots())
+        caption = "Each lump's range over the trials that the measure cannot tell from the best one."
+        return Picture("ranges", caption, figure)
+
+    def _boundary(self, width: float) -> Picture:
+        figure = Figure(figsize=(width, 3.6), layout="constrained")
+        plot_boundary(self.found, *self.over, figure.subplots(), self.boundary)
+        _share_legend(figure, figure.axes)
+        caption = (
+            f"Falls and survivors over {self.over[0]} and {self.over[1]}. Shaded: candidates fall there whose other "
+            "lumps are the best one's; trials had others, so they may fall or survive elsewhere."
+            if self.boundary is not None
+            else f"Falls and survivors over {self.over[0]} and {self.over[1]}."
+        )
+        return Picture("boundary", caption, figure)
+
+    def _parallel(self, width: float) -> Picture:
+        figure = Figure(figsize=(width, 3.2), layout="constrained")
+        plot_parallel(self.found, figure.subplots())
+        _share_legend(figure, figure.axes[:1])
+        caption = "Trials as lines over the lumps' factors; the colour is the measure, falls are dotted."
+        return Picture("parallel", caption, figure)
+
+    def _correlation(self, width: float) -> Picture:
+        side = min(width, 4.2 if len(self.found.names) < 20 else 6.5)
+        figure = Figure(figsize=(side, 0.9 * side), layout="constrained")
+        plot_correlation(self.found, figure.subplots())
+        caption = (
+            "Correlation of the lumps' factors over the best trials: "
+            "near 1 or −1 a combination of two lumps is known better than either."
+        )
+        return Picture("correlation", caption, figure)
+
+    def _episode(self, width: float) -> Picture:
+        figure, (left, right) = _pair_of_panels(width, (3, 2))
+        plot_angles(self.trajectory, self.found.problem.timestep, left)
+        plot_phase(self.trajectory, right)
+        does = "it coasts" if self.found.problem.stage == 1 else "every joint swings at the same frequency"
+        caption = (
+            f"Joint angles and phase portrait of the best candidate after the last push; exactly compensated, {does}."
+        )
+        return Picture("episode", caption, figure)
+
+
+def _pair_of_panels(width: float, ratios: tuple[int, int]) -> tuple[Figure, list[Axes]]:
+    """Two panels: side by side on a page, one above the other in a column."""
+    if width < PAGE:
+        figure = Figure(figsize=(width, 4.6), layout="constrained")
+        return figure, list(figure.subplots(2, 1))
+    figure = Figure(figsize=(width, 2.6), layout="constrained")
+    return figure, list(figure.subplots(1, 2, width_ratios=ratios))
+
+
+def _panels(width: float, count: int) -> tuple[Figure, list[Axes]]:
+    columns = min(count, 3 if width >= PAGE else 2)
+    rows = -(-count // columns)
+    figure = Figure(figsize=(width, max(1.9 * rows, 2.4)), layout="constrained")
+    axes = list(figure.subplots(rows, columns, squeeze=False).flat)
+    for panel in axes[count:]:
+        panel.remove()
+    return figure, axes[:count]
+
+
+def _share_legend(figure: Figure, axes: list[Axes]) -> None:
+    """One legend above all panels, with each label once, instead of one in each."""
+    labelled = {label: mark for panel in axes for mark, label in zip(*panel.get_legend_handles_labels(), strict=True)}
+    for panel in axes:
+        if legend := panel.get_legend():
+            legend.remove()
+    figure.legend(
+        labelled.values(), labelled.keys(), loc="outside upper center", ncols=5 if figure.get_figwidth() >= PAGE else 2
+    )

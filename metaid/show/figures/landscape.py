@@ -1,0 +1,125 @@
+"""What the measure looks like over the factors: where candidates fall, and how the frequency grows from its least."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import LogNorm, Normalize
+from numpy.typing import NDArray
+
+from metaid.models import Array
+from metaid.results import Findings, Plane, Sweep
+from metaid.show.figures.style import FALL, INK, MANY, SURVIVOR, VALUES, new_axes
+
+LINES = 400  # of parallel coordinates at most: half of them the best, the others evenly over the trials
+
+
+def plot_boundary(
+    found: Findings, first: str, second: str, axes: Axes | None = None, boundary: Plane | None = None
+) -> Axes:
+    """Falls and survivors over the factors of two lumps, with the best and the truth.
+
+    `boundary` (from `sweeps.plane`) adds where candidates fall in the plane through the best one: in it the other
+    lumps are the best one's, whereas trials lie off it.
+    """
+    axes = new_axes(axes)
+    one, two = found.index(first), found.index(second)
+    if boundary is not None:
+        fell = np.isnan(boundary.values).astype(float)
+        axes.contourf(boundary.first, boundary.second, fell, levels=[0.5, 1.5], colors=[FALL], alpha=0.15)
+        if fell.any() and not fell.all():
+            axes.contour(boundary.first, boundary.second, fell, levels=[0.5], colors=[FALL], linewidths=1.2)
+        axes.plot([], [], color=FALL, label="edge of falling, the others at their best")
+    many = len(found.trials) > MANY
+    survivors, falls = found.survivors, found.falls
+    axes.plot(
+        survivors[first],
+        survivors[second],
+        "o",
+        color=SURVIVOR,
+        markersize=2.5,
+        alpha=0.6,
+        markeredgewidth=0,
+        label="survivor",
+        rasterized=many,
+    )
+    axes.plot(
+        falls[first], falls[second], "x", color=FALL, markersize=3, markeredgewidth=0.7, label="fall", rasterized=many
+    )
+    if len(survivors):
+        axes.plot(*found.best_factors[[one, two]], "D", color="none", markeredgecolor=INK, markersize=6, label="best")
+    if found.true_factors is not None:
+        axes.plot(*found.true_factors[[one, two]], "*", color=INK, markersize=9, label="truth")
+    axes.set_xlabel(f"factor of {first}")
+    axes.set_ylabel(f"factor of {second}")
+    axes.grid(True)
+    axes.legend(loc="best")
+    return axes
+
+
+def plot_sweep(found: Findings, swept: Sweep, axes: Axes | None = None) -> Axes:
+    """The frequency against one lump's factor, the others at their best: the paper's Table I as a curve."""
+    axes = new_axes(axes)
+    axes.plot(swept.factors, swept.values, color=SURVIVOR, marker=".", markersize=3, label=found.problem.measure.name)
+    for run in _runs(swept.fell):
+        edges = swept.factors[[max(run[0] - 1, 0), run[-1]]]
+        axes.axvspan(*edges, color=FALL, alpha=0.15, linewidth=0)
+    if swept.fell.any():
+        axes.fill_between([], [], [], color=FALL, alpha=0.15, linewidth=0, label="falls")
+    if found.true_factors is not None:
+        axes.axvline(found.true_factors[swept.lump], color=INK, linewidth=0.8, linestyle="--", label="truth")
+    axes.set_title(found.names[swept.lump])
+    axes.set_ylim(0.0, 1.08 * max(np.nanmax(swept.values, initial=0.0), found.problem.resolution))
+    axes.set_xlabel("factor of nominal")
+    axes.set_ylabel(found.label)
+    axes.grid(True)
+    axes.legend(loc="best")
+    return axes
+
+
+def _runs(mask: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Indices of each unbroken run of True."""
+    indices = np.flatnonzero(mask)
+    return [run for run in np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1) if len(run)]
+
+
+def plot_parallel(found: Findings, axes: Axes | None = None) -> Axes:
+    """Parallel coordinates: every line a trial, its colour the frequency; falls dotted, the truth in ink.
+
+    Of many trials the best are drawn, and the others evenly thinned.
+    """
+    axes = new_axes(axes)
+    places = np.arange(len(found.names))
+
+    def lines(trials: pd.DataFrame) -> list[Array]:
+        factors = trials[found.names].to_numpy()
+        return list(np.stack([np.broadcast_to(places, factors.shape), factors], axis=-1))
+
+    best = found.survivors.nsmallest(LINES // 2, "value")
+    others = found.survivors.drop(best.index)
+    shown = pd.concat([best, _thinned(others, LINES // 2)]).sort_values("value", ascending=False)
+    falls = _thinned(found.falls, LINES // 4)
+    axes.add_collection(
+        LineCollection(lines(falls), colors=FALL, linewidths=0.6, linestyles=":", alpha=0.7, label="fall")
+    )
+    values = shown["value"].to_numpy()
+    norm = LogNorm() if len(values) and values.min() > 0.0 else Normalize()
+    drawn = LineCollection(lines(shown), array=values, cmap=VALUES, norm=norm, linewidths=0.6, alpha=0.8)
+    axes.add_collection(drawn)
+    axes.figure.colorbar(drawn, ax=axes, label=found.label, pad=0.01)
+    if found.true_factors is not None:
+        axes.plot(places, found.true_factors, "*", color=INK, markersize=7, markeredgecolor="white", label="truth")
+    for place in places.tolist():
+        axes.axvline(place, color=INK, linewidth=0.4, alpha=0.5)
+    axes.autoscale_view()
+    crowded = len(places) > axes.bbox.width / axes.figure.dpi  # more than a label an inch
+    axes.set_xticks(places, found.names, rotation=90 if crowded else 0)
+    axes.set_ylabel("factor of nominal")
+    axes.legend(loc="best")
+    return axes
+
+
+def _thinned(trials: pd.DataFrame, most: int) -> pd.DataFrame:
+    return trials.iloc[:: max(-(-len(trials) // most), 1)]

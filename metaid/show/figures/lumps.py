@@ -1,0 +1,48 @@
+"""What a search found of the lumps: their ranges at the minimum, and how they go together there."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from metaid.results import Findings
+from metaid.show.figures.style import INK, RANGE, SURVIVOR, new_axes
+
+READABLE = 8  # lumps up to which a correlation is written in its cell
+
+
+def plot_ranges(found: Findings, axes: Axes | None = None) -> Axes:
+    """Each lump's range over the trials as good as the best, and its true value, in % of the identified one."""
+    axes = new_axes(axes)
+    _ = found.best_factors  # refuses a study without survivors
+    lumps, places = found.lumps, np.arange(len(found.lumps))
+    low, high, true = (100.0 * (lumps[key] / lumps["identified"] - 1.0) for key in ("low", "high", "true"))
+    axes.barh(places, high - low, left=low, height=0.5, color=RANGE, label=f"range of {len(found.equals)} equal trials")
+    axes.plot(np.zeros(len(places)), places, "|", color=SURVIVOR, markersize=9, label="identified")
+    if found.true_factors is not None:
+        axes.plot(true, places, "*", color=INK, markersize=6, linestyle="", label="truth")
+    axes.set_yticks(places, lumps["name"])
+    axes.margins(x=0.08)
+    axes.invert_yaxis()
+    axes.set_xlabel("deviation from the identified value, %")
+    axes.grid(True, axis="x")
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+    return axes
+
+
+def plot_correlation(found: Findings, axes: Axes | None = None) -> Axes:
+    """Correlation of the lumps' factors over the best trials: large where only a combination of them is well known."""
+    axes = new_axes(axes)
+    closest = found.closest
+    matrix = closest[found.names].corr().to_numpy()
+    image = axes.imshow(matrix, vmin=-1.0, vmax=1.0, cmap="PuOr_r")
+    axes.figure.colorbar(image, ax=axes, label=f"correlation over the {len(closest)} best trials")
+    places = np.arange(len(found.names))
+    axes.set_xticks(places, found.names, rotation=90)
+    axes.set_yticks(places, found.names)
+    axes.tick_params(length=0)
+    if len(places) <= READABLE:
+        for (row, column), value in np.ndenumerate(matrix):
+            colour = "white" if abs(value) > 0.6 else "black"
+            axes.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=6, color=colour)
+    return axes

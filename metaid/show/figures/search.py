@@ -1,0 +1,108 @@
+"""How a search went: the best frequency, the error, and every lump's factor over the trials."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from metaid.models import Array
+from metaid.results import Findings
+from metaid.show.figures.style import FALL, INK, MANY, RANGE, SURVIVOR, new_axes
+
+
+def plot_convergence(found: Findings, axes: Axes | None = None) -> Axes:
+    """The best frequency so far over the trials; falls are marked along the top."""
+    axes = new_axes(axes)
+    survivors = found.survivors
+    best = survivors["value"].cummin()
+    axes.plot(
+        survivors["number"],
+        survivors["value"],
+        ".",
+        color=RANGE,
+        markersize=2,
+        label="survivor",
+        rasterized=len(best) > MANY,
+    )
+    axes.step(survivors["number"], best, where="post", color=SURVIVOR, label="best so far")
+    _mark_falls(found, axes)
+    if found.problem.measure.unit == "Hz":
+        _logarithmic(axes, survivors["value"].to_numpy(), found.problem.resolution)
+    if survivors["value"].min() < 10 * found.problem.resolution:
+        axes.axhline(
+            found.problem.resolution, color=INK, linewidth=0.7, linestyle=":", label="resolution of the measure"
+        )
+    return _finish(axes, found.label)
+
+
+def plot_error(found: Findings, axes: Axes | None = None) -> Axes:
+    """The largest error of a lump, in %, of the best candidate so far; it needs a plant that knows its truth."""
+    axes = new_axes(axes)
+    if found.true_factors is None:
+        axes.text(0.5, 0.5, "the plant does not tell its truth", transform=axes.transAxes, ha="center")
+        return _finish(axes, "largest lump error, %")
+    bests = found.bests
+    errors = 100.0 * found.errors(bests)
+    last = found.trials["number"].max()
+    axes.step(np.append(bests["number"], last), np.append(errors, errors[-1:]), where="post", color=SURVIVOR)
+    axes.axhline(1.0, color=INK, linewidth=0.7, linestyle=":", label="1 %")
+    axes.set_yscale("log")
+    return _finish(axes, "largest lump error, %")
+
+
+def plot_factor(found: Findings, lump: str, axes: Axes | None = None) -> Axes:
+    """One lump's factor over the trials, falls marked; the truth, where it is known, as a line."""
+    axes = new_axes(axes)
+    index = found.index(lump)
+    survivors, falls = found.survivors, found.falls
+    many = len(found.trials) > MANY
+    axes.plot(
+        survivors["number"],
+        survivors[lump],
+        ".",
+        color=SURVIVOR,
+        markersize=2,
+        alpha=0.6,
+        label="survivor",
+        rasterized=many,
+    )
+    axes.plot(
+        falls["number"], falls[lump], "x", color=FALL, markersize=3, markeredgewidth=0.7, label="fall", rasterized=many
+    )
+    if found.true_factors is not None:
+        axes.axhline(found.true_factors[index], color=INK, linewidth=0.8, linestyle="--", label="truth")
+    axes.set_title(lump)
+    return _finish(axes, "factor of nominal")
+
+
+def _mark_falls(found: Findings, axes: Axes) -> None:
+    falls = found.falls["number"].to_numpy()
+    axes.plot(
+        falls,
+        np.full(len(falls), 1.0),
+        "|",
+        color=FALL,
+        markersize=6,
+        transform=axes.get_xaxis_transform(),
+        clip_on=False,
+        label=f"fall ({len(falls)})",
+        rasterized=len(falls) > MANY,
+    )
+
+
+def _logarithmic(axes: Axes, values: Array, resolution: float) -> None:
+    """Logarithmic, but for values down to zero linear below what the measure can tell apart."""
+    if len(values) and values.min() > 0.0:
+        axes.set_yscale("log")
+    else:
+        axes.set_yscale("symlog", linthresh=resolution)
+        axes.set_ylim(bottom=0.0)
+
+
+def _finish(axes: Axes, label: str) -> Axes:
+    axes.set_xlabel("trial")
+    axes.set_ylabel(label)
+    axes.grid(True)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="best")
+    return axes

@@ -1,0 +1,158 @@
+"""A study as one self-contained HTML page: nothing is fetched, every value is escaped, figures are inline SVG.
+
+Colours follow the reader's light or dark preference: matplotlib's ink becomes the page's. Each figure is there twice,
+as wide as a page and as a phone, and the style sheet shows the one that fits.
+"""
+
+from __future__ import annotations
+
+import io
+import platform
+import re
+import shlex
+from dataclasses import dataclass
+from importlib import metadata
+from typing import Any
+
+import numpy as np
+import tomli_w
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+import metaid
+from metaid.results import Findings, describe_bodies
+from metaid.show.figures import INK, Gallery, plant_figure, style
+
+VERSIONS_OF = ("mujoco", "numba", "numpy", "cmaes", "optuna", "matplotlib")
+WIDEST = 0.02  # of a lump's value: a range beyond this is said aloud
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A figure ready for the page: `wide` and `narrow` SVG."""
+
+    name: str
+    caption: str
+    wide: Markup
+    narrow: Markup
+
+
+def render(found: Findings) -> str:
+    """The page.  Raises StorageError where there is no survivor yet."""
+    gallery = Gallery(found)
+    shown = [
+        Shown(
+            wide.name,
+            wide.caption,
+            inline_svg(wide.figure, f"{wide.name}-wide-"),
+            inline_svg(narrow.figure, f"{wide.name}-narrow-"),
+        )
+        for wide, narrow in zip(gallery.pictures("page"), gallery.pictures("column"), strict=True)
+    ]
+    environment = Environment(
+        loader=PackageLoader("metaid.show", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["figure"] = _figure
+    page: str = environment.get_template("report.html").render(
+        found=found,
+        summary=found.summary,
+        study=found.spec.study,
+        unit=found.problem.measure.unit,
+        episode=found.problem.episode,
+        timestep=found.problem.timestep,
+        plant_picture=inline_svg(
+            plant_figure(found.problem.make_plant() if found.problem.is_simulated else found.problem.nominal_plant()),
+            "plant-",
+        ),
+        figures=shown,
+        stages=[{"found": stage, "falls": falls(stage), "cost": cost(stage)} for stage in found.stages],
+        unidentified=unidentified(found),
+        describe_bodies=describe_bodies(found.summary) if "parameters" in found.summary else None,
+        versions={"metaid": metaid.__version__, "Python": platform.python_version(), **_versions()},
+        files=files(found),
+        quoted_name=shlex.quote(found.name),
+    )
+    return page
+
+
+def inline_svg(figure: Figure, prefix: str) -> Markup:
+    """A figure as SVG to stand in a page: no XML head, ids that begin with `prefix`, ink that the page chooses."""
+    buffer = io.BytesIO()
+    with style():
+        figure.savefig(buffer, format="svg", facecolor="none", metadata={"Date": None})
+    text = buffer.getvalue().decode()
+    svg = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
+    svg = re.sub(r'\bid="', f'id="{prefix}', svg)
+    svg = re.sub(r'(url\(#|href="#)', rf"\g<1>{prefix}", svg)
+    # Its own output: no part of it but numbers and the study's checked names, which matplotlib has escaped.
+    return Markup(svg.replace(INK, "currentColor"))
+
+
+def falls(found: Findings) -> dict[str, Any]:
+    """How many trials fell, how far they came, and when the last one was."""
+    fallen = found.falls
+    total = found.problem.episode.total_steps
+    return {
+        "count": len(fallen),
+        "share": len(fallen) / max(len(found.trials), 1),
+        "last": int(fallen["number"].iloc[-1]) if len(fallen) else None,
+        "quartiles": [int(steps) for steps in fallen["steps"].quantile([0.25, 0.5, 0.75])] if len(fallen) else [],
+        "total_steps": total,
+    }
+
+
+def cost(found: Findings) -> dict[str, Any]:
+    """Trials and steps in all and until every lump was within 10, 1 and 0.1 %; the motion that took, in s."""
+    trials = found.trials
+    steps = trials["steps"].cumsum()
+    reached = []
+    if found.true_factors is not None:
+        bests, errors = found.bests, found.errors(found.bests)
+        for digit in (0.1, 0.01, 0.001):
+            within = np.flatnonzero(errors <= digit)
+            if len(within):
+                number = int(bests["number"].iloc[within[0]])
+                reached.append({"within": digit, "trials": number + 1, "steps": int(steps.loc[number])})
+    total = int(steps.iloc[-1])
+    return {"trials": len(trials), "steps": total, "seconds": total * found.problem.timestep, "reached": reached}
+
+
+def unidentified(found: Findings) -> list[dict[str, Any]]:
+    """Lumps that this study does not tell, or tells only roughly, each with why."""
+    rows = []
+    for lump in found.summary["lumps"]:
+        why = None
+        if not lump["determined"]:
+            why = (
+                f"{found.problem.measure.name} with these pushes hardly responds to it; spectral with rich pushes does"
+            )
+        elif lump["identified"] is None:
+            why = "its stage has no survivor yet"
+        elif (width := (lump["high"] - lump["low"]) / lump["identified"]) > WIDEST:
+            why = f"trials as good as the best differ by {width:.1%} of its value"
+        if why is not None:
+            rows.append({"name": lump["name"], "why": why})
+    return rows
+
+
+def files(found: Findings) -> dict[str, str]:
+    """A plant file and a study file, by name, that make this very study again, trial for trial."""
+    stem = re.sub(r"[^\w-]+", "-", found.name)
+    plant = found.spec.plant.model_dump(mode="json", exclude_none=True)
+    links = [link.model_dump(mode="json", exclude_none=True) for link in found.spec.nominal]
+    study = found.spec.study.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    study |= {"plant": f"{stem}-plant.toml", "nominal": {"links": links}}
+    return {f"{stem}-plant.toml": tomli_w.dumps(plant), f"{stem}.toml": tomli_w.dumps(study)}
+
+
+def _versions() -> dict[str, str]:
+    return {package: metadata.version(package) for package in VERSIONS_OF}
+
+
+def _figure(value: float | None, form: str = ".5g") -> str:
+    return "–" if value is None else format(value, form)

@@ -1,0 +1,86 @@
+"""A rich MuJoCo model of a plant, with bodies to look at, for pictures and the viewer; the search never uses it."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import mujoco
+import mujoco.viewer
+import numpy as np
+
+from metaid.errors import RenderError
+from metaid.models import Array, Chain
+from metaid.plant import MujocoPlant
+
+LINK, JOINT, MASS = (0.34, 0.71, 0.91, 1.0), (0.0, 0.45, 0.70, 1.0), (0.84, 0.37, 0.0, 1.0)  # Okabe and Ito
+PIXELS = 720  # of a picture's longest side at most
+
+
+def scene(chain: Chain, gravity: float, timestep: float) -> mujoco.MjModel:
+    """The chain on its stand: links as rods, joints and centres of mass as balls; it moves as the lean model does."""
+    spec = mujoco.MjSpec()
+    spec.option.timestep = timestep
+    spec.option.gravity = [0.0, 0.0, -gravity]
+    spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+    spec.visual.global_.offwidth = spec.visual.global_.offheight = PIXELS
+    spec.visual.headlight.ambient = [0.5, 0.5, 0.5]
+    spec.visual.headlight.diffuse = [0.5, 0.5, 0.5]
+    reach = float(chain.length.sum())
+    spec.stat.extent, spec.stat.center = 2.0 * reach, [0.0, 0.0, 0.0]
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+        rgb1=[1.0, 1.0, 1.0],
+        width=64,
+        height=384,
+    )
+    thick = 0.035 * reach
+    shape = mujoco.mjtGeom
+    spec.worldbody.add_light(pos=[0.0, -2.0 * reach, 2.0 * reach], dir=[0.0, 0.7, -0.7])
+    spec.worldbody.add_geom(
+        type=shape.mjGEOM_BOX,
+        size=[0.12 * reach, thick, thick / 2],
+        pos=[0.0, 0.0, -1.5 * thick],
+        rgba=[0.3, 0.3, 0.32, 1.0],
+    )
+    body, height = spec.worldbody, 0.0
+    for i in range(chain.nlink):
+        body = body.add_body(
+            pos=[0.0, 0.0, height],
+            mass=chain.mass[i],
+            ipos=[0.0, 0.0, chain.com[i]],
+            inertia=[chain.inertia[i]] * 3,
+            explicitinertial=True,
+        )
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 1.0, 0.0], damping=[chain.damping[i], 0.0, 0.0])
+        rod = [0.0, 0.0, 0.0, 0.0, 0.0, chain.length[i]]
+        body.add_geom(type=shape.mjGEOM_CAPSULE, fromto=rod, size=[thick / 2, 0.0, 0.0], rgba=LINK)
+        body.add_geom(type=shape.mjGEOM_SPHERE, size=[0.9 * thick, 0.0, 0.0], rgba=JOINT)
+        body.add_geom(type=shape.mjGEOM_SPHERE, pos=[0.0, 0.0, chain.com[i]], size=[0.7 * thick, 0.0, 0.0], rgba=MASS)
+        height = chain.length[i]
+    return spec.compile()
+
+
+def front_camera(chain: Chain, angles: Array) -> mujoco.MjvCamera:
+    """Looks along y from where all link tips are seen at all these joint `angles` (... x njoint), in rad."""
+    absolute = np.cumsum(angles, axis=-1)
+    across = np.abs(np.cumsum(chain.length * np.sin(absolute), axis=-1)).max()
+    reach, lowest = chain.length.sum(), min(np.cumsum(chain.length * np.cos(absolute), axis=-1).min(), 0.0)
+    half = 1.1 * max(across, (reach - lowest) / 2)
+    camera = mujoco.MjvCamera()
+    camera.azimuth, camera.elevation = 90.0, 0.0
+    camera.lookat = [0.0, 0.0, (reach + lowest) / 2]
+    camera.distance = half / np.tan(np.radians(22.5))
+    return camera
+
+
+def open_viewer(plant: MujocoPlant) -> None:
+    """MuJoCo's viewer on the plant, until its window is closed.  Raises RenderError where there is no screen."""
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise RenderError(
+            "there is no screen here to open a window on: try 'metaid plant draw', or 'metaid episode … --video'"
+        )
+    model = scene(plant.chain, plant.gravity, plant.timestep)
+    mujoco.viewer.launch(model, mujoco.MjData(model))

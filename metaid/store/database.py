@@ -1,0 +1,280 @@
+"""The study DB: an ordinary Optuna study DB, written a generation at a time.
+
+Optuna's storage opens the DB, makes its tables and checks its schema version; rows are written through Optuna's own
+SQLAlchemy model classes, one transaction per generation, so that a reader or a crash sees whole generations and never
+a RUNNING trial. Nothing in a DB is ever unpickled.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import operator
+import sqlite3
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import sqlalchemy as sa
+from alembic.util.exc import CommandError
+from optuna.distributions import FloatDistribution, distribution_to_json
+from optuna.exceptions import OptunaError, StorageInternalError
+from optuna.storages._rdb import models
+from optuna.study import StudyDirection
+from sqlalchemy.exc import SQLAlchemyError
+
+from metaid.errors import StorageError, UnreachableError, unknown
+from metaid.models import Array
+from metaid.store.opening import open_storage
+from metaid.store.rows import IDS_AFTER, TRIAL_TABLES, detail_rows, end_of, head_rows, read_outcomes, read_table
+from metaid.store.server import does_not_answer, missing_driver, parsed_url, without_password
+from metaid.store.sqlite import DAMAGED, describe
+from metaid.store.trial import Trial
+
+DEFAULT_STORAGE = "metaid.db"
+SPEC_KEY = "metaid:study"
+WriteCheck = Callable[
+    [sa.Connection, int], None
+]  # of a transaction about to write to a study, by its id: raises, or lets it
+SPOILED = ValueError, TypeError, LookupError, ArithmeticError  # what a row of another type or form comes to
+
+_STUDY = sa.select(models.StudyModel.study_id).where(models.StudyModel.study_name == sa.bindparam("study"))
+
+
+def storage_url(storage: str) -> str:
+    """The URL of a `storage` given as a URL or as the path of an SQLite file."""
+    return storage if "://" in storage else f"sqlite:///{storage}"
+
+
+def unchecked(connection: sa.Connection, study_id: int) -> None:
+    """Lets any transaction write: for who knows that no driver runs the study."""
+
+
+class Store:
+    """A study DB by URL or path; `create` allows a new file.  Raises StorageError where it is missing or is not a
+    study DB.
+    """
+
+    def __init__(self, storage: str, create: bool = False) -> None:
+        self.shown = without_password(storage)  # as the user named it
+        self.url = storage_url(self.shown)
+        self._address = parsed_url(storage_url(storage))
+        self.is_sqlite = self._address.get_backend_name() == "sqlite"
+        self._driver: Any = sqlite3  # whose errors are to be expected
+        with self._errors():
+            self.optuna = open_storage(self._address, create)
+        self._engine: sa.Engine = self.optuna.engine
+        self._driver = self._engine.dialect.dbapi
+        self._statements: dict[Any, Any] = {}
+
+    def close(self) -> None:
+        self._engine.dispose()
+
+    @contextmanager
+    def _errors(self) -> Iterator[None]:
+        try:
+            yield
+        except ImportError as problem:
+            raise StorageError(f"{self.url}: {missing_driver(self._address, problem)}") from None
+        except (SQLAlchemyError, OptunaError, CommandError, RuntimeError, *SPOILED, self._driver.Error) as error:
+            cause = (isinstance(error, StorageInternalError) and error.__cause__) or error
+            said = describe(getattr(cause, "orig", None) or cause)
+            away = not self.is_sqlite and does_not_answer(cause, self._driver)
+            raise (UnreachableError if away else StorageError)(f"{self.url}: {said}") from None
+
+    def check(self) -> None:
+        """Raises StorageError if the file is damaged: nothing should be written to it then."""
+        if self.is_sqlite:
+            with self._errors(), self._engine.connect() as connection:
+                found = connection.exec_driver_sql("PRAGMA quick_check(1)").scalar_one()
+            if found != "ok":
+                raise StorageError(f"{self.url}: {str(found).splitlines()[-1]}; {DAMAGED}")
+
+    def names(self) -> list[str]:
+        """Names of the studies that metaid made, oldest first."""
+        query = (
+            sa.select(models.StudyModel.study_name)
+            .join(models.StudyUserAttributeModel)
+            .where(models.StudyUserAttributeModel.key == SPEC_KEY)
+            .order_by(models.StudyModel.study_id)
+        )
+        with self._errors(), self._engine.connect() as connection:
+            return list(connection.scalars(query))
+
+    def create(self, name: str, spec: str) -> None:
+        """A study of that `name` without trials, made from `spec` (JSON), in one transaction.  Raises StorageError if
+        there is one.
+        """
+        with self._errors(), self._engine.begin() as connection:
+            if (
+                connection.scalar(sa.select(models.StudyModel.study_id).where(models.StudyModel.study_name == name))
+                is not None
+            ):
+                raise StorageError(
+                    f"{self.url} has a study '{name}' already (choose another with --name, or delete it)"
+                )
+            study_id = connection.scalar(
+                sa.insert(models.StudyModel).values(study_name=name).returning(models.StudyModel.study_id)
+            )
+            connection.execute(
+                sa.insert(models.StudyDirectionModel).values(
+                    direction=StudyDirection.MINIMIZE, study_id=study_id, objective=0
+                )
+            )
+            attribute = {"study_id": study_id, "key": SPEC_KEY, "value_json": json.dumps(json.loads(spec))}
+            connection.execute(sa.insert(models.StudyUserAttributeModel).values(**attribute))
+
+    def spec(self, name: str) -> str:
+        """The JSON that the study was made from."""
+        query = sa.select(models.StudyUserAttributeModel.value_json).where(
+            models.StudyUserAttributeModel.study_id == self._study_id(name),
+            models.StudyUserAttributeModel.key == SPEC_KEY,
+        )
+        with self._errors(), self._engine.connect() as connection:
+            return str(connection.scalar(query))
+
+    @contextmanager
+    def writing(self, name: str) -> Iterator[tuple[sa.Connection, int]]:
+        """A transaction in which nobody else takes or gives up the study, and the study's id."""
+        with self._errors(), self._engine.begin() as connection:
+            self._lock(connection, name)
+            study_id = connection.scalar(_STUDY, {"study": name})
+            if study_id is None:
+                raise StorageError(f"study '{name}' is no longer there")
+            yield connection, study_id
+
+    def _lock(self, connection: sa.Connection, name: str) -> None:
+        """Keeps others from writing to the study until the transaction ends; before anything of it is read."""
+        if self.is_sqlite:
+            connection.exec_driver_sql("BEGIN IMMEDIATE")
+        else:
+            connection.execute(_STUDY.with_for_update(), {"study": name})
+
+    def delete(self, name: str, write_check: WriteCheck) -> None:
+        """Deletes a study and its trials, if `write_check` lets it."""
+        self._study_id(name)  # refuses what is not metaid's
+        with self.writing(name) as (connection, study_id):
+            write_check(connection, study_id)
+            trials = sa.select(models.TrialModel.trial_id).where(models.TrialModel.study_id == study_id)
+            for model in TRIAL_TABLES:
+                connection.execute(sa.delete(model).where(model.trial_id.in_(trials)))
+            for model in (
+                models.TrialModel,
+                models.StudyUserAttributeModel,
+                models.StudySystemAttributeModel,
+                models.StudyDirectionModel,
+            ):
+                connection.execute(sa.delete(model).where(model.study_id == study_id))
+            connection.execute(sa.delete(models.StudyModel).where(models.StudyModel.study_id == study_id))
+
+    def append(
+        self,
+        name: str,
+        names: Sequence[str],
+        low: Array,
+        high: Array,
+        trials: Sequence[Trial],
+        write_check: WriteCheck = unchecked,
+    ) -> None:
+        """Adds finished `trials` in one transaction, if `write_check` lets it; factors are stored under the lumps'
+        `names` with their bounds (nlump).
+
+        Raises StorageError, and writes nothing, if they would not follow the last trial: somebody else has written to
+        the study.
+        """
+        distributions = [
+            distribution_to_json(FloatDistribution(a, b)) for a, b in zip(low.tolist(), high.tolist(), strict=True)
+        ]
+        with self._errors(), self._engine.begin() as connection:
+            self._lock(connection, name)
+            study_id, last_id, count = end_of(connection, name)
+            write_check(connection, study_id)
+            if count != trials[0].number:
+                raise StorageError(
+                    f"study '{name}' has {count} trials where {trials[0].number} were expected: "
+                    "somebody else has written to it"
+                )
+            self._insert(connection, models.TrialModel, head_rows(study_id, trials))
+            ids = list(connection.scalars(IDS_AFTER, {"study_id": study_id, "last_id": last_id}))
+            for model, rows in detail_rows(ids, trials, names, distributions).items():
+                self._insert(connection, model, rows)
+
+    def count(self, name: str) -> int:
+        """How many trials a study has."""
+        with self._errors(), self._engine.connect() as connection:
+            return end_of(connection, name)[2]
+
+    def _insert(self, connection: sa.Connection, model: Any, rows: list[dict[str, Any]]) -> None:
+        """Inserts `rows`, all with the same columns and of types that the driver knows.
+
+        SQLAlchemy makes the statement once; preparing each row anew, as it would, takes longer than writing it.
+        """
+        if model not in self._statements:
+            self._statements[model] = sa.insert(model).compile(self._engine, column_keys=list(rows[0]))
+        statement = self._statements[model]
+        if statement.positiontup is None:
+            connection.exec_driver_sql(statement.string, rows)
+        else:
+            order = operator.itemgetter(*statement.positiontup)
+            connection.exec_driver_sql(statement.string, [order(row) for row in rows])
+
+    def trials(self, name: str, *names: Sequence[str]) -> list[Trial]:
+        """All trials in order, with their factors in the order of their stage's `names`."""
+        study_id = self._study_id(name)
+        trial, parameter = models.TrialModel, models.TrialParamModel
+        joint_count = sum(name.startswith(("gravity_", "mass_")) for name in names[0])
+        with self._snapshot() as connection:
+            columns = trial.number, trial.state, trial._datetime_start_utc, trial._datetime_complete_utc
+            query = sa.select(*columns).where(trial.study_id == study_id).order_by(trial.trial_id)
+            try:
+                heads = connection.execute(query).all()
+                states = [head[1] for head in heads]
+                tables = [
+                    read_table(connection, study_id, parameter.param_name, parameter.param_value, searched, float)
+                    for searched in names
+                ]
+                factors = list(itertools.chain(*tables))
+                outcomes = read_outcomes(connection, study_id, states, joint_count)
+                whole = (
+                    len(factors) == len(outcomes) == len(heads)
+                    and [head[0] for head in heads] == list(range(len(heads)))
+                    and all(state.is_finished() for state in states)
+                    and all(np.isfinite(table).all() for table in tables)
+                    and bool(np.isfinite([outcome.value for _, outcome in outcomes]).all())
+                )
+            except SPOILED:
+                whole = False
+        if not whole:
+            raise StorageError(f"{self.url}: study '{name}' has trials that metaid did not write")
+        stages = [None] * len(heads) if len(names) == 1 else [i + 1 for i, table in enumerate(tables) for _ in table]
+        return [
+            Trial(
+                number=head[0],
+                generation=generation,
+                factors=row,
+                outcome=outcome,
+                started=head[2],
+                completed=head[3],
+                stage=stage,
+            )
+            for head, row, (generation, outcome), stage in zip(heads, factors, outcomes, stages, strict=True)
+        ]
+
+    @contextmanager
+    def _snapshot(self) -> Iterator[sa.Connection]:
+        """A connection whose reads all see the DB as it was at the first, whatever is written meanwhile."""
+        level = {} if self.is_sqlite else {"isolation_level": "REPEATABLE READ"}
+        with self._errors(), self._engine.connect().execution_options(**level) as connection:
+            if self.is_sqlite:
+                connection.exec_driver_sql("BEGIN")  # Python's driver would begin no transaction to read
+            yield connection
+
+    def _study_id(self, name: str) -> int:
+        with self._errors(), self._engine.connect() as connection:
+            study_id = connection.scalar(
+                sa.select(models.StudyModel.study_id).where(models.StudyModel.study_name == name)
+            )
+        if study_id is None or name not in self.names():
+            raise StorageError(f"{self.url}: {unknown('study', name, self.names())}")
+        return int(study_id)

@@ -1,0 +1,187 @@
+"""Who runs a study: one driver at a time, known to all who share the DB.
+
+A lease is a system attribute of the study, taken and given up in a transaction of its own, and shown to be still held
+in the same transaction as every write. A driver that is dead does not hold it: on the machine that it ran on its
+process is looked for, on another its heartbeat has to be older than EXPIRY.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import threading
+import uuid
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from types import TracebackType
+from typing import Any, ClassVar
+
+import sqlalchemy as sa
+from optuna.storages._rdb import models
+from pydantic import AwareDatetime, BaseModel, ConfigDict, ValidationError
+
+from metaid.errors import StorageError
+from metaid.store.database import Store
+
+KEY = "metaid:lease"
+EXPIRY = 60.0  # s without a heartbeat after which a driver on another machine counts as dead
+INTERVAL = 15.0  # s between heartbeats of a driver that has nothing to write
+
+_attribute = models.StudySystemAttributeModel
+_held = sa.select(_attribute.value_json).where(_attribute.study_id == sa.bindparam("study"), _attribute.key == KEY)
+_ours = (
+    _attribute.study_id == sa.bindparam("study"),
+    _attribute.key == KEY,
+    _attribute.value_json.like(sa.bindparam("owner")),
+)
+_renew = sa.update(_attribute).where(*_ours).values(value_json=sa.bindparam("lease"))
+_release = sa.delete(_attribute).where(*_ours)
+
+
+class Driver(BaseModel):
+    """Who holds a lease: `machine` names the running kernel and its process table, empty where there is no telling;
+    `started` is when its process did, in that kernel's ticks; `since` and `heartbeat` are by the DB's clock.
+    """
+
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid")
+
+    token: str  # first, so that its row is found by how it begins
+    host: str
+    machine: str
+    pid: int
+    started: int
+    since: AwareDatetime
+    heartbeat: AwareDatetime
+
+    def lives(self, now: datetime) -> bool:
+        """Whether it may still be at work."""
+        if self.machine and self.machine == _machine():
+            # This very process knows its own leases: one that it could not give up must not shut it out.
+            own = self.pid == os.getpid()
+            return _started(self.pid) == self.started and (not own or self.token in Lease.held_here)
+        return abs(now - self.heartbeat) < timedelta(seconds=EXPIRY)
+
+    def describe(self, now: datetime) -> str:
+        """Who it is, since when, in words."""
+        if self.machine and self.machine == _machine():
+            where = f"by process {self.pid} on this machine"
+        else:
+            silent = abs(now - self.heartbeat).total_seconds()
+            where = (
+                f"by process {self.pid} on {self.host}, last heard of {silent:.0f} s ago (free after {EXPIRY:.0f} s of "
+                "silence),"
+            )
+        return f"{where} since {self.since.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"
+
+
+class Lease:
+    """A context manager that holds a study for this driver.  Raises StorageError, saying who runs it since when, where
+    another does.
+    """
+
+    held_here: ClassVar[set[str]] = set()  # tokens that drivers of this process hold
+
+    def __init__(self, store: Store, name: str) -> None:
+        self._store = store
+        self._name = name
+        self._over = threading.Event()
+        self._pulse = threading.Thread(target=self._beat, name="metaid-lease", daemon=True)
+
+    def __enter__(self) -> Lease:
+        with self._store.writing(self._name) as (connection, study_id):
+            now = _clock(connection)
+            refuse_if_run(connection, study_id, self._name, now)
+            self._ahead = now - datetime.now(UTC)
+            self._driver = _this_driver(now)
+            connection.execute(sa.delete(_attribute).where(_attribute.study_id == study_id, _attribute.key == KEY))
+            row = {"study_id": study_id, "key": KEY, "value_json": self._driver.model_dump_json()}
+            connection.execute(sa.insert(_attribute).values(**row))
+            Lease.held_here.add(self._driver.token)
+        self._pulse.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._over.set()
+        self._pulse.join()
+        Lease.held_here.discard(self._driver.token)
+        # What cannot be given up now is free as soon as this process has ended, or takes it again.
+        with contextlib.suppress(StorageError), self._store.writing(self._name) as (connection, study_id):
+            connection.execute(_release, self._values(study_id))
+
+    def renew(self, connection: sa.Connection, study_id: int) -> None:
+        """Shows, within the transaction of a write, that the study is still this driver's.  Raises StorageError if
+        another has taken it meanwhile.
+        """
+        alive = self._driver.model_copy(update={"heartbeat": datetime.now(UTC) + self._ahead})
+        values = {**self._values(study_id), "lease": alive.model_dump_json()}
+        if connection.execute(_renew, values).rowcount == 1:
+            return
+        taker = _driver(connection.scalar(_held, {"study": study_id}))
+        taken = "given up" if taker is None else f"taken over: it is being run {taker.describe(_clock(connection))}"
+        raise StorageError(f"study '{self._name}': this driver gave no sign of life, and the study was {taken}")
+
+    def _values(self, study_id: int) -> dict[str, Any]:
+        return {"study": study_id, "owner": f'{{"token":"{self._driver.token}"%'}
+
+    def _beat(self) -> None:
+        """Shows every now and then that this driver is alive, however long its generations take."""
+        while not self._over.wait(INTERVAL):
+            # What is wrong is describe by the next write, which cannot do without.
+            with contextlib.suppress(StorageError), self._store.writing(self._name) as (connection, study_id):
+                self.renew(connection, study_id)
+
+
+def refuse_if_run(connection: sa.Connection, study_id: int, name: str, now: datetime | None = None) -> None:
+    """Raises StorageError, saying who runs the study since when, if a driver does."""
+    driver = _driver(connection.scalar(_held, {"study": study_id}))
+    now = now or _clock(connection)
+    if driver is not None and driver.lives(now):
+        raise StorageError(f"study '{name}' is being run {driver.describe(now)}")
+
+
+def _driver(lease: str | None) -> Driver | None:
+    """Whom a lease names; None where there is no lease, or none that metaid would have written."""
+    try:
+        return Driver.model_validate_json(lease or "")
+    except ValidationError:
+        return None
+
+
+def _this_driver(now: datetime) -> Driver:
+    pid = os.getpid()
+    return Driver(
+        token=uuid.uuid4().hex,
+        host=socket.gethostname(),
+        machine=_machine(),
+        pid=pid,
+        started=_started(pid),
+        since=now,
+        heartbeat=now,
+    )
+
+
+def _clock(connection: sa.Connection) -> datetime:
+    """What time it is for all who share the DB."""
+    now: datetime = connection.execute(sa.select(sa.func.now())).scalar_one()
+    return now.replace(tzinfo=UTC) if now.tzinfo is None else now.astimezone(UTC)
+
+
+def _machine() -> str:
+    """The running kernel and the process table that this process is in; empty where the system does not say."""
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text().strip() + os.readlink("/proc/self/ns/pid")
+    except OSError:
+        return ""
+
+
+def _started(pid: int) -> int:
+    """When a process started, in the kernel's ticks; 0 if it is no more."""
+    try:
+        # The name before it may hold anything, blanks and brackets included.
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return 0
+    return 0 if fields[0] in "ZX" else int(fields[19])

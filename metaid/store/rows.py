@@ -1,0 +1,169 @@
+"""How a trial lies in the tables of an Optuna study DB: the rows that it is written as, and columns read back.
+
+Statements and rows only; who holds the connection, and when a transaction ends, is `store`'s business.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import sqlalchemy as sa
+from numpy.typing import NDArray
+from optuna.storages._rdb import models
+from optuna.trial import TrialState
+
+from metaid.episode import Outcome
+from metaid.errors import StorageError
+from metaid.store.trial import Trial
+
+TRIAL_TABLES = (
+    models.TrialParamModel,
+    models.TrialValueModel,
+    models.TrialIntermediateValueModel,
+    models.TrialUserAttributeModel,
+    models.TrialSystemAttributeModel,
+    models.TrialHeartbeatModel,
+)
+
+REASON = "reason"  # the attribute that says why a trial failed
+
+# Made once: making a statement takes longer than running it.
+_END = (
+    sa.select(models.StudyModel.study_id, models.TrialModel.trial_id, models.TrialModel.number)
+    .outerjoin(models.TrialModel)
+    .where(models.StudyModel.study_name == sa.bindparam("study"))
+    .order_by(models.TrialModel.trial_id.desc())
+    .limit(1)
+)
+
+IDS_AFTER = (
+    sa.select(models.TrialModel.trial_id)
+    .where(models.TrialModel.study_id == sa.bindparam("study_id"), models.TrialModel.trial_id > sa.bindparam("last_id"))
+    .order_by(models.TrialModel.number)
+)
+
+
+def end_of(connection: sa.Connection, name: str) -> tuple[int, int, int]:
+    """A study's id, the id of its last trial, how many it has; looked up from the end, so as fast in a large table."""
+    end = connection.execute(_END, {"study": name}).first()
+    if end is None:
+        raise StorageError(f"study '{name}' is no longer there")
+    study_id, last_id, number = end
+    return (study_id, 0, 0) if last_id is None else (study_id, last_id, number + 1)
+
+
+def read_table(
+    connection: sa.Connection, study_id: int, key: Any, value: Any, keys: Sequence[Any], kind: type
+) -> NDArray[Any]:
+    """The values under `keys` of every trial, in order (ntrial x nkey); of no trial if one lacks any of them.
+
+    A trial has a key at most once and the DB's own order of keys is the same for all, so nothing but values is read.
+    Raises ValueError or TypeError for one that is not of that `kind`.
+    """
+    where = models.TrialModel.study_id == study_id, key.in_(keys)
+    query = sa.select(value).join(models.TrialModel).where(*where).order_by(models.TrialModel.trial_id, key)
+    order = list(connection.scalars(query.with_only_columns(key).limit(len(keys))))
+    # The driver's own rows: SQLAlchemy's would cost three times the reading.
+    cursor = connection.connection.cursor()
+    cursor.execute(str(query.compile(connection.engine, compile_kwargs={"literal_binds": True})))
+    cells: NDArray[Any] = np.fromiter((kind(cell) for (cell,) in iter(cursor.fetchone, None)), kind)
+    cursor.close()
+    if len(cells) % len(keys) or sorted(order) != sorted(keys):
+        return np.empty((0, len(keys)), kind)
+    return cells.reshape(-1, len(keys))[:, [order.index(wanted) for wanted in keys]]
+
+
+def _read_failures(connection: sa.Connection, study_id: int) -> list[tuple[float, str | None]]:
+    """What the searcher was told of each failed trial, and why it failed."""
+    trial, value, attribute = models.TrialModel, models.TrialIntermediateValueModel, models.TrialUserAttributeModel
+    query = (
+        sa.select(value.intermediate_value, attribute.value_json)
+        .select_from(trial)
+        .join(value, value.trial_id == trial.trial_id)
+        .join(attribute, attribute.trial_id == trial.trial_id)
+        .where(trial.study_id == study_id, trial.state == TrialState.FAIL, attribute.key == REASON)
+        .order_by(trial.trial_id)
+    )
+    return [(float(told), str(json.loads(reason))) for told, reason in connection.execute(query)]
+
+
+def read_outcomes(
+    connection: sa.Connection, study_id: int, states: Sequence[TrialState], joint_count: int
+) -> list[tuple[int, Outcome]]:
+    """The generation and the outcome of every trial, whose `states` are known, in order; of none if one lacks
+    something.  Raises ValueError or TypeError for what is not a number.
+    """
+    value, attribute = models.TrialValueModel, models.TrialUserAttributeModel
+    keys = ["generation", "steps", *(f"periods_{joint + 1}" for joint in range(joint_count))]
+    counts = read_table(connection, study_id, attribute.key, attribute.value_json, keys, int)
+    values = read_table(connection, study_id, value.objective, value.value, [0], float)
+    failures = _read_failures(connection, study_id) if TrialState.FAIL in states else []
+    failed = states.count(TrialState.FAIL)
+    if not (len(counts) == len(states) and len(failures) == failed and len(values) == len(states) - failed):
+        return []
+    by_state = {True: iter(failures), False: iter([(value, None) for value in values[:, 0].tolist()])}
+    told = [next(by_state[state == TrialState.FAIL]) for state in states]
+    return [
+        (generation, Outcome(value, state != TrialState.COMPLETE, steps, tuple(periods), failure))
+        for state, (value, failure), (generation, steps, *periods) in zip(states, told, counts.tolist(), strict=True)
+    ]
+
+
+def head_rows(study_id: int, trials: Sequence[Trial]) -> list[dict[str, Any]]:
+    return [
+        {
+            "number": trial.number,
+            "study_id": study_id,
+            "state": trial.state.name,
+            "datetime_start": trial.started and str(trial.started),
+            "datetime_complete": trial.completed and str(trial.completed),
+        }
+        for trial in trials
+    ]
+
+
+def detail_rows(
+    ids: Sequence[int], trials: Sequence[Trial], names: Sequence[str], distributions: Sequence[str]
+) -> dict[Any, list[dict[str, Any]]]:
+    """Rows by model class. A fall carries its value as intermediate value at the step that it survived to, as
+    Optuna's own `tell` would write it; a failure carries it there alone, as Optuna lets it have no other.
+    """
+    finite_value = models.TrialValueModel.TrialValueType.FINITE.name
+    finite_step = models.TrialIntermediateValueModel.TrialIntermediateValueType.FINITE.name
+    rows: dict[Any, list[dict[str, Any]]] = {
+        models.TrialParamModel: [
+            {"trial_id": i, "param_name": name, "param_value": value, "distribution_json": distribution}
+            for i, trial in zip(ids, trials, strict=True)
+            for name, value, distribution in zip(names, trial.factors.tolist(), distributions, strict=True)
+        ],
+        models.TrialValueModel: [
+            {"trial_id": i, "objective": 0, "value": trial.outcome.value, "value_type": finite_value}
+            for i, trial in zip(ids, trials, strict=True)
+            if trial.state != TrialState.FAIL
+        ],
+        models.TrialIntermediateValueModel: [
+            {
+                "trial_id": i,
+                "step": trial.outcome.steps,
+                "intermediate_value": trial.outcome.value,
+                "intermediate_value_type": finite_step,
+            }
+            for i, trial in zip(ids, trials, strict=True)
+        ],
+        models.TrialUserAttributeModel: [
+            {"trial_id": i, "key": key, "value_json": json.dumps(value)}
+            for i, trial in zip(ids, trials, strict=True)
+            for key, value in _attributes(trial).items()
+        ],
+    }
+    return {model: of_model for model, of_model in rows.items() if of_model}
+
+
+def _attributes(trial: Trial) -> dict[str, int | str]:
+    periods = {f"periods_{joint + 1}": count for joint, count in enumerate(trial.outcome.periods)}
+    reason = {} if trial.outcome.failure is None else {REASON: trial.outcome.failure}
+    stage = {} if trial.stage is None else {"stage": trial.stage}
+    return {"generation": trial.generation, "steps": trial.outcome.steps, **periods, **stage, **reason}

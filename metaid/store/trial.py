@@ -1,0 +1,33 @@
+"""One row of the trial table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+
+from optuna.trial import TrialState
+
+from metaid.episode import Outcome
+from metaid.models import Array
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One row of the trial table; `factors` (nlump) of the lumps that its `stage` searches, None where a study has but
+    one.
+    """
+
+    number: int
+    generation: int
+    factors: Array
+    outcome: Outcome
+    started: datetime | None = None
+    completed: datetime | None = None
+    stage: int | None = None
+
+    @property
+    def state(self) -> TrialState:
+        """COMPLETE for a survivor, PRUNED for a fall, FAIL where it could not be evaluated."""
+        if self.outcome.failure is not None:
+            return TrialState.FAIL
+        return TrialState.PRUNED if self.outcome.fell else TrialState.COMPLETE

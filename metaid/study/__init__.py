@@ -1,0 +1,32 @@
+"""A study: its file, what follows from that before any trial, and how it is created, run, resumed and checked.
+
+`StudySpec` is all that a run depends on, `Problem` what follows from it, `run_study` goes through the trials.
+"""
+
+from metaid.study.create import advice, create_study, delete_study, stored_spec
+from metaid.study.identifiability import COARSEST, identifiability
+from metaid.study.problem import Problem, load_study
+from metaid.study.progress import Progress
+from metaid.study.pushing import COUNTING_STEPS, HORIZON, TIP_SPEED
+from metaid.study.run import run_study
+from metaid.study.settings import EpisodeSettings, SearchSettings, StudySettings, StudySpec
+
+__all__ = [
+    "COARSEST",
+    "COUNTING_STEPS",
+    "HORIZON",
+    "TIP_SPEED",
+    "EpisodeSettings",
+    "Problem",
+    "Progress",
+    "SearchSettings",
+    "StudySettings",
+    "StudySpec",
+    "advice",
+    "create_study",
+    "delete_study",
+    "identifiability",
+    "load_study",
+    "run_study",
+    "stored_spec",
+]

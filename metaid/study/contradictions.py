@@ -1,0 +1,74 @@
+"""Settings of a study that are fine one by one and contradict each other."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from metaid.errors import StudyError, unknown
+from metaid.models import FRICTION, IDEAL, Array, Chain
+from metaid.plant import PlantSettings
+from metaid.search import SAMPLERS
+from metaid.study.settings import StudySettings, StudySpec
+
+
+def check_settings(spec: StudySpec, nominal: Chain) -> None:
+    """Raises StudyError where settings contradict each other."""
+    study, plant = spec.study, spec.plant
+    if study.search.space == "parameters":
+        _check_parameters(study)
+    if study.sampler not in SAMPLERS:
+        raise StudyError(f"sampler: {unknown('sampler', study.sampler, SAMPLERS)}")
+    if study.inertia is not None and study.episode.measure != "spectral":
+        raise StudyError("inertia: a second stage needs the Coriolis lumps, so measure = 'spectral'")
+    if study.episode.measure == "smoothed" and study.search.lumps != IDEAL:
+        raise StudyError("search: lumps: 'smoothed' does not see friction (allowed: gravity and coriolis)")
+    dry = isinstance(plant, PlantSettings) and any(link.frictionloss for link in plant.links)
+    if study.episode.physics == "analytic" and dry:
+        raise StudyError("episode: physics: 'analytic' has no dry friction, and the plant has (allowed: 'mujoco')")
+    for kind, key in zip(FRICTION, ("damping", "frictionloss"), strict=True):
+        missing = np.flatnonzero(nominal.lumps_of((kind,)).of(kind) == 0.0) + 1
+        if kind in study.search.lumps and len(missing):
+            raise StudyError(
+                f"search: lumps: {key} of link {missing[0]} is 0 in the nominal model, so there are no factors of it "
+                f"(allowed: above 0 where {kind} is searched)"
+            )
+
+
+def _check_parameters(study: StudySettings) -> None:
+    """Raises StudyError where a search of individual parameters is asked for what it does not have."""
+    search = study.search
+    given = {
+        "search.lumps": search.lumps != IDEAL,
+        "search.coordinates": search.coordinates != "nominal-metric",
+        "search.target": search.target is not None,
+        "inertia": study.inertia is not None,
+    }
+    for key, has in given.items():
+        if has:
+            raise StudyError(f"{key}: space = 'parameters' has none of these: leave it out")
+    if study.episode.measure != "spectral":
+        raise StudyError("search: space: 'parameters' follow from the Coriolis lumps too, so measure = 'spectral'")
+    if search.walk >= study.trials:
+        raise StudyError(f"search: walk is {search.walk} of {study.trials} trials (allowed: less than all)")
+
+
+def check_rig(spec: StudySpec) -> None:
+    """What needs a simulation, or more than one plant.  Raises StudyError."""
+    study = spec.study
+    if study.workers != 1:
+        raise StudyError(f"plant {spec.plant_name} is one rig: workers is {study.workers} (allowed: 1)")
+    if study.episode.physics != "mujoco":
+        raise StudyError(
+            f"plant {spec.plant_name} is behind a socket, so its equations of motion are not known: "
+            f"leave out episode.physics = '{study.episode.physics}'"
+        )
+
+
+def check_bounds(names: list[str], starts: Array, lows: Array, highs: Array) -> None:
+    """Raises StudyError where a start is not within its bounds."""
+    for name, start, low, high in zip(names, starts, lows, highs, strict=True):
+        if not low < high or not low <= start <= high:
+            raise StudyError(
+                f"search: the start {start:g} of {name} is not within its bounds {low:g} to {high:g} "
+                "(allowed: low <= start <= high, low < high)"
+            )

@@ -1,0 +1,68 @@
+"""A study put into a DB, read back from it, and deleted."""
+
+from __future__ import annotations
+
+from contextlib import closing
+
+from metaid.errors import StorageError, StudyError
+from metaid.search import SAMPLERS
+from metaid.store import Store, refuse_if_run
+from metaid.study.problem import Problem
+from metaid.study.settings import PushedSettings, StudySpec
+
+
+def create_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
+    """Puts a study without trials into the DB and returns its name.  Raises StorageError if the name is taken.
+
+    A rig is pushed, to find what pushes it needs and what they do.  Raises LostPlant where it does not answer.
+    """
+    problem = Problem(spec)
+    _refuse_what_cannot_be_run(problem)
+    name = spec.name if name is None else name
+    if not name or len(name) > 200 or not name.isprintable():
+        raise StudyError("a study's name has 1 to 200 printable characters")
+    if not problem.is_simulated:
+        if name in store.names():
+            raise StorageError(f"{store.url} has a study '{name}' already (choose another with --name, or delete it)")
+        spec = _pushed_spec(problem)
+        _refuse_what_cannot_be_run(Problem(spec))
+    store.create(name, spec.model_dump_json())
+    return name
+
+
+def _refuse_what_cannot_be_run(problem: Problem) -> None:
+    for stage in problem.stages():
+        stage.make_searcher()
+
+
+def _pushed_spec(problem: Problem) -> StudySpec:
+    """The study with the pushes that its rig needs, and what they do to it."""
+    with closing(problem.open_plant()) as plant:
+        episode, speeds = problem.at_plant(plant)
+    pushed = PushedSettings(impulses=episode.pushes.tolist(), speeds=speeds.tolist())
+    return problem.spec.model_copy(update={"pushed": pushed})
+
+
+def advice(spec: StudySpec) -> str | None:
+    """What to think over before the study is run, in one line; None if nothing."""
+    sampler, trials = spec.study.sampler, spec.study.trials
+    advised = SAMPLERS[sampler].advised_trials
+    if advised is None or trials <= advised:
+        return None
+    return (
+        f"{trials} trials with {sampler}: each takes longer than the one before "
+        f"(advised: at most {advised} with {sampler}, or sampler = 'cmaes')"
+    )
+
+
+def stored_spec(store: Store, name: str) -> StudySpec:
+    """The settings that a study in the DB was made from.  Raises StorageError."""
+    try:
+        return StudySpec.model_validate_json(store.spec(name))
+    except ValueError:
+        raise StorageError(f"{store.url}: study '{name}' was made by another version of metaid") from None
+
+
+def delete_study(store: Store, name: str) -> None:
+    """Deletes a study and its trials from the DB.  Raises StorageError if it is not there, or is being run."""
+    store.delete(name, lambda connection, study_id: refuse_if_run(connection, study_id, name))

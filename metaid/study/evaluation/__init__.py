@@ -1,0 +1,12 @@
+"""Who evaluates a generation: threads on this machine, or Ray actors on this one or on a cluster."""
+
+from metaid.study.evaluation.engines import make_evaluator
+from metaid.study.evaluation.ray_actors import RayEvaluator
+from metaid.study.evaluation.threads import Evaluator, ThreadEvaluator
+
+__all__ = [
+    "Evaluator",
+    "RayEvaluator",
+    "ThreadEvaluator",
+    "make_evaluator",
+]

@@ -1,0 +1,265 @@
+"""What follows from a study's settings before any trial.
+
+`Problem` is that for one stage of the study: the nominal lumps, the pushes, the episode, the coordinates. Most studies
+have one stage; with `[inertia]` a second searches the inertia lumps, by a law made of what the first has found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from metaid.episode import Episode, Measure, Outcome, failure, get_measure, pushed_speeds
+from metaid.errors import EpisodeError, StudyError, unknown
+from metaid.models import Array, Candidates, Chain, Lumps, factors_from_names, refuse_impossible
+from metaid.plant import MujocoPlant, Plant, PlantSettings, SocketPlant, SocketSettings, chain_of
+from metaid.search import (
+    BodySpace,
+    Coordinates,
+    Searcher,
+    Walking,
+    body_space,
+    make_searcher,
+    nominal_metric,
+    plain_coordinates,
+    sensitivity,
+)
+from metaid.study.contradictions import check_bounds, check_rig, check_settings
+from metaid.study.pushing import make_episode, refuse_unseen_pushes, rest_noise
+from metaid.study.settings import EpisodeSettings, Factors, SearchSettings, StudySpec, read_study
+
+if TYPE_CHECKING:
+    from metaid.compiled import Objective
+
+
+def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec:
+    """The shipped study of that name, or the study file at that path, with `changes` by dotted key, which can be run.
+    Raises StudyError, PlantError.
+    """
+    spec = read_study(name, changes)
+    Problem(spec)
+    return spec
+
+
+class Problem:
+    """All that a study's settings determine before any trial of a stage: of the first, or, given the factors `found`
+    (nlump) there, of the second.  Raises StudyError where they contradict each other.
+    """
+
+    def __init__(self, spec: StudySpec, found: Array | None = None) -> None:
+        self.spec = spec
+        self.found = found
+        self.stage = 1 if found is None else 2
+        self.nominal: Chain = chain_of(spec.nominal)
+        self.measure = _measure(spec.study.episode)
+        check_settings(spec, self.nominal)
+        plant = self.open_plant()
+        if plant.njoint != self.nominal.nlink:
+            raise StudyError(
+                f"plant {plant.name} has {plant.njoint} links, the nominal model {self.nominal.nlink}: they must agree"
+            )
+        refuse_impossible("nominal model", self.nominal)
+        if not self.is_simulated:
+            check_rig(spec)
+        self.lumps = self._nominal_lumps()
+        self.names = self.lumps.names
+        search = spec.study.search
+        factors = [self._factors(key, getattr(search, key)) for key in ("start", "low", "high")]
+        self.body_space: BodySpace | None = None
+        if search.space == "parameters":
+            self.body_space = body_space(self.nominal, *factors)
+            check_bounds(self.body_space.names, self.body_space.start, self.body_space.low, self.body_space.high)
+            factors = [self.lump_factors(bound) for bound in factors]
+        self.start, self.low, self.high = factors
+        if found is not None:
+            # A link that holds more mass than was believed has larger gravity and inertia lumps alike.
+            self.start = np.clip(found[: self.nominal.nlink], self.low, self.high)
+        check_bounds(self.names, self.start, self.low, self.high)
+        try:
+            self.episode, self.start_speeds = self._pushed(plant)
+        except EpisodeError as problem:
+            raise StudyError(f"episode: {problem}") from None
+        refuse_unseen_pushes(self.start_speeds, plant.timestep)
+        if self.measure.is_noisy and isinstance(plant, MujocoPlant):
+            self.episode = replace(self.episode, noise_floor=rest_noise(plant, spec, self.episode, self.start_speeds))
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the plant is simulated here, and not a rig, which is not to be moved without need."""
+        return isinstance(self.spec.plant, PlantSettings)
+
+    @property
+    def searched(self) -> Searched:
+        """What candidates are factors of, and the bounds of these."""
+        if self.body_space is None:
+            return Searched(self.lumps, self.names, self.low, self.high)
+        return Searched(self.body_space.bodies, self.body_space.names, self.body_space.low, self.body_space.high)
+
+    def lump_factors(self, factors: Array) -> Array:
+        """The factors of the lumps (... x nlump) that candidates with these `factors` (... x nsearched) have."""
+        return factors if self.body_space is None else self.body_space.lump_factors(factors)
+
+    @property
+    def is_last(self) -> bool:
+        """Whether no other stage follows."""
+        return self.stage == len(self.spec.names)
+
+    @property
+    def is_only(self) -> bool:
+        """Whether the study has no other stage."""
+        return len(self.spec.names) == 1
+
+    def second(self, found: Array) -> Problem | None:
+        """The second stage, after the first has found these factors (nlump); None if there is none."""
+        return None if self.is_last else Problem(self.spec, found)
+
+    def stages(self, found: Array | None = None) -> list[Problem]:
+        """This first stage and those that follow from the factors `found` (nlump) in it; if it has found none yet, from
+        its nominal lumps.
+        """
+        following = self.second(np.ones(len(self.names)) if found is None else found)
+        return [self] if following is None else [self, following]
+
+    @property
+    def timestep(self) -> float:
+        """Time between two control steps, in s."""
+        return self.spec.timestep
+
+    @property
+    def resolution(self) -> float:
+        """How far two values of the measure must be apart to be told apart, in its unit."""
+        return self.measure.resolution(self.episode, self.timestep)
+
+    def as_good_as(self, best: float) -> float:
+        """The largest value that cannot be told from the `best` one. What noise alone takes below zero is luck."""
+        return (max(best, 0.0) if self.measure.is_noisy else best) + self.resolution
+
+    @cached_property
+    def coordinates(self) -> Coordinates:
+        """What a searcher of lumps moves in.  Raises StudyError where the nominal metric does not exist."""
+        if self.spec.study.search.coordinates == "plain":
+            return plain_coordinates(self.start, self.low, self.high)
+        try:
+            metric = nominal_metric(self.sensitivity(), self.start, self.low, self.high)
+        except EpisodeError as problem:
+            raise StudyError(f"search: coordinates: {problem}") from None
+        return metric if self.measure.name == "spectral" else replace(metric, curvature=None)
+
+    def sensitivity(self) -> Array:
+        """H (nlump x nlump) of this stage's lumps and pushes, by the nominal model.  Eq. 11."""
+        horizon, gravity = self.episode.steps * self.timestep, self.spec.plant.gravity
+        searched, stiffness = self.lumps.searched, self.episode.stiffness
+        return sensitivity(self.nominal, gravity, self.start_speeds, horizon, searched, stiffness)
+
+    def open_plant(self) -> MujocoPlant | SocketPlant:
+        """A plant of its own for each worker, simulated or not."""
+        if isinstance(self.spec.plant, SocketSettings):
+            return SocketPlant(self.spec.plant_name, self.spec.plant)
+        return MujocoPlant(self.spec.plant_name, self.spec.plant)
+
+    def make_plant(self) -> MujocoPlant:
+        """A simulated plant.  Raises StudyError where the study's is none."""
+        plant = self.open_plant()
+        if isinstance(plant, MujocoPlant):
+            return plant
+        raise StudyError(f"plant {plant.name} is a rig, and this needs a simulated plant")
+
+    def nominal_plant(self) -> MujocoPlant:
+        """The nominal model as a plant."""
+        if isinstance(self.spec.plant, PlantSettings):
+            return MujocoPlant("nominal", self.spec.plant.model_copy(update={"links": self.spec.nominal}))
+        settings = self.spec.plant
+        return MujocoPlant(
+            "nominal", PlantSettings(gravity=settings.gravity, timestep=settings.timestep, links=self.spec.nominal)
+        )
+
+    def make_objective(self) -> Objective:
+        """An objective of its own for each worker, in factors of what is searched."""
+        return self._objective(self.spec.study.episode.physics, self.searched.nominal)
+
+    def make_lump_objective(self) -> Objective:
+        """An objective in factors of the nominal lumps, whatever is searched."""
+        return self._objective(self.spec.study.episode.physics, self.lumps)
+
+    def verify(self, factors: Array) -> Outcome:
+        """What MuJoCo says of `factors` (nlump), whichever physics the study searches with."""
+        return self._objective("mujoco", self.lumps).evaluate(factors)
+
+    def failed(self, reason: str) -> Outcome:
+        """What the searcher is told of a candidate that could not be evaluated for that `reason`."""
+        return failure(self.measure, self.episode, self.timestep, reason)
+
+    def _objective(self, physics: str, candidates: Candidates) -> Objective:
+        from metaid.compiled import Objective  # loads MuJoCo and numba, which most readers of a study do without
+
+        rule = self.spec.study.episode.rule
+        return Objective(self.open_plant(), self.lumps, self.episode, self.measure.name, physics, rule, candidates)
+
+    def make_searcher(self) -> Searcher:
+        """The searcher at the study's seed, knowing of no trial."""
+        study, search = self.spec.study, self.spec.study.search
+        if self.body_space is None:
+            return make_searcher(study.sampler, self.coordinates, study.seed, search)
+        coordinates = self.body_space.coordinates
+        searcher = make_searcher(study.sampler, coordinates, study.seed, search)
+        return Walking(searcher, coordinates, study.seed, study.trials - search.walk)
+
+    def _nominal_lumps(self) -> Lumps:
+        """What the candidates' factors are of. The law of the second stage is what the first has found."""
+        lumps = self.nominal.lumps_of(self.spec.study.search.lumps)
+        return lumps if self.found is None else replace(lumps.scaled(self.found), searched=("inertia",))
+
+    def _factors(self, key: str, given: Factors) -> Array:
+        names = self.names if self.spec.study.search.space == "lumps" else self.spec.names[0]
+        if not isinstance(given, dict):
+            return np.full(len(names), given)
+        if names is not self.names:
+            for name in given:
+                if name not in names:
+                    raise StudyError(f"search: {key}: {unknown('parameter', name, names)}")
+            return np.array([given.get(name, SearchSettings.model_fields[key].default) for name in names])
+        default, n = SearchSettings.model_fields[key].default, self.nominal.nlink
+        try:
+            named = factors_from_names(given, n, default, (*self.spec.study.search.lumps, "inertia"))
+        except EpisodeError as problem:
+            raise StudyError(f"search: {key}: {problem}") from None
+        return named[-n:] if self.stage == 2 else named[: len(self.names)]
+
+    def _pushed(self, plant: Plant) -> tuple[Episode, Array]:
+        """The episode, and the absolute link speeds (npush x njoint) after its pushes.
+
+        Of a rig they are what was found at it when the study was created; before that, the nominal model's.
+        """
+        if self.is_simulated:
+            return self.at_plant(plant)
+        episode, speeds = self.at_plant(self.nominal_plant())
+        if self.spec.pushed is None:
+            return episode, speeds
+        return replace(episode, pushes=np.array(self.spec.pushed.impulses)), np.array(self.spec.pushed.speeds)
+
+    def at_plant(self, plant: Plant) -> tuple[Episode, Array]:
+        """The episode that this `plant` is pushed in, and the speeds that it gets; pushes it to find out."""
+        episode = make_episode(plant, self.spec, self.nominal, self.measure, self.stage)
+        return episode, pushed_speeds(plant, episode.pushes)
+
+
+class Searched(NamedTuple):
+    """The `nominal` of which candidates are factors; the `names` (nsearched) of these, and their bounds `low` and
+    `high`.
+    """
+
+    nominal: Candidates
+    names: list[str]
+    low: Array
+    high: Array
+
+
+def _measure(episode: EpisodeSettings) -> Measure:
+    try:
+        return get_measure(episode.measure, episode.rule)
+    except EpisodeError as problem:
+        raise StudyError(f"episode: measure: {problem}") from None

@@ -1,0 +1,112 @@
+"""Where a run of a study stands: which trials there are, what the searcher has been told of them, and what comes next.
+
+It evaluates nothing and writes nothing. What it asks for depends on the trials alone, so a run that was stopped
+anywhere is brought back to where it was by telling it the trials that the DB holds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from optuna.trial import TrialState
+
+from metaid.episode import Outcome
+from metaid.errors import StorageError
+from metaid.models import Array
+from metaid.store import Trial
+from metaid.study.problem import Problem
+
+REPLAY_TOLERANCE = 1e-6  # relative; another machine's linear algebra may round differently
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a run is: trials done, how many of them fell, trials in all, the best survivor of the stage that
+    `problem` is, the searcher's spread, the generation; what it is `waiting` for, if it is.
+    """
+
+    trials: int
+    falls: int
+    total: int
+    best: Trial | None
+    spread: float | None
+    generation: int
+    problem: Problem
+    waiting: str | None = None
+
+
+class Run:
+    """A run up to `total` trials, from the first stage on. A stage ends at its own number of trials, at the target, or
+    when its searcher is finished; the last goes on to the total.
+    """
+
+    def __init__(self, problem: Problem, total: int) -> None:
+        self.total = total
+        self.number = self.falls = self.generation = 0
+        self._begin(problem)
+
+    def _begin(self, problem: Problem) -> None:
+        self.problem = problem
+        self.best: Trial | None = None
+        self._searcher = problem.make_searcher()
+        self._last = self.total if problem.is_last else min(self.number + problem.spec.study.trials, self.total)
+        self._batch: Array | None = None
+        self._outcomes: list[Outcome] = []
+
+    @property
+    def progress(self) -> Progress:
+        searcher = self._searcher
+        return Progress(self.number, self.falls, self.total, self.best, searcher.spread, self.generation, self.problem)
+
+    @property
+    def done(self) -> bool:
+        return self.number >= self.total or self._stage_done
+
+    @property
+    def _stage_done(self) -> bool:
+        target = self.problem.spec.study.search.target
+        reached = target is not None and self.best is not None and self.best.outcome.value <= target
+        return self.number >= self._last or (not self._outcomes and (reached or self._searcher.finished()))
+
+    def candidates(self) -> Array:
+        """Factors (ncandidate x nlump) of the trials that come next: what is left of the generation, or a new one."""
+        if self._batch is None:
+            self._batch = self._searcher.ask()
+        have = len(self._outcomes)
+        return self._batch[have : have + self._last - self.number]
+
+    def add(self, trials: list[Trial]) -> None:
+        """Takes in what became of `candidates`, or of the first of them."""
+        for trial in trials:
+            self.number += 1
+            self.falls += trial.state == TrialState.PRUNED
+            if not trial.outcome.fell and (self.best is None or trial.outcome.value < self.best.outcome.value):
+                self.best = trial
+        self._outcomes += [trial.outcome for trial in trials]
+        if self._batch is not None and len(self._outcomes) == len(self._batch):
+            self._searcher.tell(self._outcomes)
+            self._batch, self._outcomes = None, []
+            self.generation += 1
+        if self._stage_done and self.number < self.total and self.best is not None:
+            following = self.problem.second(self.best.factors)
+            if following is not None:
+                self.generation += bool(self._outcomes)
+                self._begin(following)
+
+    def replay(self, trials: list[Trial], where: str) -> None:
+        """Takes in all that the DB holds.  Raises StorageError where it does not follow from the settings."""
+        while self.number < len(trials):
+            batch = self.candidates()
+            stored = trials[self.number : self.number + len(batch)]
+            known = [trial.factors for trial in stored]
+            if not len(batch) or not all(map(_same, batch, known)):
+                raise StorageError(
+                    f"{where}: trial {self.number} and on do not follow from its settings and seed: "
+                    "made by another version, or changed"
+                )
+            self.add(stored)
+
+
+def _same(asked: Array, known: Array) -> bool:
+    return len(asked) == len(known) and bool(np.allclose(asked, known, rtol=REPLAY_TOLERANCE, atol=0.0))

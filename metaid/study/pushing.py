@@ -1,0 +1,105 @@
+"""The pushes and the episode that a study's settings ask for."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from metaid.episode import (
+    FALL_LIMIT,
+    REACH,
+    RICH_FALL_LIMIT,
+    Episode,
+    Measure,
+    NoiseFloor,
+    natural_time,
+    noise_floor,
+    pushes_for,
+    rich_pushes,
+    tip_push,
+)
+from metaid.errors import EpisodeError, StudyError
+from metaid.models import Array, Chain
+from metaid.plant import FaultyPlant, MujocoPlant, Plant
+from metaid.search import designed_speeds
+from metaid.study.settings import LARGEST_STEPS, StudySpec
+
+HORIZON = 1.5  # of a rich push, in units of √(l/g)
+SLOWEST_PUSH = 1e-9  # rad/s of the fastest link after a push; what is slower is lost in rounding
+RESTS = 200  # horizons of a push for which the readings of a plant at rest are watched
+COUNTING_STEPS = 5000  # after a tip push, as in the paper
+TIP_SPEED = 0.1  # rad/s of the fastest link after a tip push: small, so that the oscillation is
+
+
+def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure, stage: int) -> Episode:
+    """What the study of `spec` does to a `plant` in an episode of its `stage`, 1 or 2, with strong pushes by the
+    `nominal` model; strikes the plant to find out how it answers.  Raises EpisodeError.
+    """
+    wanted, timestep = spec.study.episode, spec.timestep
+    kind = wanted.pushes or ("rich" if measure.sees_coriolis else "tip")
+    if kind == "tip" and measure.name == "smoothed":
+        raise EpisodeError("pushes: 'smoothed' fits one curve to a push, so it must be short (allowed: rich pushes)")
+    if kind == "rich" or kind == "designed":
+        horizon = HORIZON * natural_time(nominal, plant.gravity)
+        steps = wanted.steps or max(round(horizon / timestep), 2)
+        if steps > LARGEST_STEPS:
+            raise EpisodeError(
+                f"steps of {timestep} s are too short for a horizon of {horizon:.3g} s: {steps} of them "
+                f"(allowed: at most {LARGEST_STEPS}; name the steps, or make the timestep longer)"
+            )
+        pushes, fall_limit = _strong_pushes(plant, kind, spec, nominal, steps * timestep), RICH_FALL_LIMIT
+    else:
+        steps, fall_limit = wanted.steps or COUNTING_STEPS, FALL_LIMIT
+        pushes = tip_push(plant, wanted.peak_speed or TIP_SPEED) if kind == "tip" else _explicit(kind, plant.njoint)
+    pushes = np.tile(pushes, (wanted.repeats, 1))
+    limits = wanted.fall_limit or fall_limit, wanted.fall_margin
+    stiffness = _stiffness(spec, stage, steps * timestep)
+    return Episode(pushes, steps, *limits, stiffness=stiffness, seed=spec.study.seed, lead=wanted.lead)
+
+
+def _stiffness(spec: StudySpec, stage: int, horizon: float) -> float:
+    inertia = spec.study.inertia
+    if stage == 1 or inertia is None:
+        return 0.0
+    return inertia.stiffness or (2.0 * np.pi / horizon) ** 2
+
+
+def _strong_pushes(
+    plant: Plant, kind: Literal["rich", "designed"], spec: StudySpec, nominal: Chain, horizon: float
+) -> Array:
+    wanted, seed = spec.study.episode, spec.study.seed
+    peak_speed, count = wanted.peak_speed or REACH / horizon, wanted.count or 2 * plant.njoint
+    if kind == "rich":
+        return rich_pushes(plant, count, peak_speed, seed)
+    kinds = spec.study.search.lumps
+    return pushes_for(plant, designed_speeds(nominal, plant.gravity, count, peak_speed, horizon, seed, kinds))
+
+
+def _explicit(pushes: list[list[float]], njoint: int) -> Array:
+    if not pushes or any(len(push) != njoint for push in pushes):
+        raise EpisodeError(f"pushes: every push needs {njoint} impulses, one per link, in N s")
+    return np.array(pushes)
+
+
+def rest_noise(plant: MujocoPlant, spec: StudySpec, episode: Episode, start_speeds: Array) -> NoiseFloor:
+    """From a rest episode of this `plant`: held upright, its sensors are read for RESTS times a push's horizon.
+
+    `start_speeds` (npush x nlink), absolute and in rad/s, are those right after the pushes.
+    """
+    count = episode.steps + 1
+    rest = FaultyPlant(plant).rest(RESTS * count, spec.study.seed)
+    joint_speeds = np.diff(start_speeds, axis=1, prepend=0.0)
+    return noise_floor(rest.reshape(RESTS, count, -1), spec.timestep, joint_speeds)
+
+
+def refuse_unseen_pushes(start_speeds: Array, timestep: float) -> None:
+    """Raises StudyError where a push is so weak or so strong that no episode after it means anything; `start_speeds`
+    (npush x nlink) in rad/s, `timestep` in s.
+    """
+    fastest = np.abs(start_speeds).max(axis=1)
+    for push in np.flatnonzero(~((fastest >= SLOWEST_PUSH) & (fastest * timestep <= 1.0)))[:1]:
+        raise StudyError(
+            f"episode: push {push + 1} gives the fastest link {fastest[push]:.3g} rad/s "
+            f"(allowed: {SLOWEST_PUSH:g} to {1.0 / timestep:g} rad/s, a radian in a timestep)"
+        )

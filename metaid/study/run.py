@@ -1,0 +1,95 @@
+"""A study run a generation at a time, resumed by replaying what the DB holds.
+
+The trial table depends on the study's settings and seed alone. The searcher is asked for a generation, the workers
+evaluate it, the searcher is told; the store writes it in one transaction while the workers are at the next. A run that
+was stopped anywhere goes on from the last whole generation in the DB.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
+
+from threadpoolctl import threadpool_limits
+
+from metaid.errors import StudyError
+from metaid.plant import SocketSettings
+from metaid.store import Lease, Store, Trial
+from metaid.study.create import stored_spec
+from metaid.study.evaluation import Evaluator, make_evaluator
+from metaid.study.problem import Problem
+from metaid.study.progress import Progress, Run
+from metaid.study.settings import StudySpec
+from metaid.study.writer import Writer
+
+
+def run_study(
+    store: Store,
+    name: str,
+    trials: int | None = None,
+    workers: int | None = None,
+    engine: str = "local",
+    ray_address: str | None = None,
+    watch: Callable[[Progress], None] = lambda progress: None,
+    patience: float | None = None,
+) -> Progress:
+    """Runs a study, or goes on with it, until the DB holds `trials` in all (default: the study's own) or the searcher
+    is finished.
+
+    `watch` is called after each generation. A KeyboardInterrupt leaves the DB at the last generation that `watch` saw;
+    a kill may lose that one. A Ray worker or a DB server that is silent is given up after `patience` (s; default:
+    120 and 300); `watch` is called while a server is waited for, once a second.  Raises StudyError,
+    StorageError, also where another driver runs the study, and WorkerError.
+    """
+    spec = stored_spec(store, name)
+    total = spec.study.total_trials if trials is None else trials
+    workers = spec.study.workers if workers is None else workers
+    if total < 1 or workers < 1:
+        raise StudyError(f"trials is {total} and workers is {workers} (allowed: 1 or more of each)")
+    if isinstance(spec.plant, SocketSettings) and workers != 1:
+        raise StudyError(f"plant {spec.plant_name} is one rig: workers is {workers} (allowed: 1)")
+    store.check()
+    # At these sizes BLAS threads cost far more than they give.
+    with threadpool_limits(1), Lease(store, name) as lease:
+        run = _replayed(store, name, spec, total)
+        watch(run.progress)
+
+        def wait(trials: int, why: str) -> None:
+            watch(replace(run.progress, trials=trials, waiting=why))
+
+        while not run.done:
+            problem = run.problem
+            with (
+                make_evaluator(problem, engine, workers, ray_address, patience) as evaluator,
+                Writer(store, name, problem, lease, patience, wait) as writer,
+            ):
+                _run_stage(run, evaluator, writer, watch)
+    return run.progress
+
+
+def _replayed(store: Store, name: str, spec: StudySpec, total: int) -> Run:
+    stored = store.trials(name, *spec.names)
+    run = Run(Problem(spec), max(total, len(stored)))
+    run.replay(stored, f"{store.url}: study '{name}'")
+    return run
+
+
+def _run_stage(run: Run, evaluator: Evaluator, writer: Writer, watch: Callable[[Progress], None]) -> None:
+    """Goes on with a run until it is done, or its stage is."""
+    problem = run.problem
+    stage = None if problem.is_only else problem.stage
+    while run.problem is problem and not run.done:
+        batch = run.candidates()
+        if not problem.is_simulated:
+            batch = batch[:1]  # a rig's episodes are dear: each is kept, whatever becomes of the next
+        started = datetime.now(UTC).replace(tzinfo=None)
+        outcomes = evaluator.evaluate(batch, meanwhile=writer.write)
+        completed = datetime.now(UTC).replace(tzinfo=None)
+        trials = [
+            Trial(run.number + i, run.generation, batch[i], outcome, started, completed, stage)
+            for i, outcome in enumerate(outcomes)
+        ]
+        writer.trials = trials
+        run.add(trials)
+        watch(run.progress)

@@ -1,0 +1,191 @@
+"""What a study file says, checked entry by entry, and made whole.
+
+`StudySpec` is all that a run depends on (the study's settings with plant and nominal model written out); it goes into
+the study DB, so a study can be resumed and shown without its files.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, field_validator
+
+from metaid.episode import FALL_MARGIN
+from metaid.errors import PlantError, StudyError
+from metaid.files import Settings, check, find_file, find_file_beside, read_toml
+from metaid.models import FRICTION, IDEAL, bodies_of, lump_names
+from metaid.plant import LinkSettings, PlantSettings, SocketSettings, chain_of, read_any_plant, read_plant
+from metaid.search import SamplerOptions
+
+LARGEST_STEPS = 10_000_000  # after a push
+
+Factor = Annotated[float, Field(gt=0, le=100)]
+Impulse = Annotated[float, Field(ge=-1e6, le=1e6)]
+Factors = Factor | dict[str, Factor]
+
+
+class NominalSettings(Settings):
+    """A nominal model beside the study: `[[nominal.links]]`, as in a plant file."""
+
+    links: Annotated[tuple[LinkSettings, ...], Field(min_length=1, max_length=64, strict=False)]
+
+
+class SearchSettings(SamplerOptions):
+    """`[search]`: the kinds of `lumps` that are searched, "gravity" and "coriolis" and, if wanted, "damping" and
+    "coulomb"; bounds `low`, `high` and `start` as factors of the nominal lumps, one for all or a table by lump
+    name; the coordinates; a `target` of the measure at which the search may stop; and the options of the sampler.
+
+    With the `space` "parameters", factors are of each link's mass and centre of mass instead, in coordinates of their
+    own, and the last `walk` trials go through the bodies that are as good as the best.
+    """
+
+    lumps: Annotated[tuple[Literal["gravity", "coriolis", "damping", "coulomb"], ...], Field(strict=False)] = (
+        "gravity",
+        "coriolis",
+    )
+    space: Literal["lumps", "parameters"] = "lumps"
+    walk: Annotated[int, Field(ge=0, le=100_000_000)] = 64
+    coordinates: Literal["nominal-metric", "plain"] = "nominal-metric"
+    start: Factors = 1.0
+    low: Factors = 0.5
+    high: Factors = 2.0
+    target: Annotated[float, Field(ge=0)] | None = None
+
+    @field_validator("lumps")
+    @classmethod
+    def _in_order(cls, lumps: tuple[str, ...]) -> tuple[str, ...]:
+        if not set(IDEAL) <= set(lumps) or len(set(lumps)) < len(lumps):
+            raise ValueError(f"needs {' and '.join(IDEAL)}, each kind once (allowed besides: {', '.join(FRICTION)})")
+        return tuple(kind for kind in (*IDEAL, *FRICTION) if kind in lumps)
+
+
+class InertiaSettings(Settings):
+    """`[inertia]`: a second stage, which searches the inertia lumps: its number of `trials`, and the `stiffness` k in
+    1/s² of the q̈ = −k q that its law asks for (default: one period within the horizon)."""
+
+    trials: Annotated[int, Field(ge=1, le=100_000_000)]
+    stiffness: Annotated[float, Field(gt=0, le=1e8)] | None = None
+
+
+class EpisodeSettings(Settings):
+    """`[episode]`: the `measure`, and for "count" its counting `rule`; `pushes`: "rich", "designed" (the best of many
+    rich sets, by the nominal model), "tip", or a list of impulses in N s, one per link tip; for the first two their
+    `count` (default 2 per link); for all three the `peak_speed` in rad/s; `steps` after each push; the `fall_limit` in
+    rad and `fall_margin` (0: past the limit is fallen, however slow); `repeats` of every push, which average noise; the
+    `lead` in s, for a plant whose torques come late: the law is told the angles that the speeds lead to by then; the
+    `physics`: "mujoco", or "analytic" to screen by the chain's own equations of motion, some five times as fast, and
+    have MuJoCo verify the best.
+    """
+
+    physics: Literal["mujoco", "analytic"] = "mujoco"
+    measure: str = "spectral"
+    rule: str | None = None
+    pushes: Literal["rich", "designed", "tip"] | Annotated[list[list[Impulse]], Field(max_length=1000)] | None = None
+    count: Annotated[int, Field(ge=1, le=1000)] | None = None
+    peak_speed: Annotated[float, Field(gt=0, le=1000)] | None = None
+    steps: Annotated[int, Field(ge=2, le=LARGEST_STEPS)] | None = None
+    fall_limit: Annotated[float, Field(gt=0, le=1000)] | None = None
+    fall_margin: Annotated[float, Field(ge=0, le=1000)] = FALL_MARGIN
+    repeats: Annotated[int, Field(ge=1, le=1000)] = 1
+    lead: Annotated[float, Field(ge=0, le=1)] = 0.0
+
+
+class StudySettings(Settings):
+    """A study file."""
+
+    description: str = ""
+    plant: str
+    nominal: str | NominalSettings
+    sampler: str = "cmaes"
+    trials: Annotated[int, Field(ge=1, le=100_000_000)]
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+    workers: Annotated[int, Field(ge=1, le=1024)] = 2
+    search: SearchSettings = SearchSettings()
+    episode: EpisodeSettings = EpisodeSettings()
+    inertia: InertiaSettings | None = None
+
+    @property
+    def total_trials(self) -> int:
+        """The trials of all stages."""
+        return self.trials + (self.inertia.trials if self.inertia else 0)
+
+
+class PushedSettings(Settings):
+    """What was found at a rig when the study was created: the `impulses` of its pushes, in N s, and the absolute link
+    `speeds` that they gave, in rad/s; both (npush x njoint).
+    """
+
+    impulses: list[list[float]]
+    speeds: list[list[float]]
+
+
+class StudySpec(Settings):
+    """A study with nothing left to look up."""
+
+    name: str
+    plant_name: str
+    plant: PlantSettings | SocketSettings
+    nominal: Annotated[tuple[LinkSettings, ...], Field(strict=False)]
+    study: StudySettings
+    pushed: PushedSettings | None = None
+
+    @property
+    def timestep(self) -> float:
+        """Time between two control steps, in s."""
+        return self.plant.control_period if isinstance(self.plant, PlantSettings) else self.plant.timestep
+
+    @property
+    def names(self) -> tuple[list[str], ...]:
+        """The names under which the factors of each stage's candidates are in the DB."""
+        if self.study.search.space == "parameters":
+            return (bodies_of(chain_of(self.nominal)).names,)
+        kinds = [self.study.search.lumps] + [("inertia",)] * (self.study.inertia is not None)
+        return tuple(lump_names(len(self.nominal), searched) for searched in kinds)
+
+
+def read_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec:
+    """The shipped study of that name, or the study file at that path, with `changes` by dotted key; it may
+    still contradict itself.  Raises StudyError, PlantError.
+
+    What the file names lies in its own folder; a path in `changes` is the user's own and may be anywhere.
+    """
+    path = find_file("studies", str(name), StudyError)
+    tables = read_toml(path, StudyError)
+    changes = changes or {}
+    for key, value in changes.items():
+        _change(tables, key, value)
+    study = check(StudySettings, tables, str(path), StudyError)
+
+    def named(key: str, value: str) -> Path:
+        if key in changes:
+            return find_file("plants", value, PlantError)
+        return find_file_beside("plants", value, path, PlantError)
+
+    plant_path = named("plant", study.plant)
+    plant = read_any_plant(plant_path)
+    if isinstance(plant, SocketSettings) and "workers" not in study.model_fields_set:
+        study = study.model_copy(update={"workers": 1})
+    if isinstance(study.nominal, NominalSettings):
+        nominal = study.nominal.links
+    else:
+        nominal = _same_gravity(read_plant(named("nominal", study.nominal)), plant, path).links
+    return StudySpec(name=path.stem, plant_name=plant_path.stem, plant=plant, nominal=nominal, study=study)
+
+
+def _change(tables: dict[str, Any], key: str, value: Any) -> None:
+    *parents, last = key.split(".")
+    for parent in parents:
+        tables = tables.setdefault(parent, {})
+        if not isinstance(tables, dict):
+            raise StudyError(f"--set {key}: '{parent}' is not a table")
+    tables[last] = value
+
+
+def _same_gravity(model: PlantSettings, plant: PlantSettings | SocketSettings, path: Path) -> PlantSettings:
+    if model.gravity != plant.gravity:
+        raise StudyError(
+            f"{path}: the nominal model's gravity is {model.gravity} m/s², the plant's {plant.gravity}: "
+            "they must agree, it is not searched"
+        )
+    return model

@@ -1,0 +1,73 @@
+"""What is shown while a study runs: on a terminal, elsewhere, and with --quiet."""
+
+from __future__ import annotations
+
+import io
+import os
+import pty
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from conftest import Finished
+from rich.console import Console
+
+from metaid.cli import live
+from metaid.store.database import Store
+from metaid.study.run import run_study
+
+Metaid = Callable[..., Finished]
+
+
+def test_terminal_shows_bar_rate_falls_best_step_size_time_left_and_lumps(metaid: Metaid) -> None:
+    """In a real pseudo-terminal, all of it is on the screen at some time, and the bar is gone at the end."""
+    metaid("study", "create", "three-link", "--set", "search.coordinates=plain", "--set", "search.start=1.4")
+    program = [sys.executable, "-c", "from metaid.cli import main; main()", "study", "run", "three-link"]
+    ours, theirs = pty.openpty()
+    clean = {**os.environ, "COLUMNS": "100", "LINES": "40", "TERM": "xterm"}
+    child = subprocess.Popen(program, stdout=subprocess.PIPE, stderr=theirs, env=clean, text=True)
+    os.close(theirs)
+    seen = b""
+    try:
+        while chunk := os.read(ours, 65536):
+            seen += chunk
+    except OSError:  # how Linux says that the other side has closed
+        pass
+    assert child.stdout is not None
+    out = child.stdout.read()
+    child.stdout.close()
+    assert child.wait() == 0
+    os.close(ours)
+    screen = seen.decode()
+    for part in ("/600", "trials/s", "falls", "best ", "step size", "left", "error", "moved lately", "coriolis_2_3"):
+        assert part in screen
+    assert "identified" in out
+
+
+def test_elsewhere_plain_lines_at_intervals(metaid: Metaid, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One line each, with the same numbers and no control characters; not more often than the interval."""
+    metaid("study", "create", "three-link")
+    monkeypatch.setattr(live, "INTERVAL", 0.0)
+    store, written = Store("metaid.db"), io.StringIO()
+    console = Console(file=written, markup=False, highlight=False)
+    with live.Live(store, "three-link", False, console) as shown:
+        run_study(store, "three-link", 100, watch=shown.update)
+        monkeypatch.setattr(live, "INTERVAL", 1e9)
+        lines = written.getvalue().splitlines()
+        run_study(store, "three-link", 200, watch=shown.update)
+    store.close()
+    assert len(lines) > 5
+    assert lines[-1].startswith("three-link 100/100 ")
+    assert "falls, best" in lines[-1]
+    assert "\x1b" not in written.getvalue()
+    assert written.getvalue().splitlines() == lines
+
+
+def test_quiet_shows_nothing_while_it_runs(metaid: Metaid) -> None:
+    """Not a word on stderr."""
+    metaid("study", "create", "three-link")
+    ran = metaid("study", "run", "three-link", "--trials", "50", "--quiet")
+    assert (ran.status, ran.err) == (0, "")
+    assert Path("metaid.db").exists()

@@ -1,0 +1,125 @@
+"""Measures of signals whose frequency is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from metaid.episode.episode import Episode
+from metaid.episode.measures import (
+    MEASURES,
+    alternation_periods,
+    crossing_hz,
+    fall_value,
+    get_measure,
+    maxima_periods,
+    spectral_hz,
+    whole_periods,
+)
+from metaid.episode.record import Record, crossings, energies
+from metaid.errors import EpisodeError
+
+TIMESTEP = 0.001
+
+
+def sine(hertz: float, seconds: float, amplitude: float = 0.3) -> tuple[np.ndarray, np.ndarray]:
+    """Angles and speeds (nsteps + 1 x 1) of a joint that swings from the upright."""
+    times = TIMESTEP * np.arange(round(seconds / TIMESTEP) + 1)
+    omega = 2 * np.pi * hertz
+    return amplitude * np.sin(omega * times)[:, None], amplitude * omega * np.cos(omega * times)[:, None]
+
+
+@pytest.mark.parametrize("hertz", [0.5, 1.0, 3.7, 12.0])
+def test_spectral_of_a_sinusoid_is_its_frequency(hertz: float) -> None:
+    """Whatever the amplitude, over whole periods, to the accuracy of finite differences."""
+    for amplitude in (0.01, 1.0):
+        _, speeds = sine(hertz, 10.0, amplitude)
+        speed_energy, acceleration_energy = energies(speeds, TIMESTEP)
+        assert spectral_hz(acceleration_energy[None], speed_energy[None]) == pytest.approx(hertz, rel=1e-3)
+
+
+def test_spectral_weighs_joints_and_pushes_by_the_energy_of_their_motion() -> None:
+    """Two sinusoids give the root of the mean of their squared frequencies, weighed by mean squared speed."""
+    parts = [energies(sine(hertz, 10.0, amplitude)[1], TIMESTEP) for hertz, amplitude in ((1.0, 0.7), (7.0, 0.1))]
+    speed_energy, acceleration_energy = (np.array([part[i] for part in parts]) for i in (0, 1))
+    assert spectral_hz(acceleration_energy, speed_energy) == pytest.approx(5.0, rel=1e-3)
+    assert spectral_hz(acceleration_energy.T, speed_energy.T) == pytest.approx(5.0, rel=1e-3)
+
+
+def test_constant_speed_has_no_frequency_in_any_measure() -> None:
+    """Coasting is zero in every measure."""
+    angles, speeds = TIMESTEP * np.arange(1001)[:, None], np.ones((1001, 1))
+    half_periods, span = crossings(angles, speeds[0], TIMESTEP)
+    seen = half_periods[None], span[None], *(e[None] for e in energies(speeds, TIMESTEP))
+    record = Record(TIMESTEP, 1000, None, *seen, angles=(angles,))
+    values = {name: measure.value(record) for name, measure in MEASURES.items()}
+    assert values == {"count": 0.0, "crossing": 0.0, "spectral": 0.0, "smoothed": pytest.approx(0.0, abs=1e-9)}
+
+
+def test_count_is_of_whole_periods_and_crossing_of_the_time_they_took() -> None:
+    """10.3 s of 1 Hz are 10 whole periods; the interpolated frequency is 1 Hz."""
+    angles, speeds = sine(1.0, 10.3)
+    half_periods, span = crossings(angles, speeds[0], TIMESTEP)
+    assert whole_periods(half_periods[None]).tolist() == [10]
+    assert crossing_hz(half_periods[None], span[None])[0, 0] == pytest.approx(1.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("measure", MEASURES.values(), ids=MEASURES)
+def test_every_fall_is_worse_than_every_survivor_and_earlier_falls_are_worse(measure) -> None:  # type: ignore[no-untyped-def]
+    """Even the fastest signal that steps can carry, a sign change a step, ranks before the latest fall."""
+    steps = 1000
+    episode = Episode(np.array([[0.1]]), steps)
+    angles = np.append(0.0, 0.1 * np.resize([1.0, -1.0], steps))[:, None]
+    speeds = np.resize([1.0, -1.0], steps + 1)[:, None]
+    half_periods, span = crossings(angles, speeds[0], TIMESTEP)
+    seen = half_periods[None], span[None], *(e[None] for e in energies(speeds, TIMESTEP))
+    wild = Record(TIMESTEP, steps, None, *seen, angles=(angles,))
+    ceiling = measure.ceiling(episode, TIMESTEP)
+    assert measure.value(wild) <= ceiling < fall_value(ceiling, steps - 1, steps) < fall_value(ceiling, 1, steps)
+
+
+def test_unknown_measure_names_the_known_ones() -> None:
+    """A wrong name tells which are right."""
+    with pytest.raises(EpisodeError, match=r"'spectrum'; did you mean 'spectral'.*count, crossing, spectral"):
+        get_measure("spectrum")
+
+
+def test_counting_rules_of_a_swing_and_of_a_revolution() -> None:
+    """Of ten swings each rule counts ten; of four revolutions none is complete, three wrap within, and the rule adds
+    one.
+    """
+    swing, _ = sine(1.0, 10.01)
+    turning = np.linspace(0.0, 8 * np.pi - 0.1, 5001)[:, None]
+    assert get_measure("count", "complete") is MEASURES["count"]
+    assert maxima_periods(swing).tolist() == [11]
+    assert alternation_periods(swing).tolist() == [10]
+    assert maxima_periods(turning).tolist() == [5]
+    assert alternation_periods(turning).tolist() == [0]
+    assert maxima_periods(np.hstack([swing, -swing])).tolist() == [11, 11]
+
+
+def test_alternations_do_not_count_what_stays_within_a_quarter_of_the_largest_angle() -> None:
+    """Small wiggles between large swings are hysteresis, not periods."""
+    large, small = sine(0.5, 4.0, 1.0)[0], sine(5.0, 4.0, 0.2)[0]
+    assert alternation_periods(np.vstack([large, small, large])).tolist() == [4]
+
+
+def test_rules_of_a_record_are_summed_over_pushes() -> None:
+    """A rule counts each push by itself, whatever the joints did before."""
+    angles = sine(1.0, 10.01)[0]
+    record = Record(TIMESTEP, 0, None, *np.zeros((4, 2, 1)), angles=(angles, angles[:5005]))  # type: ignore[arg-type]
+    assert get_measure("count", "maxima").periods(record).tolist() == [17]
+    assert get_measure("count", "maxima").value(record) == 17.0
+
+
+@pytest.mark.parametrize(
+    ("measure", "rule", "message"),
+    [
+        ("count", "maximum", r"'maximum'; did you mean 'maxima'.*complete, maxima, alternations"),
+        ("spectral", "maxima", "'spectral' has no counting rule"),
+    ],
+)
+def test_rule_that_cannot_be_used_is_refused(measure: str, rule: str, message: str) -> None:
+    """Rules belong to `count`; a wrong name tells which are right."""
+    with pytest.raises(EpisodeError, match=message):
+        get_measure(measure, rule)

@@ -1,0 +1,206 @@
+"""Individual parameters: what is found is a set of bodies, all possible ones, whose lumps agree."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import optuna
+import pytest
+from conftest import Finished, random_plant
+
+import metaid as package
+from metaid.episode.outcome import Outcome
+from metaid.errors import StudyError
+from metaid.models.same_motion import SameMotion
+from metaid.search.body_space import body_space
+from metaid.search.registry import SamplerOptions, make_searcher
+from metaid.search.walk import Walking
+from metaid.study.problem import Problem, load_study
+
+Metaid = Callable[..., Finished]
+
+
+def space_of(nlink: int, low: float = 0.5, high: float = 2.0) -> Any:
+    """The space about a random chain."""
+    each = np.ones(2 * nlink)
+    return body_space(random_plant(nlink).chain, each, low * each, high * each)
+
+
+@pytest.mark.parametrize("nlink", [1, 2, 3, 5, 10])
+def test_lumps_of_bodies_are_those_of_a_chain_with_these_masses(nlink: int) -> None:
+    """Eqs. 1 and 2 for many bodies at once, as for one chain; the nominal body has the nominal lumps."""
+    chain, space = random_plant(nlink).chain, space_of(nlink)
+    factors = np.random.default_rng(1).uniform(0.5, 2.0, (3, 2 * nlink))
+    many = space.bodies.scaled(factors)
+    for i, own in enumerate(factors):
+        mass, com = np.split(own, 2)
+        lumps = replace(chain, mass=chain.mass * mass, com=chain.com * com).lumps
+        assert many.gravity[i] == pytest.approx(lumps.gravity, rel=1e-12)
+        assert many.coriolis[i] == pytest.approx(lumps.coriolis, rel=1e-12)
+        assert space.lump_factors(own) == pytest.approx(lumps.vector / chain.lumps.vector, rel=1e-12)
+
+
+def test_every_candidate_is_a_possible_body() -> None:
+    """However far the searcher goes, without bounds to speak of: masses are positive, centres of mass on their link."""
+    space = space_of(3, low=1e-12, high=1e12)
+    random = np.random.default_rng(2)
+    for size in (0.1, 3.0, 20.0):
+        for z in size * random.normal(size=(50, 6)):
+            mass, com = np.split(space.coordinates.factors(z) * space.bodies.vector, 2)
+            assert (mass > 0.0).all()
+            assert ((com > 0.0) & (com < space.bodies.length)).all()
+
+
+def test_coordinates_lead_back_and_know_their_bounds() -> None:
+    """z of factors of z is z; the corners of the box are inside, beyond them is not."""
+    coordinates = space_of(3).coordinates
+    z = 0.1 * np.random.default_rng(3).normal(size=6)
+    assert coordinates.z(coordinates.factors(z)) == pytest.approx(z, abs=1e-12)
+    assert coordinates.factors(np.zeros(6)) == pytest.approx(np.ones(6))
+    for corner in coordinates.box():
+        assert coordinates.inside(0.999 * corner)
+        assert not coordinates.inside(1.001 * corner)
+
+
+@pytest.mark.parametrize("nlink", [1, 2, 3, 10])
+def test_walk_stays_among_possible_bodies_of_the_same_lumps(nlink: int) -> None:
+    """Ends and points between them are within the bounds, and none of them moves otherwise."""
+    space, random = space_of(nlink), np.random.default_rng(4)
+    best = np.full(2 * nlink, 1.1)
+    same = SameMotion(space.bodies, best, space.low, space.high)
+    walked, mass = same.ends(random), same.start
+    for _ in range(20):
+        mass = same.random_point(mass, random)
+        walked.append(mass)
+    factors = np.array([same.factors(mass) for mass in walked])
+    assert (factors >= space.low * (1 - 1e-6)).all()
+    assert (factors <= space.high * (1 + 1e-6)).all()
+    assert space.lump_factors(factors) == pytest.approx(np.tile(space.lump_factors(best), (len(walked), 1)), rel=1e-9)
+    assert np.ptp(factors[-20:], axis=0).min() > 0.01
+
+
+def test_walk_goes_to_the_ends_of_the_set() -> None:
+    """For two links a grid covers the set: each parameter's least and largest value are the grid's."""
+    space = space_of(2)
+    same = SameMotion(space.bodies, np.ones(4), space.low, space.high)
+    ends = np.array([same.factors(mass) for mass in same.ends(np.random.default_rng(5))])
+    axis = np.linspace(0.5, 2.0, 601)
+    grid = np.array(np.meshgrid(axis, axis)).reshape(2, -1).T * space.bodies.mass
+    factors = np.array([same.factors(mass) for mass in grid])
+    possible = factors[((factors >= space.low) & (factors <= space.high)).all(axis=1)]
+    for parameter in range(4):
+        assert ends[2 * parameter, parameter] == pytest.approx(possible[:, parameter].min(), abs=0.01)
+        assert ends[2 * parameter + 1, parameter] == pytest.approx(possible[:, parameter].max(), abs=0.01)
+
+
+def test_ends_of_the_set_are_corners_whatever_the_way_there() -> None:
+    """For five links too, where no grid can tell: two ways through the set come to the same ends."""
+    space = space_of(5)
+    same = SameMotion(space.bodies, np.ones(10), space.low, space.high)
+    one, other = (np.array([same.factors(mass) for mass in same.ends(np.random.default_rng(seed))]) for seed in (6, 7))
+    reached = np.arange(20), np.arange(20) // 2
+    assert one[reached] == pytest.approx(other[reached], rel=1e-9)
+
+
+def test_walk_waits_for_a_survivor() -> None:
+    """While everything falls there is no best body to walk from, so the search goes on beyond its share."""
+    coordinates = space_of(2).coordinates
+    walking = Walking(make_searcher("cmaes", coordinates, 0, SamplerOptions()), coordinates, 0, search_trials=8)
+    fall = Outcome(2.0, True, 5, (0, 0))
+    for _ in range(3):
+        batch = walking.ask()
+        assert walking.spread is not None
+        walking.tell([fall] * len(batch))
+    batch = walking.ask()
+    walking.tell([Outcome(0.5, False, 100, (0, 0))] + [fall] * (len(batch) - 1))
+    assert len(walking.ask()) == 8
+    assert walking.spread is None
+
+
+@pytest.fixture(scope="module")
+def database(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The shipped study of the individual parameters of two links, run."""
+    path = tmp_path_factory.mktemp("bodies") / "metaid.db"
+    package.run("two-link-parameters", storage=str(path))
+    return path
+
+
+def test_lumps_are_found_and_bodies_are_not_and_the_report_says_so(
+    database: Path, metaid: Metaid, tmp_path: Path
+) -> None:
+    """Over all bodies as good as the best one, every lump stays within 1 % of the truth, and no parameter does."""
+    where = ("--storage", str(database))
+    shown = json.loads(metaid("study", "show", "two-link-parameters", "--json", *where).out)
+    for lump in shown["lumps"]:
+        assert lump["low"] == pytest.approx(lump["true"], rel=0.01)
+        assert lump["high"] == pytest.approx(lump["true"], rel=0.01)
+    for row in shown["parameters"]:
+        assert row["high"] / row["low"] > 2.0
+        assert row["low"] < 0.99 * row["true"] < 1.01 * row["true"] < row["high"]
+    mass_1 = shown["parameters"][0]
+    assert (mass_1["low"], mass_1["high"]) == pytest.approx((0.5 * 0.9, 2.0 * 0.9), rel=1e-9)
+    said = metaid("study", "show", "two-link-parameters", *where).out
+    assert metaid("study", "report", "two-link-parameters", "-o", "report.html", *where).status == 0
+    page = Path("report.html").read_text()
+    for text in (said, page):
+        assert "bodies are as good as the best one, and their lumps agree within 0." in text
+        assert "the lumps are identified, these parameters are not" in text
+    assert 'id="parameters-table"' in page
+
+
+def test_walked_bodies_are_real_episodes_as_good_as_the_best(database: Path) -> None:
+    """The last 64 trials have the measure of the best of those before, to rounding, at quite other factors."""
+    trials = package.trials("two-link-parameters", str(database))
+    searched, walked = trials.iloc[:-64], trials.iloc[-64:]
+    assert walked["value"].to_numpy() == pytest.approx(searched["value"].min(), rel=1e-6)
+    assert walked["mass_1"].max() / walked["mass_1"].min() > 2.0
+
+
+def test_db_holds_factors_of_parameters_within_bounds(database: Path) -> None:
+    """Optuna sees mass_i and com_i, each with its own bounds; a centre of mass stays on its link."""
+    study = optuna.load_study(study_name="two-link-parameters", storage=f"sqlite:///{database}")
+    assert list(study.trials[0].params) == ["mass_1", "mass_2", "com_1", "com_2"]
+    assert study.trials[0].distributions["mass_1"].high == 2.0  # type: ignore[attr-defined]
+    assert study.trials[0].distributions["com_1"].high == pytest.approx(2.0, rel=1e-5)  # type: ignore[attr-defined]
+    assert max(trial.params["com_2"] for trial in study.trials) * 0.175 < 0.35
+
+
+def test_resumed_in_the_midst_of_the_walk_gives_the_same_trials(database: Path, tmp_path: Path) -> None:
+    """Stopped during the search and again during the walk, with other workers."""
+    other = str(tmp_path / "metaid.db")
+    for trials, workers in ((50, 1), (230, 2), (None, 1)):
+        package.run("two-link-parameters", storage=other, trials=trials, workers=workers)
+    one, two = (package.trials("two-link-parameters", storage) for storage in (str(database), other))
+    assert one.equals(two)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"search.walk": 264}, "walk is 264 of 264 trials"),
+        ({"search.target": 0.001}, "search.target"),
+        ({"search.coordinates": "plain"}, "search.coordinates"),
+        ({"episode.measure": "count"}, "measure = 'spectral'"),
+        ({"search.high": {"gravity_1": 1.5}}, "unknown parameter 'gravity_1'"),
+        ({"search.start": {"com_1": 2.5}}, "start 2.5 of com_1 is not within its bounds"),
+        ({"search.low": {"com_1": 2.1}, "search.start": {"com_1": 2.2}, "search.high": 3.0}, "start 2.2 of com_1"),
+    ],
+)
+def test_setting_that_parameters_have_no_use_for_is_refused(changes: dict[str, Any], message: str) -> None:
+    """In one line that names it; a centre of mass beyond the tip is out of bounds whatever the bounds are."""
+    with pytest.raises(StudyError, match=message):
+        load_study("two-link-parameters", changes)
+
+
+def test_bounds_of_the_lumps_hold_those_of_all_bodies() -> None:
+    """What figures and the dashboard draw between."""
+    problem = Problem(load_study("two-link-parameters"))
+    low, high = problem.searched.low, problem.searched.high
+    lumps = problem.lump_factors(np.random.default_rng(6).uniform(low, high, (200, 4)))
+    assert (lumps >= problem.low).all()
+    assert (lumps <= problem.high).all()

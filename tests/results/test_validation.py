@@ -1,0 +1,147 @@
+"""What an identified model is worth: it coasts and tracks where the nominal one does not."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from conftest import Finished, random_plant
+
+import metaid as package
+from metaid.episode.pushes import natural_time
+from metaid.errors import StudyError
+from metaid.models.lumps import Lumps
+from metaid.results.control import Model, computed_torque, smooth_sinusoids, track
+from metaid.results.validation import Validated, coasting_time, fresh_pushes, tracking_errors, validate_factors
+from metaid.study.problem import Problem, load_study
+
+Metaid = Callable[..., Finished]
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    """The shipped three-link study."""
+    return Problem(load_study("three-link"))
+
+
+def true_factors(problem: Problem) -> np.ndarray:
+    """The factors at which the nominal lumps are the plant's."""
+    return problem.make_plant().chain.lumps.vector / problem.nominal.lumps.vector
+
+
+@pytest.mark.parametrize("nlink", [1, 2, 5])
+def test_true_model_coasts_for_the_whole_horizon(nlink: int) -> None:
+    """On any chain, and a model with 5 % more gravity does not."""
+    plant = random_plant(nlink)
+    truth = plant.chain.lumps
+    heavier = Lumps(1.05 * truth.gravity, truth.coriolis)
+    for impulses in fresh_pushes(plant, 3, 4.0, study_seed=1, seed=0):
+        assert coasting_time(plant, truth, impulses, 3000) == 3000 * plant.timestep
+        assert coasting_time(plant, heavier, impulses, 3000) < 3000 * plant.timestep
+
+
+@pytest.mark.parametrize("nlink", [1, 2, 5])
+def test_computed_torque_of_the_whole_truth_follows_the_trajectory(nlink: int) -> None:
+    """To a fifth of a degree, in MuJoCo, which knows nothing of the equations used here."""
+    plant = random_plant(nlink)
+    model = Model(plant.chain.lumps, plant.chain.inertia_lumps)
+    time = natural_time(plant.chain, plant.gravity)
+    desired = smooth_sinusoids(nlink, time, plant.timestep)
+    seen = track(plant, model, model, desired, 3.0 / time)
+    assert np.degrees(np.abs(seen.angles - desired.angles)).max() < 0.2
+    assert np.degrees(np.abs(desired.angles).max()) > 20
+
+
+def test_computed_torque_is_the_inverse_of_mujocos_motion() -> None:
+    """The torque for an acceleration gives that acceleration."""
+    plant, random = random_plant(4), np.random.default_rng(1)
+    model = Model(plant.chain.lumps, plant.chain.inertia_lumps)
+    angles, speeds, accelerations = random.normal(size=(3, 4))
+    plant.data.qpos[:], plant.data.qvel[:] = angles, speeds
+    plant.apply_torque(computed_torque(model, angles, speeds, accelerations, plant.gravity))
+    plant.step()
+    assert (plant.states()[1] - speeds) / plant.timestep == pytest.approx(accelerations)
+
+
+def test_trajectory_speeds_and_accelerations_are_derivatives_of_its_angles() -> None:
+    """From rest upright, and smooth."""
+    motion = smooth_sinusoids(3, 0.2, 1e-4, harmonics=2)
+    assert (motion.angles[0] == 0.0).all()
+    assert (motion.speeds[0] == 0.0).all()
+    for value, rate in ((motion.angles, motion.speeds), (motion.speeds, motion.accelerations)):
+        assert np.gradient(value, 1e-4, axis=0)[1:-1] == pytest.approx(rate[1:-1], abs=1e-3)
+
+
+def test_validation_pushes_are_not_those_of_the_search(problem: Problem) -> None:
+    """Even with equal seeds, and another seed means other pushes."""
+    plant, seed = problem.make_plant(), problem.spec.study.seed
+    one, other = (fresh_pushes(plant, 6, 4.0, seed, given) for given in (seed, seed + 1))
+    assert not np.isclose(one, other).any()
+    assert not np.isclose(one, problem.episode.pushes).any()
+
+
+def test_better_models_coast_longer_and_track_better(problem: Problem) -> None:
+    """Nominal, then 1 % wrong, then the truth; and the same twice."""
+    wrong = true_factors(problem) * (1 + 0.01 * np.array([1, -1, 1, -1, 1, -1]))
+    validation = validate_factors(problem, wrong, pushes=4)
+    nominal, identified, true = validation.models
+    assert [shown.model for shown in validation.models] == ["nominal", "identified", "true"]
+    assert np.median(nominal.coasting) < np.median(identified.coasting) < np.median(true.coasting)
+    assert nominal.rms_error > 2 * max(identified.rms_error, true.rms_error)
+    again = validate_factors(problem, wrong, pushes=4)
+    assert again.summary() == validation.summary()
+
+
+def test_model_that_loses_control_is_said_to(problem: Problem) -> None:
+    """Gravity taken for its opposite throws the chain off, which is not passed off as tracking."""
+    nominal = problem.nominal
+    wild = Lumps(-200 * nominal.lumps.gravity, nominal.lumps.coriolis)
+    errors, tracked = tracking_errors(problem.make_plant(), wild, nominal)
+    assert not tracked
+    assert np.isfinite(errors).all()
+    assert np.isinf(Validated("wild", np.zeros(1), errors, tracked).rms_error)
+
+
+def test_finished_study_coasts_ten_times_longer_than_its_nominal_model_and_tracks_better(metaid: Metaid) -> None:
+    """On the command line, in Python, as JSON, as a table and as a figure."""
+    metaid("study", "create", "three-link")
+    metaid("study", "run", "three-link", "--quiet")
+    shown = json.loads(metaid("study", "validate", "three-link", "--pushes", "3", "--json", "-o", "t.png").out)
+    models = {row["model"]: row for row in shown["models"]}
+    assert models["identified"]["coasting_s"] > 10 * models["nominal"]["coasting_s"]
+    assert models["true"]["coasting_whole_horizon"] == 3
+    for key in ("tracking_rms_deg", "tracking_max_deg"):
+        assert models["identified"][key] < 0.5 * models["nominal"][key]
+    assert shown == {"study": "three-link", **package.validate("three-link", pushes=3).summary()}
+    with open("t.png", "rb") as file:
+        assert file.read(4) == b"\x89PNG"
+    table = metaid("study", "validate", "three-link", "--pushes", "1", "--seed", "3").out
+    assert all(word in table for word in ("nominal", "identified", "true"))
+
+
+def test_impossible_validations_are_refused_in_one_line(metaid: Metaid, problem: Problem) -> None:
+    """No such study, nothing survived yet, impossible numbers; nothing is written."""
+    metaid("study", "create", "three-link")
+    for arguments, word in (
+        (("nowhere",), "three-link"),
+        (("three-link", "-o", "t.png"), "no survivor"),
+        (("three-link", "--pushes", "0"), "0"),
+        (("three-link", "--seed", "-1"), "-1"),
+    ):
+        refused = metaid("study", "validate", *arguments)
+        assert refused.status == 2
+        assert word in refused.err
+        assert len(refused.err.strip().splitlines()) == 1
+        assert refused.out == ""
+    with pytest.raises(StudyError, match="1 to 1000"):
+        validate_factors(problem, np.ones(6), pushes=0)
+
+
+def test_truth_is_left_out_where_the_plant_does_not_know_it() -> None:
+    """Nominal and identified alone."""
+    spec = load_study("three-link")
+    secret = spec.model_copy(update={"plant": spec.plant.model_copy(update={"truth_known": False})})
+    models = validate_factors(Problem(secret), np.ones(6), pushes=1).models
+    assert [shown.model for shown in models] == ["nominal", "identified"]

@@ -1,0 +1,96 @@
+"""The report of a real study: what it says, that it repeats the study, and that a browser shows all of it."""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from browser import open_browser
+from conftest import Finished
+
+import metaid as package
+from metaid.show.report import render
+from metaid.store.database import Store
+from metaid.study.create import create_study
+from metaid.study.problem import load_study
+from metaid.study.run import run_study
+
+Metaid = Callable[..., Finished]
+FIGURES = ("convergence", "factors", "ranges", "frequency", "boundary", "parallel", "correlation", "episode")
+
+
+@pytest.fixture(scope="module")
+def page(studied: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of the study `plain`."""
+    written = tmp_path_factory.mktemp("report") / "plain.html"
+    written.write_text(render(package.load_findings("plain", str(studied))), encoding="utf-8")
+    return written
+
+
+def test_browser_shows_lumps_figures_and_falls_and_fetches_nothing(page: Path, studied: Path, tmp_path: Path) -> None:
+    """On a desk and on a phone, light and dark: every part is there, nothing comes from outside, no error."""
+    summary = package.summary("plain", str(studied))
+    with open_browser(tmp_path / "profile") as browser:
+        for width, dark in ((1200, False), (390, True)):
+            browser.look(page.as_uri(), width, dark)
+            text = browser.text()
+            for lump in summary["lumps"]:
+                assert f"{lump['name']}" in text
+                assert f"{lump['identified']:.5g}" in text
+            assert f"{summary['trials']['pruned']} trials fell" in text
+            for part in ("What was asked", "What could not be identified", "Cost", "How to repeat it"):
+                assert part in text
+            heights = "return [...document.querySelectorAll('figure svg')].map(s => s.getBoundingClientRect().height)"
+            assert sum(height > 100 for height in browser.driver.execute_script(heights)) == 1 + len(FIGURES)
+            sideways = "return document.documentElement.scrollWidth - window.innerWidth"
+            assert browser.driver.execute_script(sideways) <= 0
+            paper = browser.driver.execute_script("return getComputedStyle(document.body).backgroundColor")
+            assert paper == ("rgb(22, 23, 27)" if dark else "rgb(255, 255, 255)")
+            assert browser.fetched() == [page.as_uri()]
+            assert browser.complaints() == []
+
+
+def test_page_refers_to_nothing_outside(page: Path) -> None:
+    """No script, no address to fetch, figures inline, no id twice."""
+    text = page.read_text()
+    assert "<script" not in text
+    assert set(re.findall(r'(?:src|href)="([^#"][^"]{0,4})', text)) <= {"data:"}
+    ids = re.findall(r'\bid="([^"]+)"', text)
+    assert len(ids) == len(set(ids))
+    for name in FIGURES:
+        assert f'id="figure-{name}"' in text
+
+
+def test_its_files_and_command_repeat_the_study(metaid: Metaid, page: Path, studied: Path) -> None:
+    """Saved and run as the page says, they give the same trials."""
+    text = page.read_text()
+    for name, content in re.findall(r'<pre class="file" data-name="([^"]+)">(.*?)</pre>', text, flags=re.DOTALL):
+        Path(name).write_text(html.unescape(content))
+    (commands,) = re.findall(r'<pre id="commands">(.*?)</pre>', text, flags=re.DOTALL)
+    for command in html.unescape(commands).splitlines():
+        assert metaid(*command.split()[1:]).status == 0
+    assert package.trials("plain").equals(package.trials("plain", str(studied)))
+
+
+def test_what_a_count_cannot_tell_is_said(metaid: Metaid, studied: Path) -> None:
+    """Coriolis lumps of a study that counts crossings are named, with the reason."""
+    assert metaid("study", "report", "boundary", "--storage", str(studied), "-o", "boundary.html").status == 0
+    (section,) = re.findall(r'<section id="unidentified">.*?</section>', Path("boundary.html").read_text(), re.DOTALL)
+    assert "coriolis_1_2" in section
+    assert "hardly responds to it" in section
+
+
+def test_names_and_descriptions_are_text_not_markup(metaid: Metaid) -> None:
+    """A study from a stranger cannot put a script into the page."""
+    evil = "<script>alert('$x$ & y')</script>"
+    store = Store("evil.db", create=True)
+    create_study(store, load_study("one-link-count", {"description": evil, "trials": 30}), evil)
+    run_study(store, evil)
+    store.close()
+    assert metaid("study", "report", evil, "--storage", "evil.db", "-o", "evil.html").status == 0
+    text = Path("evil.html").read_text()
+    assert "<script" not in text
+    assert html.escape(evil, quote=False).replace("'", "&#39;") in text

@@ -1,0 +1,226 @@
+"""Friction in the joints: what it does to a plant, in the law, and that its lumps are found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import random_links
+
+from metaid import results
+from metaid.compiled.objective import Objective
+from metaid.episode.episode import Episode
+from metaid.episode.pushes import pushed_speeds, rich_pushes
+from metaid.episode.stepwise import run_stepwise
+from metaid.errors import StudyError
+from metaid.models.law import compensation_basis, compensation_torque
+from metaid.models.lumps import IDEAL, Lumps
+from metaid.plant.mujoco_plant import MujocoPlant
+from metaid.plant.settings import PlantSettings
+from metaid.store.database import Store
+from metaid.study.create import create_study
+from metaid.study.problem import Problem, load_study
+from metaid.study.run import run_study
+
+ALL = (*IDEAL, "damping", "coulomb")
+
+
+def rubbing_plant(nlink: int, damping: float = 0.03, frictionloss: float = 0.0, timestep: float = 0.002) -> MujocoPlant:
+    """A heterogeneous chain with friction that differs from joint to joint."""
+    links = tuple(
+        link.model_copy(update={"damping": damping * (1 + i / 2), "frictionloss": frictionloss * (1 + i / 2)})
+        for i, link in enumerate(random_links(nlink, 1))
+    )
+    return MujocoPlant("rubbing", PlantSettings(links=links, timestep=timestep))
+
+
+def energy(plant: MujocoPlant) -> float:
+    """Kinetic and potential energy, in J, from the lumps."""
+    angles, speeds = np.cumsum(plant.data.qpos), np.cumsum(plant.data.qvel)
+    kinetic = 0.5 * speeds @ plant.chain.mass_matrix(angles) @ speeds
+    return float(kinetic + plant.gravity * plant.chain.lumps.gravity @ np.cos(angles))
+
+
+@pytest.mark.parametrize("friction", [{"damping": 0.05}, {"damping": 0.0, "frictionloss": 0.05}], ids=str)
+def test_friction_takes_energy_from_a_swinging_chain(friction: dict[str, float]) -> None:
+    """Left alone, it has less energy at every twentieth of a second; without friction it keeps what it has."""
+
+    def lost(plant: MujocoPlant) -> np.ndarray:
+        plant.push(rich_pushes(plant, 1, 3.0, seed=1)[0])
+        energies = [energy(plant)]
+        for _ in range(8):
+            for _ in range(500):
+                plant.step()
+            energies.append(energy(plant))
+        return -np.diff(energies)
+
+    kept = np.abs(lost(rubbing_plant(3, damping=0.0, timestep=1e-4))).max()
+    assert (lost(rubbing_plant(3, **friction, timestep=1e-4)) > 5 * kept).all()
+
+
+@pytest.mark.parametrize("nlink", [1, 3, 5])
+@pytest.mark.parametrize("friction", [{"damping": 0.05}, {"damping": 0.02, "frictionloss": 0.05}], ids=str)
+def test_chain_coasts_when_its_friction_is_compensated_too(nlink: int, friction: dict[str, float]) -> None:
+    """With all true lumps nothing accelerates; without those of friction it is slowed down."""
+    plant = rubbing_plant(nlink, **friction)
+    episode = Episode(rich_pushes(plant, 2 * nlink, 3.0, seed=1), 150)
+    every, ideal = plant.true_lumps(), plant.chain.lumps
+    assert every is not None
+    exact, slowed = (Objective(plant, lumps, episode, "spectral") for lumps in (every, ideal))
+    assert exact.evaluate(np.ones(len(every.vector))).value < 1e-6
+    assert slowed.evaluate(np.ones(len(ideal.vector))).value > 0.01
+
+
+@pytest.mark.parametrize("nlink", [1, 2, 5])
+def test_law_with_friction_and_inertia_is_linear_in_all_its_lumps(nlink: int) -> None:
+    """The basis that H is taken of, times the lumps, is the law that is sent."""
+    kinds, random = (*ALL, "inertia"), np.random.default_rng(4)
+    lumps = rubbing_plant(nlink, 0.03, 0.1).chain.lumps_of(kinds)
+    angles, speeds = random.uniform(-2, 2, nlink), random.uniform(-5, 5, nlink)
+    force = compensation_basis(np.cumsum(angles), np.cumsum(speeds), 9.81, kinds, stiffness=30.0) @ lumps.vector
+    # The off-diagonals of M belong to the Coriolis lumps, which the second stage takes as found.
+    off = lumps.coriolis * np.cos(np.subtract.outer(np.cumsum(angles), np.cumsum(angles)))
+    force -= 30.0 * off @ np.cumsum(angles)
+    torque = compensation_torque(lumps, angles, speeds, 9.81, stiffness=30.0)
+    assert np.cumsum(force[::-1])[::-1] == pytest.approx(torque)
+
+
+def test_compiled_law_is_the_plain_one_with_every_term() -> None:
+    """Friction of both kinds, a stiffness and inertia lumps, near the truth and off it."""
+    plant = rubbing_plant(3, 0.02, 0.03)
+    episode = Episode(rich_pushes(plant, 2, 3.0, seed=1), 150, stiffness=100.0)
+    truth = plant.chain.lumps_of((*ALL, "inertia"))
+    objective = Objective(plant, truth, episode, "spectral")
+    for factors in 1.0 + 0.1 * np.random.default_rng(1).uniform(-1.0, 1.0, (3, len(truth.vector))):
+        compiled = objective.record(factors)
+        plain, _ = run_stepwise(plant, truth.scaled(factors), episode)
+        assert compiled.fall_step is plain.fall_step is None
+        assert np.allclose(compiled.acceleration_energy, plain.acceleration_energy, rtol=1e-6)
+        assert np.allclose(compiled.speed_energy, plain.speed_energy, rtol=1e-6)
+
+
+@pytest.mark.parametrize("frictionloss", [0.0, 0.02])
+def test_sensitivity_to_friction_is_what_the_plant_shows(frictionloss: float) -> None:
+    """Near the truth the squared measure is κ |z|², for friction lumps as for the others."""
+    plant = rubbing_plant(3, 0.03, frictionloss)
+    searched = plant.chain.kinds
+    spec = load_study("full-three-link")
+    search = spec.study.search.model_copy(update={"lumps": searched})
+    study = spec.study.model_copy(update={"search": search})
+    known = {"plant": plant.settings, "nominal": plant.settings.links, "study": study}
+    problem = Problem(spec.model_copy(update=known))
+    objective, coordinates = problem.make_objective(), problem.coordinates
+    assert coordinates.curvature is not None
+    for z in 1e-4 * np.random.default_rng(1).normal(size=(5, len(problem.names))):
+        value = objective.evaluate(coordinates.factors(z)).value
+        assert value**2 == pytest.approx(coordinates.curvature * float(z @ z), rel=0.05)
+
+
+def test_law_of_a_study_that_does_not_search_friction_has_none() -> None:
+    """Whatever the nominal model says of it: what is not searched is not believed either."""
+    spec = load_study("full-three-link", {"search.lumps": ["gravity", "coriolis"]})
+    problem = Problem(spec)
+    assert problem.names == Problem(load_study("three-link")).names
+    assert problem.lumps.damping is None
+
+
+def test_default_lumps_leave_the_trials_as_they_were(tmp_path: Path) -> None:
+    """Naming the two kinds, in any order, is not naming any, to the last bit."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    for name, changes in (("one", {}), ("other", {"search.lumps": ["coriolis", "gravity"]})):
+        create_study(store, load_study("three-link", changes), name)
+        run_study(store, name, trials=60)
+    assert results.trials_frame(store, "one").equals(results.trials_frame(store, "other"))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"search.lumps": ["gravity"]}, "lumps: needs gravity and coriolis, each kind once"),
+        ({"search.lumps": ["gravity", "coriolis", "damping", "damping"]}, "each kind once"),
+        ({"search.lumps": ["gravity", "coriolis", "friction"]}, "'damping' or 'coulomb'"),
+        ({"search.lumps": list(ALL)}, "frictionloss of link 1 is 0 in the nominal model"),
+        ({"search.start": {"coulomb_1": 1.0}}, "unknown lump 'coulomb_1'"),
+    ],
+)
+def test_lumps_that_cannot_be_searched_are_refused(changes: dict[str, Any], message: str) -> None:
+    """One line that says what is allowed."""
+    with pytest.raises(StudyError, match=message):
+        load_study("full-three-link", changes)
+
+
+def test_analytic_physics_does_not_pretend_to_know_dry_friction() -> None:
+    """It is refused for a plant that has some."""
+    spec = load_study("full-three-link", {"episode.physics": "analytic"})
+    links = tuple(link.model_copy(update={"frictionloss": 0.01}) for link in spec.plant.links)
+    dry = spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": links})})
+    with pytest.raises(StudyError, match="'analytic' has no dry friction"):
+        Problem(dry)
+
+
+def test_a_push_coasts_with_the_identified_friction_and_not_without(tmp_path: Path) -> None:
+    """cmaes finds the friction of a damped chain, from a nominal model wrong by 30 %, in plain coordinates too."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    changes = {"sampler": "cmaes", "trials": 1800, "search.lumps": [*IDEAL, "damping"]}
+    for coordinates in ("nominal-metric", "plain"):
+        spec = load_study("full-three-link", {**changes, "search.coordinates": coordinates})
+        spec = spec.model_copy(update={"study": spec.study.model_copy(update={"inertia": None})})
+        create_study(store, spec, coordinates)
+        run_study(store, coordinates)
+    assert results.summary(store, "nominal-metric")["max_error"] < 0.01
+    assert results.summary(store, "plain")["max_error"] < 0.1
+
+
+def test_friction_that_is_not_searched_biases_the_other_lumps(tmp_path: Path) -> None:
+    """The search finds the best that a frictionless law can do, which is not the truth."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    spec = load_study("full-three-link", {"search.lumps": list(IDEAL)})
+    spec = spec.model_copy(update={"study": spec.study.model_copy(update={"inertia": None})})
+    create_study(store, spec, "without")
+    run_study(store, "without")
+    shown = results.summary(store, "without")
+    assert shown["best"]["value"] > 0.01
+    assert shown["max_error"] > 0.05
+
+
+def test_dry_friction_is_identified_beside_viscous(tmp_path: Path) -> None:
+    """All 12 lumps of a three-link chain with both kinds, within 1 %."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    spec = load_study("full-three-link", {"trials": 1500})
+    dry = {
+        "links": tuple(
+            link.model_copy(update={"frictionloss": loss})
+            for link, loss in zip(spec.plant.links, (0.15, 0.08, 0.04), strict=True)
+        )
+    }
+    nominal = tuple(
+        link.model_copy(update={"frictionloss": loss})
+        for link, loss in zip(spec.nominal, (0.18, 0.06, 0.05), strict=True)
+    )
+    search = spec.study.search.model_copy(update={"lumps": ALL})
+    study = spec.study.model_copy(update={"search": search, "inertia": None})
+    made = spec.model_copy(update={"plant": spec.plant.model_copy(update=dry), "nominal": nominal, "study": study})
+    create_study(store, made, "dry")
+    run_study(store, "dry")
+    assert len(results.lumps_frame(store, "dry")) == 12
+    assert results.summary(store, "dry")["max_error"] < 0.01
+
+
+def test_scaled_lumps_of_many_candidates_are_those_of_each() -> None:
+    """Leading axes of the factors are leading axes of every lump, searched or not."""
+    chain = rubbing_plant(3, 0.02, 0.03).chain
+    lumps: Lumps = chain.lumps_of((*IDEAL, "damping"))
+    factors = np.random.default_rng(1).uniform(0.5, 2.0, (4, len(lumps.vector)))
+    many = lumps.scaled(factors)
+    for i, row in enumerate(factors):
+        one = lumps.scaled(row)
+        for kind in ("gravity", "coriolis", "damping", "coulomb", "inertia"):
+            assert (many.of(kind)[i] == one.of(kind)).all()
+
+
+def test_push_speeds_do_not_know_friction() -> None:
+    """An impulse is over before friction can act."""
+    pushes = rich_pushes(rubbing_plant(3, 0.0), 2, 3.0, seed=1)
+    assert (pushed_speeds(rubbing_plant(3, 0.1, 0.1), pushes) == pushed_speeds(rubbing_plant(3, 0.0), pushes)).all()

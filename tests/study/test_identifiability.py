@@ -1,0 +1,94 @@
+"""What can be determined is known before any trial, and is what the trials then show."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import Finished
+
+from metaid import results
+from metaid.store.database import Store
+from metaid.study.create import create_study
+from metaid.study.identifiability import identifiability
+from metaid.study.problem import Problem, load_study
+from metaid.study.run import run_study
+
+Metaid = Callable[..., Finished]
+
+
+@pytest.mark.parametrize("study", ["three-link", "two-link-tpe"])
+def test_spectral_with_rich_pushes_determines_every_lump(study: str) -> None:
+    """All lumps to better than 1 %."""
+    found = identifiability(Problem(load_study(study)))
+    assert all(found.determined)
+    assert found.resolution.max() < 0.01
+    assert found.combinations == ()
+
+
+def test_count_after_a_push_at_the_tip_determines_no_coriolis_lump() -> None:
+    """Gravity lumps of two links to about a hundredth, the Coriolis lump not at all."""
+    found = identifiability(Problem(load_study("two-link-tpe", {"episode.measure": "count"})))
+    assert found.undetermined_names == ["coriolis_1_2"]
+    assert found.resolution[:2].max() < 0.02
+    assert np.isinf(found.resolution[2])
+
+
+def test_one_push_at_the_tip_leaves_combinations_that_cannot_be_told() -> None:
+    """Spectral with too poor a push: some lumps are not determined, and moving along such a combination is not
+    noticed.
+    """
+    changes = {"episode.pushes": [[0.0, 0.0, 0.05]], "episode.steps": 150, "search.coordinates": "plain"}
+    problem = Problem(load_study("three-link", changes))
+    found = identifiability(problem)
+    assert found.undetermined_names
+    exact = problem.make_plant().chain.lumps.vector / problem.nominal.lumps.vector
+    rich = Problem(load_study("three-link")).make_objective()
+    poor = problem.make_objective()
+    moved = exact * (1 + 0.05 * np.array([found.combinations[0].get(name, 0.0) for name in problem.names]))
+    assert poor.evaluate(moved).value < 0.02 * rich.evaluate(moved).value
+
+
+def test_resolution_is_the_range_that_the_trials_show(tmp_path: Path) -> None:
+    """The range of trials as good as the best is about as wide as was foreseen, for every lump."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    create_study(store, load_study("three-link", {"trials": 1500}), "study")
+    run_study(store, "study")
+    lumps = results.lumps_frame(store, "study")
+    foreseen = identifiability(Problem(load_study("three-link"))).resolution
+    width = ((lumps["high"] - lumps["low"]) / (2 * lumps["identified"])).to_numpy()
+    assert (width < 2.5 * foreseen).all()
+    assert (width > 0.1 * foreseen).all()
+
+
+def test_check_and_create_say_what_cannot_be_found(metaid: Metaid) -> None:
+    """`study check` names the lumps before any trial; `study create` warns in one line, and only if there is
+    something to say.
+    """
+    assert metaid("study", "check", "three-link").status == 0
+    checked = json.loads(metaid("study", "check", "two-link-tpe", "--set", "episode.measure=count", "--json").out)
+    assert {lump["name"]: lump["determined"] for lump in checked["lumps"]} == {
+        "gravity_1": True,
+        "gravity_2": True,
+        "coriolis_1_2": False,
+    }
+    assert metaid("study", "create", "three-link").err == ""
+    warned = metaid("study", "create", "two-link-tpe", "--set", "episode.measure=count")
+    assert warned.status == 0
+    assert warned.err.count("\n") == 1
+    assert "cannot determine coriolis_1_2" in warned.err
+
+
+def test_report_gives_no_number_for_what_the_pushes_cannot_tell(tmp_path: Path) -> None:
+    """A study that ran all the same says which lumps it did not identify, and leaves them out of its largest error."""
+    changes = {"episode.pushes": [[0.0, 0.0, 0.05]], "episode.steps": 150, "search.coordinates": "plain", "trials": 60}
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    create_study(store, load_study("three-link", changes), "study")
+    run_study(store, "study")
+    missed = identifiability(Problem(load_study("three-link", changes))).undetermined_names
+    shown = {lump["name"]: lump for lump in results.summary(store, "study")["lumps"]}
+    assert missed
+    assert {name for name, lump in shown.items() if lump["identified"] is None} == set(missed)

@@ -1,0 +1,215 @@
+"""Ray workers that die, hang or are not there: the trials are the same, and what cannot be evaluated is a FAIL."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+import ray
+from conftest import Finished
+from pandas.testing import assert_frame_equal
+from ray.cluster_utils import Cluster
+
+from metaid import results
+from metaid.episode.outcome import Outcome
+from metaid.models.lumps import Array
+from metaid.store.database import Store
+from metaid.study.create import create_study
+from metaid.study.evaluation import engines, ray_actors
+from metaid.study.evaluation.ray_actors import RayEvaluator
+from metaid.study.evaluation.shares import TRIES
+from metaid.study.evaluation.threads import ThreadEvaluator
+from metaid.study.problem import Problem, load_study
+from metaid.study.run import run_study
+
+LONGEST = 600  # s that a test may take on the busiest machine
+CHANGES = {"trials": 45, "search.coordinates": "plain", "search.start": 0.8, "episode.fall_limit": 1.0}
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Cluster]:
+    """A Ray cluster on loopback whose head evaluates nothing."""
+    os.environ.update(RAY_USAGE_STATS_ENABLED="0", RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO="0")
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False})
+    ray.init(address=cluster.address, log_to_driver=False, logging_level="ERROR")
+    yield cluster
+    ray.shutdown()
+    cluster.shutdown()
+
+
+@pytest.fixture(autouse=True)
+def end_of_waiting() -> Iterator[None]:
+    """What is tested is that nothing is waited for without end: then a test must not do so either."""
+    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    signal.alarm(LONGEST)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+@pytest.fixture
+def node(cluster: Cluster) -> Any:
+    """A node with room for two workers, the only one."""
+    return next(iter(cluster.worker_nodes), None) or cluster.add_node(num_cpus=2)
+
+
+@pytest.fixture
+def problem() -> Problem:
+    """Survivors and falls."""
+    return Problem(load_study("three-link", CHANGES))
+
+
+def batch_of(problem: Problem) -> Array:
+    """Candidates of which some survive and some fall."""
+    return np.random.default_rng(0).uniform(0.5, 1.6, (12, len(problem.names)))
+
+
+def at_full_strength(crew: RayEvaluator, problem: Problem) -> RayEvaluator:
+    """The crew once all of its workers have started."""
+    while len(processes(crew)) < 2:
+        crew.evaluate(batch_of(problem))
+    return crew
+
+
+def expected(problem: Problem) -> list[Outcome]:
+    """What threads make of the batch."""
+    with ThreadEvaluator(problem, 1) as crew:
+        return crew.evaluate(batch_of(problem))
+
+
+def processes(crew: RayEvaluator) -> list[int]:
+    """Those of the crew's workers."""
+    return [hand.place[1] for hand in crew._hands if hand.place is not None]
+
+
+def workers_here() -> set[int]:
+    """The processes on this machine that Ray has named after a worker of ours, started or not."""
+    commands = {process.pid: process.info["cmdline"] or [""] for process in psutil.process_iter(["cmdline"])}
+    return {process for process, command in commands.items() if command[0].startswith("ray::_Worker")}
+
+
+def test_workers_killed_at_work_are_replaced(node: Any, problem: Problem) -> None:
+    """SIGKILL of both while they evaluate: every outcome is there, the same as any other's."""
+    with RayEvaluator(problem, 2, None) as crew:
+        killed = processes(at_full_strength(crew, problem))
+        for process in killed:
+            os.kill(process, signal.SIGSTOP)  # so that it will not have done its work when it is killed
+
+        def kill() -> None:
+            for process in killed:
+                os.kill(process, signal.SIGKILL)
+
+        assert crew.evaluate(batch_of(problem), meanwhile=kill) == expected(problem)
+        assert not set(killed) & set(processes(crew))
+
+
+def test_worker_killed_while_it_starts_is_replaced(node: Any, problem: Problem) -> None:
+    """Before it has said where it is, or been given anything."""
+    before = workers_here()
+    with RayEvaluator(problem, 1, None, patience=30.0) as crew:
+        while not (killed := workers_here() - before):
+            time.sleep(0.005)
+        for process in killed:
+            os.kill(process, signal.SIGKILL)
+        assert crew.evaluate(batch_of(problem)) == expected(problem)
+        assert not killed & set(processes(crew))
+
+
+def test_worker_that_hangs_is_replaced(node: Any, problem: Problem) -> None:
+    """A stopped process is given up after a while and ended, so that another has its place."""
+    with RayEvaluator(problem, 2, None) as crew:
+        hanging = processes(at_full_strength(crew, problem))[0]
+        crew._patience = 3.0
+        os.kill(hanging, signal.SIGSTOP)
+        assert crew.evaluate(batch_of(problem)) == expected(problem)
+        assert hanging not in processes(crew)
+        at_full_strength(crew, problem)
+        with pytest.raises(ProcessLookupError):
+            os.kill(hanging, 0)
+
+
+def test_candidate_that_ends_its_worker_is_a_failure_and_the_search_goes_on(
+    node: Any, problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A FAIL trial with its reason after bounded tries; a resumed run has the trials of an uninterrupted one."""
+    store, spec = Store(str(tmp_path / "metaid.db"), create=True), load_study("three-link", CHANGES)
+    for name in ("sound", "failing", "whole"):
+        create_study(store, spec, name)
+    run_study(store, "sound")
+    fatal = store.trials("sound", problem.names)[5].factors
+    died = tmp_path / "died"
+
+    class Fatal(ray_actors._Worker):
+        def evaluate(self, batch: Array) -> tuple[list[Outcome], float]:
+            if any(np.array_equal(fatal, candidate) for candidate in batch):
+                died.open("a").write("†")
+                os.abort()
+            return super().evaluate(batch)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ray_actors, "_Worker", Fatal)
+        run_study(store, "failing", trials=13, engine="ray")
+    assert len(died.read_text()) == TRIES + 1
+    run_study(store, "failing", trials=45)
+    failing = results.trials_frame(store, "failing")
+    assert failing["number"][failing["state"] == "FAIL"].tolist() == [5]
+    reason = store.trials("failing", problem.names)[5].outcome.failure
+    assert reason == "it ended its worker's process, 3 times"
+
+    class Uninterrupted(ThreadEvaluator):
+        def evaluate(self, batch: Array, meanwhile: Callable[[], None] = lambda: None) -> list[Outcome]:
+            outcomes = super().evaluate(batch, meanwhile)
+            for i, candidate in enumerate(batch):
+                if np.array_equal(fatal, candidate):
+                    outcomes[i] = problem.failed(reason)
+            return outcomes
+
+    monkeypatch.setattr(engines, "ThreadEvaluator", Uninterrupted)
+    run_study(store, "whole")
+    assert_frame_equal(failing, results.trials_frame(store, "whole"), check_exact=True)
+    assert not failing.equals(results.trials_frame(store, "sound"))
+
+
+def test_nodes_come_and_go_and_the_trials_are_the_same(
+    cluster: Cluster, node: Any, problem: Problem, tmp_path: Path
+) -> None:
+    """Fewer places than workers, the only node removed in mid-run, another added."""
+    store, spec = Store(str(tmp_path / "metaid.db"), create=True), load_study("three-link", {**CHANGES, "trials": 90})
+    for name in ("local", "ray"):
+        create_study(store, spec, name)
+    run_study(store, "local")
+
+    def change(progress: Any) -> None:
+        if progress.trials == 27:
+            cluster.remove_node(node)
+            cluster.add_node(num_cpus=2)
+
+    run_study(store, "ray", workers=3, engine="ray", watch=change)
+    assert_frame_equal(*(results.trials_frame(store, name) for name in ("local", "ray")), check_exact=True)
+
+
+def test_run_without_any_node_stops_in_one_line(
+    cluster: Cluster,
+    metaid: Callable[..., Finished],
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """It waits for a while, and says so; then it says how to go on, and the DB is whole."""
+    for node in list(cluster.worker_nodes):
+        cluster.remove_node(node)
+    metaid("study", "create", "three-link", "--set", "trials=45")
+    run_study(Store("metaid.db"), "three-link", trials=18)
+    monkeypatch.setattr(ray_actors, "ANNOUNCED", 1.0)
+    stopped = metaid("study", "run", "three-link", "--engine", "ray", "--patience", "3", "--quiet")
+    assert stopped.status == 2
+    assert caplog.messages == ["no Ray worker is there: waiting for one, 3 s at most"]
+    how = "18 trials are in metaid.db; go on with: metaid study run three-link"
+    assert stopped.err == f"metaid: no Ray worker for 3 s; {how}\n"
+    assert metaid("study", "run", "three-link", "--quiet").status == 0

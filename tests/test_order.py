@@ -1,0 +1,118 @@
+"""The order of the packages: who may import whom, through which door, and what is not loaded."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "metaid"
+# From the lowest to the highest; a package imports only those before it.
+ORDER = ("errors", "files", "models", "plant", "episode", "compiled", "search", "store", "study", "results", "show")
+ORDER += ("paper", "api", "cli")
+PACKAGES = tuple(name for name in ORDER if (PACKAGE / name).is_dir())
+# What must not be loaded by importing a package.
+ABSENT = {
+    "models": ("mujoco", "numba", "ray", "optuna", "pandas", "metaid.files"),
+    "plant": ("mujoco", "numba", "ray", "optuna", "pandas"),
+    "episode": ("mujoco", "numba", "ray", "optuna", "pandas"),
+    "compiled": ("ray", "optuna", "pandas"),
+    "search": ("mujoco", "numba", "ray"),
+    "store": ("mujoco", "numba", "ray", "matplotlib"),
+    "study": ("mujoco", "numba", "ray", "matplotlib"),
+    "results": ("mujoco", "numba", "ray", "matplotlib"),
+    "show": ("mujoco", "numba", "ray"),
+    "cli": ("mujoco", "numba", "ray", "optuna", "pandas", "matplotlib"),
+}
+
+
+def place(path: Path) -> list[str]:
+    """The packages and the module that a file of metaid is: `metaid/study/run.py` → study, run."""
+    parts = list(path.relative_to(PACKAGE).with_suffix("").parts)
+    return parts[:-1] if parts[-1] == "__init__" else parts
+
+
+def imports(path: Path) -> Iterator[tuple[int, list[str], list[str]]]:
+    """Line, module and names of every import of metaid's own in a file, functions' own imports included."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "metaid":
+            module = str(node.module).split(".")[1:]
+            names = [alias.name for alias in node.names]
+            if module:
+                yield node.lineno, module, names
+            else:  # from metaid import api
+                yield from ((node.lineno, [name], []) for name in names)
+        elif isinstance(node, ast.Import):
+            for alias in node.names:
+                if alias.name.startswith("metaid."):
+                    yield node.lineno, alias.name.split(".")[1:], []
+
+
+SOURCES = [path for path in sorted(PACKAGE.rglob("*.py")) if path != PACKAGE / "__init__.py"]
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: "/".join(place(path)))
+def test_module_imports_only_from_packages_below_its_own(path: Path) -> None:
+    """So that the folder listing is the architecture, and there is no circle of packages."""
+    own = place(path)[0]
+    for line, module, _ in imports(path):
+        if module[0] != own:
+            assert ORDER.index(module[0]) < ORDER.index(own), f"{path}:{line} imports metaid.{'.'.join(module)}"
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: "/".join(place(path)))
+def test_package_is_entered_through_its_face(path: Path) -> None:
+    """Other packages import the few names of a package's `__init__`, not its modules."""
+    own = place(path)
+    for line, module, names in imports(path):
+        if module[0] == own[0] or module[0] not in PACKAGES:
+            continue
+        assert (PACKAGE.joinpath(*module) / "__init__.py").exists(), (
+            f"{path}:{line} looks into metaid.{'.'.join(module)}"
+        )
+        assert not [name for name in names if name.startswith("_")], f"{path}:{line} imports a private name"
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_modules_of_a_package_have_no_circle(package: str) -> None:
+    """Within a package, too, imports point one way."""
+    files = [path for path in SOURCES if place(path)[0] == package and path.stem != "__init__"]
+    needs = {".".join(place(path)): {".".join(m) for _, m, _ in imports(path)} for path in files}
+    left = dict(needs)
+    while left:
+        free = [name for name, others in left.items() if not others & (set(left) - {name})]
+        assert free, f"these import one another in a circle: {', '.join(sorted(left))}"
+        for name in free:
+            del left[name]
+
+
+@pytest.mark.parametrize("package", sorted(ABSENT))
+def test_import_of_a_package_leaves_heavy_libraries_out(package: str) -> None:
+    """What reads a DB does without MuJoCo and numba; what simulates does without Optuna."""
+    code = f"import sys, metaid.{package}; print([name for name in {ABSENT[package]} if name in sys.modules])"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert loaded.stdout.strip() == "[]"
+
+
+def test_house_is_small_enough_to_be_seen() -> None:
+    """At most 18 entries at the top, 14 modules a package; most files under 250 lines and none over 400."""
+    top = [path for path in PACKAGE.iterdir() if path.name != "__pycache__"]
+    assert len(top) <= 18
+    for folder in {path.parent for path in SOURCES if path.parent != PACKAGE}:
+        assert len(list(folder.glob("*.py"))) <= 14, folder
+    lengths = [len(path.read_text(encoding="utf-8").splitlines()) for path in SOURCES]
+    assert sum(length <= 250 for length in lengths) >= 0.9 * len(lengths)
+    assert max(lengths) <= 400
+
+
+def test_map_for_newcomers_names_every_package_and_what_it_may_import() -> None:
+    """CONTRIBUTING's table has a line for each package, in the order that the test above holds."""
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)/?(?:\.py)?` \|", text, flags=re.MULTILINE)
+    assert tuple(rows) == ORDER
