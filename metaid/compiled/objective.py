@@ -27,7 +27,7 @@ from metaid.episode import (
     spectral_hz,
 )
 from metaid.errors import EpisodeError, LostPlant
-from metaid.models import Array, Candidates, Lumps
+from metaid.models import Array, Lumps, SearchSpace, factor_space
 from metaid.plant import MujocoPlant, Plant
 
 LARGEST_FACTOR = 1000.0
@@ -47,8 +47,8 @@ class Objective:
     """Evaluates factors of `nominal` lumps on a `plant` by a `measure`, `count` with a counting `rule`. Holds the
     plant's state, so one per worker.
 
-    With other `candidates`, factors are of these. `physics` is "mujoco", or "analytic" for a MujocoPlant's own
-    equations of motion.
+    With a `space`, candidates are values in it, in place of factors of the nominal lumps. `physics` is "mujoco", or
+    "analytic" for a MujocoPlant's own equations of motion.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class Objective:
         measure: str,
         physics: str = "mujoco",
         rule: str | None = None,
-        candidates: Candidates | None = None,
+        space: SearchSpace | None = None,
     ) -> None:
         if nominal.nlink != plant.njoint or episode.pushes.shape[1] != plant.njoint:
             raise EpisodeError(
@@ -68,7 +68,7 @@ class Objective:
             )
         self.plant = plant
         self.nominal = nominal
-        self._candidates: Candidates = nominal if candidates is None else candidates
+        self._space = factor_space(nominal) if space is None else space
         self.measure = get_measure(measure, rule)
         self.episode = episode = replace(episode, keep_angles=episode.keep_angles or self.measure.keeps_angles)
         self._loop: Loop = _fastest_loop(plant, nominal, episode, physics)
@@ -78,7 +78,8 @@ class Objective:
         """What the episode of a candidate with these `factors` (nlump) shows.  Raises EpisodeError where they are
         none, LostPlant and AbsentPlant.
         """
-        return self._loop.run(self._candidates.scaled(_checked(factors, len(self._candidates.vector))))
+        checked = _checked(factors, len(self._space.names))
+        return self._loop.run(self.nominal.with_parameters(self._space.parameters(checked)))
 
     def watch(self, factors: Array) -> tuple[Record, Trajectory]:
         """The same, and the motion after the last push, step by step in Python."""
@@ -99,7 +100,7 @@ class Objective:
         """A batch of candidates with these `factors` (ncandidate x nlump), for this objective and its like, each on a
         thread of its own, to work on.
         """
-        return self._loop.new_batch(self._candidates.scaled(factors))
+        return self._loop.new_batch(self.nominal.with_parameters(self._space.parameters(factors)))
 
     def work_on(self, batch: Any) -> None:
         """Runs episodes of the `batch` until there are none left; others may do so at the same time."""

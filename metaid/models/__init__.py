@@ -2,15 +2,18 @@
 
 A planar chain has lumped parameters (`Lumps`), which make the compensation torque, its regressor and the mass matrix.
 `Chain` holds the physical parameters that lumps follow from, `Bodies` those that a study may search in their place.
+`Model` is the one face of every kind of model, `Space` what a search moves in.
 Pure functions of arrays: nothing here knows MuJoCo, Optuna or files.
 """
 
 from metaid.models.bodies import Bodies, bodies_of
 from metaid.models.chain import Chain, speeds_after
 from metaid.models.law import SLIDING, compensation_basis, compensation_torque, mass_matrix
-from metaid.models.lumps import FRICTION, IDEAL, Array, Candidates, Lumps, factors_from_names, lump_names, lump_unit
+from metaid.models.lumps import FRICTION, IDEAL, Array, Lumps, factors_from_names, lump_names, lump_unit
+from metaid.models.model import ChainModel, Model
 from metaid.models.possible import least_inertia, refuse_impossible, refuse_too_long_a_step
 from metaid.models.same_motion import SameMotion
+from metaid.models.space import SearchSpace, Space, factor_space
 
 __all__ = [
     "FRICTION",
@@ -18,13 +21,17 @@ __all__ = [
     "SLIDING",
     "Array",
     "Bodies",
-    "Candidates",
     "Chain",
+    "ChainModel",
     "Lumps",
+    "Model",
     "SameMotion",
+    "SearchSpace",
+    "Space",
     "bodies_of",
     "compensation_basis",
     "compensation_torque",
+    "factor_space",
     "factors_from_names",
     "least_inertia",
     "lump_names",

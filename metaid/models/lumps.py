@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,12 +54,12 @@ class Lumps:
 
     @cached_property
     def vector(self) -> Array:
-        """The searched lumps in the order of `names` (nlump)."""
+        """The searched lumps in the order of `names` (... x nlump)."""
         return self.vector_of(self.searched)
 
     def vector_of(self, kinds: Sequence[str], absent: float = 0.0) -> Array:
         """The lumps of these `kinds`, in the order of `lump_names`; `absent` for each that is left out."""
-        return np.concatenate([self.of(kind, absent) for kind in kinds])
+        return np.concatenate([self.of(kind, absent) for kind in kinds], axis=-1)
 
     def of(self, kind: str, absent: float = 0.0) -> Array:
         """The lumps of one `kind`; `absent` for each where they are left out."""
@@ -70,11 +69,15 @@ class Lumps:
         return np.full(self.gravity.shape, absent) if lumps is None else lumps
 
     def scaled(self, factors: Array) -> Lumps:
-        """The candidate whose searched lumps are `factors` (nlump) times these: candidate = factor × nominal.
+        """The candidate whose searched lumps are `factors` (... x nlump) times these: candidate = factor × nominal."""
+        return self.with_parameters(self.vector * factors)
 
-        Many candidates at once from `factors` (... x nlump): all their lumps have the leading axes too.
+    def with_parameters(self, vector: Array) -> Lumps:
+        """The same lumps but for the searched ones, which are those of `vector` (nlump), in the order of `names`.
+
+        Many candidates at once from a `vector` (... x nlump): all their lumps have the leading axes too.
         """
-        n, vector, first = self.nlink, self.vector * factors, 0
+        n, first = self.nlink, 0
         axes = vector.shape[:-1]
         known = {kind: lumps for kind in UNITS if (lumps := getattr(self, kind)) is not None}
         parts = {kind: np.broadcast_to(lumps, (*axes, *lumps.shape)) for kind, lumps in known.items()}
@@ -86,14 +89,6 @@ class Lumps:
             coriolis[..., *_pairs(n)] = parts["coriolis"]
             parts["coriolis"] = coriolis + coriolis.swapaxes(-1, -2)
         return Lumps(**parts, searched=self.searched)
-
-
-class Candidates(Protocol):
-    """What factors are of: the nominal lumps, or whatever else lumps follow from."""
-
-    @property
-    def vector(self) -> Array: ...
-    def scaled(self, factors: Array) -> Lumps: ...
 
 
 @cache

@@ -66,13 +66,9 @@ class BodySpace:
         each = np.eye(len(self.start))
         return BodyCoordinates(origin=self.start, spread=each, low=self.low, high=self.high, bodies=self.bodies)
 
-    def lump_factors(self, factors: Array) -> Array:
-        """The factors of the lumps (... x nlump) of bodies with these `factors` (... x 2 nlink)."""
-        first, second = np.triu_indices(self.bodies.nlink, 1)
-        lumps = [self.bodies.scaled(each) for each in (factors, np.ones(len(self.low)))]
-        vectors = [np.concatenate([each.gravity, each.coriolis[..., first, second]], axis=-1) for each in lumps]
-        ratio: Array = vectors[0] / vectors[1]
-        return ratio
+    def parameters(self, values: Array) -> Array:
+        """The lumps (... x nlump) of bodies with these factors, `values` (... x 2 nlink).  Eqs. 1 and 2."""
+        return self.bodies.scaled(values).vector
 
 
 def body_space(nominal: Chain, start: Array, low: Array, high: Array) -> BodySpace:

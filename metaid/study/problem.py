@@ -9,13 +9,13 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from metaid.episode import Episode, Measure, Outcome, failure, get_measure, pushed_speeds
 from metaid.errors import EpisodeError, StudyError, unknown
-from metaid.models import Array, Candidates, Chain, Lumps, factors_from_names, refuse_impossible
+from metaid.models import Array, Chain, Lumps, SearchSpace, factor_space, factors_from_names, refuse_impossible
 from metaid.plant import MujocoPlant, Plant, PlantSettings, SocketPlant, SocketSettings, chain_of
 from metaid.search import (
     BodySpace,
@@ -93,15 +93,21 @@ class Problem:
         return isinstance(self.spec.plant, PlantSettings)
 
     @property
-    def searched(self) -> Searched:
-        """What candidates are factors of, and the bounds of these."""
-        if self.body_space is None:
-            return Searched(self.lumps, self.names, self.low, self.high)
-        return Searched(self.body_space.bodies, self.body_space.names, self.body_space.low, self.body_space.high)
+    def space(self) -> SearchSpace:
+        """What candidates are values in: factors of lumps, or of the parameters of bodies."""
+        return self.body_space or factor_space(self.lumps, self.start, self.low, self.high)
 
-    def lump_factors(self, factors: Array) -> Array:
-        """The factors of the lumps (... x nlump) that candidates with these `factors` (... x nsearched) have."""
-        return factors if self.body_space is None else self.body_space.lump_factors(factors)
+    def lump_factors(self, values: Array) -> Array:
+        """The factors of the lumps (... x nlump) that candidates with these `values` (... x nsearched) have."""
+        if self.body_space is None:
+            return values
+        factors: Array = self.body_space.parameters(values) / self._nominal_body_lumps
+        return factors
+
+    @cached_property
+    def _nominal_body_lumps(self) -> Array:
+        assert self.body_space is not None
+        return self.body_space.parameters(np.ones(len(self.body_space.names)))
 
     @property
     def is_last(self) -> bool:
@@ -178,26 +184,26 @@ class Problem:
         )
 
     def make_objective(self) -> Objective:
-        """An objective of its own for each worker, in factors of what is searched."""
-        return self._objective(self.spec.study.episode.physics, self.searched.nominal)
+        """An objective of its own for each worker, in values of what is searched."""
+        return self._objective(self.spec.study.episode.physics, self.space)
 
     def make_lump_objective(self) -> Objective:
         """An objective in factors of the nominal lumps, whatever is searched."""
-        return self._objective(self.spec.study.episode.physics, self.lumps)
+        return self._objective(self.spec.study.episode.physics)
 
     def verify(self, factors: Array) -> Outcome:
         """What MuJoCo says of `factors` (nlump), whichever physics the study searches with."""
-        return self._objective("mujoco", self.lumps).evaluate(factors)
+        return self._objective("mujoco").evaluate(factors)
 
     def failed(self, reason: str) -> Outcome:
         """What the searcher is told of a candidate that could not be evaluated for that `reason`."""
         return failure(self.measure, self.episode, self.timestep, reason)
 
-    def _objective(self, physics: str, candidates: Candidates) -> Objective:
+    def _objective(self, physics: str, space: SearchSpace | None = None) -> Objective:
         from metaid.compiled import Objective  # loads MuJoCo and numba, which most readers of a study do without
 
         rule = self.spec.study.episode.rule
-        return Objective(self.open_plant(), self.lumps, self.episode, self.measure.name, physics, rule, candidates)
+        return Objective(self.open_plant(), self.lumps, self.episode, self.measure.name, physics, rule, space)
 
     def make_searcher(self) -> Searcher:
         """The searcher at the study's seed, knowing of no trial."""
@@ -245,17 +251,6 @@ class Problem:
         """The episode that this `plant` is pushed in, and the speeds that it gets; pushes it to find out."""
         episode = make_episode(plant, self.spec, self.nominal, self.measure, self.stage)
         return episode, pushed_speeds(plant, episode.pushes)
-
-
-class Searched(NamedTuple):
-    """The `nominal` of which candidates are factors; the `names` (nsearched) of these, and their bounds `low` and
-    `high`.
-    """
-
-    nominal: Candidates
-    names: list[str]
-    low: Array
-    high: Array
 
 
 def _measure(episode: EpisodeSettings) -> Measure:

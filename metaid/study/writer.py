@@ -45,8 +45,10 @@ class Writer:
     def _append(self) -> None:
         # A server that goes away in the middle of a commit may have written them all the same.
         if not self._away or self._store.count(self._name) != self.trials[-1].number + 1:
-            names, low, high = self._problem.searched[1:]
-            self._store.append(self._name, names, low, high, self.trials, write_check=self._lease.renew)
+            space = self._problem.space
+            self._store.append(
+                self._name, space.names, space.low, space.high, self.trials, write_check=self._lease.renew
+            )
 
     def _tell(self, why: str) -> None:
         self._away = True

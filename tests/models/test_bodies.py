@@ -42,7 +42,7 @@ def test_lumps_of_bodies_are_those_of_a_chain_with_these_masses(nlink: int) -> N
         lumps = replace(chain, mass=chain.mass * mass, com=chain.com * com).lumps
         assert many.gravity[i] == pytest.approx(lumps.gravity, rel=1e-12)
         assert many.coriolis[i] == pytest.approx(lumps.coriolis, rel=1e-12)
-        assert space.lump_factors(own) == pytest.approx(lumps.vector / chain.lumps.vector, rel=1e-12)
+        assert space.parameters(own) == pytest.approx(lumps.vector, rel=1e-12)
 
 
 def test_every_candidate_is_a_possible_body() -> None:
@@ -80,7 +80,7 @@ def test_walk_stays_among_possible_bodies_of_the_same_lumps(nlink: int) -> None:
     factors = np.array([same.factors(mass) for mass in walked])
     assert (factors >= space.low * (1 - 1e-6)).all()
     assert (factors <= space.high * (1 + 1e-6)).all()
-    assert space.lump_factors(factors) == pytest.approx(np.tile(space.lump_factors(best), (len(walked), 1)), rel=1e-9)
+    assert space.parameters(factors) == pytest.approx(np.tile(space.parameters(best), (len(walked), 1)), rel=1e-9)
     assert np.ptp(factors[-20:], axis=0).min() > 0.01
 
 
@@ -200,7 +200,7 @@ def test_setting_that_parameters_have_no_use_for_is_refused(changes: dict[str, A
 def test_bounds_of_the_lumps_hold_those_of_all_bodies() -> None:
     """What figures and the dashboard draw between."""
     problem = Problem(load_study("two-link-parameters"))
-    low, high = problem.searched.low, problem.searched.high
+    low, high = problem.space.low, problem.space.high
     lumps = problem.lump_factors(np.random.default_rng(6).uniform(low, high, (200, 4)))
     assert (lumps >= problem.low).all()
     assert (lumps <= problem.high).all()

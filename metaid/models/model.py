@@ -1,0 +1,86 @@
+"""What is known of a plant's dynamics: one face for every kind of model, and the planar chain's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from metaid.models.law import compensation_basis, compensation_torque, mass_matrix
+from metaid.models.lumps import Array, Lumps, lump_unit
+
+
+class Model(Protocol):
+    """A candidate for a plant's dynamics. Its torque is linear in its parameters: torque = regressor @ parameters.
+
+    Angles and speeds are those of joints (njoint), in rad and rad/s; torques are in N m.
+    """
+
+    @property
+    def names(self) -> list[str]:
+        """Of the parameters (nparameter)."""
+
+    @property
+    def units(self) -> list[str]:
+        """Of the parameters (nparameter)."""
+
+    @property
+    def parameters(self) -> Array:
+        """(nparameter)."""
+
+    def with_parameters(self, parameters: Array) -> Model:
+        """The same kind of model with these `parameters` (nparameter)."""
+
+    def torque(self, angles: Array, speeds: Array) -> Array:
+        """The joint torque (njoint) that would leave the plant unaccelerated if it were as the model says."""
+
+    def regressor(self, angles: Array, speeds: Array) -> Array:
+        """The joint torque for a unit of each parameter (njoint x nparameter)."""
+
+    def mass_matrix(self, angles: Array) -> Array:
+        """The mass matrix in joint coordinates (njoint x njoint), in kg m²."""
+
+
+@dataclass(frozen=True)
+class ChainModel:
+    """A planar chain by its `lumps`, in `gravity` (m/s²). With a `stiffness` k (1/s²) the torque leaves it q̈ = −k q.
+
+    Its parameters are the lumps that are searched.
+    """
+
+    lumps: Lumps
+    gravity: float
+    stiffness: float = 0.0
+
+    @property
+    def names(self) -> list[str]:
+        return self.lumps.names
+
+    @property
+    def units(self) -> list[str]:
+        return [lump_unit(name) for name in self.names]
+
+    @property
+    def parameters(self) -> Array:
+        return self.lumps.vector
+
+    def with_parameters(self, parameters: Array) -> ChainModel:
+        return replace(self, lumps=self.lumps.with_parameters(parameters))
+
+    def torque(self, angles: Array, speeds: Array) -> Array:
+        """Eqs. 5, 6, 15 and 16."""
+        return compensation_torque(self.lumps, angles, speeds, self.gravity, self.stiffness)
+
+    def regressor(self, angles: Array, speeds: Array) -> Array:
+        """Eqs. 5, 6, 15 and 16, a column for each lump."""
+        links = np.cumsum(angles), np.cumsum(speeds)
+        basis = compensation_basis(*links, self.gravity, self.lumps.searched, self.stiffness)
+        return np.cumsum(basis[::-1], axis=0)[::-1]  # Eq. 6
+
+    def mass_matrix(self, angles: Array) -> Array:
+        """Eq. 4 in joint coordinates; it needs the inertia lumps."""
+        absolute = mass_matrix(self.lumps, self.lumps.of("inertia"), np.cumsum(angles))
+        links = np.tril(np.ones(absolute.shape))  # absolute angles are sums of joint angles
+        joints: Array = links.T @ absolute @ links
+        return joints

@@ -1,0 +1,73 @@
+"""The one face of every model, and the space that a search moves in."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import random_plant
+
+from metaid.models.law import compensation_torque, mass_matrix
+from metaid.models.lumps import FRICTION, IDEAL, Lumps
+from metaid.models.model import ChainModel, Model
+from metaid.models.space import Space, factor_space
+
+G = 9.81
+
+
+def lumps_with_everything(nlink: int) -> Lumps:
+    """Lumps of every kind, all searched."""
+    random = np.random.default_rng(nlink)
+    lumps = random_plant(nlink).chain.lumps_of((*IDEAL, *FRICTION, "inertia"))
+    return lumps.with_parameters(lumps.vector + random.uniform(0.1, 1.0, len(lumps.names)))
+
+
+@pytest.mark.parametrize("nlink", [1, 3, 5])
+def test_torque_is_the_regressor_times_the_parameters(nlink: int) -> None:
+    """For every kind of lump, at random states."""
+    model: Model = ChainModel(lumps_with_everything(nlink), G)
+    random = np.random.default_rng(1)
+    for _ in range(20):
+        angles, speeds = random.normal(size=(2, nlink))
+        torque = compensation_torque(lumps_with_everything(nlink), angles, speeds, G)
+        assert model.regressor(angles, speeds) @ model.parameters == pytest.approx(torque, rel=1e-12, abs=1e-12)
+        assert model.torque(angles, speeds) == pytest.approx(torque, rel=1e-12, abs=1e-12)
+
+
+def test_mass_matrix_in_joint_coordinates_gives_the_same_kinetic_energy() -> None:
+    """q̇ᵀ M q̇ is that of the absolute angles, whose speeds are sums of joint speeds."""
+    lumps = lumps_with_everything(4)
+    angles, speeds = np.random.default_rng(2).normal(size=(2, 4))
+    absolute = mass_matrix(lumps, lumps.of("inertia"), np.cumsum(angles))
+    joints = ChainModel(lumps, G).mass_matrix(angles)
+    assert speeds @ joints @ speeds == pytest.approx(np.cumsum(speeds) @ absolute @ np.cumsum(speeds), rel=1e-12)
+
+
+def test_model_with_other_parameters_is_told_by_names_and_units_of_the_same_order() -> None:
+    """A parameter changed under its name changes that lump alone."""
+    model = ChainModel(lumps_with_everything(3), G)
+    assert len(model.names) == len(model.units) == len(model.parameters)
+    changed = model.parameters.copy()
+    changed[model.names.index("coriolis_1_3")] = 7.0
+    other = model.with_parameters(changed)
+    assert other.lumps.coriolis[0, 2] == other.lumps.coriolis[2, 0] == 7.0
+    assert (other.parameters != model.parameters).sum() == 1
+
+
+def test_space_holds_parameters_that_are_zero_or_negative() -> None:
+    """θ = θ₀ + S z, with a whole matrix or with its diagonal, for one candidate or for many."""
+    origin, directions = np.array([1.0, 0.0, -2.0]), np.array([[1.0, 0.0], [2.0, -1.0], [0.0, 3.0]])
+    bounds = np.zeros(2), np.full(2, -5.0), np.full(2, 5.0)
+    space = Space(["a", "b"], origin, directions, *bounds)
+    assert space.parameters(np.array([-1.0, 2.0])).tolist() == [0.0, -4.0, 4.0]
+    assert space.parameters(np.zeros((4, 2))).tolist() == [origin.tolist()] * 4
+    diagonal = Space(["a", "b", "c"], origin, np.array([2.0, 3.0, 4.0]), *(np.zeros(3),) * 3)
+    assert diagonal.parameters(np.ones(3)).tolist() == [3.0, 3.0, 2.0]
+
+
+def test_factors_of_nominal_lumps_are_a_space() -> None:
+    """Its parameters are factor × nominal, to the last bit, under the lumps' names."""
+    nominal = random_plant(3).chain.lumps
+    factors = np.random.default_rng(3).uniform(0.5, 2.0, (5, len(nominal.names)))
+    space = factor_space(nominal)
+    assert space.names == nominal.names
+    assert (space.parameters(factors) == factors * nominal.vector).all()
