@@ -7,6 +7,7 @@ is simulated in vain, and left out of the record; so the record does not depend 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.compiled.queue import Queue, new_queue
-from metaid.episode import Episode, Record
+from metaid.episode import QUANTITIES, Episode, Record, Windows, windows_before_fall
 from metaid.models import Array, Lumps
 
 Laws = tuple[Array, Array, Array, Array, Array, float]
 Outputs = tuple[NDArray[np.int64], Array, Array, Array]
+WindowOutputs = tuple[Array, NDArray[np.int64]]
 
 
 @dataclass(frozen=True)
@@ -28,8 +30,9 @@ class Batch:
     `queue`: their pushes, candidate by candidate.
 
     Loops fill in `ran` and `fell` (ncandidate x npush): steps after a push, and whether it ended in a fall; the four
-    `outputs` (ncandidate x npush x njoint) that a Record has; and, unless it is empty, `angles` (ncandidate x npush x
-    nsteps + 1 x njoint).
+    `outputs` (ncandidate x npush x njoint) that a Record has; the two `windows`, motion (ncandidate x npush x nwindow x
+    4 x njoint) and half periods (ncandidate x npush x nwindow x njoint); and, unless it is empty, `angles` (ncandidate
+    x npush x nsteps + 1 x njoint).
     """
 
     episode: Episode
@@ -39,6 +42,7 @@ class Batch:
     ran: NDArray[np.int64]
     fell: NDArray[np.bool_]
     outputs: Outputs
+    windows: WindowOutputs
     angles: Array
 
     def records(self) -> list[Record]:
@@ -54,7 +58,14 @@ class Batch:
         ran = self.ran[candidate, :begun].tolist()
         kept = self.angles[candidate] if self.episode.keep_angles else ()
         angles = tuple(angles[: steps + 1] for angles, steps in zip(kept, ran, strict=False))
-        return Record(self.timestep, sum(ran), sum(ran) if fell else None, *(*seen, angles))
+        windows = self._windows(candidate, ran, fell)
+        return Record(self.timestep, sum(ran), sum(ran) if fell else None, *(*seen, angles, 0.0, windows))
+
+    def _windows(self, candidate: int, ran: Sequence[int], fell: bool) -> Windows | None:
+        if not self.episode.window_ends:
+            return None
+        motion, half_periods = (output[candidate] for output in self.windows)
+        return windows_before_fall(np.array(self.episode.window_ends), motion, half_periods, ran, fell)
 
 
 def new_batch(episode: Episode, timestep: float, gravity: float, candidates: Lumps) -> Batch:
@@ -73,8 +84,17 @@ def new_batch(episode: Episode, timestep: float, gravity: float, candidates: Lum
         np.zeros((count, npush), dtype=np.int64),
         np.zeros((count, npush), dtype=np.bool_),
         outputs,
+        new_windows(episode, count),
         np.zeros((count, npush, episode.steps + 1, njoint) if episode.keep_angles else (0, 0, 0, 0)),
     )
+
+
+def new_windows(episode: Episode, count: int) -> WindowOutputs:
+    """Where loops put the windows of `count` candidates."""
+    npush, njoint = episode.pushes.shape
+    nwindow = len(episode.window_ends)
+    motion = np.zeros((count, npush, nwindow, QUANTITIES, njoint))
+    return motion, np.zeros((count, npush, nwindow, njoint), dtype=np.int64)
 
 
 def laws_of(episode: Episode, gravity: float, candidates: Lumps) -> Laws:

@@ -8,11 +8,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from metaid.compiled.batch import laws_of
+from metaid.compiled.batch import laws_of, new_windows
 from metaid.compiled.decorator import compiled
 from metaid.compiled.kernel import Step, advance, look
 from metaid.compiled.law import LINK, compensate, turn_to_angles
-from metaid.episode import Episode, Record, StepwiseLoop, Trajectory, run_stepwise, same_record
+from metaid.episode import (
+    Episode,
+    Record,
+    StepwiseLoop,
+    Trajectory,
+    run_stepwise,
+    same_record,
+    window_ends,
+    windows_before_fall,
+)
 from metaid.models import Lumps
 from metaid.plant import FaultyPlant, MujocoPlant, Noise, draw, slope_weights, stream
 
@@ -43,7 +52,7 @@ def _read(chain, expected, noise, push, step, sensors, kept, speeds):  # type: i
 
 
 @compiled
-def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, kept):  # type: ignore[no-untyped-def]
+def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, windows, kept):  # type: ignore[no-untyped-def]
     """All pushes of an episode; returns control steps run and whether a link fell. Fills the four (npush x njoint)
     `outputs` and `kept` (npush x nsteps + 1 x njoint), the angle readings.
 
@@ -56,7 +65,8 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, k
     law = gravity[0], coriolis[0], damping[0], coulomb[0], inertia[0], stiffness
     angle_noise, speed_noise, torque_noise = noise
     control_every, limits, tilt = drives
-    timestep, steps, limit, margin, deadband, lead = settings
+    timestep, steps, limit, margin, ends, deadband, lead = settings
+    motion, window_half_periods = windows
     told, moving, joint_speeds, previous, first, command, commands = work
     npush, n = start.shape
     slots = commands.shape[0]
@@ -71,6 +81,7 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, k
             for slot in range(slots):
                 commands[slot, i] = 0.0
         fastest, fallen, step = 0.0, False, 0
+        window, end = 0, ends[0] if ends.shape[0] > 0 else 0
         while True:
             _read(chain, expected, (angle_noise, speed_noise), push, step, sensors, kept, joint_speeds)
             angle, speed = 0.0, 0.0
@@ -90,6 +101,16 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, k
                     if not (abs(angle) <= limit or abs(speed) <= fastest) or not abs(chain.qvel[i]) * timestep <= 1.0:
                         fallen = True
                 previous[i] = v
+            if step == end and step > 0 and not fallen:
+                for i in range(n):
+                    motion[push, window, 0, i] = kept[push, step, i]
+                    motion[push, window, 1, i] = joint_speeds[i]
+                    motion[push, window, 2, i] = speed_energy[push, i]
+                    motion[push, window, 3, i] = acceleration_energy[push, i]
+                    crossed, _ = _crossings(kept, push, step, i, first[i], period, deadband)
+                    window_half_periods[push, window, i] = crossed
+                window += 1
+                end = ends[window] if window < ends.shape[0] else 0
             if fallen or step == steps:
                 break
             turn_to_angles(told, stiffness)
@@ -152,7 +173,15 @@ class FaultyLoop(StepwiseLoop):
         self._expected = np.array([plant.start_speeds(impulses) for impulses in episode.pushes])
         self._sensors = faults.speed_sensor, faults.encoder_step, slope_weights(faulty.timestep)
         self._drives = faults.control_every, faults.torque_limits(njoint), faults.tilt
-        self._settings = plant.timestep, episode.steps, episode.fall_limit, episode.fall_margin, deadband, episode.lead
+        self._settings = (
+            plant.timestep,
+            episode.steps,
+            episode.fall_limit,
+            episode.fall_margin,
+            np.array(episode.window_ends, dtype=np.int64),
+            deadband,
+            episode.lead,
+        )
         told, moving = np.zeros(njoint, LINK), np.zeros(njoint, LINK)
         self._work = told, moving, *(np.empty(njoint) for _ in range(4)), np.empty((faults.delay + 1, njoint))
 
@@ -163,6 +192,7 @@ class FaultyLoop(StepwiseLoop):
         struck = self.episode.pushes * (1.0 + noise.impulses)
         start = np.array([plant.start_speeds(impulses) for impulses in struck])
         outputs = np.zeros(shape, dtype=np.int64), np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        motion, crossed = (output[0] for output in new_windows(self.episode, 1))
         readings = np.empty((shape[0], self.episode.steps + 1, shape[1]))
         steps, fell = _run(
             self.step,
@@ -174,12 +204,17 @@ class FaultyLoop(StepwiseLoop):
             self._settings,
             self._work,
             outputs,
+            (motion, crossed),
             readings,
         )
-        begun = range(0, steps, self.episode.steps) if self.episode.keep_angles else ()
-        kept = tuple(push[: steps - first + 1] for push, first in zip(readings, begun, strict=False))
+        ran = [min(steps - begun, self.episode.steps) for begun in range(0, steps, self.episode.steps)]
+        kept = tuple(push[: end + 1] for push, end in zip(readings, ran, strict=False))
         period, floor = self.plant.timestep, self.episode.noise_floor.energy
-        return Record(period, steps, steps if fell else None, *outputs, kept, floor)
+        windows = None
+        if self.episode.window_ends:
+            windows = windows_before_fall(np.array(self.episode.window_ends), motion, crossed, ran, fell)
+        angles = kept if self.episode.keep_angles else ()
+        return Record(period, steps, steps if fell else None, *outputs, angles, floor, windows)
 
     def run_stepwise(self, candidate: Lumps) -> tuple[Record, Trajectory]:
         """The same episode in the plain loop: the reference. The motion is what the sensors read of it."""
@@ -188,7 +223,8 @@ class FaultyLoop(StepwiseLoop):
 
     def agrees_with_stepwise(self, candidate: Lumps, steps: int = 25) -> bool:
         """Whether a short episode comes out the same in the compiled and in the plain loop."""
-        short = replace(self.episode, pushes=self.episode.pushes[:1], steps=min(steps, self.episode.steps))
+        steps = min(steps, self.episode.steps)
+        short = replace(self.episode, pushes=self.episode.pushes[:1], steps=steps, window_ends=window_ends(steps))
         episode = FaultyLoop(self.plant.inner, short, self.step)
         return same_record(episode.run(candidate), episode.run_stepwise(candidate)[0])
 

@@ -56,19 +56,21 @@ def _advance_of(chain, links):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _run_push(chain, start, law, settings, links, outputs, kept):  # type: ignore[no-untyped-def]
+def _run_push(chain, start, law, settings, links, outputs, windows, kept):  # type: ignore[no-untyped-def]
     """One push of an episode, which gives the joints the speeds `start` (njoint): steps run, and whether a link fell.
 
-    Fills the four (njoint) `outputs`, and `kept` (nsteps + 1 x njoint) with joint angles unless it is empty. `links`
-    (njoint) are working space; nothing is allocated here.
+    Fills the four (njoint) `outputs`, the two `windows`, and `kept` (nsteps + 1 x njoint) with joint angles unless it
+    is empty. `links` (njoint) are working space; nothing is allocated here.
     """
-    timestep, steps, limit, margin = settings
+    timestep, steps, limit, margin, ends = settings
+    motion, window_half_periods = windows
     half_periods, span, speed_energy, acceleration_energy = outputs
     qpos, qvel, torque = chain.qpos, chain.qvel, chain.torque
     n = start.shape[0]
     stiffness = law[-1]
     fastest, speed, ran, fallen = 0.0, 0.0, 0, False
     keep = kept.size > 0
+    window, end = 0, ends[0] if ends.shape[0] > 0 else 0
     for i in range(n):
         qpos[i], qvel[i] = 0.0, start[i]
         half_periods[i], span[i] = 0, 0.0
@@ -111,6 +113,15 @@ def _run_push(chain, start, law, settings, links, outputs, kept):  # type: ignor
                 kept[step, i] = qpos[i]
         if fallen:
             break
+        if step == end:
+            for i in range(n):
+                motion[window, 0, i] = qpos[i]
+                motion[window, 1, i] = qvel[i]
+                motion[window, 2, i] = 0.5 * timestep * links[i].squares
+                motion[window, 3, i] = links[i].jumps / timestep
+                window_half_periods[window, i] = half_periods[i]
+            window += 1
+            end = ends[window] if window < ends.shape[0] else 0
     for i in range(n):
         speed_energy[i] = 0.5 * timestep * links[i].squares
         acceleration_energy[i] = links[i].jumps / timestep
@@ -131,12 +142,13 @@ def _set_off(link, speed, joint_speed):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def run_from(chain, start, queue, laws, settings, links, ran, fell, outputs, kept):  # type: ignore[no-untyped-def]
+def run_from(chain, start, queue, laws, settings, links, ran, fell, outputs, windows, kept):  # type: ignore[no-untyped-def]
     """Takes pushes of a `Batch` from its `queue` until there are none left; those of a candidate that is known to have
     fallen after an earlier one are left out. `start` are the joint speeds (npush x njoint) after each.
     """
     gravity, coriolis, damping, coulomb, inertia, stiffness = laws
     half_periods, span, speed_energy, acceleration_energy = outputs
+    motion, window_half_periods = windows
     npush = start.shape[0]
     turn = take(queue)
     while turn < gravity.shape[0] * npush:
@@ -154,6 +166,7 @@ def run_from(chain, start, queue, laws, settings, links, ran, fell, outputs, kep
             angles = kept[candidate, push] if kept.size > 0 else kept[:, :, 0, 0]
             friction = damping[candidate], coulomb[candidate]
             law = gravity[candidate], coriolis[candidate], *friction, inertia[candidate], stiffness
-            result = _run_push(chain, start[push], law, settings, links, seen, angles)
+            shown = motion[candidate, push], window_half_periods[candidate, push]
+            result = _run_push(chain, start[push], law, settings, links, seen, shown, angles)
             ran[candidate, push], fell[candidate, push] = result
         turn = take(queue)

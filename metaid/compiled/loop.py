@@ -17,7 +17,7 @@ from metaid.compiled.batch import Batch, new_batch
 from metaid.compiled.kernel import Step, run_from
 from metaid.compiled.law import LINK
 from metaid.compiled.stages import agrees_with_mj_step, direct_step, mujoco_step
-from metaid.episode import Episode, Record, run_stepwise, same_record
+from metaid.episode import Episode, Record, run_stepwise, same_record, window_ends
 from metaid.models import Lumps
 from metaid.plant import MujocoPlant
 
@@ -63,7 +63,8 @@ class CompiledLoop:
         self.episode = episode
         self.step = fastest_step(plant) if step is None else step
         self._start = np.array([plant.start_speeds(impulses) for impulses in episode.pushes])
-        self._settings = plant.timestep, episode.steps, episode.fall_limit, episode.fall_margin
+        ends = np.array(episode.window_ends, dtype=np.int64)
+        self._settings = plant.timestep, episode.steps, episode.fall_limit, episode.fall_margin, ends
         self._links = np.zeros(plant.njoint, LINK)
 
     def new_batch(self, candidates: Lumps) -> Batch:
@@ -72,7 +73,7 @@ class CompiledLoop:
 
     def work_on(self, batch: Batch) -> None:
         """Runs pushes of the `batch` until there are none left; others may do so at the same time."""
-        results = batch.ran, batch.fell, batch.outputs, batch.angles
+        results = batch.ran, batch.fell, batch.outputs, batch.windows, batch.angles
         run_from(self.step, self._start, batch.queue, batch.laws, self._settings, self._links, *results)
 
     def run(self, candidate: Lumps) -> Record:
@@ -89,6 +90,7 @@ class CompiledLoop:
             self.episode.fall_limit,
             self.episode.fall_margin,
             stiffness=self.episode.stiffness,
+            window_ends=window_ends(min(steps, self.episode.steps)),
         )
         compiled = CompiledLoop(self.plant, short, self.step).run(candidate)
         plain, _ = run_stepwise(self.plant, candidate, short)

@@ -119,7 +119,8 @@ class Objective:
         value = (
             fall_value(self._ceiling, record.steps, self.episode.total_steps) if fell else self.measure.value(record)
         )
-        return Outcome(value, fell, record.steps, tuple(self.measure.periods(record).tolist()))
+        periods = tuple(self.measure.periods(record).tolist())
+        return Outcome(value, fell, record.steps, periods, windows=record.windows)
 
     def summary(self, factors: Array) -> dict[str, Any]:
         """One episode as the fields that `metaid episode --json` prints; frequencies are None for a fall."""

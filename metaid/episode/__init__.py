@@ -11,11 +11,14 @@ from metaid.episode.pushes import REACH, natural_time, pushed_speeds, pushes_for
 from metaid.episode.record import Record, Trajectory, same_record
 from metaid.episode.smoothing import noise_floor
 from metaid.episode.stepwise import StepwiseLoop, run_stepwise
+from metaid.episode.windows import HALVINGS, QUANTITIES, Windows, window_ends, windows_before_fall
 
 __all__ = [
     "FALL_LIMIT",
     "FALL_MARGIN",
+    "HALVINGS",
     "MEASURES",
+    "QUANTITIES",
     "REACH",
     "RICH_FALL_LIMIT",
     "Episode",
@@ -25,6 +28,7 @@ __all__ = [
     "Record",
     "StepwiseLoop",
     "Trajectory",
+    "Windows",
     "crossing_hz",
     "failure",
     "fall_value",
@@ -40,4 +44,6 @@ __all__ = [
     "spectral_hz",
     "tip_push",
     "whole_periods",
+    "window_ends",
+    "windows_before_fall",
 ]

@@ -45,7 +45,7 @@ class Episode:
     the law also asks for q̈ = −k q, so that the plant swings where it would coast (Eq. 16). For a plant with faults: a
     joint within `deadband` (rad) of the upright is on neither side of it; `seed` is of the noise, and `noise_floor` how
     much of it there is. The law is told the angles that the speeds lead to after `lead` seconds, for a plant whose
-    torques come late.
+    torques come late. The record keeps the motion up to each of the `window_ends`, in steps.
     """
 
     pushes: Array
@@ -58,6 +58,7 @@ class Episode:
     seed: int = 0
     noise_floor: NoiseFloor = SILENT
     lead: float = 0.0
+    window_ends: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         if self.steps < 1:

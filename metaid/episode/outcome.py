@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from metaid.episode.episode import Episode
 from metaid.episode.measures import Measure, fall_value
+from metaid.episode.windows import Windows
 
 
 @dataclass(frozen=True)
 class Outcome:
     """What became of a candidate: its `value` in the measure's unit (for a fall, one above every survivor's), steps
-    run, periods per joint.
+    run, periods per joint, and the motion in windows where the episode keeps it.
 
     One that could not be evaluated has the `failure` that says why, and for the searcher is a fall before the first
     step, so worse than any that was seen.
@@ -22,6 +23,7 @@ class Outcome:
     steps: int
     periods: tuple[int, ...]
     failure: str | None = None
+    windows: Windows | None = field(default=None, compare=False)
 
 
 def failure(measure: Measure, episode: Episode, timestep: float, reason: str) -> Outcome:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from metaid.episode.episode import Episode
+from metaid.episode.windows import QUANTITIES, Windows, windows_seen
 from metaid.models import Array
 
 
@@ -20,6 +23,7 @@ class Record:
     `steps`: steps that were run; `fall_step`: the step by which a link had fallen, or None.
     `angles`: joint angles (nsteps + 1 x njoint), in rad, of each push that was begun, if the episode keeps them.
     `noise_floor`: ∫ q̈² dt of a plant at rest, of all pushes and joints, in rad²/s³.
+    `windows`: the motion up to each of the episode's window ends.
     """
 
     timestep: float
@@ -31,6 +35,7 @@ class Record:
     acceleration_energy: Array
     angles: tuple[Array, ...] = ()
     noise_floor: float = 0.0
+    windows: Windows | None = None
 
 
 @dataclass(frozen=True)
@@ -82,6 +87,29 @@ def energies(speeds: Array, timestep: float, asked: Array | float = 0.0) -> tupl
     return speed_energy, acceleration_energy
 
 
+def windows_of(motions: Sequence[tuple[Array, Array]], episode: Episode, timestep: float, fell: bool) -> Windows | None:
+    """The windows of an episode whose motion is known step by step; None where it asks for none.
+
+    Args:
+        motions: joint angles and speeds (nsteps + 1 x njoint) of each push that was begun, in rad and rad/s.
+        episode: what was done.
+        timestep: between two control steps, in s.
+        fell: whether the last push that was begun ended in a fall.
+    """
+    if not episode.window_ends:
+        return None
+    ends, (npush, njoint) = np.array(episode.window_ends), episode.pushes.shape
+    seen = windows_seen(ends, [len(angles) - 1 for angles, _ in motions], fell, npush)
+    motion = np.zeros((npush, len(ends), QUANTITIES, njoint))
+    half_periods = np.zeros((npush, len(ends), njoint), dtype=np.int64)
+    for push, (angles, speeds) in enumerate(motions):
+        for window, end in enumerate(ends[: seen[push]]):
+            shown = energies(speeds[: end + 1], timestep, -episode.stiffness * angles[:end])
+            motion[push, window] = angles[end], speeds[end], *shown
+            half_periods[push, window], _ = crossings(angles[: end + 1], speeds[0], timestep, episode.deadband)
+    return Windows(ends, seen, motion, half_periods)
+
+
 def same_record(compiled: Record, plain: Record) -> bool:
     """Whether two loops saw the same, but for rounding."""
     return (
@@ -89,7 +117,15 @@ def same_record(compiled: Record, plain: Record) -> bool:
         and bool((compiled.half_periods == plain.half_periods).all())
         and _same(compiled.speed_energy, plain.speed_energy)
         and _same(compiled.acceleration_energy, plain.acceleration_energy)
+        and _same_windows(compiled.windows, plain.windows)
     )
+
+
+def _same_windows(one: Windows | None, other: Windows | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    counts = (one.seen == other.seen).all() and (one.half_periods == other.half_periods).all()
+    return bool(counts) and _same(one.motion, other.motion)
 
 
 def _same(one: Array, other: Array) -> bool:

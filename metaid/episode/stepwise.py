@@ -9,7 +9,7 @@ import numpy as np
 
 from metaid.episode.episode import Episode
 from metaid.episode.falls import has_fallen
-from metaid.episode.record import Record, Trajectory, crossings, energies
+from metaid.episode.record import Record, Trajectory, crossings, energies, windows_of
 from metaid.errors import AbsentPlant, LostPlant
 from metaid.models import Array, Lumps, compensation_torque
 from metaid.plant import Plant
@@ -75,11 +75,11 @@ def run_stepwise(plant: Plant, candidate: Lumps, episode: Episode) -> tuple[Reco
     shape = episode.pushes.shape
     half_periods, span = np.zeros(shape, dtype=np.int64), np.zeros(shape)
     speed_energy, acceleration_energy = np.zeros(shape), np.zeros(shape)
-    steps, fall_step, kept = 0, None, []
+    steps, fall_step, motions = 0, None, []
     for push, impulses in enumerate(episode.pushes):
         angles, speeds = _watch_push(plant, candidate, episode, impulses)
         ran = len(angles) - 1
-        kept.append(angles)
+        motions.append((angles, speeds))
         half_periods[push], span[push] = crossings(angles, speeds[0], plant.timestep, episode.deadband)
         asked = -episode.stiffness * angles[:-1]
         speed_energy[push], acceleration_energy[push] = energies(speeds, plant.timestep, asked)
@@ -89,8 +89,9 @@ def run_stepwise(plant: Plant, candidate: Lumps, episode: Episode) -> tuple[Reco
             fall_step = steps
             break
     seen = half_periods, span, speed_energy, acceleration_energy
-    kept_angles = tuple(kept) if episode.keep_angles else ()
-    record = Record(plant.timestep, steps, fall_step, *seen, kept_angles, episode.noise_floor.energy)
+    kept = tuple(angles for angles, _ in motions) if episode.keep_angles else ()
+    windows = windows_of(motions, episode, plant.timestep, fall_step is not None)
+    record = Record(plant.timestep, steps, fall_step, *seen, kept, episode.noise_floor.energy, windows)
     return record, Trajectory(angles, speeds)
 
 

@@ -1,0 +1,96 @@
+"""The motion after each push, in windows that grow from a short one to the whole horizon.
+
+A measure makes one number of a trial. The windows keep what a simulated twin can be compared with, joint by joint and
+push by push: short windows are nearly linear in the unknown lumps, long ones know them best.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.models import Array
+
+HALVINGS = 4  # the shortest window is 1/16 of the horizon
+QUANTITIES = 4  # of each joint and window, see `Windows.motion`
+
+
+def window_ends(steps: int, halvings: int = HALVINGS) -> tuple[int, ...]:
+    """The steps at which the windows of a horizon of `steps` end: 1/2^halvings of it, … , a half, all of it."""
+    return tuple(sorted({max(-(-steps >> halving), 1) for halving in range(halvings + 1)}))
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """What an episode showed up to the end of each window; zero after a fall.
+
+    Attributes:
+        ends: the steps (nwindow) at which the windows end.
+        seen: how many windows (npush) of each push ended before a fall.
+        motion: per push and window (npush x nwindow x 4 x njoint) each joint's angle in rad and speed in rad/s at the
+            window's end, and ∫ q̇² dt in rad²/s and ∫ (q̈ + k q)² dt in rad²/s³ up to there.
+        half_periods: crossings of the upright up to there (npush x nwindow x njoint), as a Record counts them.
+    """
+
+    ends: NDArray[np.int64]
+    seen: NDArray[np.int64]
+    motion: Array
+    half_periods: NDArray[np.int64]
+
+    @property
+    def angles(self) -> Array:
+        """At the ends of the windows (npush x nwindow x njoint), in rad."""
+        return self.motion[:, :, 0]
+
+    @property
+    def speeds(self) -> Array:
+        """At the ends of the windows (npush x nwindow x njoint), in rad/s."""
+        return self.motion[:, :, 1]
+
+    @property
+    def speed_energy(self) -> Array:
+        """∫ q̇² dt up to the ends of the windows (npush x nwindow x njoint), in rad²/s."""
+        return self.motion[:, :, 2]
+
+    @property
+    def acceleration_energy(self) -> Array:
+        """∫ (q̈ + k q)² dt up to the ends of the windows (npush x nwindow x njoint), in rad²/s³."""
+        return self.motion[:, :, 3]
+
+
+def windows_seen(ends: NDArray[np.int64], ran: Sequence[int], fell: bool, npush: int) -> NDArray[np.int64]:
+    """How many windows of each push (npush) ended before a fall.
+
+    Args:
+        ends: the steps (nwindow) at which windows end.
+        ran: the steps of each push that was begun; if the episode `fell`, the last of them is the step of the fall.
+        fell: whether it did.
+        npush: all pushes, those that were never begun too.
+    """
+    whole = np.array(ran, dtype=np.int64)
+    whole[len(whole) - 1 :] -= fell
+    seen = np.zeros(npush, dtype=np.int64)
+    seen[: len(whole)] = (ends <= whole[:, None]).sum(axis=1)
+    return seen
+
+
+def windows_before_fall(
+    ends: NDArray[np.int64], motion: Array, half_periods: NDArray[np.int64], ran: Sequence[int], fell: bool
+) -> Windows:
+    """The windows that a loop has filled in, without those that a fall cut short.
+
+    Args:
+        ends: the steps (nwindow) at which windows end.
+        motion: as `Windows` has it, with anything in the windows after a fall.
+        half_periods: likewise.
+        ran: the steps of each push that was begun.
+        fell: whether the last of them ended in a fall.
+    """
+    seen = windows_seen(ends, ran, fell, len(motion))
+    for push in np.flatnonzero(seen < len(ends)):
+        motion[push, seen[push] :] = 0.0
+        half_periods[push, seen[push] :] = 0
+    return Windows(ends, seen, motion, half_periods)
