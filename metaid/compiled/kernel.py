@@ -21,6 +21,7 @@ from metaid.compiled.stages import (
     look_directly,
     look_with_mujoco,
 )
+from metaid.compiled.undocumented import class_of
 
 Step = MujocoStep | DirectStep | AnalyticStep
 
@@ -32,7 +33,7 @@ def look(chain, links, stiffness):  # type: ignore[no-untyped-def]
 
 @overload(look, inline="always")
 def _look_of(chain, links, stiffness):  # type: ignore[no-untyped-def]
-    kind = chain.instance_class
+    kind = class_of(chain)
     if kind is MujocoStep:
         return lambda chain, links, stiffness: look_with_mujoco(chain, links, stiffness)
     if kind is DirectStep:
@@ -47,7 +48,7 @@ def advance(chain, links):  # type: ignore[no-untyped-def]
 
 @overload(advance, inline="always")
 def _advance_of(chain, links):  # type: ignore[no-untyped-def]
-    kind = chain.instance_class
+    kind = class_of(chain)
     if kind is MujocoStep:
         return lambda chain, links: advance_with_mujoco(chain)
     if kind is DirectStep:

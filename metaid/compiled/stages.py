@@ -9,7 +9,6 @@ very model that is to be stepped.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import llvmlite.binding
@@ -19,9 +18,10 @@ from numba import types
 
 from metaid.compiled.decorator import compiled
 from metaid.compiled.law import turn
+from metaid.compiled.undocumented import LIBRARY, address_of
 from metaid.models import Array
 
-llvmlite.binding.load_library_permanently(str(next(Path(mujoco.__file__).parent.glob("libmujoco.*"))))
+llvmlite.binding.load_library_permanently(str(LIBRARY))
 
 CHECKED_STEPS = 50  # after each of the states that `agrees_with_mj_step` starts from
 
@@ -77,14 +77,14 @@ class DirectStep(NamedTuple):
 
 def mujoco_step(model: mujoco.MjModel, data: mujoco.MjData) -> MujocoStep:
     """`mj_step1` and `mj_step2` on these two, which must outlive it."""
-    return MujocoStep(data.qpos, data.qvel, data.qfrc_applied, data.xmat[1:], model._address, data._address)
+    return MujocoStep(data.qpos, data.qvel, data.qfrc_applied, data.xmat[1:], address_of(model), address_of(data))
 
 
 def direct_step(model: mujoco.MjModel, data: mujoco.MjData) -> DirectStep:
     """MuJoCo's stages on these two, which must outlive it."""
     vectors = data.qfrc_bias, data.qfrc_smooth, data.qacc
     bias_at, smooth_at, acceleration_at = (vector.ctypes.data for vector in vectors)
-    addresses = model._address, data._address, bias_at, smooth_at, acceleration_at
+    addresses = address_of(model), address_of(data), bias_at, smooth_at, acceleration_at
     passive = np.ravel(model.dof_damping), np.ravel(model.jnt_stiffness)
     views = data.qpos, data.qvel, data.qfrc_applied, data.xmat[1:]
     return DirectStep(*views, *vectors, *passive, *addresses, model.opt.timestep)

@@ -1,0 +1,113 @@
+"""The cache of machine code: of the sources that run and no others, where it can be written, and small."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import metaid
+from metaid.compiled.cache_folder import KEPT, cache_folder
+
+EPISODE = """
+import numpy as np
+from metaid.compiled import CompiledLoop, fastest_step
+from metaid.episode import Episode, rich_pushes
+from metaid.plant import LinkSettings, MujocoPlant, PlantSettings
+
+links = tuple(LinkSettings(length=0.4, mass=1.0, damping=0.01, frictionloss=0.02) for _ in range(2))
+plant = MujocoPlant("two", PlantSettings(links=links))
+episode = Episode(rich_pushes(plant, 1, 3.0, seed=1), 40)
+candidate = plant.chain.lumps_of(plant.chain.kinds).scaled(np.full(7, 1.1))
+print(CompiledLoop(plant, episode, fastest_step(plant, "analytic")).run(candidate).acceleration_energy.sum())
+"""
+
+
+def test_change_of_a_source_that_is_compiled_into_another_changes_the_result(tmp_path: Path) -> None:
+    """Gravity halved in the law, and another constant in `metaid.models`, are noticed by the next process."""
+    package = tmp_path / "metaid"
+    shutil.copytree(Path(metaid.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA_")}
+
+    def energy() -> str:
+        command = [sys.executable, "-c", EPISODE]
+        done = subprocess.run(
+            command, env={**environment, "PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, cwd=tmp_path
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    seen = [energy(), energy()]
+    assert seen[0] == seen[1]
+    changes = (
+        ("compiled/law.py", "-gravity[i]", "-0.5 * gravity[i]"),
+        ("models/law.py", "SLIDING = 0.1", "SLIDING = 3.0"),
+    )
+    for module, old, new in changes:
+        source = (package / module).read_text(encoding="utf-8")
+        assert source.count(old) == 1
+        (package / module).write_text(source.replace(old, new), encoding="utf-8")
+        seen.append(energy())
+    assert len(set(seen)) == 3
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A package of one module, and a folder for the user's own cache beside it."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    monkeypatch.setattr("numba.config.CACHE_DIR", "")
+    folder = tmp_path / "package"
+    folder.mkdir()
+    (folder / "module.py").write_text("number = 0\n")
+    return folder
+
+
+def folder_now(package: Path) -> Path | None:
+    """What a new process would get."""
+    cache_folder.cache_clear()
+    return cache_folder(package)
+
+
+def test_machine_code_of_a_package_that_cannot_be_written_to_is_in_the_users_cache(package: Path) -> None:
+    """An installed package may belong to root; where nothing can be written to, nothing is kept."""
+    inside = folder_now(package)
+    assert inside is not None
+    assert inside.parent == package / "__pycache__"
+    shutil.rmtree(package / "__pycache__")
+    (package / "__pycache__").touch()  # no folder can be made in a file, not by root either
+    home = folder_now(package)
+    assert home is not None
+    assert home.parent == package.parent / "home" / "metaid"
+    shutil.rmtree(home.parent)
+    home.parent.touch()
+    assert folder_now(package) is None
+
+
+def test_folder_that_the_user_chose_for_numba_is_used(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`NUMBA_CACHE_DIR` comes first."""
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(package.parent / "chosen"))
+    folder = folder_now(package)
+    assert folder is not None
+    assert folder.parent == package.parent / "chosen"
+
+
+def test_folders_of_former_sources_do_not_pile_up(package: Path) -> None:
+    """However often the sources change, a few folders are kept, the one in use among them."""
+    folders = []
+    for number in range(2 * KEPT):
+        (package / "module.py").write_text(f"number = {number}\n")
+        folder = folder_now(package)
+        assert folder is not None
+        os.utime(folder, (number, number))
+        folders.append(folder)
+    assert len(set(folders)) == 2 * KEPT
+    assert sorted((package / "__pycache__").iterdir()) == sorted(folders[-KEPT:])
+
+
+def test_same_sources_share_one_folder(package: Path) -> None:
+    """The second process compiles nothing."""
+    assert folder_now(package) == folder_now(package)
