@@ -47,7 +47,7 @@ class Walking:
             bounds = self._coordinates.low, self._coordinates.high
             self._set = SameMotion(self._coordinates.bodies, self._best, *bounds)
             self._mass = self._set.start
-            self._proposed = np.array([self._set.factors(mass) for mass in self._set.ends(self._random)])
+            self._proposed = np.array([self._set.factors(mass) for mass in self._set.ends()])
         else:
             self._proposed = self._inner.ask()
         return np.clip(self._proposed, self._coordinates.low, self._coordinates.high)

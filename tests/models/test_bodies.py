@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,8 +17,9 @@ from conftest import Finished, random_plant
 import metaid as package
 from metaid.episode.outcome import Outcome
 from metaid.errors import StudyError
+from metaid.models.lumps import Array
 from metaid.models.same_motion import SameMotion
-from metaid.search.body_space import body_space
+from metaid.search.body_space import BodySpace, body_space
 from metaid.search.registry import SamplerOptions, make_searcher
 from metaid.search.walk import Walking
 from metaid.study.problem import Problem, load_study
@@ -25,7 +27,7 @@ from metaid.study.problem import Problem, load_study
 Metaid = Callable[..., Finished]
 
 
-def space_of(nlink: int, low: float = 0.5, high: float = 2.0) -> Any:
+def space_of(nlink: int, low: float = 0.5, high: float = 2.0) -> BodySpace:
     """The space about a random chain."""
     each = np.ones(2 * nlink)
     return body_space(random_plant(nlink).chain, each, low * each, high * each)
@@ -73,7 +75,7 @@ def test_walk_stays_among_possible_bodies_of_the_same_lumps(nlink: int) -> None:
     space, random = space_of(nlink), np.random.default_rng(4)
     best = np.full(2 * nlink, 1.1)
     same = SameMotion(space.bodies, best, space.low, space.high)
-    walked, mass = same.ends(random), same.start
+    walked, mass = same.ends(), same.start
     for _ in range(20):
         mass = same.random_point(mass, random)
         walked.append(mass)
@@ -84,27 +86,58 @@ def test_walk_stays_among_possible_bodies_of_the_same_lumps(nlink: int) -> None:
     assert np.ptp(factors[-20:], axis=0).min() > 0.01
 
 
-def test_walk_goes_to_the_ends_of_the_set() -> None:
-    """For two links a grid covers the set: each parameter's least and largest value are the grid's."""
-    space = space_of(2)
-    same = SameMotion(space.bodies, np.ones(4), space.low, space.high)
-    ends = np.array([same.factors(mass) for mass in same.ends(np.random.default_rng(5))])
-    axis = np.linspace(0.5, 2.0, 601)
-    grid = np.array(np.meshgrid(axis, axis)).reshape(2, -1).T * space.bodies.mass
-    factors = np.array([same.factors(mass) for mass in grid])
-    possible = factors[((factors >= space.low) & (factors <= space.high)).all(axis=1)]
-    for parameter in range(4):
-        assert ends[2 * parameter, parameter] == pytest.approx(possible[:, parameter].min(), abs=0.01)
-        assert ends[2 * parameter + 1, parameter] == pytest.approx(possible[:, parameter].max(), abs=0.01)
+def corners(space: BodySpace, best: Array) -> Array:
+    """Factors of every corner of the set: where nlink of its bounds meet, within the others."""
+    n, bodies = space.bodies.nlink, space.bodies
+    gravity = bodies.scaled(best).gravity
+    outboard = np.triu(np.ones((n, n)), 1) * bodies.length[:, None]
+    rows, limits = [], []
+    for bound in (space.low, space.high):
+        mass, com = np.split(bound * bodies.vector, 2)
+        rows += [np.eye(n), outboard + np.diag(com)]  # m = bound, and μ − outboard m = s = bound m
+        limits += [mass, gravity]
+    found = []
+    for chosen in map(list, itertools.combinations(range(4 * n), n)):
+        matrix = np.concatenate(rows)[chosen]
+        if np.linalg.matrix_rank(matrix) == n:
+            mass = np.linalg.solve(matrix, np.concatenate(limits)[chosen])
+            if (mass > 0.0).all():
+                found.append(np.concatenate([mass, (gravity - outboard @ mass) / mass]) / bodies.vector)
+    every = np.array(found)
+    return every[((every >= space.low * (1 - 1e-9)) & (every <= space.high * (1 + 1e-9))).all(axis=1)]
 
 
-def test_ends_of_the_set_are_corners_whatever_the_way_there() -> None:
-    """For five links too, where no grid can tell: two ways through the set come to the same ends."""
-    space = space_of(5)
-    same = SameMotion(space.bodies, np.ones(10), space.low, space.high)
-    one, other = (np.array([same.factors(mass) for mass in same.ends(np.random.default_rng(seed))]) for seed in (6, 7))
-    reached = np.arange(20), np.arange(20) // 2
-    assert one[reached] == pytest.approx(other[reached], rel=1e-9)
+@pytest.mark.parametrize(("nlink", "seed"), [(1, 1), (2, 1), (2, 2), (3, 1), (3, 2), (4, 1)])
+def test_ends_of_the_set_are_those_among_all_its_corners(nlink: int, seed: int) -> None:
+    """Each parameter's least and largest value are those of brute force, and the bodies that have them are possible."""
+    each = np.ones(2 * nlink)
+    space = body_space(random_plant(nlink, seed).chain, each, 0.5 * each, 2.0 * each)
+    best = np.random.default_rng(seed).uniform(0.8, 1.25, 2 * nlink)
+    same = SameMotion(space.bodies, best, space.low, space.high)
+    ends = np.array([same.factors(mass) for mass in same.ends()])
+    all_corners = corners(space, best)
+    for parameter in range(2 * nlink):
+        assert ends[2 * parameter, parameter] == pytest.approx(all_corners[:, parameter].min(), rel=1e-9)
+        assert ends[2 * parameter + 1, parameter] == pytest.approx(all_corners[:, parameter].max(), rel=1e-9)
+    assert (ends >= space.low * (1 - 1e-9)).all()
+    assert (ends <= space.high * (1 + 1e-9)).all()
+
+
+def test_set_of_one_body_has_its_ends_there() -> None:
+    """Where the best body has the largest mass and the farthest centre of mass of every link, no other moves as it."""
+    space = space_of(3)
+    same = SameMotion(space.bodies, space.high, space.low, space.high)
+    for mass in same.ends():
+        assert same.factors(mass) == pytest.approx(space.high, rel=1e-6)
+
+
+@pytest.mark.parametrize("nlink", [2, 3, 5])
+def test_ends_are_bodies_where_there_are_no_bounds_to_speak_of(nlink: int) -> None:
+    """With bounds of 1e-9 and 1e9, too: what cannot be found exactly is within the bounds and moves the same."""
+    space = space_of(nlink, low=1e-9, high=1e9)
+    same = SameMotion(space.bodies, np.ones(2 * nlink), space.low, space.high)
+    ends = np.clip([same.factors(mass) for mass in same.ends()], space.low, space.high)
+    assert np.abs(space.lump_factors(ends) - 1.0).max() < 1e-5
 
 
 def test_walk_waits_for_a_survivor() -> None:
