@@ -9,18 +9,25 @@ from collections.abc import Callable, Mapping
 from contextlib import closing
 from numbers import Real
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
 from metaid import results
-from metaid.compiled import LARGEST_FACTOR, Objective
 from metaid.episode import Episode, Outcome, tip_push
 from metaid.errors import EpisodeError, StorageError, StudyError
 from metaid.models import Array, Lumps, factors_from_names
 from metaid.plant import MujocoPlant, load_plant
-from metaid.results import PUSHES, Findings, Validation, read_findings, validate_factors
+from metaid.results import (
+    PUSHES,
+    Findings,
+    Validation,
+    lumps_table,
+    read_findings,
+    read_snapshot,
+    validate_factors,
+)
 from metaid.store import DEFAULT_STORAGE, Store
 from metaid.study import (
     COUNTING_STEPS,
@@ -34,6 +41,9 @@ from metaid.study import (
     stored_spec,
 )
 
+if TYPE_CHECKING:
+    from metaid.compiled import Objective  # loads MuJoCo and numba, which a reader of a DB does without
+
 
 def default_storage() -> str:
     """METAID_STORAGE, or metaid.db in the folder where the user is."""
@@ -46,6 +56,8 @@ def episode_objective(
     """An objective of one push at the tip that gives the fastest link `peak_speed` (rad/s), in factors of the plant's
     own lumps.
     """
+    from metaid.compiled import Objective
+
     plant = plant if isinstance(plant, MujocoPlant) else load_plant(plant)
     lumps = plant.true_lumps()
     if lumps is None:
@@ -71,6 +83,8 @@ def check_factors(factors: Mapping[str, float], lumps: Lumps) -> Array:
     """Factors by lump name → (nlump) of those that `lumps` searches, 1 for those not named.  Raises EpisodeError on
     unknown names and on numbers that are no factors.
     """
+    from metaid.compiled import LARGEST_FACTOR
+
     for name, factor in factors.items():
         if not isinstance(factor, Real) or not 0.0 <= factor <= LARGEST_FACTOR:
             raise EpisodeError(f"factor {name}={factor} (allowed: 0 to {LARGEST_FACTOR:g})")
@@ -174,8 +188,8 @@ def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: 
     Raises StorageError, and StudyError if no trial survived yet.
     """
     with closing(Store(storage or default_storage())) as store:
-        found = results.lumps_frame(store, name)
-        problem = Problem(stored_spec(store, name))
+        snapshot = read_snapshot(store, name)
+    found, problem = lumps_table(snapshot), snapshot.first
     factors = np.where(found["determined"], found["factor"], 1.0)
     if np.isnan(factors).any():
         raise StudyError(f"study '{name}' has no survivor yet, so there is nothing to validate: run it first")

@@ -28,6 +28,7 @@ ABSENT = {
     "study": ("mujoco", "numba", "ray", "matplotlib"),
     "results": ("mujoco", "numba", "ray", "matplotlib"),
     "show": ("mujoco", "numba", "ray"),
+    "api": ("mujoco", "numba", "ray", "matplotlib"),
     "cli": ("mujoco", "numba", "ray", "optuna", "pandas", "matplotlib"),
 }
 

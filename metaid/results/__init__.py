@@ -3,13 +3,14 @@
 Here, and only here, the truth meets the result. Neither MuJoCo nor numba is loaded before something is simulated.
 """
 
+from metaid.results.best import best_rows, identified_factors
 from metaid.results.body_tables import describe_bodies
 from metaid.results.control import BANDWIDTH, Model, smooth_sinusoids, track
 from metaid.results.findings import Findings, read_findings
-from metaid.results.identified import identified_factors
 from metaid.results.overview import summary
+from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.results.sweeps import Plane, Sweep, plane, sweep
-from metaid.results.tables import lumps_frame, parameters_frame, studies_frame, trials_frame
+from metaid.results.tables import lumps_frame, lumps_table, parameters_frame, studies_frame, trials_frame
 from metaid.results.validation import PUSHES, Validation, validate_factors
 
 __all__ = [
@@ -18,14 +19,18 @@ __all__ = [
     "Findings",
     "Model",
     "Plane",
+    "Snapshot",
     "Sweep",
     "Validation",
+    "best_rows",
     "describe_bodies",
     "identified_factors",
     "lumps_frame",
+    "lumps_table",
     "parameters_frame",
     "plane",
     "read_findings",
+    "read_snapshot",
     "smooth_sinusoids",
     "studies_frame",
     "summary",

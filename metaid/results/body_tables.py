@@ -9,16 +9,19 @@ import pandas as pd
 
 from metaid.models import bodies_of
 from metaid.plant import MujocoPlant
+from metaid.results.snapshot import surviving
 from metaid.store import Trial
 from metaid.study import COARSEST, Problem
 
 
-def parameters_of(problem: Problem, trials: list[Trial]) -> pd.DataFrame:
-    """One row a parameter of a study with these `trials`: what `metaid.parameters` gives."""
+def parameters_table(problem: Problem, trials: list[Trial]) -> pd.DataFrame:
+    """One row a parameter of a study with these `trials`, whose factors are of parameters: what `metaid.parameters`
+    gives.
+    """
     assert problem.body_space is not None
     bodies = problem.body_space.bodies
     low = high = np.full(len(bodies.names), np.nan)
-    survivors, equal = [trial for trial in trials if not trial.outcome.fell], np.empty((0, 0))
+    survivors, equal = surviving(trials), np.empty((0, 0))
     if survivors:
         limit = min(trial.outcome.value for trial in survivors) + problem.resolution
         equal = np.array([trial.factors for trial in survivors if trial.outcome.value <= limit])
@@ -46,8 +49,8 @@ def describe_bodies(shown: dict[str, Any]) -> str:
         return "no body has survived yet"
     spread = max(lump["high"] / lump["low"] - 1.0 for lump in lumps if lump["determined"])
     ratios = {row["name"]: row["high"] / row["low"] for row in parameters}
-    told = {name: ratio for name, ratio in ratios.items() if ratio - 1.0 <= COARSEST}
-    wide = ", ".join(f"{name} by a factor of {ratio:.3g}" for name, ratio in ratios.items() if name not in told)
+    narrow = {name: ratio for name, ratio in ratios.items() if ratio - 1.0 <= COARSEST}
+    wide = ", ".join(f"{name} by a factor of {ratio:.3g}" for name, ratio in ratios.items() if name not in narrow)
     text = f"{parameters[0]['bodies']} bodies are as good as the best one, and their lumps agree within {spread:.2%}"
     if wide:
         text += f"; but they differ in {wide}: the lumps are identified, these parameters are not"

@@ -1,4 +1,4 @@
-"""All that a study knows, read from the DB once: what figures, the report and the dashboard draw from."""
+"""All that is known of a study, from one reading of the DB: what figures, the report and the dashboard draw from."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ import pandas as pd
 
 from metaid.errors import StorageError, unknown
 from metaid.models import Array
-from metaid.results.overview import summary
-from metaid.results.tables import lumps_frame, trials_frame
+from metaid.results.best import best_index, best_rows
+from metaid.results.overview import summarized
+from metaid.results.snapshot import Snapshot, read_snapshot
+from metaid.results.tables import lumps_table, trials_table
 from metaid.store import Store
-from metaid.study import Problem, StudySpec, stored_spec
+from metaid.study import Problem, StudySpec
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective
@@ -75,29 +77,33 @@ class Findings:
         survivors = self.survivors
         if survivors.empty:
             raise StorageError(f"study '{self.name}' has no survivor yet, so there is nothing to show: run it first")
-        factors: Array = survivors.nsmallest(1, "value")[self.names].to_numpy(dtype=np.float64)[0]
+        best = best_index(survivors["value"].to_numpy())
+        factors: Array = survivors[self.names].to_numpy(dtype=np.float64)[best]
         return factors
 
     @property
     def identified_factors(self) -> Array:
-        """Factors (nlump) that the study stands by, and 1 where a lump is not identified.  Raises StorageError."""
-        best, factor = self.best_factors, self.lumps["factor"].to_numpy()
-        return np.where(np.isnan(factor), 1.0, factor if self.problem.measure.is_noisy else best)
+        """Factors (nlump) of the identified lumps; 1 where a lump is not identified.  Raises StorageError where there
+        is no survivor yet.
+        """
+        _ = self.best_factors
+        factor: Array = self.lumps["factor"].to_numpy()
+        return np.where(np.isnan(factor), 1.0, factor)
 
     def errors(self, trials: pd.DataFrame) -> Array:
         """The largest error of an identified lump in each of `trials` (ntrial), relative to the truth; NaN where the
         plant does not know it.
         """
         true = (self.lumps["true"] / self.lumps["nominal"]).to_numpy()
-        told = self.lumps["identified"].notna().to_numpy()
-        errors: Array = np.abs(trials[self.names].to_numpy() / true - 1.0)[:, told].max(axis=1, initial=0.0)
+        identified = self.lumps["identified"].notna().to_numpy()
+        errors: Array = np.abs(trials[self.names].to_numpy() / true - 1.0)[:, identified].max(axis=1, initial=0.0)
         return errors
 
     @property
     def bests(self) -> pd.DataFrame:
-        """Survivors that were the best when they came."""
+        """Survivors that were the best when they came; the last of them is the best of all."""
         survivors = self.survivors
-        bests: pd.DataFrame = survivors[survivors["value"] < survivors["value"].cummin().shift(fill_value=np.inf)]
+        bests: pd.DataFrame = survivors[survivors["value"] <= survivors["value"].cummin()]
         return bests
 
     @property
@@ -110,8 +116,7 @@ class Findings:
     @property
     def closest(self) -> pd.DataFrame:
         """The `equals`, or the CLOSEST best survivors if those are more."""
-        closest: pd.DataFrame = self.survivors.nsmallest(max(len(self.equals), CLOSEST), "value")
-        return closest
+        return best_rows(self.survivors, max(len(self.equals), CLOSEST))
 
     def objective(self) -> Objective:
         """What the study evaluated its candidates with."""
@@ -126,15 +131,18 @@ class Findings:
 
 def read_findings(store: Store, name: str) -> Findings:
     """The findings of a study in the DB.  Raises StorageError."""
-    spec = stored_spec(store, name)
-    trials, lumps, shown = trials_frame(store, name), lumps_frame(store, name), summary(store, name)
+    return findings_of(read_snapshot(store, name))
+
+
+def findings_of(snapshot: Snapshot) -> Findings:
+    """The findings of a study that has been read."""
+    trials, lumps = trials_table(snapshot), lumps_table(snapshot)
+    shown = summarized(snapshot, lumps)
 
     def of(problem: Problem, second: Findings | None = None) -> Findings:
         own = trials if problem.is_only else trials[trials["stage"] == problem.stage]
         rows = lumps[lumps["name"].isin(problem.names)].reset_index(drop=True)
-        return Findings(name, spec, own, rows, shown, problem, second)
+        return Findings(snapshot.name, snapshot.spec, own, rows, shown, problem, second)
 
-    first = of(Problem(spec))
-    following = None if first.survivors.empty else first.problem.second(first.best_factors)
-    second = None if following is None else of(following)
-    return first if second is None or second.survivors.empty else replace(first, second=second)
+    first, *later = (of(stage.problem) for stage in snapshot.stages)
+    return replace(first, second=next((second for second in later if not second.survivors.empty), None))

@@ -7,33 +7,37 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from metaid.results.body_tables import parameters_of
-from metaid.results.identified import lumps_of_stage
-from metaid.results.stage import STATES, Stage, best_trial, stages
+from metaid.results.best import best_trial
+from metaid.results.body_tables import parameters_table
+from metaid.results.snapshot import STATES, Snapshot, Stage, read_snapshot
+from metaid.results.tables import largest_error, lumps_table
 from metaid.store import Store, Trial
-from metaid.study import Problem, StudySpec, stored_spec
+from metaid.study import Problem
 
 
 def summary(store: Store, name: str) -> dict[str, Any]:
     """A study as `metaid study show --json` prints it; None where something is not known."""
-    spec = stored_spec(store, name)
-    trials = store.trials(name, *spec.names)
-    by_stage = stages(spec, trials)
-    lumps = pd.concat([lumps_of_stage(stage) for stage in by_stage], ignore_index=True)
-    errors = lumps["error"][lumps["determined"]].abs()
+    snapshot = read_snapshot(store, name)
+    return summarized(snapshot, lumps_table(snapshot))
+
+
+def summarized(snapshot: Snapshot, lumps: pd.DataFrame) -> dict[str, Any]:
+    """The same of a study that has been read, and its table of `lumps`."""
+    spec, first = snapshot.spec, snapshot.stages[0]
+    several = len(snapshot.stages) > 1
     return {
-        "name": name,
+        "name": snapshot.name,
         "plant": spec.plant_name,
         "sampler": spec.study.sampler,
-        "measure": by_stage[0].problem.measure.name,
+        "measure": first.problem.measure.name,
         "seed": spec.study.seed,
-        "trials": _counts(trials),
-        "best": _best(by_stage[0]),
-        **_noise_floor(by_stage[0].problem),
+        "trials": _counts(snapshot.trials),
+        "best": _best(first),
+        **_noise_floor(first.problem),
         "lumps": [without_nan(row) for row in lumps.to_dict("records")],
-        "max_error": None if errors.isna().any() else float(errors.max()),
-        **_parameters(spec, trials),
-        **({"stages": [_stage_summary(stage) for stage in by_stage]} if len(by_stage) > 1 else {}),
+        "max_error": largest_error(lumps),
+        **_parameters(snapshot),
+        **({"stages": [_stage_summary(stage) for stage in snapshot.stages]} if several else {}),
     }
 
 
@@ -41,13 +45,11 @@ def _noise_floor(problem: Problem) -> dict[str, float]:
     return {"noise_floor_hz": problem.episode.noise_floor.frequency} if problem.measure.is_noisy else {}
 
 
-def _parameters(spec: StudySpec, trials: list[Trial]) -> dict[str, Any]:
-    """What is known of individual parameters, and how far the lumps of all those bodies agree; nothing for a search of
-    lumps.
-    """
-    if spec.study.search.space == "lumps":
+def _parameters(snapshot: Snapshot) -> dict[str, Any]:
+    """What is known of individual parameters; nothing for a search of lumps."""
+    if snapshot.spec.study.search.space == "lumps":
         return {}
-    frame = parameters_of(Problem(spec), trials)
+    frame = parameters_table(snapshot.first, snapshot.trials)
     return {"parameters": [without_nan(row) for row in frame.to_dict("records")]}
 
 
@@ -80,4 +82,5 @@ def _verified(problem: Problem, best: Trial) -> dict[str, Any]:
 
 
 def without_nan(row: dict[Any, Any]) -> dict[str, Any]:
+    """A row of a frame as JSON has it: None for what is not known."""
     return {str(key): None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()}

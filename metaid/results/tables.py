@@ -6,14 +6,15 @@ import itertools
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from metaid.errors import StudyError
-from metaid.results.body_tables import parameters_of
-from metaid.results.identified import lumps_of_stage
-from metaid.results.overview import summary
-from metaid.results.stage import STATES, by_stage, stages
+from metaid.models import lump_unit
+from metaid.results.best import best_trial, identified_factors
+from metaid.results.body_tables import parameters_table
+from metaid.results.snapshot import STATES, Snapshot, Stage, read_snapshot, trials_by_stage
 from metaid.store import Store, Trial
-from metaid.study import Problem, stored_spec
+from metaid.study import Problem, identifiability
 
 
 def trials_frame(store: Store, name: str) -> pd.DataFrame:
@@ -21,9 +22,53 @@ def trials_frame(store: Store, name: str) -> pd.DataFrame:
     the study has two, then a factor per lump, under its name; NaN where the trial's stage does not search it. A search
     of individual parameters has a factor per parameter before those of the lumps that follow from them.
     """
-    spec = stored_spec(store, name)
+    return trials_table(read_snapshot(store, name))
+
+
+def lumps_frame(store: Store, name: str) -> pd.DataFrame:
+    """One row a lump: `name`, `unit`, `nominal`, `factor`, `identified`, `low`, `high`, `true`, `error`,
+    `determined`; NaN where not known. A lump that the study's measure cannot determine has no identified value.
+    """
+    return lumps_table(read_snapshot(store, name))
+
+
+def parameters_frame(store: Store, name: str) -> pd.DataFrame:
+    """One row a parameter of a study that searches individual ones: `name`, `unit`, `nominal`, its range `low` to
+    `high` over the bodies that are as good as the best, `true` where the plant knows it, and how many `bodies` these
+    are.  Raises StudyError of another study.
+    """
+    snapshot = read_snapshot(store, name)
+    if snapshot.spec.study.search.space == "lumps":
+        raise StudyError(f"study '{name}' searches lumps (allowed: one with search.space = 'parameters')")
+    return parameters_table(snapshot.first, snapshot.trials)
+
+
+def studies_frame(store: Store) -> pd.DataFrame:
+    """One row a study: `name`, `plant`, `sampler`, `measure`, `trials`, `pruned`, `best`, `max_error`."""
+    words = {"name": str, "plant": str, "sampler": str, "measure": str}
+    kinds = {**words, "trials": np.int64, "pruned": np.int64, "best": np.float64, "max_error": np.float64}
+    rows = [_study_row(read_snapshot(store, name)) for name in store.names()]
+    return pd.DataFrame(rows, columns=list(kinds)).astype(kinds)
+
+
+def _study_row(snapshot: Snapshot) -> dict[str, object]:
+    spec, survivors = snapshot.spec, snapshot.stages[0].survivors
+    return {
+        "name": snapshot.name,
+        "plant": spec.plant_name,
+        "sampler": spec.study.sampler,
+        "measure": snapshot.first.measure.name,
+        "trials": len(snapshot.trials),
+        "pruned": sum(trial.state.name == "PRUNED" for trial in snapshot.trials),
+        "best": best_trial(survivors).outcome.value if survivors else None,
+        "max_error": largest_error(lumps_table(snapshot)),
+    }
+
+
+def trials_table(snapshot: Snapshot) -> pd.DataFrame:
+    """The frame of `trials_frame`."""
+    spec, trials = snapshot.spec, snapshot.trials
     names = list(itertools.chain(*spec.names))
-    trials = store.trials(name, *spec.names)
     heads = {
         "number": np.array([trial.number for trial in trials], dtype=np.int64),
         "state": pd.Categorical([trial.state.name for trial in trials], STATES),
@@ -38,14 +83,14 @@ def trials_frame(store: Store, name: str) -> pd.DataFrame:
     if len(spec.names) > 1:
         heads["stage"] = np.array([trial.stage for trial in trials], dtype=np.int64)
     factors, row, column = np.full((len(trials), len(names)), np.nan), 0, 0
-    for searched, own in zip(spec.names, by_stage(spec, trials), strict=True):
+    for searched, own in zip(spec.names, trials_by_stage(spec, trials), strict=True):
         rows, columns = slice(row, row + len(own)), slice(column, column + len(searched))
         factors[rows, columns] = np.array([trial.factors for trial in own]).reshape(len(own), len(searched))
         row, column = rows.stop, columns.stop
     searched_factors = {name: factors[:, i] for i, name in enumerate(names)}
     if spec.study.search.space == "parameters":
-        problem = Problem(spec)
-        searched_factors |= dict(zip(problem.names, problem.lump_factors(factors).T, strict=True))
+        lumps = snapshot.first.lump_factors(factors)
+        searched_factors |= dict(zip(snapshot.first.names, lumps.T, strict=True))
     return pd.DataFrame({**heads, **periods, **searched_factors})
 
 
@@ -53,41 +98,48 @@ def _value(trial: Trial) -> float:
     return np.nan if trial.outcome.failure is not None else trial.outcome.value
 
 
-def lumps_frame(store: Store, name: str) -> pd.DataFrame:
-    """One row a lump: `name`, `unit`, `nominal`, `factor`, `identified`, `low`, `high`, `true`, `error`,
-    `determined`; NaN where not known. Of a lump that the study's measure cannot determine, nothing is said.
-    """
-    spec = stored_spec(store, name)
-    return pd.concat(
-        [lumps_of_stage(stage) for stage in stages(spec, store.trials(name, *spec.names))], ignore_index=True
-    )
+def lumps_table(snapshot: Snapshot) -> pd.DataFrame:
+    """The frame of `lumps_frame`: the lumps of all stages."""
+    return pd.concat([_lumps_of(stage) for stage in snapshot.stages], ignore_index=True)
 
 
-def parameters_frame(store: Store, name: str) -> pd.DataFrame:
-    """One row a parameter of a study that searches individual ones: `name`, `unit`, `nominal`, its range `low` to
-    `high` over the bodies that are as good as the best, `true` where the plant knows it, and how many `bodies` these
-    are.  Raises StudyError of another study.
-    """
-    spec = stored_spec(store, name)
-    if spec.study.search.space == "lumps":
-        raise StudyError(f"study '{name}' searches lumps (allowed: one with search.space = 'parameters')")
-    return parameters_of(Problem(spec), store.trials(name, *spec.names))
+def _lumps_of(stage: Stage) -> pd.DataFrame:
+    problem, survivors = stage.problem, stage.survivors
+    nominal = problem.lumps.vector
+    unknown = np.full(len(nominal), np.nan)
+    determined = _determined(problem)
+    factor = low = high = unknown
+    if survivors:
+        factors = np.array([trial.factors for trial in survivors])
+        values = np.array([trial.outcome.value for trial in survivors])
+        found = identified_factors(problem, factors, values)
+        factor, low, high = (np.where(determined, each, np.nan) for each in found)
+    truth = problem.open_plant().true_lumps()  # here, and only here, the truth meets the result
+    true = unknown if truth is None else truth.vector_of(problem.lumps.searched, np.nan)
+    identified = factor * nominal
+    columns = {
+        "name": problem.names,
+        "unit": [lump_unit(lump) for lump in problem.names],
+        "nominal": nominal,
+        "factor": factor,
+        "identified": identified,
+        "low": low * nominal,
+        "high": high * nominal,
+        "true": true,
+        "error": identified / np.where(true == 0.0, np.nan, true) - 1.0,
+        "determined": determined,
+    }
+    return pd.DataFrame(columns)
 
 
-def studies_frame(store: Store) -> pd.DataFrame:
-    """One row a study: `name`, `plant`, `sampler`, `measure`, `trials`, `pruned`, `best`, `max_error`."""
-    rows = []
-    for name in store.names():
-        shown = summary(store, name)
-        counts = {"trials": shown["trials"]["total"], "pruned": shown["trials"]["pruned"]}
-        rows.append(
-            {
-                **{key: shown[key] for key in ("name", "plant", "sampler", "measure")},
-                **counts,
-                "best": shown["best"]["value"],
-                "max_error": shown["max_error"],
-            }
-        )
-    words = {"name": str, "plant": str, "sampler": str, "measure": str}
-    kinds = {**words, "trials": np.int64, "pruned": np.int64, "best": np.float64, "max_error": np.float64}
-    return pd.DataFrame(rows, columns=list(kinds)).astype(kinds)
+def _determined(problem: Problem) -> NDArray[np.bool_]:
+    """Which lumps the trials can determine (nlump): by the sensitivity of the pushes, else by the measure."""
+    if problem.measure.sees_coriolis:
+        return np.array(identifiability(problem).determined)
+    return np.array([problem.measure.determines(lump) for lump in problem.names])
+
+
+def largest_error(lumps: pd.DataFrame) -> float | None:
+    """The largest relative error of a determined lump in a table of `lumps`; None where one of them is not known."""
+    errors = lumps["error"][lumps["determined"]].abs()
+    return None if errors.isna().any() else float(errors.max())

@@ -9,7 +9,7 @@ import pandas as pd
 from optuna.distributions import BaseDistribution, FloatDistribution
 from optuna.trial import TrialState, create_trial
 
-from metaid.results import Findings
+from metaid.results import Findings, best_rows
 from metaid.store import Store
 
 MOST_TRIALS_SHOWN = 10_000  # trials that a browser shows without hanging
@@ -23,8 +23,7 @@ def companion_name(name: str) -> str:
 
 def thinned(trials: pd.DataFrame) -> pd.DataFrame:
     """At most KEPT rows of `trials`, in order: a quarter of them the best survivors, the others evenly spaced."""
-    survivors = trials[trials["state"] == "COMPLETE"]
-    best = survivors.nsmallest(KEPT // 4, "value")
+    best = best_rows(trials[trials["state"] == "COMPLETE"], KEPT // 4)
     others = trials.drop(best.index)
     even = others.iloc[:: max(-(-len(others) // (KEPT - len(best))), 1)]
     kept: pd.DataFrame = pd.concat([best, even]).sort_values("number")
@@ -44,13 +43,14 @@ def write_companion(store: Store, found: Findings) -> optuna.Study:
     companion.add_trials(
         create_trial(
             state=TrialState[row["state"]],
-            value=row["value"],
+            value=None if failed else row["value"],  # Optuna lets a failed trial have no value
             params={lump: row[lump] for lump in names},
             distributions=space,
             user_attrs={"trial": row["number"], **{key: row[key] for key in numbers}},
-            intermediate_values={row["steps"]: row["value"]},
+            intermediate_values={} if failed else {row["steps"]: row["value"]},
         )
         for row in thinned(found.trials).to_dict("records")
+        for failed in [row["state"] == "FAIL"]
     )
     return companion
 

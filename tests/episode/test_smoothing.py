@@ -14,7 +14,7 @@ from metaid.episode.episode import RICH_FALL_LIMIT, Episode
 from metaid.episode.pushes import rich_pushes
 from metaid.episode.smoothing import noise_floor, smooth_energies, smoothed_hz
 from metaid.errors import StudyError
-from metaid.results.identified import identified_factors
+from metaid.results.best import identified_factors
 from metaid.study.problem import Problem, load_study
 
 PERIOD = 0.002

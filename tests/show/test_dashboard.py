@@ -7,6 +7,7 @@ import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import optuna
 import pandas as pd
 import pytest
@@ -17,6 +18,9 @@ from optuna_dashboard import get_note, save_note
 import metaid as package
 from metaid.show import companions, dashboard
 from metaid.store.database import Store
+from metaid.store.trial import Trial
+from metaid.study.create import stored_spec
+from metaid.study.problem import Problem
 
 Metaid = Callable[..., Finished]
 
@@ -91,6 +95,21 @@ def test_long_study_gets_a_thinned_companion(store: Store, metaid: Metaid, monke
     assert any("plain (thinned): http://127.0.0.1:" in line for line in dashboard.addresses(store, 80))
     assert metaid("study", "delete", "plain", "--yes", "--storage", store.url).status == 0
     assert "plain (thinned)" not in optuna.get_all_study_names(store.optuna)
+
+
+def test_companion_of_a_long_study_has_failed_trials_too(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A trial that could not be evaluated has no value, in the companion as in the study."""
+    problem = Problem(stored_spec(store, "plain"))
+    count, factors = store.count("plain"), np.ones(len(problem.names))
+    failed = [Trial(count + i, 1000, factors, problem.failed("no answer")) for i in range(300)]
+    store.append("plain", problem.names, problem.low, problem.high, failed)
+    monkeypatch.setattr(dashboard, "MOST_TRIALS_SHOWN", 500)
+    monkeypatch.setattr(companions, "KEPT", 100)
+    dashboard.explain(store, "plain")
+    companion = optuna.load_study(study_name="plain (thinned)", storage=store.optuna)
+    failures = [trial for trial in companion.trials if trial.state.name == "FAIL"]
+    assert len(failures) > 10
+    assert all(trial.value is None and not trial.intermediate_values for trial in failures)
 
 
 def test_note_and_graphs_leave_the_study_as_it_was(store: Store) -> None:

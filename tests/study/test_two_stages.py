@@ -22,7 +22,7 @@ from metaid.errors import StorageError, StudyError
 from metaid.models.lumps import IDEAL
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.results.findings import read_findings
-from metaid.results.stage import stages
+from metaid.results.snapshot import read_snapshot
 from metaid.show.figures import Gallery
 from metaid.store.database import Store
 from metaid.study.create import create_study
@@ -163,7 +163,7 @@ def test_trials_of_both_stages_are_one_optuna_study(full: Store) -> None:
 def test_second_stage_takes_what_the_first_has_found(full: Store) -> None:
     """Its law holds the best lumps of the first, and it starts at inertia lumps as heavy as the gravity lumps were."""
     trials = results.trials_frame(full, "full-three-link")
-    first, second = stages(load_study("full-three-link"), full.trials("full-three-link", *_names()))
+    first, second = read_snapshot(full, "full-three-link").stages
     best = trials[trials["stage"] == 1].nsmallest(1, "value")
     assert second.problem.lumps.gravity == pytest.approx(
         best[["gravity_1", "gravity_2", "gravity_3"]].to_numpy()[0] * first.problem.lumps.gravity
@@ -171,10 +171,6 @@ def test_second_stage_takes_what_the_first_has_found(full: Store) -> None:
     start = trials[trials["stage"] == 2].iloc[0]
     for i in (1, 2, 3):
         assert start[f"inertia_{i}"] == pytest.approx(best[f"gravity_{i}"].item())
-
-
-def _names() -> tuple[list[str], ...]:
-    return load_study("full-three-link").names
 
 
 def test_contract_of_study_show_holds_with_two_stages(full: Store) -> None:

@@ -10,7 +10,7 @@ from matplotlib.colors import LogNorm, Normalize
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.results import Findings, Plane, Sweep
+from metaid.results import Findings, Plane, Sweep, best_rows
 from metaid.show.figures.style import FALL, INK, MANY, SURVIVOR, VALUES, new_axes
 
 LINES = 400  # of parallel coordinates at most: half of them the best, the others evenly over the trials
@@ -97,7 +97,7 @@ def plot_parallel(found: Findings, axes: Axes | None = None) -> Axes:
         factors = trials[found.names].to_numpy()
         return list(np.stack([np.broadcast_to(places, factors.shape), factors], axis=-1))
 
-    best = found.survivors.nsmallest(LINES // 2, "value")
+    best = best_rows(found.survivors, LINES // 2)
     others = found.survivors.drop(best.index)
     shown = pd.concat([best, _thinned(others, LINES // 2)]).sort_values("value", ascending=False)
     falls = _thinned(found.falls, LINES // 4)
