@@ -1,4 +1,5 @@
-# `make demo` and `make test` need Python 3.11 or newer and nothing else: each sets up .venv with the versions in constraints.txt.
+# `make demo` and `make test` need Python 3.11 or newer and nothing else: each sets up .venv with the versions in constraints.txt;
+# the first with what a study needs, the second with every extra and the tools of development.
 PYTHON ?= python3
 NEWEST ?= python3.14
 VENV ?= .venv
@@ -60,7 +61,7 @@ $(VENV)/.runtime: $(BIN)/python pyproject.toml $(CONSTRAINTS)
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.runtime
-	$(PIP) --editable '.[dev]'
+	$(PIP) --editable '.[all,dev]'
 	@touch $@
 
 .venv-tools/bin/%:

@@ -96,7 +96,7 @@ def _figure(value: Any) -> str:
 def machine() -> Row:
     """What the figures were measured on."""
     names = [line.partition(":")[2].strip() for line in _lines("/proc/cpuinfo") if line.startswith("model name")]
-    packages = ("mujoco", "numba", "numpy", "optuna", "cmaes", "ray", "sqlalchemy")
+    packages = ("mujoco-core", "numba", "numpy", "optuna", "cmaes", "ray", "sqlalchemy")
     return {
         "processor": f"{names[0] if names else platform.processor() or platform.machine()}, {os.cpu_count()} cores",
         "system": f"{platform.system()} {platform.machine()}, Python {platform.python_version()}",

@@ -5,7 +5,8 @@ The command line prints the message alone and exits with status 2; in Python the
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 
 
@@ -61,6 +62,22 @@ class WorkerError(MetaidError):
 
 class RenderError(MetaidError):
     """A picture that this machine cannot make."""
+
+
+class MissingExtraError(MetaidError):
+    """A package that metaid needs only for some of what it does, and that is not installed."""
+
+
+@contextmanager
+def optional_packages(extra: str) -> Iterator[None]:
+    """Within it the packages of an optional dependency are imported.  Raises MissingExtraError, which says how that
+    `extra` is installed, where one of them is missing.
+    """
+    try:
+        yield
+    except ImportError as problem:
+        missing = problem.name or "a package"
+        raise MissingExtraError(f"{missing} is not installed: pip install 'metaid[{extra}]'") from None
 
 
 def unknown(what: str, name: str, allowed: Iterable[str]) -> str:

@@ -11,7 +11,7 @@ import tomllib
 from pathlib import Path
 
 from supply.licences import is_allowed, licence
-from supply.pins import installed, pinned
+from supply.pins import direct, installed, pinned
 from supply.vulnerabilities import AuditError, vulnerabilities
 
 ROOT = Path(__file__).parent.parent
@@ -20,8 +20,7 @@ ROOT = Path(__file__).parent.parent
 def main() -> None:
     """The audit of what is installed here."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    extras = project["optional-dependencies"].values()
-    packages = installed([*project["dependencies"], *(need for extra in extras for need in extra)])
+    packages = installed(direct(project))
     pins = pinned(ROOT / "constraints.txt")
     wrong = []
     for name, package in sorted(packages.items()):

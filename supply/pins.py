@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
+from typing import Any
 
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
@@ -15,6 +16,14 @@ def pinned(constraints: Path) -> dict[str, str]:
     """The version that a constraints file gives to each package, by its canonical name."""
     lines = re.findall(r"^([\w.-]+)==(\S+)$", constraints.read_text(encoding="utf-8"), re.MULTILINE)
     return {canonicalize_name(name): version for name, version in lines}
+
+
+def direct(project: dict[str, Any]) -> list[str]:
+    """The requirements of a pyproject.toml's `project` and of all its extras, each once; an extra made of others of the
+    project's own adds none.
+    """
+    needs = [*project["dependencies"], *(need for extra in project["optional-dependencies"].values() for need in extra)]
+    return list(dict.fromkeys(need for need in needs if canonicalize_name(Requirement(need).name) != project["name"]))
 
 
 def installed(requirements: Iterable[str]) -> dict[str, Distribution]:
@@ -31,7 +40,9 @@ def installed(requirements: Iterable[str]) -> dict[str, Distribution]:
         try:
             found[name] = distribution(name)
         except PackageNotFoundError:
-            raise SystemExit(f"{name} is not installed: pip install --constraint constraints.txt '.[dev]'") from None
+            raise SystemExit(
+                f"{name} is not installed: pip install --constraint constraints.txt '.[all,dev]'"
+            ) from None
         waiting += _needed(found[name], wanted.extras)
     return found
 

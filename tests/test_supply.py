@@ -20,12 +20,11 @@ from packaging.utils import canonicalize_name
 from packaging.version import Version
 
 from supply.licences import is_allowed, licence
-from supply.pins import installed, pinned
+from supply.pins import direct, installed, pinned
 from supply.vulnerabilities import CANARY, AuditError, vulnerabilities
 
 ROOT = Path(__file__).parent.parent
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-DIRECT = [*PROJECT["dependencies"], *(need for needs in PROJECT["optional-dependencies"].values() for need in needs)]
+DIRECT = direct(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"])
 PINNED, LOWEST = pinned(ROOT / "constraints.txt"), pinned(ROOT / "constraints-min.txt")
 
 

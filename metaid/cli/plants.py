@@ -153,6 +153,9 @@ def episode(
     if study_name is not None and video is None:
         raise click.UsageError("--study says whose lumps to film: it needs --video FILE.mp4")
 
+    if video is not None:
+        from metaid.show import SUFFIXES, film  # first: nothing is drawn where it cannot be filmed
+
     plant = load_plant(name)
     objective = api.episode_objective(plant, steps)
     candidate = api.check_factors(numbers(factors, "--factor"), objective.nominal)
@@ -163,8 +166,6 @@ def episode(
         with whole_file(output, FIGURES) as partial:
             draw_episode(objective, candidate, partial)
     if video is not None:
-        from metaid.show import SUFFIXES, film
-
         filmed = {"candidate": objective.nominal.scaled(candidate), "true": objective.nominal}
         if study_name is not None:
             with open_store(storage) as store:

@@ -19,6 +19,7 @@ from metaid.cli.common import (
 )
 from metaid.cli.printed import print_study
 from metaid.cli.studies import name_argument
+from metaid.errors import optional_packages
 
 
 @click.command(epilog="\b\nExample:\n  metaid study show three-link --json")
@@ -93,6 +94,10 @@ def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, out
 def export(name: str, storage: str, output: Path) -> None:
     """Write every trial to a file: state, value, generation, steps, periods per joint, factors."""
     from metaid.results import trials_frame
+
+    if output.suffix == ".parquet":
+        with optional_packages("parquet"):
+            import pyarrow  # noqa: F401, pandas writes with it
 
     with open_store(storage) as store, whole_file(output, (".csv", ".parquet")) as partial:
         frame = trials_frame(store, name)

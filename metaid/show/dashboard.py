@@ -16,14 +16,16 @@ from wsgiref.simple_server import WSGIRequestHandler, WSGIServer, make_server
 import numpy as np
 import optuna
 import pandas as pd
-from optuna_dashboard import get_note, save_note, save_plotly_graph_object, wsgi
 
-from metaid.errors import MetaidError
+from metaid.errors import MetaidError, optional_packages
 from metaid.results import Findings, read_findings
 from metaid.show.companions import MOST_TRIALS_SHOWN, companion_name, write_companion
 from metaid.show.figures import FALL, RANGE, SURVIVOR
 from metaid.show.loopback import loopback_only
 from metaid.store import Store
+
+with optional_packages("dashboard"):
+    from optuna_dashboard import get_note, save_note, save_plotly_graph_object, wsgi
 
 HOST = "127.0.0.1"
 SIGNED = "*This note is written by metaid. Take this line out to keep your own.*"

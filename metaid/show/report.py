@@ -24,7 +24,7 @@ import metaid
 from metaid.results import Findings, describe_bodies
 from metaid.show.figures import INK, Gallery, plant_figure, style
 
-VERSIONS_OF = ("mujoco", "numba", "numpy", "cmaes", "optuna", "matplotlib")
+VERSIONS_OF = ("mujoco-core", "numba", "numpy", "cmaes", "optuna", "matplotlib")
 WIDEST = 0.02  # of a lump's value: a range beyond this is said aloud
 
 

@@ -6,10 +6,9 @@ import os
 import sys
 
 import mujoco
-import mujoco.viewer
 import numpy as np
 
-from metaid.errors import RenderError
+from metaid.errors import RenderError, optional_packages
 from metaid.models import Array, Chain
 from metaid.plant import MujocoPlant
 
@@ -82,5 +81,9 @@ def open_viewer(plant: MujocoPlant) -> None:
         raise RenderError(
             "there is no screen here to open a window on: try 'metaid plant draw', or 'metaid episode … --video'"
         )
+    with optional_packages("view"):
+        import glfw  # noqa: F401, MuJoCo's own error does not name it
+        import mujoco.viewer
+
     model = scene(plant.chain, plant.gravity, plant.timestep)
     mujoco.viewer.launch(model, mujoco.MjData(model))

@@ -12,16 +12,19 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 
 from metaid.episode import Episode, run_stepwise
-from metaid.errors import RenderError
+from metaid.errors import RenderError, optional_packages
 from metaid.models import Array, Lumps
 from metaid.plant import MujocoPlant
 from metaid.show.rendering import write_job
+
+with optional_packages("video"):
+    import imageio_ffmpeg
+    import OpenGL  # noqa: F401, the child process needs it
+    from PIL import Image, ImageDraw, ImageFont
 
 SUFFIXES = (".mp4", ".gif")
 RATES = {".mp4": 25, ".gif": 10}  # frames per second
