@@ -3,8 +3,8 @@
 In the nominal model's metric the squared spectral measure is nearly κ |z − z*|², with κ known before any trial. So the
 distance to the truth can be read off the measure, and only the direction is missing. Two kinds of generation alternate:
 `slope`, one candidate along each of nlump random directions about the best one, for the gradient; and `step`, the
-quasi-Newton step at several lengths. The curvature starts at κ and is updated by damped BFGS (Nocedal and Wright,
-Numerical Optimization, 2nd ed., procedure 18.2), within a trust region. As long as nothing has survived, candidates are
+quasi-Newton step at several lengths, within a trust region. The curvature starts at κ and is updated by damped BFGS
+(Nocedal and Wright, Numerical Optimization, 2nd ed., procedure 18.2). As long as nothing has survived, candidates are
 drawn about the one that survived longest.
 """
 
@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import lsq_linear
+from scipy.optimize import BFGS, lsq_linear
 
 from metaid.episode import Outcome
 from metaid.errors import StudyError
@@ -25,7 +25,7 @@ STEP_LENGTHS = (1.0, 0.5, 0.25, 0.1)
 SLOPE_REACH = 0.05  # of the distance to the truth: how far candidates for the gradient are from the best one
 FEWEST_BLIND = 6
 BLIND_GROWTH = 1.3  # of the spread, from one generation without a survivor to the next
-DAMPING = 0.1
+DAMPING = 0.1  # of the expected change of the slope along a step: an update with less is damped
 FLATTEST = 0.02  # of κ: no direction is taken for flatter than that
 MOST_ROOM = 0.1  # of the way between the bounds
 CONVERGED = 1e-6  # distance to the truth, in factors of the least determined lump
@@ -43,7 +43,7 @@ class Newton:
         self._curvature: float = coordinates.curvature
         self._random = np.random.default_rng(seed)
         nlump = len(coordinates.origin)
-        self._hessian = 2.0 * self._curvature * np.eye(nlump)
+        self._shape = _known_shape(nlump)
         self._blind_spread = options.sigma
         self._phase = "start"
         self._proposed: list[Array] = [np.zeros(nlump)]
@@ -106,29 +106,22 @@ class Newton:
     def _learn_slope(self, values: Array, survived: Array) -> None:
         """Gradient by forward differences, less the Hessian's part; then the Hessian from the gradient's change."""
         reach = float(np.linalg.norm(self._proposed[0] - self._centre))
-        bend = 0.5 * reach * np.einsum("ij,jk,ik->i", self._directions, self._hessian, self._directions)
+        bend = 0.5 * reach * np.einsum("ij,jk,ik->i", self._directions, self._hessian(), self._directions)
         slopes = np.where(survived, (values - self._centre_value) / reach - bend, 0.0)
         gradient = self._directions.T @ slopes
         if self._gradient is not None:
-            self._update_hessian(self._centre - self._gradient_at, gradient - self._gradient)
+            self._shape.update(self._centre - self._gradient_at, (gradient - self._gradient) / (2.0 * self._curvature))
         self._gradient, self._gradient_at = gradient, self._centre
 
-    def _update_hessian(self, moved: Array, change: Array) -> None:
-        """Damped BFGS: stays positive definite whatever the landscape does."""
-        expected = self._hessian @ moved
-        along, seen = float(moved @ expected), float(moved @ change)
-        if along <= 0.0:
-            return
-        if seen < DAMPING * along:
-            share = (1.0 - DAMPING) * along / (along - seen)
-            change = share * change + (1.0 - share) * expected
-            seen = float(moved @ change)
-        self._hessian = self._hessian + np.outer(change, change) / seen - np.outer(expected, expected) / along
+    def _hessian(self) -> Array:
+        """Of the squared measure in z (nlump x nlump)."""
+        hessian: Array = 2.0 * self._curvature * self._shape.get_matrix()
+        return hessian
 
     def _aim(self, radius: float) -> None:
         """The minimiser of the quadratic model within `radius` of the centre and within the bounds."""
         assert self._gradient is not None
-        curvatures, axes = np.linalg.eigh(self._hessian)
+        curvatures, axes = np.linalg.eigh(self._hessian())
         curvatures = np.maximum(curvatures, FLATTEST * self._curvature)
         slopes = axes.T @ self._gradient
         low, high = 0.0, float(np.linalg.norm(slopes)) / radius
@@ -169,6 +162,17 @@ class Newton:
         if shorter > 1e-3 * float(np.sqrt(self._centre_value / self._curvature)):
             self._aim(shorter)
             return
-        self._hessian = 2.0 * self._curvature * np.eye(len(self._centre))
+        self._shape = _known_shape(len(self._centre))
         self._gradient = None
         self._phase = "slope"
+
+
+def _known_shape(nlump: int) -> BFGS:
+    """The Hessian (nlump x nlump) in units of the known 2κ: the identity before the first update.
+
+    Damped updates keep it positive definite whatever the landscape does. In this unit scipy starts with the right
+    matrix: of an initial scale it knows nothing before the first update.
+    """
+    shape = BFGS(exception_strategy="damp_update", min_curvature=DAMPING, init_scale=1.0)
+    shape.initialize(nlump, "hess")
+    return shape

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,13 @@ import pytest
 from benchmarks.chains import random_chain
 from benchmarks.friction import rubbing_chain, without_dry
 from metaid import results
+from metaid.episode.outcome import Outcome
 from metaid.errors import StudyError
+from metaid.models.lumps import Array
 from metaid.plant.settings import PlantSettings
+from metaid.search.coordinates import Coordinates
+from metaid.search.newton import STEP_LENGTHS, Newton
+from metaid.search.searcher import StepOptions
 from metaid.store.database import Store
 from metaid.study.create import create_study
 from metaid.study.problem import Problem, load_study
@@ -27,6 +33,43 @@ def study_of(nlink: int, seed: int, **settings: Any) -> StudySpec:
         plant="chain", nominal="nominal", seed=seed, **{"sampler": "newton", "trials": 1000, **settings}
     )
     return StudySpec(name="chain", plant_name="chain", plant=PlantSettings(links=true), nominal=nominal, study=study)
+
+
+def trials_needed(squared: Callable[[Array], float], nlump: int, seed: int) -> int:
+    """How many trials Newton takes to finish where the squared measure is a function of the distance to a truth, and
+    where it believes that the squared measure is 4 |z − z*|².
+    """
+    truth = np.random.default_rng(seed).normal(size=nlump)
+    truth /= np.linalg.norm(truth)
+    bounds = np.full(nlump, 10.0)
+    coordinates = Coordinates(np.zeros(nlump), np.eye(nlump), -bounds, bounds, curvature=4.0)
+    newton, trials = Newton(coordinates, seed, StepOptions()), 0
+    while not newton.finished():
+        candidates = newton.ask()
+        newton.tell([Outcome(float(np.sqrt(squared(z - truth))), False, 1, ()) for z in candidates])
+        trials += len(candidates)
+        assert trials < 1000
+    return trials
+
+
+@pytest.mark.parametrize("nlump", [1, 4, 10])
+def test_one_slope_and_one_step_are_enough_where_the_known_curvature_is_right(nlump: int) -> None:
+    """The start, a candidate for each direction, and one step at all lengths."""
+    assert trials_needed(lambda error: 4.0 * float(error @ error), nlump, seed=1) == 1 + nlump + len(STEP_LENGTHS)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_newton_learns_a_curvature_that_is_not_the_known_one(seed: int) -> None:
+    """Ten times as steep along one direction as along another: about ten slopes and steps, of eight trials each."""
+    axes = np.linalg.qr(np.random.default_rng(seed).normal(size=(4, 4)))[0]
+    hessian = axes * 4.0 * np.geomspace(0.3, 3.0, 4) @ axes.T
+    assert trials_needed(lambda error: float(error @ hessian @ error), 4, seed) < 110
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_newton_comes_in_from_where_the_landscape_is_concave(seed: int) -> None:
+    """The slope falls off with the distance, so the curvature that is seen there is negative."""
+    assert trials_needed(lambda error: 2.0 * (1.0 - np.exp(-2.0 * float(error @ error))), 4, seed) < 110
 
 
 @pytest.mark.parametrize("nlink", [1, 2, 3, 4, 5, 7])
