@@ -171,7 +171,7 @@ def episode(
             with open_store(storage) as store:
                 filmed = api.candidates_of(store, study_name, objective)
         with whole_file(video, SUFFIXES, "--video") as partial:
-            film(plant, filmed, objective.episode, partial)
+            film(objective, filmed, partial)
     if as_json:
         print_json(shown)
         return

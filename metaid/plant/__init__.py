@@ -5,6 +5,9 @@ real one has, and `SocketPlant` a rig, or any other process, behind a socket. `l
 loaded when a simulated plant first moves.
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from metaid.plant.faults import Noise, draw, slope_weights, stream
 from metaid.plant.faulty_plant import FaultyPlant
 from metaid.plant.loading import load_plant, load_rig, read_any_plant, read_plant
@@ -12,6 +15,9 @@ from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.protocol import Plant
 from metaid.plant.settings import LinkSettings, PlantSettings, chain_of
 from metaid.plant.socket_plant import SocketPlant, SocketSettings
+
+if TYPE_CHECKING:
+    from metaid.plant.mujoco_model import build_spec
 
 __all__ = [
     "FaultyPlant",
@@ -22,6 +28,7 @@ __all__ = [
     "PlantSettings",
     "SocketPlant",
     "SocketSettings",
+    "build_spec",
     "chain_of",
     "draw",
     "load_plant",
@@ -31,3 +38,9 @@ __all__ = [
     "slope_weights",
     "stream",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "build_spec":  # loads MuJoCo
+        return import_module("metaid.plant.mujoco_model").build_spec
+    raise AttributeError(f"module 'metaid.plant' has no attribute '{name}'")

@@ -14,8 +14,15 @@ from metaid.errors import PlantError
 from metaid.models import Chain
 
 
-def build_spec(chain: Chain, gravity: float, timestep: float) -> mujoco.MjSpec:
-    """A lean MuJoCo chain: hinges about y, explicit inertials, nothing that an episode can do without.
+def build_spec(chain: Chain, gravity: float, timestep: float, tilt: float = 0.0) -> mujoco.MjSpec:
+    """A lean MuJoCo chain: hinges about y, explicit inertials, nothing that an episode can do without. What is drawn is
+    this with shapes added (`show/scene.py`), so it moves alike.
+
+    Args:
+        chain: the links; body i of the spec is named `link_i`, from 1.
+        gravity: in m/s².
+        timestep: in s.
+        tilt: of the base, in rad, positive towards positive angles.
 
     Autoreset is off: a diverged episode must not silently restart. Euler: a torque is written once a step
     (docs/method.md). Viscous friction is explicit, at the speed that a step begins with, as the law's is; dry friction
@@ -23,7 +30,7 @@ def build_spec(chain: Chain, gravity: float, timestep: float) -> mujoco.MjSpec:
     """
     spec = mujoco.MjSpec()
     spec.option.timestep = timestep
-    spec.option.gravity = [0.0, 0.0, -gravity]
+    spec.option.gravity = [gravity * np.sin(tilt), 0.0, -gravity * np.cos(tilt)]
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     off = mujoco.mjtDisableBit
     spec.option.disableflags = int(
@@ -86,9 +93,7 @@ def simulate(name: str, chain: Chain, gravity: float, timestep: float, tilt: flo
         PlantError: MuJoCo cannot build it.
     """
     try:
-        model = build_spec(chain, gravity, timestep).compile()
+        model = build_spec(chain, gravity, timestep, tilt).compile()
     except (ValueError, mujoco.FatalError) as problem:
         raise PlantError(f"plant {name}: MuJoCo cannot build it: {' '.join(str(problem).split())}") from None
-    if tilt:
-        model.opt.gravity[:] = gravity * np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
     return Simulation(model, mujoco.MjData(model))

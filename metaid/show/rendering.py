@@ -1,4 +1,4 @@
-"""The child process that renders: `python -m metaid.rendering JOB.npz` writes raw RGB frames to its standard output.
+"""The child process that renders: `python -m metaid.show.rendering JOB.npz` writes raw RGB frames to its stdout.
 
 It runs apart because MuJoCo chooses OpenGL by MUJOCO_GL when it is first imported, and because a broken driver ends
 the process that asked it. Each frame is its panels side by side (size x npanel size x 3, uint8).

@@ -10,18 +10,25 @@ import numpy as np
 
 from metaid.errors import RenderError, optional_packages
 from metaid.models import Array, Chain
-from metaid.plant import MujocoPlant
+from metaid.plant import MujocoPlant, build_spec
 
 LINK, JOINT, MASS = (0.34, 0.71, 0.91, 1.0), (0.0, 0.45, 0.70, 1.0), (0.84, 0.37, 0.0, 1.0)  # Okabe and Ito
 PIXELS = 720  # of a picture's longest side at most
 
 
-def scene(chain: Chain, gravity: float, timestep: float) -> mujoco.MjModel:
-    """The chain on its stand: links as rods, joints and centres of mass as balls; it moves as the lean model does."""
-    spec = mujoco.MjSpec()
-    spec.option.timestep = timestep
-    spec.option.gravity = [0.0, 0.0, -gravity]
-    spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+def scene(chain: Chain, gravity: float, timestep: float, tilt: float = 0.0) -> mujoco.MjModel:
+    """The chain on its stand: links as rods, joints and centres of mass as balls.
+
+    It is the plant's own model (`plant/mujoco_model.py`) with shapes that weigh nothing, so it moves as the plant does.
+    A tilted base is drawn upright, and gravity tilted.
+
+    Args:
+        chain: its links.
+        gravity: in m/s².
+        timestep: in s.
+        tilt: of the base, in rad, positive towards positive angles.
+    """
+    spec = build_spec(chain, gravity, timestep, tilt)
     spec.visual.global_.offwidth = spec.visual.global_.offheight = PIXELS
     spec.visual.headlight.ambient = [0.5, 0.5, 0.5]
     spec.visual.headlight.diffuse = [0.5, 0.5, 0.5]
@@ -44,21 +51,12 @@ def scene(chain: Chain, gravity: float, timestep: float) -> mujoco.MjModel:
         pos=[0.0, 0.0, -1.5 * thick],
         rgba=[0.3, 0.3, 0.32, 1.0],
     )
-    body, height = spec.worldbody, 0.0
     for i in range(chain.nlink):
-        body = body.add_body(
-            pos=[0.0, 0.0, height],
-            mass=chain.mass[i],
-            ipos=[0.0, 0.0, chain.com[i]],
-            inertia=[chain.inertia[i]] * 3,
-            explicitinertial=True,
-        )
-        body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 1.0, 0.0], damping=[chain.damping[i], 0.0, 0.0])
+        body = spec.body(f"link_{i + 1}")
         rod = [0.0, 0.0, 0.0, 0.0, 0.0, chain.length[i]]
         body.add_geom(type=shape.mjGEOM_CAPSULE, fromto=rod, size=[thick / 2, 0.0, 0.0], rgba=LINK)
         body.add_geom(type=shape.mjGEOM_SPHERE, size=[0.9 * thick, 0.0, 0.0], rgba=JOINT)
         body.add_geom(type=shape.mjGEOM_SPHERE, pos=[0.0, 0.0, chain.com[i]], size=[0.7 * thick, 0.0, 0.0], rgba=MASS)
-        height = chain.length[i]
     return spec.compile()
 
 
@@ -85,5 +83,10 @@ def open_viewer(plant: MujocoPlant) -> None:
         import glfw  # noqa: F401, MuJoCo's own error does not name it
         import mujoco.viewer
 
-    model = scene(plant.chain, plant.gravity, plant.timestep)
+    model = viewer_model(plant)
     mujoco.viewer.launch(model, mujoco.MjData(model))
+
+
+def viewer_model(plant: MujocoPlant) -> mujoco.MjModel:
+    """The model that the viewer moves: the plant's own, with shapes."""
+    return scene(plant.chain, plant.felt_gravity, plant.timestep, plant.settings.faults.tilt)

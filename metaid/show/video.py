@@ -1,6 +1,6 @@
 """Moving pictures of an episode, without a screen: panels side by side after the same push.
 
-Frames come from a child process (`metaid.rendering`), with EGL or else OSMesa unless MUJOCO_GL says which.
+Frames come from a child process (`metaid.show.rendering`), with EGL or else OSMesa unless MUJOCO_GL says which.
 """
 
 from __future__ import annotations
@@ -10,14 +10,15 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.episode import Episode, run_stepwise
+from metaid.compiled import Objective
 from metaid.errors import RenderError, optional_packages
-from metaid.models import Array, Lumps
+from metaid.models import Array, Chain, Lumps
 from metaid.plant import MujocoPlant
 from metaid.show.rendering import write_job
 
@@ -35,27 +36,47 @@ CAPTION = 32  # pixels above the panels
 Frame = NDArray[np.uint8]
 
 
-def film(plant: MujocoPlant, candidates: Mapping[str, Lumps], episode: Episode, path: Path) -> None:
-    """Writes what the plant does after the last push of `episode` when compensated by each of the `candidates`, which
-    are named by their captions, in real time.
+@dataclass(frozen=True)
+class Motion:
+    """What a panel of a film shows: joint `angles` (nframe x njoint), in rad, under a `caption`."""
 
-    The file's ending says the format.  Raises RenderError where nothing here can render.
+    caption: str
+    angles: Array
+
+
+def film(objective: Objective, candidates: Mapping[str, Lumps], path: Path) -> None:
+    """Writes what a simulated plant does after the last push of an episode, in real time, in a panel a candidate.
+
+    Args:
+        objective: whose plant is filmed, in whose episode.
+        candidates: the lumps that the plant is compensated with in each panel, by the panel's caption.
+        path: of the file; its ending says the format.
+
+    Raises:
+        RenderError: nothing here can render, or the plant is not simulated.
     """
+    plant = objective.plant
+    if not isinstance(plant, MujocoPlant):
+        raise RenderError(f"plant {plant.name} is a rig (allowed: a simulated plant)")
     rate, size = RATES[path.suffix], SIZES[path.suffix]
-    panels, captions = [], []
-    for caption, lumps in candidates.items():
-        record, trajectory = run_stepwise(plant, lumps, episode)
-        steps = np.arange(
-            0.0, min(len(trajectory.angles), LONGEST_FILM / plant.timestep), 1.0 / (rate * plant.timestep)
-        )
-        panels.append(trajectory.angles[steps.astype(int)])
-        captions.append(f"{caption}: falls" if record.fall_step is not None else caption)
-    length = max(len(panel) for panel in panels)
+    motions = [filmed(objective, lumps, caption, rate) for caption, lumps in candidates.items()]
+    length = max(len(motion.angles) for motion in motions)
     # A panel that fell stands still at its last frame while the others go on.
-    angles = np.array([np.vstack([panel, np.repeat(panel[-1:], length - len(panel), axis=0)]) for panel in panels])
-    heading = _heading(captions, size)
-    frames = (np.vstack([heading, frame]) for frame in _render(plant, angles, size))
+    angles = np.array([np.pad(motion.angles, ((0, length - len(motion.angles)), (0, 0)), "edge") for motion in motions])
+    heading = _heading([motion.caption for motion in motions], size)
+    frames = (np.vstack([heading, frame]) for frame in _render(plant.chain, angles, size))
     (_write_gif if path.suffix == ".gif" else _write_mp4)(frames, path, rate)
+
+
+def filmed(objective: Objective, lumps: Lumps, caption: str, rate: int) -> Motion:
+    """The motion of a panel, `rate` frames a second: that of the very episode, faults and noise included, whose numbers
+    `objective` gives for these `lumps`. Of a plant with sensors that err it is what they read.
+    """
+    candidate = Objective(objective.plant, lumps, objective.episode, objective.measure.name)
+    record, trajectory = candidate.watch(np.ones(len(lumps.vector)))
+    last = min(len(trajectory.angles), LONGEST_FILM / record.timestep)
+    steps = np.arange(0.0, last, 1.0 / (rate * record.timestep)).astype(int)
+    return Motion(f"{caption}: falls" if record.fall_step is not None else caption, trajectory.angles[steps])
 
 
 def _heading(captions: list[str], size: int) -> Frame:
@@ -66,15 +87,15 @@ def _heading(captions: list[str], size: int) -> Frame:
     return np.asarray(image)
 
 
-def _render(plant: MujocoPlant, angles: Array, size: int) -> Iterator[Frame]:
+def _render(chain: Chain, angles: Array, size: int) -> Iterator[Frame]:
     """Frames of joint `angles` (npanel x nframe x njoint) from the first OpenGL that works."""
-    asked = os.environ.get("MUJOCO_GL")
+    chosen = os.environ.get("MUJOCO_GL")
     complaints = []
     shape = (size, size * len(angles), 3)
     with tempfile.TemporaryDirectory() as folder:
         job = Path(folder) / "job.npz"
-        write_job(job, plant.chain, angles, size)
-        for backend in [asked] if asked else BACKENDS:
+        write_job(job, chain, angles, size)
+        for backend in [chosen] if chosen else BACKENDS:
             with _Child(job, backend) as child:
                 frame = child.read(int(np.prod(shape)))
                 if frame is None:

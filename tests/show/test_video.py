@@ -11,13 +11,21 @@ from pathlib import Path
 import imageio_ffmpeg
 import numpy as np
 import pytest
-from conftest import Finished
+from conftest import Finished, random_links
+from mujoco import MjData, MjModel, mj_step
 from PIL import Image
+
+from metaid.api import episode_objective
+from metaid.plant.loading import load_plant
+from metaid.plant.mujoco_plant import MujocoPlant
+from metaid.plant.settings import PlantSettings
+from metaid.show.scene import viewer_model
+from metaid.show.video import filmed
 
 Metaid = Callable[..., Finished]
 
 
-def filmed(metaid: Metaid, *arguments: str) -> bool:
+def is_filmed(metaid: Metaid, *arguments: str) -> bool:
     """Whether a film was made; where it was not, that the reason was said and no file was left."""
     made = metaid("episode", *arguments)
     path = Path(arguments[arguments.index("--video") + 1])
@@ -40,7 +48,7 @@ def no_screen(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_mp4_plays_and_shows_nominal_identified_and_true(metaid: Metaid, studied: Path) -> None:
     """H.264 of the episode's length at 25 frames a second, three panels in which something moves."""
     arguments = ["three-link", "--steps", "400", "--study", "plain", "--storage", str(studied), "--video", "film.mp4"]
-    if not filmed(metaid, *arguments):
+    if not is_filmed(metaid, *arguments):
         return
     reader = imageio_ffmpeg.read_frames("film.mp4")
     about = next(reader)
@@ -57,7 +65,7 @@ def test_mp4_plays_and_shows_nominal_identified_and_true(metaid: Metaid, studied
 
 def test_gif_shows_a_candidate_beside_the_truth_and_holds_a_fall(metaid: Metaid) -> None:
     """Two panels; after its fall the candidate stands still while the truth coasts on."""
-    if not filmed(metaid, "one-link", "--factor", "gravity_1=0.5", "--steps", "2000", "--video", "film.gif"):
+    if not is_filmed(metaid, "one-link", "--factor", "gravity_1=0.5", "--steps", "2000", "--video", "film.gif"):
         return
     with Image.open("film.gif") as film:
         assert film.n_frames == 2000 * 0.002 * 10 + 1  # type: ignore[attr-defined]
@@ -70,21 +78,56 @@ def test_gif_shows_a_candidate_beside_the_truth_and_holds_a_fall(metaid: Metaid)
     assert changed[:, middle:].any()
 
 
-def test_rich_model_moves_as_the_lean_one() -> None:
-    """The bodies that are drawn weigh nothing: masses, inertias and motion are the searched plant's."""
-    import mujoco
+def moving_plant(**lacking: float) -> MujocoPlant:
+    """A plant with everything that a chain can have, but for what is `lacking`."""
+    table = {"damping": 0.02, "frictionloss": 0.03, "stiffness": 0.4} | lacking
+    links = [link.model_copy(update=table) for link in random_links(3, seed=4)]
+    faults = load_plant("noisy-three-link").settings.faults.model_copy(update={"tilt": 0.05})
+    return MujocoPlant("moving", PlantSettings(links=tuple(links), over_compensation=0.1, faults=faults))
 
-    from metaid.plant.loading import load_plant
-    from metaid.show.scene import scene
 
-    plant = load_plant("three-link")
-    rich = scene(plant.chain, plant.gravity, plant.timestep)
-    data = mujoco.MjData(rich)
-    data.qvel[:] = plant.data.qvel[:] = [0.3, -0.2, 0.5]
-    for _ in range(200):
-        mujoco.mj_step(rich, data)
-        plant.step()
-    assert data.qpos == pytest.approx(plant.data.qpos, rel=1e-9)
+def motion(model: MjModel, steps: int = 1000) -> np.ndarray:
+    """Joint angles and speeds (2 x njoint) some steps after a random state."""
+    data, random = MjData(model), np.random.default_rng(7)
+    data.qpos[:], data.qvel[:] = random.normal(size=(2, model.nv))
+    for _ in range(steps):
+        mj_step(model, data)
+    return np.array([data.qpos, data.qvel])
+
+
+@pytest.mark.parametrize("lacking", [{}, {"frictionloss": 0.0}, {"damping": 0.0}, {"stiffness": 0.0}])
+def test_viewers_model_moves_as_the_plant_does(lacking: dict[str, float]) -> None:
+    """To the last bit, with friction, springs, a declared fault and a tilted base: what is drawn weighs nothing."""
+    plant = moving_plant(**lacking)
+    assert (motion(viewer_model(plant)) == motion(plant.model)).all()
+
+
+def test_each_part_of_the_motion_is_seen_in_the_viewer() -> None:
+    """Damping, dry friction, springs, the declared fault and the tilt each change how the viewer's model moves."""
+    plant = moving_plant()
+    whole = motion(viewer_model(plant), 200)
+    for name in ("damping", "frictionloss", "stiffness"):
+        assert np.abs(motion(viewer_model(moving_plant(**{name: 0.0})), 200) - whole).max() > 1e-3, name
+    for change in ({"over_compensation": 0.0}, {"faults": plant.settings.faults.model_copy(update={"tilt": 0.0})}):
+        other = MujocoPlant("other", plant.settings.model_copy(update=change))
+        assert np.abs(motion(viewer_model(other), 200) - whole).max() > 1e-3, change
+
+
+@pytest.mark.parametrize("faults", [{"delay": 10}, {"tilt": 0.2}, {"angle_noise": 0.01, "push_noise": 0.1}])
+def test_film_shows_the_episode_of_the_table(faults: dict[str, float]) -> None:
+    """Faults and noise included: a panel ends in the fall that the table has, and holds its readings."""
+    settings = load_plant("one-link").settings
+    plant = MujocoPlant("faulty", settings.model_copy(update={"faults": settings.faults.model_copy(update=faults)}))
+    objective = episode_objective(plant, 1000)
+    for factor in (0.9, 1.1):
+        factors = np.array([factor])
+        shown = filmed(objective, objective.nominal.scaled(factors), "candidate", rate=100)
+        table = objective.summary(factors)
+        assert shown.caption == ("candidate: falls" if table["fell"] else "candidate")
+        seen = objective.watch(factors)[1].angles[::5]  # a frame every 5 steps of 2 ms
+        assert (shown.angles == seen).all()
+        if table["fell"]:
+            assert len(shown.angles) == table["fall_step"] // 5 + 1
 
 
 def test_where_nothing_renders_it_is_said_at_once(tmp_path: Path) -> None:
