@@ -17,16 +17,25 @@ from typing import Any
 
 import numpy as np
 import sqlalchemy as sa
-from alembic.util.exc import CommandError
 from optuna.distributions import FloatDistribution, distribution_to_json
 from optuna.exceptions import OptunaError, StorageInternalError
-from optuna.storages._rdb import models
 from optuna.study import StudyDirection
 from sqlalchemy.exc import SQLAlchemyError
 
 from metaid.errors import StorageError, UnreachableError, unknown
 from metaid.models import Array
 from metaid.store.opening import open_storage
+from metaid.store.optuna_tables import (
+    COMPLETED,
+    STARTED,
+    SchemaVersionError,
+    StudyDirectionModel,
+    StudyModel,
+    StudySystemAttributeModel,
+    StudyUserAttributeModel,
+    TrialModel,
+    TrialParamModel,
+)
 from metaid.store.rows import IDS_AFTER, TRIAL_TABLES, detail_rows, end_of, head_rows, read_outcomes, read_table
 from metaid.store.server import does_not_answer, missing_driver, parsed_url, without_password
 from metaid.store.sqlite import DAMAGED, describe
@@ -39,7 +48,7 @@ WriteCheck = Callable[
 ]  # of a transaction about to write to a study, by its id: raises, or lets it
 SPOILED = ValueError, TypeError, LookupError, ArithmeticError  # what a row of another type or form comes to
 
-_STUDY = sa.select(models.StudyModel.study_id).where(models.StudyModel.study_name == sa.bindparam("study"))
+_STUDY = sa.select(StudyModel.study_id).where(StudyModel.study_name == sa.bindparam("study"))
 
 
 def storage_url(storage: str) -> str:
@@ -77,7 +86,7 @@ class Store:
             yield
         except ImportError as problem:
             raise StorageError(f"{self.url}: {missing_driver(self._address, problem)}") from None
-        except (SQLAlchemyError, OptunaError, CommandError, RuntimeError, *SPOILED, self._driver.Error) as error:
+        except (SQLAlchemyError, OptunaError, SchemaVersionError, RuntimeError, *SPOILED, self._driver.Error) as error:
             cause = (isinstance(error, StorageInternalError) and error.__cause__) or error
             said = describe(getattr(cause, "orig", None) or cause)
             away = not self.is_sqlite and does_not_answer(cause, self._driver)
@@ -94,10 +103,10 @@ class Store:
     def names(self) -> list[str]:
         """Names of the studies that metaid made, oldest first."""
         query = (
-            sa.select(models.StudyModel.study_name)
-            .join(models.StudyUserAttributeModel)
-            .where(models.StudyUserAttributeModel.key == SPEC_KEY)
-            .order_by(models.StudyModel.study_id)
+            sa.select(StudyModel.study_name)
+            .join(StudyUserAttributeModel)
+            .where(StudyUserAttributeModel.key == SPEC_KEY)
+            .order_by(StudyModel.study_id)
         )
         with self._errors(), self._engine.connect() as connection:
             return list(connection.scalars(query))
@@ -107,29 +116,22 @@ class Store:
         there is one.
         """
         with self._errors(), self._engine.begin() as connection:
-            if (
-                connection.scalar(sa.select(models.StudyModel.study_id).where(models.StudyModel.study_name == name))
-                is not None
-            ):
+            if connection.scalar(sa.select(StudyModel.study_id).where(StudyModel.study_name == name)) is not None:
                 raise StorageError(
                     f"{self.url} has a study '{name}' already (choose another with --name, or delete it)"
                 )
-            study_id = connection.scalar(
-                sa.insert(models.StudyModel).values(study_name=name).returning(models.StudyModel.study_id)
-            )
+            study_id = connection.scalar(sa.insert(StudyModel).values(study_name=name).returning(StudyModel.study_id))
             connection.execute(
-                sa.insert(models.StudyDirectionModel).values(
-                    direction=StudyDirection.MINIMIZE, study_id=study_id, objective=0
-                )
+                sa.insert(StudyDirectionModel).values(direction=StudyDirection.MINIMIZE, study_id=study_id, objective=0)
             )
             attribute = {"study_id": study_id, "key": SPEC_KEY, "value_json": json.dumps(json.loads(spec))}
-            connection.execute(sa.insert(models.StudyUserAttributeModel).values(**attribute))
+            connection.execute(sa.insert(StudyUserAttributeModel).values(**attribute))
 
     def spec(self, name: str) -> str:
         """The JSON that the study was made from."""
-        query = sa.select(models.StudyUserAttributeModel.value_json).where(
-            models.StudyUserAttributeModel.study_id == self._study_id(name),
-            models.StudyUserAttributeModel.key == SPEC_KEY,
+        query = sa.select(StudyUserAttributeModel.value_json).where(
+            StudyUserAttributeModel.study_id == self._study_id(name),
+            StudyUserAttributeModel.key == SPEC_KEY,
         )
         with self._errors(), self._engine.connect() as connection:
             return str(connection.scalar(query))
@@ -156,17 +158,17 @@ class Store:
         self._study_id(name)  # refuses what is not metaid's
         with self.writing(name) as (connection, study_id):
             write_check(connection, study_id)
-            trials = sa.select(models.TrialModel.trial_id).where(models.TrialModel.study_id == study_id)
+            trials = sa.select(TrialModel.trial_id).where(TrialModel.study_id == study_id)
             for model in TRIAL_TABLES:
                 connection.execute(sa.delete(model).where(model.trial_id.in_(trials)))
             for model in (
-                models.TrialModel,
-                models.StudyUserAttributeModel,
-                models.StudySystemAttributeModel,
-                models.StudyDirectionModel,
+                TrialModel,
+                StudyUserAttributeModel,
+                StudySystemAttributeModel,
+                StudyDirectionModel,
             ):
                 connection.execute(sa.delete(model).where(model.study_id == study_id))
-            connection.execute(sa.delete(models.StudyModel).where(models.StudyModel.study_id == study_id))
+            connection.execute(sa.delete(StudyModel).where(StudyModel.study_id == study_id))
 
     def append(
         self,
@@ -195,7 +197,7 @@ class Store:
                     f"study '{name}' has {count} trials where {trials[0].number} were expected: "
                     "somebody else has written to it"
                 )
-            self._insert(connection, models.TrialModel, head_rows(study_id, trials))
+            self._insert(connection, TrialModel, head_rows(study_id, trials))
             ids = list(connection.scalars(IDS_AFTER, {"study_id": study_id, "last_id": last_id}))
             for model, rows in detail_rows(ids, trials, names, distributions).items():
                 self._insert(connection, model, rows)
@@ -222,10 +224,10 @@ class Store:
     def trials(self, name: str, *names: Sequence[str]) -> list[Trial]:
         """All trials in order, with their factors in the order of their stage's `names`."""
         study_id = self._study_id(name)
-        trial, parameter = models.TrialModel, models.TrialParamModel
+        trial, parameter = TrialModel, TrialParamModel
         joint_count = sum(name.startswith(("gravity_", "mass_")) for name in names[0])
         with self._snapshot() as connection:
-            columns = trial.number, trial.state, trial._datetime_start_utc, trial._datetime_complete_utc
+            columns = trial.number, trial.state, STARTED, COMPLETED
             query = sa.select(*columns).where(trial.study_id == study_id).order_by(trial.trial_id)
             try:
                 heads = connection.execute(query).all()
@@ -272,9 +274,7 @@ class Store:
 
     def _study_id(self, name: str) -> int:
         with self._errors(), self._engine.connect() as connection:
-            study_id = connection.scalar(
-                sa.select(models.StudyModel.study_id).where(models.StudyModel.study_name == name)
-            )
+            study_id = connection.scalar(sa.select(StudyModel.study_id).where(StudyModel.study_name == name))
         if study_id is None or name not in self.names():
             raise StorageError(f"{self.url}: {unknown('study', name, self.names())}")
         return int(study_id)

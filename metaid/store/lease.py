@@ -18,17 +18,17 @@ from types import TracebackType
 from typing import Any, ClassVar
 
 import sqlalchemy as sa
-from optuna.storages._rdb import models
 from pydantic import AwareDatetime, BaseModel, ConfigDict, ValidationError
 
 from metaid.errors import StorageError
 from metaid.store.database import Store
+from metaid.store.optuna_tables import StudySystemAttributeModel
 
 KEY = "metaid:lease"
 EXPIRY = 60.0  # s without a heartbeat after which a driver on another machine counts as dead
 INTERVAL = 15.0  # s between heartbeats of a driver that has nothing to write
 
-_attribute = models.StudySystemAttributeModel
+_attribute = StudySystemAttributeModel
 _held = sa.select(_attribute.value_json).where(_attribute.study_id == sa.bindparam("study"), _attribute.key == KEY)
 _ours = (
     _attribute.study_id == sa.bindparam("study"),

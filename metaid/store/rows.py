@@ -12,37 +12,48 @@ from typing import Any
 import numpy as np
 import sqlalchemy as sa
 from numpy.typing import NDArray
-from optuna.storages._rdb import models
 from optuna.trial import TrialState
 
 from metaid.episode import Outcome
 from metaid.errors import StorageError
+from metaid.store.optuna_tables import (
+    FINITE_INTERMEDIATE_VALUE,
+    FINITE_VALUE,
+    StudyModel,
+    TrialHeartbeatModel,
+    TrialIntermediateValueModel,
+    TrialModel,
+    TrialParamModel,
+    TrialSystemAttributeModel,
+    TrialUserAttributeModel,
+    TrialValueModel,
+)
 from metaid.store.trial import Trial
 
 TRIAL_TABLES = (
-    models.TrialParamModel,
-    models.TrialValueModel,
-    models.TrialIntermediateValueModel,
-    models.TrialUserAttributeModel,
-    models.TrialSystemAttributeModel,
-    models.TrialHeartbeatModel,
+    TrialParamModel,
+    TrialValueModel,
+    TrialIntermediateValueModel,
+    TrialUserAttributeModel,
+    TrialSystemAttributeModel,
+    TrialHeartbeatModel,
 )
 
 REASON = "reason"  # the attribute that says why a trial failed
 
 # Made once: making a statement takes longer than running it.
 _END = (
-    sa.select(models.StudyModel.study_id, models.TrialModel.trial_id, models.TrialModel.number)
-    .outerjoin(models.TrialModel)
-    .where(models.StudyModel.study_name == sa.bindparam("study"))
-    .order_by(models.TrialModel.trial_id.desc())
+    sa.select(StudyModel.study_id, TrialModel.trial_id, TrialModel.number)
+    .outerjoin(TrialModel)
+    .where(StudyModel.study_name == sa.bindparam("study"))
+    .order_by(TrialModel.trial_id.desc())
     .limit(1)
 )
 
 IDS_AFTER = (
-    sa.select(models.TrialModel.trial_id)
-    .where(models.TrialModel.study_id == sa.bindparam("study_id"), models.TrialModel.trial_id > sa.bindparam("last_id"))
-    .order_by(models.TrialModel.number)
+    sa.select(TrialModel.trial_id)
+    .where(TrialModel.study_id == sa.bindparam("study_id"), TrialModel.trial_id > sa.bindparam("last_id"))
+    .order_by(TrialModel.number)
 )
 
 
@@ -63,8 +74,8 @@ def read_table(
     A trial has a key at most once and the DB's own order of keys is the same for all, so nothing but values is read.
     Raises ValueError or TypeError for one that is not of that `kind`.
     """
-    where = models.TrialModel.study_id == study_id, key.in_(keys)
-    query = sa.select(value).join(models.TrialModel).where(*where).order_by(models.TrialModel.trial_id, key)
+    where = TrialModel.study_id == study_id, key.in_(keys)
+    query = sa.select(value).join(TrialModel).where(*where).order_by(TrialModel.trial_id, key)
     order = list(connection.scalars(query.with_only_columns(key).limit(len(keys))))
     # The driver's own rows: SQLAlchemy's would cost three times the reading.
     cursor = connection.connection.cursor()
@@ -78,7 +89,7 @@ def read_table(
 
 def _read_failures(connection: sa.Connection, study_id: int) -> list[tuple[float, str | None]]:
     """What the searcher was told of each failed trial, and why it failed."""
-    trial, value, attribute = models.TrialModel, models.TrialIntermediateValueModel, models.TrialUserAttributeModel
+    trial, value, attribute = TrialModel, TrialIntermediateValueModel, TrialUserAttributeModel
     query = (
         sa.select(value.intermediate_value, attribute.value_json)
         .select_from(trial)
@@ -96,7 +107,7 @@ def read_outcomes(
     """The generation and the outcome of every trial, whose `states` are known, in order; of none if one lacks
     something.  Raises ValueError or TypeError for what is not a number.
     """
-    value, attribute = models.TrialValueModel, models.TrialUserAttributeModel
+    value, attribute = TrialValueModel, TrialUserAttributeModel
     keys = ["generation", "steps", *(f"periods_{joint + 1}" for joint in range(joint_count))]
     counts = read_table(connection, study_id, attribute.key, attribute.value_json, keys, int)
     values = read_table(connection, study_id, value.objective, value.value, [0], float)
@@ -131,29 +142,27 @@ def detail_rows(
     """Rows by model class. A fall carries its value as intermediate value at the step that it survived to, as
     Optuna's own `tell` would write it; a failure carries it there alone, as Optuna lets it have no other.
     """
-    finite_value = models.TrialValueModel.TrialValueType.FINITE.name
-    finite_step = models.TrialIntermediateValueModel.TrialIntermediateValueType.FINITE.name
     rows: dict[Any, list[dict[str, Any]]] = {
-        models.TrialParamModel: [
+        TrialParamModel: [
             {"trial_id": i, "param_name": name, "param_value": value, "distribution_json": distribution}
             for i, trial in zip(ids, trials, strict=True)
             for name, value, distribution in zip(names, trial.factors.tolist(), distributions, strict=True)
         ],
-        models.TrialValueModel: [
-            {"trial_id": i, "objective": 0, "value": trial.outcome.value, "value_type": finite_value}
+        TrialValueModel: [
+            {"trial_id": i, "objective": 0, "value": trial.outcome.value, "value_type": FINITE_VALUE}
             for i, trial in zip(ids, trials, strict=True)
             if trial.state != TrialState.FAIL
         ],
-        models.TrialIntermediateValueModel: [
+        TrialIntermediateValueModel: [
             {
                 "trial_id": i,
                 "step": trial.outcome.steps,
                 "intermediate_value": trial.outcome.value,
-                "intermediate_value_type": finite_step,
+                "intermediate_value_type": FINITE_INTERMEDIATE_VALUE,
             }
             for i, trial in zip(ids, trials, strict=True)
         ],
-        models.TrialUserAttributeModel: [
+        TrialUserAttributeModel: [
             {"trial_id": i, "key": key, "value_json": json.dumps(value)}
             for i, trial in zip(ids, trials, strict=True)
             for key, value in _attributes(trial).items()

@@ -11,9 +11,9 @@ from typing import Any
 
 import optuna
 import sqlalchemy as sa
-from optuna.storages._rdb.models import SCHEMA_VERSION
 
 from metaid.errors import StorageError
+from metaid.store.optuna_tables import SCHEMA_VERSION
 
 BUSY_TIMEOUT = 60  # s to wait for another program's write, unless the URL says otherwise: sqlite:///FILE?timeout=5
 TABLES = {"studies", "trials", "version_info", "alembic_version"}  # of any study DB

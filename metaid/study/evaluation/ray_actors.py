@@ -10,8 +10,7 @@ import logging
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -20,6 +19,7 @@ from typing import Any
 from metaid.episode import Outcome
 from metaid.errors import MetaidError, StudyError, WorkerError
 from metaid.models import Array
+from metaid.study.evaluation.ray_private import ray_on_loopback
 from metaid.study.evaluation.shares import Share, Shares
 from metaid.study.evaluation.threads import SHARED, nothing
 from metaid.study.problem import Problem
@@ -206,28 +206,10 @@ def _kill(process: int) -> None:
     os.kill(process, signal.SIGKILL)
 
 
-@contextmanager
-def _on_loopback() -> Iterator[None]:
-    """Within it Ray starts on loopback. Elsewhere it listens on every interface, and runs what anybody sends it; it has
-    no option for this but the one that keeps it from clusters, as it does by itself where a firewall would ask.
-    """
-    from ray._private import ray_constants
-
-    name, before = ray_constants.ENABLE_RAY_CLUSTERS_ENV_VAR, ray_constants.ENABLE_RAY_CLUSTER
-    environment = dict(os.environ)
-    os.environ[name], ray_constants.ENABLE_RAY_CLUSTER = "0", False  # for Ray's processes, and for this one
-    try:
-        yield
-    finally:
-        os.environ.pop(name)
-        os.environ.update({key: value for key, value in environment.items() if key == name})
-        ray_constants.ENABLE_RAY_CLUSTER = before
-
-
 def _start_ray(ray: Any, workers: int, address: str | None) -> None:
     quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
     if address is None:
-        with _on_loopback():
+        with ray_on_loopback():
             ray.init(address="local", num_cpus=workers, include_dashboard=False, **quiet)
         return
     try:

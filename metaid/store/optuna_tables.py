@@ -1,0 +1,49 @@
+"""The tables of an Optuna study DB, as Optuna's own SQLAlchemy classes.
+
+Optuna's public storage writes a trial in some ten transactions; a generation in one needs its tables. They are private
+names of Optuna, so all of them stand here, and pyproject.toml caps Optuna's version.
+"""
+
+from alembic.util.exc import CommandError as SchemaVersionError  # raised by Optuna's storage for tables it cannot read
+from optuna.storages._rdb.models import (
+    SCHEMA_VERSION,
+    StudyDirectionModel,
+    StudyModel,
+    StudySystemAttributeModel,
+    StudyUserAttributeModel,
+    TrialHeartbeatModel,
+    TrialIntermediateValueModel,
+    TrialModel,
+    TrialParamModel,
+    TrialSystemAttributeModel,
+    TrialUserAttributeModel,
+    TrialValueModel,
+)
+
+# The types of values as the tables name them: a number, and neither NaN nor infinite.
+FINITE_VALUE = TrialValueModel.TrialValueType.FINITE.name
+FINITE_INTERMEDIATE_VALUE = TrialIntermediateValueModel.TrialIntermediateValueType.FINITE.name
+
+# Naive UTC, of the columns and not of Optuna's properties, which are in local time.
+STARTED = TrialModel.__table__.c.datetime_start
+COMPLETED = TrialModel.__table__.c.datetime_complete
+
+__all__ = [
+    "COMPLETED",
+    "FINITE_INTERMEDIATE_VALUE",
+    "FINITE_VALUE",
+    "SCHEMA_VERSION",
+    "STARTED",
+    "SchemaVersionError",
+    "StudyDirectionModel",
+    "StudyModel",
+    "StudySystemAttributeModel",
+    "StudyUserAttributeModel",
+    "TrialHeartbeatModel",
+    "TrialIntermediateValueModel",
+    "TrialModel",
+    "TrialParamModel",
+    "TrialSystemAttributeModel",
+    "TrialUserAttributeModel",
+    "TrialValueModel",
+]
