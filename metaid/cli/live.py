@@ -49,7 +49,7 @@ class Live:
         if truth is not None:
             true = truth.vector_of(problem.lumps.searched, np.nan)
             self._true_factors = np.where(true == 0.0, np.nan, true) / self._nominal
-        self._determined = [problem.measure.determines(lump) for lump in problem.names]
+        self._determined = problem.measure.determined(problem.lumps)
         self._bests.clear()
 
     def update(self, progress: RunProgress) -> None:

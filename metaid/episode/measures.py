@@ -24,7 +24,7 @@ from metaid.episode.episode import Episode
 from metaid.episode.record import Record
 from metaid.episode.smoothing import smoothed_hz
 from metaid.errors import EpisodeError, unknown
-from metaid.models import Array
+from metaid.models import Array, Lumps
 
 NOISE_RESOLUTION = 2.0  # of the noise floor's spread: four standard deviations of the square
 SPEED_RESOLUTION = 1e-3  # relative change of a joint speed over the horizon that still passes for coasting
@@ -91,9 +91,10 @@ class Measure:
     keeps_angles: bool = False
     is_noisy: bool = False
 
-    def determines(self, lump: str) -> bool:
-        """Whether a search by this measure can find the lump of that name."""
-        return self.sees_coriolis or lump.startswith("gravity")
+    def determined(self, lumps: Lumps) -> NDArray[np.bool_]:
+        """Which of the searched `lumps` (nlump) a search by this measure can find, by their kinds."""
+        kinds = [np.full(lumps.of(kind).shape[-1], self.sees_coriolis or kind == "gravity") for kind in lumps.searched]
+        return np.concatenate(kinds)
 
 
 def _nyquist_hz(_episode: Episode, timestep: float) -> float:

@@ -136,7 +136,7 @@ def _determined(problem: Problem) -> NDArray[np.bool_]:
     """Which lumps the trials can determine (nlump): by the sensitivity of the pushes, else by the measure."""
     if problem.measure.sees_coriolis:
         return np.array(identifiability(problem).determined)
-    return np.array([problem.measure.determines(lump) for lump in problem.names])
+    return problem.measure.determined(problem.lumps)
 
 
 def largest_error(lumps: pd.DataFrame) -> float | None:

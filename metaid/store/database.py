@@ -35,6 +35,7 @@ from metaid.store.optuna_tables import (
     StudyUserAttributeModel,
     TrialModel,
     TrialParamModel,
+    TrialUserAttributeModel,
 )
 from metaid.store.rows import IDS_AFTER, TRIAL_TABLES, detail_rows, end_of, head_rows, read_outcomes, read_table
 from metaid.store.server import does_not_answer, missing_driver, parsed_url, without_password
@@ -43,6 +44,8 @@ from metaid.store.trial import Trial
 
 DEFAULT_STORAGE = "metaid.db"
 SPEC_KEY = "metaid:study"
+JOINTS_KEY = "metaid:joints"
+MOST_JOINTS = 10_000  # of any plant: a DB that claims more was not written by metaid
 WriteCheck = Callable[
     [sa.Connection, int], None
 ]  # of a transaction about to write to a study, by its id: raises, or lets it
@@ -111,9 +114,9 @@ class Store:
         with self._errors(), self._engine.connect() as connection:
             return list(connection.scalars(query))
 
-    def create(self, name: str, spec: str) -> None:
-        """A study of that `name` without trials, made from `spec` (JSON), in one transaction.  Raises StorageError if
-        there is one.
+    def create(self, name: str, spec: str, joint_count: int) -> None:
+        """A study of that `name` without trials, made from `spec` (JSON), whose plant has `joint_count` joints, in one
+        transaction.  Raises StorageError if there is one.
         """
         with self._errors(), self._engine.begin() as connection:
             if connection.scalar(sa.select(StudyModel.study_id).where(StudyModel.study_name == name)) is not None:
@@ -124,8 +127,9 @@ class Store:
             connection.execute(
                 sa.insert(StudyDirectionModel).values(direction=StudyDirection.MINIMIZE, study_id=study_id, objective=0)
             )
-            attribute = {"study_id": study_id, "key": SPEC_KEY, "value_json": json.dumps(json.loads(spec))}
-            connection.execute(sa.insert(StudyUserAttributeModel).values(**attribute))
+            attributes = {SPEC_KEY: json.loads(spec), JOINTS_KEY: joint_count}
+            rows = [{"study_id": study_id, "key": key, "value_json": json.dumps(v)} for key, v in attributes.items()]
+            connection.execute(sa.insert(StudyUserAttributeModel), rows)
 
     def spec(self, name: str) -> str:
         """The JSON that the study was made from."""
@@ -225,7 +229,6 @@ class Store:
         """All trials in order, with their factors in the order of their stage's `names`."""
         study_id = self._study_id(name)
         trial, parameter = TrialModel, TrialParamModel
-        joint_count = sum(name.startswith(("gravity_", "mass_")) for name in names[0])
         with self._snapshot() as connection:
             columns = trial.number, trial.state, STARTED, COMPLETED
             query = sa.select(*columns).where(trial.study_id == study_id).order_by(trial.trial_id)
@@ -237,7 +240,7 @@ class Store:
                     for searched in names
                 ]
                 factors = list(itertools.chain(*tables))
-                outcomes = read_outcomes(connection, study_id, states, joint_count)
+                outcomes = read_outcomes(connection, study_id, states, self._joint_count(connection, study_id))
                 whole = (
                     len(factors) == len(outcomes) == len(heads)
                     and [head[0] for head in heads] == list(range(len(heads)))
@@ -262,6 +265,20 @@ class Store:
             )
             for head, row, (generation, outcome), stage in zip(heads, factors, outcomes, stages, strict=True)
         ]
+
+    def _joint_count(self, connection: sa.Connection, study_id: int) -> int:
+        """How many joints the study's plant has, and so how many counts of periods each trial.  Raises ValueError."""
+        attribute, of_trial = StudyUserAttributeModel, TrialUserAttributeModel
+        where = attribute.study_id == study_id, attribute.key == JOINTS_KEY
+        stored = connection.scalar(sa.select(attribute.value_json).where(*where))
+        if stored is not None:
+            if not 1 <= int(stored) <= MOST_JOINTS:
+                raise ValueError("not a number of joints")
+            return int(stored)
+        # The study was made before its joints were stored: its trials tell.
+        keys = sa.select(sa.func.count(of_trial.key.distinct())).join(TrialModel)
+        where = TrialModel.study_id == study_id, of_trial.key.startswith("periods_", autoescape=True)
+        return int(connection.scalar(keys.where(*where)) or 0)
 
     @contextmanager
     def _snapshot(self) -> Iterator[sa.Connection]:

@@ -26,7 +26,7 @@ def create_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
             raise StorageError(f"{store.url} has a study '{name}' already (choose another with --name, or delete it)")
         spec = _pushed_spec(problem)
         _refuse_what_cannot_be_run(Problem(spec))
-    store.create(name, spec.model_dump_json())
+    store.create(name, spec.model_dump_json(), problem.nominal.nlink)
     return name
 
 

@@ -18,6 +18,7 @@ from metaid.episode.measures import (
 )
 from metaid.episode.record import Record, crossings, energies
 from metaid.errors import EpisodeError
+from metaid.models import Lumps
 
 TIMESTEP = 0.001
 
@@ -123,3 +124,12 @@ def test_rule_that_cannot_be_used_is_refused(measure: str, rule: str, message: s
     """Rules belong to `count`; a wrong name tells which are right."""
     with pytest.raises(EpisodeError, match=message):
         get_measure(measure, rule)
+
+
+@pytest.mark.parametrize(("measure", "coriolis"), [("count", False), ("crossing", False), ("spectral", True)])
+def test_measure_says_by_kind_which_of_the_searched_lumps_it_can_find(measure: str, coriolis: bool) -> None:
+    """Whatever the order of the kinds: gravity lumps by all, the others by those that see the Coriolis lumps."""
+    lumps = Lumps(
+        np.ones(3), np.ones((3, 3)) - np.eye(3), damping=np.ones(3), searched=("coriolis", "gravity", "damping")
+    )
+    assert MEASURES[measure].determined(lumps).tolist() == [coriolis] * 3 + [True] * 3 + [coriolis] * 3

@@ -7,13 +7,16 @@ import sqlite3
 from io import BytesIO
 from pathlib import Path
 
+import numpy as np
 import optuna
 import pytest
 from optuna.trial import TrialState
 
 from metaid import results
+from metaid.episode.outcome import Outcome
 from metaid.errors import StorageError
 from metaid.store.database import Store
+from metaid.store.trial import Trial
 from metaid.study.create import create_study, delete_study
 from metaid.study.problem import load_study
 from metaid.study.run import run_study
@@ -173,3 +176,39 @@ def test_settings_in_the_db_are_json_and_nothing_is_pickled(database: Path) -> N
             0
         ]
     assert json.loads(spec)["study"]["sampler"] == "cmaes"
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Path:
+    """A DB with a study, `arm`, of a plant with two joints, whose one parameter no kind of lump has the name of."""
+    path = tmp_path / "metaid.db"
+    store = Store(str(path), create=True)
+    store.create("arm", "{}", 2)
+    store.append("arm", ["load"], np.zeros(1), np.ones(1), [Trial(0, 0, np.ones(1), Outcome(1.0, False, 9, (3, 4)))])
+    store.close()
+    return path
+
+
+def change(path: Path, statement: str) -> None:
+    """What another program does to a DB."""
+    with sqlite3.connect(path) as connection:
+        connection.execute(statement)
+
+
+def test_joints_are_counted_where_the_study_says_so_and_not_by_the_names_of_lumps(arm: Path) -> None:
+    """A study of any parameters has its periods per joint back."""
+    assert [trial.outcome.periods for trial in Store(str(arm)).trials("arm", ["load"])] == [(3, 4)]
+
+
+def test_study_that_was_made_before_its_joints_were_stored_is_read_all_the_same(arm: Path) -> None:
+    """By the periods of its trials."""
+    change(arm, "DELETE FROM study_user_attributes WHERE key = 'metaid:joints'")
+    assert [trial.outcome.periods for trial in Store(str(arm)).trials("arm", ["load"])] == [(3, 4)]
+
+
+@pytest.mark.parametrize("joints", ["0", "-1", "3", "1000000000", "null", "[2]", "nonsense"])
+def test_number_of_joints_that_cannot_be_is_refused(arm: Path, joints: str) -> None:
+    """None, more than the trials have periods of, or not a number."""
+    change(arm, f"UPDATE study_user_attributes SET value_json = '{joints}' WHERE key = 'metaid:joints'")
+    with pytest.raises(StorageError, match="trials that metaid did not write"):
+        Store(str(arm)).trials("arm", ["load"])
