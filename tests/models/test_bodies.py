@@ -22,7 +22,10 @@ from metaid.models.same_motion import SameMotion
 from metaid.search.body_space import BodySpace, body_space
 from metaid.search.registry import SamplerOptions, make_searcher
 from metaid.search.walk import Walking
+from metaid.store.database import Store
+from metaid.study.create import create_study
 from metaid.study.problem import Problem, load_study
+from metaid.study.run import run_study
 
 Metaid = Callable[..., Finished]
 
@@ -137,7 +140,8 @@ def test_ends_are_bodies_where_there_are_no_bounds_to_speak_of(nlink: int) -> No
     space = space_of(nlink, low=1e-9, high=1e9)
     same = SameMotion(space.bodies, np.ones(2 * nlink), space.low, space.high)
     ends = np.clip([same.factors(mass) for mass in same.ends()], space.low, space.high)
-    assert np.abs(space.lump_factors(ends) - 1.0).max() < 1e-5
+    nominal = space.parameters(np.ones(2 * nlink))
+    assert np.abs(space.parameters(ends) / nominal - 1.0).max() < 1e-5
 
 
 def test_walk_waits_for_a_survivor() -> None:
@@ -153,6 +157,34 @@ def test_walk_waits_for_a_survivor() -> None:
     walking.tell([Outcome(0.5, False, 100, (0, 0))] + [fall] * (len(batch) - 1))
     assert len(walking.ask()) == 8
     assert walking.spread is None
+
+
+def test_search_that_ends_without_a_survivor_ends_the_study(tmp_path: Path) -> None:
+    """DINOIP ends where its start falls, and then there is no body to walk from."""
+    changes = {"sampler": "dinoip", "search.start": 0.55, "episode.fall_limit": 1.0}
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    create_study(store, load_study("two-link-parameters", changes), "study")
+    for _ in range(2):  # resumed, too
+        progress = run_study(store, "study")
+        assert (progress.trials, progress.falls, progress.best) == (1, 1, None)
+    store.close()
+
+
+def test_search_that_is_finished_hands_over_to_the_walk() -> None:
+    """DINOIP comes to an end before its share of the trials, and the walk, which has none, takes the rest."""
+    coordinates = space_of(1).coordinates
+    walking = Walking(make_searcher("dinoip", coordinates, 0, SamplerOptions(increment=0.2)), coordinates, 0, 1000)
+    sizes = []
+    for _ in range(30):
+        candidates = walking.ask()
+        sizes.append(len(candidates))
+        outcomes = [Outcome(float(factors.sum()), False, 100, (0, 0)) for factors in candidates]
+        walking.tell(outcomes)
+        assert not walking.finished()
+    first = sizes.index(4)
+    assert sizes == [1] * first + [4] + [8] * (29 - first)
+    gravity = coordinates.bodies.scaled(candidates).gravity
+    assert gravity == pytest.approx(np.full((8, 1), gravity[0, 0]))
 
 
 @pytest.fixture(scope="module")
