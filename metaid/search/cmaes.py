@@ -23,13 +23,16 @@ class Cmaes:
         mean = np.zeros(len(coordinates.origin))
         self._optimizer = cmaes.CMA(mean=mean, sigma=options.sigma, seed=seed, population_size=options.generation)
         self._proposed: list[Array] = []
+        self._spread = options.sigma
 
     @property
     def spread(self) -> float | None:
-        return float(self._optimizer._sigma)
+        """The root mean square distance of the latest candidates from the mean, along each coordinate."""
+        return self._spread
 
     def ask(self) -> Array:
         self._proposed = [self._candidate() for _ in range(self._optimizer.population_size)]
+        self._spread = float(np.sqrt(np.mean(np.square(self._proposed - self._optimizer.mean))))
         return np.array([self._coordinates.factors(z) for z in self._proposed])
 
     def _candidate(self) -> Array:
