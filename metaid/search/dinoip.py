@@ -1,9 +1,9 @@
 """The paper's own search, DINOIP (its section III.B and Fig. 3): from large values, step by step, down to the fall.
 
-The lumps step down by an increment, first all together, as in the paper's Table II, then each in turn. A step after
-which the frequency has fallen or stayed is kept; one after which the pendulum falls is taken back. So are steps after
-which the frequency stays up; a passing rise is no reason to stop, for on more than one link the number of periods is
-that of a beat and goes up and down by one or two on its way down. The search ends where no step helps.
+The factors step down by an increment, first all together, as in the paper's Table II, then each in turn. A step after
+which the frequency is lower or the same is kept. A step after which the pendulum falls is taken back. Steps after which
+the frequency stays higher are taken back, too, but only after some more: on more than one link the counted periods are
+those of a beat, whose number goes up by one or two on its way down. The search ends where no step helps.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from metaid.files import Settings
 from metaid.models import Array
 from metaid.search.coordinates import Coordinates
 
-COARSE = 10  # increments in a coarse step
-PATIENCE = 5  # steps in a row that may fail to lower the frequency before they are taken back
+INCREMENTS_IN_COARSE_STEP = 10
+MOST_STEPS_UP = 5  # steps in a row after which the frequency may be higher, before all of them are taken back
 DECIMALS = 12  # of a factor: thirty steps of 0.01 down from 1.3 are 1, and not nearly 1
 
-Walk = Generator[Array, Outcome, None]
+Steps = Generator[Array, Outcome, None]  # yields a candidate (nlump), is sent its outcome
 
 
 class DinoipOptions(Settings):
@@ -34,20 +34,21 @@ class DinoipOptions(Settings):
 
 
 class Dinoip:
-    """One candidate a generation, for the next step depends on what became of the last. It steps in the factors
-    themselves, whatever the coordinates, and draws nothing at random. A start that falls ends it at once: there is
-    nothing to step back to.
+    """One candidate a generation, for the next step depends on what became of the last.
+
+    It steps in the factors themselves, whatever the coordinates, and draws nothing at random. A start that falls ends
+    it at once: there is nothing to step back to.
     """
 
     def __init__(self, coordinates: Coordinates, options: DinoipOptions) -> None:
         self._low = coordinates.low
         increment = options.increment
-        self._increments = [COARSE * increment, increment] if options.coarse_to_fine else [increment]
+        self._increments = [INCREMENTS_IN_COARSE_STEP * increment, increment] if options.coarse_to_fine else [increment]
         self._step = self._increments[0]
-        self._best, self._value = coordinates.origin, np.inf
-        self._known: dict[tuple[float, ...], Outcome] = {}  # so that no candidate is tried twice
-        self._walk = self._search()
-        self._candidate: Array | None = next(self._walk)
+        self._best, self._best_value = coordinates.origin, np.inf
+        self._outcomes: dict[tuple[float, ...], Outcome] = {}  # by candidate, so that none is tried twice
+        self._steps = self._search()
+        self._candidate: Array | None = next(self._steps)
 
     @property
     def spread(self) -> float | None:
@@ -58,19 +59,19 @@ class Dinoip:
 
     def tell(self, outcomes: Sequence[Outcome]) -> None:
         try:
-            self._candidate = self._walk.send(outcomes[0])
+            self._candidate = self._steps.send(outcomes[0])
         except StopIteration:
             self._candidate = None
 
     def finished(self) -> bool:
         return self._candidate is None
 
-    def _search(self) -> Walk:
+    def _search(self) -> Steps:
         """Yields candidates (nlump) and is sent their outcomes, until no step helps."""
         outcome = yield self._best
         if outcome.fell:
             return
-        self._value = outcome.value
+        self._best_value = outcome.value
         each = np.eye(len(self._best))
         for step in self._increments:
             self._step = step
@@ -81,20 +82,20 @@ class Dinoip:
                 for lump in each:
                     yield from self._descend(lump)
 
-    def _descend(self, lumps: Array) -> Walk:
+    def _descend(self, lumps: Array) -> Steps:
         """Steps down with `lumps` (nlump, 1 for those that step) from the best candidate, as long as it helps."""
-        candidate, failures = self._best, 0
-        while failures <= PATIENCE:
+        candidate, steps_up = self._best, 0
+        while steps_up <= MOST_STEPS_UP:
             candidate = np.round(candidate - self._step * lumps, DECIMALS)
             if (candidate < self._low).any():
                 return
             key = tuple(candidate)
-            if key not in self._known:
-                self._known[key] = yield candidate
-            outcome = self._known[key]
+            if key not in self._outcomes:
+                self._outcomes[key] = yield candidate
+            outcome = self._outcomes[key]
             if outcome.fell:
                 return
-            if outcome.value <= self._value:
-                self._best, self._value, failures = candidate, outcome.value, 0
+            if outcome.value <= self._best_value:
+                self._best, self._best_value, steps_up = candidate, outcome.value, 0
             else:
-                failures += 1
+                steps_up += 1

@@ -19,7 +19,7 @@ from metaid.episode.pushes import tip_push
 from metaid.models.lumps import Array
 from metaid.results.tables import trials_frame
 from metaid.search.coordinates import plain_coordinates
-from metaid.search.dinoip import PATIENCE, Dinoip, DinoipOptions
+from metaid.search.dinoip import MOST_STEPS_UP, Dinoip, DinoipOptions
 from metaid.store.database import Store
 from metaid.study.create import create_study
 from metaid.study.problem import load_study
@@ -76,12 +76,20 @@ def test_no_candidate_is_tried_twice() -> None:
 
 def test_passing_rise_is_stepped_over_and_a_lasting_one_taken_back() -> None:
     """A count that goes up by one on its way down does not end the search; one that stays up does."""
-    bump = lambda candidate: float(candidate[0] + (1.0 if 1.2 < candidate[0] < 1.2 + 0.01 * PATIENCE else 0.0))  # noqa: E731
+    bump = lambda candidate: float(candidate[0] + (1.0 if 1.2 < candidate[0] < 1.2 + 0.01 * MOST_STEPS_UP else 0.0))  # noqa: E731
     assert best(search(1.5, bump, nlump=1), bump) == [0.5]
     valley = lambda candidate: float(abs(candidate[0] - 1.23))  # noqa: E731
     tried = search(1.5, valley, nlump=1)
     assert best(tried, valley) == [1.23]
-    assert min(tried) == pytest.approx(1.23 - 0.01 * (PATIENCE + 1))
+    assert min(tried) == pytest.approx(1.23 - 0.01 * (MOST_STEPS_UP + 1))
+
+
+def test_step_that_leaves_the_frequency_as_it_is_is_kept() -> None:
+    """Counted periods stay for many steps: it goes on among equals, and ends at the last one before the fall."""
+    counted = lambda candidate: float(np.floor(4.0 * candidate).sum()) if np.isfinite(bowl(candidate)) else np.inf  # noqa: E731
+    tried = search(1.5, counted)
+    assert best(tried, counted) == [0.9, 1.13]
+    assert not np.isfinite(counted(tried[-1]))
 
 
 def test_lump_that_changes_nothing_goes_down_to_its_bound() -> None:
