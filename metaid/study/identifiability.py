@@ -1,8 +1,8 @@
 """What a study can determine and what it cannot, from its nominal model alone, before any trial.
 
-The nominal model is taken for the truth, and the question is which other factors the study's measure could not tell
-from it. For `spectral` and `smoothed` the sensitivity H answers for all lumps together (Eqs. 11 and 14). `count` and
-`crossing` have no such form: there one lump at a time is moved away, as far as the measure does not notice.
+The nominal model is taken for the truth. The question is which other factors the study's measure cannot tell from it.
+For `spectral` and `smoothed` the sensitivity H answers for all lumps together (Eqs. 11 and 14). `count` and `crossing`
+have no such form: there one lump at a time is moved away from 1, until the measure notices or a bound is met.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from metaid.study.problem import Problem
 
 COARSEST = 0.1  # a lump that is not known better than to a tenth is not determined: its nominal value is as good
 NEGLIGIBLE = 0.02  # weight of a lump in a combination, of 1
-HALVINGS = 10  # of the interval in which a factor stops being noticed
+HALVINGS = 11  # of the interval in which a factor stops being noticed
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,9 @@ def _from_sensitivity(problem: Problem) -> Identifiability:
 
 
 def _one_by_one(problem: Problem) -> Array:
-    """The largest change of each factor alone, within its bounds, that the measure does not tell from none."""
+    """The largest change (nlump) of each factor alone, within its bounds, that the measure does not tell from none; inf
+    where it does not notice a bound.
+    """
     from metaid.compiled import Objective  # loads MuJoCo and numba, which other measures do without
 
     rule = problem.spec.study.episode.rule
@@ -85,12 +87,13 @@ def _one_by_one(problem: Problem) -> Array:
         """The distance from 1 towards the bound up to which nothing is noticed, inf if that is the bound."""
         if not noticed(lump, bound):
             return np.inf
-        near, far = 0.0, abs(bound - 1.0)
+        near, far = 0.0, bound - 1.0
         for _ in range(HALVINGS):
             middle = 0.5 * (near + far)
-            near, far = (near, middle) if noticed(lump, 1.0 + np.sign(bound - 1.0) * middle) else (middle, far)
-        return far
+            near, far = (near, middle) if noticed(lump, 1.0 + middle) else (middle, far)
+        return abs(far)
 
-    return np.array(
-        [max(farthest(lump, bound) for bound in (0.5, 1.5)) for lump in range(len(problem.names))], dtype=np.float64
-    )
+    # Where a bound is 1, or 1 is out of bounds, there is no room on that side.
+    below = [farthest(lump, low) if low < 1.0 else 0.0 for lump, low in enumerate(problem.low)]
+    above = [farthest(lump, high) if high > 1.0 else 0.0 for lump, high in enumerate(problem.high)]
+    return np.maximum(below, above)

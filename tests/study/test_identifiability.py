@@ -37,6 +37,23 @@ def test_count_after_a_push_at_the_tip_determines_no_coriolis_lump() -> None:
     assert np.isinf(found.resolution[2])
 
 
+@pytest.mark.parametrize(("bound", "factor"), [("low", 0.999), ("high", 1.001)])
+def test_lump_whose_bound_the_count_does_not_notice_is_not_determined(bound: str, factor: float) -> None:
+    """Either bound of the study: the search may go as far, and no trial there would be worse."""
+    changes = {"episode.measure": "count", "search.start": 1.0, f"search.{bound}": {"gravity_1": factor}}
+    found = identifiability(Problem(load_study("two-link-tpe", changes)))
+    assert np.isinf(found.resolution[0])
+    assert found.resolution[1] < 0.02
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.5, 1.0), (1.0, 2.0), (0.5, 0.9), (1.1, 2.0)])
+def test_bounds_on_one_side_of_the_nominal_model_leave_the_other_side_out(low: float, high: float) -> None:
+    """The nominal model may be a bound or be out of bounds; what is left is found as finely."""
+    changes = {"episode.measure": "count", "search.start": 0.5 * (low + high), "search.low": low, "search.high": high}
+    found = identifiability(Problem(load_study("two-link-tpe", changes)))
+    assert found.resolution[:2].max() < 0.02
+
+
 def test_one_push_at_the_tip_leaves_combinations_that_cannot_be_told() -> None:
     """Spectral with too poor a push: some lumps are not determined, and moving along such a combination is not
     noticed.
