@@ -7,6 +7,7 @@ from metaid.compiled.decorator import compiled
 from metaid.compiled.loop import CompiledLoop, fastest_step
 from metaid.compiled.objective import LARGEST_FACTOR, Objective
 from metaid.compiled.stages import DirectStep, MujocoStep, mujoco_step
+from metaid.compiled.validation_loops import coasting_steps, track_compiled
 
 __all__ = [
     "LARGEST_FACTOR",
@@ -14,7 +15,9 @@ __all__ = [
     "DirectStep",
     "MujocoStep",
     "Objective",
+    "coasting_steps",
     "compiled",
     "fastest_step",
     "mujoco_step",
+    "track_compiled",
 ]

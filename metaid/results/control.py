@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from metaid.models import Array, Lumps, compensation_torque, mass_matrix
-from metaid.plant import Plant
+from metaid.plant import MujocoPlant, Plant
 
 AMPLITUDE = 0.5  # rad, of the mean joint's sinusoid
 PERIODS = 6.0, 12.0  # fastest and slowest of the joints' sinusoids, in natural times
@@ -91,10 +91,31 @@ def inertial_torque(model: Model, angles: Array, accelerations: Array) -> Array:
 def track(plant: Plant, model: Model, feedback: Model, desired: Motion, bandwidth: float) -> Tracked:
     """Drives the plant from rest upright along `desired` with computed torque from `model`.
 
-    τ = M̃(φ) q̈_d + h̃ + g̃ + M̄(φ) (k_p e + k_d ė), critically damped at `bandwidth` (rad/s); M̄ is that of `feedback`,
-    which should be of a possible chain: a mass matrix that is not positive definite turns the feedback against itself.
-    Ends early where control is lost.
+    τ = M̃(φ) q̈_d + h̃ + g̃ + M̄(φ) (k_p e + k_d ė), critically damped.  A MujocoPlant is driven by a compiled loop, any
+    other step by step.
+
+    Args:
+        plant: it is brought to rest upright first.
+        model: of the feedforward.
+        feedback: what M̄ is of. It should be of a possible chain: a mass matrix that is not positive definite turns the
+            feedback against itself.
+        desired: the trajectory.
+        bandwidth: of the feedback, in rad/s.
+
+    Returns:
+        What was seen; it ends early where control is lost.
     """
+    if not isinstance(plant, MujocoPlant):
+        return track_stepwise(plant, model, feedback, desired, bandwidth)
+    from metaid.compiled import track_compiled
+
+    laws, inertias = (model.lumps, feedback.lumps), (model.inertia_lumps, feedback.inertia_lumps)
+    motion = desired.angles, desired.speeds, desired.accelerations
+    return Tracked(*track_compiled(plant, laws, inertias, motion, bandwidth, LOST))
+
+
+def track_stepwise(plant: Plant, model: Model, feedback: Model, desired: Motion, bandwidth: float) -> Tracked:
+    """`track` on any plant, step by step in Python: the reference for the compiled loop."""
     plant.push(np.zeros(plant.njoint))
     seen = []
     for angle, speed, acceleration in zip(desired.angles, desired.speeds, desired.accelerations, strict=True):

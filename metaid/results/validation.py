@@ -14,7 +14,7 @@ import numpy as np
 from metaid.episode import REACH, natural_time, rich_pushes
 from metaid.errors import StudyError
 from metaid.models import Array, Chain, Lumps, compensation_torque
-from metaid.plant import Plant
+from metaid.plant import MujocoPlant, Plant
 from metaid.results.control import BANDWIDTH, Model, smooth_sinusoids, track
 from metaid.study import HORIZON, Problem
 
@@ -124,11 +124,29 @@ def fresh_pushes(plant: Plant, count: int, peak_speed: float, study_seed: int, s
 
 
 def coasting_time(plant: Plant, lumps: Lumps, impulses: Array, steps: int) -> float:
-    """For how long, in s and at most `steps`, the plant coasts after a push of `impulses` (njoint), in N s, with
-    `lumps` in the law.
+    """For how long a plant coasts after a push, with `lumps` in the law.
 
-    It has coasted until a joint's speed has changed by a tenth of the speed of the fastest link after the push.
+    It has coasted until a joint's speed has changed by a tenth of the speed of the fastest link after the push. A
+    MujocoPlant is watched by a compiled loop, any other step by step.
+
+    Args:
+        plant: it is brought to rest upright first.
+        lumps: of the law.
+        impulses: of the push (njoint), in N s.
+        steps: after which it is no longer watched.
+
+    Returns:
+        The time in s, at most that of all `steps`.
     """
+    if not isinstance(plant, MujocoPlant):
+        return coasting_time_stepwise(plant, lumps, impulses, steps)
+    from metaid.compiled import coasting_steps
+
+    return coasting_steps(plant, lumps, impulses, steps, COASTING) * plant.timestep
+
+
+def coasting_time_stepwise(plant: Plant, lumps: Lumps, impulses: Array, steps: int) -> float:
+    """`coasting_time` on any plant, step by step in Python: the reference for the compiled loop."""
     plant.push(impulses)
     angles, speeds = plant.states()
     pushed, tolerance = speeds, COASTING * np.abs(np.cumsum(speeds)).max()

@@ -7,14 +7,25 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from conftest import Finished, random_plant
+from conftest import Finished, random_links, random_plant
 
 import metaid as package
 from metaid.episode.pushes import natural_time
 from metaid.errors import StudyError
-from metaid.models.lumps import Lumps
-from metaid.results.control import Model, computed_torque, smooth_sinusoids, track
-from metaid.results.validation import Validated, coasting_time, fresh_pushes, tracking_errors, validate_factors
+from metaid.models.lumps import FRICTION, IDEAL, Lumps
+from metaid.plant.faults import draw
+from metaid.plant.faulty_plant import FaultyPlant
+from metaid.plant.mujoco_plant import MujocoPlant
+from metaid.plant.settings import PlantSettings
+from metaid.results.control import Model, computed_torque, smooth_sinusoids, track, track_stepwise
+from metaid.results.validation import (
+    Validated,
+    coasting_time,
+    coasting_time_stepwise,
+    fresh_pushes,
+    tracking_errors,
+    validate_factors,
+)
 from metaid.study.problem import Problem, load_study
 
 Metaid = Callable[..., Finished]
@@ -72,6 +83,46 @@ def test_trajectory_speeds_and_accelerations_are_derivatives_of_its_angles() -> 
     assert (motion.speeds[0] == 0.0).all()
     for value, rate in ((motion.angles, motion.speeds), (motion.speeds, motion.accelerations)):
         assert np.gradient(value, 1e-4, axis=0)[1:-1] == pytest.approx(rate[1:-1], abs=1e-3)
+
+
+def rough_plant(nlink: int, frictionloss: float) -> MujocoPlant:
+    """A chain with viscous friction and springs, and with dry friction if wanted, that over-compensates."""
+    table = {"damping": 0.02, "stiffness": 0.3, "frictionloss": frictionloss}
+    links = tuple(link.model_copy(update=table) for link in random_links(nlink, seed=3))
+    return MujocoPlant("rough", PlantSettings(links=links, over_compensation=0.01))
+
+
+@pytest.mark.parametrize("frictionloss", [0.0, 0.02])
+@pytest.mark.parametrize("nlink", [1, 3, 5])
+def test_compiled_loops_give_the_numbers_of_the_stepwise_ones(nlink: int, frictionloss: float) -> None:
+    """Coasting and tracking, with a model of ideal lumps and with one of friction, and where control is lost."""
+    plant = rough_plant(nlink, frictionloss)
+    chain, time = plant.chain, natural_time(plant.chain, plant.gravity)
+    whole, ideal = chain.lumps_of((*IDEAL, *FRICTION)), chain.lumps
+    for lumps in (whole, ideal, whole.scaled(np.full(len(whole.vector), 1.1))):
+        for impulses in fresh_pushes(plant, 3, 4.0, study_seed=1, seed=0):
+            expected = coasting_time_stepwise(plant, lumps, impulses, 300)
+            assert coasting_time(plant, lumps, impulses, 300) == expected
+            assert 0.0 < expected <= 300 * plant.timestep
+    desired = smooth_sinusoids(nlink, time, plant.timestep)
+    believed = Model(chain.lumps.scaled(np.full(len(chain.lumps.vector), 0.9)), 1.2 * chain.inertia_lumps)
+    wild = Model(Lumps(-200 * ideal.gravity, ideal.coriolis), chain.inertia_lumps)
+    for model in (Model(whole, chain.inertia_lumps), believed, wild):
+        one, other = (loop(plant, model, believed, desired, 3.0 / time) for loop in (track, track_stepwise))
+        assert len(one.angles) == len(other.angles)
+        assert (len(one.angles) < len(desired.angles)) == (model is wild)
+        for part in ("angles", "speeds", "torques"):
+            assert getattr(one, part) == pytest.approx(getattr(other, part), rel=1e-6, abs=1e-8)
+
+
+def test_plant_that_is_not_mujocos_is_validated_step_by_step() -> None:
+    """A rig, or a plant behind its faults, goes through the same loop in Python."""
+    plant = random_plant(2)
+    behind = FaultyPlant(plant)
+    behind.begin(draw(plant.settings.faults, np.random.default_rng(0), 1, 3000, 2))
+    assert coasting_time(behind, plant.chain.lumps.scaled(np.full(3, 1.05)), np.array([0.1, 0.1]), 3000) == (
+        coasting_time(plant, plant.chain.lumps.scaled(np.full(3, 1.05)), np.array([0.1, 0.1]), 3000)
+    )
 
 
 def test_validation_pushes_are_not_those_of_the_search(problem: Problem) -> None:
