@@ -11,16 +11,17 @@ from metaid.episode.pushes import REACH, natural_time, pushed_speeds, pushes_for
 from metaid.episode.record import Record, Trajectory, same_record
 from metaid.episode.smoothing import noise_floor
 from metaid.episode.stepwise import StepwiseLoop, run_stepwise
-from metaid.episode.windows import HALVINGS, QUANTITIES, Windows, window_ends, windows_before_fall
+from metaid.episode.windows import QUANTITIES, SHORTEST, WINDOWS, Windows, window_ends, windows_before_fall
 
 __all__ = [
     "FALL_LIMIT",
     "FALL_MARGIN",
-    "HALVINGS",
     "MEASURES",
     "QUANTITIES",
     "REACH",
     "RICH_FALL_LIMIT",
+    "SHORTEST",
+    "WINDOWS",
     "Episode",
     "Measure",
     "NoiseFloor",

@@ -14,13 +14,16 @@ from numpy.typing import NDArray
 
 from metaid.models import Array
 
-HALVINGS = 4  # the shortest window is 1/16 of the horizon
+WINDOWS, SHORTEST = 5, 1.0 / 32.0  # how many, and the first as a share of the horizon
 QUANTITIES = 4  # of each joint and window, see `Windows.motion`
 
 
-def window_ends(steps: int, halvings: int = HALVINGS) -> tuple[int, ...]:
-    """The steps at which the windows of a horizon of `steps` end: 1/2^halvings of it, … , a half, all of it."""
-    return tuple(sorted({max(-(-steps >> halving), 1) for halving in range(halvings + 1)}))
+def window_ends(steps: int, count: int = WINDOWS, shortest: float = SHORTEST) -> tuple[int, ...]:
+    """The steps at which `count` windows of a horizon of `steps` end: each as many times longer than the one before,
+    from the `shortest`, a share of the horizon, to all of it.
+    """
+    shares = shortest ** np.linspace(1.0, 0.0, count)
+    return tuple(sorted({max(int(np.ceil(steps * share)), 1) for share in shares}))
 
 
 @dataclass(frozen=True, eq=False)

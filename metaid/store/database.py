@@ -13,6 +13,7 @@ import operator
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,16 @@ from metaid.store.optuna_tables import (
     TrialParamModel,
     TrialUserAttributeModel,
 )
-from metaid.store.rows import IDS_AFTER, TRIAL_TABLES, detail_rows, end_of, head_rows, read_outcomes, read_table
+from metaid.store.rows import (
+    IDS_AFTER,
+    TRIAL_TABLES,
+    detail_rows,
+    end_of,
+    head_rows,
+    read_outcomes,
+    read_table,
+    read_windows,
+)
 from metaid.store.server import does_not_answer, missing_driver, parsed_url, without_password
 from metaid.store.sqlite import DAMAGED, describe
 from metaid.store.trial import Trial
@@ -241,6 +251,7 @@ class Store:
                 ]
                 factors = list(itertools.chain(*tables))
                 outcomes = read_outcomes(connection, study_id, states, self._joint_count(connection, study_id))
+                windows = read_windows(connection, study_id)
                 whole = (
                     len(factors) == len(outcomes) == len(heads)
                     and [head[0] for head in heads] == list(range(len(heads)))
@@ -258,7 +269,7 @@ class Store:
                 number=head[0],
                 generation=generation,
                 factors=row,
-                outcome=outcome,
+                outcome=replace(outcome, windows=windows[head[0]]) if head[0] in windows else outcome,
                 started=head[2],
                 completed=head[3],
                 stage=stage,

@@ -14,8 +14,9 @@ import sqlalchemy as sa
 from numpy.typing import NDArray
 from optuna.trial import TrialState
 
-from metaid.episode import Outcome
+from metaid.episode import Outcome, Windows
 from metaid.errors import StorageError
+from metaid.store import windows
 from metaid.store.optuna_tables import (
     FINITE_INTERMEDIATE_VALUE,
     FINITE_VALUE,
@@ -123,6 +124,19 @@ def read_outcomes(
     ]
 
 
+def read_windows(connection: sa.Connection, study_id: int) -> dict[int, Windows]:
+    """The windows of the trials that have them, by trial number.  Raises ValueError, TypeError or LookupError for what
+    is none.
+    """
+    trial, attribute = TrialModel, TrialUserAttributeModel
+    query = (
+        sa.select(trial.number, attribute.value_json)
+        .join(attribute, attribute.trial_id == trial.trial_id)
+        .where(trial.study_id == study_id, attribute.key == windows.KEY)
+    )
+    return {int(number): windows.decoded(text) for number, text in connection.execute(query)}
+
+
 def head_rows(study_id: int, trials: Sequence[Trial]) -> list[dict[str, Any]]:
     return [
         {
@@ -163,16 +177,20 @@ def detail_rows(
             for i, trial in zip(ids, trials, strict=True)
         ],
         TrialUserAttributeModel: [
-            {"trial_id": i, "key": key, "value_json": json.dumps(value)}
+            {"trial_id": i, "key": key, "value_json": text}
             for i, trial in zip(ids, trials, strict=True)
-            for key, value in _attributes(trial).items()
+            for key, text in _attributes(trial).items()
         ],
     }
     return {model: of_model for model, of_model in rows.items() if of_model}
 
 
-def _attributes(trial: Trial) -> dict[str, int | str]:
+def _attributes(trial: Trial) -> dict[str, str]:
+    """JSON by key."""
     periods = {f"periods_{joint + 1}": count for joint, count in enumerate(trial.outcome.periods)}
     reason = {} if trial.outcome.failure is None else {REASON: trial.outcome.failure}
     stage = {} if trial.stage is None else {"stage": trial.stage}
-    return {"generation": trial.generation, "steps": trial.outcome.steps, **periods, **stage, **reason}
+    numbers = {"generation": trial.generation, "steps": trial.outcome.steps, **periods, **stage, **reason}
+    texts = {key: json.dumps(value) for key, value in numbers.items()}
+    shown = trial.outcome.windows
+    return texts if shown is None else {**texts, windows.KEY: windows.encoded(shown)}

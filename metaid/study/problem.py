@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from metaid.episode import Episode, Measure, Outcome, failure, get_measure, pushed_speeds
+from metaid.episode import QUANTITIES, Episode, Measure, Outcome, failure, get_measure, pushed_speeds
 from metaid.errors import EpisodeError, StudyError, unknown
 from metaid.models import Array, Chain, Lumps, SearchSpace, factor_space, factors_from_names, refuse_impossible
 from metaid.plant import MujocoPlant, Plant, PlantSettings, SocketPlant, SocketSettings, chain_of
@@ -34,6 +34,8 @@ from metaid.study.settings import EpisodeSettings, Factors, SearchSettings, Stud
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective
+
+WINDOW_BUDGET = 4_000_000  # bytes a study, before they are made a text
 
 
 def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec:
@@ -134,6 +136,12 @@ class Problem:
     def timestep(self) -> float:
         """Time between two control steps, in s."""
         return self.spec.timestep
+
+    @property
+    def trials_with_windows(self) -> int:
+        """How many trials, from the first on, keep their windows in the DB: as many as WINDOW_BUDGET holds."""
+        size = self.episode.pushes.size * len(self.episode.window_ends) * QUANTITIES * 8
+        return WINDOW_BUDGET // size if size else 0
 
     @property
     def resolution(self) -> float:

@@ -8,8 +8,11 @@ import numpy as np
 
 from metaid.episode import (
     FALL_LIMIT,
+    QUANTITIES,
     REACH,
     RICH_FALL_LIMIT,
+    SHORTEST,
+    WINDOWS,
     Episode,
     Measure,
     NoiseFloor,
@@ -18,6 +21,7 @@ from metaid.episode import (
     pushes_for,
     rich_pushes,
     tip_push,
+    window_ends,
 )
 from metaid.errors import EpisodeError, StudyError
 from metaid.models import Array, Chain
@@ -28,6 +32,9 @@ from metaid.study.settings import LARGEST_STEPS, StudySpec
 HORIZON = 1.5  # of a rich push, in units of √(l/g)
 SLOWEST_PUSH = 1e-9  # rad/s of the fastest link after a push; what is slower is lost in rounding
 RESTS = 200  # horizons of a push for which the readings of a plant at rest are watched
+GROWTH = 2.0  # of a window over the one before, at most, up to MOST_WINDOWS
+MOST_WINDOWS = 10
+LARGEST_WINDOWS = 1_000_000  # bytes of a trial
 COUNTING_STEPS = 5000  # after a tip push, as in the paper
 TIP_SPEED = 0.1  # rad/s of the fastest link after a tip push: small, so that the oscillation is
 
@@ -55,7 +62,20 @@ def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure
     pushes = np.tile(pushes, (wanted.repeats, 1))
     limits = wanted.fall_limit or fall_limit, wanted.fall_margin
     stiffness = _stiffness(spec, stage, steps * timestep)
-    return Episode(pushes, steps, *limits, stiffness=stiffness, seed=spec.study.seed, lead=wanted.lead)
+    ends = _window_ends(pushes, steps, steps * timestep / natural_time(nominal, plant.gravity))
+    return Episode(
+        pushes, steps, *limits, stiffness=stiffness, seed=spec.study.seed, lead=wanted.lead, window_ends=ends
+    )
+
+
+def _window_ends(pushes: Array, steps: int, horizon: float) -> tuple[int, ...]:
+    """The windows of each push: the shortest as long as that of a rich push, however long the `horizon`, which is in
+    natural times; none where a trial's windows would be larger than LARGEST_WINDOWS.
+    """
+    longer = max(horizon / HORIZON, 1.0)
+    count = min(WINDOWS + round(np.log(longer) / np.log(GROWTH)), MOST_WINDOWS)
+    ends = window_ends(steps, count, SHORTEST / longer)
+    return ends if pushes.size * len(ends) * QUANTITIES * 8 <= LARGEST_WINDOWS else ()
 
 
 def _stiffness(spec: StudySpec, stage: int, horizon: float) -> float:

@@ -90,6 +90,12 @@ def _run_stage(run: Run, evaluator: Evaluator, writer: Writer, watch: Callable[[
             Trial(run.number + i, run.generation, batch[i], outcome, started, completed, stage)
             for i, outcome in enumerate(outcomes)
         ]
+        trials = [within_budget(trial, problem.trials_with_windows) for trial in trials]
         writer.trials = trials
         run.add(trials)
         watch(run.progress)
+
+
+def within_budget(trial: Trial, kept: int) -> Trial:
+    """The trial without its windows, unless it is one of the first `kept`."""
+    return trial if trial.number < kept else replace(trial, outcome=replace(trial.outcome, windows=None))

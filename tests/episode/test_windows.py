@@ -20,9 +20,9 @@ from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.settings import PlantSettings
 
 
-def test_windows_halve_the_horizon_and_end_with_it() -> None:
+def test_windows_grow_to_the_horizon_and_end_with_it() -> None:
     """Each ends with a whole step, and short horizons have fewer of them."""
-    assert window_ends(160) == (10, 20, 40, 80, 160)
+    assert window_ends(160, 5, 1 / 16) == (10, 20, 40, 80, 160)
     assert window_ends(3) == (1, 2, 3)
     assert window_ends(1) == (1,)
 
