@@ -99,6 +99,25 @@ def test_lump_that_changes_nothing_goes_down_to_its_bound() -> None:
     assert min(candidate.min() for candidate in tried) == 0.5
 
 
+def test_start_of_least_frequency_is_gone_back_to() -> None:
+    """The start is a candidate like any other: a step that is worse than it is taken back."""
+    upwards = lambda candidate: float(-candidate.sum())  # noqa: E731
+    tried = search(1.5, upwards)
+    assert best(tried, upwards) == [1.5, 1.5]
+    assert len(tried) == 1 + 3 * (MOST_STEPS_UP + 1)  # both lumps, and each alone
+
+
+def test_spread_is_the_step() -> None:
+    """From the first candidate on: the coarse step, and then the fine one."""
+    one = np.ones(1)
+    dinoip, spreads = Dinoip(plain_coordinates(one, 0.5 * one, 2.0 * one), DinoipOptions(coarse_to_fine=True)), []
+    while not dinoip.finished():
+        spreads.append(dinoip.spread)
+        dinoip.tell([Outcome(1.0, bool(factors[0] < 0.93), 1, ()) for factors in dinoip.ask()])
+    assert spreads[0] == pytest.approx(0.1)
+    assert list(dict.fromkeys(spreads)) == [pytest.approx(0.1), 0.01]
+
+
 def test_start_that_falls_ends_it() -> None:
     """There is nothing to step back to: the values were not large."""
     assert len(search(1.5, lambda candidate: np.inf)) == 1
