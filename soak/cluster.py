@@ -2,7 +2,7 @@
 trial table is the one of a run that was left alone.
 
 The machines are network namespaces of this one, joined by a bridge in another; making them needs Linux and root. Where
-that is not allowed this part is left out, and says so; tests/test_workers.py does the like on loopback anywhere.
+that is not allowed this part is left out, and says so; tests/study/test_workers.py does the like on loopback anywhere.
 """
 
 from __future__ import annotations

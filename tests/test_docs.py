@@ -24,6 +24,7 @@ BLOCK = re.compile(r"(<!-- not run: [^\n]+ -->\n)?^```(\w+)\n(.*?)^```", re.DOTA
 NO_SCREEN = "metaid plant view"
 SERVES = "metaid dashboard"
 RIG = "python examples/socket_rig.py"
+PYTHON_FILE = re.compile(r"\b(?:benchmarks|docs|examples|metaid|soak|tests)/[\w/]+\.py\b")
 
 Metaid = Callable[..., Finished]
 
@@ -117,6 +118,13 @@ def test_links_and_pictures_exist(document: Path) -> None:
     for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text):
         if "://" not in target:
             assert (document.parent / target).exists(), target
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.stem)
+def test_python_files_that_a_document_names_exist(document: Path) -> None:
+    """A module or a test that moves takes its mention along."""
+    named = PYTHON_FILE.findall(document.read_text(encoding="utf-8"))
+    assert [name for name in named if not (ROOT / name).exists()] == []
 
 
 def test_pictures_are_small() -> None:
