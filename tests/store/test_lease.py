@@ -143,7 +143,7 @@ def test_process_that_has_the_number_of_a_dead_driver_does_not_hold_its_lease(st
     leave(tmp_path, {**own, "pid": os.getppid(), "started": started(os.getppid())})
     with pytest.raises(StorageError, match=f"by process {os.getppid()} on this machine"):
         run_study(store, "study", trials=20)
-    leave(tmp_path, {**own, "pid": os.getppid()})
+    leave(tmp_path, {**own, "pid": os.getppid(), "started": started(os.getppid()) - 1})
     run_study(store, "study", trials=20)
     assert count(tmp_path) == 20
 
