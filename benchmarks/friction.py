@@ -107,10 +107,10 @@ def _one_stage(part: str, seed: int, sampler: str, share: float, problem: Proble
     truth = true.lumps_of(problem.lumps.searched).vector / problem.lumps.vector
     searcher, trials, best, factors = problem.make_searcher(), 0, np.inf, problem.start
     reached: dict[float, int] = {}
-    with ThreadEvaluator(problem, 2) as crew:
+    with ThreadEvaluator(problem, 2) as evaluator:
         while trials < most and not searcher.finished() and (part == "ignored" or 0.001 not in reached):
             batch = searcher.ask()
-            outcomes = crew.evaluate(batch)
+            outcomes = evaluator.evaluate(batch)
             for candidate, outcome in zip(batch, outcomes, strict=True):
                 trials += 1
                 if outcome.value < best:

@@ -78,12 +78,12 @@ def recover(
     reached: dict[float, tuple[int, float]] = {}
     trials = steps = falls = 0
     best, error = np.inf, np.inf
-    with ThreadEvaluator(problem, workers) as crew:
-        crew.evaluate(problem.start[None])
+    with ThreadEvaluator(problem, workers) as evaluator:
+        evaluator.evaluate(problem.start[None])
         began, cpu = time.perf_counter(), time.process_time()
         while 0.001 not in reached and trials < most_trials and time.perf_counter() - began < MOST_SECONDS:
             batch = searcher.ask()
-            outcomes = crew.evaluate(batch)
+            outcomes = evaluator.evaluate(batch)
             for factors, outcome in zip(batch, outcomes, strict=True):
                 trials, steps, falls = trials + 1, steps + outcome.steps, falls + outcome.fell
                 if outcome.value < best:

@@ -84,18 +84,18 @@ def measure(study: str, candidates: int) -> Costs:
 
 
 def _ray_costs(problem: Problem) -> tuple[float, float, float]:
-    with RayEvaluator(problem, 1, None) as crew:
-        crew.evaluate(problem.start[None])
-        actor, ray = crew._hands[0].actor, crew._ray
+    with RayEvaluator(problem, 1, None) as evaluator:
+        evaluator.evaluate(problem.start[None])
+        actor, ray = evaluator._actors[0].handle, evaluator._ray
         trips = []
         for _ in range(300):
             begun = time.perf_counter()
-            ray.get(actor.place.remote())
+            ray.get(actor.location.remote())
             trips.append(time.perf_counter() - begun)
         begun = time.process_time()
-        ray.get([actor.place.remote() for _ in range(1000)])
+        ray.get([actor.location.remote() for _ in range(1000)])
         call = (time.process_time() - begun) / 1000
-        ray.get(calls := [actor.place.remote() for _ in range(1000)])
+        ray.get(calls := [actor.location.remote() for _ in range(1000)])
         begun = time.process_time()
         for _ in range(10):
             ray.wait(calls, num_returns=len(calls), timeout=0.0)

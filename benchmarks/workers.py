@@ -26,7 +26,7 @@ SETTLING = 10.0  # s that Ray's own processes are given after its start
 
 
 def measure(quick: bool) -> dict[str, list[Row]]:
-    """One row a crew and generation."""
+    """One row a evaluator and generation."""
     problem = Problem(make_spec(3))
     rows: list[Row] = []
     with threadpool_limits(1):
@@ -45,9 +45,9 @@ def _batches(problem: Problem, generation: int) -> Array:
     return np.random.default_rng(0).uniform(START - 0.1, START + 0.1, shape)
 
 
-def _evaluate_all(crew: Evaluator, batches: Array) -> None:
+def _evaluate_all(evaluator: Evaluator, batches: Array) -> None:
     for batch in batches:
-        crew.evaluate(batch)
+        evaluator.evaluate(batch)
 
 
 def _rows(problem: Problem, workers: int, repeats: int, settling: float) -> list[Row]:
@@ -58,16 +58,16 @@ def _rows(problem: Problem, workers: int, repeats: int, settling: float) -> list
         ray.evaluate(_batches(problem, GENERATIONS[0])[0])
         started = time.perf_counter() - begun
         time.sleep(settling)
-        crews: dict[str, Evaluator] = {
+        evaluators: dict[str, Evaluator] = {
             "one thread": stack.enter_context(make_evaluator(problem, "local", 1)),
             "ray": ray,
         }
         if workers > 1:
-            crews["local"] = stack.enter_context(make_evaluator(problem, "local", workers))
+            evaluators["local"] = stack.enter_context(make_evaluator(problem, "local", workers))
         for generation in GENERATIONS:
             batches = _batches(problem, generation)
             works: dict[str, Callable[[], object]] = {
-                name: partial(_evaluate_all, crew, batches) for name, crew in crews.items()
+                name: partial(_evaluate_all, evaluator, batches) for name, evaluator in evaluators.items()
             }
             interleaved(works, 1)
             taken = interleaved(works, repeats)

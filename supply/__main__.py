@@ -24,10 +24,10 @@ def main() -> None:
     pins = pinned(ROOT / "constraints.txt")
     wrong = []
     for name, package in sorted(packages.items()):
-        told = licence(package)
-        print(f"{name:28} {package.version:16} {told or 'UNKNOWN'}")
-        if not is_allowed(told):
-            wrong.append(f"{name}: licence {told or 'unknown'} is not among those allowed in supply/licences.py")
+        expression = licence(package)
+        print(f"{name:28} {package.version:16} {expression or 'UNKNOWN'}")
+        if not is_allowed(expression):
+            wrong.append(f"{name}: licence {expression or 'unknown'} is not among those allowed in supply/licences.py")
         if pins.get(name) != package.version:
             wrong.append(f"{name} {package.version} is not what constraints.txt pins ({pins.get(name, 'nothing')})")
     reached = True

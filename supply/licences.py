@@ -26,18 +26,18 @@ SPDX = {
 
 
 def licence(package: Distribution) -> str:
-    """What a package says of its licence, as an SPDX expression where it can be told; empty if nothing.
+    """What a package says of its licence, as an SPDX expression where it can be known; empty if nothing.
 
     Its expression counts; else its licence field, where that is a name and not the whole text; else its classifiers.
     """
-    told = package.metadata
-    fields: list[str] = told.get_all("License") or [""]
+    metadata = package.metadata
+    fields: list[str] = metadata.get_all("License") or [""]
     field = fields[0].strip()
-    if "License-Expression" in told:
-        return told["License-Expression"]
+    if "License-Expression" in metadata:
+        return metadata["License-Expression"]
     if field and field != "UNKNOWN" and "\n" not in field:
         return SPDX.get(field, field)
-    classified = [c.split(" :: ")[-1] for c in told.get_all("Classifier") or [] if c.startswith("License :: ")]
+    classified = [c.split(" :: ")[-1] for c in metadata.get_all("Classifier") or [] if c.startswith("License :: ")]
     return " AND ".join(SPDX.get(name, name) for name in classified)
 
 

@@ -19,14 +19,14 @@ class AuditError(Exception):
 
 def vulnerabilities(pins: Mapping[str, str], pip_audit: Sequence[str]) -> dict[str, list[str]]:
     """The advisories of each package that has any, by name.  Raises AuditError where that cannot be said of all."""
-    found = _asked({**pins}, pip_audit)
+    found = _ask_pip_audit({**pins}, pip_audit)
     name, version = CANARY
-    if not _asked({name: version}, pip_audit)[name]:
+    if not _ask_pip_audit({name: version}, pip_audit)[name]:
         raise AuditError(f"the advisory database knows nothing of {name} {version}, so it is none")
     return {name: advisories for name, advisories in found.items() if advisories}
 
 
-def _asked(pins: Mapping[str, str], pip_audit: Sequence[str]) -> dict[str, list[str]]:
+def _ask_pip_audit(pins: Mapping[str, str], pip_audit: Sequence[str]) -> dict[str, list[str]]:
     with tempfile.TemporaryDirectory() as folder:
         wanted = Path(folder) / "pins.txt"
         wanted.write_text("".join(f"{name}=={version}\n" for name, version in pins.items()))

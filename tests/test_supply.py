@@ -48,16 +48,16 @@ def test_licences_of_what_is_pinned_are_allowed() -> None:
     assert {name: licence(package) for name, package in here.items() if not is_allowed(licence(package))} == {}
 
 
-class Told(Distribution):
+class Described(Distribution):
     """A package with given metadata."""
 
-    def __init__(self, **told: str) -> None:
-        self._told = told
+    def __init__(self, **fields: str) -> None:
+        self._fields = fields
 
     def read_text(self, filename: str) -> str | None:
         """Its METADATA."""
         message = Message()
-        for key, value in self._told.items():
+        for key, value in self._fields.items():
             message[key.replace("_", "-")] = value
         return str(message) if filename == "METADATA" else None
 
@@ -67,7 +67,7 @@ class Told(Distribution):
 
 
 @pytest.mark.parametrize(
-    ("told", "allowed"),
+    ("fields", "allowed"),
     [
         ({"License_Expression": "MIT"}, True),
         ({"License_Expression": "Apache-2.0 WITH LLVM-exception AND BSD-2-Clause"}, True),
@@ -81,9 +81,9 @@ class Told(Distribution):
         ({}, False),
     ],
 )
-def test_licence_is_allowed_only_where_it_is_known_to_be(told: Mapping[str, str], allowed: bool) -> None:
-    """An expression before the field, the field before classifiers; nothing told is not allowed."""
-    assert is_allowed(licence(Told(**told))) is allowed
+def test_licence_is_allowed_only_where_it_is_known_to_be(fields: Mapping[str, str], allowed: bool) -> None:
+    """An expression before the field, the field before classifiers; a package that says nothing is not allowed."""
+    assert is_allowed(licence(Described(**fields))) is allowed
 
 
 def answering(*answers: object) -> list[str]:
@@ -92,26 +92,26 @@ def answering(*answers: object) -> list[str]:
     return [sys.executable, "-c", code]
 
 
-def told_of(name: str, *advisories: str) -> str:
+def answer_of(name: str, *advisories: str) -> str:
     """pip-audit's answer about one package."""
     return json.dumps({"dependencies": [{"name": name, "version": "1", "vulns": [{"id": i} for i in advisories]}]})
 
 
-CAUGHT = told_of(CANARY[0], "CVE-2014-1402")
+CAUGHT = answer_of(CANARY[0], "CVE-2014-1402")
 SKIPPED = json.dumps({"dependencies": [{"name": "numpy", "skip_reason": "Dependency not found on PyPI"}]})
 
 
-def test_advisories_are_told_by_package() -> None:
+def test_advisories_are_listed_by_package() -> None:
     """And nothing of those that have none."""
-    assert vulnerabilities({"numpy": "1"}, answering(told_of("numpy", "CVE-1"), CAUGHT)) == {"numpy": ["CVE-1"]}
-    assert vulnerabilities({"numpy": "1"}, answering(told_of("numpy"), CAUGHT)) == {}
+    assert vulnerabilities({"numpy": "1"}, answering(answer_of("numpy", "CVE-1"), CAUGHT)) == {"numpy": ["CVE-1"]}
+    assert vulnerabilities({"numpy": "1"}, answering(answer_of("numpy"), CAUGHT)) == {}
 
 
 @pytest.mark.parametrize(
     ("command", "message"),
     [
         (answering(SKIPPED, CAUGHT), "no answer for 1 of 1 packages: numpy"),
-        (answering(told_of("numpy"), told_of(CANARY[0])), "knows nothing of jinja2 2.4.1"),
+        (answering(answer_of("numpy"), answer_of(CANARY[0])), "knows nothing of jinja2 2.4.1"),
         (answering("", CAUGHT), "no answer"),
         (["no-such-program"], "No such file"),
     ],

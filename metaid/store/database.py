@@ -56,10 +56,9 @@ DEFAULT_STORAGE = "metaid.db"
 SPEC_KEY = "metaid:study"
 JOINTS_KEY = "metaid:joints"
 MOST_JOINTS = 10_000  # of any plant: a DB that claims more was not written by metaid
-WriteCheck = Callable[
-    [sa.Connection, int], None
-]  # of a transaction about to write to a study, by its id: raises, or lets it
-SPOILED = ValueError, TypeError, LookupError, ArithmeticError  # what a row of another type or form comes to
+# Called with a transaction that is about to write to a study, and the study's id; raises where it must not.
+WriteCheck = Callable[[sa.Connection, int], None]
+SPOILED = ValueError, TypeError, LookupError, ArithmeticError  # what reading a row of another type or form raises
 
 _STUDY = sa.select(StudyModel.study_id).where(StudyModel.study_name == sa.bindparam("study"))
 
@@ -70,7 +69,7 @@ def storage_url(storage: str) -> str:
 
 
 def unchecked(connection: sa.Connection, study_id: int) -> None:
-    """Lets any transaction write: for who knows that no driver runs the study."""
+    """Allows any transaction to write: where no driver can be running the study."""
 
 
 class Store:
@@ -83,7 +82,7 @@ class Store:
         self.url = storage_url(self.shown)
         self._address = parsed_url(storage_url(storage))
         self.is_sqlite = self._address.get_backend_name() == "sqlite"
-        self._driver: Any = sqlite3  # whose errors are to be expected
+        self._driver: Any = sqlite3  # the module whose errors are translated
         with self._errors():
             self.optuna = open_storage(self._address, create)
         self._engine: sa.Engine = self.optuna.engine
@@ -152,7 +151,7 @@ class Store:
 
     @contextmanager
     def writing(self, name: str) -> Iterator[tuple[sa.Connection, int]]:
-        """A transaction in which nobody else takes or gives up the study, and the study's id."""
+        """A transaction during which no other program writes to the study or its lease, and the study's id."""
         with self._errors(), self._engine.begin() as connection:
             self._lock(connection, name)
             study_id = connection.scalar(_STUDY, {"study": name})
@@ -161,15 +160,15 @@ class Store:
             yield connection, study_id
 
     def _lock(self, connection: sa.Connection, name: str) -> None:
-        """Keeps others from writing to the study until the transaction ends; before anything of it is read."""
+        """Keeps other programs from writing to the study until the transaction ends; called before anything is read."""
         if self.is_sqlite:
             connection.exec_driver_sql("BEGIN IMMEDIATE")
         else:
             connection.execute(_STUDY.with_for_update(), {"study": name})
 
     def delete(self, name: str, write_check: WriteCheck) -> None:
-        """Deletes a study and its trials, if `write_check` lets it."""
-        self._study_id(name)  # refuses what is not metaid's
+        """Deletes a study and its trials, unless `write_check` raises."""
+        self._study_id(name)  # raises for a study that metaid did not make
         with self.writing(name) as (connection, study_id):
             write_check(connection, study_id)
             trials = sa.select(TrialModel.trial_id).where(TrialModel.study_id == study_id)
@@ -193,11 +192,19 @@ class Store:
         trials: Sequence[Trial],
         write_check: WriteCheck = unchecked,
     ) -> None:
-        """Adds finished `trials` in one transaction, if `write_check` lets it; factors are stored under the lumps'
-        `names` with their bounds (nlump).
+        """Adds finished trials in one transaction.
 
-        Raises StorageError, and writes nothing, if they would not follow the last trial: somebody else has written to
-        the study.
+        Args:
+            name: the study's.
+            names: under which the factors are stored (nsearched).
+            low: the least that each factor may be (nsearched).
+            high: the largest that each factor may be (nsearched).
+            trials: in order; the first follows the last one in the DB.
+            write_check: called within the transaction, before anything is written; raises where it must not be.
+
+        Raises:
+            StorageError: where the trials do not follow the last one: another program has written to the study.
+                Nothing is written then.
         """
         distributions = [
             distribution_to_json(FloatDistribution(a, b)) for a, b in zip(low.tolist(), high.tolist(), strict=True)
@@ -209,7 +216,7 @@ class Store:
             if count != trials[0].number:
                 raise StorageError(
                     f"study '{name}' has {count} trials where {trials[0].number} were expected: "
-                    "somebody else has written to it"
+                    "another program has written to it"
                 )
             self._insert(connection, TrialModel, head_rows(study_id, trials))
             ids = list(connection.scalars(IDS_AFTER, {"study_id": study_id, "last_id": last_id}))

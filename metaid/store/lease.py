@@ -1,8 +1,8 @@
 """Who runs a study: one driver at a time, known to all who share the DB.
 
-A lease is a system attribute of the study, taken and given up in a transaction of its own, and shown to be still held
-in the same transaction as every write. A driver that is dead does not hold it: on the machine that it ran on its
-process is looked for, on another its heartbeat has to be older than EXPIRY.
+A lease is a system attribute of the study. It is taken and given up in a transaction of its own, and renewed in the
+transaction of every write. A dead driver does not hold it: on the machine that it ran on its process is gone, and on
+another its heartbeat is older than EXPIRY.
 """
 
 from __future__ import annotations
@@ -40,8 +40,10 @@ _release = sa.delete(_attribute).where(*_ours)
 
 
 class Driver(BaseModel):
-    """Who holds a lease: `machine` names the running kernel and its process table, empty where there is no telling;
-    `started` is when its process did, in that kernel's ticks; `since` and `heartbeat` are by the DB's clock.
+    """Who holds a lease.
+
+    `machine` names the running kernel and its process table; it is empty where the system does not say. `started` is
+    when the process started, in that kernel's ticks. `since` and `heartbeat` are by the DB's clock.
     """
 
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid")
@@ -57,7 +59,7 @@ class Driver(BaseModel):
     def lives(self, now: datetime) -> bool:
         """Whether it may still be at work."""
         if self.machine and self.machine == _machine():
-            # This very process knows its own leases: one that it could not give up must not shut it out.
+            # This process knows its own leases: one that it could not give up must not keep it from its study.
             own = self.pid == os.getpid()
             return _started(self.pid) == self.started and (not own or self.token in Lease.held_here)
         return abs(now - self.heartbeat) < timedelta(seconds=EXPIRY)
@@ -107,7 +109,7 @@ class Lease:
         self._over.set()
         self._pulse.join()
         Lease.held_here.discard(self._driver.token)
-        # What cannot be given up now is free as soon as this process has ended, or takes it again.
+        # A lease that cannot be given up now is free once this process has ended, and to this process itself.
         with contextlib.suppress(StorageError), self._store.writing(self._name) as (connection, study_id):
             connection.execute(_release, self._values(study_id))
 
@@ -129,7 +131,7 @@ class Lease:
     def _beat(self) -> None:
         """Shows every now and then that this driver is alive, however long its generations take."""
         while not self._over.wait(INTERVAL):
-            # What is wrong is describe by the next write, which cannot do without.
+            # The next write needs the DB too, and says what is wrong with it.
             with contextlib.suppress(StorageError), self._store.writing(self._name) as (connection, study_id):
                 self.renew(connection, study_id)
 

@@ -1,6 +1,6 @@
-"""How a trial lies in the tables of an Optuna study DB: the rows that it is written as, and columns read back.
+"""The rows that a trial is written as in the tables of an Optuna study DB, and the columns that are read back.
 
-Statements and rows only; who holds the connection, and when a transaction ends, is `store`'s business.
+Statements and rows only; connections and transactions are those of `Store`.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def read_table(
 
 
 def _read_failures(connection: sa.Connection, study_id: int) -> list[tuple[float, str | None]]:
-    """What the searcher was told of each failed trial, and why it failed."""
+    """The value that the searcher got for each failed trial, and why it failed."""
     trial, value, attribute = TrialModel, TrialIntermediateValueModel, TrialUserAttributeModel
     query = (
         sa.select(value.intermediate_value, attribute.value_json)
@@ -99,7 +99,7 @@ def _read_failures(connection: sa.Connection, study_id: int) -> list[tuple[float
         .where(trial.study_id == study_id, trial.state == TrialState.FAIL, attribute.key == REASON)
         .order_by(trial.trial_id)
     )
-    return [(float(told), str(json.loads(reason))) for told, reason in connection.execute(query)]
+    return [(float(worst), str(json.loads(reason))) for worst, reason in connection.execute(query)]
 
 
 def read_outcomes(
@@ -117,10 +117,10 @@ def read_outcomes(
     if not (len(counts) == len(states) and len(failures) == failed and len(values) == len(states) - failed):
         return []
     by_state = {True: iter(failures), False: iter([(value, None) for value in values[:, 0].tolist()])}
-    told = [next(by_state[state == TrialState.FAIL]) for state in states]
+    results = [next(by_state[state == TrialState.FAIL]) for state in states]
     return [
         (generation, Outcome(value, state != TrialState.COMPLETE, steps, tuple(periods), failure))
-        for state, (value, failure), (generation, steps, *periods) in zip(states, told, counts.tolist(), strict=True)
+        for state, (value, failure), (generation, steps, *periods) in zip(states, results, counts.tolist(), strict=True)
     ]
 
 

@@ -1,5 +1,5 @@
-"""A study DB on a database server: its URL without the password, how it is connected to, how its tables are made by
-one program at a time, and when it does not answer.
+"""A study DB on a database server: its URL without the password, the connection, tables that one program at a time
+makes, and whether the server answers.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from metaid.errors import StorageError
 from metaid.store.sqlite import TABLES
 
 PATIENT = {"connect_timeout": 10, "keepalives_idle": 30, "keepalives_interval": 10, "keepalives_count": 3}  # s
-LONGEST_SILENCE = 60  # s: in a transaction, in waiting for somebody else's, and for what was sent to arrive
-LOUD = "psycopg", "sqlalchemy.pool"  # they log, with tracebacks, that a connection is lost: the error tells it already
+LONGEST_SILENCE = 60  # s in a transaction, in waiting for another one, and until what was sent has arrived
+LOUD = "psycopg", "sqlalchemy.pool"  # they log a traceback where a connection is lost; the error says so already
 MAKING_TABLES = 0x6D657461  # an advisory lock's number: any, but the same for all who make them
 
 
@@ -85,7 +85,7 @@ def checked_tables(url: sa.URL, create: bool) -> Iterator[bool]:
 
 
 def end_when_silent(connection: Any, _record: Any) -> None:
-    """Has PostgreSQL give up a transaction whose program no longer says anything, and one that waits for such."""
+    """Makes PostgreSQL end a transaction whose program is silent for too long, and one that waits for its lock."""
     with closing(connection.cursor()) as cursor:
         for setting in ("idle_in_transaction_session_timeout", "lock_timeout"):
             cursor.execute(f"SET {setting} = '{LONGEST_SILENCE}s'")

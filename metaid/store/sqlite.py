@@ -1,4 +1,4 @@
-"""How a study DB in an SQLite file is opened, and what is describe of one that cannot be read or written."""
+"""How a study DB in an SQLite file is opened, and what is said of one that cannot be read or written."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def _check_version(connection: sqlite3.Connection, path: Path) -> None:
 
 def make_file(path: Path, fill: Callable[[Path], None]) -> None:
     """A new file at `path`, made whole by `fill` under another name first: one that is there has all its tables. One
-    that somebody else has made meanwhile is left alone.  Raises StorageError.
+    that another program has made meanwhile is left alone.  Raises StorageError.
     """
     partial = path.with_name(f".{path.name}.{os.getpid()}")
     try:

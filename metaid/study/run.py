@@ -84,7 +84,7 @@ def _run_stage(run: Run, evaluator: Evaluator, writer: Writer, watch: Callable[[
         if not problem.is_simulated:
             batch = batch[:1]  # a rig's episodes are dear: each is kept, whatever becomes of the next
         started = datetime.now(UTC).replace(tzinfo=None)
-        outcomes = evaluator.evaluate(batch, meanwhile=writer.write)
+        outcomes = evaluator.evaluate(batch, while_waiting=writer.write)
         completed = datetime.now(UTC).replace(tzinfo=None)
         trials = [
             Trial(run.number + i, run.generation, batch[i], outcome, started, completed, stage)

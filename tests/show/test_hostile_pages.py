@@ -150,8 +150,8 @@ from metaid.study.problem import Problem, load_study
 sys.path[:0] = ["tests", "tests/show"]
 from test_hostile_pages import listening
 problem = Problem(load_study("one-link-count"))
-with make_evaluator(problem, "ray", 1) as crew:
-    crew.evaluate(problem.start[None])
+with make_evaluator(problem, "ray", 1) as evaluator:
+    evaluator.evaluate(problem.start[None])
     print("LISTENING", json.dumps(sorted(listening(os.getpid()))))
 """
 

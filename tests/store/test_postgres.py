@@ -213,7 +213,7 @@ def test_commit_whose_answer_was_lost_is_not_done_twice(
 def test_server_that_does_not_come_back_is_given_up_in_one_line_that_says_how_to_go_on(
     server: Postgres, metaid: Metaid, url: str
 ) -> None:
-    """After the patience that was asked for: status 2; once it is back, the run goes on."""
+    """After the patience that was given: status 2; once it is back, the run goes on."""
     with closing(Store(url, create=True)) as store:
         create_study(store, load_study("three-link", LONG), "study")
     run = [*METAID, "study", "run", "study", "--quiet", "--patience", "1", "--storage", url]
@@ -228,26 +228,26 @@ def test_server_that_does_not_come_back_is_given_up_in_one_line_that_says_how_to
         server.start()
     assert process.returncode == 2
     assert len(said.splitlines()) == 1
-    assert "it was waited for for 1 s" in said
+    assert "no answer for 1 s" in said
     assert said.strip().endswith("go on with: metaid study run study")
     assert PASSWORD not in unquote(said)
     before = count(server, url)
-    told = re.search(r"(\d+) trials are in it", said)
-    assert told
-    assert int(told[1]) == before
+    written = re.search(r"(\d+) trials are in it", said)
+    assert written
+    assert int(written[1]) == before
     assert metaid("study", "run", "study", "--trials", str(before + 9), "--storage", url).status == 0
     assert count(server, url) == before + 9
 
 
 def test_interrupt_is_heard_while_a_server_is_waited_for(server: Postgres, store: Store, url: str) -> None:
-    """It leaves the DB at the trials that were told, and gives the study up as soon as it can."""
-    told: list[int] = []
+    """It leaves the DB at the trials that were shown, and gives the study up as soon as it can."""
+    shown: list[int] = []
 
     def interrupt(progress: Progress) -> None:
         if progress.generation == 3 and progress.waiting is None:
             server.stop()
         if progress.waiting is not None:
-            told.append(progress.trials)
+            shown.append(progress.trials)
             raise KeyboardInterrupt
 
     try:
@@ -255,7 +255,7 @@ def test_interrupt_is_heard_while_a_server_is_waited_for(server: Postgres, store
             run_study(store, "study", watch=interrupt)
     finally:
         server.start()
-    assert told == [count(server, url)]
+    assert shown == [count(server, url)]
     run_study(store, "study")
     assert count(server, url) == 90
 
@@ -290,7 +290,7 @@ def test_two_who_append_at_once_never_write_the_same_number(server: Postgres, st
     thread.join()
     assert count(server, url) == 1
     assert len(refused) == 1
-    assert "somebody else has written to it" in str(refused[0])
+    assert "another program has written to it" in str(refused[0])
 
 
 def test_second_driver_is_refused(server: Postgres, metaid: Metaid, url: str) -> None:
@@ -313,7 +313,7 @@ def test_second_driver_is_refused(server: Postgres, metaid: Metaid, url: str) ->
 
 
 def test_database_is_only_changed_when_a_study_is_made(server: Postgres, metaid: Metaid, url: str) -> None:
-    """Who looks for a study where there is none is told so, and leaves no table behind."""
+    """Who looks for a study where there is none reads so, and leaves no table behind."""
     for command in (["list"], ["run", "study"], ["show", "study"]):
         done = metaid("study", *command, "--storage", url)
         assert done.status == 2
@@ -376,7 +376,7 @@ def test_server_that_cannot_be_used_is_told_in_one_line_without_the_password(
 
 
 def test_missing_driver_is_one_line_that_names_the_extra(metaid: Metaid, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A server is not asked for this."""
+    """No server is needed for this."""
     monkeypatch.setitem(sys.modules, "psycopg", None)
     done = metaid("study", "list", "--storage", "postgresql://me:secret@127.0.0.1/studies")
     assert done.status == 2

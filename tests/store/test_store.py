@@ -216,8 +216,8 @@ def test_number_of_joints_that_cannot_be_is_refused(arm: Path, joints: str) -> N
 
 @pytest.mark.parametrize("number", [0, 2])
 def test_trials_that_do_not_follow_the_last_are_refused_and_none_is_written(arm: Path, number: int) -> None:
-    """Somebody else has written to the study meanwhile, or has taken trials away."""
+    """Another program has written to the study meanwhile, or has taken trials away."""
     store, trial = Store(str(arm)), Trial(number, 0, np.ones(1), Outcome(1.0, False, 9, (3, 4)))
-    with pytest.raises(StorageError, match=f"has 1 trials where {number} were expected: somebody else has written"):
+    with pytest.raises(StorageError, match=f"has 1 trials where {number} were expected: another program has written"):
         store.append("arm", ["load"], np.zeros(1), np.ones(1), [trial])
     assert store.count("arm") == 1

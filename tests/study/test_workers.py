@@ -24,7 +24,7 @@ from metaid.store.database import Store
 from metaid.study.create import create_study
 from metaid.study.evaluation import engines, ray_actors
 from metaid.study.evaluation.ray_actors import RayEvaluator
-from metaid.study.evaluation.shares import TRIES
+from metaid.study.evaluation.shares import LOSSES_ALLOWED
 from metaid.study.evaluation.threads import ThreadEvaluator
 from metaid.study.problem import Problem, load_study
 from metaid.study.run import run_study
@@ -71,22 +71,22 @@ def batch_of(problem: Problem) -> Array:
     return np.random.default_rng(0).uniform(0.5, 1.6, (12, len(problem.names)))
 
 
-def at_full_strength(crew: RayEvaluator, problem: Problem) -> RayEvaluator:
-    """The crew once all of its workers have started."""
-    while len(processes(crew)) < 2:
-        crew.evaluate(batch_of(problem))
-    return crew
+def at_full_strength(evaluator: RayEvaluator, problem: Problem) -> RayEvaluator:
+    """The evaluator once all of its workers have started."""
+    while len(processes(evaluator)) < 2:
+        evaluator.evaluate(batch_of(problem))
+    return evaluator
 
 
 def expected(problem: Problem) -> list[Outcome]:
     """What threads make of the batch."""
-    with ThreadEvaluator(problem, 1) as crew:
-        return crew.evaluate(batch_of(problem))
+    with ThreadEvaluator(problem, 1) as evaluator:
+        return evaluator.evaluate(batch_of(problem))
 
 
-def processes(crew: RayEvaluator) -> list[int]:
-    """Those of the crew's workers."""
-    return [hand.place[1] for hand in crew._hands if hand.place is not None]
+def processes(evaluator: RayEvaluator) -> list[int]:
+    """Those of the evaluator's workers."""
+    return [actor.location[1] for actor in evaluator._actors if actor.location is not None]
 
 
 def workers_here() -> set[int]:
@@ -97,8 +97,8 @@ def workers_here() -> set[int]:
 
 def test_workers_killed_at_work_are_replaced(node: Any, problem: Problem) -> None:
     """SIGKILL of both while they evaluate: every outcome is there, the same as any other's."""
-    with RayEvaluator(problem, 2, None) as crew:
-        killed = processes(at_full_strength(crew, problem))
+    with RayEvaluator(problem, 2, None) as evaluator:
+        killed = processes(at_full_strength(evaluator, problem))
         for process in killed:
             os.kill(process, signal.SIGSTOP)  # so that it will not have done its work when it is killed
 
@@ -106,31 +106,31 @@ def test_workers_killed_at_work_are_replaced(node: Any, problem: Problem) -> Non
             for process in killed:
                 os.kill(process, signal.SIGKILL)
 
-        assert crew.evaluate(batch_of(problem), meanwhile=kill) == expected(problem)
-        assert not set(killed) & set(processes(crew))
+        assert evaluator.evaluate(batch_of(problem), while_waiting=kill) == expected(problem)
+        assert not set(killed) & set(processes(evaluator))
 
 
 def test_worker_killed_while_it_starts_is_replaced(node: Any, problem: Problem) -> None:
     """Before it has said where it is, or been given anything."""
     before = workers_here()
-    with RayEvaluator(problem, 1, None, patience=30.0) as crew:
+    with RayEvaluator(problem, 1, None, patience=30.0) as evaluator:
         while not (killed := workers_here() - before):
             time.sleep(0.005)
         for process in killed:
             os.kill(process, signal.SIGKILL)
-        assert crew.evaluate(batch_of(problem)) == expected(problem)
-        assert not killed & set(processes(crew))
+        assert evaluator.evaluate(batch_of(problem)) == expected(problem)
+        assert not killed & set(processes(evaluator))
 
 
 def test_worker_that_hangs_is_replaced(node: Any, problem: Problem) -> None:
     """A stopped process is given up after a while and ended, so that another has its place."""
-    with RayEvaluator(problem, 2, None) as crew:
-        hanging = processes(at_full_strength(crew, problem))[0]
-        crew._patience = 3.0
+    with RayEvaluator(problem, 2, None) as evaluator:
+        hanging = processes(at_full_strength(evaluator, problem))[0]
+        evaluator._patience = 3.0
         os.kill(hanging, signal.SIGSTOP)
-        assert crew.evaluate(batch_of(problem)) == expected(problem)
-        assert hanging not in processes(crew)
-        at_full_strength(crew, problem)
+        assert evaluator.evaluate(batch_of(problem)) == expected(problem)
+        assert hanging not in processes(evaluator)
+        at_full_strength(evaluator, problem)
         with pytest.raises(ProcessLookupError):
             os.kill(hanging, 0)
 
@@ -156,16 +156,16 @@ def test_candidate_that_ends_its_worker_is_a_failure_and_the_search_goes_on(
     with monkeypatch.context() as patch:
         patch.setattr(ray_actors, "_Worker", Fatal)
         run_study(store, "failing", trials=13, engine="ray")
-    assert len(died.read_text()) == TRIES + 1
+    assert len(died.read_text()) == LOSSES_ALLOWED + 1
     run_study(store, "failing", trials=45)
     failing = results.trials_frame(store, "failing")
     assert failing["number"][failing["state"] == "FAIL"].tolist() == [5]
     reason = store.trials("failing", problem.names)[5].outcome.failure
-    assert reason == "it ended its worker's process, 3 times"
+    assert reason == "its worker's process ended, 3 times"
 
     class Uninterrupted(ThreadEvaluator):
-        def evaluate(self, batch: Array, meanwhile: Callable[[], None] = lambda: None) -> list[Outcome]:
-            outcomes = super().evaluate(batch, meanwhile)
+        def evaluate(self, batch: Array, while_waiting: Callable[[], None] = lambda: None) -> list[Outcome]:
+            outcomes = super().evaluate(batch, while_waiting)
             for i, candidate in enumerate(batch):
                 if np.array_equal(fatal, candidate):
                     outcomes[i] = problem.failed(reason)
@@ -206,10 +206,10 @@ def test_run_without_any_node_stops_in_one_line(
         cluster.remove_node(node)
     metaid("study", "create", "three-link", "--set", "trials=45")
     run_study(Store("metaid.db"), "three-link", trials=18)
-    monkeypatch.setattr(ray_actors, "ANNOUNCED", 1.0)
+    monkeypatch.setattr(ray_actors, "WARN_AFTER", 1.0)
     stopped = metaid("study", "run", "three-link", "--engine", "ray", "--patience", "3", "--quiet")
     assert stopped.status == 2
-    assert caplog.messages == ["no Ray worker is there: waiting for one, 3 s at most"]
+    assert caplog.messages == ["no Ray worker yet: waiting for one, 3 s at most"]
     how = "18 trials are in metaid.db; go on with: metaid study run three-link"
     assert stopped.err == f"metaid: no Ray worker for 3 s; {how}\n"
     assert metaid("study", "run", "three-link", "--quiet").status == 0

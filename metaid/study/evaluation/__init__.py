@@ -1,8 +1,9 @@
-"""Who evaluates a generation: threads on this machine, or Ray actors on this one or on a cluster."""
+"""What evaluates a generation: threads on this machine, or Ray actors on this machine or on a cluster."""
 
 from metaid.study.evaluation.engines import make_evaluator
+from metaid.study.evaluation.evaluator import Evaluator
 from metaid.study.evaluation.ray_actors import RayEvaluator
-from metaid.study.evaluation.threads import Evaluator, ThreadEvaluator
+from metaid.study.evaluation.threads import ThreadEvaluator
 
 __all__ = [
     "Evaluator",

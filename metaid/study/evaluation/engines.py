@@ -1,10 +1,11 @@
-"""The crews by the name of their engine."""
+"""Evaluators by the name of their engine."""
 
 from __future__ import annotations
 
 from metaid.errors import StudyError, unknown
-from metaid.study.evaluation.ray_actors import PATIENCE, RayEvaluator
-from metaid.study.evaluation.threads import Evaluator, ThreadEvaluator
+from metaid.study.evaluation.evaluator import Evaluator
+from metaid.study.evaluation.ray_actors import WORKER_PATIENCE, RayEvaluator
+from metaid.study.evaluation.threads import ThreadEvaluator
 from metaid.study.problem import Problem
 
 ENGINES = ("local", "ray")
@@ -13,8 +14,17 @@ ENGINES = ("local", "ray")
 def make_evaluator(
     problem: Problem, engine: str, workers: int, ray_address: str | None = None, patience: float | None = None
 ) -> Evaluator:
-    """A crew by engine name; Ray's has `patience` (s) with its workers.  Raises StudyError, naming the allowed
-    ones.
+    """An evaluator of a problem's candidates.
+
+    Args:
+        problem: whose candidates it evaluates.
+        engine: "local" for threads of this process, "ray" for Ray actors.
+        workers: how many threads or actors.
+        ray_address: of a running Ray cluster; None starts Ray on this machine's loopback.
+        patience: s without an answer after which a Ray actor is replaced; None for WORKER_PATIENCE.
+
+    Raises:
+        StudyError: for an unknown engine, an address without Ray, or a cluster that cannot be joined.
     """
     if engine not in ENGINES:
         raise StudyError(unknown("engine", engine, ENGINES))
@@ -22,4 +32,4 @@ def make_evaluator(
         raise StudyError("a Ray address needs the engine 'ray'")
     if engine == "local":
         return ThreadEvaluator(problem, workers)
-    return RayEvaluator(problem, workers, ray_address, PATIENCE if patience is None else patience)
+    return RayEvaluator(problem, workers, ray_address, WORKER_PATIENCE if patience is None else patience)

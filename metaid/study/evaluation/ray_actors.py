@@ -1,7 +1,7 @@
-"""Ray actors as a crew, on this machine or on a cluster.
+"""Ray actors as workers, on this machine or on a cluster.
 
-Actors come and go: they are given work as soon as they are placed, and one that dies, or does not answer in time, is
-replaced while the others go on with its candidates (`shares`).
+Actors come and go: each is given work as soon as it has started. One that dies, or that does not answer in time, is
+replaced, and the others evaluate its candidates (`shares`).
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from typing import Any
 from metaid.episode import Outcome
 from metaid.errors import MetaidError, StudyError, WorkerError
 from metaid.models import Array
+from metaid.study.evaluation.evaluator import MOST_SHARED, do_nothing
 from metaid.study.evaluation.ray_private import ray_on_loopback
 from metaid.study.evaluation.shares import Share, Shares
-from metaid.study.evaluation.threads import SHARED, nothing
 from metaid.study.problem import Problem
 from metaid.study.settings import StudySpec
 
-PATIENCE = 120.0  # s
-SLOWER = 100.0  # times the slowest candidate so far: so long a worker may take, be it beyond its patience
-TICK = 1.0  # s between two looks at the workers
-ANNOUNCED = 10.0  # s without a worker, after which it is said: Ray needs some 5 to start
+WORKER_PATIENCE = 120.0  # s without an answer after which a worker is replaced
+SLOWDOWN_ALLOWED = 100.0  # times what the slowest candidate so far took: a worker may take as long, past its patience
+POLL_INTERVAL = 1.0  # s for which answers are waited for at most before the time limits are checked
+WARN_AFTER = 10.0  # s without any worker, after which a warning is logged: Ray needs some 5 to start one
 
 TOKEN = Path.home() / ".ray" / "auth_token"
 
@@ -37,25 +37,42 @@ log = logging.getLogger("metaid")
 
 @dataclass(eq=False)
 class _Actor:
-    """An actor; what it is `at`, first its start; the `share` that it has; how long it was `watched` at it (s); the
-    node and process where it is, once it has started.
+    """A Ray actor as the driver sees it.
+
+    Attributes:
+        handle: by which it is called.
+        call: the call that it has not yet answered, at first for its location; None where it is idle.
+        share: what it evaluates; None where it has no work.
+        busy: s for which the driver has watched it at its share.
+        location: its node and its process, once it has started.
     """
 
-    actor: Any
-    at: Any
+    handle: Any
+    call: Any
     share: Share | None = None
-    watched: float = 0.0
-    place: tuple[str, int] | None = None
+    busy: float = 0.0
+    location: tuple[str, int] | None = None
 
 
 class RayEvaluator:
-    """Ray actors, each with an objective; a batch is sent in one call per actor.
+    """Ray actors, each with an objective, and so a plant, of its own; a share of a batch is sent in one call.
 
-    A worker that takes longer than `patience` (s) for its share is replaced, or longer than SLOWER times what the
-    slowest candidates so far would have taken; for as long a batch waits while there is no worker at all.
+    An actor is replaced that takes longer for its share than `patience` (s), and than SLOWDOWN_ALLOWED times what the
+    slowest candidates so far would have taken. A batch waits for `patience` at most while there is no actor at all.
     """
 
-    def __init__(self, problem: Problem, workers: int, address: str | None, patience: float = PATIENCE) -> None:
+    def __init__(self, problem: Problem, workers: int, address: str | None, patience: float = WORKER_PATIENCE) -> None:
+        """Starts Ray, unless it runs in this process already, and asks it for actors.
+
+        Args:
+            problem: whose candidates are evaluated.
+            workers: how many actors, of one core each.
+            address: of a running cluster; None starts Ray on this machine's loopback.
+            patience: s without an answer.
+
+        Raises:
+            StudyError: where the cluster cannot be joined, or Ray cannot be kept to loopback.
+        """
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
         if address is not None and (TOKEN.exists() or {"RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH"} & set(os.environ)):
@@ -64,109 +81,126 @@ class RayEvaluator:
 
         self._ray: Any = ray
         self._problem = problem
-        self._asked = problem.spec.model_dump_json(), problem.found
-        self._workers = workers
+        self._worker_arguments = problem.spec.model_dump_json(), problem.found
+        self._worker_count = workers
         self._patience = patience
-        self._slowest = 0.0  # s a candidate
-        self._without = 0.0  # s without any worker
-        self._why = ""
-        self._hands: list[_Actor] = []
-        self._started_here = not ray.is_initialized()
-        if self._started_here:
+        self._slowest_candidate = 0.0  # s
+        self._without_worker = 0.0  # s
+        self._last_error = ""  # of an actor that was lost
+        self._actors: list[_Actor] = []
+        self._started_ray = not ray.is_initialized()
+        if self._started_ray:
             _start_ray(ray, workers, address)
-        self._hire()
+        self._start_missing_actors()
 
-    def evaluate(self, batch: Array, meanwhile: Callable[[], None] = nothing) -> list[Outcome]:
-        """Raises WorkerError where there was no worker for too long."""
-        shares = Shares(self._problem, len(batch), max(self._workers, -(-len(batch) // SHARED)))
-        self._hand_out(shares, batch)
-        meanwhile()
+    def evaluate(self, batch: Array, while_waiting: Callable[[], None] = do_nothing) -> list[Outcome]:
+        """Outcomes of a `batch` of factors (ncandidate x nsearched), in its order.  Raises WorkerError where there was
+        no worker for too long.
+        """
+        shares = Shares(self._problem, len(batch), max(self._worker_count, -(-len(batch) // MOST_SHARED)))
+        self._assign(shares, batch)
+        while_waiting()
         while shares.outcomes is None:
-            self._watch(shares)
-            self._hand_out(shares, batch)
+            self._wait_for_answers(shares)
+            self._assign(shares, batch)
         return shares.outcomes
 
-    def _hire(self) -> None:
-        actor: Any = self._ray.remote(num_cpus=1)(_Worker)
-        while len(self._hands) < self._workers:
-            hired = actor.remote(*self._asked)
-            self._hands.append(_Actor(hired, hired.place.remote()))
+    def _start_missing_actors(self) -> None:
+        remote_class: Any = self._ray.remote(num_cpus=1)(_Worker)
+        while len(self._actors) < self._worker_count:
+            handle = remote_class.remote(*self._worker_arguments)
+            self._actors.append(_Actor(handle, call=handle.location.remote()))
 
-    def _hand_out(self, shares: Shares, batch: Array) -> None:
-        for hand in self._hands:
-            if hand.at is None and (share := shares.take()) is not None:
-                hand.share, hand.watched = share, 0.0
-                hand.at = hand.actor.evaluate.remote(batch[list(share.candidates)])
+    def _assign(self, shares: Shares, batch: Array) -> None:
+        """Gives every idle actor a share, as long as there are any."""
+        for actor in self._actors:
+            if actor.call is None and (share := shares.take()) is not None:
+                actor.share, actor.busy = share, 0.0
+                actor.call = actor.handle.evaluate.remote(batch[list(share.candidates)])
 
-    def _watch(self, shares: Shares) -> None:
-        """Waits until a worker has something to say, but not for long, and takes in all that is said."""
-        before = time.monotonic()
-        speaking = {hand.at: hand for hand in self._hands if hand.at is not None}
-        self._ray.wait(list(speaking), timeout=TICK)
-        said, _ = self._ray.wait(list(speaking), num_returns=len(speaking), timeout=0.0)
-        # A driver that was stopped itself has not watched, and must not blame its workers.
-        watched = min(time.monotonic() - before, 2.0 * TICK)
-        for call in said:
-            self._listen(speaking[call], shares)
-        for hand in [hand for hand in self._hands if hand.share is not None]:
-            hand.watched += watched
-            if hand.watched > self._longest(hand):
-                self._end(hand)
-                self._lose(hand, shares, f"it took its worker longer than {self._longest(hand):.0f} s")
-        self._wait_for_any(watched)
-        if not said:
-            self._hire()  # not more often, or a worker that cannot start would be started all the time
+    def _wait_for_answers(self, shares: Shares) -> None:
+        """Waits for an answer, but not for long; takes in all that have come, and replaces actors that are too slow."""
+        begun = time.monotonic()
+        by_call = {actor.call: actor for actor in self._actors if actor.call is not None}
+        self._ray.wait(list(by_call), timeout=POLL_INTERVAL)
+        answered, _ = self._ray.wait(list(by_call), num_returns=len(by_call), timeout=0.0)
+        # A driver that was itself stopped for a while did not watch its actors, and must not count that time.
+        elapsed = min(time.monotonic() - begun, 2.0 * POLL_INTERVAL)
+        for call in answered:
+            self._receive(by_call[call], shares)
+        for actor in [actor for actor in self._actors if actor.share is not None]:
+            actor.busy += elapsed
+            if actor.busy > self._time_limit(actor):
+                self._kill_process(actor)
+                self._remove(actor, shares, f"no answer from its worker for {self._time_limit(actor):.0f} s")
+        self._count_time_without_worker(elapsed)
+        if not answered:
+            # Not more often: an actor that cannot start would be started all the time.
+            self._start_missing_actors()
 
-    def _longest(self, hand: _Actor) -> float:
-        size = len(hand.share.candidates) if hand.share is not None else 0
-        return max(self._patience, SLOWER * self._slowest * size)
+    def _time_limit(self, actor: _Actor) -> float:
+        """How long an actor may take for its share, in s."""
+        candidates = len(actor.share.candidates) if actor.share is not None else 0
+        return max(self._patience, SLOWDOWN_ALLOWED * self._slowest_candidate * candidates)
 
-    def _listen(self, hand: _Actor, shares: Shares) -> None:
+    def _receive(self, actor: _Actor, shares: Shares) -> None:
+        """Takes in an actor's answer.  Raises what a candidate raises wherever it is evaluated."""
         errors = self._ray.exceptions
         try:
-            answer = self._ray.get(hand.at)
-        except errors.RayTaskError as problem:  # an error in Python is the same wherever it is run
+            answer = self._ray.get(actor.call)
+        except errors.RayTaskError as problem:
             if isinstance(problem.cause, MetaidError):
                 raise problem.cause from None
             raise
         except errors.RayError as problem:
-            self._lose(hand, shares, "it ended its worker's process", problem)
+            self._remove(actor, shares, "its worker's process ended", problem)
             return
-        if hand.share is None:
-            hand.place = answer
+        if actor.share is None:
+            actor.location = answer
         else:
             outcomes, seconds = answer
-            shares.done(hand.share, outcomes)
-            self._slowest = max(self._slowest, seconds)
-        hand.at = hand.share = None
+            shares.finish(actor.share, outcomes)
+            self._slowest_candidate = max(self._slowest_candidate, seconds)
+        actor.call = actor.share = None
 
-    def _lose(self, hand: _Actor, shares: Shares, reason: str, problem: Exception | None = None) -> None:
-        self._hands.remove(hand)
-        self._ray.kill(hand.actor)
-        self._why = reason if problem is None else (str(problem).strip().splitlines() or [reason])[-1].strip()
-        if hand.share is not None:
+    def _remove(self, actor: _Actor, shares: Shares, reason: str, problem: Exception | None = None) -> None:
+        """Gives an actor up.
+
+        Args:
+            actor: that is lost.
+            shares: where its share goes back to.
+            reason: why its candidates were not evaluated, for the user.
+            problem: what Ray said of it, if anything.
+        """
+        self._actors.remove(actor)
+        self._ray.kill(actor.handle)
+        self._last_error = reason if problem is None else (str(problem).strip().splitlines() or [reason])[-1].strip()
+        if actor.share is not None:
             log.warning("a Ray worker was lost: its candidates are evaluated again")
-            shares.lose(hand.share, reason)
-            self._hire()
+            shares.lose(actor.share, reason)
+            self._start_missing_actors()
 
-    def _end(self, hand: _Actor) -> None:
-        """Ends a process that does not answer: Ray only asks it to end, and would keep its place for it."""
-        assert hand.place is not None, "only one that has started can have a share"
-        node, process = hand.place
+    def _kill_process(self, actor: _Actor) -> None:
+        """Kills a process that does not answer: Ray only asks it to end, and would keep its place for it."""
+        assert actor.location is not None, "only an actor that has started can have a share"
+        node, process = actor.location
         from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
-        killer: Any = self._ray.remote(num_cpus=0, scheduling_strategy=NodeAffinitySchedulingStrategy(node, soft=False))
-        killer(_kill).remote(process)
+        on_node: Any = self._ray.remote(
+            num_cpus=0, scheduling_strategy=NodeAffinitySchedulingStrategy(node, soft=False)
+        )
+        on_node(_kill).remote(process)
 
-    def _wait_for_any(self, watched: float) -> None:
-        before, self._without = self._without, self._without + watched
-        if any(hand.place is not None for hand in self._hands):
-            self._without = 0.0
-        elif self._without > self._patience:
-            why = f" ({self._why[:200]})" if self._why else ""
-            raise WorkerError(f"no Ray worker for {self._patience:.0f} s{why}")
-        elif before <= ANNOUNCED < self._without:
-            log.warning("no Ray worker is there: waiting for one, %.0f s at most", self._patience)
+    def _count_time_without_worker(self, elapsed: float) -> None:
+        """Raises WorkerError where no actor has been there for longer than the patience."""
+        before, self._without_worker = self._without_worker, self._without_worker + elapsed
+        if any(actor.location is not None for actor in self._actors):
+            self._without_worker = 0.0
+        elif self._without_worker > self._patience:
+            cause = f" ({self._last_error[:200]})" if self._last_error else ""
+            raise WorkerError(f"no Ray worker for {self._patience:.0f} s{cause}")
+        elif before <= WARN_AFTER < self._without_worker:
+            log.warning("no Ray worker yet: waiting for one, %.0f s at most", self._patience)
 
     def __enter__(self) -> RayEvaluator:
         return self
@@ -174,9 +208,9 @@ class RayEvaluator:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        for hand in self._hands:
-            self._ray.kill(hand.actor)
-        if self._started_here:
+        for actor in self._actors:
+            self._ray.kill(actor.handle)
+        if self._started_ray:
             self._ray.shutdown()
 
 
@@ -185,20 +219,20 @@ class _Worker:
 
     def __init__(self, spec: str, found: Array | None) -> None:
         self._objective = Problem(StudySpec.model_validate_json(spec), found).make_objective()
-        self._warm = False
+        self._is_compiled = False
 
-    def place(self) -> tuple[str, int]:
+    def location(self) -> tuple[str, int]:
         """Its node and its process."""
         import ray
 
         return ray.get_runtime_context().get_node_id(), os.getpid()
 
     def evaluate(self, batch: Array) -> tuple[list[Outcome], float]:
-        """Outcomes, and the processor seconds that a candidate took; 0 at first, when loops are still compiled."""
-        begun, warm, self._warm = time.process_time(), self._warm, True
+        """Outcomes, and the processor time that a candidate took, in s; 0 of the first batch, which compiles loops."""
+        begun, was_compiled, self._is_compiled = time.process_time(), self._is_compiled, True
         shared = self._objective.share(batch)
         self._objective.work_on(shared)
-        seconds = (time.process_time() - begun) / len(batch) if warm else 0.0
+        seconds = (time.process_time() - begun) / len(batch) if was_compiled else 0.0
         return self._objective.outcomes(shared), seconds
 
 
