@@ -293,25 +293,6 @@ def test_two_who_append_at_once_never_write_the_same_number(server: Postgres, st
     assert "another program has written to it" in str(refused[0])
 
 
-def test_second_driver_is_refused(server: Postgres, metaid: Metaid, url: str) -> None:
-    """Who runs it since when, in one line."""
-    with closing(Store(url, create=True)) as store:
-        create_study(store, load_study("three-link", LONG), "study")
-    run = [*METAID, "study", "run", "study", "--quiet", "--storage", url]
-    with subprocess.Popen(run, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        try:
-            while count(server, url) == 0:
-                assert process.poll() is None
-                time.sleep(0.02)
-            done = metaid("study", "run", "study", "--storage", url)
-        finally:
-            process.kill()
-    assert done.status == 2
-    assert done.err.startswith(f"metaid: study 'study' is being run by process {process.pid} on this machine since")
-    before = count(server, url)
-    assert metaid("study", "run", "study", "--trials", str(before + 9), "--storage", url).status == 0
-
-
 def test_database_is_only_changed_when_a_study_is_made(server: Postgres, metaid: Metaid, url: str) -> None:
     """Who looks for a study where there is none reads so, and leaves no table behind."""
     for command in (["list"], ["run", "study"], ["show", "study"]):
