@@ -12,8 +12,10 @@ from metaid.search.coordinates import Coordinates
 
 @dataclass(frozen=True, kw_only=True)
 class BodyCoordinates(Coordinates):
-    """The searcher moves in log m and in the logit of c / l, measured from the factors `origin` (2 nlink): whatever it
-    proposes has a positive mass, and a centre of mass on its link.  Factors are kept between `low` and `high`.  Eq. 21.
+    """The searcher moves in log m and in the logit of c / l, measured from the factors `origin` (2 nlink).  Eq. 21.
+
+    So every candidate has positive masses, and each centre of mass is on its link. Factors are kept between `low` and
+    `high`.
     """
 
     bodies: Bodies
@@ -72,6 +74,13 @@ class BodySpace:
 
 
 def body_space(nominal: Chain, start: Array, low: Array, high: Array) -> BodySpace:
-    """The space about the nominal links, with centres of mass on their links whatever `high` says."""
+    """The space about the nominal links.
+
+    Args:
+        nominal: the links that are believed.
+        start: factors (2 nlink) to start from.
+        low: bounds of the factors (2 nlink).
+        high: bounds of the factors (2 nlink); those of centres of mass are lowered to where these are on their link.
+    """
     bodies = bodies_of(nominal)
     return BodySpace(bodies, start, low, np.minimum(high, bodies.farthest))

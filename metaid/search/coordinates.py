@@ -1,8 +1,8 @@
 """Changes of coordinates between what a searcher moves in and the factors that are tried and stored.
 
-`plain`: the factors themselves. `nominal-metric`: factor = start + L z, where L Lᵀ ∝ H⁻¹ and H is what the nominal
-model alone says of how the spectral measure grows away from exact compensation: in z the landscape is nearly round,
-whatever the number of links.
+`plain`: the factors themselves. `nominal-metric`: factor = start + L z, with L Lᵀ ∝ H⁻¹. By H the nominal model alone
+says how the spectral measure grows away from exact compensation. In z the landscape is nearly round, whatever the
+number of links.
 """
 
 from __future__ import annotations
@@ -14,9 +14,7 @@ import numpy as np
 from metaid.errors import EpisodeError
 from metaid.models import Array
 
-LEAST_SENSITIVITY = (
-    1e-12  # relative to the largest; below it a combination of lumps cannot be told from its nominal value
-)
+LEAST_SENSITIVITY = 1e-12  # relative to the largest; a combination of lumps with less cannot be determined
 
 
 @dataclass(frozen=True)
@@ -60,10 +58,16 @@ def plain_coordinates(start: Array, low: Array, high: Array) -> Coordinates:
 
 
 def nominal_metric(h: Array, start: Array, low: Array, high: Array) -> Coordinates:
-    """Coordinates in which the spectral measure, of sensitivity `h` (nlump x nlump), is round: least determined factor
-    at unit spread.  Eq. 12.
+    """Coordinates in which the spectral measure is round, with the least determined factor at unit spread.  Eq. 12.
 
-    `start`, `low`, `high` (nlump).  Raises EpisodeError where the pushes tell nothing of some combination of lumps.
+    Args:
+        h: the measure's sensitivity (nlump x nlump), in rad²/s².
+        start: factors at z = 0 (nlump).
+        low: bounds of the factors (nlump).
+        high: bounds of the factors (nlump).
+
+    Raises:
+        EpisodeError: the pushes do not determine some combination of lumps.
     """
     values, vectors = np.linalg.eigh(h)
     if not values[0] > LEAST_SENSITIVITY * values[-1]:

@@ -1,7 +1,7 @@
 """A quasi-Newton searcher for measures that are smooth: few trials where nothing is noisy.
 
 In the nominal model's metric the squared spectral measure is nearly κ |z − z*|², with κ known before any trial. So the
-distance to the truth can be read off the measure, and only the direction is missing. Two kinds of generation alternate:
+measure gives the distance to the truth, and only the direction is missing. Two kinds of generation alternate:
 `slope`, one candidate along each of nlump random directions about the best one, for the gradient; and `step`, the
 quasi-Newton step at several lengths, within a trust region. The curvature starts at κ and is updated by damped BFGS
 (Nocedal and Wright, Numerical Optimization, 2nd ed., procedure 18.2). As long as nothing has survived, candidates are
@@ -23,7 +23,7 @@ from metaid.search.searcher import StepOptions
 
 STEP_LENGTHS = (1.0, 0.5, 0.25, 0.1)
 SLOPE_REACH = 0.05  # of the distance to the truth: how far candidates for the gradient are from the best one
-FEWEST_BLIND = 6
+FEWEST_BLIND = 6  # candidates of a generation as long as nothing has survived, which is called blind
 BLIND_GROWTH = 1.3  # of the spread, from one generation without a survivor to the next
 DAMPING = 0.1  # of the expected change of the slope along a step: an update with less is damped
 FLATTEST = 0.02  # of κ: no direction is taken for flatter than that

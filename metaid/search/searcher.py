@@ -1,7 +1,7 @@
 """What every searcher answers to: ask for a generation, tell what became of it.
 
-A generation's size belongs to the study, not to the number of workers, so the trials are the same whoever evaluates
-them. Falls carry values above every survivor's (Eq. 13); searchers that can be told of a fall as such are.
+A generation's size belongs to the study, not to the number of workers. So the trials are the same whoever evaluates
+them. A fall has a value above every survivor's (Eq. 13). Searchers that know falls as such are told of them.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Searcher(Protocol):
 
     @property
     def spread(self) -> float | None:
-        """How widely it still looks about, in its own coordinates; None where it has no such number."""
+        """How far its next candidates are apart, roughly and in its own coordinates; None where it does not know."""
 
     def ask(self) -> Array:
         """The next generation's factors (ncandidate x nlump)."""

@@ -11,7 +11,6 @@ from metaid.models import IDEAL, Array, Chain, compensation_basis
 from metaid.search.coordinates import LEAST_SENSITIVITY
 
 DESIGNS = 64  # push sets that a designed one is the best of
-
 SAMPLES = 40  # of the coasting motion after each push
 
 
@@ -24,11 +23,18 @@ def sensitivity(
     stiffness: float = 0.0,
 ) -> Array:
     """H (nlump x nlump), in rad²/s²: near exact compensation (2π spectral_hz)² = δᵀ H δ, with δ the error of the
-    factors of the lumps of these `kinds`.  Eq. 11.
+    factors.  Eq. 11.
 
-    At exact compensation every push coasts, φ(t) = ω t, or with a `stiffness` k (1/s²) swings, φ(t) = ω sin(√k t)/√k,
-    so the motion about which H is taken needs no simulation. `start_speeds` (npush x nlink): absolute link speeds after
-    each push, in rad/s; `horizon` in s.
+    The motion about which H is taken needs no simulation. At exact compensation every push coasts, φ(t) = ω t. With a
+    stiffness k it oscillates, φ(t) = ω sin(√k t)/√k.
+
+    Args:
+        nominal: the links that are believed.
+        gravity: in m/s².
+        start_speeds: absolute link speeds after each push (npush x nlink), in rad/s.
+        horizon: how long each push is watched, in s.
+        kinds: of the lumps whose factors δ is of.
+        stiffness: k of the second stage, in 1/s²; 0 where the pendulum coasts.
     """
     times = (np.arange(SAMPLES) + 0.5) * horizon / SAMPLES
     rate = np.sqrt(stiffness)
@@ -56,10 +62,20 @@ def designed_speeds(
 ) -> Array:
     """Absolute link speeds (count x nlink), in rad/s, of the best of many rich push sets, by the nominal model.
 
-    Best is the set whose least determined lump is determined best: the least largest diagonal element of H⁻¹ (Eq. 14).
+    The best set is the one that determines its least determined lump best: its largest diagonal element of H⁻¹ is the
+    least of all sets'.  Eq. 14.
+
+    Args:
+        nominal: the links that are believed.
+        gravity: in m/s².
+        count: pushes of a set.
+        peak_speed: of the fastest link after a push, in rad/s.
+        horizon: how long each push is watched, in s.
+        seed: of the sets.
+        kinds: of the lumps that are to be determined.
     """
 
-    def coarsest(speeds: Array) -> float:
+    def worst(speeds: Array) -> float:
         values, vectors = np.linalg.eigh(sensitivity(nominal, gravity, speeds, horizon, kinds))
         if not values[0] > LEAST_SENSITIVITY * values[-1]:
             return np.inf
@@ -67,4 +83,4 @@ def designed_speeds(
 
     seeds = np.random.default_rng(seed).integers(2**32, size=DESIGNS)
     sets = [peak_speed * rich_speeds(nominal.nlink, count, int(drawn)) for drawn in seeds]
-    return min(sets, key=coarsest)
+    return min(sets, key=worst)
