@@ -14,8 +14,8 @@ import pytest
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "metaid"
 # From the lowest to the highest; a package imports only those before it.
-ORDER = ("errors", "files", "models", "plant", "episode", "compiled", "search", "store", "study", "results", "show")
-ORDER += ("paper", "api", "cli")
+ORDER = ("errors", "files", "models", "plant", "episode", "compiled", "estimation", "search", "store", "study")
+ORDER += ("results", "show", "paper", "api", "cli")
 PACKAGES = tuple(name for name in ORDER if (PACKAGE / name).is_dir())
 # What must not be loaded by importing a package.
 ABSENT = {
@@ -23,6 +23,7 @@ ABSENT = {
     "plant": ("mujoco", "numba", "ray", "optuna", "pandas"),
     "episode": ("mujoco", "numba", "ray", "optuna", "pandas"),
     "compiled": ("ray", "optuna", "pandas"),
+    "estimation": ("ray", "optuna", "pandas"),
     "search": ("mujoco", "numba", "ray"),
     "store": ("mujoco", "numba", "ray", "matplotlib"),
     "study": ("mujoco", "numba", "ray", "matplotlib"),

@@ -4,6 +4,7 @@
 """
 
 from metaid.compiled.decorator import compiled
+from metaid.compiled.faulty_loop import FaultyLoop
 from metaid.compiled.loop import CompiledLoop, fastest_step
 from metaid.compiled.objective import LARGEST_FACTOR, Objective
 from metaid.compiled.stages import DirectStep, MujocoStep, mujoco_step
@@ -13,6 +14,7 @@ __all__ = [
     "LARGEST_FACTOR",
     "CompiledLoop",
     "DirectStep",
+    "FaultyLoop",
     "MujocoStep",
     "Objective",
     "coasting_steps",

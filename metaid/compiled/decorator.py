@@ -20,15 +20,16 @@ from metaid.compiled.undocumented import WITHOUT_REFERENCE_COUNTS
 _options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "forceinline": True, **WITHOUT_REFERENCE_COUNTS}
 
 
-def compiled(function: Callable[..., Any]) -> Any:
-    """The `function`, compiled when it is first called with arguments of given types."""
+def compiled(function: Callable[..., Any], **more: Any) -> Any:
+    """The `function`, compiled when it is first called with arguments of given types; `more` are options of numba's."""
+    options = {**_options, **more}
     source = Path(inspect.getfile(function)).resolve()
     folder = cache_folder(source.parent) if source.is_file() else None
     if folder is None:
-        return numba.njit(**_options)(function)
+        return numba.njit(**options)(function)
     # numba chooses the folder of a function's cache where the function is decorated.
     before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)  # type: ignore[attr-defined]
     try:
-        return numba.njit(cache=True, **_options)(function)
+        return numba.njit(cache=True, **options)(function)
     finally:
         numba.config.CACHE_DIR = before  # type: ignore[attr-defined]

@@ -9,7 +9,7 @@ Pure functions of arrays: nothing here knows MuJoCo, Optuna or files.
 from metaid.models.bodies import Bodies, bodies_of
 from metaid.models.chain import Chain, speeds_after
 from metaid.models.law import SLIDING, compensation_basis, compensation_torque, mass_matrix
-from metaid.models.lumps import FRICTION, IDEAL, Array, Lumps, factors_from_names, lump_names, lump_unit
+from metaid.models.lumps import FRICTION, IDEAL, UNITS, Array, Lumps, factors_from_names, kind_of, lump_names, lump_unit
 from metaid.models.model import ChainModel, Model
 from metaid.models.possible import least_inertia, refuse_impossible, refuse_too_long_a_step
 from metaid.models.same_motion import SameMotion
@@ -19,6 +19,7 @@ __all__ = [
     "FRICTION",
     "IDEAL",
     "SLIDING",
+    "UNITS",
     "Array",
     "Bodies",
     "Chain",
@@ -33,6 +34,7 @@ __all__ = [
     "compensation_torque",
     "factor_space",
     "factors_from_names",
+    "kind_of",
     "least_inertia",
     "lump_names",
     "lump_unit",

@@ -8,7 +8,7 @@ loaded when a simulated plant first moves.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from metaid.plant.faults import Noise, draw, slope_weights, stream
+from metaid.plant.faults import FaultSettings, Noise, draw, slope_weights, stream
 from metaid.plant.faulty_plant import FaultyPlant
 from metaid.plant.loading import load_plant, load_rig, read_any_plant, read_plant
 from metaid.plant.mujoco_plant import MujocoPlant
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from metaid.plant.mujoco_model import build_spec
 
 __all__ = [
+    "FaultSettings",
     "FaultyPlant",
     "LinkSettings",
     "MujocoPlant",

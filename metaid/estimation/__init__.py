@@ -1,0 +1,31 @@
+"""What all trials of a study say of a chain: the chain that, simulated under the very laws that were sent, shows what
+was seen. In robot identification this is the closed-loop output-error method; docs/method.md has its equations.
+
+    trials = [WatchedTrial(law, timestep, start_speeds, windows), ...]
+    estimate = fit(Motions(trials, Unknowns(nominal), gravity))
+
+Whichever sampler proposed the laws, all trials are used, those that ended in a fall up to there. `Motions` compares
+windows of plants without noise, `Readings` what the sensors of a noisy plant read. Nothing here knows of files,
+studies or the truth.
+"""
+
+from metaid.estimation.commanded import commanded_torques, filtered_speeds
+from metaid.estimation.fit import Estimate, fit
+from metaid.estimation.motions import Motions, Quantity
+from metaid.estimation.readings import Readings, ReadTrial
+from metaid.estimation.trials import WatchedTrial
+from metaid.estimation.unknowns import FULL, Unknowns
+
+__all__ = [
+    "FULL",
+    "Estimate",
+    "Motions",
+    "Quantity",
+    "ReadTrial",
+    "Readings",
+    "Unknowns",
+    "WatchedTrial",
+    "commanded_torques",
+    "filtered_speeds",
+    "fit",
+]

@@ -1,0 +1,148 @@
+"""Levenberg and Marquardt's descent as Moré has it: the full Gauss-Newton step, or the damped one that is as long as
+its model of the residuals has proved to be right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from metaid.models import Array
+
+LONGEST_STEP = 0.5  # in a log factor: a factor of 1.65
+SHORTEST_STEP = 1e-12
+NOTHING = 1e-6  # of the cost that one residual of its own resolution makes: a step that gains less is none
+FARTHEST = 6.0  # spreads: beyond is no chain that anybody believes in
+POOR, GOOD = 0.25, 0.75  # shares of the promised gain, below and above which the next step is shorter or longer
+BISECTIONS = 40
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """`values` (nresidual) in units of what noise or rounding explains, and their `slopes` (nresidual x nunknown).
+
+    `cost` is half the sum of squares of all `count` residuals. It may be more than that of these `values`: unknowns
+    that concern one push alone are not in `slopes`, and in `values` they are already where they serve best.
+    `following` (nextra x 1 + nunknown) says where that is: the step to there, and what a step of each unknown adds.
+    """
+
+    values: Array
+    slopes: Array
+    cost: float
+    count: int
+    following: Array
+
+
+class Fitted(Protocol):
+    """What is fitted: residuals as a function of unknowns, on windows that grow from stage to stage."""
+
+    @property
+    def spreads(self) -> Array:
+        """Standard deviation (nunknown) of what is believed of each unknown beforehand, about 0."""
+
+    @property
+    def stages(self) -> int:
+        """How many windows there are."""
+
+    @property
+    def extras(self) -> int:
+        """How many unknowns there are that concern one push alone."""
+
+    def residuals(self, point: Array, windows: int) -> Residuals | None:
+        """Those of the first `windows` windows at a `point`: the unknowns (nunknown), and behind them those that
+        concern one push alone. None where the twin cannot follow.
+        """
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a descent is: the `point`, its `residuals`, its `cost` with that of what was believed beforehand."""
+
+    point: Array
+    residuals: Residuals
+    cost: float
+
+
+@dataclass(frozen=True)
+class Descent:
+    """Where a descent ended, after how many steps, and whether because none led lower."""
+
+    place: Place
+    iterations: int
+    converged: bool
+
+
+def place_at(fitted: Fitted, point: Array, windows: int) -> Place | None:
+    """The place at a `point`, or None where it is not believed or the twin cannot follow."""
+    spreads = fitted.spreads
+    believed = point[: len(spreads)] / spreads
+    if not float(np.abs(believed).max()) <= FARTHEST:
+        return None
+    residuals = fitted.residuals(point, windows)
+    if residuals is None or not np.isfinite(residuals.cost):
+        return None
+    return Place(point, residuals, residuals.cost + 0.5 * float(believed @ believed))
+
+
+def triangle(place: Place, spreads: Array) -> tuple[Array, Array]:
+    """R (nunknown x nunknown), upper triangular, and b (nunknown), so that a step s lowers the cost most where R s = b:
+    the residuals' model and what was believed beforehand, orthogonally reduced.
+    """
+    count = len(spreads)
+    believed = np.column_stack([np.diag(1.0 / spreads), place.point[:count] / spreads])
+    seen = np.column_stack([place.residuals.slopes, place.residuals.values])
+    reduced: Array = np.asarray(np.linalg.qr(np.vstack([seen, believed]), mode="r"))
+    return reduced[:count, :count], -reduced[:count, count]
+
+
+def descend(fitted: Fitted, place: Place, windows: int, tolerance: float, most: int) -> Descent:
+    """Steps downhill from a `place` on the first `windows` windows, at most `most` times, or until a step changes
+    nothing by more than `tolerance` or gains nothing.
+    """
+    radius = LONGEST_STEP
+    for iteration in range(most):
+        factor, target = triangle(place, fitted.spreads)
+        while True:
+            step = step_within(factor, target, radius)
+            size = float(np.abs(step).max())
+            left = factor @ step - target
+            gain = 0.5 * float(target @ target - left @ left)
+            if gain < NOTHING or size < SHORTEST_STEP:
+                return Descent(place, iteration, True)
+            following = place.residuals.following @ np.append(1.0, step)
+            new = place_at(fitted, place.point + np.concatenate([step, following]), windows)
+            share = -1.0 if new is None else (place.cost - new.cost) / gain
+            if new is not None and share > 0.0:
+                break
+            radius = POOR * size
+        if share < POOR:
+            radius = 0.5 * size
+        elif share > GOOD:
+            radius = min(LONGEST_STEP, max(radius, 2.0 * size))
+        place = new
+        if size < tolerance:
+            return Descent(place, iteration + 1, True)
+    return Descent(place, most, False)
+
+
+def step_within(factor: Array, target: Array, radius: float) -> Array:
+    """The step s (nunknown) that minimises |R s − b|² + λ |s|², λ being 0 if no unknown then changes by more than
+    `radius`, or else so large that the largest change is between 0.8 of it and all of it.
+    """
+    step: Array = solve_triangular(factor, target)
+    if float(np.abs(step).max()) <= radius:
+        return step
+    left, singular, right = np.linalg.svd(factor)
+    turned = left.T @ target
+    low, high = 2.0 * np.log(singular[-1]) - 20.0, 2.0 * np.log(singular[0]) + 40.0
+    for _ in range(BISECTIONS):
+        damping = 0.5 * (low + high)
+        step = right.T @ (singular * turned / (singular**2 + np.exp(damping)))
+        size = float(np.abs(step).max())
+        if 0.8 * radius <= size <= radius:
+            break
+        low, high = (damping, high) if size > radius else (low, damping)
+    return step

@@ -1,0 +1,70 @@
+"""The twin of a noisy plant: driven by the torques that were commanded, and seen as its sensors see it, compiled.
+
+The law acts on noisy readings, so that a twin under the same law would move differently. But what it made of these
+readings is known to the last bit. What is compared are the coefficients of a joint's angles in polynomials that are
+orthonormal on the readings of a window, Σ_t p_k(t) q(t): the noise in each is that of one reading.
+"""
+
+from __future__ import annotations
+
+from metaid.compiled import compiled
+from metaid.estimation.motion import accelerate, move, set_off
+from metaid.estimation.tangent import force_by_unknowns, fused, linearise, move_tangent
+
+
+@compiled
+def watch_readings(start, forces, balance, derivatives, settings, basis, steps, work, coefficients, slopes):  # type: ignore[no-untyped-def]
+    """Runs one push for so many `steps`; whether the twin could follow.
+
+    Args:
+        start: joint speeds (njoint) right after the push, in rad/s.
+        forces: Q of Eq. 22 at each step (nstep x njoint), in N m: what was commanded.
+        balance, derivatives, work: see `workspace`; `balance` without a law.
+        settings: timestep in s; the column of the first start speed, or −1.
+        basis: the polynomials at every reading (nstep + 1 x ncoefficient), that of the push first.
+        coefficients: of the joint angles (njoint x ncoefficient), in rad, filled in.
+        slopes: their derivatives (njoint x ncoefficient x nunknown), filled in.
+    """
+    timestep, start_column = settings
+    set_off(start, start_column, work)
+    coefficients[:] = 0.0
+    slopes[:] = 0.0
+    for step in range(steps):
+        if not accelerate(step, forces, balance, work):
+            return False
+        linearise(balance, work)
+        force_by_unknowns(derivatives, work)
+        move_tangent(timestep, 0.0, False, work)
+        if not move(timestep, work):
+            return False
+        _add(basis[step + 1], work, coefficients)
+        _add_slopes(basis[step + 1], work, slopes)
+    return True
+
+
+@compiled
+def _add(polynomials, work, coefficients):  # type: ignore[no-untyped-def]
+    """Adds what the reading after this step has of the coefficients."""
+    below = 0.0
+    for i in range(coefficients.shape[0]):
+        for k in range(coefficients.shape[1]):
+            coefficients[i, k] += polynomials[k] * (work.angle[i] - below)
+        below = work.angle[i]
+
+
+@fused
+def _add_slopes(polynomials, work, slopes):  # type: ignore[no-untyped-def]
+    """Adds what it has of their derivatives. `changed` is free until the next step."""
+    njoint, ncoefficient, nunknown = slopes.shape
+    for i in range(njoint):
+        own, joint = work.moved[i], work.changed[0, :nunknown]
+        for p in range(joint.shape[0]):
+            joint[p] = own[p]
+        if i > 0:
+            below = work.moved[i - 1]
+            for p in range(joint.shape[0]):
+                joint[p] -= below[p]
+        for k in range(ncoefficient):
+            polynomial, row = polynomials[k], slopes[i, k]
+            for p in range(row.shape[0]):
+                row[p] += polynomial * joint[p]

@@ -1,0 +1,156 @@
+"""The fit of the twin to what all trials of a study showed: from the shortest windows to the longest, and once more
+from elsewhere where it ends in a wrong minimum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from metaid.estimation.descent import Descent, Fitted, descend, place_at, triangle
+from metaid.estimation.unknowns import Unknowns
+from metaid.models import Array, Lumps
+
+ROUGHLY, EXACTLY = 1e-2, 1e-10  # the last step in a log factor: on windows that are to grow, and on all of them
+MOST_ROUGH, MOST_EXACT = 30, 100  # steps
+EXPLAINED = 3.0  # a misfit below this is not a wrong minimum
+NARROWER = 0.7  # of the spread about a start that no chain can have, for the next start
+DRAWS = 20
+
+
+class Comparison(Fitted, Protocol):
+    """What is compared: `Motions` of a plant without noise, or `Readings` of noisy sensors."""
+
+    @property
+    def unknowns(self) -> Unknowns:
+        """The lumps that are unknown."""
+
+    def by_joint(self, point: Array) -> tuple[Array, ...]:
+        """Root mean square of the residuals of each trial (npush x njoint)."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What all trials say of a chain.
+
+    Attributes:
+        names: the lumps that were unknown (nunknown).
+        lumps: the chain's lumps; those that were known are the nominal's.
+        log_factors: z (nunknown); a lump is e^z times the nominal's.
+        covariance: of the log factors (nunknown x nunknown), so of relative errors.
+        cost: half the sum of squares of the residuals and of what was believed beforehand.
+        misfit: root mean square of the residuals, in units of what noise or rounding explains.
+        iterations: steps of all descents.
+        starts: how many descents there were, each from another point.
+        converged: whether the last steps changed nothing any more.
+        residuals: of each trial by push and joint (npush x njoint), root mean square over the windows.
+    """
+
+    names: tuple[str, ...]
+    lumps: Lumps
+    log_factors: Array
+    covariance: Array
+    cost: float
+    misfit: float
+    iterations: int
+    starts: int
+    converged: bool
+    residuals: tuple[Array, ...]
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviation of each log factor (nunknown)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def interval(self, deviations: float = 1.96) -> tuple[Array, Array]:
+        """Least and largest factor (nunknown) within so many standard `deviations`: 95 % of them by default."""
+        reach = deviations * self.deviations
+        return np.exp(self.log_factors - reach), np.exp(self.log_factors + reach)
+
+
+def fit(comparison: Comparison, start: Array | None = None, restarts: int = 10, seed: int = 0) -> Estimate:
+    """The estimate that all trials of a `comparison` lead to.
+
+    Args:
+        comparison: what is compared with the twin.
+        start: log factors (nunknown) to try before the nominal model, such as those of the estimate before.
+        restarts: how often the fit may begin at a random point of what is believed beforehand, where the misfit says
+            that it ended in a wrong minimum.
+        seed: of these points; the same seed gives the same estimate.
+
+    Raises ValueError where the twin cannot follow the trials from any start.
+    """
+    best: Descent | None = None
+    iterations = starts = 0
+    for point in _starts(comparison, start, restarts, seed):
+        found = grow(comparison, np.append(point, np.zeros(comparison.extras)))
+        if found is None:
+            continue
+        starts += 1
+        iterations += found.iterations
+        if best is None or found.place.cost < best.place.cost:
+            best = found
+        if misfit(best) < EXPLAINED:
+            break
+    if best is None:
+        raise ValueError("no chain near the nominal one moves through any window: the nominal lumps are no chain's")
+    return _estimate(comparison, best, iterations, starts)
+
+
+def grow(comparison: Comparison, point: Array) -> Descent | None:
+    """The descent from a `point`, on the shortest windows first; None where the twin cannot follow from there."""
+    iterations, stages = 0, comparison.stages
+    for windows in range(1, stages + 1):
+        place = place_at(comparison, point, windows)
+        if place is None:
+            return None
+        rough = windows < stages
+        limits = (ROUGHLY, MOST_ROUGH) if rough else (EXACTLY, MOST_EXACT)
+        found = descend(comparison, place, windows, *limits)
+        iterations += found.iterations
+        point = found.place.point
+    return Descent(found.place, iterations, found.converged)
+
+
+def misfit(found: Descent) -> float:
+    """Root mean square of the residuals, in units of what noise or rounding explains."""
+    residuals = found.place.residuals
+    return float(np.sqrt(2.0 * residuals.cost / residuals.count))
+
+
+def _starts(comparison: Comparison, start: Array | None, restarts: int, seed: int) -> Iterator[Array]:
+    """The `start` if there is one, the nominal model, and random points about it."""
+    spreads = comparison.spreads
+    if start is not None:
+        yield start
+    yield np.zeros(len(spreads))
+    random = np.random.default_rng(seed)
+    for _ in range(restarts):
+        point = spreads * random.standard_normal(len(spreads))
+        for _ in range(DRAWS):  # independent factors of many lumps are often no chain's: M must be positive definite
+            if comparison.residuals(np.append(point, np.zeros(comparison.extras)), 1) is not None:
+                yield point
+                break
+            point = NARROWER * point
+
+
+def _estimate(comparison: Comparison, found: Descent, iterations: int, starts: int) -> Estimate:
+    place, unknowns = found.place, comparison.unknowns
+    factor, _ = triangle(place, comparison.spreads)
+    inverse = np.linalg.inv(factor)
+    log_factors = place.point[: len(unknowns.names)]
+    return Estimate(
+        names=tuple(unknowns.names),
+        lumps=unknowns.lumps(log_factors),
+        log_factors=log_factors,
+        covariance=inverse @ inverse.T,  # (JᵀWJ + prior)⁻¹, R being the factor of what is inverted
+        cost=place.cost,
+        misfit=misfit(found),
+        iterations=iterations,
+        starts=starts,
+        converged=found.converged,
+        residuals=comparison.by_joint(place.point),
+    )

@@ -1,0 +1,185 @@
+"""The twin's inner loop: the motion of a planar chain after one push and its derivative by every unknown, compiled.
+
+In absolute angles φ and speeds ω (nlink), with the law's lumps less the chain's (tilde less none), Eq. 4 is
+
+    M α = F,    F_i = Σ_j (ã − a)_ij sin(φ_i − φ_j) ω_j² − g (μ̃ − μ)_i sin φ_i + f_i − f_{i+1} + Q_i    (22)
+
+f_k is what is left of the friction in joint k, and Q a force that is known beforehand. A step is the plant's,
+ω ← ω + h α and then φ ← φ + h ω. `tangent` has its derivative, Eq. 23.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from metaid.compiled import compiled
+from metaid.estimation.tangent import force_by_unknowns, linearise, move_tangent
+from metaid.models import SLIDING
+
+
+@compiled
+def watch_push(start, forces, balance, derivatives, settings, ends, work, shown, slopes):  # type: ignore[no-untyped-def]
+    """Runs one push that gives the joints the speeds `start` (njoint); returns how many windows it got through.
+
+    Args:
+        start: joint speeds (njoint) right after the push, in rad/s.
+        forces: Q of Eq. 22 at each step (nstep x njoint), in N m; or empty.
+        balance, derivatives, work: see `workspace`.
+        settings: timestep in s; whether energies are differentiated too.
+        ends: the steps (nwindow) that the windows end with.
+        shown: joint angles, joint speeds, ∫ q̇² dt and ∫ (q̈ + k q)² dt, (nwindow x njoint) each, filled in.
+        slopes: derivatives of joint speeds and the two energies, (nwindow x njoint x nunknown) each, filled in.
+    """
+    timestep, with_energies = settings
+    set_off(start, -1, work)
+    window = 0
+    for step in range(ends[-1]):
+        if not accelerate(step, forces, balance, work):
+            return window
+        _add_energies(timestep, balance.stiffness, work)
+        if work.moved.shape[1] > 0:
+            linearise(balance, work)
+            force_by_unknowns(derivatives, work)
+            move_tangent(timestep, balance.stiffness, with_energies, work)
+        if not move(timestep, work):
+            return window
+        if step + 1 == ends[window]:
+            _show(window, timestep, start, work, shown)
+            _show_slopes(window, timestep, shown[1], with_energies, work, slopes)
+            window += 1
+    return window
+
+
+@compiled
+def set_off(start, start_column, work):  # type: ignore[no-untyped-def]
+    """The chain upright with the joint speeds `start` (njoint). Nothing depends on an unknown, but these speeds on
+    those from `start_column` on, unless it is −1.
+    """
+    n = start.shape[0]
+    below = 0.0
+    for i in range(n):
+        below += start[i]
+        work.angle[i], work.speed[i], work.speed_energy[i], work.acceleration_energy[i] = 0.0, below, 0.0, 0.0
+    work.moved[:] = 0.0
+    work.speed_slopes[:] = 0.0
+    work.acceleration_slopes[:] = 0.0
+    if start_column >= 0:
+        for i in range(n):
+            for k in range(i + 1):  # joint k turns every link above it
+                work.moved[n + i, start_column + k] = 1.0
+
+
+@compiled
+def accelerate(step, forces, balance, work):  # type: ignore[no-untyped-def]
+    """Fills in α of Eq. 22 and the factors of M; whether M is positive definite, as that of any chain is."""
+    angle, cosine, sine = work.angle, work.cosine, work.sine
+    for i in range(angle.shape[0]):
+        cosine[i], sine[i] = np.cos(angle[i]), np.sin(angle[i])
+    _force(step, forces, balance, work)
+    return _solve(balance, work)
+
+
+@compiled
+def _force(step, forces, balance, work):  # type: ignore[no-untyped-def]
+    """Fills `acceleration` with F of Eq. 22."""
+    angle, speed, force, cosine, sine = work.angle, work.speed, work.acceleration, work.cosine, work.sine
+    n, stiffness = angle.shape[0], balance.stiffness
+    carried = 0.0  # friction in the joint above, from the tip down
+    for i in range(n - 1, -1, -1):
+        joint_speed = speed[i] - (speed[i - 1] if i > 0 else 0.0)
+        share = min(max(joint_speed * (1.0 / SLIDING), -1.0), 1.0)
+        friction = balance.damping[i] * joint_speed + balance.coulomb[i] * share
+        force[i] = friction - carried - balance.gravity[i] * sine[i] - stiffness * balance.law_inertia[i] * angle[i]
+        carried = friction
+        if forces.shape[0] > 0:
+            force[i] += forces[step, i]
+        for j in range(n):
+            difference = sine[i] * cosine[j] - cosine[i] * sine[j]
+            force[i] += balance.coriolis[i, j] * difference * speed[j] * speed[j]
+            if stiffness != 0.0:
+                common = cosine[i] * cosine[j] + sine[i] * sine[j]
+                force[i] -= stiffness * balance.law_coriolis[i, j] * common * angle[j]
+
+
+@compiled
+def _solve(balance, work):  # type: ignore[no-untyped-def]
+    """Turns F into α = M⁻¹ F by M = L D Lᵀ; False where M is not positive definite."""
+    acceleration, cosine, sine, factors = work.acceleration, work.cosine, work.sine, work.factors
+    n = acceleration.shape[0]
+    for i in range(n):
+        force, pivot = acceleration[i], balance.mass_inertia[i]
+        for j in range(i):
+            factor = balance.mass_coriolis[i, j] * (cosine[i] * cosine[j] + sine[i] * sine[j])
+            for k in range(j):
+                factor -= factors[i, k] * factors[j, k] * factors[k, k]
+            factor /= factors[j, j]
+            factors[i, j] = factor
+            force -= factor * acceleration[j]
+            pivot -= factor * factor * factors[j, j]
+        if not pivot > 0.0:
+            return False
+        factors[i, i] = pivot
+        acceleration[i] = force
+    for i in range(n - 1, -1, -1):
+        acceleration[i] /= factors[i, i]
+        for k in range(i + 1, n):
+            acceleration[i] -= factors[k, i] * acceleration[k]
+    return True
+
+
+@compiled
+def move(timestep, work):  # type: ignore[no-untyped-def]
+    """Euler's step; False beyond a radian a step, where nothing is simulated any more, and for NaN."""
+    for i in range(work.angle.shape[0]):
+        work.speed[i] += timestep * work.acceleration[i]
+        work.angle[i] += timestep * work.speed[i]
+        if not abs(work.speed[i]) * timestep <= 1.0:
+            return False
+    return True
+
+
+@compiled
+def _add_energies(timestep, stiffness, work):  # type: ignore[no-untyped-def]
+    """Adds what this step has of ∫ q̇² dt (the ends of the trapezoid are put right by `_show`) and ∫ (q̈ + k q)² dt."""
+    angle, speed, acceleration = work.angle, work.speed, work.acceleration
+    for i in range(angle.shape[0]):
+        joint_speed, unasked = speed[i], acceleration[i] + stiffness * angle[i]
+        if i > 0:
+            joint_speed -= speed[i - 1]
+            unasked -= acceleration[i - 1] + stiffness * angle[i - 1]
+        work.speed_energy[i] += timestep * joint_speed * joint_speed
+        work.acceleration_energy[i] += timestep * unasked * unasked
+
+
+@compiled
+def _show(window, timestep, start, work, shown):  # type: ignore[no-untyped-def]
+    """Fills in what the push has shown to the end of this `window`."""
+    angles, speeds, speed_energy, acceleration_energy = shown
+    for i in range(start.shape[0]):
+        angle, speed = work.angle[i], work.speed[i]
+        if i > 0:
+            angle -= work.angle[i - 1]
+            speed -= work.speed[i - 1]
+        angles[window, i], speeds[window, i] = angle, speed
+        speed_energy[window, i] = work.speed_energy[i] + 0.5 * timestep * (speed * speed - start[i] * start[i])
+        acceleration_energy[window, i] = work.acceleration_energy[i]
+
+
+@compiled
+def _show_slopes(window, timestep, speeds, with_energies, work, slopes):  # type: ignore[no-untyped-def]
+    """Fills in its derivatives; `speeds` are the joints' (nwindow x njoint)."""
+    by_speed, by_speed_energy, by_acceleration_energy = slopes
+    _, n, nunknown = by_speed.shape
+    for i in range(n):
+        row, own = by_speed[window, i], work.moved[n + i]
+        for p in range(nunknown):
+            row[p] = own[p]
+        if i > 0:
+            below = work.moved[n + i - 1]
+            for p in range(nunknown):
+                row[p] -= below[p]
+        if with_energies:
+            for p in range(nunknown):
+                end = timestep * speeds[window, i] * row[p]
+                by_speed_energy[window, i, p] = work.speed_slopes[i, p] + end
+                by_acceleration_energy[window, i, p] = work.acceleration_slopes[i, p]

@@ -1,0 +1,120 @@
+"""What a fit compares on a plant without noise: the windows of each push, against a twin under the same laws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.estimation.descent import Residuals
+from metaid.estimation.trials import WatchedTrial
+from metaid.estimation.twin import Motion, simulate
+from metaid.estimation.unknowns import Unknowns
+from metaid.models import Array
+
+Quantity = Literal["speed", "frequency", "both"]
+RESOLUTION = 1e-9  # of the largest speed or frequency seen: what rounding leaves of agreement between two simulations
+
+
+@dataclass(frozen=True)
+class Motions:
+    """All `trials` of a study, what of them is `compared` with the twin, and in which units.
+
+    `speed`: the signed change of joint speed from the push to the end of a window. `frequency`: Rice's,
+    √(∫ q̈² dt / ∫ q̇² dt) of that joint up to there, which has no sign. `resolution` is a share of the largest.
+    `gravity` in m/s².
+    """
+
+    trials: Sequence[WatchedTrial]
+    unknowns: Unknowns
+    gravity: float
+    compared: Quantity = "speed"
+    resolution: float = RESOLUTION
+
+    def __post_init__(self) -> None:
+        if not self.trials or not any(trial.windows.seen.any() for trial in self.trials):
+            raise ValueError("no push of any trial was seen to the end of its shortest window: nothing to compare")
+
+    @property
+    def spreads(self) -> Array:
+        """Of the log factors (nunknown), beforehand."""
+        return np.full(len(self.unknowns.names), self.unknowns.spread)
+
+    @property
+    def stages(self) -> int:
+        """How many windows the longest trial has."""
+        return max(len(trial.ends) for trial in self.trials)
+
+    @property
+    def extras(self) -> int:
+        """None: what the speeds were right after a push is read."""
+        return 0
+
+    def residuals(self, log_factors: Array, windows: int) -> Residuals | None:
+        """Those of the first `windows` windows, or None where the twin did not get through them."""
+        parts = []
+        for trial in self.trials:
+            seen = trial.seen(windows)
+            if not seen.any():
+                continue
+            with_energies = self.compared != "speed"
+            motion = simulate(trial, self.unknowns, log_factors, self.gravity, seen.shape[1], with_energies)
+            if (motion.reached < seen.sum(axis=1)).any():
+                return None
+            if self.compared != "frequency":
+                parts.append(self._of_speeds(trial, motion, seen))
+            if self.compared != "speed":
+                parts.append(self._of_frequencies(trial, motion, seen))
+        values = np.concatenate([part[0] for part in parts])
+        slopes = np.vstack([part[1] for part in parts])
+        cost = 0.5 * float(values @ values)
+        return Residuals(values, slopes, cost, len(values), np.empty((0, 1 + len(log_factors))))
+
+    def by_joint(self, log_factors: Array) -> tuple[Array, ...]:
+        """Root mean square of the residuals of each trial (npush x njoint) over all windows, in units of the
+        resolution; NaN where a push was not seen.
+        """
+        residuals = self.residuals(log_factors, self.stages)
+        if residuals is None:
+            return tuple(np.full(trial.start_speeds.shape, np.nan) for trial in self.trials)
+        first, tables = 0, []
+        for trial in self.trials:
+            shape = trial.start_speeds.shape
+            squares, count = np.zeros(shape), np.zeros(shape)
+            seen = trial.seen(len(trial.ends))
+            push = np.nonzero(seen)[0]
+            if not len(push):
+                tables.append(np.full(shape, np.nan))
+                continue
+            for _ in range(1 if self.compared != "both" else 2):
+                last = first + len(push) * shape[1]
+                np.add.at(squares, push, residuals.values[first:last].reshape(len(push), -1) ** 2)
+                np.add.at(count, push, 1.0)
+                first = last
+            tables.append(np.sqrt(np.divide(squares, count, out=np.full(shape, np.nan), where=count > 0)))
+        return tuple(tables)
+
+    def _of_speeds(self, trial: WatchedTrial, motion: Motion, seen: NDArray[np.bool_]) -> tuple[Array, Array]:
+        unit = 1.0 / (self.resolution * float(np.abs(trial.start_speeds).max()))
+        values = motion.speeds[seen] - trial.windows.speeds[:, : seen.shape[1]][seen]
+        return unit * values.ravel(), unit * motion.speed_slopes[seen].reshape(values.size, -1)
+
+    def _of_frequencies(self, trial: WatchedTrial, motion: Motion, seen: NDArray[np.bool_]) -> tuple[Array, Array]:
+        windows, shown = seen.shape[1], trial.windows
+        plants = frequency(shown.speed_energy[:, :windows][seen], shown.acceleration_energy[:, :windows][seen])
+        speed_energy, acceleration_energy = motion.speed_energy[seen], motion.acceleration_energy[seen]
+        twins = frequency(speed_energy, acceleration_energy)
+        unit = 1.0 / (self.resolution * max(float(plants.max()), 1e-300))
+        # d√(A/S) = (dA − f² dS) / (2 f S); a joint that nothing accelerates has no slope, so it is told of none
+        scale = 0.5 * unit / (np.maximum(twins, self.resolution * plants.max()) * speed_energy)
+        slopes = motion.acceleration_energy_slopes[seen] - twins[..., None] ** 2 * motion.speed_energy_slopes[seen]
+        slopes = scale[..., None] * slopes
+        return unit * (twins - plants).ravel(), slopes.reshape(twins.size, -1)
+
+
+def frequency(speed_energy: Array, acceleration_energy: Array) -> Array:
+    """Rice's frequency √(∫ q̈² dt / ∫ q̇² dt) of each joint (...), in rad/s."""
+    return np.sqrt(acceleration_energy / speed_energy)

@@ -1,0 +1,185 @@
+"""What a fit compares on a noisy plant: the readings of each push, against a twin that is driven by what was commanded
+and whose start speeds are unknown within what pushes differ by.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+from metaid.episode import window_ends
+from metaid.estimation.descent import Residuals
+from metaid.estimation.twin import drive
+from metaid.estimation.unknowns import Unknowns
+from metaid.models import Array
+
+POLYNOMIALS = 6  # of a joint's angles in a window: what a chain that nearly coasts shows in it
+HALVINGS = 3  # a shorter window than 1/8 of the horizon tells little above the noise
+
+
+@dataclass(frozen=True)
+class ReadTrial:
+    """What the sensors of a noisy plant read in one trial, and what it was sent.
+
+    Attributes:
+        timestep: between two readings, and between two torques, in s.
+        readings: joint angles (npush x nstep + 1 x njoint), in rad, the one right after the push first.
+        torques: as they were commanded (npush x nstep x njoint), in N m.
+        steps: how many steps (npush) of each push were seen before a fall.
+        start_speeds: joint speeds (npush x njoint), in rad/s, that such pushes gave in a calibration.
+        start_spread: what pushes differ by, a root of the covariance of the start speeds (npush x njoint x njoint), in
+            rad/s: any L with covariance L Lᵀ. None where they are all alike.
+        noise: standard deviation of a reading of each joint (njoint), in rad, from the plant at rest.
+    """
+
+    timestep: float
+    readings: Array
+    torques: Array
+    steps: NDArray[np.int64]
+    start_speeds: Array
+    start_spread: Array | None
+    noise: Array
+
+    @cached_property
+    def forces(self) -> Array:
+        """The torques as generalised forces in absolute angles (npush x nstep x njoint), in N m."""
+        return np.ascontiguousarray(-np.diff(self.torques, axis=-1, append=0.0))
+
+    @property
+    def extras(self) -> int:
+        """How many start speeds are unknown."""
+        return 0 if self.start_spread is None else self.start_speeds.size
+
+
+@dataclass(frozen=True)
+class Readings:
+    """All `trials` of a noisy study. `gravity` in m/s²; windows grow from 1/2^halvings of the horizon on."""
+
+    trials: Sequence[ReadTrial]
+    unknowns: Unknowns
+    gravity: float
+    polynomials: int = POLYNOMIALS
+    halvings: int = HALVINGS
+
+    @property
+    def spreads(self) -> Array:
+        """Of the log factors (nunknown), beforehand."""
+        return np.full(len(self.unknowns.names), self.unknowns.spread)
+
+    @property
+    def stages(self) -> int:
+        """How many windows there are."""
+        return max(len(ends) for ends, _ in self._windows)
+
+    @property
+    def extras(self) -> int:
+        """How many start speeds are unknown."""
+        return sum(trial.extras for trial in self.trials)
+
+    @cached_property
+    def _windows(self) -> list[tuple[NDArray[np.int64], Array]]:
+        """Of each trial the ends of its windows, and the polynomials on each (nwindow x nstep + 1 x ncoefficient)."""
+        windows = []
+        for trial in self.trials:
+            ends = np.array(window_ends(trial.torques.shape[1], self.halvings + 1, 0.5**self.halvings))
+            ends = ends[ends >= min(self.polynomials, ends[-1])]
+            basis = np.zeros((len(ends), ends[-1] + 1, min(self.polynomials, ends[0] + 1)))
+            for window, end in enumerate(ends):
+                times = np.linspace(-1.0, 1.0, end + 1)
+                basis[window, : end + 1] = np.linalg.qr(legendre.legvander(times, basis.shape[2] - 1))[0]
+            windows.append((ends, basis))
+        return windows
+
+    def residuals(self, point: Array, windows: int) -> Residuals | None:
+        """Those of the longest of the first `windows` windows, start speeds eliminated push by push."""
+        count = len(self.unknowns.names)
+        parts, cost, seen, first = [], 0.0, 0, count
+        for number, trial in enumerate(self.trials):
+            whitened = point[first : first + trial.extras].reshape(-1, trial.start_speeds.shape[1])
+            first += trial.extras
+            compared = self._compare(number, point[:count], whitened, windows)
+            if compared is None:
+                return None
+            values, slopes = compared
+            cost += 0.5 * float((values**2).sum() + (whitened**2).sum())
+            seen += int(np.count_nonzero(trial.steps >= self._windows[number][0][0])) * values.shape[1]
+            parts.append(_eliminate(values, slopes, whitened, count))
+        values, slopes, following = (np.concatenate([part[number] for part in parts]) for number in range(3))
+        return Residuals(values, slopes, cost, seen, following)
+
+    def by_joint(self, point: Array) -> tuple[Array, ...]:
+        """Root mean square of the residuals of each trial (npush x njoint) on the longest window seen, in units of the
+        noise; NaN where a push was not seen.
+        """
+        count = len(self.unknowns.names)
+        tables, first = [], count
+        for number, trial in enumerate(self.trials):
+            whitened = point[first : first + trial.extras].reshape(-1, trial.start_speeds.shape[1])
+            first += trial.extras
+            compared = self._compare(number, point[:count], whitened, self.stages)
+            table = np.full(trial.start_speeds.shape, np.nan)
+            if compared is not None:
+                seen = trial.steps >= self._windows[number][0][0]
+                values = compared[0].reshape(*trial.start_speeds.shape, -1)
+                table[seen] = np.sqrt((values[seen] ** 2).mean(axis=-1))
+            tables.append(table)
+        return tuple(tables)
+
+    def _compare(self, number: int, log_factors: Array, whitened: Array, windows: int) -> tuple[Array, Array] | None:
+        """Residuals of a trial (npush x nvalue) in units of the noise, and their derivatives (npush x nvalue x
+        nunknown + njoint), those by the `whitened` start speeds last; zeros where a push was not seen.
+        """
+        trial, (ends, basis) = self.trials[number], self._windows[number]
+        chosen = np.minimum((ends[None] <= trial.steps[:, None]).sum(axis=1), windows) - 1
+        steps = np.where(chosen >= 0, ends[chosen], 0)
+        spread = trial.start_spread
+        starts = trial.start_speeds if spread is None else trial.start_speeds + _apply(spread, whitened)
+        twin = drive(trial, starts, steps, basis[chosen], self.unknowns, log_factors, self.gravity)
+        if twin is None:
+            return None
+        plants = np.einsum("ptk,ptj->pjk", basis[chosen], trial.readings * _before(steps, trial.readings.shape[1]))
+        unit = 1.0 / trial.noise[None, :, None]
+        npush = len(steps)
+        slopes = (unit[..., None] * twin.slopes).reshape(npush, plants[0].size, -1)
+        if spread is not None:
+            count = len(log_factors)
+            slopes[..., count:] = slopes[..., count:] @ spread
+        return (unit * (twin.values - plants)).reshape(npush, -1), slopes
+
+
+def _apply(spread: Array, whitened: Array) -> Array:
+    """L u of each push (npush x njoint)."""
+    return np.asarray(np.einsum("pij,pj->pi", spread, whitened), dtype=np.float64)
+
+
+def _before(steps: NDArray[np.int64], readings: int) -> NDArray[np.bool_]:
+    """Which readings belong to the first `steps` steps of each push (npush x nreading x 1): none of no steps."""
+    return ((np.arange(readings)[None] <= steps[:, None]) & (steps[:, None] > 0))[..., None]
+
+
+def _eliminate(values: Array, slopes: Array, whitened: Array, count: int) -> tuple[Array, Array, Array]:
+    """Residuals, their derivatives by the `count` unknowns of all pushes, and the rows of `Residuals.following`, with
+    the start speeds of each push where they serve best.
+
+    With r the residuals of a push, J and S their derivatives by those unknowns and by its whitened start speeds u, an
+    orthogonal transformation turns the rows [S J r] and [1 0 u] so that S is triangular and zero below: there the rest
+    is free of it, and above it says what u follows.
+    """
+    npush, nvalue, width = slopes.shape
+    speeds = width - count
+    if speeds == 0:
+        return values.ravel(), slopes.reshape(-1, count), np.empty((0, 1 + count))
+    rows = np.zeros((npush, nvalue + speeds, width + 1))
+    rows[:, :nvalue, :speeds], rows[:, :nvalue, speeds:-1] = slopes[..., count:], slopes[..., :count]
+    rows[:, nvalue:, :speeds] = np.eye(speeds)
+    rows[:, :nvalue, -1], rows[:, nvalue:, -1] = values, whitened
+    reduced: Array = np.asarray(np.linalg.qr(rows, mode="r"))
+    above = np.linalg.solve(reduced[:, :speeds, :speeds], reduced[:, :speeds, speeds:])
+    following = -np.concatenate([above[..., -1:], above[..., :-1]], axis=-1)
+    below = reduced[:, speeds:, speeds:].reshape(-1, count + 1)
+    return below[:, -1], below[:, :-1], following.reshape(-1, 1 + count)

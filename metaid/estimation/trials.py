@@ -1,0 +1,39 @@
+"""What one trial showed of its motion, and the law that it was sent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.episode import Windows
+from metaid.models import Array, Lumps
+
+
+@dataclass(frozen=True)
+class WatchedTrial:
+    """A trial on a plant without noise.
+
+    Attributes:
+        law: the candidate's lumps; `inertia` is used only where there is a `stiffness`.
+        timestep: between two torques, in s.
+        start_speeds: joint speeds (npush x njoint) right after each push, in rad/s.
+        windows: what was seen.
+        stiffness: k of the law, in 1/s²; 0 where the plant coasts at the truth.
+    """
+
+    law: Lumps
+    timestep: float
+    start_speeds: Array
+    windows: Windows
+    stiffness: float = 0.0
+
+    @property
+    def ends(self) -> NDArray[np.int64]:
+        """The steps (nwindow) at which windows end."""
+        return self.windows.ends
+
+    def seen(self, windows: int) -> NDArray[np.bool_]:
+        """Which of the first `windows` windows of each push were seen (npush x nwindow)."""
+        return np.arange(min(windows, len(self.ends))) < self.windows.seen[:, None]

@@ -1,0 +1,168 @@
+"""The twin: a chain of given lumps under the laws of past trials, push by push, on several threads."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.compiled import compiled
+from metaid.estimation.driven import watch_readings
+from metaid.estimation.motion import watch_push
+from metaid.estimation.trials import WatchedTrial
+from metaid.estimation.unknowns import Unknowns
+from metaid.estimation.workspace import balance, derivatives, workspace
+from metaid.models import Array
+
+THREADED = 200_000  # multiplications; threads do not pay for less
+NOTHING_ELSE = np.empty((0, 0, 0))  # forces beside the law
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What the twin shows of one trial.
+
+    `angles`, `speeds`, `speed_energy` and `acceleration_energy` are those of `Windows` (npush x nwindow x njoint). The
+    derivatives of the last three by the unknowns are (npush x nwindow x njoint x nunknown). `reached` (npush) is how
+    many windows of each push the twin got through.
+    """
+
+    angles: Array
+    speeds: Array
+    speed_energy: Array
+    acceleration_energy: Array
+    speed_slopes: Array
+    speed_energy_slopes: Array
+    acceleration_energy_slopes: Array
+    reached: NDArray[np.int64]
+
+
+def simulate(
+    trial: WatchedTrial, unknowns: Unknowns, log_factors: Array, gravity: float, windows: int, energies: bool = False
+) -> Motion:
+    """The first `windows` windows of a `trial` on the chain that has these `log_factors` (nunknown).
+
+    `gravity` in m/s². With `energies` these are differentiated too; else their derivatives are empty.
+    """
+    lumps = unknowns.lumps(log_factors)
+    npush, n = trial.start_speeds.shape
+    nunknown = len(log_factors)
+    shape = npush, windows, n
+    shown = np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape)
+    of_energies = *shape, nunknown * energies
+    slopes = np.empty((*shape, nunknown)), np.empty(of_energies), np.empty(of_energies)
+    reached = np.zeros(npush, dtype=np.int64)
+    ends = np.ascontiguousarray(trial.ends[:windows])
+    forces = balance(trial.law, lumps, gravity, trial.stiffness), derivatives(unknowns, lumps, gravity)
+    common = NOTHING_ELSE, *forces, (trial.timestep, energies), ends
+    seen = shown, slopes, reached
+
+    def run(first: int, stride: int) -> None:
+        _watch_pushes(first, stride, trial.start_speeds, *common, workspace(n, nunknown, energies), *seen)
+
+    _share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * nunknown)
+    return Motion(*shown, *slopes, reached)
+
+
+class Driven(Protocol):
+    """What the twin needs to know of a trial on a noisy plant; see `readings.ReadTrial`."""
+
+    @property
+    def timestep(self) -> float: ...
+    @property
+    def forces(self) -> Array: ...
+    @property
+    def start_spread(self) -> Array | None: ...
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """Of the twin's angles in polynomials: `values` (npush x njoint x ncoefficient), in rad, and their `slopes` (npush
+    x njoint x ncoefficient x nunknown, and njoint more by the start speeds where these are unknown).
+    """
+
+    values: Array
+    slopes: Array
+
+
+def drive(
+    trial: Driven,
+    starts: Array,
+    steps: NDArray[np.int64],
+    basis: Array,
+    unknowns: Unknowns,
+    log_factors: Array,
+    gravity: float,
+) -> Coefficients | None:
+    """The twin of a noisy `trial`, driven by what was commanded; None where it cannot follow.
+
+    Args:
+        trial: timestep, forces, and whether start speeds are unknown.
+        starts: joint speeds (npush x njoint) right after each push, in rad/s.
+        steps: how many steps (npush) of each push to follow.
+        basis: the polynomials (npush x nstep + 1 x ncoefficient) that each push is seen in.
+        unknowns, log_factors: what is unknown of the chain, and where (nunknown).
+        gravity: in m/s².
+    """
+    lumps = unknowns.lumps(log_factors)
+    npush, n = starts.shape
+    columns = len(log_factors) + (n if trial.start_spread is not None else 0)
+    start_column = len(log_factors) if trial.start_spread is not None else -1
+    values, slopes = np.empty((npush, n, basis.shape[2])), np.empty((npush, n, basis.shape[2], columns))
+    followed = np.zeros(npush, dtype=np.bool_)
+    forces = balance(None, lumps, gravity), derivatives(unknowns, lumps, gravity)
+    common = trial.forces, *forces, (trial.timestep, start_column), basis, steps
+
+    def run(first: int, stride: int) -> None:
+        _watch_readings(first, stride, starts, *common, workspace(n, columns, False), (values, slopes, followed))
+
+    _share_out(run, npush, int(steps.sum()) * n * (2 * n + basis.shape[2]) * columns)
+    return Coefficients(values, slopes) if followed.all() else None
+
+
+@compiled
+def _watch_readings(first, stride, starts, forces, balance, derivatives, settings, bases, steps, work, seen):  # type: ignore[no-untyped-def]
+    """Every `stride`-th push from the `first` on."""
+    values, slopes, followed = seen
+    for push in range(first, starts.shape[0], stride):
+        pushed, basis, shown = (starts[push], forces[push]), (bases[push], steps[push]), (values[push], slopes[push])
+        followed[push] = watch_readings(*pushed, balance, derivatives, settings, *basis, work, *shown)
+
+
+def _share_out(run: Callable[[int, int], None], npush: int, multiplications: int) -> None:
+    """Runs every `stride`-th push from each of `stride` firsts on a thread of its own, if that many multiplications
+    are worth it.
+    """
+    threads = min(threads_at_hand(), npush) if multiplications > THREADED else 1
+    waiting = [_pool().submit(run, first, threads) for first in range(1, threads)]
+    run(0, threads)
+    for one in waiting:
+        one.result()
+
+
+@compiled
+def _watch_pushes(first, stride, starts, forces, balance, derivatives, settings, ends, work, shown, slopes, reached):  # type: ignore[no-untyped-def]
+    """Every `stride`-th push from the `first` on."""
+    angles, speeds, speed_energy, acceleration_energy = shown
+    by_speed, by_speed_energy, by_acceleration_energy = slopes
+    for push in range(first, starts.shape[0], stride):
+        force = forces[push] if forces.shape[0] > 0 else forces[:, :, 0]
+        seen = angles[push], speeds[push], speed_energy[push], acceleration_energy[push]
+        seen_slopes = by_speed[push], by_speed_energy[push], by_acceleration_energy[push]
+        reached[push] = watch_push(starts[push], force, balance, derivatives, settings, ends, work, seen, seen_slopes)
+
+
+def threads_at_hand() -> int:
+    """As many threads as the process may use processors."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(max(threads_at_hand() - 1, 1), thread_name_prefix="twin")

@@ -1,0 +1,135 @@
+"""What the compiled loops of the twin are given, and what they work in."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.estimation.unknowns import Unknowns
+from metaid.models import Array, Lumps
+
+BLOCK = 4  # rows and columns that are multiplied at once, held in registers
+LANES = 8  # numbers in one instruction, at most
+
+
+class Balance(NamedTuple):
+    """What the motion of Eq. 22 follows from, for n links.
+
+    `gravity` (n) times g, in N m, `coriolis` (n x n), `damping` and `coulomb` (n) are the law's lumps less the
+    chain's. `mass_coriolis` (n x n) and `mass_inertia` (n) are the chain's own. `law_coriolis` and `law_inertia` are
+    the law's, which ask for q̈ = −`stiffness` q.
+    """
+
+    gravity: Array
+    coriolis: Array
+    damping: Array
+    coulomb: Array
+    mass_coriolis: Array
+    mass_inertia: Array
+    law_coriolis: Array
+    law_inertia: Array
+    stiffness: float
+
+
+class Derivatives(NamedTuple):
+    """The derivative of each lump by its unknown, `gravity` times g; and the columns of unknowns, see
+    `unknowns.Columns`.
+    """
+
+    gravity: Array
+    coriolis: Array
+    inertia: Array
+    damping: Array
+    coulomb: Array
+    columns: NDArray[np.int64]
+    coriolis_columns: NDArray[np.int64]
+
+
+class Workspace(NamedTuple):
+    """What one thread works in, for n links and p unknowns; rows and columns beyond are zero.
+
+    The state: `angle`, `speed`, `acceleration`, `cosine`, `sine` (n), absolute. `speed_energy` and
+    `acceleration_energy` (n) of the joints so far. `factors` (n x n): L and D of M = L D Lᵀ. `solved` (n x 3 n):
+    M⁻¹ [1 G H]. `closed` (n x 2 n): the last two of these. `pulls` (2 n x n): see `tangent`. `moved` (2 n x p): δφ
+    above δω. `changed` (n x p): δα. `speed_slopes`, `acceleration_slopes` (n x p): derivatives of the energies.
+    """
+
+    angle: Array
+    speed: Array
+    acceleration: Array
+    cosine: Array
+    sine: Array
+    speed_energy: Array
+    acceleration_energy: Array
+    factors: Array
+    solved: Array
+    closed: Array
+    pulls: Array
+    moved: Array
+    changed: Array
+    speed_slopes: Array
+    acceleration_slopes: Array
+
+
+def balance(law: Lumps | None, lumps: Lumps, gravity: float, stiffness: float = 0.0) -> Balance:
+    """What the motion of a chain with these `lumps` follows from; without a `law` only the chain's own forces act.
+
+    `gravity` in m/s², `stiffness` of the law in 1/s².
+    """
+    if law is None:
+        law = Lumps(np.zeros(lumps.nlink), np.zeros((lumps.nlink, lumps.nlink)))
+    return Balance(
+        gravity=gravity * (law.gravity - lumps.gravity),
+        coriolis=law.coriolis - lumps.coriolis,
+        damping=law.of("damping") - lumps.of("damping"),
+        coulomb=law.of("coulomb") - lumps.of("coulomb"),
+        mass_coriolis=np.array(lumps.coriolis),
+        mass_inertia=np.array(lumps.of("inertia")),
+        law_coriolis=np.array(law.coriolis),
+        law_inertia=np.array(law.of("inertia")),
+        stiffness=float(stiffness),
+    )
+
+
+def derivatives(unknowns: Unknowns, lumps: Lumps, gravity: float) -> Derivatives:
+    """Those of the `lumps` by the `unknowns`: of a lump by its log factor it is the lump itself. `gravity` in m/s²."""
+    return Derivatives(
+        gravity=gravity * lumps.gravity,
+        coriolis=np.array(lumps.coriolis),
+        inertia=np.array(lumps.of("inertia")),
+        damping=np.array(lumps.of("damping")),
+        coulomb=np.array(lumps.of("coulomb")),
+        columns=unknowns.columns.first,
+        coriolis_columns=unknowns.columns.coriolis,
+    )
+
+
+def workspace(nlink: int, nunknown: int, energies: bool) -> Workspace:
+    """Working space for `nlink` links and `nunknown` unknowns; with `energies` their derivatives are kept too."""
+    rows, inner, columns = _up(nlink, BLOCK), _up(2 * nlink, BLOCK), _up(nunknown, LANES)
+    shape = nlink * energies, columns
+    angle, speed, acceleration, cosine, sine, moving, accelerated = (np.zeros(nlink) for _ in range(7))
+    return Workspace(
+        angle,
+        speed,
+        acceleration,
+        cosine,
+        sine,
+        moving,
+        accelerated,
+        np.zeros((nlink, nlink)),
+        np.zeros((nlink, 3 * nlink)),
+        np.zeros((rows, inner)),
+        np.zeros((2 * nlink, nlink)),
+        np.zeros((inner, columns)),
+        np.zeros((rows, columns)),
+        np.zeros(shape),
+        np.zeros(shape),
+    )
+
+
+def _up(count: int, whole: int) -> int:
+    """`count`, or the next multiple of `whole`: blocks then have no remainder."""
+    return -(-count // whole) * whole

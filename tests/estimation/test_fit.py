@@ -1,0 +1,128 @@
+"""A fit finds the chain that shows what was seen, from a wrong nominal model; and says where it did not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from watched import GRAVITY, raised, watched
+
+from metaid.estimation import Estimate, Motions, Quantity, Unknowns, fit
+from metaid.models import Array, Lumps
+
+FULL_WITH_DAMPING = ("gravity", "coriolis", "damping", "inertia")
+
+
+def worst(estimate: Estimate, truth: Lumps) -> float:
+    """The largest relative error of any lump."""
+    kinds = ("gravity", "coriolis", "inertia")
+    return float(np.abs(estimate.lumps.vector_of(kinds) / truth.vector_of(kinds) - 1.0).max())
+
+
+@pytest.mark.parametrize("nlink", [2, 3, 5, 7])
+def test_one_trial_at_the_nominal_law_gives_all_lumps(nlink: int) -> None:
+    """Gravity, Coriolis and inertia lumps, no length assumed."""
+    seen = watched(nlink)
+    estimate = fit(Motions([seen.trial(seen.nominal.lumps)], Unknowns(seen.nominal.lumps), GRAVITY))
+    assert worst(estimate, seen.plant.chain.lumps) < 1e-9
+    assert estimate.converged
+    assert estimate.misfit < 1.0
+
+
+@pytest.mark.parametrize("compared", ["frequency", "both"])
+def test_frequencies_of_one_over_compensated_trial_give_all_lumps(compared: Quantity) -> None:
+    """Where every joint is driven back, squares of its motion are enough."""
+    seen = watched(3)
+    trial = seen.trial(raised(seen.nominal.lumps, 2.0))
+    estimate = fit(Motions([trial], Unknowns(seen.nominal.lumps), GRAVITY, compared))
+    assert worst(estimate, seen.plant.chain.lumps) < 1e-9
+
+
+def test_mirror_images_of_frequencies_show_in_the_misfit_and_restarts_leave_them() -> None:
+    """Near exact compensation squares do not say which way a joint is driven."""
+    seen = watched(2)
+    motions = Motions([seen.trial(seen.nominal.lumps)], Unknowns(seen.nominal.lumps), GRAVITY, "frequency")
+    stuck, found = fit(motions, restarts=0), fit(motions, restarts=10)
+    assert stuck.misfit > 1e3
+    assert worst(stuck, seen.plant.chain.lumps) > 0.01
+    assert found.starts > 1
+    assert found.misfit < 1.0
+    assert worst(found, seen.plant.chain.lumps) < 1e-9
+
+
+def test_windows_before_a_fall_are_used() -> None:
+    """A law that lets the chain fall in every trial still gives all lumps."""
+    seen = watched(2, longer=4.0)
+    trials = [seen.trial(raised(seen.nominal.lumps, factor)) for factor in (0.2, 0.4)]
+    assert all(not trial.seen(len(trial.ends)).all() for trial in trials)
+    estimate = fit(Motions(trials, Unknowns(seen.nominal.lumps), GRAVITY))
+    assert worst(estimate, seen.plant.chain.lumps) < 1e-7
+
+
+def test_one_link_needs_two_laws() -> None:
+    """Under one law its gravity and its inertia share a scale, and the covariance says so; a second law separates
+    them.
+    """
+    seen, truth = watched(1), watched(1).plant.chain.lumps
+    unknowns = Unknowns(seen.nominal.lumps)
+    trials = [seen.trial(seen.nominal.lumps)]
+    once = fit(Motions(trials, unknowns, GRAVITY))
+    assert once.misfit < 1.0
+    assert once.deviations.max() > 0.1
+    trials.append(seen.trial(once.lumps))
+    assert worst(fit(Motions(trials, unknowns, GRAVITY)), truth) < 1e-9
+
+
+def test_exact_lengths_leave_two_unknowns_a_link() -> None:
+    """Coriolis lumps then follow from gravity lumps."""
+    seen = watched(4)
+    unknowns = Unknowns(seen.nominal.lumps, lengths=seen.nominal.length)
+    estimate = fit(Motions([seen.trial(seen.nominal.lumps)], unknowns, GRAVITY))
+    assert len(estimate.names) == 8
+    assert worst(estimate, seen.plant.chain.lumps) < 1e-9
+
+
+def test_viscous_friction_is_found_where_it_is_unknown() -> None:
+    """From a nominal value that is half of it."""
+    seen = watched(3, damping=0.04)
+    nominal = replace(seen.nominal.lumps, damping=np.full(3, 0.02))
+    estimate = fit(Motions([seen.trial(seen.nominal.lumps)], Unknowns(nominal, FULL_WITH_DAMPING), GRAVITY))
+    assert np.allclose(estimate.lumps.of("damping"), 0.04, rtol=1e-8)
+    assert worst(estimate, seen.plant.chain.lumps) < 1e-8
+
+
+def test_hidden_friction_shows_in_the_misfit_and_in_the_residuals() -> None:
+    """A model without friction cannot explain it, from whatever start."""
+    seen = watched(2, damping=0.01)
+    trials = [seen.trial(raised(seen.nominal.lumps, factor)) for factor in (1.0, 1.5)]
+    estimate = fit(Motions(trials, Unknowns(seen.nominal.lumps), GRAVITY), restarts=1)
+    assert estimate.misfit > 1e4
+    assert [table.shape for table in estimate.residuals] == [(4, 2), (4, 2)]
+    assert all((table > 1.0).all() for table in estimate.residuals)
+
+
+def test_the_same_trials_and_seed_give_the_same_estimate() -> None:
+    """To the last bit, restarts included."""
+    seen = watched(2)
+    trials = [seen.trial(seen.nominal.lumps)]
+
+    def once() -> Array:
+        return fit(Motions(trials, Unknowns(seen.nominal.lumps), GRAVITY, "frequency"), seed=3).log_factors
+
+    assert np.array_equal(once(), once())
+
+
+def test_a_lump_that_is_unknown_needs_a_nominal_value() -> None:
+    """There is no factor of nothing."""
+    with pytest.raises(ValueError, match="nominal damping_1 is 0"):
+        Unknowns(watched(2).nominal.lumps, FULL_WITH_DAMPING)
+
+
+def test_trials_that_showed_nothing_are_refused() -> None:
+    """Every push fell within its shortest window."""
+    seen = watched(2)
+    trial = seen.trial(seen.nominal.lumps)
+    nothing = replace(trial.windows, seen=0 * trial.windows.seen)
+    with pytest.raises(ValueError, match="nothing to compare"):
+        Motions([replace(trial, windows=nothing)], Unknowns(seen.nominal.lumps), GRAVITY)

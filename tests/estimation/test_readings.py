@@ -1,0 +1,80 @@
+"""On a noisy plant the twin is driven by what was commanded; intervals cover, and the misfit is one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from watched import GRAVITY, NOISE, raised, watched
+
+from metaid.estimation import Readings, Unknowns, commanded_torques, fit
+from metaid.estimation.readings import _eliminate
+from metaid.models import compensation_torque
+from metaid.plant import FaultSettings
+
+NOISY = FaultSettings(angle_noise=NOISE, speed_sensor=False)
+DIFFERING = FaultSettings(angle_noise=NOISE, speed_sensor=False, push_noise=0.02)
+
+
+def test_commanded_torques_are_those_of_the_law_on_its_readings() -> None:
+    """As the plain loop computes them, one at a time."""
+    seen = watched(3)
+    law = raised(seen.nominal.lumps, 1.5)
+    readings, speeds = np.random.default_rng(0).normal(size=(2, 2, 4, 3))
+    torques = commanded_torques(law, readings, speeds, GRAVITY)
+    expected = compensation_torque(law, readings[1, 2], speeds[1, 2], GRAVITY)
+    assert torques.shape == (2, 3, 3)
+    assert np.allclose(torques[1, 2], expected)
+
+
+@pytest.mark.parametrize("faults", [NOISY, DIFFERING])
+def test_one_noisy_trial_gives_all_lumps_within_their_deviations(faults: FaultSettings) -> None:
+    """To a few percent and within four standard deviations each, with residuals of the size of the noise."""
+    seen = watched(3, faults=faults)
+    unknowns = Unknowns(seen.nominal.lumps)
+    estimate = fit(Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, GRAVITY))
+    error = estimate.log_factors - unknowns.log_factors(seen.plant.chain.lumps)
+    assert 0.7 < estimate.misfit < 1.3
+    assert np.abs(error).max() < 0.05
+    assert (np.abs(error) < 4.0 * estimate.deviations).all()
+
+
+def test_intervals_cover() -> None:
+    """Nine to ten in ten lumps of eight chains lie in their 95 % interval."""
+    inside = []
+    for seed in range(8):
+        seen = watched(2, seed, faults=DIFFERING)
+        unknowns = Unknowns(seen.nominal.lumps)
+        estimate = fit(Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, GRAVITY))
+        low, high = estimate.interval()
+        true = np.exp(unknowns.log_factors(seen.plant.chain.lumps))
+        inside += ((low < true) & (true < high)).tolist()
+    assert np.mean(inside) >= 0.85
+
+
+def test_hidden_friction_shows_in_the_misfit() -> None:
+    """Above what noise explains, in every joint."""
+    seen = watched(3, damping=0.05, faults=NOISY)
+    estimate = fit(Readings([seen.read_trial(seen.nominal.lumps)], Unknowns(seen.nominal.lumps), GRAVITY), restarts=0)
+    assert estimate.misfit > 2.0
+
+
+def test_eliminating_start_speeds_is_the_same_as_searching_them() -> None:
+    """The step of the other unknowns, and that of the start speeds that follows, are those of one least squares."""
+    random = np.random.default_rng(2)
+    npush, nvalue, count, speeds = 3, 8, 4, 2
+    values, whitened = random.normal(size=(npush, nvalue)), random.normal(size=(npush, speeds))
+    slopes = random.normal(size=(npush, nvalue, count + speeds))
+    reduced, reduced_slopes, following = _eliminate(values, slopes, whitened, count)
+    step = np.linalg.lstsq(reduced_slopes, -reduced)[0]
+
+    whole = np.zeros((npush * (nvalue + speeds), count + npush * speeds))
+    target = np.zeros(len(whole))
+    for push in range(npush):
+        rows, own = push * (nvalue + speeds), slice(count + push * speeds, count + (push + 1) * speeds)
+        whole[rows : rows + nvalue, :count] = slopes[push, :, :count]
+        whole[rows : rows + nvalue, own] = slopes[push, :, count:]
+        whole[rows + nvalue : rows + nvalue + speeds, own] = np.eye(speeds)
+        target[rows : rows + nvalue + speeds] = -np.concatenate([values[push], whitened[push]])
+    expected = np.linalg.lstsq(whole, target)[0]
+    assert np.allclose(step, expected[:count])
+    assert np.allclose(following @ np.append(1.0, step), expected[count:])

@@ -1,0 +1,80 @@
+"""The twin moves as MuJoCo does, and its derivatives are those of the motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from watched import GRAVITY, raised, watched
+
+from metaid.estimation import Unknowns, twin
+from metaid.estimation.twin import Motion, simulate
+from metaid.models import Array
+
+ALL = ("gravity", "coriolis", "damping", "coulomb", "inertia")
+SMOOTH = ("gravity", "coriolis", "damping", "inertia")
+SHIFT = 1e-5
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 80.0])
+@pytest.mark.parametrize("nlink", [1, 2, 3, 5])
+def test_the_twin_of_the_true_chain_moves_as_mujoco_does(nlink: int, stiffness: float) -> None:
+    """Angles, speeds and both energies agree to rounding at the end of every window, friction included."""
+    seen = watched(nlink, damping=0.02, stiffness=stiffness)
+    trial = seen.trial(raised(seen.nominal.lumps, 1.3))
+    true = seen.plant.chain.lumps_of(("gravity", "coriolis", "damping"))
+    unknowns = Unknowns(true, ("gravity", "coriolis", "damping", "inertia"))
+    motion = simulate(trial, unknowns, np.zeros(len(unknowns.names)), GRAVITY, len(trial.ends))
+    for name in ("angles", "speeds", "speed_energy", "acceleration_energy"):
+        assert np.allclose(getattr(motion, name), getattr(trial.windows, name), rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 80.0])
+@pytest.mark.parametrize("exact_lengths", [False, True])
+@pytest.mark.parametrize("nlink", [1, 2, 3, 6])
+def test_derivatives_are_those_of_finite_differences(nlink: int, exact_lengths: bool, stiffness: float) -> None:
+    """By every unknown of every kind, for the speeds and both energies."""
+    dry = nlink <= 3  # a difference across the corner of dry friction is no derivative, and many joints meet some
+    seen = watched(nlink, stiffness=stiffness)
+    trial = seen.trial(raised(seen.nominal.lumps, 1.3))
+    some = np.linspace(0.01, 0.03, nlink)
+    nominal = replace(seen.nominal.lumps, damping=some, coulomb=2.0 * some if dry else None)
+    unknowns = Unknowns(nominal, ALL if dry else SMOOTH, seen.nominal.length if exact_lengths else None)
+    point = 0.02 * np.random.default_rng(1).standard_normal(len(unknowns.names))
+
+    def motion(at: Array) -> Motion:
+        return simulate(trial, unknowns, at, GRAVITY, len(trial.ends), energies=True)
+
+    here = motion(point)
+    for column in range(len(point)):
+        shift = SHIFT * np.eye(len(point))[column]
+        ahead, behind = motion(point + shift), motion(point - shift)
+        for name, slopes in (
+            ("speeds", here.speed_slopes),
+            ("speed_energy", here.speed_energy_slopes),
+            ("acceleration_energy", here.acceleration_energy_slopes),
+        ):
+            difference = (getattr(ahead, name) - getattr(behind, name)) / (2.0 * SHIFT)
+            assert np.allclose(slopes[..., column], difference, rtol=1e-4, atol=1e-5 * np.abs(slopes).max())
+
+
+def test_a_chain_that_no_bodies_make_is_not_followed() -> None:
+    """Coriolis lumps so large that the mass matrix is indefinite: no window is reached, and nothing is made up."""
+    seen = watched(2)
+    trial = seen.trial(seen.nominal.lumps)
+    unknowns = Unknowns(seen.nominal.lumps)
+    motion = simulate(trial, unknowns, np.array([0.0, 0.0, 2.0, 0.0, 0.0]), GRAVITY, len(trial.ends))
+    assert not motion.reached.any()
+
+
+def test_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One and two threads give the same motion and derivatives, to the last bit."""
+    seen = watched(5)
+    trial, unknowns = seen.trial(seen.nominal.lumps), Unknowns(seen.nominal.lumps)
+    motions = []
+    for threads in (1, 2):
+        monkeypatch.setattr(twin, "threads_at_hand", lambda threads=threads: threads)
+        motions.append(simulate(trial, unknowns, np.zeros(len(unknowns.names)), GRAVITY, len(trial.ends)))
+    assert np.array_equal(motions[0].speeds, motions[1].speeds)
+    assert np.array_equal(motions[0].speed_slopes, motions[1].speed_slopes)
