@@ -187,6 +187,21 @@ def test_search_that_is_finished_hands_over_to_the_walk() -> None:
     assert gravity == pytest.approx(np.full((8, 1), gravity[0, 0]))
 
 
+def test_walk_goes_on_to_another_body_with_every_candidate_within_the_bounds() -> None:
+    """No body comes twice after the ends, the search is told of none, and none is beyond a bound by rounding."""
+    coordinates = space_of(3).coordinates
+    walking = Walking(make_searcher("cmaes", coordinates, 0, SamplerOptions()), coordinates, 0, search_trials=1)
+    generations = []
+    for _ in range(5):
+        generations.append(walking.ask())
+        walking.tell([Outcome(0.5, False, 100, (0, 0, 0))] * len(generations[-1]))
+    _, ends, *walked = generations
+    assert len(ends) == 12
+    assert len(np.unique(np.concatenate(walked), axis=0)) == 3 * 8
+    for candidates in generations:
+        assert ((candidates >= coordinates.low) & (candidates <= coordinates.high)).all()
+
+
 @pytest.fixture(scope="module")
 def database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The shipped study of the individual parameters of two links, run."""
