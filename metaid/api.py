@@ -62,7 +62,7 @@ def episode_objective(
     lumps = plant.true_lumps()
     if lumps is None:
         raise EpisodeError(
-            f"plant {plant.name} does not tell its lumps, so there are no factors of them: "
+            f"plant {plant.name} does not report its lumps, so there are no factors of them: "
             "make a study with a nominal model"
         )
     return Objective(plant, lumps, Episode(tip_push(plant, peak_speed), steps), "crossing")
@@ -121,10 +121,26 @@ def run(
     watch: Callable[[Progress], None] = lambda progress: None,
     patience: float | None = None,
 ) -> pd.DataFrame:
-    """Creates the study in the DB unless it is there, runs it up to its number of trials, and returns its lumps.
-    A Ray worker or a DB server that is silent is given up after `patience` (s; default: 120 and 300).
+    """Creates the study in the DB unless it is there, and runs it up to its number of trials.
 
-    Raises StorageError if a study of that name was made from other settings.
+    Args:
+        study: a shipped name, the path of a study file, or settings.
+        name: of the study in the DB; default: the file's.
+        storage: a URL or the path of an SQLite file; default: METAID_STORAGE, else metaid.db.
+        trials: in all, those in the DB included; default: the study's.
+        workers: that evaluate; default: the study's.
+        engine: "local", for threads of this process, or "ray".
+        ray_address: of a running Ray cluster; default: one on this machine.
+        watch: called with the progress after each generation.
+        patience: s after which a silent Ray worker or DB server is given up; default: 120 and 300.
+
+    Returns:
+        The study's lumps, as `lumps` has them.
+
+    Raises:
+        StorageError: a study of that name was made from other settings, or the DB cannot be used.
+        StudyError: the study contradicts itself.
+        WorkerError: workers were lost again and again.
     """
     spec = _spec(study)
     with closing(Store(storage or default_storage(), create=True)) as store:
@@ -182,10 +198,19 @@ def summary(name: str, storage: str | None = None) -> dict[str, Any]:
 
 
 def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: int = 0) -> Validation:
-    """What the best survivor of a study is worth on `pushes` that the search never used, and along a trajectory. A lump
-    that the study's measure cannot determine keeps its nominal value.
+    """Coasting and tracking with the identified lumps of a study, and with its nominal ones and the true ones beside.
 
-    Raises StorageError, and StudyError if no trial survived yet.
+    A lump that the study's measure cannot determine keeps its nominal value.
+
+    Args:
+        name: of the study.
+        storage: of the DB.
+        pushes: how many pushes, which the search never used.
+        seed: of these pushes.
+
+    Raises:
+        StorageError: the DB has no such study.
+        StudyError: no trial survived yet, or the plant is a rig.
     """
     with closing(Store(storage or default_storage())) as store:
         snapshot = read_snapshot(store, name)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from metaid.store import Store
 
 
-FIGURES = (".png", ".pdf", ".svg")
+FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
 
 
 class Group(click.Group):
@@ -89,34 +89,45 @@ def print_json(data: Any) -> None:
     click.echo(text if text.replace("\n", "").isprintable() else json.dumps(data, indent=2, allow_nan=False))
 
 
-def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], note: str = "") -> None:
-    """A table on stdout; the first column to the left, numbers to the right."""
+def print_table(
+    title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], note: str = "", words: Sequence[str] = ()
+) -> None:
+    """Prints a table on stdout.
+
+    Args:
+        title: above it.
+        columns: their headings.
+        rows: the cells of each row.
+        note: below it.
+        words: headings of the columns, besides the first, that hold words: these are aligned left, numbers right.
+    """
     from rich import box
     from rich.console import Console
     from rich.table import Table
 
     table = Table(
-        title=_line(title),
+        title=one_line(title),
         title_justify="left",
         box=box.SIMPLE_HEAD,
-        caption=_line(note) or None,
+        caption=one_line(note) or None,
         caption_justify="left",
     )
     for i, column in enumerate(columns):
-        table.add_column(column, justify="left" if i == 0 else "right", no_wrap=i == 0)
+        table.add_column(column, justify="left" if i == 0 or column in words else "right", no_wrap=i == 0)
     for row in rows:
-        table.add_row(*map(_line, row))
+        table.add_row(*map(one_line, row))
     console = Console(markup=False, highlight=False)
     # A pipe has no width of its own, and a table cut to a guess would lose columns.
     console.width = console.width if console.is_terminal else 160
     console.print(table)
 
 
-def _line(text: str) -> str:
+def one_line(text: str) -> str:
+    """A text for one line of a table: nothing in it can command the terminal."""
     return printable(" ".join(text.split()))
 
 
-def figure(value: float | None, form: str = ".5g") -> str:
+def number_text(value: float | None, form: str = ".5g") -> str:
     """A number for a table; a dash where it is not known."""
     return "–" if value is None or math.isnan(value) else format(value, form)
 

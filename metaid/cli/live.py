@@ -22,7 +22,7 @@ from metaid.study import Progress as RunProgress
 
 INTERVAL = 5.0  # s between plain lines
 LOOK_BACK = 10  # generations over which a lump's last move is shown
-SHOWN = 12  # lumps at most
+MOST_LUMPS = 12  # in the table
 
 
 class Live:
@@ -32,9 +32,9 @@ class Live:
         self._bests: deque[Array] = deque(maxlen=LOOK_BACK)
         self._begin(Problem(stored_spec(store, name)))
         self._console = console or Console(stderr=True, markup=False, highlight=False)
-        self._plain = not quiet and not self._console.is_terminal
+        self._prints_lines = not quiet and not self._console.is_terminal
         self._name = printable(name)
-        self._bar = _Bar(self._console, quiet or self._plain, self._lumps)
+        self._bar = _Bar(self._console, quiet or self._prints_lines, self._lumps)
         self._task = self._bar.add_task(self._name, state="")
         self._started: tuple[float, int] | None = None
         self._last_line = time.monotonic()
@@ -63,7 +63,7 @@ class Live:
         if progress.best is not None:
             self._bests.append(self._problem.lump_factors(progress.best.factors))
         self._bar.update(self._task, completed=progress.trials, total=progress.total, state=state)
-        if self._plain and now - self._last_line >= INTERVAL:
+        if self._prints_lines and now - self._last_line >= INTERVAL:
             self._last_line = now
             self._console.print(f"{self._name} {progress.trials}/{progress.total} {state}", soft_wrap=True)
 
@@ -92,11 +92,11 @@ class Live:
         best, earlier = self._bests[-1], self._bests[0]
         for title in ("lump", "identified", "", "moved lately"):
             table.add_column(title, justify="left" if title in ("lump", "") else "right")
-        for i, lump in enumerate(self._problem.names[:SHOWN]):
+        for i, lump in enumerate(self._problem.names[:MOST_LUMPS]):
             moved = best[i] / earlier[i] - 1.0
             table.add_row(lump, f"{best[i] * self._nominal[i]:.5g}", lump_unit(lump), f"{moved:+.2%}")
-        if len(best) > SHOWN:
-            table.add_row(f"and {len(best) - SHOWN} more", "", "", "")
+        if len(best) > MOST_LUMPS:
+            table.add_row(f"and {len(best) - MOST_LUMPS} more", "", "", "")
         return table
 
     def __enter__(self) -> Live:

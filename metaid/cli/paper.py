@@ -8,16 +8,19 @@ from typing import Any
 
 import click
 
-from metaid.cli.common import FIGURES, Group, figure, json_option, print_json, print_table, say, whole_file
+from metaid.cli.common import FIGURE_SUFFIXES, Group, json_option, number_text, print_json, print_table, say, whole_file
 
 output_option = click.option(
-    "-o", "output", type=click.Path(path_type=Path), help="Draw it (.png, .pdf, .svg)."
+    "-o", "output", type=click.Path(path_type=Path), help="Write a picture (.png, .pdf, .svg)."
 )  # fmt: skip
 
 
 @click.group(cls=Group, epilog="\b\nExample:\n  metaid paper table1")
 def paper() -> None:
-    """The paper's results beside ours: correct dynamics ("pure"), and a reading fitted to its numbers ("like")."""
+    """The paper's results beside ours.
+
+    "pure" is correct dynamics; "like" is a reading that was fitted to the paper's numbers.
+    """
 
 
 @paper.command(epilog="\b\nExample:\n  metaid paper table1 -o table1.png")
@@ -71,7 +74,7 @@ def _table(number: int, as_json: bool, output: Path | None) -> None:
 @json_option
 @output_option
 def fig4(as_json: bool, output: Path | None) -> None:
-    """Fig. 4: both joint angles over 5,000 normalised steps, all factors 1.01."""
+    """Figure 4: both joint angles, all factors 1.01."""
     from metaid.paper import show_fig4
 
     shown = show_fig4()
@@ -97,7 +100,10 @@ def fig4(as_json: bool, output: Path | None) -> None:
 @json_option
 @output_option
 def sweep(as_json: bool, output: Path | None) -> None:
-    """Why counts cannot find the Coriolis lump: f_m1 from 0.5 to 1.5, gravity factors 1.01."""
+    """Periods against the Coriolis factor f_m1.
+
+    From 0.5 to 1.5, with gravity factors of 1.01: counts of periods do not determine the Coriolis lump.
+    """
     from metaid.paper import run_sweep
 
     rows = run_sweep()
@@ -107,9 +113,9 @@ def sweep(as_json: bool, output: Path | None) -> None:
         return
     shown = [
         [
-            figure(row["factors"]["coriolis_1_2"], ".2f"),
+            number_text(row["factors"]["coriolis_1_2"], ".2f"),
             _periods(row["periods"]),
-            *(figure(hz, ".6f") for hz in row["frequency_hz"]),
+            *(number_text(hz, ".6f") for hz in row["frequency_hz"]),
             _periods(row["like_periods"]),
         ]
         for row in rows
@@ -126,7 +132,7 @@ def _figures() -> Any:
 
 def _draw(output: Path | None, draw: Callable[[Path], None]) -> None:
     if output is not None:
-        with whole_file(output, FIGURES) as partial:
+        with whole_file(output, FIGURE_SUFFIXES) as partial:
             draw(partial)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from metaid.cli.common import FIGURES, open_store, say, storage_option, whole_file
+from metaid.cli.common import FIGURE_SUFFIXES, open_store, say, storage_option, whole_file
 from metaid.cli.plants import plant_argument
 from metaid.cli.studies import name_argument
 from metaid.errors import MetaidError
@@ -21,7 +21,7 @@ def draw(name: str, output: Path) -> None:
     from metaid.show.figures import plant_figure, save
 
     figure = plant_figure(load_plant(name))
-    with whole_file(output, FIGURES) as partial:
+    with whole_file(output, FIGURE_SUFFIXES) as partial:
         save(figure, partial)
 
 
@@ -61,7 +61,7 @@ def plot(name: str, storage: str, folder: Path, ending: str, width: str, over: t
     except OSError as problem:
         raise MetaidError(f"{folder}: {problem.strerror}") from None
     for picture in shown:
-        with whole_file(folder / f"{picture.name}.{ending}", FIGURES) as partial:
+        with whole_file(folder / f"{picture.name}.{ending}", FIGURE_SUFFIXES) as partial:
             save(picture.figure, partial)
     say(f"{len(shown)} figures are in {folder}: {', '.join(picture.name for picture in shown)}")
 
@@ -71,7 +71,7 @@ def plot(name: str, storage: str, folder: Path, ending: str, width: str, over: t
 @storage_option
 @click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="FILE.html.")
 def report(name: str, storage: str, output: Path) -> None:
-    """Write one self-contained page: what was asked, what was found, figures, cost, how to repeat it."""
+    """Write one self-contained page: what was searched, what was found, figures, cost, how to repeat it."""
     from metaid.results import read_findings
     from metaid.show import render
 

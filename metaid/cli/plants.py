@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from metaid.cli.common import (
-    FIGURES,
+    FIGURE_SUFFIXES,
     Group,
-    figure,
     json_option,
+    number_text,
     numbers,
     open_store,
     print_json,
@@ -45,9 +45,8 @@ def list_plants() -> None:
     from metaid.plant import load_plant
 
     plants = [load_plant(name) for name in shipped_names("plants")]
-    print_table(
-        "Plants", ["plant", "links", "description"], [[p.name, str(p.njoint), p.settings.description] for p in plants]
-    )
+    rows = [[shown.name, str(shown.njoint), shown.settings.description] for shown in plants]
+    print_table("Plants", ["plant", "links", "description"], rows, words=["description"])
 
 
 @plant.command("show", epilog="\b\nExample:\n  metaid plant show three-link --json")
@@ -85,18 +84,17 @@ def show_plant(name: str, as_json: bool) -> None:
     heading = ["link", "length, m", "mass, kg", "com, m", "inertia, kg m²", "damping, N m s", "dry friction, N m"]
     heading.append("stiffness, N m/rad")
     fault = shown.settings.over_compensation
-    rows = [[str(i + 1), *(figure(link[column]) for column in columns)] for i, link in enumerate(links)]
+    rows = [[str(i + 1), *(number_text(link[column]) for column in columns)] for i, link in enumerate(links)]
     print_table(
         f"{shown.name}: {shown.settings.description}",
         heading,
         rows,
         f"gravity {shown.gravity} m/s², timestep {shown.timestep} s"
-        + (f"; declared fault: receives gravity factors larger by {fault}" if fault else "")
+        + (f"; declared fault: the torque that it receives has gravity factors larger by {fault}" if fault else "")
         + "".join(f"; {name} {value}" for name, value in shown.settings.faults.named.items()),
     )
-    print_table(
-        "True lumps", ["lump", "value", "unit"], [[lump["name"], figure(lump["true"]), lump["unit"]] for lump in lumps]
-    )
+    true_rows = [[lump["name"], number_text(lump["true"]), lump["unit"]] for lump in lumps]
+    print_table("True lumps", ["lump", "value", "unit"], true_rows, words=["unit"])
 
 
 def _show_rig(name: str, settings: SocketSettings, as_json: bool) -> None:
@@ -109,7 +107,8 @@ def _show_rig(name: str, settings: SocketSettings, as_json: bool) -> None:
         print_json({"plant": name, **settings.model_dump(exclude={"description"}), "links": [], "lumps": lumps})
         return
     rows = [[key, str(value)] for key, value in settings.model_dump(exclude={"description"}).items()]
-    print_table(f"{name}: {settings.description}", ["setting", "value"], rows, f"true lumps not known: {len(names)}")
+    note = f"This plant is a rig, so its {len(names)} true lumps are not known."
+    print_table(f"{name}: {settings.description}", ["setting", "value"], rows, note, words=["value"])
 
 
 @click.command(epilog="\b\nExample:\n  metaid episode three-link --factor gravity_1=1.05 --factor gravity_2=1.05")
@@ -127,10 +126,15 @@ def _show_rig(name: str, settings: SocketSettings, as_json: bool) -> None:
 @json_option
 @click.option("-o", "output", type=click.Path(path_type=Path), help="Draw joint angles over time (.png, .pdf, .svg).")
 @click.option(
-    "--video", type=click.Path(path_type=Path), help="Film it beside the truth (.mp4, .gif); no screen needed."
+    "--video",
+    type=click.Path(path_type=Path),
+    help="Film it beside an episode with the true lumps (.mp4, .gif); no screen needed.",
 )
 @click.option(
-    "--study", "study_name", metavar="NAME", help="For --video: film the study's nominal and identified lumps."
+    "--study",
+    "study_name",
+    metavar="NAME",
+    help="For --video: film episodes with this study's nominal and identified lumps.",
 )
 @storage_option
 def episode(
@@ -163,7 +167,7 @@ def episode(
     if output is not None:
         from metaid.show.figures import draw_episode
 
-        with whole_file(output, FIGURES) as partial:
+        with whole_file(output, FIGURE_SUFFIXES) as partial:
             draw_episode(objective, candidate, partial)
     if video is not None:
         filmed = {"candidate": objective.nominal.scaled(candidate), "true": objective.nominal}
@@ -178,10 +182,10 @@ def episode(
     what = (
         f"fell at step {shown['fall_step']} of {steps}"
         if shown["fell"]
-        else f"{steps} steps without a fall; spectral {figure(shown['spectral_hz'])} Hz"
+        else f"{steps} steps without a fall; spectral {number_text(shown['spectral_hz'])} Hz"
     )
     rows = [
-        [f"joint {i + 1}", str(count), figure(hz)]
+        [f"joint {i + 1}", str(count), number_text(hz)]
         for i, (count, hz) in enumerate(zip(shown["periods"], shown["frequency_hz"], strict=True))
     ]
     print_table(f"{shown['plant']}: {what}", ["joint", "whole periods", "frequency, Hz"], rows)

@@ -6,9 +6,9 @@ from typing import Any
 
 import click
 
-from metaid.cli.common import figure, print_table, say
+from metaid.cli.common import number_text, print_table, say
 
-PARAMETER_FIGURES = ("nominal", "low", "high", "true")
+PARAMETER_COLUMNS = ("nominal", "low", "high", "true")
 
 
 def print_study(store: Any, name: str) -> None:
@@ -20,8 +20,8 @@ def print_study(store: Any, name: str) -> None:
     rows = [
         [
             lump["name"],
-            *(figure(lump[key]) for key in ("nominal", "identified", "low", "high", "true")),
-            figure(lump["error"], "+.3%"),
+            *(number_text(lump[key]) for key in ("nominal", "identified", "low", "high", "true")),
+            number_text(lump["error"], "+.3%"),
             lump["unit"],
         ]
         for lump in shown["lumps"]
@@ -42,7 +42,9 @@ def print_study(store: Any, name: str) -> None:
             found += f"; stage 2: best {stage['best']['value']:.3g} {unit} at trial {stage['best']['number']}"
     failed = f", {trials['failed']} failed" if trials["failed"] else ""
     note = f"{trials['total']} trials, {trials['pruned']} of them falls{failed}; {found}"
-    print_table(title, ["lump", "nominal", "identified", "low", "high", "true", "error", "unit"], rows, note)
+    print_table(
+        title, ["lump", "nominal", "identified", "low", "high", "true", "error", "unit"], rows, note, words=["unit"]
+    )
     if "parameters" in shown:
         _show_parameters(shown)
     missed = [lump["name"] for lump in shown["lumps"] if not lump["determined"]]
@@ -53,11 +55,13 @@ def print_study(store: Any, name: str) -> None:
 def _show_parameters(shown: dict[str, Any]) -> None:
     from metaid.results import describe_bodies
 
-    rows = [[row["name"], *(figure(row[key]) for key in PARAMETER_FIGURES), row["unit"]] for row in shown["parameters"]]
-    print_table("Bodies that move the same", ["parameter", *PARAMETER_FIGURES, "unit"], rows)
+    rows = [
+        [row["name"], *(number_text(row[key]) for key in PARAMETER_COLUMNS), row["unit"]] for row in shown["parameters"]
+    ]
+    print_table("Bodies that move the same", ["parameter", *PARAMETER_COLUMNS, "unit"], rows, words=["unit"])
     click.echo(describe_bodies(shown))
 
 
 def _verification(mujoco: dict[str, Any]) -> str:
-    told = "falls in MuJoCo" if mujoco["fell"] else f"MuJoCo gives it {mujoco['value']:.3g}"
-    return f"screened with analytic physics, {told}: {'verified' if mujoco['agrees'] else 'NOT VERIFIED'}"
+    outcome = "it falls in MuJoCo" if mujoco["fell"] else f"MuJoCo gives {mujoco['value']:.3g}"
+    return f"found with analytic physics, {outcome}: {'verified' if mujoco['agrees'] else 'NOT VERIFIED'}"

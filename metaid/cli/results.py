@@ -7,9 +7,9 @@ from pathlib import Path
 import click
 
 from metaid.cli.common import (
-    FIGURES,
-    figure,
+    FIGURE_SUFFIXES,
     json_option,
+    number_text,
     open_store,
     print_json,
     print_table,
@@ -43,15 +43,15 @@ def show(name: str, storage: str, as_json: bool) -> None:
 @click.option(
     "--pushes", type=click.IntRange(1, 1000), default=10, show_default=True, help="Pushes that the search never used."
 )
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Which pushes.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Random seed of the pushes.")
 @json_option
 @click.option(
     "-o", "output", type=click.Path(path_type=Path), help="Draw tracking errors over time (.png, .pdf, .svg)."
 )
 def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, output: Path | None) -> None:
-    """What the identified model is worth: how long it keeps the pendulum coasting, and how well it tracks.
+    """Test the identified model: how long the pendulum coasts with it, and how well it tracks.
 
-    Beside it the nominal model, and the truth where the plant knows it.
+    The nominal model is tested likewise, and the true one where the plant knows it.
     """
     from metaid import api
     from metaid.study import stored_spec
@@ -60,7 +60,7 @@ def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, out
     if output is not None:
         from metaid.show.figures import draw_tracking
 
-        with whole_file(output, FIGURES) as partial:
+        with whole_file(output, FIGURE_SUFFIXES) as partial:
             draw_tracking(validation, partial)
     shown = validation.summary()
     if as_json:
@@ -70,21 +70,23 @@ def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, out
     rows = [
         [
             row["model"],
-            *(figure(row[key], ".3g") for key in columns[:2]),
+            *(number_text(row[key], ".3g") for key in columns[:2]),
             str(row["coasting_whole_horizon"]),
-            *(figure(row[key], ".3g") for key in columns[2:]),
+            *(number_text(row[key], ".3g") for key in columns[2:]),
         ]
         for row in shown["models"]
     ]
-    heading = ["model", "coasts, s", "in √(l/g)", "to the end", "tracking error, rms °", "max °"]
+    heading = ["model", "coasting, s", "coasting, √(l/g)", "pushes that coast throughout"]
+    heading += ["rms tracking error, °", "largest, °"]
     with open_store(storage) as store:
         searched = len(stored_spec(store, name).names) > 1
-    ratio = "" if searched else ", with inertia lumps (not searched) in the nominal model's ratio to the gravity lumps"
     note = (
-        f"coasting: median of {pushes} new pushes, watched for {shown['horizon_s']:.3g} s; tracking: computed torque "
-        f"along smooth sinusoids{ratio}"
+        f"Coasting is the median of {pushes} new pushes, each watched for {shown['horizon_s']:.3g} s. "
+        "Tracking is by computed torque along smooth sinusoids."
     )
-    print_table(f"{name}: what it is worth on {shown['plant']}", heading, rows, note)
+    if not searched:
+        note += " Inertia lumps were not searched: each has the nominal model's ratio to its gravity lump."
+    print_table(f"{name}: validation on {shown['plant']}", heading, rows, note)
 
 
 @click.command(epilog="\b\nExample:\n  metaid study export three-link -o trials.csv")

@@ -13,8 +13,8 @@ import click
 
 from metaid.cli.common import (
     Group,
-    figure,
     json_option,
+    number_text,
     open_store,
     pairs,
     print_json,
@@ -65,7 +65,7 @@ def study() -> None:
     multiple=True,
     help="Change a setting of the file, e.g. search.sigma=0.1; may be repeated.",
 )
-@click.option("--exist-ok", is_flag=True, help="It is fine if the DB has this very study already.")
+@click.option("--exist-ok", is_flag=True, help="Do nothing if the DB has a study with these settings already.")
 def create(source: str, name: str | None, storage: str, changes: tuple[str, ...], exist_ok: bool) -> None:
     """Make a study in the DB from STUDY, a shipped name or the path of a study file."""
     from metaid.api import ensure_study
@@ -104,7 +104,7 @@ def _toml_value(text: str) -> Any:
 )
 @json_option
 def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
-    """What STUDY can determine and how well, from its nominal model, before any trial."""
+    """What STUDY can determine, and how well, by its nominal model, before any trial."""
     from metaid.study import Problem, identifiability
 
     spec = load_study(source, changes)
@@ -126,10 +126,13 @@ def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
         return
     shown = [[n, f"{r:.2%}" if math.isfinite(r) else "–", "yes" if d else "NO"] for n, r, d in rows]
     title = f"{spec.name}: what {spec.study.episode.measure} with these pushes can determine"
-    print_table(title, ["lump", "to within", "determined"], shown)
+    print_table(title, ["lump", "to within", "determined"], shown, words=["determined"])
     for combination in combinations:
         terms = sorted(combination.items(), key=lambda term: -abs(term[1]))[:4]
-        say("cannot be told from nothing: " + " ".join(f"{weight:+.2f} {name}" for name, weight in terms))
+        say(
+            "no trial shows a change of these factors together: "
+            + " ".join(f"{weight:+.2f} {name}" for name, weight in terms)
+        )
 
 
 def _undetermined(spec: StudySpec) -> str | None:
@@ -186,21 +189,21 @@ def run(
     from metaid.errors import WorkerError
     from metaid.study import run_study
 
-    stop = _Stop()
+    stop = _StopRequest()
     with open_store(storage) as store:
         try:
             with Live(store, name, quiet) as live:
 
                 def watch(progress: Progress) -> None:
                     live.update(progress)
-                    stop.raise_if_asked()
+                    stop.raise_if_requested()
 
                 run_study(store, name, trials, workers, engine, ray_address, watch, patience)
         except WorkerError as problem:
             raise WorkerError(f"{problem}; {_how_to_go_on(live.trials, store.shown, name)}") from None
         except KeyboardInterrupt:
             say(f"stopped; {_how_to_go_on(live.trials, store.shown, name)}", err=True)
-            raise click.exceptions.Exit(128 + stop.asked) from None
+            raise click.exceptions.Exit(128 + stop.signal_number) from None
         print_study(store, name)
 
 
@@ -208,22 +211,22 @@ def _how_to_go_on(trials: int, storage: str, name: str) -> str:
     return f"{trials} trials are in {storage}; go on with: metaid study run {shlex.quote(name)}"
 
 
-class _Stop:
-    """Ctrl-C and SIGTERM ask the run to stop after the generation that is under way; asked again, it stops at once."""
+class _StopRequest:
+    """Ctrl-C and SIGTERM stop the run after the generation that is under way. A second one stops it at once."""
 
     def __init__(self) -> None:
-        self.asked: int = 0
+        self.signal_number: int = 0
         for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._ask)
+            signal.signal(number, self._request)
 
-    def _ask(self, number: int, _frame: FrameType | None) -> None:
-        again, self.asked = self.asked, number
+    def _request(self, number: int, _frame: FrameType | None) -> None:
+        again, self.signal_number = self.signal_number, number
         if again:
             raise KeyboardInterrupt
 
-    def raise_if_asked(self) -> None:
-        """Raises KeyboardInterrupt where the run can be left."""
-        if self.asked:
+    def raise_if_requested(self) -> None:
+        """Raises KeyboardInterrupt after a first signal; called where the run can be left."""
+        if self.signal_number:
             raise KeyboardInterrupt
 
 
@@ -240,8 +243,8 @@ def list_studies(storage: str) -> None:
         [
             *(row[key] for key in words),
             *(str(row[key]) for key in counts),
-            figure(row["best"]),
-            figure(row["max_error"], ".2%"),
+            number_text(row["best"]),
+            number_text(row["max_error"], ".2%"),
         ]
         for row in frame.to_dict("records")
     ]
@@ -249,6 +252,7 @@ def list_studies(storage: str) -> None:
         f"Studies in {store.shown}",
         ["study", "plant", "sampler", "measure", "trials", "falls", "best", "largest error"],
         rows,
+        words=words,
     )
 
 

@@ -55,11 +55,18 @@ def smooth_sinusoids(
     amplitude: float = AMPLITUDE,
     periods: tuple[float, float] = PERIODS,
 ) -> Motion:
-    """A joint trajectory from rest upright: each joint swings as a sum of `harmonics` sinusoids of its own `periods`,
-    drawn between the fastest and the slowest, in natural times.
+    """A joint trajectory from rest upright, two of the slowest periods long.
 
-    Two of the slowest periods long; joints swing to alternate sides, so that the chain stays near the upright.
-    `amplitude` in rad, of the mean joint; `natural_time` and `timestep` in s.
+    Joints swing to alternate sides, so that the chain stays near the upright.
+
+    Args:
+        njoint: the number of joints.
+        natural_time: √(l/g) of the chain, in s.
+        timestep: in s.
+        seed: of the random periods and amplitudes.
+        harmonics: sinusoids in the motion of each joint.
+        amplitude: of the mean joint, in rad.
+        periods: the fastest and the slowest, in natural times; each sinusoid's period is drawn between them.
     """
     fastest, slowest = periods
     random = np.random.default_rng(seed)
@@ -75,9 +82,14 @@ def smooth_sinusoids(
 
 
 def computed_torque(model: Model, angles: Array, speeds: Array, accelerations: Array, gravity: float) -> Array:
-    """The joint torque (nlink), in N m, that gives a chain with this `model` these joint `accelerations` (rad/s²).
+    """The joint torque (nlink), in N m, that accelerates a chain as wanted.  Eqs. 4, 5 and 6.
 
-    Joint `angles` in rad, `speeds` in rad/s, all (nlink); `gravity` in m/s².  Eqs. 4, 5 and 6.
+    Args:
+        model: of the chain.
+        angles: of the joints (nlink), in rad.
+        speeds: of the joints (nlink), in rad/s.
+        accelerations: wanted of the joints (nlink), in rad/s².
+        gravity: in m/s².
     """
     return inertial_torque(model, angles, accelerations) + compensation_torque(model.lumps, angles, speeds, gravity)
 

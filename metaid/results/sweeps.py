@@ -1,7 +1,7 @@
 """Episodes on a line or a plane of candidates: the frequency against a factor (the paper's Table I as a curve) and
 the boundary of falling.
 
-They ask the plant what the search asked it, no more; the truth plays no part.
+They evaluate candidates as the search did, and do not use the truth.
 """
 
 from __future__ import annotations
@@ -38,7 +38,14 @@ class Plane:
 
 
 def sweep(objective: Objective, centre: Array, lump: int, factors: Array) -> Sweep:
-    """Evaluates `factors` (n) of one lump, by index, the others staying at `centre` (nlump)."""
+    """Evaluates candidates that differ in one lump.
+
+    Args:
+        objective: of the study.
+        centre: factors of all lumps (nlump), which the others keep.
+        lump: the index of the one that differs.
+        factors: its factors (n).
+    """
     candidates = np.tile(centre, (len(factors), 1))
     candidates[:, lump] = factors
     outcomes = [objective.evaluate(candidate) for candidate in candidates]
@@ -47,8 +54,14 @@ def sweep(objective: Objective, centre: Array, lump: int, factors: Array) -> Swe
 
 
 def plane(objective: Objective, centre: Array, lumps: tuple[int, int], first: Array, second: Array) -> Plane:
-    """Evaluates all pairs of `first` (n) and `second` (m) factors of two lumps, by index, the others staying at
-    `centre` (nlump).
+    """Evaluates candidates that differ in two lumps.
+
+    Args:
+        objective: of the study.
+        centre: factors of all lumps (nlump), which the others keep.
+        lumps: the indices of the two that differ.
+        first: factors of the first (n).
+        second: factors of the second (m); all pairs are evaluated.
     """
     rows = []
     for factor in second:

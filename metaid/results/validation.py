@@ -1,4 +1,4 @@
-"""What a study's result is worth: pushes that the search never used, and control along a trajectory.
+"""How well a study's result serves: on pushes that the search never used, and in control along a trajectory.
 
 Both are simulated with the nominal lumps, the identified ones and, where the plant knows them, the true ones. The true
 ones only serve to say how good a result could have been.
@@ -25,7 +25,7 @@ PUSHES, MOST_PUSHES = 10, 1000
 
 @dataclass(frozen=True)
 class Validated:
-    """How good the lumps named `model` are.
+    """How a plant moves with the lumps named `model`.
 
     `coasting` (npush): time, in s, for which each push coasts, at most the horizon; `errors` (nsteps x njoint): of the
     joint angles along the trajectory, in rad, as far as it got before the chain was out of control; `tracked` is
@@ -86,10 +86,17 @@ class Validation:
 def validate_factors(
     problem: Problem, factors: Array, pushes: int = PUSHES, seed: int = 0, inertia: Array | None = None
 ) -> Validation:
-    """Validates the `factors` (nlump) that the first stage of a study found, which `problem` is, and the `inertia`
-    lumps (nlink), in kg m², that the second found, if there was one, on `pushes` rich pushes that `seed` means.
+    """Coasting and tracking with identified lumps, and with the nominal ones and the true ones beside.
 
-    Raises StudyError on a number of pushes or a seed that cannot be, and of a rig.
+    Args:
+        problem: the first stage of the study.
+        factors: of its lumps (nlump), as identified.
+        pushes: how many rich pushes.
+        seed: of these pushes.
+        inertia: the inertia lumps (nlink), in kg m², where a second stage has identified them.
+
+    Raises:
+        StudyError: the number of pushes or the seed is not allowed, or the plant is a rig.
     """
     if not 1 <= pushes <= MOST_PUSHES or seed < 0:
         raise StudyError(f"pushes is {pushes} and seed is {seed} (allowed: 1 to {MOST_PUSHES} pushes, a seed from 0)")
@@ -118,7 +125,18 @@ def _with_believed_inertia(lumps: Lumps, nominal: Chain) -> Lumps:
 
 
 def fresh_pushes(plant: Plant, count: int, peak_speed: float, study_seed: int, seed: int) -> Array:
-    """Rich pushes (count x njoint), in N s, from a stream of random numbers that no study's pushes come from."""
+    """Rich pushes from a stream of random numbers that no study's pushes come from.
+
+    Args:
+        plant: that is pushed.
+        count: of the pushes.
+        peak_speed: of the fastest link after each, in rad/s.
+        study_seed: the study's seed.
+        seed: of the validation; another one gives other pushes.
+
+    Returns:
+        The impulses (count x njoint), in N s.
+    """
     stream = int(np.random.SeedSequence([study_seed, seed]).generate_state(1)[0])
     return rich_pushes(plant, count, peak_speed, stream)
 

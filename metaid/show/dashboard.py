@@ -103,9 +103,8 @@ def note(found: Findings) -> str:
     """What the study is, in Markdown."""
     shown, trials = found.summary, found.summary["trials"]
     if len(found.trials) > MOST_TRIALS_SHOWN:
-        companion = (
-            f"This study is long: *{_escaped(companion_name(found.name))}* has its best trials and an even choice."
-        )
+        name = _escaped(companion_name(found.name))
+        companion = f"This study is long. The study *{name}* has its best trials, and others evenly spaced."
     else:
         companion = ""
     return f"""# {_escaped(found.name)}
@@ -154,19 +153,19 @@ def _convergence(found: Findings) -> Graph:
     best = survivors["value"].cummin()
     changes = survivors[best.diff().ne(0.0)]
     last = int(found.trials["number"].max())
-    falls = _thin(found.falls)["number"]
+    falls = thinned_rows(found.falls)["number"]
     lines = [
         {
             "name": "best so far",
             "x": [*changes["number"].tolist(), last],
-            "y": _short([*changes["value"], best.iloc[-1]]),
+            "y": five_digits([*changes["value"], best.iloc[-1]]),
             "mode": "lines",
             "line": {"shape": "hv", "color": SURVIVOR},
         },
         {
             "name": f"falls ({len(found.falls)})",
             "x": falls.tolist(),
-            "y": _short(np.full(len(falls), survivors["value"].max())),
+            "y": five_digits(np.full(len(falls), survivors["value"].max())),
             "mode": "markers",
             "marker": {"symbol": "line-ns-open", "color": FALL},
         },
@@ -183,13 +182,13 @@ def _lumps(found: Findings) -> Graph:
         "mode": "markers",
         "name": "identified, with its range",
         "x": lumps["name"].tolist(),
-        "y": _short(factor),
+        "y": five_digits(factor),
         "marker": {"color": SURVIVOR, "size": 9},
         "error_y": {
             "type": "data",
             "symmetric": False,
-            "array": _short(high / nominal - factor),
-            "arrayminus": _short(factor - low / nominal),
+            "array": five_digits(high / nominal - factor),
+            "arrayminus": five_digits(factor - low / nominal),
         },
     }
     data = [ranges]
@@ -201,7 +200,7 @@ def _lumps(found: Findings) -> Graph:
                 "mode": "markers",
                 "name": "truth",
                 "x": found.names,
-                "y": _short(found.true_factors),
+                "y": five_digits(found.true_factors),
                 "marker": star,
             }
         )
@@ -215,8 +214,8 @@ def _falls(found: Findings, first: str, second: str) -> Graph:
             "type": "scatter",
             "mode": "markers",
             "name": label,
-            "x": _short(_thin(rows)[first]),
-            "y": _short(_thin(rows)[second]),
+            "x": five_digits(thinned_rows(rows)[first]),
+            "y": five_digits(thinned_rows(rows)[second]),
             "marker": {"color": colour, "symbol": symbol, "size": 5},
         }
         for label, rows, colour, symbol in kinds
@@ -228,10 +227,11 @@ def _layout(title: str, x: str, y: str, scale: str = "linear") -> dict[str, Any]
     return {"title": {"text": title}, "xaxis": {"title": {"text": x}}, "yaxis": {"title": {"text": y}, "type": scale}}
 
 
-def _short(numbers: Any) -> list[float]:
-    """Numbers to five digits: a graph is looked at."""
+def five_digits(numbers: Any) -> list[float]:
+    """Numbers rounded to five digits, which is more than a graph shows."""
     return [float(f"{number:.5g}") for number in numbers]
 
 
-def _thin(rows: pd.DataFrame) -> pd.DataFrame:
+def thinned_rows(rows: pd.DataFrame) -> pd.DataFrame:
+    """At most POINTS of the `rows`, evenly spaced."""
     return rows.iloc[:: max(-(-len(rows) // POINTS), 1)]

@@ -18,7 +18,14 @@ from metaid.show.scene import front_camera, scene
 
 
 def write_job(path: Path, chain: Chain, angles: Array, size: int) -> None:
-    """Saves what to render: joint `angles` (npanel x nframe x njoint), in rad, at `size` pixels a panel."""
+    """Saves what to render.
+
+    Args:
+        path: of the file.
+        chain: that is drawn.
+        angles: of its joints (npanel x nframe x njoint), in rad.
+        size: of a panel, in pixels.
+    """
     np.savez(path, angles=angles, size=size, **{part.name: getattr(chain, part.name) for part in fields(chain)})
 
 

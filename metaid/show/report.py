@@ -25,11 +25,11 @@ from metaid.results import Findings, describe_bodies
 from metaid.show.figures import INK, Gallery, plant_figure, style
 
 VERSIONS_OF = ("mujoco-core", "numba", "numpy", "cmaes", "optuna", "matplotlib")
-WIDEST = 0.02  # of a lump's value: a range beyond this is said aloud
+WIDEST = 0.02  # of a lump's value: a wider range is reported
 
 
 @dataclass(frozen=True)
-class Shown:
+class PageFigure:
     """A figure ready for the page: `wide` and `narrow` SVG."""
 
     name: str
@@ -42,7 +42,7 @@ def render(found: Findings) -> str:
     """The page.  Raises StorageError where there is no survivor yet."""
     gallery = Gallery(found)
     shown = [
-        Shown(
+        PageFigure(
             wide.name,
             wide.caption,
             inline_svg(wide.figure, f"{wide.name}-wide-"),
@@ -57,7 +57,7 @@ def render(found: Findings) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["figure"] = _figure
+    environment.filters["number"] = number_text
     page: str = environment.get_template("report.html").render(
         found=found,
         summary=found.summary,
@@ -123,7 +123,7 @@ def cost(found: Findings) -> dict[str, Any]:
 
 
 def unidentified(found: Findings) -> list[dict[str, Any]]:
-    """Lumps that this study does not tell, or tells only roughly, each with why."""
+    """Lumps that this study does not determine, or determines only roughly, each with the reason."""
     rows = []
     for lump in found.summary["lumps"]:
         why = None
@@ -154,5 +154,6 @@ def _versions() -> dict[str, str]:
     return {package: metadata.version(package) for package in VERSIONS_OF}
 
 
-def _figure(value: float | None, form: str = ".5g") -> str:
+def number_text(value: float | None, form: str = ".5g") -> str:
+    """A number for the page; a dash where it is not known."""
     return "–" if value is None else format(value, form)

@@ -30,7 +30,7 @@ with optional_packages("video"):
 SUFFIXES = (".mp4", ".gif")
 RATES = {".mp4": 25, ".gif": 10}  # frames per second
 SIZES = {".mp4": 384, ".gif": 240}  # pixels, of each square panel
-LONGEST_FILM = 20.0  # s of motion that are shown at most
+FILM_SECONDS = 20.0  # of motion at most
 BACKENDS = ("egl", "osmesa")
 CAPTION = 32  # pixels above the panels
 Frame = NDArray[np.uint8]
@@ -74,7 +74,7 @@ def filmed(objective: Objective, lumps: Lumps, caption: str, rate: int) -> Motio
     """
     candidate = Objective(objective.plant, lumps, objective.episode, objective.measure.name)
     record, trajectory = candidate.watch(np.ones(len(lumps.vector)))
-    last = min(len(trajectory.angles), LONGEST_FILM / record.timestep)
+    last = min(len(trajectory.angles), FILM_SECONDS / record.timestep)
     steps = np.arange(0.0, last, 1.0 / (rate * record.timestep)).astype(int)
     return Motion(f"{caption}: falls" if record.fall_step is not None else caption, trajectory.angles[steps])
 

@@ -41,7 +41,7 @@ def test_browser_shows_lumps_figures_and_falls_and_fetches_nothing(page: Path, s
                 assert f"{lump['name']}" in text
                 assert f"{lump['identified']:.5g}" in text
             assert f"{summary['trials']['pruned']} trials fell" in text
-            for part in ("What was asked", "What could not be identified", "Cost", "How to repeat it"):
+            for part in ("What was searched", "What could not be identified", "Cost", "How to repeat it"):
                 assert part in text
             heights = "return [...document.querySelectorAll('figure svg')].map(s => s.getBoundingClientRect().height)"
             assert sum(height > 100 for height in browser.driver.execute_script(heights)) == 1 + len(FIGURES)

@@ -74,14 +74,14 @@ class Gallery:
     @cached_property
     def sweeps(self) -> list[Sweep]:
         """The measure along each lump's factor, from its lower to its upper bound."""
-        return [sweep(self.objective, self.centre, i, self._line(i, SWEPT)) for i in range(len(self.names))]
+        return [sweep(self.objective, self.centre, i, self._between_bounds(i, SWEPT)) for i in range(len(self.names))]
 
     @cached_property
     def boundary(self) -> Plane | None:
         """The measure over the two lumps, between their bounds; None of a rig."""
         if not self.found.problem.is_simulated:
             return None
-        first, second = (self._line(i, GRID) for i in self._pair)
+        first, second = (self._between_bounds(i, GRID) for i in self._pair)
         return plane(self.objective, self.centre, self._pair, first, second)
 
     @cached_property
@@ -89,7 +89,8 @@ class Gallery:
         """The best candidate's motion after the last push."""
         return self.objective.watch(self.centre)[1]
 
-    def _line(self, lump: int, count: int) -> Array:
+    def _between_bounds(self, lump: int, count: int) -> Array:
+        """Evenly spaced factors (count) of a lump, from its lower to its upper bound."""
         return np.linspace(self.found.problem.low[lump], self.found.problem.high[lump], count)
 
     def _convergence(self, width: float) -> Picture:

@@ -21,8 +21,16 @@ def plot_boundary(
 ) -> Axes:
     """Falls and survivors over the factors of two lumps, with the best and the truth.
 
-    `boundary` (from `sweeps.plane`) adds where candidates fall in the plane through the best one: in it the other
-    lumps are the best one's, whereas trials lie off it.
+    Args:
+        found: the study.
+        first: the name of the lump along the horizontal axis.
+        second: the name of the lump along the vertical axis.
+        axes: to draw on; default: a new one.
+        boundary: from `metaid.results.plane`; adds where candidates fall in the plane through the best one. In it the
+            other lumps are the best one's, whereas trials lie off it.
+
+    Raises:
+        StorageError: there is no such lump.
     """
     axes = new_axes(axes)
     one, two = found.index(first), found.index(second)

@@ -17,7 +17,14 @@ def plot_ranges(found: Findings, axes: Axes | None = None) -> Axes:
     _ = found.best_factors  # refuses a study without survivors
     lumps, places = found.lumps, np.arange(len(found.lumps))
     low, high, true = (100.0 * (lumps[key] / lumps["identified"] - 1.0) for key in ("low", "high", "true"))
-    axes.barh(places, high - low, left=low, height=0.5, color=RANGE, label=f"range of {len(found.equals)} equal trials")
+    axes.barh(
+        places,
+        high - low,
+        left=low,
+        height=0.5,
+        color=RANGE,
+        label=f"range over {len(found.equals)} indistinguishable trials",
+    )
     axes.plot(np.zeros(len(places)), places, "|", color=SURVIVOR, markersize=9, label="identified")
     if found.true_factors is not None:
         axes.plot(true, places, "*", color=INK, markersize=6, linestyle="", label="truth")
