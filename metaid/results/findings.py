@@ -20,7 +20,7 @@ from metaid.study import Problem, StudySpec
 if TYPE_CHECKING:
     from metaid.compiled import Objective
 
-CLOSEST = 50  # survivors nearest to the best at least, when their correlation is asked for
+CLOSEST = 50  # best survivors at least, for their correlation
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """The child process that renders: `python -m metaid.show.rendering JOB.npz` writes raw RGB frames to its stdout.
 
 It runs apart because MuJoCo chooses OpenGL by MUJOCO_GL when it is first imported, and because a broken driver ends
-the process that asked it. Each frame is its panels side by side (size x npanel size x 3, uint8).
+the process that calls it. Each frame is its panels side by side (size x npanel size x 3, uint8).
 """
 
 from __future__ import annotations

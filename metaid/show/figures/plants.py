@@ -10,7 +10,7 @@ from metaid.models import Chain
 from metaid.plant import MujocoPlant
 from metaid.show.figures.style import FALL, INK, PAGE, RANGE, SURVIVOR, new_axes, style, verbatim
 
-BEND = np.radians(14.0)  # of the links, to and fro, so that they can be told apart
+BEND = np.radians(14.0)  # of the links, to and fro, so that one can see where each ends
 
 
 def plot_plant(plant: MujocoPlant, axes: Axes | None = None) -> Axes:
