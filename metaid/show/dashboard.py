@@ -45,7 +45,7 @@ class Graph:
 
 
 def serve(store: Store, port: int, say: Callable[[str], None]) -> None:
-    """Serves the dashboard until interrupted; gives its addresses to `say`.  Raises MetaidError if the port is taken."""
+    """Serves the dashboard until interrupted; `say` gets its addresses.  Raises MetaidError if the port is taken."""
     say("writing notes and graphs where there are new trials …")
     with make_dashboard(store, port) as server:
         for line in addresses(store, server.server_port):
