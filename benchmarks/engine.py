@@ -47,7 +47,7 @@ def _row(nlink: int, quick: bool) -> Row:
     assert isinstance(fastest, DirectStep), "MuJoCo's stages are not mj_step here: nothing to compare"
     steps: dict[str, Any] = {"mj_step": whole, "direct": fastest, "analytic": fastest_step(plant, "analytic")}
     engines = {name: CompiledLoop(plant, episode, step) for name, step in steps.items()}
-    start = np.array([plant.start_speeds(impulses) for impulses in episode.pushes])
+    start = np.array([plant.start_speeds(start) for start in episode.starts])
     short = Episode(episode.pushes, min(episode.steps, PLAIN_STEPS))
     run: dict[str, Callable[[], object]] = {
         "bare": lambda: bare(whole, start, episode.steps),

@@ -28,7 +28,7 @@ from threadpoolctl import threadpool_limits
 from benchmarks.chains import random_chain
 from benchmarks.recovery import _spoil as spoil
 from metaid.compiled import CompiledLoop
-from metaid.episode import FALL_LIMIT, REACH, RICH_FALL_LIMIT, Episode, natural_time, rich_pushes, window_ends
+from metaid.episode import FALL_LIMIT, REACH, RICH_FALL_LIMIT, Episode, FallRule, natural_time, rich_pushes, window_ends
 from metaid.estimation import Estimate, Motions, Quantity, Unknowns, WatchedTrial, fit
 from metaid.models import Array, Chain, Lumps
 from metaid.plant import MujocoPlant, PlantSettings, chain_of
@@ -82,10 +82,10 @@ class Experiment:
             pushes = rich_pushes(plant, 2, SMALL, seed)
             steps = round(LONG / plant.timestep)
             ends = window_ends(steps, OSCILLATION_WINDOWS, 0.5 ** (OSCILLATION_WINDOWS - 1))
-            return Episode(pushes, steps, FALL_LIMIT, window_ends=ends)
+            return Episode(pushes, steps, FallRule(FALL_LIMIT), window_ends=ends)
         steps = round(HORIZON * natural_time(nominal, plant.gravity) / plant.timestep)
         pushes = rich_pushes(plant, 2 * plant.njoint, REACH / (steps * plant.timestep), seed)
-        return Episode(pushes, steps, RICH_FALL_LIMIT, window_ends=window_ends(steps))
+        return Episode(pushes, steps, FallRule(RICH_FALL_LIMIT), window_ends=window_ends(steps))
 
     def law(self, nominal: Lumps, estimate: Estimate | None, random: np.random.Generator) -> Lumps:
         """What the next trial sends."""

@@ -24,10 +24,10 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.chains import random_chain
 from metaid.compiled import FaultyLoop, fastest_step
-from metaid.episode import REACH, RICH_FALL_LIMIT, Episode, natural_time, rich_pushes
+from metaid.episode import REACH, RICH_FALL_LIMIT, Episode, FallRule, natural_time, rich_pushes
 from metaid.estimation import Estimate, Readings, ReadTrial, Unknowns, commanded_torques, filtered_speeds, fit
 from metaid.models import Array, Lumps, kind_of
-from metaid.plant import FaultSettings, LinkSettings, MujocoPlant, PlantSettings, chain_of, slope_weights
+from metaid.plant import FaultSettings, LinkSettings, MujocoPlant, PlantSettings, Start, chain_of, slope_weights
 from metaid.study import HORIZON
 
 LINKS, KINDS = (2, 3, 5), ("gravity", "coriolis", "inertia")
@@ -78,7 +78,7 @@ def match(links: int, seed: int, noisy: Noisy, first: float, most: int, restarts
     plant = noisy.plant(true)
     steps = round(HORIZON * natural_time(nominal, plant.gravity) / plant.timestep)
     pushes = rich_pushes(plant, 2 * links, REACH / (steps * plant.timestep), seed)
-    episode = Episode(pushes, steps, RICH_FALL_LIMIT, keep_angles=True, seed=seed)
+    episode = Episode(pushes, steps, FallRule(RICH_FALL_LIMIT), keep_angles=True, seed=seed)
     wrong = 1.0 + WRONG_LENGTHS * np.random.default_rng(seed).choice([-1.0, 1.0], links)
     unknowns = Unknowns(nominal.lumps, lengths=nominal.length * wrong if noisy.hidden == "lengths" else None)
     truth = unknowns.log_factors(plant.chain.lumps)
@@ -103,13 +103,13 @@ def match(links: int, seed: int, noisy: Noisy, first: float, most: int, restarts
 def read_trial(plant: MujocoPlant, episode: Episode, law: Lumps, noisy: Noisy) -> ReadTrial:
     """What the plant's sensors read under this `law`, and what it was sent."""
     npush, njoint = episode.pushes.shape
-    starts = np.array([plant.start_speeds(impulses) for impulses in episode.pushes])
+    starts = np.array([plant.start_speeds(start) for start in episode.starts])
     readings, steps = np.zeros((npush, episode.steps + 1, njoint)), np.zeros(npush, dtype=np.int64)
     for push, angles in enumerate(FaultyLoop(plant, episode, fastest_step(plant)).run(law).angles):
         readings[push, : len(angles)], steps[push] = angles, len(angles) - 1 - (len(angles) <= episode.steps)
     speeds = filtered_speeds(readings, starts, slope_weights(plant.timestep))
     torques = commanded_torques(law, readings, speeds, plant.gravity)
-    response = np.array([plant.start_speeds(impulse) for impulse in np.eye(njoint)]).T
+    response = np.array([plant.start_speeds(Start.upright(impulse)) for impulse in np.eye(njoint)]).T
     spread = response * (noisy.pushes_differ * episode.pushes[:, None]) if noisy.pushes_differ else None
     return ReadTrial(plant.timestep, readings, torques, steps, starts, spread, np.full(njoint, noisy.noise))
 

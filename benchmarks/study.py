@@ -32,7 +32,7 @@ def task_of(spec: StudySpec) -> plain_optuna.Task:
     problem = Problem(spec)
     plant, nominal = problem.make_plant(), problem.nominal.lumps
     chain, episode = plant.chain, problem.episode
-    start = np.array([plant.start_speeds(impulses) for impulses in episode.pushes])
+    start = np.array([plant.start_speeds(start) for start in episode.starts])
     links = chain.length, chain.mass, chain.com, chain.inertia
     return plain_optuna.Task(
         *links,
@@ -42,7 +42,7 @@ def task_of(spec: StudySpec) -> plain_optuna.Task:
         nominal.coriolis,
         start,
         episode.steps,
-        episode.fall_limit,
+        episode.fall_rule.limit,
         START,
     )
 

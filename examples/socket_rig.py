@@ -79,11 +79,13 @@ class Simulator:
 
     def __init__(self, path: Path) -> None:
         from metaid import load_plant
+        from metaid.plant import Start
 
         self.plant = load_plant(str(path))
+        self.upright = Start.upright
 
     def push(self, impulses: list[float]) -> None:
-        self.plant.push(np.array(impulses))
+        self.plant.push(self.upright(np.array(impulses)))
 
     def states(self) -> tuple[list[float], list[float]]:
         angles, speeds = self.plant.states()

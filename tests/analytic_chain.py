@@ -31,12 +31,14 @@ def acceleration(chain: Chain, gravity: float, angles: Array, speeds: Array, joi
     return np.linalg.solve(mass_matrix, force + generalised)
 
 
-def simulate(chain: Chain, gravity: float, timestep: float, steps: int, speeds: Array, law) -> Array:  # type: ignore[no-untyped-def]
-    """Joint angles (steps + 1 x nlink) from the upright at absolute `speeds`; `law(q, q̇)` is the joint torque.
+def simulate(
+    chain: Chain, gravity: float, timestep: float, steps: int, speeds: Array, law, start: Array | float = 0.0
+) -> Array:  # type: ignore[no-untyped-def]
+    """Joint angles (steps + 1 x nlink) from absolute angles `start` and `speeds`; `law(q, q̇)` is the joint torque.
 
     Semi-implicit Euler, as in MuJoCo.
     """
-    angles = np.zeros(chain.nlink)
+    angles = np.zeros(chain.nlink) + start
     history = [angles]
     for _ in range(steps):
         torque = law(np.diff(angles, prepend=0.0), np.diff(speeds, prepend=0.0))

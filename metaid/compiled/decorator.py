@@ -1,21 +1,39 @@
-"""How the functions of the episode's inner loop are compiled.
+"""How the functions of the episode's inner loop are compiled, and where their machine code is kept.
 
-They release the GIL, so that threads run side by side; they are cached on disk (`cache_folder`); each becomes a part of
-its caller; and they have no part in numba's reference counts. Those cost more than the compensation law at three links,
-atomic as they are, at every array that is taken up; without them nothing can be allocated either.
+They release the GIL, so that threads run side by side; each becomes a part of its caller; and they have no part in
+numba's reference counts. Those cost more than the compensation law at three links, atomic as they are, at every array
+that is taken up; without them nothing can be allocated either.
+
+They are cached on disk, in a folder named by a digest of all that the machine code was made from. Functions become a
+part of their callers, and constants a part of the code, but numba's own cache looks at the source file of the outermost
+function only, so after a change elsewhere it would run the old code. The digest is of all sources of this package, of
+`metaid.models` and of the function's own package, and of the versions of numba, llvmlite and MuJoCo.
 """
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import inspect
+import os
+import shutil
+import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import llvmlite
+import mujoco
 import numba
 
-from metaid.compiled.cache_folder import cache_folder
 from metaid.compiled.undocumented import WITHOUT_REFERENCE_COUNTS
+
+KEPT = 4  # folders in one place: those that were used last; two working copies or environments may take turns
+
+_OWN = Path(__file__).resolve().parent
+_INLINED = (_OWN, _OWN.parent / "models")
+_PREFIX = "machine-code-"
 
 _options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "forceinline": True, **WITHOUT_REFERENCE_COUNTS}
 
@@ -33,3 +51,52 @@ def compiled(function: Callable[..., Any], **more: Any) -> Any:
         return numba.njit(cache=True, **options)(function)
     finally:
         numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
+
+
+@functools.cache
+def cache_folder(package: Path) -> Path | None:
+    """The folder for machine code of the functions of a `package` (its folder), made if it is not there.
+
+    It is the first of these that can be written to: a folder in `NUMBA_CACHE_DIR`; one in the package's `__pycache__`;
+    one in the user's own cache. None if none can be.
+    """
+    name = _PREFIX + digest(package)
+    chosen = [Path(numba.config.CACHE_DIR)] if numba.config.CACHE_DIR else []  # type: ignore[attr-defined]
+    for place in (*chosen, package / "__pycache__", _user_cache()):
+        folder = place / name
+        with suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=folder).close()
+            os.utime(folder)
+            _forget_old(place)
+            return folder
+    return None
+
+
+def digest(package: Path) -> str:
+    """Of everything that the machine code of the functions of a `package` (its folder) is made from."""
+    found = hashlib.blake2b(digest_size=10)
+    found.update(repr((numba.__version__, llvmlite.__version__, mujoco.__version__)).encode())
+    for folder in dict.fromkeys((*_INLINED, package)):
+        for path in sorted(folder.glob("*.py")):
+            source = path.read_bytes()
+            found.update(f"{path.name} {len(source)} ".encode() + source)
+    return found.hexdigest()
+
+
+def _user_cache() -> Path:
+    given = os.environ.get("XDG_CACHE_HOME")
+    return (Path(given) if given else Path("~/.cache").expanduser()) / "metaid"
+
+
+def _forget_old(place: Path) -> None:
+    """Removes all but the last folders there; numba does without one that has gone, and makes it again."""
+
+    def used(folder: Path) -> float:
+        try:
+            return folder.stat().st_mtime
+        except OSError:  # another process has just removed it
+            return 0.0
+
+    for folder in sorted(place.glob(_PREFIX + "*"), key=used)[:-KEPT]:
+        shutil.rmtree(folder, ignore_errors=True)

@@ -11,19 +11,32 @@ from numba.extending import overload
 
 from metaid.compiled.analytic import AnalyticStep, advance_analytically
 from metaid.compiled.decorator import compiled
-from metaid.compiled.law import compensate, turn_to_angles
+from metaid.compiled.law import compensate, has_fallen, turn_to_angles
 from metaid.compiled.queue import take
 from metaid.compiled.stages import (
     DirectStep,
     MujocoStep,
     advance_directly,
     advance_with_mujoco,
+    forget_in_mujoco,
     look_directly,
     look_with_mujoco,
 )
 from metaid.compiled.undocumented import class_of
 
 Step = MujocoStep | DirectStep | AnalyticStep
+
+
+def forget(chain):  # type: ignore[no-untyped-def]
+    """Leaves nothing of the motion before in any `Step`, but for what is in `qpos` and `qvel`."""
+    raise NotImplementedError
+
+
+@overload(forget, inline="always")
+def _forget_of(chain):  # type: ignore[no-untyped-def]
+    if class_of(chain) is MujocoStep:
+        return lambda chain: forget_in_mujoco(chain)
+    return lambda chain: None  # the others work out all else from these two, each step
 
 
 def look(chain, links, stiffness):  # type: ignore[no-untyped-def]
@@ -58,26 +71,31 @@ def _advance_of(chain, links):  # type: ignore[no-untyped-def]
 
 @compiled
 def _run_push(chain, start, law, settings, links, outputs, windows, kept):  # type: ignore[no-untyped-def]
-    """One push of an episode, which gives the joints the speeds `start` (njoint): steps run, and whether a link fell.
+    """One push of an episode, right after which the joints have the angles and speeds `start` (2 x njoint): steps run,
+    and whether a link fell.
 
     Fills the four (njoint) `outputs`, the two `windows`, and `kept` (nsteps + 1 x njoint) with joint angles unless it
     is empty. `links` (njoint) are working space; nothing is allocated here.
     """
-    timestep, steps, limit, margin, ends = settings
+    timestep, steps, limit, margin, largest_turn, ends = settings
     motion, window_half_periods = windows
     half_periods, span, speed_energy, acceleration_energy = outputs
     qpos, qvel, torque = chain.qpos, chain.qvel, chain.torque
-    n = start.shape[0]
+    n = start.shape[1]
     stiffness = law[-1]
-    fastest, speed, ran, fallen = 0.0, 0.0, 0, False
+    fastest, angle, speed, ran, fallen = 0.0, 0.0, 0.0, 0, False
     keep = kept.size > 0
     window, end = 0, ends[0] if ends.shape[0] > 0 else 0
+    forget(chain)  # type: ignore[no-untyped-call]
     for i in range(n):
-        qpos[i], qvel[i] = 0.0, start[i]
+        qpos[i], qvel[i] = start[0, i], start[1, i]
         half_periods[i], span[i] = 0, 0.0
-        speed += start[i]
+        angle += start[0, i]
+        speed += start[1, i]
         fastest = max(fastest, margin * abs(speed))
-        _set_off(links[i], speed, start[i])
+        _set_off(links[i], angle, speed, start[0, i], start[1, i])
+        if keep:
+            kept[0, i] = start[0, i]
     for step in range(1, steps + 1):
         look(chain, links, stiffness)  # type: ignore[no-untyped-call]
         compensate(law, links, qvel, torque)
@@ -96,7 +114,7 @@ def _run_push(chain, start, law, settings, links, outputs, windows, kept):  # ty
             link.jumps += jump * jump
             if q * link.side < 0.0:
                 time = timestep * (step - q / (q - q0))
-                if half_periods[i] == 0 and start[i] == 0.0 and link.first == 0.0:
+                if link.first < 0.0:
                     link.first = time
                 else:
                     half_periods[i] += 1
@@ -106,8 +124,7 @@ def _run_push(chain, start, law, settings, links, outputs, windows, kept):  # ty
                 link.side = np.sign(q)
             link.previous_angle = q
             link.previous_speed = v
-            # Eq. 8, written so that NaN counts as fallen; beyond a radian a step nothing is simulated any more.
-            if not (abs(angle) <= limit or abs(speed) <= fastest) or not abs(speed) * timestep <= 1.0:
+            if has_fallen(angle, speed, fastest, timestep, limit, largest_turn):
                 fallen = True
         if keep:
             for i in range(n):
@@ -130,14 +147,14 @@ def _run_push(chain, start, law, settings, links, outputs, windows, kept):  # ty
 
 
 @compiled
-def _set_off(link, speed, joint_speed):  # type: ignore[no-untyped-def]
-    """A `link` that a push has just given its absolute `speed` and its joint's, in rad/s, and has not yet moved."""
-    link.angle = 0.0
+def _set_off(link, angle, speed, joint_angle, joint_speed):  # type: ignore[no-untyped-def]
+    """A `link` right after a push, at its absolute `angle` and `speed` and its joint's, in rad and rad/s."""
+    link.angle = angle
     link.speed = speed
-    link.previous_angle = 0.0
+    link.previous_angle = joint_angle
     link.previous_speed = joint_speed
-    link.side = np.sign(joint_speed)
-    link.first = 0.0
+    link.side = np.sign(joint_angle if joint_angle != 0.0 else joint_speed)
+    link.first = 0.0 if joint_angle == 0.0 and joint_speed != 0.0 else -1.0
     link.squares = 0.0
     link.jumps = 0.0
 
@@ -145,7 +162,8 @@ def _set_off(link, speed, joint_speed):  # type: ignore[no-untyped-def]
 @compiled
 def run_from(chain, start, queue, laws, settings, links, ran, fell, outputs, windows, kept):  # type: ignore[no-untyped-def]
     """Takes pushes of a `Batch` from its `queue` until there are none left; those of a candidate that is known to have
-    fallen after an earlier one are left out. `start` are the joint speeds (npush x njoint) after each.
+    fallen after an earlier one are left out. `start` are the joint angles and speeds (npush x 2 x njoint) right after
+    each.
     """
     gravity, coriolis, damping, coulomb, inertia, stiffness = laws
     half_periods, span, speed_energy, acceleration_energy = outputs

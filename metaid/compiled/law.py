@@ -1,5 +1,5 @@
-"""The compensation law as the compiled loops apply it (`chain.compensation_torque` is the reference), and what they
-keep of a link meanwhile.
+"""The compensation law and the fall rule as the compiled loops apply them (`models.compensation_torque` is the
+reference), and what they keep of a link meanwhile.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from metaid.models import SLIDING
 # Records, not arrays: one address instead of twelve makes an episode around `mj_step` some 3 percent faster.
 LINK = np.dtype(
     [
-        ("angle", np.float64),  # absolute, in rad, as the law is told of it
+        ("angle", np.float64),  # absolute, in rad, as the law gets it
         ("speed", np.float64),  # absolute, in rad/s
         ("cosine", np.float64),  # of the angle
         ("sine", np.float64),
@@ -21,9 +21,9 @@ LINK = np.dtype(
         ("previous_angle", np.float64),  # of the joint, a step ago
         ("previous_speed", np.float64),
         ("side", np.float64),  # of the upright that the joint is on: −1, 0 before it has moved, 1
-        ("first", np.float64),  # time of the joint's first crossing, in s
+        ("first", np.float64),  # time of the joint's first crossing, in s, or −1 before it
         ("squares", np.float64),  # sum over steps of q̇² before and after
-        ("jumps", np.float64),  # sum over steps of the square of what q̇ gained and was not asked to
+        ("jumps", np.float64),  # sum over steps of the square of what q̇ gained and was not to
     ]
 )
 
@@ -34,11 +34,11 @@ def turn(link, cosine, sine, stiffness):  # type: ignore[no-untyped-def]
 
     sin(φ_i − φ_j) and cos(φ_i − φ_j) are expanded, so that each angle needs one cosine and one sine.
     """
-    squared, asked = link.speed * link.speed, stiffness * link.angle
+    squared, restoring = link.speed * link.speed, stiffness * link.angle
     link.cosine = cosine
     link.sine = sine
-    link.pull_cosine = squared * cosine - asked * sine
-    link.pull_sine = squared * sine + asked * cosine
+    link.pull_cosine = squared * cosine - restoring * sine
+    link.pull_sine = squared * sine + restoring * cosine
 
 
 @compiled
@@ -62,7 +62,15 @@ def compensate(law, links, qvel, torque):  # type: ignore[no-untyped-def]
         for j in range(n):
             cosines += coriolis[i, j] * links[j].pull_cosine
             sines += coriolis[i, j] * links[j].pull_sine
-        asked = stiffness * inertia[i] * link.angle
-        carried += link.sine * cosines - link.cosine * sines - asked  # Eq. 5, and 16 but for d
+        restoring = stiffness * inertia[i] * link.angle
+        carried += link.sine * cosines - link.cosine * sines - restoring  # Eqs. 5 and 16
         sliding = min(max(qvel[i] * (1.0 / SLIDING), -1.0), 1.0)
         torque[i] = carried + damping[i] * qvel[i] + coulomb[i] * sliding  # Eqs. 6 and 15
+
+
+@compiled
+def has_fallen(angle, speed, fastest, timestep, limit, turn):  # type: ignore[no-untyped-def]
+    """Whether one link has fallen, at its absolute `angle` and `speed`.  Eq. 8, with NaN as
+    fallen; `episode.FallRule.has_fallen` is the reference."""
+    coasts = abs(speed) <= fastest and abs(angle) < np.inf
+    return not (abs(angle) <= limit or coasts) or not abs(speed) * timestep <= turn

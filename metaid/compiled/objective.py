@@ -13,6 +13,7 @@ import numpy as np
 
 from metaid.compiled.faulty_loop import FaultyLoop
 from metaid.compiled.loop import CompiledLoop, fastest_step
+from metaid.compiled.quiet import quiet_mujoco
 from metaid.episode import (
     Episode,
     Outcome,
@@ -37,6 +38,7 @@ class Loop(Protocol):
     """What runs episodes on a plant: one at a time, or those of a batch that it shares with others of its kind."""
 
     plant: Any
+    episode: Episode
 
     def run(self, candidate: Lumps) -> Record: ...
     def new_batch(self, candidates: Lumps) -> Any: ...
@@ -83,10 +85,8 @@ class Objective:
 
     def watch(self, factors: Array) -> tuple[Record, Trajectory]:
         """The same, and the motion after the last push, step by step in Python."""
-        candidate = self.nominal.scaled(factors)
-        if isinstance(self._loop, FaultyLoop):
-            return self._loop.run_stepwise(candidate)
-        return run_stepwise(self.plant, candidate, self.episode)
+        with quiet_mujoco():
+            return run_stepwise(self._loop.plant, self.nominal.scaled(factors), self._loop.episode)
 
     def close(self) -> None:
         """Lets go of the plant."""
@@ -158,11 +158,12 @@ def _fastest_loop(plant: Plant, nominal: Lumps, episode: Episode, physics: str) 
     compiled: CompiledLoop | FaultyLoop = CompiledLoop(plant, episode, step)
     slow: Loop = StepwiseLoop(plant, episode)
     if plant.settings.faults.named or episode.lead:
-        compiled, slow = FaultyLoop(plant, episode, step), FaultyLoop(plant, episode, None)
+        compiled = faulty = FaultyLoop(plant, episode, step)
+        slow = StepwiseLoop(faulty.plant, faulty.episode)
     if compiled.agrees_with_stepwise(nominal):
         return compiled
     warnings.warn(
-        f"the compiled loop disagrees with the plain one on plant {plant.name}; using the plain one, which is slow",
+        f"the compiled loop disagrees with the stepwise one on plant {plant.name}; using that, which is slow",
         stacklevel=3,
     )
     return slow

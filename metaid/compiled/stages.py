@@ -31,6 +31,7 @@ def _stage(name: str, *more: Any) -> Any:
     return types.ExternalFunction(name, types.void(types.uintp, types.uintp, *more))
 
 
+_mj_resetData = _stage("mj_resetData")  # noqa: N816, MuJoCo's own name
 _mj_step1 = _stage("mj_step1")
 _mj_step2 = _stage("mj_step2")
 _mj_kinematics = _stage("mj_kinematics")
@@ -88,6 +89,14 @@ def direct_step(model: mujoco.MjModel, data: mujoco.MjData) -> DirectStep:
     passive = np.ravel(model.dof_damping), np.ravel(model.jnt_stiffness)
     views = data.qpos, data.qvel, data.qfrc_applied, data.xmat[1:]
     return DirectStep(*views, *vectors, *passive, *addresses, model.opt.timestep)
+
+
+@compiled
+def forget_in_mujoco(chain):  # type: ignore[no-untyped-def]
+    """Leaves nothing of the motion before in a `MujocoStep`: its solver of dry friction starts from the last solution,
+    to which it would lead a little nearer than from anywhere else.
+    """
+    _mj_resetData(chain.model, chain.data)
 
 
 @compiled

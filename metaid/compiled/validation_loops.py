@@ -11,8 +11,9 @@ from metaid.compiled.decorator import compiled
 from metaid.compiled.kernel import advance, look
 from metaid.compiled.law import LINK, compensate
 from metaid.compiled.loop import fastest_step
+from metaid.compiled.quiet import quiet_mujoco
 from metaid.models import Array, Lumps
-from metaid.plant import MujocoPlant
+from metaid.plant import MujocoPlant, Start
 
 
 def coasting_steps(plant: MujocoPlant, lumps: Lumps, impulses: Array, steps: int, share: float) -> int:
@@ -29,9 +30,11 @@ def coasting_steps(plant: MujocoPlant, lumps: Lumps, impulses: Array, steps: int
         The steps after which every joint speed was within the share, at most `steps`.
     """
     chain, links = fastest_step(plant), np.zeros(plant.njoint, LINK)
-    plant.push(impulses)
+    plant.push(Start.upright(impulses))
     pushed = plant.states()[1]
-    return int(_coast(chain, pushed, _law(plant, lumps), links, steps, share * np.abs(np.cumsum(pushed)).max()))
+    tolerance = share * np.abs(np.cumsum(pushed)).max()
+    with quiet_mujoco():
+        return int(_coast(chain, pushed, _law(plant, lumps), links, steps, tolerance))
 
 
 def track_compiled(
@@ -58,10 +61,11 @@ def track_compiled(
     chain, links = fastest_step(plant), np.zeros(plant.njoint, LINK)
     models = tuple((np.array(lumps.coriolis), np.array(d)) for lumps, d in zip(laws, inertias, strict=True))
     seen = np.zeros((3, *desired[0].shape))
-    plant.push(np.zeros(plant.njoint))
+    plant.push(Start.upright(np.zeros(plant.njoint)))
     motion = np.ascontiguousarray(desired[0]), np.ascontiguousarray(desired[1]), np.ascontiguousarray(desired[2])
     work = np.zeros((3, plant.njoint))
-    count = _track(chain, _law(plant, laws[0]), models, links, motion, bandwidth, lost, work, seen)
+    with quiet_mujoco():
+        count = _track(chain, _law(plant, laws[0]), models, links, motion, bandwidth, lost, work, seen)
     angles, speeds, torques = seen[:, :count]
     return angles, speeds, torques
 

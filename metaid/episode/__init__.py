@@ -4,13 +4,15 @@
 turns a record into one number, `Outcome` is what a searcher is told. No storage and no sampler.
 """
 
-from metaid.episode.episode import FALL_LIMIT, FALL_MARGIN, RICH_FALL_LIMIT, Episode, NoiseFloor
+from metaid.episode.episode import Episode, NoiseFloor
+from metaid.episode.falls import FALL_LIMIT, FALL_MARGIN, RICH_FALL_LIMIT, FallRule
 from metaid.episode.measures import MEASURES, Measure, crossing_hz, fall_value, get_measure, spectral_hz, whole_periods
+from metaid.episode.noise import noise_of, with_deadband
 from metaid.episode.outcome import Outcome, failure
 from metaid.episode.pushes import REACH, natural_time, pushed_speeds, pushes_for, rich_pushes, rich_speeds, tip_push
 from metaid.episode.record import Record, Trajectory, same_record
 from metaid.episode.smoothing import noise_floor
-from metaid.episode.stepwise import StepwiseLoop, run_stepwise
+from metaid.episode.stepwise import CandidateBatch, StepwiseLoop, new_candidate_batch, run_stepwise
 from metaid.episode.windows import QUANTITIES, SHORTEST, WINDOWS, Windows, window_ends, windows_before_fall
 
 __all__ = [
@@ -22,7 +24,9 @@ __all__ = [
     "RICH_FALL_LIMIT",
     "SHORTEST",
     "WINDOWS",
+    "CandidateBatch",
     "Episode",
+    "FallRule",
     "Measure",
     "NoiseFloor",
     "Outcome",
@@ -35,7 +39,9 @@ __all__ = [
     "fall_value",
     "get_measure",
     "natural_time",
+    "new_candidate_batch",
     "noise_floor",
+    "noise_of",
     "pushed_speeds",
     "pushes_for",
     "rich_pushes",
@@ -47,4 +53,5 @@ __all__ = [
     "whole_periods",
     "window_ends",
     "windows_before_fall",
+    "with_deadband",
 ]

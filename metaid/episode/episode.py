@@ -1,24 +1,21 @@
 """What a perturb-and-count episode is.
 
-An episode is a number of pushes. For each, the plant is brought to rest upright, pushed, and for a fixed number of
-steps sent nothing but the torque that a candidate's lumps say would cancel gravity and Coriolis forces. The first
-fall ends the whole episode.
+An episode is a number of pushes. For each, the plant is brought to rest where the push begins, pushed, and for a fixed
+number of steps sent nothing but the torque that a candidate's lumps say would cancel gravity and Coriolis forces. The
+first fall ends the whole episode.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from metaid.episode.falls import USUAL_FALLS, FallRule
+from metaid.episode.windows import window_ends
 from metaid.errors import EpisodeError
 from metaid.models import Array
-
-FALL_LIMIT = np.pi / 2  # rad
-
-RICH_FALL_LIMIT = np.pi  # rad; a link that is pushed to 60° on purpose has not fallen at 90°
-
-FALL_MARGIN = 1.5  # past the limit, a link this many times faster than any was right after the push has fallen
+from metaid.plant import Start
 
 
 @dataclass(frozen=True)
@@ -41,17 +38,16 @@ class Episode:
     """`pushes` (npush x njoint), horizontal impulses at the link tips in N s; `steps` after each; when a link counts
     as fallen; whether the record keeps the joint angles.
 
-    A `fall_margin` of 0 means that a link past the limit has fallen however slow it is. With a `stiffness` k, in 1/s²,
-    the law also asks for q̈ = −k q, so that the plant swings where it would coast (Eq. 16). For a plant with faults: a
-    joint within `deadband` (rad) of the upright is on neither side of it; `seed` is of the noise, and `noise_floor` how
-    much of it there is. The law is told the angles that the speeds lead to after `lead` seconds, for a plant whose
-    torques come late. The record keeps the motion up to each of the `window_ends`, in steps.
+    Pushes begin upright, or at the joint angles `poses` (npush x njoint), in rad. With a `stiffness` k, in 1/s², the
+    law also asks for q̈ = −k q, so that the plant swings where it would coast (Eq. 16). For a plant with faults: a joint
+    within `deadband` (rad) of the upright is on neither side of it; `seed` is of the noise, and `noise_floor` how much
+    of it there is. For a plant whose torques come late, the law gets the angles that the speeds lead to after `lead`
+    seconds. The record keeps the motion up to each of the `window_ends`, in steps.
     """
 
     pushes: Array
     steps: int
-    fall_limit: float = FALL_LIMIT
-    fall_margin: float = FALL_MARGIN
+    fall_rule: FallRule = USUAL_FALLS
     keep_angles: bool = False
     stiffness: float = 0.0
     deadband: float = 0.0
@@ -59,6 +55,7 @@ class Episode:
     noise_floor: NoiseFloor = SILENT
     lead: float = 0.0
     window_ends: tuple[int, ...] = ()
+    poses: Array | None = None
 
     def __post_init__(self) -> None:
         if self.steps < 1:
@@ -67,6 +64,20 @@ class Episode:
             raise EpisodeError(
                 "every push needs a finite impulse, in N s, on at least one link: without a push nothing moves"
             )
+        if self.poses is not None and (self.poses.shape != self.pushes.shape or not np.isfinite(self.poses).all()):
+            raise EpisodeError("poses: every push needs one, with a finite angle, in rad, for each joint")
+
+    @property
+    def starts(self) -> list[Start]:
+        """From where each push begins (npush)."""
+        poses = np.zeros(self.pushes.shape) if self.poses is None else self.poses
+        return [Start(*each) for each in zip(self.pushes, poses, strict=True)]
+
+    def shortened(self, steps: int) -> Episode:
+        """The first push alone, for at most that many `steps`, with windows."""
+        steps = min(steps, self.steps)
+        poses = None if self.poses is None else self.poses[:1]
+        return replace(self, pushes=self.pushes[:1], poses=poses, steps=steps, window_ends=window_ends(steps))
 
     @property
     def total_steps(self) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from metaid.models import Array, Chain
-from metaid.plant import Plant
+from metaid.plant import Plant, Start
 
 REACH = 1.0  # rad that the fastest link of a rich push coasts through within the horizon: short of the fall limit
 
@@ -20,7 +20,7 @@ def pushed_speeds(plant: Plant, pushes: Array) -> Array:
     """
     seen = []
     for impulses in pushes:
-        plant.push(impulses)
+        plant.push(Start.upright(impulses))
         seen.append(np.cumsum(plant.states()[1]))
         plant.stop()
     return np.array(seen)

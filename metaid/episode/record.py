@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from metaid.episode.episode import Episode
 from metaid.episode.windows import QUANTITIES, Windows, windows_seen
 from metaid.models import Array
+from metaid.plant import Start
 
 
 @dataclass(frozen=True)
 class Record:
     """What an episode showed, per push and joint (npush x njoint); rows after a fall are not filled in.
 
-    `half_periods`: crossings of the upright after the first, the push itself being the first if it moved that joint.
+    `half_periods`: crossings of the upright after the first, which is the push itself if it moved an upright joint.
     `crossing_span`: time from the first to the last crossing, interpolated between steps, in s.
     `speed_energy`, `acceleration_energy`: ∫ q̇² dt in rad²/s and ∫ (q̈ + k q)² dt in rad²/s³, k the episode's stiffness.
     `steps`: steps that were run; `fall_step`: the step by which a link had fallen, or None.
@@ -49,13 +50,20 @@ class Trajectory:
 
 
 def crossings(
-    angles: Array, start_speeds: Array, timestep: float, deadband: float = 0.0
+    angles: Array, crosses: NDArray[np.bool_], timestep: float, deadband: float = 0.0
 ) -> tuple[NDArray[np.int64], Array]:
-    """Half periods (njoint) and the time they took (njoint), in s, of joint `angles` (nsteps + 1 x njoint) that start
-    upright.
+    """Half periods and the time they took, from crossings of the upright.
 
-    The push is the first crossing of every joint that it moved. A later one lies between the steps about it, on the
-    straight line. Angles within the `deadband` (rad) are left out.
+    A crossing lies between the steps about it, on the straight line.
+
+    Args:
+        angles: of the joints (nsteps + 1 x njoint), in rad.
+        crosses: whether the push itself is the first crossing of a joint (njoint): it moved one that was upright.
+        timestep: in s.
+        deadband: in rad; angles within it are left out.
+
+    Returns:
+        Half periods (njoint) and the time from the first to the last crossing (njoint), in s.
     """
     njoint = angles.shape[1]
     half_periods, span = np.zeros(njoint, dtype=np.int64), np.zeros(njoint)
@@ -67,23 +75,31 @@ def crossings(
         after = np.flatnonzero(np.sign(angle[1:]) != np.sign(angle[:-1])) + 1
         fraction = angle[after] / (angle[after] - angle[after - 1])
         times = timestep * (moving[after] - fraction * (moving[after] - moving[after - 1]))
-        if start_speeds[joint] != 0.0:
+        if crosses[joint]:
             times = np.append(0.0, times)
         half_periods[joint] = max(len(times) - 1, 0)
         span[joint] = times[-1] - times[0] if len(times) else 0.0
     return half_periods, span
 
 
-def energies(speeds: Array, timestep: float, asked: Array | float = 0.0) -> tuple[Array, Array]:
-    """∫ q̇² dt (trapezoid) and ∫ (q̈ − asked)² dt (finite differences) per joint of `speeds` (nsteps + 1 x njoint), in
+def crosses_at(start: Start, speeds: Array) -> NDArray[np.bool_]:
+    """Whether a push is the first crossing of the upright of a joint (njoint), whose speed after it is in `speeds`
+    (njoint), in rad/s.
+    """
+    crosses: NDArray[np.bool_] = (start.angles == 0.0) & (speeds != 0.0)
+    return crosses
+
+
+def energies(speeds: Array, timestep: float, wanted: Array | float = 0.0) -> tuple[Array, Array]:
+    """∫ q̇² dt (trapezoid) and ∫ (q̈ − wanted)² dt (finite differences) per joint of `speeds` (nsteps + 1 x njoint), in
     rad/s.  Eqs. 10 and 17.
 
-    `asked` (nsteps x njoint): the acceleration that the law asks for at the beginning of each step, in rad/s². The
-    torque of a step is that of its beginning, so with an exact law nothing is left, however long the step.
+    `wanted` (nsteps x njoint): the acceleration that the law is to bring about at the beginning of each step, in
+    rad/s². The torque of a step is that of its beginning, so with an exact law nothing is left, however long the step.
     """
     squared = speeds**2
     speed_energy = timestep * (squared.sum(axis=0) - 0.5 * (squared[0] + squared[-1]))
-    acceleration_energy = ((np.diff(speeds, axis=0) - timestep * asked) ** 2).sum(axis=0) / timestep
+    acceleration_energy = ((np.diff(speeds, axis=0) - timestep * wanted) ** 2).sum(axis=0) / timestep
     return speed_energy, acceleration_energy
 
 
@@ -102,22 +118,23 @@ def windows_of(motions: Sequence[tuple[Array, Array]], episode: Episode, timeste
     seen = windows_seen(ends, [len(angles) - 1 for angles, _ in motions], fell, npush)
     motion = np.zeros((npush, len(ends), QUANTITIES, njoint))
     half_periods = np.zeros((npush, len(ends), njoint), dtype=np.int64)
-    for push, (angles, speeds) in enumerate(motions):
+    for push, ((angles, speeds), start) in enumerate(zip(motions, episode.starts, strict=False)):
+        crosses = crosses_at(start, speeds[0])
         for window, end in enumerate(ends[: seen[push]]):
             shown = energies(speeds[: end + 1], timestep, -episode.stiffness * angles[:end])
             motion[push, window] = angles[end], speeds[end], *shown
-            half_periods[push, window], _ = crossings(angles[: end + 1], speeds[0], timestep, episode.deadband)
+            half_periods[push, window], _ = crossings(angles[: end + 1], crosses, timestep, episode.deadband)
     return Windows(ends, seen, motion, half_periods)
 
 
-def same_record(compiled: Record, plain: Record) -> bool:
+def same_record(one: Record, other: Record) -> bool:
     """Whether two loops saw the same, but for rounding."""
     return (
-        compiled.fall_step == plain.fall_step
-        and bool((compiled.half_periods == plain.half_periods).all())
-        and _same(compiled.speed_energy, plain.speed_energy)
-        and _same(compiled.acceleration_energy, plain.acceleration_energy)
-        and _same_windows(compiled.windows, plain.windows)
+        one.fall_step == other.fall_step
+        and bool((one.half_periods == other.half_periods).all())
+        and _same(one.speed_energy, other.speed_energy)
+        and _same(one.acceleration_energy, other.acceleration_energy)
+        and _same_windows(one.windows, other.windows)
     )
 
 

@@ -36,7 +36,7 @@ def smooth_energies(angles: Array, timestep: float) -> tuple[Array, Array]:
 
 def smoothed_hz(angles: Array, timestep: float, noise_floor: float) -> float:
     """√((∫ q̈² dt − `noise_floor`) / ∫ q̇² dt) / 2π, sums over joints and pushes, in Hz; negative where the difference
-    is, and zero if nothing moves.  Eq. 20.
+    is, and zero if nothing moves.  Eq. 22.
 
     Joint `angles` (npush x nsteps + 1 x njoint) in rad; `noise_floor` in rad²/s³.
     """

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from metaid.episode.episode import Episode
-from metaid.episode.falls import has_fallen
-from metaid.episode.record import Record, Trajectory, crossings, energies, windows_of
+from metaid.episode.noise import noise_of
+from metaid.episode.record import Record, Trajectory, crosses_at, crossings, energies, windows_of
 from metaid.errors import AbsentPlant, LostPlant
 from metaid.models import Array, Lumps, compensation_torque
-from metaid.plant import Plant
+from metaid.plant import FaultyPlant, Plant, Start
 
 TRIES = 3  # of an episode in which the plant was lost
 
 
 @dataclass(frozen=True)
-class StepwiseBatch:
-    """The `candidates`, lumps with a leading axis (ncandidate), a `queue` of their numbers, and what has been seen."""
+class CandidateBatch:
+    """The `candidates`, lumps with a leading axis (ncandidate), a `queue` of their numbers, and what has been `seen`:
+    a batch for loops that run one whole episode after the other.
+    """
 
     candidates: Lumps
     queue: Iterator[int]
@@ -31,6 +33,22 @@ class StepwiseBatch:
         """
         return [self.seen[candidate] for candidate in range(len(self.seen))]
 
+    def work_through(self, run: Callable[[Lumps], Record]) -> None:
+        """Runs episodes until there are none left; others may do so at the same time.  Raises AbsentPlant."""
+        for candidate in self.queue:
+            try:
+                self.seen[candidate] = run(self.candidates[candidate])
+            except AbsentPlant:
+                raise  # nor is it there for the next
+            except LostPlant as problem:
+                self.seen[candidate] = problem
+
+
+def new_candidate_batch(candidates: Lumps) -> CandidateBatch:
+    """A batch of `candidates`, lumps with a leading axis (ncandidate), of which nothing has been run."""
+    # `next` on such a queue is atomic, so each candidate goes to whoever is free first.
+    return CandidateBatch(candidates, iter(range(len(candidates.gravity))), {})
+
 
 class StepwiseLoop:
     """An episode on any one plant, step by step in Python."""
@@ -39,22 +57,15 @@ class StepwiseLoop:
         self.plant = plant
         self.episode = episode
 
-    def new_batch(self, candidates: Lumps) -> StepwiseBatch:
+    def new_batch(self, candidates: Lumps) -> CandidateBatch:
         """A batch of `candidates`, lumps with a leading axis (ncandidate), for this and its like to work on."""
-        # `next` on such a queue is atomic, so each candidate goes to whoever is free first.
-        return StepwiseBatch(candidates, iter(range(len(candidates.gravity))), {})
+        return new_candidate_batch(candidates)
 
-    def work_on(self, batch: StepwiseBatch) -> None:
+    def work_on(self, batch: CandidateBatch) -> None:
         """Runs episodes of the `batch` until there are none left; others may do so at the same time.  Raises
         AbsentPlant.
         """
-        for candidate in batch.queue:
-            try:
-                batch.seen[candidate] = self.run(batch.candidates[candidate])
-            except AbsentPlant:
-                raise  # nor is it there for the next
-            except LostPlant as problem:
-                batch.seen[candidate] = problem
+        batch.work_through(self.run)
 
     def run(self, candidate: Lumps) -> Record:
         """One episode with the `candidate` lumps, again if the plant was lost in it.  Raises LostPlant where that is of
@@ -71,21 +82,27 @@ class StepwiseLoop:
 
 
 def run_stepwise(plant: Plant, candidate: Lumps, episode: Episode) -> tuple[Record, Trajectory]:
-    """One episode on any plant, step by step: the reference for the compiled loop, and what a rig uses."""
+    """One episode on any plant, step by step: the reference for the compiled loops, and what a rig uses.
+
+    On a FaultyPlant it has the noise of this episode and this candidate, and what is returned is what its sensors read.
+    """
+    if isinstance(plant, FaultyPlant):
+        plant.begin(noise_of(plant, candidate, episode))
     shape = episode.pushes.shape
     half_periods, span = np.zeros(shape, dtype=np.int64), np.zeros(shape)
     speed_energy, acceleration_energy = np.zeros(shape), np.zeros(shape)
     steps, fall_step, motions = 0, None, []
-    for push, impulses in enumerate(episode.pushes):
-        angles, speeds = _watch_push(plant, candidate, episode, impulses)
+    for push, start in enumerate(episode.starts):
+        angles, speeds, fallen = _watch_push(plant, candidate, episode, start)
         ran = len(angles) - 1
         motions.append((angles, speeds))
-        half_periods[push], span[push] = crossings(angles, speeds[0], plant.timestep, episode.deadband)
-        asked = -episode.stiffness * angles[:-1]
-        speed_energy[push], acceleration_energy[push] = energies(speeds, plant.timestep, asked)
+        half_periods[push], span[push] = crossings(
+            angles, crosses_at(start, speeds[0]), plant.timestep, episode.deadband
+        )
+        wanted = -episode.stiffness * angles[:-1]
+        speed_energy[push], acceleration_energy[push] = energies(speeds, plant.timestep, wanted)
         steps += ran
-        fastest = episode.fall_margin * np.abs(np.cumsum(speeds[0])).max()
-        if has_fallen(np.cumsum(angles[-1]), np.cumsum(speeds[-1]), episode.fall_limit, fastest):
+        if fallen:
             fall_step = steps
             break
     seen = half_periods, span, speed_energy, acceleration_energy
@@ -95,21 +112,25 @@ def run_stepwise(plant: Plant, candidate: Lumps, episode: Episode) -> tuple[Reco
     return record, Trajectory(angles, speeds)
 
 
-def _watch_push(plant: Plant, candidate: Lumps, episode: Episode, impulses: Array) -> tuple[Array, Array]:
-    """Joint angles and speeds (nsteps + 1 x njoint) after a push; however it ends, the torque is off then."""
+def _watch_push(plant: Plant, candidate: Lumps, episode: Episode, start: Start) -> tuple[Array, Array, bool]:
+    """Joint angles and speeds (nsteps + 1 x njoint) after a push, and whether a link fell; however it ends, the torque
+    is off then.
+    """
+    rule, fallen = episode.fall_rule, False
     try:
-        plant.push(impulses)
+        plant.push(start)
         angles, speeds = plant.states()
         history = [(angles, speeds)]
-        fastest = episode.fall_margin * np.abs(np.cumsum(speeds)).max()
+        fastest = rule.fastest(np.cumsum(speeds))
         for _ in range(episode.steps):
             led = angles + episode.lead * speeds
             plant.apply_torque(compensation_torque(candidate, led, speeds, plant.gravity, episode.stiffness))
             plant.step()
             angles, speeds = plant.states()
             history.append((angles, speeds))
-            if has_fallen(np.cumsum(angles), np.cumsum(speeds), episode.fall_limit, fastest):
+            fallen = rule.has_fallen(np.cumsum(angles), np.cumsum(speeds), fastest, plant.timestep)
+            if fallen:
                 break
     finally:
         plant.stop()
-    return np.array([angles for angles, _ in history]), np.array([speeds for _, speeds in history])
+    return np.array([angles for angles, _ in history]), np.array([speeds for _, speeds in history]), fallen

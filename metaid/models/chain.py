@@ -69,12 +69,11 @@ class Chain:
         return mass_matrix(self.lumps, self.inertia_lumps, angles)
 
 
-def speeds_after(chain: Chain, impulses: Array) -> Array:
-    """Absolute link speeds (nlink), in rad/s, of a chain pushed from rest upright by `impulses` (nlink), in N s, at
-    its link tips.
+def speeds_after(chain: Chain, impulses: Array, angles: Array) -> Array:
+    """Absolute link speeds (nlink), in rad/s, of a chain pushed from rest at absolute `angles` (nlink), in rad, by
+    horizontal `impulses` (nlink), in N s, at its link tips.
 
-    An impulse at the tip of link k turns every link i ≤ k with lever l_i: M ω = l_i Σ_{k≥i} J_k.  Eq. 7.
+    An impulse at the tip of link k turns every link i ≤ k with lever l_i cos φ_i.  Eq. 7.
     """
-    momentum = chain.length * np.cumsum(impulses[::-1])[::-1]
-    upright = chain.mass_matrix(np.zeros(chain.nlink))
-    return np.asarray(np.linalg.solve(upright, momentum), dtype=np.float64)
+    momentum = chain.length * np.cos(angles) * np.cumsum(impulses[::-1])[::-1]
+    return np.asarray(np.linalg.solve(chain.mass_matrix(angles), momentum), dtype=np.float64)

@@ -45,6 +45,10 @@ def compensation_basis(
             pairs = np.arange(len(first))
             part[..., first, pairs] = sine * speeds[..., second] ** 2
             part[..., second, pairs] = -sine * speeds[..., first] ** 2
+            if stiffness:  # Eq. 16, the off-diagonals of Ã
+                cosine = np.cos(angles[..., first] - angles[..., second])
+                part[..., first, pairs] -= stiffness * cosine * angles[..., second]
+                part[..., second, pairs] -= stiffness * cosine * angles[..., first]
         elif kind == "inertia":
             part[..., links, links] = -stiffness * angles
         else:  # a torque in joint i turns link i one way and link i − 1 the other

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from metaid.compiled import Objective
-from metaid.episode import FALL_MARGIN, Episode, crossing_hz, whole_periods
+from metaid.episode import FALL_MARGIN, Episode, FallRule, crossing_hz, whole_periods
 from metaid.errors import EpisodeError
 from metaid.models import Array, factors_from_names
 from metaid.plant import load_plant
@@ -45,12 +45,12 @@ class Reading:
     @cached_property
     def counting(self) -> Objective:
         """Counts over all steps, whatever falls: after a large push, what coasts or tumbles passes any limit."""
-        return self.objective(self.push, fall_limit=np.inf, keep_angles=True)
+        return self.objective(self.push, fall_rule=FallRule(limit=np.inf), keep_angles=True)
 
     @cached_property
     def falling(self) -> Objective:
         """Tells which candidates fall."""
-        return self.objective(self.fall_push, fall_margin=self.fall_margin)
+        return self.objective(self.fall_push, fall_rule=FallRule(margin=self.fall_margin))
 
     def objective(self, push: float, **options: Any) -> Objective:
         """Counts after a `push` at the tip, in N s, in factors of the plant's own lumps; `options` of the episode."""

@@ -1,8 +1,8 @@
 """What is pushed and watched.
 
-`Plant` is the protocol. `MujocoPlant` is a chain that MuJoCo simulates, `FaultyPlant` the same behind the faults that a
-real one has, and `SocketPlant` a rig, or any other process, behind a socket. `load_plant` reads a plant file. MuJoCo is
-loaded when a simulated plant first moves.
+`Plant` is the protocol, and `Start` from where a push begins. `MujocoPlant` is a chain that MuJoCo simulates,
+`FaultyPlant` the same behind the faults that a real one has, and `SocketPlant` a rig, or any other process, behind a
+socket. `load_plant` reads a plant file. MuJoCo is loaded when a simulated plant first moves.
 """
 
 from importlib import import_module
@@ -15,6 +15,7 @@ from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.protocol import Plant
 from metaid.plant.settings import LinkSettings, PlantSettings, chain_of
 from metaid.plant.socket_plant import SocketPlant, SocketSettings
+from metaid.plant.start import Start
 
 if TYPE_CHECKING:
     from metaid.plant.mujoco_model import build_spec
@@ -29,6 +30,7 @@ __all__ = [
     "PlantSettings",
     "SocketPlant",
     "SocketSettings",
+    "Start",
     "build_spec",
     "chain_of",
     "draw",

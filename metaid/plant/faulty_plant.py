@@ -5,12 +5,14 @@ drives deliver.
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 
 from metaid.models import Array, Lumps
 from metaid.plant.faults import Noise, draw, readings, slope_weights
 from metaid.plant.mujoco_plant import MujocoPlant
+from metaid.plant.start import Start
 
 
 class FaultyPlant:
@@ -31,14 +33,14 @@ class FaultyPlant:
         self._noise = noise
         self._push = -1
 
-    def push(self, impulses: Array) -> None:
+    def push(self, start: Start) -> None:
         self._push += 1
         self._step = 0
         self._commands = deque([np.zeros(self.njoint)] * self.faults.delay)
         self._angles: list[Array] = []
         # What such a push has done in a calibration; nobody reads a speed from angles as soon as it is there.
-        self._expected = self.inner.start_speeds(impulses)
-        self.inner.push(impulses * (1.0 + self._noise.impulses[self._push]))
+        self._expected = self.inner.start_speeds(start)
+        self.inner.push(replace(start, impulses=start.impulses * (1.0 + self._noise.impulses[self._push])))
         self._read()
 
     def _read(self) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from metaid.models import FRICTION, IDEAL, Array, Lumps, refuse_impossible, refuse_too_long_a_step, speeds_after
 from metaid.plant.settings import PlantSettings, chain_of
+from metaid.plant.start import Start
 
 if TYPE_CHECKING:
     from mujoco import MjData, MjModel
@@ -66,15 +67,13 @@ class MujocoPlant:
         """In m/s². Too large a torque by a share of the gravity terms is the same as gravity weaker by that share."""
         return self.gravity * (1.0 - self.settings.over_compensation)
 
-    def start_speeds(self, impulses: Array) -> Array:
-        """Joint speeds (njoint), in rad/s, just after `impulses` (njoint), in N s, at the link tips of the chain at
-        rest upright.
-        """
-        return np.diff(speeds_after(self.chain, impulses), prepend=0.0)
+    def start_speeds(self, start: Start) -> Array:
+        """Joint speeds (njoint), in rad/s, just after the impulses of `start`."""
+        return np.diff(speeds_after(self.chain, start.impulses, np.cumsum(start.angles)), prepend=0.0)
 
-    def push(self, impulses: Array) -> None:
+    def push(self, start: Start) -> None:
         self.simulation.reset()
-        self.data.qvel[:] = self.start_speeds(impulses)
+        self.data.qpos[:], self.data.qvel[:] = start.angles, self.start_speeds(start)
 
     def states(self) -> tuple[Array, Array]:
         return self.data.qpos.copy(), self.data.qvel.copy()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol, runtime_checkable
 
 from metaid.models import Array, Lumps
+from metaid.plant.start import Start
 
 
 @runtime_checkable
@@ -25,8 +26,8 @@ class Plant(Protocol):
     def gravity(self) -> float:
         """Gravitational acceleration, in m/s²."""
 
-    def push(self, impulses: Array) -> None:
-        """Brings the plant to rest upright, then strikes the link tips with horizontal `impulses` (njoint), in N s."""
+    def push(self, start: Start) -> None:
+        """Brings the plant to rest at the pose of `start`, then strikes the link tips with its impulses."""
 
     def states(self) -> tuple[Array, Array]:
         """Joint angles (njoint), in rad, and joint speeds (njoint), in rad/s."""

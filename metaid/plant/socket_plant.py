@@ -15,6 +15,7 @@ from pydantic import Field, field_validator
 from metaid.errors import AbsentPlant, LostPlant, PlantError
 from metaid.files import Settings
 from metaid.models import Array, Lumps
+from metaid.plant.start import Start
 from metaid.plant.wire import Wire, WireError, parse_address
 
 PROTOCOL = 1
@@ -70,10 +71,16 @@ class SocketPlant:
     def gravity(self) -> float:
         return self.settings.gravity
 
-    def push(self, impulses: Array) -> None:
+    def push(self, start: Start) -> None:
+        """Raises PlantError where it is to begin elsewhere than upright, too: the protocol has no word for that."""
+        if not start.is_upright:
+            raise PlantError(
+                f"plant {self.name} at {self.settings.socket}: a push is to begin at joint angles "
+                f"{start.angles.tolist()} rad (allowed: 0 rad for every joint; a rig is pushed from the upright)"
+            )
         self._tick = 0
         self.apply_torque(np.zeros(self.njoint))
-        self._take(self._ask({"do": "push", "impulses": impulses.tolist()}, self.settings.push_timeout))
+        self._take(self._ask({"do": "push", "impulses": start.impulses.tolist()}, self.settings.push_timeout))
 
     def states(self) -> tuple[Array, Array]:
         return self._state

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from metaid.models import Array, Lumps, compensation_torque, mass_matrix
-from metaid.plant import MujocoPlant, Plant
+from metaid.plant import MujocoPlant, Plant, Start
 
 AMPLITUDE = 0.5  # rad, of the mean joint's sinusoid
 PERIODS = 6.0, 12.0  # fastest and slowest of the joints' sinusoids, in natural times
@@ -128,7 +128,7 @@ def track(plant: Plant, model: Model, feedback: Model, desired: Motion, bandwidt
 
 def track_stepwise(plant: Plant, model: Model, feedback: Model, desired: Motion, bandwidth: float) -> Tracked:
     """`track` on any plant, step by step in Python: the reference for the compiled loop."""
-    plant.push(np.zeros(plant.njoint))
+    plant.push(Start.upright(np.zeros(plant.njoint)))
     seen = []
     for angle, speed, acceleration in zip(desired.angles, desired.speeds, desired.accelerations, strict=True):
         angles, speeds = plant.states()

@@ -14,7 +14,7 @@ import numpy as np
 from metaid.episode import REACH, natural_time, rich_pushes
 from metaid.errors import StudyError
 from metaid.models import Array, Chain, Lumps, compensation_torque
-from metaid.plant import MujocoPlant, Plant
+from metaid.plant import MujocoPlant, Plant, Start
 from metaid.results.control import BANDWIDTH, Model, smooth_sinusoids, track
 from metaid.study import HORIZON, Problem
 
@@ -165,7 +165,7 @@ def coasting_time(plant: Plant, lumps: Lumps, impulses: Array, steps: int) -> fl
 
 def coasting_time_stepwise(plant: Plant, lumps: Lumps, impulses: Array, steps: int) -> float:
     """`coasting_time` on any plant, step by step in Python: the reference for the compiled loop."""
-    plant.push(impulses)
+    plant.push(Start.upright(impulses))
     angles, speeds = plant.states()
     pushed, tolerance = speeds, COASTING * np.abs(np.cumsum(speeds)).max()
     for step in range(steps):

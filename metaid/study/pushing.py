@@ -14,6 +14,7 @@ from metaid.episode import (
     SHORTEST,
     WINDOWS,
     Episode,
+    FallRule,
     Measure,
     NoiseFloor,
     natural_time,
@@ -60,12 +61,10 @@ def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure
         steps, fall_limit = wanted.steps or COUNTING_STEPS, FALL_LIMIT
         pushes = tip_push(plant, wanted.peak_speed or TIP_SPEED) if kind == "tip" else _explicit(kind, plant.njoint)
     pushes = np.tile(pushes, (wanted.repeats, 1))
-    limits = wanted.fall_limit or fall_limit, wanted.fall_margin
+    rule = FallRule(wanted.fall_limit or fall_limit, wanted.fall_margin)
     stiffness = _stiffness(spec, stage, steps * timestep)
     ends = _window_ends(pushes, steps, steps * timestep / natural_time(nominal, plant.gravity))
-    return Episode(
-        pushes, steps, *limits, stiffness=stiffness, seed=spec.study.seed, lead=wanted.lead, window_ends=ends
-    )
+    return Episode(pushes, steps, rule, stiffness=stiffness, seed=spec.study.seed, lead=wanted.lead, window_ends=ends)
 
 
 def _window_ends(pushes: Array, steps: int, horizon: float) -> tuple[int, ...]:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import metaid
-from metaid.compiled.cache_folder import KEPT, cache_folder
+from metaid.compiled.decorator import KEPT, cache_folder
 
 EPISODE = """
 import numpy as np

@@ -13,6 +13,7 @@ from metaid.episode.pushes import rich_pushes
 from metaid.models.lumps import Array, Lumps
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.protocol import Plant
+from metaid.plant.start import Start
 
 
 class Rig:
@@ -22,8 +23,8 @@ class Rig:
         self._inner = inner
         self.name, self.njoint, self.timestep, self.gravity = "rig", inner.njoint, inner.timestep, inner.gravity
 
-    def push(self, impulses: Array) -> None:
-        self._inner.push(impulses)
+    def push(self, start: Start) -> None:
+        self._inner.push(start)
 
     def states(self) -> tuple[Array, Array]:
         return self._inner.states()

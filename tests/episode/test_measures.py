@@ -41,16 +41,17 @@ def test_spectral_of_a_sinusoid_is_its_frequency(hertz: float) -> None:
 
 def test_spectral_weighs_joints_and_pushes_by_the_energy_of_their_motion() -> None:
     """Two sinusoids give the root of the mean of their squared frequencies, weighed by mean squared speed."""
-    parts = [energies(sine(hertz, 10.0, amplitude)[1], TIMESTEP) for hertz, amplitude in ((1.0, 0.7), (7.0, 0.1))]
+    # Mean squared speeds go as (amplitude x frequency)²: 4 to 1, so the mean is (4 x 1² + 7²) / 5.
+    parts = [energies(sine(hertz, 10.0, amplitude)[1], TIMESTEP) for hertz, amplitude in ((1.0, 1.4), (7.0, 0.1))]
     speed_energy, acceleration_energy = (np.array([part[i] for part in parts]) for i in (0, 1))
-    assert spectral_hz(acceleration_energy, speed_energy) == pytest.approx(5.0, rel=1e-3)
-    assert spectral_hz(acceleration_energy.T, speed_energy.T) == pytest.approx(5.0, rel=1e-3)
+    assert spectral_hz(acceleration_energy, speed_energy) == pytest.approx(np.sqrt(53.0 / 5.0), rel=1e-3)
+    assert spectral_hz(acceleration_energy.T, speed_energy.T) == pytest.approx(np.sqrt(53.0 / 5.0), rel=1e-3)
 
 
 def test_constant_speed_has_no_frequency_in_any_measure() -> None:
     """Coasting is zero in every measure."""
     angles, speeds = TIMESTEP * np.arange(1001)[:, None], np.ones((1001, 1))
-    half_periods, span = crossings(angles, speeds[0], TIMESTEP)
+    half_periods, span = crossings(angles, speeds[0] != 0.0, TIMESTEP)
     seen = half_periods[None], span[None], *(e[None] for e in energies(speeds, TIMESTEP))
     record = Record(TIMESTEP, 1000, None, *seen, angles=(angles,))
     values = {name: measure.value(record) for name, measure in MEASURES.items()}
@@ -60,7 +61,7 @@ def test_constant_speed_has_no_frequency_in_any_measure() -> None:
 def test_count_is_of_whole_periods_and_crossing_of_the_time_they_took() -> None:
     """10.3 s of 1 Hz are 10 whole periods; the interpolated frequency is 1 Hz."""
     angles, speeds = sine(1.0, 10.3)
-    half_periods, span = crossings(angles, speeds[0], TIMESTEP)
+    half_periods, span = crossings(angles, speeds[0] != 0.0, TIMESTEP)
     assert whole_periods(half_periods[None]).tolist() == [10]
     assert crossing_hz(half_periods[None], span[None])[0, 0] == pytest.approx(1.0, rel=1e-5)
 
@@ -72,7 +73,7 @@ def test_every_fall_is_worse_than_every_survivor_and_earlier_falls_are_worse(mea
     episode = Episode(np.array([[0.1]]), steps)
     angles = np.append(0.0, 0.1 * np.resize([1.0, -1.0], steps))[:, None]
     speeds = np.resize([1.0, -1.0], steps + 1)[:, None]
-    half_periods, span = crossings(angles, speeds[0], TIMESTEP)
+    half_periods, span = crossings(angles, speeds[0] != 0.0, TIMESTEP)
     seen = half_periods[None], span[None], *(e[None] for e in energies(speeds, TIMESTEP))
     wild = Record(TIMESTEP, steps, None, *seen, angles=(angles,))
     ceiling = measure.ceiling(episode, TIMESTEP)

@@ -10,7 +10,8 @@ import pytest
 from conftest import Finished, random_plant
 
 from metaid.compiled.objective import Objective
-from metaid.episode.episode import RICH_FALL_LIMIT, Episode
+from metaid.episode.episode import Episode
+from metaid.episode.falls import RICH_FALL_LIMIT, FallRule
 from metaid.episode.pushes import rich_pushes
 from metaid.episode.smoothing import noise_floor, smooth_energies, smoothed_hz
 from metaid.errors import StudyError
@@ -40,7 +41,7 @@ def test_coasting_is_zero_and_nothing_at_all_is_zero() -> None:
 def test_it_agrees_with_spectral_where_there_is_no_noise() -> None:
     """Near the truth of an ideal plant both see the same accelerations."""
     plant = random_plant(3)
-    episode = Episode(rich_pushes(plant, 6, 3.5, seed=2), 140, RICH_FALL_LIMIT)
+    episode = Episode(rich_pushes(plant, 6, 3.5, seed=2), 140, FallRule(RICH_FALL_LIMIT))
     spectral, smoothed = (Objective(plant, plant.chain.lumps, episode, name) for name in ("spectral", "smoothed"))
     random = np.random.default_rng(0)
     for _ in range(5):

@@ -13,7 +13,7 @@ from metaid.compiled.loop import CompiledLoop, fastest_step
 from metaid.episode.episode import Episode
 from metaid.episode.pushes import rich_pushes, tip_push
 from metaid.episode.record import same_record
-from metaid.episode.stepwise import run_stepwise
+from metaid.episode.stepwise import StepwiseLoop, run_stepwise
 from metaid.episode.windows import window_ends
 from metaid.plant.faults import FaultSettings
 from metaid.plant.mujoco_plant import MujocoPlant
@@ -66,7 +66,8 @@ def test_windows_of_a_plant_with_faults_are_what_its_sensors_read() -> None:
     plant = MujocoPlant("noisy", PlantSettings(links=random_links(2, 3), faults=faults))
     episode = Episode(rich_pushes(plant, 2, 4.0, 7), 75, window_ends=window_ends(75))
     candidate = plant.chain.lumps.scaled(np.full(3, 1.3))
-    compiled, reference = FaultyLoop(plant, episode, fastest_step(plant)), FaultyLoop(plant, episode, None)
+    compiled = FaultyLoop(plant, episode, fastest_step(plant))
+    reference = StepwiseLoop(compiled.plant, compiled.episode)
     one, other = compiled.run(candidate), reference.run(candidate)
     assert one.windows is not None
     assert same_record(one, other)

@@ -10,7 +10,7 @@ from conftest import random_plant
 from metaid.errors import EpisodeError
 from metaid.models.chain import speeds_after
 from metaid.models.law import compensation_basis, compensation_torque
-from metaid.models.lumps import factors_from_names, lump_names
+from metaid.models.lumps import UNITS, factors_from_names, lump_names
 
 ALL_SIZES = pytest.mark.parametrize("nlink", [1, 2, 3, 5, 10])
 
@@ -86,4 +86,20 @@ def test_push_gives_the_speeds_that_mujoco_gives_to_a_short_strong_force(nlink: 
         force = np.array([impulse / instant, 0.0, 0.0])
         mujoco.mj_applyFT(plant.model, plant.data, force, np.zeros(3), tip, link + 1, plant.data.qfrc_applied)
     mujoco.mj_step(plant.model, plant.data)
-    assert np.cumsum(plant.data.qvel) == pytest.approx(speeds_after(plant.chain, impulses), rel=1e-4, abs=1e-4)
+    assert np.cumsum(plant.data.qvel) == pytest.approx(
+        speeds_after(plant.chain, impulses, np.zeros(nlink)), rel=1e-4, abs=1e-4
+    )
+
+
+@ALL_SIZES
+@pytest.mark.parametrize("stiffness", [0.0, 7.0, 30.0])
+def test_basis_times_lumps_is_the_compensation_torque(nlink: int, stiffness: float) -> None:
+    """For random lumps of every kind, which belong to no chain, with and without the term of the second stage."""
+    random, kinds = np.random.default_rng(nlink), tuple(UNITS)
+    names = lump_names(nlink, kinds)
+    lumps = random_plant(nlink).chain.lumps_of(kinds)
+    lumps = lumps.with_parameters(random.uniform(-2.0, 2.0, len(names)))
+    angles, speeds = random.uniform(-2.0, 2.0, nlink), random.uniform(-5.0, 5.0, nlink)
+    basis = compensation_basis(np.cumsum(angles), np.cumsum(speeds), 9.81, kinds, stiffness)
+    torque = compensation_torque(lumps, angles, speeds, 9.81, stiffness)
+    assert np.cumsum((basis @ lumps.vector)[::-1])[::-1] == pytest.approx(torque)

@@ -12,8 +12,10 @@ from conftest import Finished, random_links
 from metaid.compiled.faulty_loop import FaultyLoop
 from metaid.compiled.loop import CompiledLoop, fastest_step
 from metaid.compiled.objective import Objective
-from metaid.episode.episode import RICH_FALL_LIMIT, Episode
+from metaid.episode.episode import Episode
+from metaid.episode.falls import RICH_FALL_LIMIT, FallRule
 from metaid.episode.pushes import rich_pushes
+from metaid.episode.stepwise import run_stepwise
 from metaid.errors import PlantError
 from metaid.models.lumps import Array
 from metaid.plant.faults import FaultSettings, draw, slope_weights
@@ -21,6 +23,7 @@ from metaid.plant.faulty_plant import FaultyPlant
 from metaid.plant.loading import load_plant
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.settings import PlantSettings
+from metaid.plant.start import Start
 from metaid.store.database import Store
 from metaid.study.create import create_study
 from metaid.study.problem import load_study
@@ -51,7 +54,7 @@ def faulty_plant(nlink: int = 3, **faults: object) -> MujocoPlant:
 
 def episode_of(plant: MujocoPlant, count: int = 3, steps: int = 80) -> Episode:
     """Rich pushes of that plant, whose angles are kept."""
-    return Episode(rich_pushes(plant, count, 3.0, seed=1), steps, RICH_FALL_LIMIT, keep_angles=True, seed=5)
+    return Episode(rich_pushes(plant, count, 3.0, seed=1), steps, FallRule(RICH_FALL_LIMIT), keep_angles=True, seed=5)
 
 
 @pytest.mark.parametrize("faults", [*FAULTS.values(), ALL], ids=[*FAULTS, "all of them"])
@@ -59,12 +62,12 @@ def test_compiled_loop_is_the_plain_one(faults: dict[str, object]) -> None:
     """Readings, crossings, energies and falls are equal, near the truth and far from it, in MuJoCo and analytically."""
     plant = faulty_plant(**faults)
     steps = fastest_step(plant), fastest_step(plant, "analytic")
-    near = replace(episode_of(plant), fall_limit=0.6, fall_margin=1.0)
+    near = replace(episode_of(plant), fall_rule=FallRule(0.6, 1.0))
     episodes = [FaultyLoop(plant, near, step) for step in steps]
     fell = set()
     for factor in (1.0, 1.3, -5.0):
         candidate = plant.chain.lumps.scaled(np.full(6, factor))
-        plain, _ = episodes[0].run_stepwise(candidate)
+        plain, _ = run_stepwise(episodes[0].plant, candidate, episodes[0].episode)
         fell.add(plain.fall_step is not None)
         for episode in episodes:
             compiled = episode.run(candidate)
@@ -84,7 +87,7 @@ def test_compiled_loop_is_the_plain_one_with_friction_and_stiffness_in_the_law()
     plant = MujocoPlant("damped", PlantSettings(links=links, faults=FaultSettings(angle_noise=1e-3, delay=1)))
     candidate = plant.chain.lumps_of(plant.chain.kinds).scaled(np.full(5, 1.1))
     episode = FaultyLoop(plant, replace(episode_of(plant), stiffness=30.0), fastest_step(plant))
-    compiled, (plain, _) = episode.run(candidate), episode.run_stepwise(candidate)
+    compiled, (plain, _) = episode.run(candidate), run_stepwise(episode.plant, candidate, episode.episode)
     assert np.allclose(compiled.angles, plain.angles, rtol=0.0, atol=1e-9)
     assert compiled.acceleration_energy == pytest.approx(plain.acceleration_energy, rel=1e-6)
 
@@ -113,7 +116,7 @@ def test_compiled_loop_that_disagrees_is_not_used(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(
         FaultyLoop,
         "run",
-        lambda self, candidate: true_run(self, candidate if self.step is None else candidate.scaled(np.full(6, 1.1))),
+        lambda self, candidate: true_run(self, candidate.scaled(np.full(6, 1.1))),
     )
     with pytest.warns(UserWarning, match="compiled loop disagrees"):
         slow = Objective(plant, lumps, episode, "spectral")
@@ -159,7 +162,7 @@ def _first_speeds(plant: MujocoPlant, torque: Array, steps: int) -> Array:
     """The plant's true joint speeds (nsteps x njoint) under a constant commanded torque, from rest upright."""
     faulty, speeds = FaultyPlant(plant), []
     faulty.begin(draw(plant.settings.faults, np.random.default_rng(0), 1, steps, plant.njoint))
-    faulty.push(np.zeros(plant.njoint))
+    faulty.push(Start.upright(np.zeros(plant.njoint)))
     for _ in range(steps):
         faulty.apply_torque(torque)
         faulty.step()
@@ -214,7 +217,7 @@ def test_encoder_shows_multiples_of_its_step_and_falls_are_seen_by_it() -> None:
     """What the sensors do not show has not happened: a coarse encoder sees a fall later than it is."""
     fine, coarse = faulty_plant(), faulty_plant(encoder_step=0.8)
     lumps = fine.chain.lumps.scaled(np.full(6, 0.1))
-    episodes = [Episode(episode_of(fine).pushes[:1], 300, 0.5, keep_angles=True) for _ in range(2)]
+    episodes = [Episode(episode_of(fine).pushes[:1], 300, FallRule(0.5), keep_angles=True) for _ in range(2)]
     records = [
         FaultyLoop(plant, episode, fastest_step(plant)).run(lumps)
         for plant, episode in zip((fine, coarse), episodes, strict=True)

@@ -12,6 +12,7 @@ from conftest import Finished, random_links
 
 from metaid.compiled.loop import CompiledLoop, fastest_step
 from metaid.episode.episode import Episode
+from metaid.episode.falls import FallRule
 from metaid.episode.pushes import pushed_speeds, tip_push
 from metaid.episode.stepwise import run_stepwise
 from metaid.errors import PlantError
@@ -19,6 +20,7 @@ from metaid.models.law import compensation_torque
 from metaid.models.lumps import Lumps
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.settings import LinkSettings, PlantSettings
+from metaid.plant.start import Start
 
 STIFFNESS = np.array([0.3, 0.05])
 FAULT = 0.02
@@ -37,7 +39,7 @@ def test_springs_and_over_compensation_are_what_they_say(faulty: MujocoPlant) ->
     candidate = faulty.chain.lumps.scaled(np.array([1.05, 1.1, 0.9]))
     received = Lumps(candidate.gravity + FAULT * faulty.chain.lumps.gravity, candidate.coriolis)
     pushes = tip_push(faulty, 0.1)
-    _, trajectory = run_stepwise(faulty, candidate, Episode(pushes, 2000, fall_limit=1e9))
+    _, trajectory = run_stepwise(faulty, candidate, Episode(pushes, 2000, FallRule(1e9)))
     law = lambda q, v: compensation_torque(received, q, v, faulty.gravity) - STIFFNESS * q  # noqa: E731
     expected = simulate(faulty.chain, faulty.gravity, faulty.timestep, 2000, pushed_speeds(faulty, pushes)[0], law)
     assert np.abs(trajectory.angles - expected).max() < 1e-9
@@ -117,7 +119,7 @@ def test_timestep_too_long_for_gravity_or_damping_is_refused_with_the_longest() 
 def test_damped_chain_at_its_longest_timestep_comes_to_rest() -> None:
     """What the check lets through does not blow up."""
     plant = MujocoPlant("slow", PlantSettings(links=(link(damping=50.0), link(damping=20.0)), timestep=0.0028))
-    plant.push(np.array([0.0, 0.5]))
+    plant.push(Start.upright(np.array([0.0, 0.5])))
     weightless = compensation_torque(plant.chain.lumps, *plant.states(), plant.gravity)
     for _ in range(5000):
         plant.apply_torque(weightless)

@@ -19,14 +19,16 @@ from rig import Serve, rig_at
 import metaid
 from metaid.compiled.objective import Objective
 from metaid.episode.episode import Episode
+from metaid.episode.falls import FallRule
 from metaid.episode.pushes import pushed_speeds, rich_pushes
 from metaid.errors import AbsentPlant, LostPlant, PlantError
 from metaid.plant.socket_plant import SocketPlant
+from metaid.plant.start import Start
 
 
 def episode_of(plant: SocketPlant, nominal: Any) -> Objective:
     """Two rich pushes of 60 steps, in factors of `nominal` lumps."""
-    return Objective(plant, nominal, Episode(rich_pushes(plant, 2, 4.0, seed=1), 60, fall_limit=3.0), "spectral")
+    return Objective(plant, nominal, Episode(rich_pushes(plant, 2, 4.0, seed=1), 60, FallRule(3.0)), "spectral")
 
 
 @pytest.fixture(scope="module")
@@ -85,18 +87,18 @@ def test_watchdog_takes_the_torque_off_when_no_command_comes(serve: Serve) -> No
     """A driver that goes quiet in mid-episode leaves no torque on, and its next step is refused."""
     server = serve("--watchdog", "0.1")
     with closing(rig_at(server)) as rig:
-        rig.push(np.array([0.1, 0.1]))
+        rig.push(Start.upright(np.array([0.1, 0.1])))
         while "no command for 0.1 s" not in server.stops:
             time.sleep(0.05)
         with pytest.raises(LostPlant, match=r"stopped: no command for 0.1 s"):
             rig.step()
-        rig.push(np.array([0.1, 0.1]))
+        rig.push(Start.upright(np.array([0.1, 0.1])))
 
 
 def test_late_torque_in_real_time_is_noticed(serve: Serve) -> None:
     """A tick that went by without its torque is in the answer's count, and the episode is not trusted."""
     with closing(rig_at(serve("--real-time", "--watchdog", "60"))) as rig:
-        rig.push(np.array([0.01, 0.01]))
+        rig.push(Start.upright(np.array([0.01, 0.01])))
         time.sleep(0.05)
         with pytest.raises(LostPlant, match=r"a torque came later than its timestep of 0.002 s allows"):
             rig.step()
@@ -161,7 +163,7 @@ def test_answer_that_is_not_as_agreed_is_one_clear_line(answer: bytes, message: 
         talking.start()
         rig = rig_at(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
         with pytest.raises(LostPlant, match=message):
-            rig.push(np.zeros(2))
+            rig.push(Start.upright(np.zeros(2)))
         rig.close()
         talking.join()
 
@@ -186,7 +188,7 @@ def test_letting_go_ends_a_wait(serve: Serve) -> None:
 
     def push() -> None:
         try:
-            rig.push(np.array([0.1, 0.1]))
+            rig.push(Start.upright(np.array([0.1, 0.1])))
         except LostPlant as problem:
             ends.append(str(problem))
 
@@ -198,7 +200,7 @@ def test_letting_go_ends_a_wait(serve: Serve) -> None:
     assert not waiting.is_alive()
     assert len(ends) == 1
     with pytest.raises(LostPlant, match="let go"):
-        rig.push(np.array([0.1, 0.1]))
+        rig.push(Start.upright(np.array([0.1, 0.1])))
 
 
 def test_unix_socket_serves_as_well(serve: Serve, tmp_path: Path) -> None:

@@ -1,0 +1,29 @@
+"""From where a push begins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from metaid.models import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """From where a push begins: the plant at rest at joint `angles` (njoint), in rad, whose link tips are struck with
+    horizontal `impulses` (njoint), in N s.
+    """
+
+    impulses: Array
+    angles: Array
+
+    @classmethod
+    def upright(cls, impulses: Array) -> Start:
+        """From the upright, with these `impulses` (njoint), in N s."""
+        return cls(impulses, np.zeros(len(impulses)))
+
+    @property
+    def is_upright(self) -> bool:
+        """Whether every joint begins at the upright."""
+        return not self.angles.any()

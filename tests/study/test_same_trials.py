@@ -1,0 +1,116 @@
+"""The trial table depends on the study and its seed alone, on every plant: nothing is left of one push for the next."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import random_links
+
+from metaid import results
+from metaid.compiled.faulty_loop import FaultyLoop
+from metaid.compiled.loop import CompiledLoop, fastest_step
+from metaid.episode.episode import Episode
+from metaid.episode.pushes import rich_pushes
+from metaid.files import shipped_names
+from metaid.plant.faults import FaultSettings
+from metaid.plant.loading import load_plant
+from metaid.plant.mujoco_plant import MujocoPlant
+from metaid.plant.settings import PlantSettings
+from metaid.store.database import Store
+from metaid.study.create import create_study
+from metaid.study.problem import load_study
+from metaid.study.run import run_study
+from metaid.study.settings import StudySpec
+
+EVERY_FAULT = FaultSettings(
+    angle_noise=1e-3,
+    speed_noise=0.02,
+    encoder_step=1e-3,
+    control_every=2,
+    delay=1,
+    torque_limit=20.0,
+    torque_noise=0.02,
+    push_noise=0.02,
+    tilt=0.01,
+)
+RUBBING = tuple(link.model_copy(update={"frictionloss": 0.05, "damping": 0.01}) for link in random_links(3, 1))
+PLANTS = {name: load_plant(name).settings for name in shipped_names("plants")} | {
+    "dry friction": PlantSettings(links=RUBBING),
+    "dry friction and every fault": PlantSettings(links=RUBBING, faults=EVERY_FAULT),
+}
+TRIALS = 24
+RUN_AND_DIE = """
+import os, signal, sys
+from metaid.store.database import Store
+from metaid.study.run import run_study
+def die(progress):
+    if progress.trials > 15:
+        os.kill(os.getpid(), signal.SIGKILL)
+run_study(Store(sys.argv[1]), "killed", watch=die)
+"""
+
+
+def spec_of(plant: PlantSettings, sampler: str) -> StudySpec:
+    """A short study of that plant, with a nominal model whose masses are wrong."""
+    spec = load_study("three-link", {"sampler": sampler, "trials": TRIALS})
+    nominal = tuple(
+        link.model_copy(update={"mass": link.mass * (1.2 - 0.05 * i)}) for i, link in enumerate(plant.links)
+    )
+    return spec.model_copy(update={"plant": plant, "nominal": nominal})
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_trials_are_the_same_for_any_number_of_workers_and_any_stops(plant: str, tmp_path: Path) -> None:
+    """One, two and three workers, and a run stopped in mid-generation and resumed."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    runs: dict[str, Any] = {"1": [(TRIALS, 1)], "2": [(TRIALS, 2)], "3": [(TRIALS, 3)]}
+    runs["stopped"] = [(5, 3), (11, 1), (TRIALS, 2)]
+    for name, parts in runs.items():
+        create_study(store, spec_of(PLANTS[plant], "newton"), name)
+        for trials, workers in parts:
+            run_study(store, name, trials, workers=workers)
+    tables = [results.trials_frame(store, name) for name in runs]
+    store.close()
+    assert len(tables[0]) > TRIALS // 2
+    for table in tables[1:]:
+        assert table.equals(tables[0])
+
+
+@pytest.mark.parametrize("plant", ["dry friction", "dry friction and every fault"])
+def test_trials_are_the_same_if_the_run_is_killed(plant: str, tmp_path: Path) -> None:
+    """SIGKILL after a generation, then resumed."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    for name in ("whole", "killed"):
+        create_study(store, spec_of(PLANTS[plant], "cmaes"), name)
+    run_study(store, "whole", workers=2)
+    done = subprocess.run([sys.executable, "-c", RUN_AND_DIE, store.url], capture_output=True, text=True)
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    assert 0 < store.count("killed") < TRIALS
+    run_study(store, "killed", workers=1)
+    assert results.trials_frame(store, "killed").equals(results.trials_frame(store, "whole"))
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_record_of_a_candidate_is_the_same_after_any_other(plant: str) -> None:
+    """To the last bit, on a plant that is new and on one that has run wild, pushes in any order."""
+    settings = PLANTS[plant]
+    loops = []
+    for _ in range(2):
+        made = MujocoPlant("plant", settings)
+        episode = Episode(rich_pushes(made, 2, 3.0, seed=1), 60)
+        loop = FaultyLoop if settings.faults.named else CompiledLoop
+        loops.append(loop(made, episode, fastest_step(made)))
+    lumps = made.chain.lumps
+    candidate = lumps.scaled(np.full(len(lumps.vector), 1.1))
+    fresh = loops[0].run(candidate)
+    for factor in (-9.0, 0.3, 1.5):
+        loops[1].run(lumps.scaled(np.full(len(lumps.vector), factor)))
+    later = loops[1].run(candidate)
+    assert later.acceleration_energy.tobytes() == fresh.acceleration_energy.tobytes()
+    assert later.speed_energy.tobytes() == fresh.speed_energy.tobytes()
