@@ -102,7 +102,7 @@ def match(links: int, seed: int, experiment: Experiment) -> Match:
     plant = MujocoPlant("chain", PlantSettings(links=true, timestep=TIMESTEP if links < 25 else TIMESTEP / 2))
     episode = experiment.episode(plant, nominal, seed)
     compiled = CompiledLoop(plant, episode)
-    starts = np.array([plant.start_speeds(impulses) for impulses in episode.pushes])
+    starts = np.array([plant.start_speeds(start) for start in episode.starts])
     unknowns = Unknowns(nominal.lumps, spread=experiment.spread)
     truth = unknowns.log_factors(plant.chain.lumps)
     random = np.random.default_rng([links, seed])

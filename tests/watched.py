@@ -8,10 +8,10 @@ import numpy as np
 
 from benchmarks.chains import random_chain
 from metaid.compiled import CompiledLoop, FaultyLoop, fastest_step
-from metaid.episode import RICH_FALL_LIMIT, Episode, natural_time, rich_pushes, window_ends
+from metaid.episode import RICH_FALL_LIMIT, Episode, FallRule, natural_time, rich_pushes, window_ends
 from metaid.estimation import ReadTrial, WatchedTrial, commanded_torques, filtered_speeds
 from metaid.models import Array, Chain, Lumps
-from metaid.plant import FaultSettings, MujocoPlant, PlantSettings, chain_of, slope_weights
+from metaid.plant import FaultSettings, MujocoPlant, PlantSettings, Start, chain_of, slope_weights
 
 GRAVITY, TIMESTEP, NOISE = 9.81, 0.002, 1e-3
 
@@ -45,7 +45,7 @@ class Watched:
         torques = commanded_torques(law, readings, speeds, GRAVITY)
         spread = None
         if faults.push_noise:
-            response = np.array([self.plant.start_speeds(impulse) for impulse in np.eye(njoint)]).T
+            response = np.array([self.plant.start_speeds(Start.upright(impulse)) for impulse in np.eye(njoint)]).T
             spread = response * (faults.push_noise * self.episode.pushes[:, None])
         return ReadTrial(TIMESTEP, readings, torques, steps, self.starts, spread, np.full(njoint, NOISE))
 
@@ -66,8 +66,8 @@ def watched(
     steps = round(1.5 * natural_time(believed, GRAVITY) / TIMESTEP)
     pushes = rich_pushes(plant, 2 * nlink, 1.0 / (steps * TIMESTEP), seed)
     wanted = {"keep_angles": True, "stiffness": stiffness}
-    episode = Episode(pushes, round(longer * steps), RICH_FALL_LIMIT, **wanted)
-    return Watched(plant, believed, episode, np.array([plant.start_speeds(impulses) for impulses in pushes]))
+    episode = Episode(pushes, round(longer * steps), FallRule(RICH_FALL_LIMIT), **wanted)
+    return Watched(plant, believed, episode, np.array([plant.start_speeds(start) for start in episode.starts]))
 
 
 def raised(lumps: Lumps, factor: float) -> Lumps:
