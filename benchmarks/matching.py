@@ -8,9 +8,10 @@
 
 Chains are those of benchmarks/chains.py, the plant is MuJoCo, and no length is assumed. `rich`: 2N pushes of a study's
 horizon; the first trial sends the nominal law with its gravity lumps raised by `--first`, every other one the estimate
-from all trials before. `oscillation`: two small pushes, over-compensated candidates alone, 6 s each; frequencies are
-matched. A run ends when every lump is within `--within` of the truth, which only this script looks at. Seconds are
-those of trials and fits, without set-up and compilation.
+from all trials before, or raised gravity lumps again where that does not explain what was seen. `oscillation`: two
+small pushes, over-compensated candidates alone, 6 s each; frequencies are matched. A run ends when every lump is within
+`--within` of the truth, which only this script looks at. Seconds are those of trials and fits, without set-up and
+compilation.
 """
 
 from __future__ import annotations
@@ -70,6 +71,11 @@ class Experiment:
     spread: float = 0.3
     within: float = 1e-6
     most: int = 4
+    restarts: int | None = None
+
+    def most_restarts(self, links: int) -> int:
+        """Of a fit that ended in a wrong minimum: fewer, the dearer they are."""
+        return max(20 // links, 2) if self.restarts is None else self.restarts
 
     @property
     def fewest(self) -> int:
@@ -88,10 +94,14 @@ class Experiment:
         return Episode(pushes, steps, FallRule(RICH_FALL_LIMIT), window_ends=window_ends(steps))
 
     def law(self, nominal: Lumps, estimate: Estimate | None, random: np.random.Generator) -> Lumps:
-        """What the next trial sends."""
+        """What the next trial sends: never an estimate that does not explain what was seen."""
         if self.name == "oscillation":
             return _over_compensating(nominal, random.uniform(*OVER, nominal.nlink))
-        return _over_compensating(nominal, self.first) if estimate is None else estimate.lumps
+        if estimate is None:
+            return _over_compensating(nominal, self.first)
+        if estimate.misfit < EXPLAINED:
+            return estimate.lumps
+        return _over_compensating(nominal, random.uniform(*OVER, nominal.nlink))
 
 
 def match(links: int, seed: int, experiment: Experiment) -> Match:
@@ -119,7 +129,8 @@ def match(links: int, seed: int, experiment: Experiment) -> Match:
         if len(trials) < experiment.fewest:
             continue
         start = estimate.log_factors if estimate is not None and estimate.misfit < EXPLAINED else None
-        estimate = fit(Motions(trials, unknowns, plant.gravity, experiment.compared), start)
+        comparison = Motions(trials, unknowns, plant.gravity, experiment.compared)
+        estimate = fit(comparison, start, experiment.most_restarts(links))
         spent["fits"] += time.perf_counter() - ended
         errors.append(float(np.abs(np.expm1(estimate.log_factors - truth)).max()))
     falls = sum(not trial.seen(len(trial.ends)).all() for trial in trials)
@@ -169,6 +180,7 @@ def main() -> None:
     parser.add_argument("--spread", type=float, default=0.3, help="what is believed of a log factor beforehand")
     parser.add_argument("--within", type=float, help="relative error of the worst lump at which a run ends")
     parser.add_argument("--most", type=int, help="trials")
+    parser.add_argument("--restarts", type=int, help="of a fit that ended in a wrong minimum")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
     oscillates = given.experiment == "oscillation"
@@ -180,6 +192,7 @@ def main() -> None:
         given.spread,
         given.within or (1e-4 if oscillates else 1e-6),
         given.most or (10 if oscillates else 4),
+        given.restarts,
     )
     rows = []
     with threadpool_limits(1):

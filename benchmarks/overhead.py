@@ -56,7 +56,7 @@ class EndlessCmaes:
         return False
 
 
-SAMPLERS["endless-cmaes"] = Sampler(EndlessCmaes)
+SAMPLERS["endless-cmaes"] = Sampler(lambda coordinates, seed, options, _: EndlessCmaes(coordinates, seed, options))
 
 
 def measure(quick: bool) -> dict[str, list[Row]]:

@@ -10,6 +10,7 @@ studies or the truth.
 """
 
 from metaid.estimation.commanded import commanded_torques, filtered_speeds
+from metaid.estimation.experiment import EXPLAINED, Experiment
 from metaid.estimation.fit import Estimate, fit
 from metaid.estimation.motions import Motions, Quantity
 from metaid.estimation.readings import Readings, ReadTrial
@@ -17,8 +18,10 @@ from metaid.estimation.trials import WatchedTrial
 from metaid.estimation.unknowns import FULL, Unknowns
 
 __all__ = [
+    "EXPLAINED",
     "FULL",
     "Estimate",
+    "Experiment",
     "Motions",
     "Quantity",
     "ReadTrial",

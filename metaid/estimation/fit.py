@@ -71,7 +71,7 @@ class Estimate:
         return np.exp(self.log_factors - reach), np.exp(self.log_factors + reach)
 
 
-def fit(comparison: Comparison, start: Array | None = None, restarts: int = 10, seed: int = 0) -> Estimate:
+def fit(comparison: Comparison, start: Array | None = None, restarts: int = 3, seed: int = 0) -> Estimate:
     """The estimate that all trials of a `comparison` lead to.
 
     Args:

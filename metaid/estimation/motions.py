@@ -16,6 +16,7 @@ from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 
 Quantity = Literal["speed", "frequency", "both"]
+TINY = 1e-100  # in place of a denominator that is 0
 RESOLUTION = 1e-9  # of the largest speed or frequency seen: what rounding leaves of agreement between two simulations
 
 
@@ -107,14 +108,14 @@ class Motions:
         plants = frequency(shown.speed_energy[:, :windows][seen], shown.acceleration_energy[:, :windows][seen])
         speed_energy, acceleration_energy = motion.speed_energy[seen], motion.acceleration_energy[seen]
         twins = frequency(speed_energy, acceleration_energy)
-        unit = 1.0 / (self.resolution * max(float(plants.max()), 1e-300))
+        unit = 1.0 / (self.resolution * max(float(plants.max()), TINY))
         # d√(A/S) = (dA − f² dS) / (2 f S); a joint that nothing accelerates has no slope, so it is told of none
-        scale = 0.5 * unit / (np.maximum(twins, self.resolution * plants.max()) * speed_energy)
+        scale = 0.5 * unit / (np.maximum(twins, 1.0 / unit) * np.maximum(speed_energy, TINY))
         slopes = motion.acceleration_energy_slopes[seen] - twins[..., None] ** 2 * motion.speed_energy_slopes[seen]
         slopes = scale[..., None] * slopes
         return unit * (twins - plants).ravel(), slopes.reshape(twins.size, -1)
 
 
 def frequency(speed_energy: Array, acceleration_energy: Array) -> Array:
-    """Rice's frequency √(∫ q̈² dt / ∫ q̇² dt) of each joint (...), in rad/s."""
-    return np.sqrt(acceleration_energy / speed_energy)
+    """Rice's frequency √(∫ q̈² dt / ∫ q̇² dt) of each joint (...), in rad/s; 0 of one that never moved."""
+    return np.asarray(np.sqrt(acceleration_energy / np.maximum(speed_energy, TINY)))

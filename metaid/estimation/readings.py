@@ -66,6 +66,10 @@ class Readings:
     polynomials: int = POLYNOMIALS
     halvings: int = HALVINGS
 
+    def __post_init__(self) -> None:
+        if not any((trial.steps >= ends[0]).any() for trial, (ends, _) in zip(self.trials, self._windows, strict=True)):
+            raise ValueError("no push of any trial was seen to the end of its shortest window: nothing to compare")
+
     @property
     def spreads(self) -> Array:
         """Of the log factors (nunknown), beforehand."""

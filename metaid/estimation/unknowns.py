@@ -73,7 +73,7 @@ class Unknowns:
             first += n * (n - 1) // 2 if kind == "coriolis" else n
         links = np.arange(n)
         coriolis = np.full(n, -1)
-        if self.lengths is not None:
+        if self.lengths is not None and begins["gravity"] >= 0:
             coriolis = begins["gravity"] + links + 1
         elif begins["coriolis"] >= 0:
             above = n - 1 - links

@@ -9,6 +9,7 @@ import pandas as pd
 
 from metaid.results.best import best_trial
 from metaid.results.body_tables import parameters_table
+from metaid.results.estimates import summarized_estimate
 from metaid.results.snapshot import STATES, Snapshot, Stage, read_snapshot
 from metaid.results.tables import largest_error, lumps_table
 from metaid.store import Store, Trial
@@ -34,11 +35,21 @@ def summarized(snapshot: Snapshot, lumps: pd.DataFrame) -> dict[str, Any]:
         "trials": _counts(snapshot.trials),
         "best": _best(first),
         **_noise_floor(first.problem),
+        **_estimate(snapshot),
         "lumps": [without_nan(row) for row in lumps.to_dict("records")],
         "max_error": largest_error(lumps),
         **_parameters(snapshot),
         **({"stages": [_stage_summary(stage) for stage in snapshot.stages]} if several else {}),
     }
+
+
+def _estimate(snapshot: Snapshot) -> dict[str, Any]:
+    """Where the result comes from, how well the model explains what was seen, and the estimate beside a best trial."""
+    found = snapshot.estimate
+    misfit = None if found is None else found.estimate.misfit
+    if snapshot.first.stands_by_estimate:
+        return {"source": "estimate", "misfit": misfit}
+    return {"source": "best trial", "misfit": misfit, "estimate": summarized_estimate(snapshot.first, found)}
 
 
 def _noise_floor(problem: Problem) -> dict[str, float]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from metaid.results.best import first_of_best
+from metaid.results.estimates import StudyEstimate, study_estimate
 from metaid.store import Store, Trial
 from metaid.study import Problem, StudySpec, stored_spec
 
@@ -47,6 +48,11 @@ class Snapshot:
         survivors = surviving(grouped[0])
         problems = first.stages(first_of_best(survivors).factors if survivors else None)
         return [Stage(problem, own) for problem, own in zip(problems, grouped, strict=True)]
+
+    @cached_property
+    def estimate(self) -> StudyEstimate | None:
+        """What all trials of the first stage say together; None where nothing can be made of them."""
+        return study_estimate(self.first, self.stages[0].trials)
 
     @property
     def first(self) -> Problem:

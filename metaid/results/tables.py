@@ -12,6 +12,7 @@ from metaid.errors import StudyError
 from metaid.models import lump_unit
 from metaid.results.best import best_trial, identified_factors
 from metaid.results.body_tables import parameters_table
+from metaid.results.estimates import estimate_table
 from metaid.results.snapshot import STATES, Snapshot, Stage, read_snapshot, trials_by_stage
 from metaid.store import Store, Trial
 from metaid.study import Problem, identifiability
@@ -99,7 +100,9 @@ def _value(trial: Trial) -> float:
 
 
 def lumps_table(snapshot: Snapshot) -> pd.DataFrame:
-    """The frame of `lumps_frame`: the lumps of all stages."""
+    """The frame of `lumps_frame`: the lumps of all stages, or those of the estimate where the study stands by it."""
+    if snapshot.first.stands_by_estimate:
+        return estimate_table(snapshot.first, snapshot.estimate)
     return pd.concat([_lumps_of(stage) for stage in snapshot.stages], ignore_index=True)
 
 
@@ -123,6 +126,7 @@ def _lumps_of(stage: Stage) -> pd.DataFrame:
         "nominal": nominal,
         "factor": factor,
         "identified": identified,
+        "sd": unknown,
         "low": low * nominal,
         "high": high * nominal,
         "true": true,

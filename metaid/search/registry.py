@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import optuna
 
@@ -13,22 +14,29 @@ from metaid.search.coordinates import Coordinates
 from metaid.search.dinoip import Dinoip, DinoipOptions
 from metaid.search.newton import Newton
 from metaid.search.optuna_samplers import OptunaSampler
+from metaid.search.output_error import OutputError, OutputErrorOptions
 from metaid.search.searcher import Searcher, StepOptions
 
+if TYPE_CHECKING:
+    from metaid.estimation import Experiment
 
-class SamplerOptions(StepOptions, DinoipOptions):
+
+class SamplerOptions(StepOptions, DinoipOptions, OutputErrorOptions):
     """The options of all samplers, as keys of `[search]` in a study file; each sampler takes its own."""
 
 
 @dataclass(frozen=True)
 class Sampler:
-    """How a sampler's searcher is made, from coordinates, the study's seed and the options.
+    """How a sampler's searcher is made, from coordinates, the study's seed, the options, and what an estimate needs to
+    know of the study, None where none can be made.
 
-    More trials than `advised_trials` are advised against: each takes longer than the one before.
+    More trials than `advised_trials` are advised against: each takes longer than the one before. With `by_estimate` a
+    study stands by the estimate from all its trials, and not by its best trial.
     """
 
-    make: Callable[[Coordinates, int, SamplerOptions], Searcher]
+    make: Callable[[Coordinates, int, SamplerOptions, Experiment | None], Searcher]
     advised_trials: int | None = None
+    by_estimate: bool = False
 
 
 def _tpe(seed: int) -> optuna.samplers.BaseSampler:
@@ -44,18 +52,21 @@ def _random(seed: int) -> optuna.samplers.BaseSampler:
 
 
 SAMPLERS = {
-    "cmaes": Sampler(lambda coordinates, seed, options: Cmaes(coordinates, seed, options)),
-    "newton": Sampler(lambda coordinates, seed, options: Newton(coordinates, seed, options)),
-    "tpe": Sampler(lambda coordinates, seed, options: OptunaSampler(coordinates, _tpe, seed, options), 2000),
-    "random": Sampler(lambda coordinates, seed, options: OptunaSampler(coordinates, _random, seed, options)),
+    "cmaes": Sampler(lambda coordinates, seed, options, _: Cmaes(coordinates, seed, options)),
+    "newton": Sampler(lambda coordinates, seed, options, _: Newton(coordinates, seed, options)),
+    "tpe": Sampler(lambda coordinates, seed, options, _: OptunaSampler(coordinates, _tpe, seed, options), 2000),
+    "random": Sampler(lambda coordinates, seed, options, _: OptunaSampler(coordinates, _random, seed, options)),
     "optuna-cmaes": Sampler(
-        lambda coordinates, seed, options: OptunaSampler(coordinates, _optuna_cmaes, seed, options)
+        lambda coordinates, seed, options, _: OptunaSampler(coordinates, _optuna_cmaes, seed, options)
     ),
-    "dinoip": Sampler(lambda coordinates, seed, options: Dinoip(coordinates, options)),
+    "output-error": Sampler(OutputError, by_estimate=True),
+    "dinoip": Sampler(lambda coordinates, seed, options, _: Dinoip(coordinates, options)),
 }
 
 
-def make_searcher(sampler: str, coordinates: Coordinates, seed: int, options: SamplerOptions) -> Searcher:
+def make_searcher(
+    sampler: str, coordinates: Coordinates, seed: int, options: SamplerOptions, experiment: Experiment | None = None
+) -> Searcher:
     """A searcher by the name of its sampler.
 
     Args:
@@ -63,10 +74,11 @@ def make_searcher(sampler: str, coordinates: Coordinates, seed: int, options: Sa
         coordinates: what the searcher moves in.
         seed: of all that it draws at random.
         options: of all samplers; it takes its own.
+        experiment: what an estimate needs to know of the study.
 
     Raises:
         StudyError: there is no such sampler, or it cannot work with these coordinates or options.
     """
     if sampler not in SAMPLERS:
         raise StudyError(unknown("sampler", sampler, SAMPLERS))
-    return SAMPLERS[sampler].make(coordinates, seed, options)
+    return SAMPLERS[sampler].make(coordinates, seed, options, experiment)

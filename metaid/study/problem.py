@@ -15,9 +15,20 @@ import numpy as np
 
 from metaid.episode import QUANTITIES, Episode, Measure, Outcome, failure, get_measure, pushed_speeds
 from metaid.errors import EpisodeError, StudyError, unknown
-from metaid.models import Array, Chain, Lumps, SearchSpace, factor_space, factors_from_names, refuse_impossible
+from metaid.models import (
+    FRICTION,
+    IDEAL,
+    Array,
+    Chain,
+    Lumps,
+    SearchSpace,
+    factor_space,
+    factors_from_names,
+    refuse_impossible,
+)
 from metaid.plant import MujocoPlant, Plant, PlantSettings, SocketPlant, SocketSettings, chain_of
 from metaid.search import (
+    SAMPLERS,
     BodySpace,
     Coordinates,
     Searcher,
@@ -34,6 +45,7 @@ from metaid.study.settings import EpisodeSettings, Factors, SearchSettings, Stud
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective
+    from metaid.estimation import Experiment
 
 WINDOW_BUDGET = 4_000_000  # bytes a study, before they are made a text
 
@@ -155,7 +167,7 @@ class Problem:
     @cached_property
     def coordinates(self) -> Coordinates:
         """What a searcher of lumps moves in.  Raises StudyError where the nominal metric does not exist."""
-        if self.spec.study.search.coordinates == "plain":
+        if self.spec.study.search.coordinates == "plain" or self.stands_by_estimate:
             return plain_coordinates(self.start, self.low, self.high)
         try:
             metric = nominal_metric(self.sensitivity(), self.start, self.low, self.high)
@@ -217,10 +229,53 @@ class Problem:
         """The searcher at the study's seed, knowing of no trial."""
         study, search = self.spec.study, self.spec.study.search
         if self.body_space is None:
-            return make_searcher(study.sampler, self.coordinates, study.seed, search)
+            return make_searcher(study.sampler, self.coordinates, study.seed, search, self._experiment_for_search())
         coordinates = self.body_space.coordinates
         searcher = make_searcher(study.sampler, coordinates, study.seed, search)
         return Walking(searcher, coordinates, study.seed, study.trials - search.walk)
+
+    def _experiment_for_search(self) -> Experiment | None:
+        """The experiment, where the sampler works by it."""
+        return self.experiment() if self.stands_by_estimate else None
+
+    @property
+    def stands_by_estimate(self) -> bool:
+        """Whether the study's result is the estimate from all its trials, and not its best trial."""
+        return SAMPLERS[self.spec.study.sampler].by_estimate
+
+    @property
+    def can_be_estimated(self) -> bool:
+        """Whether the motion of its trials can be matched: the twin is of an ideal chain, pushed as the plant was."""
+        plant = self.spec.plant
+        is_ideal = isinstance(plant, SocketSettings) or not (plant.faults.named or self.episode.lead)
+        return bool(self.spec.study.estimate.enabled and is_ideal and self.episode.window_ends and self.stage == 1)
+
+    @property
+    def estimated_kinds(self) -> tuple[str, ...]:
+        """The kinds of lumps that an estimate is of."""
+        study = self.spec.study
+        if study.estimate.lumps is not None:
+            return study.estimate.lumps
+        return (*IDEAL, "inertia", *(kind for kind in study.search.lumps if kind in FRICTION))
+
+    def experiment(self) -> Experiment | None:
+        """What an estimate needs to know of this stage; None where none can be made."""
+        from metaid.estimation import Experiment, Unknowns  # loads numba, which most readers of a study do without
+
+        if not self.can_be_estimated:
+            return None
+        wanted = self.spec.study.estimate
+        kinds = self.estimated_kinds
+        lengths = self.nominal.length if wanted.lengths == "exact" else None
+        return Experiment(
+            nominal=self.lumps,
+            unknowns=Unknowns(self.nominal.lumps_of(kinds), kinds, lengths, wanted.spread),
+            gravity=self.spec.plant.gravity,
+            timestep=self.timestep,
+            start_speeds=np.diff(self.start_speeds, axis=1, prepend=0.0),
+            compared=wanted.compare or ("speed" if self.measure.sees_coriolis else "frequency"),
+            resolution=self.resolution,
+        )
 
     def _nominal_lumps(self) -> Lumps:
         """What the candidates' factors are of. The law of the second stage is what the first has found."""

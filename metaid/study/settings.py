@@ -68,6 +68,31 @@ class InertiaSettings(Settings):
     stiffness: Annotated[float, Field(gt=0, le=1e8)] | None = None
 
 
+class EstimateSettings(Settings):
+    """`[estimate]`: what is made of the motion of all trials together. `enabled`: whether one is made at all. `lumps`:
+    the kinds that are unknown (default: gravity, coriolis and inertia, and those of friction that the study searches).
+    `lengths`: "free", or "exact" where the Coriolis lumps follow from the nominal lengths and the gravity lumps.
+    `compare`: the "speed" that each push changes, the "frequency" of each joint, or "both" (default: speed after short
+    pushes, frequency after long ones). `spread`: by how much the nominal lumps may be wrong, as a standard deviation.
+    """
+
+    enabled: bool = True
+    lumps: (
+        Annotated[tuple[Literal["gravity", "coriolis", "damping", "coulomb", "inertia"], ...], Field(strict=False)]
+        | None
+    ) = None
+    lengths: Literal["free", "exact"] = "free"
+    compare: Literal["speed", "frequency", "both"] | None = None
+    spread: Annotated[float, Field(ge=1e-6, le=10)] = 0.3
+
+    @field_validator("lumps")
+    @classmethod
+    def _needed(cls, lumps: tuple[str, ...] | None) -> tuple[str, ...] | None:
+        if lumps is not None and (not {"gravity", "inertia"} <= set(lumps) or len(set(lumps)) < len(lumps)):
+            raise ValueError("needs gravity and inertia, each kind once (allowed besides: coriolis, damping, coulomb)")
+        return lumps
+
+
 class EpisodeSettings(Settings):
     """`[episode]`: the `measure`, and for "count" its counting `rule`; `pushes`: "rich", "designed" (the best of many
     rich sets, by the nominal model), "tip", or a list of impulses in N s, one per link tip; for the first two their
@@ -104,6 +129,7 @@ class StudySettings(Settings):
     search: SearchSettings = SearchSettings()
     episode: EpisodeSettings = EpisodeSettings()
     inertia: InertiaSettings | None = None
+    estimate: EstimateSettings = EstimateSettings()
 
     @property
     def total_trials(self) -> int:

@@ -39,6 +39,18 @@ def test_frequencies_of_one_over_compensated_trial_give_all_lumps(compared: Quan
     assert worst(estimate, seen.plant.chain.lumps) < 1e-9
 
 
+def test_small_oscillations_under_two_laws_give_all_lumps() -> None:
+    """Two small pushes, two over-compensated candidates, frequencies alone: no Coriolis force is large enough to be
+    seen, and all lumps are known through the mass matrix.
+    """
+    seen = watched(3)
+    episode = replace(seen.episode, pushes=0.03 * seen.episode.pushes[:2], steps=2000)
+    seen = replace(seen, episode=episode, starts=0.03 * seen.starts[:2])
+    trials = [seen.trial(raised(seen.nominal.lumps, factor), windows=7) for factor in (1.6, 2.4)]
+    estimate = fit(Motions(trials, Unknowns(seen.nominal.lumps), GRAVITY, "frequency"))
+    assert worst(estimate, seen.plant.chain.lumps) < 1e-9
+
+
 def test_mirror_images_of_frequencies_show_in_the_misfit_and_restarts_leave_them() -> None:
     """Near exact compensation squares do not say which way a joint is driven."""
     seen = watched(2)

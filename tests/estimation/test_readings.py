@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from watched import GRAVITY, NOISE, raised, watched
@@ -56,6 +58,21 @@ def test_hidden_friction_shows_in_the_misfit() -> None:
     seen = watched(3, damping=0.05, faults=NOISY)
     estimate = fit(Readings([seen.read_trial(seen.nominal.lumps)], Unknowns(seen.nominal.lumps), GRAVITY), restarts=0)
     assert estimate.misfit > 2.0
+
+
+def test_windows_before_a_fall_are_used() -> None:
+    """And pushes of which nothing was seen change nothing."""
+    seen = watched(2, faults=NOISY)
+    unknowns = Unknowns(seen.nominal.lumps)
+    trial = seen.read_trial(raised(seen.nominal.lumps, 1.5))
+    trial = replace(trial, steps=np.array([len(trial.readings[0]) - 1, 80, 80, 0]))
+    estimate = fit(Readings([trial], unknowns, GRAVITY))
+    error = estimate.log_factors - unknowns.log_factors(seen.plant.chain.lumps)
+    assert (np.abs(error) < 4.0 * estimate.deviations).all()
+    assert np.isnan(estimate.residuals[0][3]).all()
+    assert 0.5 < estimate.misfit < 1.5
+    with pytest.raises(ValueError, match="nothing to compare"):
+        Readings([replace(trial, steps=np.zeros(4, dtype=np.int64))], unknowns, GRAVITY)
 
 
 def test_eliminating_start_speeds_is_the_same_as_searching_them() -> None:

@@ -1,0 +1,99 @@
+"""The closed-loop output-error method: the next law is that of the chain which shows what all trials showed.
+
+A simulated twin is fitted to the motion of every push of every trial so far (`metaid.estimation`), so a handful of
+trials is enough where a minimiser, which keeps one number of each, needs hundreds. The first law over-compensates:
+under it nothing falls, the mass matrix shows, and squares have their signs. A law near the truth shows no mass matrix,
+for nothing accelerates. An estimate that does not explain what was seen is never sent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from pydantic import Field
+
+from metaid.episode import Outcome
+from metaid.errors import StudyError
+from metaid.files import Settings
+from metaid.models import Array
+from metaid.search.coordinates import Coordinates
+
+if TYPE_CHECKING:
+    from metaid.estimation import Estimate, Experiment, WatchedTrial
+
+OVER_COMPENSATED = 1.5  # factor of the gravity lumps in the first law, of those that the search starts from
+PROBED = 1.6, 2.6  # factors of the gravity lumps in a probe, drawn at random
+
+
+class OutputErrorOptions(Settings):
+    """`probes`: how many of the first trials over-compensate (default: one where speeds are compared, two where only
+    frequencies are)."""
+
+    probes: Annotated[int, Field(ge=1, le=1000)] | None = None
+
+
+class OutputError:
+    """One trial a generation: probes that over-compensate, then the estimate from all trials before.
+
+    Raises StudyError where the study keeps no windows, so that there is nothing to match.
+    """
+
+    def __init__(
+        self, coordinates: Coordinates, seed: int, options: OutputErrorOptions, experiment: Experiment | None
+    ) -> None:
+        """Args:
+        coordinates: with the start and the bounds of the factors.
+        seed: of the probes.
+        options: how many probes there are.
+        experiment: how the plant is pushed and what of it is unknown.
+        """
+        if experiment is None:
+            raise StudyError("sampler 'output-error' needs an estimate: see [estimate] and 'metaid study check'")
+        self._coordinates = coordinates
+        self._experiment = experiment
+        self._random = np.random.default_rng(seed)
+        self._probes = options.probes or (2 if experiment.compared == "frequency" else 1)
+        self._next = self._over_compensated(OVER_COMPENSATED)
+        self._trials: list[WatchedTrial] = []
+        self._estimate: Estimate | None = None
+        self._coasts = False
+        self._trial_count = 0
+
+    @property
+    def spread(self) -> float | None:
+        """The largest standard deviation of a lump by the estimate, as a share of the lump."""
+        return None if self._estimate is None else float(self._estimate.deviations.max())
+
+    def ask(self) -> Array:
+        return self._next[None]
+
+    def tell(self, outcomes: Sequence[Outcome]) -> None:
+        (outcome,) = outcomes
+        self._trial_count += 1
+        if outcome.windows is not None:
+            self._trials.append(self._experiment.trial(self._next, outcome.windows))
+        if self._trial_count >= self._probes:
+            at_estimate = self._is_explained
+            self._estimate = self._experiment.estimate(self._trials, self._estimate)
+            self._coasts = at_estimate and not outcome.fell and self._experiment.is_coasting(outcome.value)
+        if self._estimate is not None and self._is_explained:
+            factors = self._experiment.factors(self._estimate)
+            self._next = np.clip(factors, self._coordinates.low, self._coordinates.high)
+        else:
+            self._next = self._over_compensated(self._random.uniform(*PROBED, self._experiment.nominal.nlink))
+
+    @property
+    def _is_explained(self) -> bool:
+        return self._estimate is not None and self._experiment.is_explained(self._estimate)
+
+    def finished(self) -> bool:
+        """Whether the plant coasts under the law of the estimate."""
+        return self._coasts
+
+    def _over_compensated(self, gravity: float | Array) -> Array:
+        """The law of the start with its gravity lumps larger by these factors (nlink)."""
+        factors = self._coordinates.origin.copy()
+        factors[: self._experiment.nominal.nlink] *= gravity
+        return np.clip(factors, self._coordinates.low, self._coordinates.high)

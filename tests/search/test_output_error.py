@@ -1,0 +1,162 @@
+"""The output-error sampler: a handful of trials, for every chain, whoever evaluates them and however often stopped."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pandas.testing import assert_frame_equal
+
+from benchmarks.chains import random_chain
+from metaid import results
+from metaid.errors import StudyError
+from metaid.plant.settings import PlantSettings
+from metaid.store.database import Store
+from metaid.study.create import create_study
+from metaid.study.problem import load_study
+from metaid.study.run import run_study
+from metaid.study.settings import EpisodeSettings, EstimateSettings, SearchSettings, StudySettings, StudySpec
+
+OSCILLATION = EpisodeSettings(measure="crossing", pushes="tip", steps=3000)
+
+
+def spec_of(
+    nlink: int, seed: int, trials: int = 8, episode: EpisodeSettings | None = None, **more: object
+) -> StudySpec:
+    """A study of a random chain whose nominal model is wrong by up to 30 %."""
+    true, nominal = random_chain(nlink, seed)
+    study = StudySettings(
+        plant="chain", nominal="chain", sampler="output-error", trials=trials, episode=episode or EpisodeSettings()
+    ).model_copy(update=more)
+    return StudySpec(name="chain", plant_name="chain", plant=PlantSettings(links=true), nominal=nominal, study=study)
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    """An empty study DB."""
+    return Store(str(tmp_path / "metaid.db"), create=True)
+
+
+@pytest.mark.parametrize(("nlink", "seed"), [(1, 3), (2, 4), (3, 5), (5, 6), (7, 7)])
+def test_all_lumps_and_all_inertia_lumps_are_found_in_a_handful_of_trials(nlink: int, seed: int, store: Store) -> None:
+    """To rounding, by the second trial (one link: the third), which coasts, so the study ends there."""
+    create_study(store, spec_of(nlink, seed))
+    progress = run_study(store, "chain")
+    assert progress.trials <= 2 + (nlink == 1)
+    shown = results.summary(store, "chain")
+    assert shown["source"] == "estimate"
+    assert shown["misfit"] < 1.0
+    assert [lump["name"] for lump in shown["lumps"]][-1] == f"inertia_{nlink}"
+    assert shown["max_error"] < 1e-9
+    for lump in shown["lumps"]:
+        assert lump["determined"]
+        assert lump["sd"] > 0.0
+        assert lump["low"] <= lump["identified"] <= lump["high"]
+
+
+def test_first_law_over_compensates_and_nothing_falls(store: Store) -> None:
+    """So the first trial shows the mass matrix, and a rig is not at risk."""
+    create_study(store, spec_of(3, 1))
+    run_study(store, "chain")
+    trials = results.trials_frame(store, "chain")
+    assert (trials.loc[0, ["gravity_1", "gravity_2", "gravity_3"]] == 1.5).all()
+    assert (trials["state"] == "COMPLETE").all()
+
+
+def test_small_oscillations_alone_give_the_full_dynamics(store: Store) -> None:
+    """The paper's own experiment: a small push, frequencies per joint, and never a fall."""
+    create_study(store, spec_of(3, 2, episode=OSCILLATION))
+    run_study(store, "chain")
+    shown = results.summary(store, "chain")
+    assert shown["trials"]["total"] <= 8
+    assert shown["trials"]["pruned"] == 0
+    assert shown["max_error"] < 1e-6
+
+
+def test_exact_lengths_give_coriolis_lumps_that_follow_from_gravity(store: Store) -> None:
+    """With `lengths = "exact"` there are two unknowns a link, and all lumps are shown all the same."""
+    create_study(store, spec_of(3, 8, estimate=EstimateSettings(lengths="exact")))
+    run_study(store, "chain")
+    lumps = results.lumps_frame(store, "chain").set_index("name")
+    assert len(lumps) == 9
+    assert lumps["error"].abs().max() < 1e-9
+    share = lumps["sd"] / lumps["identified"]
+    assert share["coriolis_1_3"] == pytest.approx(share["gravity_3"])
+
+
+def test_table_is_the_same_for_any_workers_and_however_often_it_was_stopped(store: Store) -> None:
+    """The estimate before each trial follows from the DB alone, bit for bit."""
+    spec = spec_of(4, 9, episode=EpisodeSettings(steps=40))
+    for name, workers, stops in (("one", 1, (8,)), ("two", 2, (8,)), ("stopped", 3, (1, 2, 8))):
+        create_study(store, spec, name)
+        for stop in stops:
+            run_study(store, name, trials=stop, workers=workers)
+    one, two, stopped = (results.trials_frame(store, name) for name in ("one", "two", "stopped"))
+    assert len(one) > 1
+    assert_frame_equal(one, two, check_exact=True)
+    assert_frame_equal(one, stopped, check_exact=True)
+    lumps = [results.lumps_frame(store, name) for name in ("one", "two", "stopped")]
+    assert_frame_equal(lumps[0], lumps[1], check_exact=True)
+    assert_frame_equal(lumps[0], lumps[2], check_exact=True)
+
+
+def test_estimate_never_sees_the_truth(store: Store) -> None:
+    """A plant that keeps its truth to itself gives the same trials and the same lumps."""
+    open_spec = spec_of(2, 10)
+    assert isinstance(open_spec.plant, PlantSettings)
+    closed = open_spec.model_copy(update={"plant": open_spec.plant.model_copy(update={"truth_known": False})})
+    for name, spec in (("open", open_spec), ("closed", closed)):
+        create_study(store, spec, name)
+        run_study(store, name)
+    columns = ["name", "identified", "sd", "low", "high"]
+    assert_frame_equal(
+        results.lumps_frame(store, "open")[columns], results.lumps_frame(store, "closed")[columns], check_exact=True
+    )
+    assert results.lumps_frame(store, "closed")["error"].isna().all()
+
+
+def test_hidden_friction_is_told_by_the_misfit_and_no_number_is_printed(store: Store) -> None:
+    """A model that cannot explain what was seen has no lumps to show."""
+    spec = spec_of(3, 11, trials=4)
+    assert isinstance(spec.plant, PlantSettings)
+    links = tuple(link.model_copy(update={"damping": 0.05}) for link in spec.plant.links)
+    create_study(store, spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": links})}))
+    run_study(store, "chain")
+    shown = results.summary(store, "chain")
+    assert shown["misfit"] > 100.0
+    for lump in shown["lumps"]:
+        assert lump["identified"] is lump["low"] is lump["high"] is lump["error"] is None
+        assert not lump["determined"]
+
+
+@pytest.mark.parametrize("sampler", ["cmaes", "tpe", "newton", "random"])
+def test_trials_of_every_sampler_give_the_same_estimate_beside_the_best_trial(sampler: str, store: Store) -> None:
+    """It is a property of a study's trials, not of the sampler that proposed them."""
+    create_study(store, load_study("three-link", {"sampler": sampler, "trials": 20}))
+    run_study(store, "three-link")
+    shown = results.summary(store, "three-link")
+    assert shown["source"] == "best trial"
+    assert len(shown["lumps"]) == 6
+    estimate = shown["estimate"]
+    assert estimate["known_from"] <= 2
+    assert len(estimate["lumps"]) == 9
+    assert estimate["max_error"] < 1e-9
+
+
+def test_study_without_anything_to_match_is_refused(store: Store) -> None:
+    """In one line, before any trial."""
+    with pytest.raises(StudyError, match="needs an estimate"):
+        create_study(store, spec_of(2, 1, estimate=EstimateSettings(enabled=False)))
+    assert store.names() == []
+
+
+def test_bounds_hold_for_the_laws_that_are_sent(store: Store) -> None:
+    """A law is moved to the nearest bound; the estimate itself has none."""
+    create_study(store, spec_of(3, 12, trials=3, search=SearchSettings(low=0.9, high=1.1)))
+    run_study(store, "chain")
+    factors = results.trials_frame(store, "chain").filter(regex="^(gravity|coriolis)_").to_numpy()
+    assert factors.min() >= 0.9
+    assert factors.max() <= 1.1
+    assert results.summary(store, "chain")["max_error"] < 1e-6
+    assert np.isfinite(factors).all()
