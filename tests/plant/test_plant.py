@@ -76,7 +76,7 @@ def test_show_names_springs_and_fault(metaid: Callable[..., Finished]) -> None:
     shown = json.loads(metaid("plant", "show", "paper-like-two-link", "--json").out)
     assert shown["over_compensation"] == 0.0085
     assert [link["stiffness"] for link in shown["links"]] == [0.0, 0.05]
-    assert "receives gravity factors larger by 0.0085" in metaid("plant", "show", "paper-like-two-link").out
+    assert "gravity factors larger by 0.0085" in " ".join(metaid("plant", "show", "paper-like-two-link").out.split())
 
 
 def link(**changes: float) -> LinkSettings:
