@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -98,6 +99,16 @@ class Motions:
             tables.append(np.sqrt(np.divide(squares, count, out=np.full(shape, np.nan), where=count > 0)))
         return tuple(tables)
 
+    @cached_property
+    def _largest_frequency(self) -> float:
+        """Of any joint in any window of all trials, in rad/s. One that coasts has none of its own to compare with."""
+        largest = TINY
+        for trial in self.trials:
+            seen, shown = trial.seen(len(trial.ends)), trial.windows
+            if seen.any():
+                largest = max(largest, float(frequency(shown.speed_energy, shown.acceleration_energy)[seen].max()))
+        return largest
+
     def _of_speeds(self, trial: WatchedTrial, motion: Motion, seen: NDArray[np.bool_]) -> tuple[Array, Array]:
         unit = 1.0 / (self.resolution * float(np.abs(trial.start_speeds).max()))
         values = motion.speeds[seen] - trial.windows.speeds[:, : seen.shape[1]][seen]
@@ -108,7 +119,7 @@ class Motions:
         plants = frequency(shown.speed_energy[:, :windows][seen], shown.acceleration_energy[:, :windows][seen])
         speed_energy, acceleration_energy = motion.speed_energy[seen], motion.acceleration_energy[seen]
         twins = frequency(speed_energy, acceleration_energy)
-        unit = 1.0 / (self.resolution * max(float(plants.max()), TINY))
+        unit = 1.0 / (self.resolution * self._largest_frequency)
         # d√(A/S) = (dA − f² dS) / (2 f S); a joint that nothing accelerates has no slope, so it is told of none
         scale = 0.5 * unit / (np.maximum(twins, 1.0 / unit) * np.maximum(speed_energy, TINY))
         slopes = motion.acceleration_energy_slopes[seen] - twins[..., None] ** 2 * motion.speed_energy_slopes[seen]
