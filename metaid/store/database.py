@@ -7,16 +7,13 @@ a RUNNING trial. Nothing in a DB is ever unpickled.
 
 from __future__ import annotations
 
-import itertools
 import json
 import operator
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import sqlalchemy as sa
 from optuna.distributions import FloatDistribution, distribution_to_json
 from optuna.exceptions import OptunaError, StorageInternalError
@@ -27,26 +24,20 @@ from metaid.errors import StorageError, UnreachableError, unknown
 from metaid.models import Array
 from metaid.store.opening import open_storage
 from metaid.store.optuna_tables import (
-    COMPLETED,
-    STARTED,
     SchemaVersionError,
     StudyDirectionModel,
     StudyModel,
     StudySystemAttributeModel,
     StudyUserAttributeModel,
     TrialModel,
-    TrialParamModel,
-    TrialUserAttributeModel,
 )
+from metaid.store.reading import JOINTS_KEY, read_trials
 from metaid.store.rows import (
     IDS_AFTER,
     TRIAL_TABLES,
     detail_rows,
     end_of,
     head_rows,
-    read_outcomes,
-    read_table,
-    read_windows,
 )
 from metaid.store.server import does_not_answer, missing_driver, parsed_url, without_password
 from metaid.store.sqlite import DAMAGED, describe
@@ -54,8 +45,6 @@ from metaid.store.trial import Trial
 
 DEFAULT_STORAGE = "metaid.db"
 SPEC_KEY = "metaid:study"
-JOINTS_KEY = "metaid:joints"
-MOST_JOINTS = 10_000  # of any plant: a DB that claims more was not written by metaid
 # Called with a transaction that is about to write to a study, and the study's id; raises where it must not.
 WriteCheck = Callable[[sa.Connection, int], None]
 SPOILED = ValueError, TypeError, LookupError, ArithmeticError  # what reading a row of another type or form raises
@@ -245,58 +234,11 @@ class Store:
     def trials(self, name: str, *names: Sequence[str]) -> list[Trial]:
         """All trials in order, with their factors in the order of their stage's `names`."""
         study_id = self._study_id(name)
-        trial, parameter = TrialModel, TrialParamModel
         with self._snapshot() as connection:
-            columns = trial.number, trial.state, STARTED, COMPLETED
-            query = sa.select(*columns).where(trial.study_id == study_id).order_by(trial.trial_id)
             try:
-                heads = connection.execute(query).all()
-                states = [head[1] for head in heads]
-                tables = [
-                    read_table(connection, study_id, parameter.param_name, parameter.param_value, searched, float)
-                    for searched in names
-                ]
-                factors = list(itertools.chain(*tables))
-                outcomes = read_outcomes(connection, study_id, states, self._joint_count(connection, study_id))
-                windows = read_windows(connection, study_id)
-                whole = (
-                    len(factors) == len(outcomes) == len(heads)
-                    and [head[0] for head in heads] == list(range(len(heads)))
-                    and all(state.is_finished() for state in states)
-                    and all(np.isfinite(table).all() for table in tables)
-                    and bool(np.isfinite([outcome.value for _, outcome in outcomes]).all())
-                )
+                return read_trials(connection, study_id, names)
             except SPOILED:
-                whole = False
-        if not whole:
-            raise StorageError(f"{self.url}: study '{name}' has trials that metaid did not write")
-        stages = [None] * len(heads) if len(names) == 1 else [i + 1 for i, table in enumerate(tables) for _ in table]
-        return [
-            Trial(
-                number=head[0],
-                generation=generation,
-                factors=row,
-                outcome=replace(outcome, windows=windows[head[0]]) if head[0] in windows else outcome,
-                started=head[2],
-                completed=head[3],
-                stage=stage,
-            )
-            for head, row, (generation, outcome), stage in zip(heads, factors, outcomes, stages, strict=True)
-        ]
-
-    def _joint_count(self, connection: sa.Connection, study_id: int) -> int:
-        """How many joints the study's plant has, and so how many counts of periods each trial.  Raises ValueError."""
-        attribute, of_trial = StudyUserAttributeModel, TrialUserAttributeModel
-        where = attribute.study_id == study_id, attribute.key == JOINTS_KEY
-        stored = connection.scalar(sa.select(attribute.value_json).where(*where))
-        if stored is not None:
-            if not 1 <= int(stored) <= MOST_JOINTS:
-                raise ValueError("not a number of joints")
-            return int(stored)
-        # The study was made before its joints were stored: its trials tell.
-        keys = sa.select(sa.func.count(of_trial.key.distinct())).join(TrialModel)
-        where = TrialModel.study_id == study_id, of_trial.key.startswith("periods_", autoescape=True)
-        return int(connection.scalar(keys.where(*where)) or 0)
+                raise StorageError(f"{self.url}: study '{name}' has trials that metaid did not write") from None
 
     @contextmanager
     def _snapshot(self) -> Iterator[sa.Connection]:

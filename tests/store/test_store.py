@@ -200,12 +200,6 @@ def test_joints_are_counted_where_the_study_says_so_and_not_by_the_names_of_lump
     assert [trial.outcome.periods for trial in Store(str(arm)).trials("arm", ["load"])] == [(3, 4)]
 
 
-def test_study_that_was_made_before_its_joints_were_stored_is_read_all_the_same(arm: Path) -> None:
-    """By the periods of its trials."""
-    change(arm, "DELETE FROM study_user_attributes WHERE key = 'metaid:joints'")
-    assert [trial.outcome.periods for trial in Store(str(arm)).trials("arm", ["load"])] == [(3, 4)]
-
-
 @pytest.mark.parametrize("joints", ["0", "-1", "3", "1000000000", "null", "[2]", "nonsense"])
 def test_number_of_joints_that_cannot_be_is_refused(arm: Path, joints: str) -> None:
     """None, more than the trials have periods of, or not a number."""
