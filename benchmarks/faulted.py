@@ -13,9 +13,9 @@ from benchmarks.by_torque import least_squares
 from benchmarks.chains import random_chain
 from benchmarks.recording import PERIODS, SWING, TIGHTNESS, filtered
 from metaid.episode import natural_time
-from metaid.models import Array
+from metaid.models import Array, ChainModel
 from metaid.plant import FaultyPlant, MujocoPlant, PlantSettings, chain_of, draw
-from metaid.results import Model, identified_factors, smooth_sinusoids, track
+from metaid.results import identified_factors, smooth_sinusoids, track
 from metaid.study import Problem, StudySettings, StudySpec
 
 LINKS, SEEDS = (2, 3, 5), 5
@@ -144,7 +144,7 @@ def _record(settings: PlantSettings, nominal: Any, swing: float, seed: int) -> t
     faults = settings.faults.model_copy(update={"speed_sensor": True})
     plant = FaultyPlant(MujocoPlant("chain", settings.model_copy(update={"faults": faults})))
     believed, limits = chain_of(nominal), faults.torque_limits(plant.njoint)
-    model, scale = Model(believed.lumps, believed.inertia_lumps), natural_time(believed, plant.gravity)
+    model, scale = ChainModel(believed.lumps, plant.gravity), natural_time(believed, plant.gravity)
     angles, torques = [], []
     for run in range(RUNS):
         motion = smooth_sinusoids(plant.njoint, scale, plant.timestep, 1000 * seed + run, 1, swing, PERIODS)

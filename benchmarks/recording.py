@@ -10,9 +10,9 @@ from scipy.signal import savgol_filter
 from benchmarks.chains import Links
 from metaid.episode import natural_time
 from metaid.errors import StudyError
-from metaid.models import Array
+from metaid.models import Array, ChainModel
 from metaid.plant import MujocoPlant, PlantSettings, chain_of
-from metaid.results import BANDWIDTH, Model, smooth_sinusoids, track
+from metaid.results import BANDWIDTH, smooth_sinusoids, track
 
 SWING, PERIODS, RUNS = 1.5, (4.0, 12.0), 8  # of the recorded motion: rad, natural times, trajectories
 TIGHTNESS = 2.0 * BANDWIDTH  # of its feedback, in rad per natural time
@@ -45,7 +45,7 @@ def record(true: Links, nominal: Links, seed: int) -> Recording:
     """
     plant = MujocoPlant("chain", PlantSettings(links=true))
     believed = chain_of(nominal)
-    model = Model(believed.lumps, believed.inertia_lumps)
+    model = ChainModel(believed.lumps, plant.gravity)
     scale = natural_time(believed, plant.gravity)
     seen = []
     for run in range(RUNS):

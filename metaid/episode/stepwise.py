@@ -11,7 +11,7 @@ from metaid.episode.episode import Episode
 from metaid.episode.noise import noise_of
 from metaid.episode.record import Record, Trajectory, crosses_at, crossings, energies, windows_of
 from metaid.errors import AbsentPlant, LostPlant
-from metaid.models import Array, Lumps, compensation_torque
+from metaid.models import Array, ChainModel, Lumps, Model
 from metaid.plant import FaultyPlant, Plant, Start
 
 TRIES = 3  # of an episode in which the plant was lost
@@ -88,12 +88,13 @@ def run_stepwise(plant: Plant, candidate: Lumps, episode: Episode) -> tuple[Reco
     """
     if isinstance(plant, FaultyPlant):
         plant.begin(noise_of(plant, candidate, episode))
+    law = ChainModel(candidate, plant.gravity, episode.stiffness)
     shape = episode.pushes.shape
     half_periods, span = np.zeros(shape, dtype=np.int64), np.zeros(shape)
     speed_energy, acceleration_energy = np.zeros(shape), np.zeros(shape)
     steps, fall_step, motions = 0, None, []
     for push, start in enumerate(episode.starts):
-        angles, speeds, fallen = _watch_push(plant, candidate, episode, start)
+        angles, speeds, fallen = _watch_push(plant, law, episode, start)
         ran = len(angles) - 1
         motions.append((angles, speeds))
         half_periods[push], span[push] = crossings(
@@ -112,9 +113,10 @@ def run_stepwise(plant: Plant, candidate: Lumps, episode: Episode) -> tuple[Reco
     return record, Trajectory(angles, speeds)
 
 
-def _watch_push(plant: Plant, candidate: Lumps, episode: Episode, start: Start) -> tuple[Array, Array, bool]:
-    """Joint angles and speeds (nsteps + 1 x njoint) after a push, and whether a link fell; however it ends, the torque
-    is off then.
+def _watch_push(plant: Plant, law: Model, episode: Episode, start: Start) -> tuple[Array, Array, bool]:
+    """Joint angles and speeds (nsteps + 1 x njoint) after a push under the torque of a `law`, and whether a link fell.
+
+    However it ends, the torque is off then.
     """
     rule, fallen = episode.fall_rule, False
     try:
@@ -124,7 +126,7 @@ def _watch_push(plant: Plant, candidate: Lumps, episode: Episode, start: Start) 
         fastest = rule.fastest(np.cumsum(speeds))
         for _ in range(episode.steps):
             led = angles + episode.lead * speeds
-            plant.apply_torque(compensation_torque(candidate, led, speeds, plant.gravity, episode.stiffness))
+            plant.apply_torque(law.torque(led, speeds))
             plant.step()
             angles, speeds = plant.states()
             history.append((angles, speeds))

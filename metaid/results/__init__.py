@@ -5,7 +5,7 @@ Here, and only here, the truth meets the result. Neither MuJoCo nor numba is loa
 
 from metaid.results.best import best_rows, identified_factors
 from metaid.results.body_tables import describe_bodies
-from metaid.results.control import BANDWIDTH, Model, smooth_sinusoids, track
+from metaid.results.control import BANDWIDTH, smooth_sinusoids, track
 from metaid.results.findings import Findings, read_findings
 from metaid.results.overview import summary
 from metaid.results.snapshot import Snapshot, read_snapshot
@@ -17,7 +17,6 @@ __all__ = [
     "BANDWIDTH",
     "PUSHES",
     "Findings",
-    "Model",
     "Plane",
     "Snapshot",
     "Sweep",

@@ -10,21 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from metaid.models import Array, Lumps, compensation_torque, mass_matrix
+from metaid.models import Array, ChainModel, Model
 from metaid.plant import MujocoPlant, Plant, Start
 
 AMPLITUDE = 0.5  # rad, of the mean joint's sinusoid
 PERIODS = 6.0, 12.0  # fastest and slowest of the joints' sinusoids, in natural times
 BANDWIDTH = 3.0  # of the feedback, in rad per natural time
 LOST = np.pi  # rad off the trajectory: out of control
-
-
-@dataclass(frozen=True)
-class Model:
-    """What computed torque needs of a chain: its `lumps`, and `inertia_lumps` d (nlink), in kg m²."""
-
-    lumps: Lumps
-    inertia_lumps: Array
 
 
 @dataclass(frozen=True)
@@ -81,26 +73,19 @@ def smooth_sinusoids(
     return Motion(angles, speeds, accelerations)
 
 
-def computed_torque(model: Model, angles: Array, speeds: Array, accelerations: Array, gravity: float) -> Array:
-    """The joint torque (nlink), in N m, that accelerates a chain as wanted.  Eqs. 4, 5 and 6.
+def computed_torque(model: Model, angles: Array, speeds: Array, accelerations: Array) -> Array:
+    """The joint torque (njoint), in N m, that accelerates a plant as wanted.  Eqs. 4, 5 and 6.
 
     Args:
-        model: of the chain.
-        angles: of the joints (nlink), in rad.
-        speeds: of the joints (nlink), in rad/s.
-        accelerations: wanted of the joints (nlink), in rad/s².
-        gravity: in m/s².
+        model: of the plant.
+        angles: of the joints (njoint), in rad.
+        speeds: of the joints (njoint), in rad/s.
+        accelerations: wanted of the joints (njoint), in rad/s².
     """
-    return inertial_torque(model, angles, accelerations) + compensation_torque(model.lumps, angles, speeds, gravity)
+    return model.mass_matrix(angles) @ accelerations + model.torque(angles, speeds)
 
 
-def inertial_torque(model: Model, angles: Array, accelerations: Array) -> Array:
-    """The joint torque (nlink), in N m, of M(φ) φ̈ alone, from joint `angles` and `accelerations` (nlink)."""
-    force = mass_matrix(model.lumps, model.inertia_lumps, np.cumsum(angles)) @ np.cumsum(accelerations)
-    return np.cumsum(force[::-1])[::-1]  # Eq. 6
-
-
-def track(plant: Plant, model: Model, feedback: Model, desired: Motion, bandwidth: float) -> Tracked:
+def track(plant: Plant, model: ChainModel, feedback: ChainModel, desired: Motion, bandwidth: float) -> Tracked:
     """Drives the plant from rest upright along `desired` with computed torque from `model`.
 
     τ = M̃(φ) q̈_d + h̃ + g̃ + M̄(φ) (k_p e + k_d ė), critically damped.  A MujocoPlant is driven by a compiled loop, any
@@ -121,7 +106,8 @@ def track(plant: Plant, model: Model, feedback: Model, desired: Motion, bandwidt
         return track_stepwise(plant, model, feedback, desired, bandwidth)
     from metaid.compiled import track_compiled
 
-    laws, inertias = (model.lumps, feedback.lumps), (model.inertia_lumps, feedback.inertia_lumps)
+    laws = model.lumps, feedback.lumps
+    inertias = model.lumps.of("inertia"), feedback.lumps.of("inertia")
     motion = desired.angles, desired.speeds, desired.accelerations
     return Tracked(*track_compiled(plant, laws, inertias, motion, bandwidth, LOST))
 
@@ -135,8 +121,8 @@ def track_stepwise(plant: Plant, model: Model, feedback: Model, desired: Motion,
         if not np.abs(angles - angle).max() <= LOST:
             break
         correction = bandwidth**2 * (angle - angles) + 2.0 * bandwidth * (speed - speeds)
-        torque = computed_torque(model, angles, speeds, acceleration, plant.gravity)
-        torque = torque + inertial_torque(feedback, angles, correction)
+        torque = computed_torque(model, angles, speeds, acceleration)
+        torque = torque + feedback.mass_matrix(angles) @ correction
         seen.append((angles, speeds, torque))
         plant.apply_torque(torque)
         plant.step()

@@ -13,9 +13,9 @@ import numpy as np
 
 from metaid.episode import REACH, natural_time, rich_pushes
 from metaid.errors import StudyError
-from metaid.models import Array, Chain, Lumps, compensation_torque
+from metaid.models import Array, Chain, ChainModel, Lumps, compensation_torque
 from metaid.plant import MujocoPlant, Plant, Start
-from metaid.results.control import BANDWIDTH, Model, smooth_sinusoids, track
+from metaid.results.control import BANDWIDTH, smooth_sinusoids, track
 from metaid.study import HORIZON, Problem
 
 COASTING = 0.1  # a joint speed changed by more than this share of the fastest link's is no longer coasting
@@ -185,7 +185,6 @@ def tracking_errors(plant: Plant, lumps: Lumps, nominal: Chain) -> tuple[Array, 
     """
     time = natural_time(nominal, plant.gravity)
     desired = smooth_sinusoids(plant.njoint, time, plant.timestep)
-    model = Model(lumps, lumps.of("inertia"))
-    feedback = Model(nominal.lumps, nominal.inertia_lumps)
+    model, feedback = ChainModel(lumps, plant.gravity), ChainModel(nominal.lumps, plant.gravity)
     seen = track(plant, model, feedback, desired, BANDWIDTH / time)
     return seen.angles - desired.angles[: len(seen.angles)], len(seen.angles) == len(desired.angles)

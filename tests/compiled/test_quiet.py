@@ -92,6 +92,15 @@ def test_callback_that_somebody_sets_meanwhile_stays() -> None:
     mujoco.set_mjcb_time(before)
 
 
+@pytest.fixture
+def interrupts() -> Iterator[None]:
+    """Ctrl-C raises KeyboardInterrupt, whatever a command that ran before in this process has set."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interrupts")
 def test_ctrl_c_in_a_loop_puts_the_callbacks_back() -> None:
     """The interrupt comes while ours are in place."""
     before = callbacks()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,11 +14,12 @@ import metaid as package
 from metaid.episode.pushes import natural_time
 from metaid.errors import StudyError
 from metaid.models.lumps import FRICTION, IDEAL, Lumps
+from metaid.models.model import ChainModel
 from metaid.plant.faults import draw
 from metaid.plant.faulty_plant import FaultyPlant
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.settings import PlantSettings
-from metaid.results.control import Model, computed_torque, smooth_sinusoids, track, track_stepwise
+from metaid.results.control import computed_torque, smooth_sinusoids, track, track_stepwise
 from metaid.results.validation import (
     Validated,
     coasting_time,
@@ -57,7 +59,7 @@ def test_true_model_coasts_for_the_whole_horizon(nlink: int) -> None:
 def test_computed_torque_of_the_whole_truth_follows_the_trajectory(nlink: int) -> None:
     """To a fifth of a degree, in MuJoCo, which knows nothing of the equations used here."""
     plant = random_plant(nlink)
-    model = Model(plant.chain.lumps, plant.chain.inertia_lumps)
+    model = ChainModel(plant.chain.lumps, plant.gravity)
     time = natural_time(plant.chain, plant.gravity)
     desired = smooth_sinusoids(nlink, time, plant.timestep)
     seen = track(plant, model, model, desired, 3.0 / time)
@@ -68,10 +70,10 @@ def test_computed_torque_of_the_whole_truth_follows_the_trajectory(nlink: int) -
 def test_computed_torque_is_the_inverse_of_mujocos_motion() -> None:
     """The torque for an acceleration gives that acceleration."""
     plant, random = random_plant(4), np.random.default_rng(1)
-    model = Model(plant.chain.lumps, plant.chain.inertia_lumps)
+    model = ChainModel(plant.chain.lumps, plant.gravity)
     angles, speeds, accelerations = random.normal(size=(3, 4))
     plant.data.qpos[:], plant.data.qvel[:] = angles, speeds
-    plant.apply_torque(computed_torque(model, angles, speeds, accelerations, plant.gravity))
+    plant.apply_torque(computed_torque(model, angles, speeds, accelerations))
     plant.step()
     assert (plant.states()[1] - speeds) / plant.timestep == pytest.approx(accelerations)
 
@@ -105,9 +107,10 @@ def test_compiled_loops_give_the_numbers_of_the_stepwise_ones(nlink: int, fricti
             assert coasting_time(plant, lumps, impulses, 300) == expected
             assert 0.0 < expected <= 300 * plant.timestep
     desired = smooth_sinusoids(nlink, time, plant.timestep)
-    believed = Model(chain.lumps.scaled(np.full(len(chain.lumps.vector), 0.9)), 1.2 * chain.inertia_lumps)
-    wild = Model(Lumps(-200 * ideal.gravity, ideal.coriolis), chain.inertia_lumps)
-    for model in (Model(whole, chain.inertia_lumps), believed, wild):
+    lighter = replace(chain.lumps.scaled(np.full(len(chain.lumps.vector), 0.9)), inertia=1.2 * chain.inertia_lumps)
+    believed = ChainModel(lighter, plant.gravity)
+    wild = ChainModel(replace(ideal, gravity=-200 * ideal.gravity), plant.gravity)
+    for model in (ChainModel(whole, plant.gravity), believed, wild):
         one, other = (loop(plant, model, believed, desired, 3.0 / time) for loop in (track, track_stepwise))
         assert len(one.angles) == len(other.angles)
         assert (len(one.angles) < len(desired.angles)) == (model is wild)
