@@ -1,5 +1,5 @@
 """Levenberg and Marquardt's descent as Moré has it: the full Gauss-Newton step, or the damped one that is as long as
-its model of the residuals has proved to be right.
+its model of the residuals has proved to be right (Eq. 26).
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ def descend(fitted: Fitted, place: Place, windows: int, tolerance: float, most: 
 
 def step_within(factor: Array, target: Array, radius: float) -> Array:
     """The step s (nunknown) that minimises |R s − b|² + λ |s|², λ being 0 if no unknown then changes by more than
-    `radius`, or else so large that the largest change is between 0.8 of it and all of it.
+    `radius`, or else so large that the largest change is between 0.8 of it and all of it.  Eq. 26.
     """
     step: Array = solve_triangular(factor, target)
     if float(np.abs(step).max()) <= radius:

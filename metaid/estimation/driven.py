@@ -2,7 +2,7 @@
 
 The law acts on noisy readings, so that a twin under the same law would move differently. But what it made of these
 readings is known to the last bit. What is compared are the coefficients of a joint's angles in polynomials that are
-orthonormal on the readings of a window, Σ_t p_k(t) q(t): the noise in each is that of one reading.
+orthonormal on the readings of a window, Σ_t p_k(t) q(t): the noise in each is that of one reading (Eq. 28).
 """
 
 from __future__ import annotations

@@ -66,7 +66,10 @@ class Estimate:
         return np.sqrt(np.diag(self.covariance))
 
     def interval(self, deviations: float = 1.96) -> tuple[Array, Array]:
-        """Least and largest factor (nunknown) within so many standard `deviations`: 95 % of them by default."""
+        """Least and largest factor (nunknown) within so many standard `deviations`: 95 % of them by default.
+
+        Eq. 27.
+        """
         reach = deviations * self.deviations
         return np.exp(self.log_factors - reach), np.exp(self.log_factors + reach)
 
@@ -146,7 +149,7 @@ def _estimate(comparison: Comparison, found: Descent, iterations: int, starts: i
         names=tuple(unknowns.names),
         lumps=unknowns.lumps(log_factors),
         log_factors=log_factors,
-        covariance=inverse @ inverse.T,  # (JᵀWJ + prior)⁻¹, R being the factor of what is inverted
+        covariance=inverse @ inverse.T,  # Eq. 27; R is the factor of what is inverted
         cost=place.cost,
         misfit=misfit(found),
         iterations=iterations,

@@ -26,7 +26,7 @@ class Motions:
     """All `trials` of a study, what of them is `compared` with the twin, and in which units.
 
     `speed`: the signed change of joint speed from the push to the end of a window. `frequency`: Rice's,
-    √(∫ q̈² dt / ∫ q̇² dt) of that joint up to there, which has no sign. `resolution` is a share of the largest.
+    √(∫ q̈² dt / ∫ q̇² dt) of that joint up to there, which has no sign (Eq. 25). `resolution` is a share of the largest.
     `gravity` in m/s².
     """
 

@@ -1,4 +1,4 @@
-"""What is unknown of a chain: log factors of its nominal lumps."""
+"""What is unknown of a chain: log factors of its nominal lumps (Eq. 24)."""
 
 from __future__ import annotations
 
