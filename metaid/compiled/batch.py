@@ -69,8 +69,13 @@ class Batch:
 
 
 def new_batch(episode: Episode, timestep: float, gravity: float, candidates: Lumps) -> Batch:
-    """A batch of `candidates`, lumps with a leading axis (ncandidate), of which nothing has been run; `gravity` in
-    m/s², `timestep` in s.
+    """A batch of which nothing has been run.
+
+    Args:
+        episode: what is done to the plant with every candidate.
+        timestep: between two torques, in s.
+        gravity: in m/s².
+        candidates: their lumps, with a leading axis (ncandidate).
     """
     npush, njoint = episode.pushes.shape
     count = len(candidates.gravity)

@@ -161,9 +161,25 @@ def _set_off(link, angle, speed, joint_angle, joint_speed):  # type: ignore[no-u
 
 @compiled
 def run_from(chain, start, queue, laws, settings, links, ran, fell, outputs, windows, kept):  # type: ignore[no-untyped-def]
-    """Takes pushes of a `Batch` from its `queue` until there are none left; those of a candidate that is known to have
-    fallen after an earlier one are left out. `start` are the joint angles and speeds (npush x 2 x njoint) right after
-    each.
+    """Takes pushes of a `Batch` from its queue until there are none left.
+
+    Pushes of a candidate that is known to have fallen after an earlier one are left out.
+
+    Args:
+        chain: the `Step` that moves the plant.
+        start: joint angles and speeds (npush x 2 x njoint) right after each push, in rad and rad/s.
+        queue: of the batch: the number of the next push, candidate by candidate.
+        laws: of the candidates; see `batch.Laws`.
+        settings: timestep in s; steps after a push; the clauses of the fall rule (limit in rad, margin, largest turn in
+            rad); the steps (nwindow) that the windows end with.
+        links: working space (njoint) of the type `LINK`.
+        ran: steps after each push (ncandidate x npush), filled in.
+        fell: whether each push ended in a fall (ncandidate x npush), filled in.
+        outputs: half periods, crossing span, speed energy and acceleration energy of a Record (ncandidate x npush x
+            njoint), filled in.
+        windows: motion (ncandidate x npush x nwindow x 4 x njoint) and half periods (ncandidate x npush x nwindow x
+            njoint), filled in.
+        kept: joint angles (ncandidate x npush x nsteps + 1 x njoint), in rad, filled in unless it is empty.
     """
     gravity, coriolis, damping, coulomb, inertia, stiffness = laws
     half_periods, span, speed_energy, acceleration_energy = outputs

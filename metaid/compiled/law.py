@@ -30,9 +30,15 @@ LINK = np.dtype(
 
 @compiled
 def turn(link, cosine, sine, stiffness):  # type: ignore[no-untyped-def]
-    """The `link` with its angle and speed is turned to this `cosine` and `sine`: what Σ_j of Eqs. 5 and 16 has of it.
+    """Fills in what a link has in the sums over j of Eqs. 5 and 16.
 
     sin(φ_i − φ_j) and cos(φ_i − φ_j) are expanded, so that each angle needs one cosine and one sine.
+
+    Args:
+        link: of the type `LINK`, with its angle and speed.
+        cosine: of its angle.
+        sine: of its angle.
+        stiffness: of the law, in 1/s².
     """
     squared, restoring = link.speed * link.speed, stiffness * link.angle
     link.cosine = cosine
@@ -50,8 +56,13 @@ def turn_to_angles(links, stiffness):  # type: ignore[no-untyped-def]
 
 @compiled
 def compensate(law, links, qvel, torque):  # type: ignore[no-untyped-def]
-    """Fills in the joint `torque` (njoint) of a `law` (see `batch.Laws`) for `links` that are turned to their angles;
-    `qvel` are joint speeds (njoint).  Eqs. 5, 6, 15 and 16.
+    """Fills in the joint torque of a law.  Eqs. 5, 6, 15 and 16.
+
+    Args:
+        law: of one candidate; see `batch.Laws`.
+        links: (njoint) of the type `LINK`, turned to their angles.
+        qvel: joint speeds (njoint), in rad/s.
+        torque: of the joints (njoint), in N m, filled in.
     """
     gravity, coriolis, damping, coulomb, inertia, stiffness = law
     n = links.shape[0]
@@ -70,7 +81,15 @@ def compensate(law, links, qvel, torque):  # type: ignore[no-untyped-def]
 
 @compiled
 def has_fallen(angle, speed, fastest, timestep, limit, turn):  # type: ignore[no-untyped-def]
-    """Whether one link has fallen, at its absolute `angle` and `speed`.  Eq. 8, with NaN as
-    fallen; `episode.FallRule.has_fallen` is the reference."""
+    """Whether one link has fallen.  Eq. 8, with NaN as fallen; `episode.FallRule.has_fallen` is the reference.
+
+    Args:
+        angle: of the link, absolute, in rad.
+        speed: of the link, absolute, in rad/s.
+        fastest: the speed up to which a link past the limit coasts, in rad/s.
+        timestep: between two torques, in s.
+        limit: of the angle, in rad.
+        turn: the largest that is allowed in a timestep, in rad.
+    """
     coasts = abs(speed) <= fastest and abs(angle) < np.inf
     return not (abs(angle) <= limit or coasts) or not abs(speed) * timestep <= turn

@@ -46,11 +46,20 @@ class Loop(Protocol):
 
 
 class Objective:
-    """Evaluates factors of `nominal` lumps on a `plant` by a `measure`, `count` with a counting `rule`. Holds the
-    plant's state, so one per worker.
+    """Evaluates factors of nominal lumps on a plant by a measure. Holds the plant's state, so one per worker.
 
-    With a `space`, candidates are values in it, in place of factors of the nominal lumps. `physics` is "mujoco", or
-    "analytic" for a MujocoPlant's own equations of motion.
+    Args:
+        plant: that candidates are tried on.
+        nominal: the lumps that candidates are factors of.
+        episode: what is done to the plant with each candidate.
+        measure: a key of `MEASURES`.
+        physics: "mujoco", or "analytic" for a MujocoPlant's own equations of motion.
+        rule: the counting rule of the measure `count`; None for its usual one.
+        space: whose values candidates are; None where they are factors of the nominal lumps.
+
+    Raises:
+        EpisodeError: plant, nominal lumps and pushes differ in their number of joints, or no measure has that name
+            and that rule.
     """
 
     def __init__(

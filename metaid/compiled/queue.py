@@ -29,6 +29,14 @@ def _add_one(_typing: Any, counter: Any) -> Any:
     """The counter before one is added to it, as one atomic operation."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        """The LLVM value that the call becomes.
+
+        Args:
+            context: of numba, which knows how an array is laid out.
+            builder: of LLVM's instructions.
+            signature: the numba types of the call.
+            arguments: their LLVM values.
+        """
         array = context.make_array(signature.args[0])(context, builder, arguments[0])
         return builder.atomic_rmw("add", array.data, ir.Constant(ir.IntType(64), 1), "monotonic")
 

@@ -11,10 +11,15 @@ KINDS = ("gravity", "coriolis", "damping", "coulomb")
 
 
 def commanded_torques(law: Lumps, readings: Array, speeds: Array, gravity: float) -> Array:
-    """The joint torques (npush x nstep x njoint), in N m, that the `law` made of angle `readings` (npush x nstep + 1 x
-    njoint), in rad, and joint `speeds` as it took them to be (npush x nstep + 1 x njoint), in rad/s.
+    """The joint torques (npush x nstep x njoint), in N m, that a law made of readings.
 
-    `gravity` in m/s². No torque follows from the last reading.
+    No torque follows from the last reading.
+
+    Args:
+        law: the candidate's lumps.
+        readings: of the joint angles (npush x nstep + 1 x njoint), in rad.
+        speeds: of the joints as the law took them to be (npush x nstep + 1 x njoint), in rad/s.
+        gravity: in m/s².
     """
     angles, turning = np.cumsum(readings[:, :-1], axis=-1), np.cumsum(speeds[:, :-1], axis=-1)
     lumps = law.vector_of(KINDS)

@@ -99,8 +99,14 @@ def triangle(place: Place, spreads: Array) -> tuple[Array, Array]:
 
 
 def descend(fitted: Fitted, place: Place, windows: int, tolerance: float, most: int) -> Descent:
-    """Steps downhill from a `place` on the first `windows` windows, at most `most` times, or until a step changes
-    nothing by more than `tolerance` or gains nothing.
+    """Steps downhill from a place until a step changes or gains nothing.
+
+    Args:
+        fitted: what is fitted.
+        place: where the descent begins.
+        windows: how many windows of each push are compared, from the shortest on.
+        tolerance: the change of each unknown below which a step changes nothing.
+        most: the largest number of steps.
     """
     radius = LONGEST_STEP
     for iteration in range(most):

@@ -14,7 +14,7 @@ from metaid.estimation.tangent import force_by_unknowns, fused, linearise, move_
 
 @compiled
 def watch_readings(start, forces, balance, derivatives, settings, basis, steps, work, coefficients, slopes):  # type: ignore[no-untyped-def]
-    """Runs one push for so many `steps`; whether the twin could follow.
+    """Runs one push; whether the twin could follow.
 
     Args:
         start: joint speeds (njoint) right after the push, in rad/s.
@@ -22,6 +22,7 @@ def watch_readings(start, forces, balance, derivatives, settings, basis, steps, 
         balance, derivatives, work: see `workspace`; `balance` without a law.
         settings: timestep in s; the column of the first start speed, or −1.
         basis: the polynomials at every reading (nstep + 1 x ncoefficient), that of the push first.
+        steps: for how many the push is followed.
         coefficients: of the joint angles (njoint x ncoefficient), in rad, filled in.
         slopes: their derivatives (njoint x ncoefficient x nunknown), filled in.
     """

@@ -84,7 +84,8 @@ def fit(comparison: Comparison, start: Array | None = None, restarts: int = 3, s
             that it ended in a wrong minimum.
         seed: of these points; the same seed gives the same estimate.
 
-    Raises ValueError where the twin cannot follow the trials from any start.
+    Raises:
+        ValueError: the twin cannot follow the trials from any start.
     """
     best: Descent | None = None
     iterations = starts = 0

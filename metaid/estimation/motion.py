@@ -71,7 +71,14 @@ def set_off(start, start_column, work):  # type: ignore[no-untyped-def]
 
 @compiled
 def accelerate(step, forces, balance, work):  # type: ignore[no-untyped-def]
-    """Fills in α of Eq. 22 and the factors of M; whether M is positive definite, as that of any chain is."""
+    """Fills in α of Eq. 22 and the factors of M; whether M is positive definite, as that of any chain is.
+
+    Args:
+        step: that begins, from 0.
+        forces: Q of Eq. 22 at each step (nstep x njoint), in N m; or empty.
+        balance: what the motion follows from; see `workspace.Balance`.
+        work: with the state, see `workspace.Workspace`; `cosine`, `sine`, `acceleration` and `factors` are filled in.
+    """
     angle, cosine, sine = work.angle, work.cosine, work.sine
     for i in range(angle.shape[0]):
         cosine[i], sine[i] = np.cos(angle[i]), np.sin(angle[i])

@@ -132,7 +132,15 @@ def _pull_by_coriolis(derivatives, work):  # type: ignore[no-untyped-def]
 
 @fused
 def move_tangent(timestep, stiffness, with_energies, work):  # type: ignore[no-untyped-def]
-    """One step of Eq. 23: `changed` becomes δα, `moved` is moved on."""
+    """One step of Eq. 23.
+
+    Args:
+        timestep: in s.
+        stiffness: of the law, in 1/s².
+        with_energies: whether the derivatives of the energies are kept, too.
+        work: see `workspace.Workspace`; `changed` is M⁻¹ Y and becomes δα, and `moved`, which is δφ above δω, is moved
+            on by the step.
+    """
     moved, changed, closed = work.moved, work.changed, work.closed
     n = work.solved.shape[0]
     for i in range(n):

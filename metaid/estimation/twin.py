@@ -46,9 +46,15 @@ class Motion:
 def simulate(
     trial: WatchedTrial, unknowns: Unknowns, log_factors: Array, gravity: float, windows: int, energies: bool = False
 ) -> Motion:
-    """The first `windows` windows of a `trial` on the chain that has these `log_factors` (nunknown).
+    """The first windows of a trial, on another chain under the same law.
 
-    `gravity` in m/s². With `energies` these are differentiated too; else their derivatives are empty.
+    Args:
+        trial: the law, the start speeds and the windows.
+        unknowns: what is unknown of the chain.
+        log_factors: of the unknowns (nunknown).
+        gravity: in m/s².
+        windows: how many of each push to simulate, from the shortest on.
+        energies: whether these are differentiated, too; else their derivatives are empty.
     """
     lumps = unknowns.lumps(log_factors)
     npush, n = trial.start_speeds.shape

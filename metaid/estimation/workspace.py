@@ -74,9 +74,13 @@ class Workspace(NamedTuple):
 
 
 def balance(law: Lumps | None, lumps: Lumps, gravity: float, stiffness: float = 0.0) -> Balance:
-    """What the motion of a chain with these `lumps` follows from; without a `law` only the chain's own forces act.
+    """What the motion of a chain under a law follows from.
 
-    `gravity` in m/s², `stiffness` of the law in 1/s².
+    Args:
+        law: the lumps of the law; without one only the chain's own forces act.
+        lumps: of the chain.
+        gravity: in m/s².
+        stiffness: of the law, in 1/s².
     """
     if law is None:
         law = Lumps(np.zeros(lumps.nlink), np.zeros((lumps.nlink, lumps.nlink)))
