@@ -59,8 +59,18 @@ def find_file(kind: str, name: str, error: type[MetaidError]) -> Path:
 
 
 def find_file_beside(kind: str, name: str, source: Path, error: type[MetaidError]) -> Path:
-    """The file that `name`, which stands in the file `source`, means: a path within that file's folder, or a shipped
-    name. Whoever wrote the file may be a stranger, so it leads nowhere else, not by a link either.
+    """The file that a name in another file means: a path within that file's folder, or a shipped name.
+
+    Whoever wrote the file may be a stranger. So the name leads nowhere else, not by a link either.
+
+    Args:
+        kind: of the file that is meant, "plants" or "studies".
+        name: as it is written.
+        source: the file that it is written in.
+        error: the class of the exception.
+
+    Raises:
+        error: there is no such file, or it is in another folder.
     """
     if not _is_path(name):
         return _shipped(kind, name, error)
@@ -114,7 +124,17 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def check(model: type[SettingsT], data: Mapping[str, Any], source: str, error: type[MetaidError]) -> SettingsT:
-    """`data` as checked settings; raises `error` with the first problem: where it is, and what is allowed."""
+    """Tables as checked settings.
+
+    Args:
+        model: the class of the settings.
+        data: the tables, as they were read.
+        source: what they were read from, as the message names it.
+        error: the class of the exception.
+
+    Raises:
+        error: the first problem: where it is, and what is allowed.
+    """
     try:
         return model.model_validate(data)
     except ValidationError as problem:

@@ -26,7 +26,14 @@ MOST_LUMPS = 12  # in the table
 
 
 class Live:
-    """A context manager whose `update` is given the progress after each generation."""
+    """A context manager whose `update` is given the progress after each generation.
+
+    Args:
+        store: the study DB.
+        name: the study's.
+        quiet: whether nothing is shown.
+        console: to show it on; None for stderr.
+    """
 
     def __init__(self, store: Store, name: str, quiet: bool, console: Console | None = None) -> None:
         self._bests: deque[Array] = deque(maxlen=LOOK_BACK)

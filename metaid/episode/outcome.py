@@ -27,6 +27,13 @@ class Outcome:
 
 
 def failure(measure: Measure, episode: Episode, timestep: float, reason: str) -> Outcome:
-    """What the searcher is told of a candidate that could not be evaluated for that `reason`."""
+    """The outcome of a candidate that could not be evaluated: a fall before the first step.
+
+    Args:
+        measure: whose value of such a fall it has.
+        episode: that could not be run.
+        timestep: between two torques, in s.
+        reason: why, in one line.
+    """
     value = fall_value(measure.ceiling(episode, timestep), 0, episode.total_steps)
     return Outcome(value, True, 0, (0,) * episode.pushes.shape[1], reason)

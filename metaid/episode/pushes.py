@@ -61,7 +61,14 @@ def rich_speeds(njoint: int, count: int, seed: int) -> Array:
 
 
 def rich_pushes(plant: Plant, count: int, peak_speed: float, seed: int) -> Array:
-    """`count` random pushes (count x njoint), in N s, whose fastest link may get `peak_speed`, in rad/s."""
+    """Random pushes (count x njoint), in N s, that each turn every link and joint.
+
+    Args:
+        plant: that is pushed; it is struck to find out how it answers.
+        count: of the pushes.
+        peak_speed: the largest speed that a link may get, in rad/s.
+        seed: of the pushes.
+    """
     return pushes_for(plant, peak_speed * rich_speeds(plant.njoint, count, seed))
 
 

@@ -25,11 +25,15 @@ def mass_matrix(lumps: Lumps, inertia_lumps: Array, angles: Array) -> Array:
 def compensation_basis(
     angles: Array, speeds: Array, gravity: float, kinds: Sequence[str] = IDEAL, stiffness: float = 0.0
 ) -> Array:
-    """Generalised force per unit of each lump of these `kinds`, in absolute angles (... x nlink x nlump).  Eqs. 5, 15
-    and 16 are this times the lumps.
+    """Generalised force per unit of each lump, in absolute angles (... x nlink x nlump).  Eqs. 5, 15 and 16 are this
+    times the lumps.
 
-    `angles` (... x nlink) in rad and `speeds` (... x nlink) in rad/s are absolute; `gravity` in m/s², `stiffness` in
-    1/s².
+    Args:
+        angles: absolute (... x nlink), in rad.
+        speeds: absolute (... x nlink), in rad/s.
+        gravity: in m/s².
+        kinds: of the lumps, in their order.
+        stiffness: of the law, in 1/s².
     """
     n = angles.shape[-1]
     links = np.arange(n)
@@ -66,11 +70,16 @@ def sliding(joint_speeds: Array) -> Array:
 def compensation_torque(
     lumps: Lumps, joint_angles: Array, joint_speeds: Array, gravity: float, stiffness: float = 0.0
 ) -> Array:
-    """The joint torque (nlink), in N m, that would leave the plant nothing but q̈ = −stiffness q if it had these
-    `lumps`.
+    """The joint torque (nlink), in N m, that would leave the plant nothing but q̈ = −k q if it had these lumps.
 
-    `joint_angles` in rad, `joint_speeds` in rad/s, both (nlink); `gravity` in m/s², `stiffness` in 1/s².  Eqs. 5, 6,
-    15 and 16; Eq. 11 of the paper, with u = 0 where `stiffness` is.
+    Eqs. 5, 6, 15 and 16. It is Eq. 11 of the paper with u = −k q, so with u = 0 where the stiffness k is 0.
+
+    Args:
+        lumps: of the law.
+        joint_angles: of the plant (nlink), in rad.
+        joint_speeds: of the plant (nlink), in rad/s.
+        gravity: in m/s².
+        stiffness: k, in 1/s².
     """
     angles, speeds = np.cumsum(joint_angles), np.cumsum(joint_speeds)
     sine = np.sin(angles[:, None] - angles[None, :])

@@ -120,8 +120,16 @@ def lump_unit(name: str) -> str:
 def factors_from_names(
     named: dict[str, float], nlink: int, default: float = 1.0, kinds: Sequence[str] = IDEAL
 ) -> Array:
-    """Factors by lump name → (nlump), `default` for those that are not named.  Raises EpisodeError on an unknown
-    name.
+    """Factors by lump name → (nlump).
+
+    Args:
+        named: the factors, by lump name.
+        nlink: the number of links.
+        default: the factor of each lump that is not named.
+        kinds: of the lumps, in their order.
+
+    Raises:
+        EpisodeError: a name is no lump's.
     """
     names = lump_names(nlink, kinds)
     for name in named:

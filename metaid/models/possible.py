@@ -31,8 +31,17 @@ def refuse_impossible(name: str, chain: Chain) -> None:
 
 
 def refuse_too_long_a_step(name: str, chain: Chain, gravity: float, timestep: float) -> None:
-    """Raises PlantError where steps of `timestep` (s) cannot follow the chain's fastest mode, over-compensated by
-    all of `gravity` (m/s²), or overshoot what its joints damp in one.
+    """Refuses a timestep that cannot follow the chain.
+
+    Args:
+        name: of the plant, for the message.
+        chain: whose motion is simulated.
+        gravity: in m/s².
+        timestep: of the simulation, in s.
+
+    Raises:
+        PlantError: steps are too long for the chain's fastest mode, over-compensated by all of gravity, or overshoot
+            what its joints damp in one.
     """
     joints = np.eye(chain.nlink) - np.eye(chain.nlink, k=-1)  # joint angles from absolute ones
     stiffness = np.diag(gravity * chain.lumps.gravity) + joints.T @ np.diag(chain.stiffness) @ joints

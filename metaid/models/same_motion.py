@@ -16,15 +16,15 @@ class SameMotion:
 
     With the gravity lumps given, the first moments are linear in the masses, and so are the bounds. The masses
     therefore fill a polytope.  Eq. 20.
-    """
 
-    def __init__(self, bodies: Bodies, factors: Array, low: Array, high: Array) -> None:
-        """Args:
+    Args:
         bodies: the nominal bodies, of which all factors are.
         factors: of the given body (2 nlink).
         low: bounds of the factors (2 nlink).
         high: bounds of the factors (2 nlink).
-        """
+    """
+
+    def __init__(self, bodies: Bodies, factors: Array, low: Array, high: Array) -> None:
         n = bodies.nlink
         self._bodies, self._low, self._high = bodies, low, high
         self._gravity = bodies.scaled(factors).gravity

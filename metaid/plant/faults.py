@@ -75,7 +75,15 @@ def stream(seed: int, candidate: Lumps) -> np.random.Generator:
 
 
 def draw(faults: FaultSettings, random: np.random.Generator, npush: int, steps: int, njoint: int) -> Noise:
-    """The noise of an episode of `npush` pushes with `steps` control steps each."""
+    """The noise of an episode.
+
+    Args:
+        faults: the sizes of the noise.
+        random: where it is drawn from; see `stream`.
+        npush: the number of pushes.
+        steps: control steps after each push.
+        njoint: the number of joints.
+    """
 
     def normal(size: float, *shape: int) -> Array:
         return size * random.standard_normal(shape) if size else np.zeros(shape)

@@ -113,7 +113,15 @@ def track(plant: Plant, model: ChainModel, feedback: ChainModel, desired: Motion
 
 
 def track_stepwise(plant: Plant, model: Model, feedback: Model, desired: Motion, bandwidth: float) -> Tracked:
-    """`track` on any plant, step by step in Python: the reference for the compiled loop."""
+    """`track` on any plant, step by step in Python: the reference for the compiled loop.
+
+    Args:
+        plant: it is brought to rest upright first.
+        model: of the feedforward.
+        feedback: what M̄ is of.
+        desired: the trajectory.
+        bandwidth: of the feedback, in rad/s.
+    """
     plant.push(Start.upright(np.zeros(plant.njoint)))
     seen = []
     for angle, speed, acceleration in zip(desired.angles, desired.speeds, desired.accelerations, strict=True):

@@ -164,7 +164,14 @@ def coasting_time(plant: Plant, lumps: Lumps, impulses: Array, steps: int) -> fl
 
 
 def coasting_time_stepwise(plant: Plant, lumps: Lumps, impulses: Array, steps: int) -> float:
-    """`coasting_time` on any plant, step by step in Python: the reference for the compiled loop."""
+    """`coasting_time` on any plant, in s, step by step in Python: the reference for the compiled loop.
+
+    Args:
+        plant: it is brought to rest upright first.
+        lumps: of the law.
+        impulses: of the push (njoint), in N s.
+        steps: after which it is no longer watched.
+    """
     plant.push(Start.upright(impulses))
     angles, speeds = plant.states()
     pushed, tolerance = speeds, COASTING * np.abs(np.cumsum(speeds)).max()

@@ -17,7 +17,14 @@ GENERATION = 8  # candidates that an Optuna sampler proposes before it is told o
 
 
 class OptunaSampler:
-    """Any Optuna sampler, on a study in memory; falls are pruned trials with the step that they survived to."""
+    """Any Optuna sampler, on a study in memory; falls are pruned trials with the step that they survived to.
+
+    Args:
+        coordinates: what it moves in.
+        make: the sampler, from the seed.
+        seed: of all that the sampler draws at random.
+        options: the generation size.
+    """
 
     def __init__(
         self,
@@ -26,12 +33,6 @@ class OptunaSampler:
         seed: int,
         options: GenerationOptions,
     ) -> None:
-        """Args:
-        coordinates: what it moves in.
-        make: the sampler, from the seed.
-        seed: of all that the sampler draws at random.
-        options: the generation size.
-        """
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         self._coordinates = coordinates
         self._size = options.generation or GENERATION

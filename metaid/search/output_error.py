@@ -37,18 +37,19 @@ class OutputErrorOptions(Settings):
 class OutputError:
     """One trial a generation: probes that over-compensate, then the estimate from all trials before.
 
-    Raises StudyError where the study keeps no windows, so that there is nothing to match.
+    Args:
+        coordinates: with the start and the bounds of the factors.
+        seed: of the probes.
+        options: how many probes there are.
+        experiment: how the plant is pushed and what of it is unknown.
+
+    Raises:
+        StudyError: the study keeps no windows, so that there is nothing to match.
     """
 
     def __init__(
         self, coordinates: Coordinates, seed: int, options: OutputErrorOptions, experiment: Experiment | None
     ) -> None:
-        """Args:
-        coordinates: with the start and the bounds of the factors.
-        seed: of the probes.
-        options: how many probes there are.
-        experiment: how the plant is pushed and what of it is unknown.
-        """
         if experiment is None:
             raise StudyError("sampler 'output-error' needs an estimate: see [estimate] and 'metaid study check'")
         self._coordinates = coordinates

@@ -23,15 +23,15 @@ class Walking:
     """Another searcher for the first trials, or until it is finished; then the walk.
 
     As long as nothing has survived there is no body to walk from, and the search goes on.
-    """
 
-    def __init__(self, search: Searcher, coordinates: BodyCoordinates, seed: int, search_trials: int) -> None:
-        """Args:
+    Args:
         search: the searcher of the first trials.
         coordinates: with the bodies and the bounds.
         seed: of the directions and lengths of the walk.
         search_trials: how many trials the search has.
-        """
+    """
+
+    def __init__(self, search: Searcher, coordinates: BodyCoordinates, seed: int, search_trials: int) -> None:
         self._search = search
         self._coordinates = coordinates
         self._random = np.random.default_rng(seed)

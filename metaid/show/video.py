@@ -69,8 +69,15 @@ def film(objective: Objective, candidates: Mapping[str, Lumps], path: Path) -> N
 
 
 def filmed(objective: Objective, lumps: Lumps, caption: str, rate: int) -> Motion:
-    """The motion of a panel, `rate` frames a second: that of the very episode, faults and noise included, whose numbers
-    `objective` gives for these `lumps`. Of a plant with sensors that err it is what they read.
+    """The motion of a panel: that of the very episode, faults and noise included, whose numbers the objective gives.
+
+    Of a plant with sensors that err it is what they read.
+
+    Args:
+        objective: whose plant is filmed, in whose episode.
+        lumps: that the plant is compensated with.
+        caption: of the panel.
+        rate: frames a second.
     """
     candidate = Objective(objective.plant, lumps, objective.episode, objective.measure.name)
     record, trajectory = candidate.watch(np.ones(len(lumps.vector)))

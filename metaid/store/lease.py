@@ -137,7 +137,17 @@ class Lease:
 
 
 def refuse_if_run(connection: sa.Connection, study_id: int, name: str, now: datetime | None = None) -> None:
-    """Raises StorageError, saying who runs the study since when, if a driver does."""
+    """Refuses a study that a driver runs.
+
+    Args:
+        connection: to the DB, within a transaction.
+        study_id: of the study in the DB.
+        name: of the study, for the message.
+        now: the time by the DB's clock, where it is known already.
+
+    Raises:
+        StorageError: a driver runs the study; the message says who, and since when.
+    """
     driver = _driver(connection.scalar(_held, {"study": study_id}))
     now = now or _clock(connection)
     if driver is not None and driver.lives(now):

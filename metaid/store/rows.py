@@ -70,10 +70,21 @@ def end_of(connection: sa.Connection, name: str) -> tuple[int, int, int]:
 def read_table(
     connection: sa.Connection, study_id: int, key: Any, value: Any, keys: Sequence[Any], kind: type
 ) -> NDArray[Any]:
-    """The values under `keys` of every trial, in order (ntrial x nkey); of no trial if one lacks any of them.
+    """The values under some keys of every trial, in order (ntrial x nkey); of no trial if one lacks any of them.
 
     A trial has a key at most once and the DB's own order of keys is the same for all, so nothing but values is read.
-    Raises ValueError or TypeError for one that is not of that `kind`.
+
+    Args:
+        connection: to the DB.
+        study_id: of the study in the DB.
+        key: the column of the keys.
+        value: the column of the values.
+        keys: that are read (nkey).
+        kind: of the values: int or float.
+
+    Raises:
+        ValueError: a value is not of that kind.
+        TypeError: a value is not of that kind.
     """
     where = TrialModel.study_id == study_id, key.in_(keys)
     query = sa.select(value).join(TrialModel).where(*where).order_by(TrialModel.trial_id, key)
@@ -105,8 +116,17 @@ def _read_failures(connection: sa.Connection, study_id: int) -> list[tuple[float
 def read_outcomes(
     connection: sa.Connection, study_id: int, states: Sequence[TrialState], joint_count: int
 ) -> list[tuple[int, Outcome]]:
-    """The generation and the outcome of every trial, whose `states` are known, in order; of none if one lacks
-    something.  Raises ValueError or TypeError for what is not a number.
+    """The generation and the outcome of every trial, in order; of none if one lacks something.
+
+    Args:
+        connection: to the DB.
+        study_id: of the study in the DB.
+        states: of its trials (ntrial), in order.
+        joint_count: the number of joints.
+
+    Raises:
+        ValueError: a value is not a number.
+        TypeError: a value is not a number.
     """
     value, attribute = TrialValueModel, TrialUserAttributeModel
     keys = ["generation", "steps", *(f"periods_{joint + 1}" for joint in range(joint_count))]
@@ -153,8 +173,16 @@ def head_rows(study_id: int, trials: Sequence[Trial]) -> list[dict[str, Any]]:
 def detail_rows(
     ids: Sequence[int], trials: Sequence[Trial], names: Sequence[str], distributions: Sequence[str]
 ) -> dict[Any, list[dict[str, Any]]]:
-    """Rows by model class. A fall carries its value as intermediate value at the step that it survived to, as
-    Optuna's own `tell` would write it; a failure carries it there alone, as Optuna lets it have no other.
+    """Rows by model class.
+
+    A fall carries its value as intermediate value at the step that it survived to, as Optuna's own `tell` would write
+    it. A failure carries it there alone, as Optuna lets it have no other.
+
+    Args:
+        ids: of the trials in the DB (ntrial).
+        trials: that are written (ntrial).
+        names: under which the factors are stored (nsearched).
+        distributions: of the factors, as Optuna's JSON (nsearched).
     """
     rows: dict[Any, list[dict[str, Any]]] = {
         TrialParamModel: [

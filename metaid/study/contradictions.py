@@ -65,7 +65,17 @@ def check_rig(spec: StudySpec) -> None:
 
 
 def check_bounds(names: list[str], starts: Array, lows: Array, highs: Array) -> None:
-    """Raises StudyError where a start is not within its bounds."""
+    """Refuses a start outside its bounds.
+
+    Args:
+        names: of what is searched (nsearched).
+        starts: where the search begins (nsearched).
+        lows: the least allowed values (nsearched).
+        highs: the largest allowed values (nsearched).
+
+    Raises:
+        StudyError: a start is not within its bounds, or bounds leave nothing between them.
+    """
     for name, start, low, high in zip(names, starts, lows, highs, strict=True):
         if not low < high or not low <= start <= high:
             raise StudyError(

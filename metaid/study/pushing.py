@@ -41,8 +41,17 @@ TIP_SPEED = 0.1  # rad/s of the fastest link after a tip push: small, so that th
 
 
 def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure, stage: int) -> Episode:
-    """What the study of `spec` does to a `plant` in an episode of its `stage`, 1 or 2, with strong pushes by the
-    `nominal` model; strikes the plant to find out how it answers.  Raises EpisodeError.
+    """What a study does to its plant in an episode.
+
+    Args:
+        plant: that is pushed; it is struck to find out how it answers.
+        spec: the study's settings.
+        nominal: the chain whose natural time sets the horizon, and by which designed pushes are designed.
+        measure: of the study.
+        stage: of the study, 1 or 2.
+
+    Raises:
+        EpisodeError: the settings contradict each other, or a push does not have one finite impulse for each link.
     """
     wanted, timestep = spec.study.episode, spec.timestep
     kind = wanted.pushes or ("rich" if measure.sees_coriolis else "tip")
@@ -102,9 +111,13 @@ def _explicit(pushes: list[list[float]], njoint: int) -> Array:
 
 
 def rest_noise(plant: MujocoPlant, spec: StudySpec, episode: Episode, start_speeds: Array) -> NoiseFloor:
-    """From a rest episode of this `plant`: held upright, its sensors are read for RESTS times a push's horizon.
+    """The noise floor, from a rest episode: the plant is held upright for RESTS horizons of a push, its sensors read.
 
-    `start_speeds` (npush x nlink), absolute and in rad/s, are those right after the pushes.
+    Args:
+        plant: whose sensors are read.
+        spec: the study's settings, with the seed of the noise.
+        episode: of the study, which the floor is for.
+        start_speeds: absolute link speeds (npush x nlink) right after the pushes, in rad/s.
     """
     count = episode.steps + 1
     rest = FaultyPlant(plant).rest(RESTS * count, spec.study.seed)

@@ -34,13 +34,28 @@ def run_study(
     watch: Callable[[Progress], None] = lambda progress: None,
     patience: float | None = None,
 ) -> Progress:
-    """Runs a study, or goes on with it, until the DB holds `trials` in all (default: the study's own) or the searcher
-    is finished.
+    """Runs a study, or goes on with it, until the DB holds all its trials or the searcher is finished.
 
-    `watch` is called after each generation. A KeyboardInterrupt leaves the DB at the last generation that `watch` saw;
-    a kill may lose that one. A Ray worker or a DB server that is silent is given up after `patience` (s; default:
-    120 and 300); `watch` is called while a server is waited for, once a second.  Raises StudyError,
-    StorageError, also where another driver runs the study, and WorkerError.
+    A KeyboardInterrupt leaves the DB at the last generation that `watch` saw. A kill may lose that one.
+
+    Args:
+        store: the study DB.
+        name: of the study in the DB.
+        trials: in all, those in the DB included; default: the study's.
+        workers: that evaluate; default: the study's.
+        engine: "local", for threads of this process, or "ray".
+        ray_address: of a running Ray cluster; default: one on this machine.
+        watch: called with the progress after each generation, and once a second while a DB server does not answer.
+        patience: s after which a silent Ray worker or DB server is given up; default: 120 and 300.
+
+    Returns:
+        The progress at the end.
+
+    Raises:
+        StudyError: the number of trials or workers is not allowed, or the engine cannot be used.
+        StorageError: the DB cannot be used, its trials do not follow from the settings, or another driver runs the
+            study.
+        WorkerError: workers were lost again and again.
     """
     spec = stored_spec(store, name)
     total = spec.study.total_trials if trials is None else trials

@@ -15,6 +15,14 @@ class Writer:
 
     It writes at its end whatever ends it, an interrupt included, unless the DB itself has failed. It has no thread of
     its own: an error in writing ends the run at once.
+
+    Args:
+        store: the study DB.
+        name: the study's.
+        problem: its stage, of which the trials are.
+        lease: by which this driver holds the study.
+        patience: s without an answer of the DB's server after which the run ends; None for SERVER_PATIENCE.
+        on_wait: called while the server does not answer, with the number of trials in the DB and what is waited for.
     """
 
     def __init__(
@@ -26,14 +34,6 @@ class Writer:
         patience: float | None,
         on_wait: Callable[[int, str], None],
     ) -> None:
-        """Args:
-        store: the study DB.
-        name: the study's.
-        problem: its stage, of which the trials are.
-        lease: by which this driver holds the study.
-        patience: s without an answer of the DB's server after which the run ends; None for SERVER_PATIENCE.
-        on_wait: called while the server does not answer, with the number of trials in the DB and what is waited for.
-        """
         self._store = store
         self._name = name
         self._problem = problem
