@@ -90,6 +90,33 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def estimated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A DB of real runs, not to be changed: `matched` (three links by output-error), `searched` (the same by cmaes),
+    and `hidden` and `hidden-searched`, likewise of a plant with friction that the model has not.
+    """
+    from metaid.plant.settings import PlantSettings
+    from metaid.store.database import Store
+    from metaid.study.create import create_study
+    from metaid.study.problem import load_study
+    from metaid.study.run import run_study
+
+    matched, searched = {"sampler": "output-error", "trials": 4}, {"sampler": "cmaes", "trials": 40}
+    path = tmp_path_factory.mktemp("estimated") / "estimated.db"
+    store = Store(str(path), create=True)
+    for name, changes in (("matched", matched), ("searched", searched)):
+        spec = load_study("three-link", changes)
+        assert isinstance(spec.plant, PlantSettings)
+        links = tuple(link.model_copy(update={"damping": 0.05}) for link in spec.plant.links)
+        rubbing = spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": links})})
+        hidden = "hidden" if name == "matched" else "hidden-searched"
+        for made, settings in ((name, spec), (hidden, rubbing)):
+            create_study(store, settings, made)
+            run_study(store, made)
+    store.close()
+    return path
+
+
+@pytest.fixture(scope="session")
 def server() -> Iterator[Postgres]:
     """One PostgreSQL server for all tests of a process."""
     with run_postgres() as running:

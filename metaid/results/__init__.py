@@ -6,6 +6,7 @@ Here, and only here, the truth meets the result. Neither MuJoCo nor numba is loa
 from metaid.results.best import best_rows, identified_factors
 from metaid.results.body_tables import describe_bodies
 from metaid.results.control import BANDWIDTH, smooth_sinusoids, track
+from metaid.results.estimates import StudyEstimate, describe_known_from, describe_misfit
 from metaid.results.findings import Findings, read_findings
 from metaid.results.overview import summary
 from metaid.results.snapshot import Snapshot, read_snapshot
@@ -19,10 +20,13 @@ __all__ = [
     "Findings",
     "Plane",
     "Snapshot",
+    "StudyEstimate",
     "Sweep",
     "Validation",
     "best_rows",
     "describe_bodies",
+    "describe_known_from",
+    "describe_misfit",
     "identified_factors",
     "lumps_frame",
     "lumps_table",

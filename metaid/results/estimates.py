@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from metaid.models import Array, kind_of, lump_names, lump_unit
+from metaid.plant import PlantSettings
 from metaid.store import Trial
 from metaid.study import COARSEST, Problem
 
@@ -24,14 +26,19 @@ DEVIATIONS = 1.96  # of a normal distribution, to either side, hold 95 %
 
 @dataclass(frozen=True)
 class StudyEstimate:
-    """An `estimate`, the `experiment` that it is of, the number of `trials` that it was made of, and how many of the
-    first were enough to know every lump to CLOSE, None where it took more than FIRST_TRIALS.
+    """An `estimate`, the `experiment` that it is of, the trials that were `watched` for it, and how many of the first
+    were enough to know every lump to CLOSE, None where it took more than FIRST_TRIALS.
     """
 
     estimate: Estimate
     experiment: Experiment
-    trials: int
+    watched: tuple[WatchedTrial, ...]
     known_from: int | None
+
+    @property
+    def trials(self) -> int:
+        """How many trials it was made of."""
+        return len(self.watched)
 
     @property
     def explains(self) -> bool:
@@ -48,19 +55,59 @@ def study_estimate(problem: Problem, tried: Sequence[Trial]) -> StudyEstimate | 
     if experiment is None:
         return None
     trials = [experiment.trial(factors, windows) for factors, windows in shown[:MOST_TRIALS] if windows is not None]
-    estimate = experiment.estimate(trials)
-    if estimate is None:
-        return None
-    return StudyEstimate(estimate, experiment, len(trials), _known_from(experiment, trials, estimate))
+    # At these sizes BLAS threads cost far more than they give.
+    with threadpool_limits(1):
+        estimate = experiment.estimate(trials)
+        if estimate is None:
+            return None
+        return StudyEstimate(estimate, experiment, tuple(trials), _known_from(experiment, trials, estimate))
 
 
 def _known_from(experiment: Experiment, trials: Sequence[WatchedTrial], estimate: Estimate) -> int | None:
     """How many of the first trials gave every lump within CLOSE of the `estimate` from all of them."""
+    if not experiment.is_explained(estimate):
+        return None
     for count in range(1, min(len(trials), FIRST_TRIALS) + 1):
         early = experiment.estimate(trials[:count])
         if early is not None and np.abs(early.log_factors - estimate.log_factors).max() <= CLOSE:
             return count
     return None
+
+
+def why_no_estimate(problem: Problem, tried: Sequence[Trial]) -> str:
+    """Why there is no estimate from the trials that were `tried` in a study's first stage, which `problem` is."""
+    plant = problem.spec.plant
+    if not problem.spec.study.estimate.enabled:
+        return "[estimate] enabled is false"
+    if not problem.can_be_estimated:
+        faults = list(plant.faults.named) if isinstance(plant, PlantSettings) else []
+        faults += ["lead"] if problem.episode.lead else []
+        return f"the simulated twin has no {', '.join(faults)}" if faults else "its episodes keep no windows of motion"
+    if not tried:
+        return "it has no trial yet: run it first"
+    windows = [each.outcome.windows for each in tried if each.outcome.windows is not None]
+    if not windows:
+        return "no trial in the DB has windows of its motion"
+    if not any(each.seen.any() for each in windows):
+        return "every trial fell within its shortest window"
+    return "the twin cannot follow these trials from any chain near the nominal one"
+
+
+def describe_misfit(shown: dict[str, Any]) -> str:
+    """What the misfit in a `summary`'s estimate means, in a sentence."""
+    found = f"misfit {shown['misfit']:.2g} (explained: below {shown['explained_below']:g})"
+    if shown["explains"]:
+        return f"the model explains what was seen: {found}"
+    return f"NOT FOUND: the model does not explain what was seen: {found}"
+
+
+def describe_known_from(shown: dict[str, Any], total: int) -> str:
+    """How early the estimate in a `summary` was there, of `total` trials of the study."""
+    known, first = shown["known_from"], min(FIRST_TRIALS, shown["trials"])
+    if known is None:
+        return f"the first {first} of {total} trials were not enough to know every lump to {CLOSE:.1%}"
+    which = "the first" if known == 1 else f"the first {known}"
+    return f"every lump was known to {CLOSE:.1%} after {which} of {total} trials"
 
 
 def estimate_table(problem: Problem, found: StudyEstimate | None) -> pd.DataFrame:
@@ -76,18 +123,20 @@ def estimate_table(problem: Problem, found: StudyEstimate | None) -> pd.DataFram
     truth = problem.open_plant().true_lumps()  # the truth meets the result in reports alone
     true = nothing if truth is None else truth.vector_of(kinds, np.nan)
     determined = deviation <= COARSEST
-    told, spread = np.where(determined, factor, np.nan), DEVIATIONS * np.where(determined, deviation, np.nan)
+    factor = np.where(determined, factor, np.nan)
+    identified = factor * nominal
+    reach = DEVIATIONS * np.where(determined, deviation, np.nan)
     columns = {
         "name": names,
         "unit": [lump_unit(lump) for lump in names],
         "nominal": nominal,
-        "factor": told,
-        "identified": told * nominal,
-        "sd": told * nominal * deviation,
-        "low": told * nominal * np.exp(-spread),
-        "high": told * nominal * np.exp(spread),
+        "factor": factor,
+        "identified": identified,
+        "sd": identified * deviation,
+        "low": identified * np.exp(-reach),
+        "high": identified * np.exp(reach),
         "true": true,
-        "error": told * nominal / np.where(true == 0.0, np.nan, true) - 1.0,
+        "error": identified / np.where(true == 0.0, np.nan, true) - 1.0,
         "determined": determined,
     }
     return pd.DataFrame(columns)
@@ -100,22 +149,3 @@ def _deviations(names: list[str], estimate: Estimate) -> Array:
         name if name in known or kind_of(name) != "coriolis" else f"gravity_{name.rpartition('_')[2]}" for name in names
     ]
     return np.array([known[name] for name in own])
-
-
-def summarized_estimate(problem: Problem, found: StudyEstimate | None) -> dict[str, Any] | None:
-    """The estimate as `study show --json` has it beside the best trial; None where there is none."""
-    if found is None:
-        return None
-    lumps = estimate_table(problem, found)
-    errors = lumps["error"].abs()
-    return {
-        "misfit": found.estimate.misfit,
-        "explains": found.explains,
-        "trials": found.trials,
-        "known_from": found.known_from,
-        "max_error": None if errors.isna().any() else float(errors.max()),
-        "lumps": [
-            {key: None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()}
-            for row in lumps.to_dict("records")
-        ],
-    }

@@ -92,10 +92,12 @@ class Findings:
 
     def errors(self, trials: pd.DataFrame) -> Array:
         """The largest error of an identified lump in each of `trials` (ntrial), relative to the truth; NaN where the
-        plant does not know it.
+        plant does not know it, or no lump is identified.
         """
         true = (self.lumps["true"] / self.lumps["nominal"]).to_numpy()
         identified = self.lumps["identified"].notna().to_numpy()
+        if not identified.any():
+            return np.full(len(trials), np.nan)
         errors: Array = np.abs(trials[self.names].to_numpy() / true - 1.0)[:, identified].max(axis=1, initial=0.0)
         return errors
 

@@ -9,7 +9,7 @@ import pandas as pd
 
 from metaid.results.best import best_trial
 from metaid.results.body_tables import parameters_table
-from metaid.results.estimates import summarized_estimate
+from metaid.results.estimates import estimate_table, why_no_estimate
 from metaid.results.snapshot import STATES, Snapshot, Stage, read_snapshot
 from metaid.results.tables import largest_error, lumps_table
 from metaid.store import Store, Trial
@@ -32,10 +32,10 @@ def summarized(snapshot: Snapshot, lumps: pd.DataFrame) -> dict[str, Any]:
         "sampler": spec.study.sampler,
         "measure": first.problem.measure.name,
         "seed": spec.study.seed,
+        **_estimate(snapshot),
         "trials": _counts(snapshot.trials),
         "best": _best(first),
         **_noise_floor(first.problem),
-        **_estimate(snapshot),
         "lumps": [without_nan(row) for row in lumps.to_dict("records")],
         "max_error": largest_error(lumps),
         **_parameters(snapshot),
@@ -44,12 +44,27 @@ def summarized(snapshot: Snapshot, lumps: pd.DataFrame) -> dict[str, Any]:
 
 
 def _estimate(snapshot: Snapshot) -> dict[str, Any]:
-    """Where the result comes from, how well the model explains what was seen, and the estimate beside a best trial."""
-    found = snapshot.estimate
-    misfit = None if found is None else found.estimate.misfit
-    if snapshot.first.stands_by_estimate:
-        return {"source": "estimate", "misfit": misfit}
-    return {"source": "best trial", "misfit": misfit, "estimate": summarized_estimate(snapshot.first, found)}
+    """Where the result comes from, how well the model explains what was seen, and the estimate from all trials, which
+    stands beside a best trial; where there is none, why.
+    """
+    problem, found = snapshot.first, snapshot.estimate
+    source = "estimate" if problem.stands_by_estimate else "best trial"
+    if found is None:
+        why = why_no_estimate(problem, snapshot.stages[0].trials)
+        return {"source": source, "misfit": None, "estimate": None, "why_no_estimate": why}
+    from metaid.estimation import EXPLAINED  # loads numba, as making the estimate has
+
+    lumps = estimate_table(problem, found)
+    estimate = {
+        "misfit": found.estimate.misfit,
+        "explained_below": EXPLAINED,
+        "explains": found.explains,
+        "trials": found.trials,
+        "known_from": found.known_from,
+        "max_error": largest_error(lumps),
+        "lumps": [without_nan(row) for row in lumps.to_dict("records")],
+    }
+    return {"source": source, "misfit": found.estimate.misfit, "estimate": estimate, "why_no_estimate": None}
 
 
 def _noise_floor(problem: Problem) -> dict[str, float]:

@@ -27,8 +27,10 @@ def trials_frame(store: Store, name: str) -> pd.DataFrame:
 
 
 def lumps_frame(store: Store, name: str) -> pd.DataFrame:
-    """One row a lump: `name`, `unit`, `nominal`, `factor`, `identified`, `low`, `high`, `true`, `error`,
-    `determined`; NaN where not known. A lump that the study's measure cannot determine has no identified value.
+    """One row a lump: `name`, `unit`, `nominal`, `factor`, `identified`, `sd`, `low`, `high`, `true`,
+    `error`, `determined`; NaN where not known. A lump that the trials cannot determine has no identified value. `sd`,
+    a standard deviation, and `low` to `high` as a 95 % interval are of an estimate; of a best trial `low` to `high` is
+    the range over the trials that cannot be told from it.
     """
     return lumps_table(read_snapshot(store, name))
 
@@ -144,6 +146,8 @@ def _determined(problem: Problem) -> NDArray[np.bool_]:
 
 
 def largest_error(lumps: pd.DataFrame) -> float | None:
-    """The largest relative error of a determined lump in a table of `lumps`; None where one of them is not known."""
+    """The largest relative error of a determined lump in a table of `lumps`; None where one of them is not known, or no
+    lump is determined.
+    """
     errors = lumps["error"][lumps["determined"]].abs()
-    return None if errors.isna().any() else float(errors.max())
+    return None if errors.empty or errors.isna().any() else float(errors.max())

@@ -39,7 +39,8 @@ def test_show_prints_the_json_of_the_contract(metaid: Metaid) -> None:
     metaid("study", "create", "three-link", "--name", "mine", "--set", "trials=100", "--set", "seed=3")
     metaid("study", "run", "mine", "--quiet")
     shown = json.loads(metaid("study", "show", "mine", "--json").out)
-    assert list(shown) == ["name", "plant", "sampler", "measure", "seed", "trials", "best", "lumps", "max_error"]
+    head = ["name", "plant", "sampler", "measure", "seed", "source", "misfit", "estimate", "why_no_estimate"]
+    assert list(shown) == [*head, "trials", "best", "lumps", "max_error"]
     assert (shown["name"], shown["plant"], shown["sampler"], shown["measure"], shown["seed"]) == (
         "mine",
         "three-link",
@@ -48,7 +49,7 @@ def test_show_prints_the_json_of_the_contract(metaid: Metaid) -> None:
         3,
     )
     assert shown["trials"]["total"] == 100 == shown["trials"]["complete"] + shown["trials"]["pruned"]
-    keys = ["name", "unit", "nominal", "factor", "identified", "low", "high", "true", "error", "determined"]
+    keys = ["name", "unit", "nominal", "factor", "identified", "sd", "low", "high", "true", "error", "determined"]
     for lump, true in zip(shown["lumps"], load_plant("three-link").chain.lumps.vector, strict=True):
         assert list(lump) == keys
         assert lump["identified"] == pytest.approx(lump["factor"] * lump["nominal"])
