@@ -1,6 +1,6 @@
-"""What metaid tells a user who asked for something impossible: one line, naming what is allowed.
+"""The errors that a user can mend. Each is one line that says what is wrong, and what is allowed.
 
-The command line prints the message alone and exits with status 2; in Python they are ordinary exceptions.
+The command line prints the line alone and exits with status 2. In Python they are ordinary exceptions.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class LostPlant(PlantError):  # noqa: N818, what happened to it, not what is wro
 
 
 class AbsentPlant(LostPlant):
-    """A plant that cannot be reached at all: to ask it for the next thing is of no use either."""
+    """A plant that cannot be reached at all, so that the next request would fail, too."""
 
 
 class StudyError(MetaidError):
@@ -45,7 +45,7 @@ class StudyError(MetaidError):
 
 
 class StorageError(MetaidError):
-    """A study DB that is missing, is not one, or does not hold what was asked for."""
+    """A study DB that is missing, is not one, or does not hold what is wanted."""
 
 
 class UnreachableError(StorageError):
@@ -53,7 +53,7 @@ class UnreachableError(StorageError):
 
 
 class EpisodeError(MetaidError):
-    """An episode that cannot be run as asked."""
+    """An episode that cannot be run with these settings."""
 
 
 class WorkerError(MetaidError):

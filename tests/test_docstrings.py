@@ -1,4 +1,4 @@
-"""The docstrings of long parameter lists: each parameter has its line."""
+"""What docstrings owe: a line for each parameter of a long list, and numbers of equations that exist."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-FEW = 3  # parameters that a docstring's sentences can name
+FEW = 3  # parameters; so many need no section of their own
 COMMANDS = ("command", "group")  # decorators of click: a command's docstring is what `--help` prints
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
@@ -65,3 +65,17 @@ def test_docstring_of_a_public_function_of_more_than_three_parameters_names_each
         needed = names if len(names) > FEW and not is_command(function) else set()
         assert not needed - lines, f"{path}:{function.lineno}: Args of {function.name} lack {needed - lines}"
         assert not lines - names, f"{path}:{function.lineno}: {function.name} has no parameters {lines - names}"
+
+
+def test_equations_of_the_method_are_cited_and_those_that_are_cited_exist() -> None:
+    """docs/method.md numbers each equation once, from 1 on, and the code cites every one and no other."""
+    method = (ROOT / "docs" / "method.md").read_text(encoding="utf-8")
+    numbers = [int(number) for number in re.findall(r"(?:\*\*|^\| )\((\d+)\)(?:\*\*| \|)", method, flags=re.MULTILINE)]
+    several = r"\bEqs?\.\s+(\d+(?:(?:,|\s+and|\s+to)\s+\d+)*)(?!\d|\s+of\s+the\s+paper|\s+and\s+\d|,\s+\d)"
+    cited = set()
+    for path in SOURCES:
+        for text in re.findall(several, path.read_text(encoding="utf-8")):
+            for first, last in re.findall(r"(\d+)(?:\s+to\s+(\d+))?", text):
+                cited |= set(range(int(first), int(last or first) + 1))
+    assert sorted(numbers) == list(range(1, len(numbers) + 1))
+    assert cited == set(numbers)

@@ -1,7 +1,8 @@
 """A planar chain's own equations of motion in a few scalar loops: five to ten times as fast as MuJoCo.
 
-For screening (`physics = "analytic"` in a study's episode), and as the independent check of the MuJoCo plant: they
-share no code, only the link parameters. The step is MuJoCo's: semi-implicit Euler with the torque of its beginning.
+They serve for screening (`physics = "analytic"` in a study's episode) and as an independent check of the MuJoCo plant.
+The two share no code, only the link parameters. The step is MuJoCo's: semi-implicit Euler with the torque of its
+beginning.
 """
 
 from __future__ import annotations

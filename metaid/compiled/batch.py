@@ -1,8 +1,8 @@
 """Candidates whose episodes several compiled loops run side by side, push by push, and what these gave.
 
-A push is what a loop takes from the queue, for pushes are independent of each other: a generation of nine candidates
-keeps two workers busy to the end. What is taken before an earlier push of the same candidate is known to end in a fall
-is simulated in vain, and left out of the record; so the record does not depend on who took what, nor when.
+A loop takes one push at a time from the queue. Pushes are independent of each other, so a generation of nine candidates
+keeps two workers busy to the end. A push may be simulated before an earlier one of the same candidate is known to end
+in a fall. It is left out of the record then. So the record does not depend on which loop took which push, nor when.
 """
 
 from __future__ import annotations

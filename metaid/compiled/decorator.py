@@ -1,11 +1,11 @@
 """How the functions of the episode's inner loop are compiled, and where their machine code is kept.
 
-They release the GIL, so that threads run side by side; each becomes a part of its caller; and they have no part in
-numba's reference counts. Those cost more than the compensation law at three links, atomic as they are, at every array
-that is taken up; without them nothing can be allocated either.
+They release the GIL, so that threads run side by side. Each becomes a part of its caller. They are compiled without
+numba's reference counts: these are atomic, and at three links they cost more than the compensation law. Without them
+nothing can be allocated.
 
 They are cached on disk, in a folder named by a digest of all that the machine code was made from. Functions become a
-part of their callers, and constants a part of the code, but numba's own cache looks at the source file of the outermost
+part of their callers, and constants a part of the code. But numba's own cache looks at the source file of the outermost
 function only, so after a change elsewhere it would run the old code. The digest is of all sources of this package, of
 `metaid.models` and of the function's own package, and of the versions of numba, llvmlite and MuJoCo.
 """

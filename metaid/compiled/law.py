@@ -23,7 +23,7 @@ LINK = np.dtype(
         ("side", np.float64),  # of the upright that the joint is on: −1, 0 before it has moved, 1
         ("first", np.float64),  # time of the joint's first crossing, in s, or −1 before it
         ("squares", np.float64),  # sum over steps of q̇² before and after
-        ("jumps", np.float64),  # sum over steps of the square of what q̇ gained and was not to
+        ("jumps", np.float64),  # sum over steps of the square of what q̇ gained beyond −k q dt, see Eq. 17
     ]
 )
 

@@ -1,7 +1,7 @@
 """Episodes on a simulated plant by the compiled loop.
 
-Model and data are reached by their addresses, which MuJoCo does not promise; `CompiledLoop.agrees_with_stepwise`
-compares the two loops on a short episode before anything is believed.
+Model and data are reached by their addresses, which MuJoCo does not document. So `CompiledLoop.agrees_with_stepwise`
+first compares the compiled loop with the stepwise one on a short episode.
 """
 
 from __future__ import annotations

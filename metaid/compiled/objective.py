@@ -1,6 +1,6 @@
 """One candidate, one episode by the fastest loop that the plant has, one outcome.
 
-Knows neither samplers nor storage nor who asks.
+It knows neither samplers nor storage.
 """
 
 from __future__ import annotations

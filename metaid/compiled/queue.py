@@ -1,7 +1,7 @@
 """A queue that compiled loops on several threads take from without the GIL.
 
-The queue is a counter of one element; taking is one atomic instruction of the processor. Were each turn handed
-out by Python, a worker would have to wait for whoever holds the GIL after every episode.
+The queue is a counter of one element. Taking is one atomic instruction of the processor. If Python gave out the
+numbers, a worker would have to wait for the GIL before every push.
 """
 
 from __future__ import annotations

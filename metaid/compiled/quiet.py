@@ -1,7 +1,7 @@
-"""MuJoCo without the bindings' timer and without its log of warnings, while a loop of ours runs and no longer.
+"""MuJoCo without the bindings' timer and without its log of warnings, while a loop of metaid's runs and no longer.
 
-The timer is half of all the time of a step at three links. A diverged episode is a fall, and no reason to write into a
-log file. Both callbacks are variables of MuJoCo's library, so of the whole process: while a loop runs in one thread,
+The timer is half of all the time of a step at three links. A diverged episode is a fall, which needs no line in a log
+file. Both callbacks are variables of MuJoCo's library, so of the whole process: while a loop runs in one thread,
 other threads have neither. Afterwards they are what they were.
 """
 

@@ -3,7 +3,7 @@
 In between, the law reads cosines and sines off the rotation matrices that MuJoCo has just worked out. MuJoCo cuts
 `mj_step` in two for this, `mj_step1` and `mj_step2`. They also look for contacts, constraints, tendons, actuators,
 sensors and bad numbers; the rest of their work is the seven calls that a `DirectStep` is made of. These are the same
-machine code on the same numbers, so the result is the same to the last bit; `agrees_with_mj_step` sees to it on the
+machine code on the same numbers, so the result is the same to the last bit. `agrees_with_mj_step` checks this on the
 very model that is to be stepped.
 """
 

@@ -1,4 +1,4 @@
-"""The names of numba and MuJoCo that metaid uses and that neither documents: they may go with any release.
+"""The names of numba and MuJoCo that metaid uses and that neither documents. Any release may drop them.
 
 tests/compiled/test_undocumented.py says which of them is missing from the versions that are installed.
 """

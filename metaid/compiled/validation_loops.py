@@ -1,6 +1,6 @@
 """The two loops of a validation, compiled: a push that is watched while it coasts, and computed torque along a motion.
 
-`metaid.results` has both step by step in Python: these give the same numbers to rounding.
+`metaid.results` has both step by step in Python, with the same numbers to rounding.
 """
 
 from __future__ import annotations

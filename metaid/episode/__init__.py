@@ -1,7 +1,7 @@
 """The perturb-and-count episode: pushes, the loop step by step, what it shows, and the measures of that.
 
 `Episode` says what is done to a plant, `run_stepwise` does it on any plant, and `Record` is what was seen. A measure
-turns a record into one number, `Outcome` is what a searcher is told. No storage and no sampler.
+turns a record into one number. An `Outcome` is what a searcher gets. No storage and no sampler.
 """
 
 from metaid.episode.episode import Episode, NoiseFloor

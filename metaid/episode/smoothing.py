@@ -1,8 +1,8 @@
-"""Accelerations out of noisy angles: a curve through the whole of each push, in place of differences from step to step.
+"""Accelerations from noisy angles: a curve through the whole of each push, in place of differences from step to step.
 
-A chain that is struck at rest upright and compensated with wrong lumps accelerates in odd powers of time alone: it
-passes through the upright, and every term of Eq. 4 is odd in the angles. So the curve is c₀ + c₁ t + c₃ t³. It has one
-number of acceleration a joint, where differences of n readings have n, each with all of the noise.
+A chain that is struck at rest upright and compensated with wrong lumps accelerates in odd powers of time alone, for
+every term of Eq. 4 is odd in the angles. So the curve is c₀ + c₁ t + c₃ t³. It has one number of acceleration a joint.
+Differences of n readings have n, each with all of the noise.
 """
 
 from __future__ import annotations

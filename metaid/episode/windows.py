@@ -1,7 +1,7 @@
 """The motion after each push, in windows that grow from a short one to the whole horizon.
 
 A measure makes one number of a trial. The windows keep what a simulated twin can be compared with, joint by joint and
-push by push: short windows are nearly linear in the unknown lumps, long ones know them best.
+push by push. Short windows are nearly linear in the unknown lumps, long ones determine them best.
 """
 
 from __future__ import annotations

@@ -4,9 +4,9 @@ was seen. In robot identification this is the closed-loop output-error method; d
     trials = [WatchedTrial(law, timestep, start_speeds, windows), ...]
     estimate = fit(Motions(trials, Unknowns(nominal), gravity))
 
-Whichever sampler proposed the laws, all trials are used, those that ended in a fall up to there. `Motions` compares
-windows of plants without noise, `Readings` what the sensors of a noisy plant read. Nothing here knows of files,
-studies or the truth.
+All trials are used, whichever sampler proposed their laws. A trial that ended in a fall is used up to the fall.
+`Motions` compares windows of plants without noise, `Readings` what the sensors of a noisy plant read. Nothing here
+knows of files, studies or the truth.
 """
 
 from metaid.estimation.commanded import commanded_torques, filtered_speeds

@@ -1,5 +1,7 @@
-"""Levenberg and Marquardt's descent as Moré has it: the full Gauss-Newton step, or the damped one that is as long as
-its model of the residuals has proved to be right (Eq. 26).
+"""Levenberg and Marquardt's descent in the form of Moré (Eq. 26).
+
+A step is the full Gauss-Newton step, unless that is longer than the linear model of the residuals has proved to hold.
+Then it is damped to that length.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from metaid.models import Array
 LONGEST_STEP = 0.5  # in a log factor: a factor of 1.65
 SHORTEST_STEP = 1e-12
 NOTHING = 1e-6  # of the cost that one residual of its own resolution makes: a step that gains less is none
-FARTHEST = 6.0  # spreads: beyond is no chain that anybody believes in
+FARTHEST = 6.0  # standard deviations of the prior; no chain beyond is tried
 POOR, GOOD = 0.25, 0.75  # shares of the promised gain, below and above which the next step is shorter or longer
 BISECTIONS = 40
 
@@ -41,7 +43,7 @@ class Fitted(Protocol):
 
     @property
     def spreads(self) -> Array:
-        """Standard deviation (nunknown) of what is believed of each unknown beforehand, about 0."""
+        """Standard deviation (nunknown) of the prior of each unknown, whose mean is 0."""
 
     @property
     def stages(self) -> int:
@@ -59,7 +61,7 @@ class Fitted(Protocol):
 
 @dataclass(frozen=True)
 class Place:
-    """Where a descent is: the `point`, its `residuals`, its `cost` with that of what was believed beforehand."""
+    """Where a descent is: the `point`, its `residuals`, its `cost` with that of the prior."""
 
     point: Array
     residuals: Residuals
@@ -76,25 +78,25 @@ class Descent:
 
 
 def place_at(fitted: Fitted, point: Array, windows: int) -> Place | None:
-    """The place at a `point`, or None where it is not believed or the twin cannot follow."""
+    """The place at a `point`, or None where it is too far from the prior's mean or the twin cannot follow."""
     spreads = fitted.spreads
-    believed = point[: len(spreads)] / spreads
-    if not float(np.abs(believed).max()) <= FARTHEST:
+    prior = point[: len(spreads)] / spreads
+    if not float(np.abs(prior).max()) <= FARTHEST:
         return None
     residuals = fitted.residuals(point, windows)
     if residuals is None or not np.isfinite(residuals.cost):
         return None
-    return Place(point, residuals, residuals.cost + 0.5 * float(believed @ believed))
+    return Place(point, residuals, residuals.cost + 0.5 * float(prior @ prior))
 
 
 def triangle(place: Place, spreads: Array) -> tuple[Array, Array]:
     """R (nunknown x nunknown), upper triangular, and b (nunknown), so that a step s lowers the cost most where R s = b:
-    the residuals' model and what was believed beforehand, orthogonally reduced.
+    the residuals' model and the prior, orthogonally reduced.
     """
     count = len(spreads)
-    believed = np.column_stack([np.diag(1.0 / spreads), place.point[:count] / spreads])
+    prior = np.column_stack([np.diag(1.0 / spreads), place.point[:count] / spreads])
     seen = np.column_stack([place.residuals.slopes, place.residuals.values])
-    reduced: Array = np.asarray(np.linalg.qr(np.vstack([seen, believed]), mode="r"))
+    reduced: Array = np.asarray(np.linalg.qr(np.vstack([seen, prior]), mode="r"))
     return reduced[:count, :count], -reduced[:count, count]
 
 

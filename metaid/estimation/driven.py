@@ -1,8 +1,8 @@
 """The twin of a noisy plant: driven by the torques that were commanded, and seen as its sensors see it, compiled.
 
-The law acts on noisy readings, so that a twin under the same law would move differently. But what it made of these
-readings is known to the last bit. What is compared are the coefficients of a joint's angles in polynomials that are
-orthonormal on the readings of a window, Σ_t p_k(t) q(t): the noise in each is that of one reading (Eq. 28).
+The law acts on noisy readings, so a twin under the same law would move differently. But the torque that the law made
+of these readings is known to the last bit. What is compared are the coefficients of a joint's angles in polynomials
+that are orthonormal on the readings of a window, Σ_t p_k(t) q(t) (Eq. 28). The noise in each is that of one reading.
 """
 
 from __future__ import annotations

@@ -150,12 +150,12 @@ def _add_energies(timestep, stiffness, work):  # type: ignore[no-untyped-def]
     """Adds what this step has of ∫ q̇² dt (the ends of the trapezoid are put right by `_show`) and ∫ (q̈ + k q)² dt."""
     angle, speed, acceleration = work.angle, work.speed, work.acceleration
     for i in range(angle.shape[0]):
-        joint_speed, unasked = speed[i], acceleration[i] + stiffness * angle[i]
+        joint_speed, deviation = speed[i], acceleration[i] + stiffness * angle[i]
         if i > 0:
             joint_speed -= speed[i - 1]
-            unasked -= acceleration[i - 1] + stiffness * angle[i - 1]
+            deviation -= acceleration[i - 1] + stiffness * angle[i - 1]
         work.speed_energy[i] += timestep * joint_speed * joint_speed
-        work.acceleration_energy[i] += timestep * unasked * unasked
+        work.acceleration_energy[i] += timestep * deviation * deviation
 
 
 @compiled

@@ -120,7 +120,7 @@ class Motions:
         speed_energy, acceleration_energy = motion.speed_energy[seen], motion.acceleration_energy[seen]
         twins = frequency(speed_energy, acceleration_energy)
         unit = 1.0 / (self.resolution * self._largest_frequency)
-        # d√(A/S) = (dA − f² dS) / (2 f S); a joint that nothing accelerates has no slope, so it is told of none
+        # d√(A/S) = (dA − f² dS) / (2 f S); 0 for a joint that nothing accelerates: it has none
         scale = 0.5 * unit / (np.maximum(twins, 1.0 / unit) * np.maximum(speed_energy, TINY))
         slopes = motion.acceleration_energy_slopes[seen] - twins[..., None] ** 2 * motion.speed_energy_slopes[seen]
         slopes = scale[..., None] * slopes

@@ -2,11 +2,12 @@
 
     δα = M⁻¹ (G δφ + H δω + Y_p),    δω ← δω + h δα,    δφ ← δφ + h δω                                   (23)
 
-G = ∂(F − M α)/∂φ with α held, H = ∂F/∂ω, and Y_p = ∂(F − M α)/∂p with the state held: no further error. All unknowns
-share M⁻¹G and M⁻¹H, so a step costs 2 nlink² multiplications an unknown, in loops over neighbouring unknowns.
+G = ∂(F − M α)/∂φ with α held, H = ∂F/∂ω, and Y_p = ∂(F − M α)/∂p with the state held. So the derivative is
+exact for the discrete motion. All unknowns share M⁻¹G and M⁻¹H, so a step costs 2 nlink² multiplications an unknown,
+in loops over neighbouring unknowns.
 
-Loops run along slices: only of these does the compiler know that an index is not negative, and without that it makes
-no use of vectors.
+Loops run along slices. Only of a slice does the compiler know that no index is negative, and only then does it use
+vector instructions.
 """
 
 from __future__ import annotations
@@ -55,12 +56,12 @@ def _slopes_of_forces(balance, work):  # type: ignore[no-untyped-def]
         for j in range(n):
             difference = sine[i] * cosine[j] - cosine[i] * sine[j]
             common = cosine[i] * cosine[j] + sine[i] * sine[j]
-            asked = balance.stiffness * balance.law_coriolis[i, j]
-            turned = balance.coriolis[i, j] * common * speed[j] * speed[j] + asked * difference * angle[j]
+            stiffness_term = balance.stiffness * balance.law_coriolis[i, j]  # k ã_ij of Eq. 16
+            turned = balance.coriolis[i, j] * common * speed[j] * speed[j] + stiffness_term * difference * angle[j]
             turned += balance.mass_coriolis[i, j] * difference * acceleration[j]
             own += turned
             solved[i, j] = 0.0
-            solved[i, n + j] = -turned - asked * common
+            solved[i, n + j] = -turned - stiffness_term * common
             solved[i, 2 * n + j] = 2.0 * balance.coriolis[i, j] * difference * speed[j]
         solved[i, i] = 1.0
         solved[i, n + i] = own
@@ -187,20 +188,20 @@ def _add_energy_slopes(timestep, stiffness, low, high, work):  # type: ignore[no
     angle, speed, acceleration, moved, changed = work.angle, work.speed, work.acceleration, work.moved, work.changed
     n = angle.shape[0]
     for i in range(n):
-        joint_speed, unasked = speed[i], acceleration[i] + stiffness * angle[i]
+        joint_speed, deviation = speed[i], acceleration[i] + stiffness * angle[i]
         if i > 0:
             joint_speed -= speed[i - 1]
-            unasked -= acceleration[i - 1] + stiffness * angle[i - 1]
-        twice_speed, twice_unasked = 2.0 * timestep * joint_speed, 2.0 * timestep * unasked
-        by_speed, by_unasked = work.speed_slopes[i, low:high], work.acceleration_slopes[i, low:high]
+            deviation -= acceleration[i - 1] + stiffness * angle[i - 1]
+        twice_speed, twice_deviation = 2.0 * timestep * joint_speed, 2.0 * timestep * deviation
+        by_speed, by_deviation = work.speed_slopes[i, low:high], work.acceleration_slopes[i, low:high]
         row, angle_row, speed_row = changed[i, low:high], moved[i, low:high], moved[n + i, low:high]
         if i == 0:
             for p in range(by_speed.shape[0]):
                 by_speed[p] += twice_speed * speed_row[p]
-                by_unasked[p] += twice_unasked * (row[p] + stiffness * angle_row[p])
+                by_deviation[p] += twice_deviation * (row[p] + stiffness * angle_row[p])
         else:
             below, angle_below = changed[i - 1, low:high], moved[i - 1, low:high]
             speed_below = moved[n + i - 1, low:high]
             for p in range(by_speed.shape[0]):
                 by_speed[p] += twice_speed * (speed_row[p] - speed_below[p])
-                by_unasked[p] += twice_unasked * (row[p] - below[p] + stiffness * (angle_row[p] - angle_below[p]))
+                by_deviation[p] += twice_deviation * (row[p] - below[p] + stiffness * (angle_row[p] - angle_below[p]))

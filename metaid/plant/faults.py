@@ -1,7 +1,7 @@
 """What a real plant has and an ideal one has not: the `[faults]` of a plant file, and the noise of one episode.
 
 All noise of an episode is drawn before it, from a stream of random numbers that a seed and the candidate alone
-determine: whoever evaluates a candidate, and however often, gets the same episode.
+determine. So a candidate has the same episode wherever it is evaluated, and however often.
 """
 
 from __future__ import annotations

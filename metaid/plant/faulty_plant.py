@@ -1,5 +1,5 @@
-"""A simulated plant behind its faults: what a controller sees is what the sensors read, what the plant gets is what the
-drives deliver.
+"""A simulated plant behind its faults: a controller sees what the sensors read, and the plant gets what the drives
+deliver.
 """
 
 from __future__ import annotations

@@ -42,7 +42,7 @@ class Plant(Protocol):
         """Takes the torque off at once: a push is over, a link has fallen, or something went wrong. Must not raise."""
 
     def close(self) -> None:
-        """Lets go of the plant: nothing more is asked of it."""
+        """Lets go of the plant. No other call follows."""
 
     def true_lumps(self) -> Lumps | None:
         """The plant's own lumps, where it knows them. Only reports ask."""

@@ -1,7 +1,8 @@
 """A plant behind a socket: a rig, or any other process, that speaks the protocol of docs/your-rig.md.
 
-One message a step, one answer, each awaited for a limited time. Whatever goes wrong on the way closes the connection,
-on which the rig takes its torque off, and raises LostPlant: the episode can be run again, over a new connection.
+A step is one message and one answer, which is awaited for a limited time. Whatever goes wrong closes the connection
+and raises LostPlant. The rig takes its torque off when the connection is closed. The episode can be run again, over a
+new connection.
 """
 
 from __future__ import annotations

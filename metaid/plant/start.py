@@ -1,4 +1,4 @@
-"""From where a push begins."""
+"""Where a push begins, and how hard it is."""
 
 from __future__ import annotations
 

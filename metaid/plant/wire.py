@@ -1,4 +1,4 @@
-"""One line of JSON there, one back, over a socket, each within a time limit: nothing here can wait for ever."""
+"""Messages over a socket: one line of JSON there, one back, each within a time limit."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Wire:
         return answer
 
     def close(self) -> None:
-        """Ends the connection, from whichever thread: one that waits for an answer is told so."""
+        """Ends the connection, from whichever thread. A thread that waits for an answer gets a WireError."""
         with suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()

@@ -1,6 +1,6 @@
 """What a study found: frames and JSON, all findings of a study at once, validation, and sweeps about the result.
 
-Here, and only here, the truth meets the result. Neither MuJoCo nor numba is loaded before something is simulated.
+Only here are results compared with the true lumps. Neither MuJoCo nor numba is loaded before something is simulated.
 """
 
 from metaid.results.best import best_rows, identified_factors

@@ -1,7 +1,7 @@
 """Computed-torque control of a chain along a joint trajectory: what identified lumps are good for.
 
-The feedforward is the candidate's; the feedback is the same whatever the candidate, so that candidates are compared by
-what they know alone.
+The feedforward is the candidate's. The feedback is the same whatever the candidate. So candidates are compared by their
+lumps alone.
 """
 
 from __future__ import annotations

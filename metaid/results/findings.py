@@ -1,4 +1,4 @@
-"""All that is known of a study, from one reading of the DB: what figures, the report and the dashboard draw from."""
+"""All that is known of a study, from one reading of the DB. Figures, the report and the dashboard draw from it."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Where to try next.
 
-A searcher proposes factors, generation by generation, and is told what became of them. `SAMPLERS` is the registry:
+A searcher proposes factors, generation by generation, and gets what became of them. `SAMPLERS` is the registry:
 one more sampler is one more entry. The coordinates that searchers move in, and the sensitivity of the measure by the
 nominal model, are here too.
 """

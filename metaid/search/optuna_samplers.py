@@ -13,7 +13,7 @@ from metaid.models import Array
 from metaid.search.coordinates import Coordinates
 from metaid.search.searcher import GenerationOptions
 
-GENERATION = 8  # candidates that an Optuna sampler proposes before it is told of any
+GENERATION = 8  # candidates that an Optuna sampler proposes before it gets an outcome
 
 
 class OptunaSampler:

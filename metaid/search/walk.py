@@ -1,8 +1,8 @@
 """What a search for individual parameters ends with: a walk through the bodies that move as the best one does.
 
 The search itself stops at one body of the many that are as good. So the last trials of a study go to the ends of the
-set, the least and the largest value of each parameter, and then anywhere in it. Each is a real episode: what they show
-is whether the measure can tell such bodies apart.
+set, the least and the largest value of each parameter, and then anywhere in it. Each is a real episode. Together they
+show whether the measure can tell such bodies apart.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ def check_settings(spec: StudySpec, nominal: Chain) -> None:
 
 
 def _check_parameters(study: StudySettings) -> None:
-    """Raises StudyError where a search of individual parameters is asked for what it does not have."""
+    """Raises StudyError where a search of individual parameters has a setting that is not for it."""
     search = study.search
     given = {
         "search.lumps": search.lumps != IDEAL,

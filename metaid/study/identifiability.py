@@ -2,7 +2,7 @@
 
 The nominal model is taken for the truth. The question is which other factors the study's measure cannot tell from it.
 For `spectral` and `smoothed` the sensitivity H answers for all lumps together (Eqs. 11 and 14). `count` and `crossing`
-have no such form: there one lump at a time is moved away from 1, until the measure notices or a bound is met.
+have no such form. For them one factor at a time is moved away from 1, until the measure notices or a bound is met.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Where a run of a study stands: which trials there are, what the searcher has been told of them, and what comes next.
+"""Where a run of a study stands: its trials, the searcher that has their outcomes, and the candidates that come next.
 
-It evaluates nothing and writes nothing. What it asks for depends on the trials alone, so a run that was stopped
-anywhere is brought back to where it was by telling it the trials that the DB holds.
+It evaluates nothing and writes nothing. The next candidates depend on the trials alone. So a run that was stopped
+anywhere is brought back to where it was by replaying the trials that the DB holds.
 """
 
 from __future__ import annotations
@@ -99,8 +99,7 @@ class Run:
         while self.number < len(trials):
             batch = self.candidates()
             stored = trials[self.number : self.number + len(batch)]
-            known = [trial.factors for trial in stored]
-            if not len(batch) or not all(map(_same, batch, known)):
+            if not len(batch) or not all(map(_same, batch, [trial.factors for trial in stored])):
                 raise StorageError(
                     f"{where}: trial {self.number} and on do not follow from its settings and seed: "
                     "made by another version, or changed"
@@ -108,5 +107,5 @@ class Run:
             self.add(stored)
 
 
-def _same(asked: Array, known: Array) -> bool:
-    return len(asked) == len(known) and bool(np.allclose(asked, known, rtol=REPLAY_TOLERANCE, atol=0.0))
+def _same(proposed: Array, stored: Array) -> bool:
+    return len(proposed) == len(stored) and bool(np.allclose(proposed, stored, rtol=REPLAY_TOLERANCE, atol=0.0))

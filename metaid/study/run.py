@@ -1,8 +1,8 @@
 """A study run a generation at a time, resumed by replaying what the DB holds.
 
-The trial table depends on the study's settings and seed alone. The searcher is asked for a generation, the workers
-evaluate it, the searcher is told; the store writes it in one transaction while the workers are at the next. A run that
-was stopped anywhere goes on from the last whole generation in the DB.
+The trial table depends on the study's settings and seed alone. The searcher proposes a generation, the workers evaluate
+it, and the searcher gets the outcomes. The store writes it in one transaction while the workers are at the next. A run
+that was stopped anywhere goes on from the last whole generation in the DB.
 """
 
 from __future__ import annotations

@@ -98,7 +98,7 @@ class EpisodeSettings(Settings):
     rich sets, by the nominal model), "tip", or a list of impulses in N s, one per link tip; for the first two their
     `count` (default 2 per link); for all three the `peak_speed` in rad/s; `steps` after each push; the `fall_limit` in
     rad and `fall_margin` (0: past the limit is fallen, however slow); `repeats` of every push, which average noise; the
-    `lead` in s, for a plant whose torques come late: the law is told the angles that the speeds lead to by then; the
+    `lead` in s, for a plant whose torques come late: the law gets the angles that the speeds lead to by then; the
     `physics`: "mujoco", or "analytic" to screen by the chain's own equations of motion, some five times as fast, and
     have MuJoCo verify the best.
     """

@@ -1,7 +1,7 @@
 """Ray's private names that metaid needs: what keeps Ray to loopback.  pyproject.toml caps Ray's version for them.
 
-Elsewhere Ray listens on every interface of the machine, and runs what anybody sends it. Its public options have none
-against this but one that is read when Ray is imported, which may be long before metaid starts it.
+Elsewhere Ray listens on every interface of the machine, and runs what anybody sends it. The one public option
+against this is read when Ray is imported, which may be long before metaid starts it.
 """
 
 from __future__ import annotations
