@@ -91,5 +91,5 @@ def has_fallen(angle, speed, fastest, timestep, limit, turn):  # type: ignore[no
         limit: of the angle, in rad.
         turn: the largest that is allowed in a timestep, in rad.
     """
-    coasts = abs(speed) <= fastest and abs(angle) < np.inf
-    return not (abs(angle) <= limit or coasts) or not abs(speed) * timestep <= turn
+    # An angle that is not finite follows from a speed that is not, so the speed's own clause catches it.
+    return not (abs(angle) <= limit or abs(speed) <= fastest) or not abs(speed) * timestep <= turn
