@@ -16,7 +16,7 @@ from metaid.models import Array
 
 LONGEST_STEP = 0.5  # in a log factor: a factor of 1.65
 SHORTEST_STEP = 1e-12
-NOTHING = 1e-6  # of the cost that one residual of its own resolution makes: a step that gains less is none
+NOTHING = 1e-6  # of cost, where a residual of one unit costs 0.5; a step that gains less is the last
 FARTHEST = 6.0  # standard deviations of the prior; no chain beyond is tried
 POOR, GOOD = 0.25, 0.75  # shares of the promised gain, below and above which the next step is shorter or longer
 BISECTIONS = 40

@@ -41,7 +41,7 @@ class Estimate:
         lumps: the chain's lumps; those that were known are the nominal's.
         log_factors: z (nunknown); a lump is e^z times the nominal's.
         covariance: of the log factors (nunknown x nunknown), so of relative errors.
-        cost: half the sum of squares of the residuals and of what was believed beforehand.
+        cost: half the sum of squares of the residuals, with that of the prior.
         misfit: root mean square of the residuals, in units of what noise or rounding explains.
         iterations: steps of all descents.
         starts: how many descents there were, each from another point.
@@ -80,8 +80,8 @@ def fit(comparison: Comparison, start: Array | None = None, restarts: int = 3, s
     Args:
         comparison: what is compared with the twin.
         start: log factors (nunknown) to try before the nominal model, such as those of the estimate before.
-        restarts: how often the fit may begin at a random point of what is believed beforehand, where the misfit says
-            that it ended in a wrong minimum.
+        restarts: how often the fit may begin at a random point of the prior, where the misfit says that it ended in a
+            wrong minimum.
         seed: of these points; the same seed gives the same estimate.
 
     Raises:

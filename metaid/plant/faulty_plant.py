@@ -38,7 +38,7 @@ class FaultyPlant:
         self._step = 0
         self._commands = deque([np.zeros(self.njoint)] * self.faults.delay)
         self._angles: list[Array] = []
-        # What such a push has done in a calibration; nobody reads a speed from angles as soon as it is there.
+        # The speeds of such a push as calibrated, for there are too few angles for a slope at first.
         self._expected = self.inner.start_speeds(start)
         self.inner.push(replace(start, impulses=start.impulses * (1.0 + self._noise.impulses[self._push])))
         self._read()

@@ -88,7 +88,7 @@ class MujocoPlant:
         self.data.qfrc_applied[:] = 0.0
 
     def close(self) -> None:
-        """A simulated plant holds nothing that anybody waits for."""
+        """A simulated plant holds nothing that must be released."""
 
     def true_lumps(self) -> Lumps | None:
         if not self.settings.truth_known:

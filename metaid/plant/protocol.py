@@ -45,4 +45,4 @@ class Plant(Protocol):
         """Lets go of the plant. No other call follows."""
 
     def true_lumps(self) -> Lumps | None:
-        """The plant's own lumps, where it knows them. Only reports ask."""
+        """The plant's own lumps, where it knows them. Only reports use them."""

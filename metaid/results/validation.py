@@ -109,7 +109,7 @@ def validate_factors(
     if truth is not None:
         candidates["true"] = truth
     if inertia is None:
-        candidates = {name: _with_believed_inertia(lumps, nominal) for name, lumps in candidates.items()}
+        candidates = {name: _with_nominal_inertia_ratio(lumps, nominal) for name, lumps in candidates.items()}
 
     def validated(name: str, lumps: Lumps) -> Validated:
         coasting = np.array([coasting_time(plant, lumps, impulses, steps) for impulses in fresh])
@@ -119,7 +119,7 @@ def validate_factors(
     return Validation(plant.name, seed, fresh, plant.timestep, time, steps * plant.timestep, models)
 
 
-def _with_believed_inertia(lumps: Lumps, nominal: Chain) -> Lumps:
+def _with_nominal_inertia_ratio(lumps: Lumps, nominal: Chain) -> Lumps:
     """Where inertia lumps are not identified, d_i is μ_i times the nominal model's d_i / μ_i, for every model alike."""
     return replace(lumps, inertia=nominal.inertia_lumps * lumps.gravity / nominal.lumps.gravity)
 

@@ -77,7 +77,7 @@ def body_space(nominal: Chain, start: Array, low: Array, high: Array) -> BodySpa
     """The space about the nominal links.
 
     Args:
-        nominal: the links that are believed.
+        nominal: the links of the nominal model.
         start: factors (2 nlink) to start from.
         low: bounds of the factors (2 nlink).
         high: bounds of the factors (2 nlink); those of centres of mass are lowered to where these are on their link.

@@ -29,7 +29,7 @@ def sensitivity(
     stiffness k it oscillates, φ(t) = ω sin(√k t)/√k.
 
     Args:
-        nominal: the links that are believed.
+        nominal: the links of the nominal model.
         gravity: in m/s².
         start_speeds: absolute link speeds after each push (npush x nlink), in rad/s.
         horizon: how long each push is watched, in s.
@@ -66,7 +66,7 @@ def designed_speeds(
     least of all sets'.  Eq. 14.
 
     Args:
-        nominal: the links that are believed.
+        nominal: the links of the nominal model.
         gravity: in m/s².
         count: pushes of a set.
         peak_speed: of the fastest link after a push, in rad/s.
