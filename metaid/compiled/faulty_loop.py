@@ -20,6 +20,7 @@ from metaid.episode import (
     Record,
     new_candidate_batch,
     noise_of,
+    readings_before_fall,
     run_stepwise,
     same_record,
     windows_before_fall,
@@ -30,8 +31,10 @@ from metaid.plant import FaultyPlant, MujocoPlant, slope_weights
 
 
 @compiled
-def _read(chain, expected, noise, push, step, sensors, kept, speeds):  # type: ignore[no-untyped-def]
-    """Fills the reading of this step into `kept` (nsteps + 1 x njoint), and the joint `speeds` (njoint)."""
+def _read(chain, expected, noise, push, step, sensors, kept, kept_speeds, speeds):  # type: ignore[no-untyped-def]
+    """Fills the reading of this step into `kept` and `kept_speeds` (npush x nsteps + 1 x njoint), and the `speeds`
+    (njoint) of the joints.
+    """
     angle_noise, speed_noise = noise
     speed_sensor, encoder_step, weights = sensors
     count = weights.shape[0]
@@ -48,12 +51,13 @@ def _read(chain, expected, noise, push, step, sensors, kept, speeds):  # type: i
                 speeds[i] += weights[k] * kept[push, step + 1 - count + k, i]
         else:
             speeds[i] = expected[push, 1, i]
+        kept_speeds[push, step, i] = speeds[i]
 
 
 @compiled
-def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, windows, kept):  # type: ignore[no-untyped-def]
+def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, windows, readings):  # type: ignore[no-untyped-def]
     """All pushes of an episode; returns control steps run and whether a link fell. Fills the four (npush x njoint)
-    `outputs` and `kept` (npush x nsteps + 1 x njoint), the angle readings.
+    `outputs` and the `readings` of angles and of speeds, or what stands for these (npush x nsteps + 1 x njoint each).
 
     `starts`: joint angles and speeds (npush x 2 x njoint) right after each push, true and as calibrated. `laws` are
     those of one candidate (see `batch.Laws`). `work`: the links as the sensors read them and as they move, three
@@ -62,6 +66,7 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, w
     """
     half_periods, span, speed_energy, acceleration_energy = outputs
     start, expected = starts
+    kept, kept_speeds = readings
     gravity, coriolis, damping, coulomb, inertia, stiffness = laws
     law = gravity[0], coriolis[0], damping[0], coulomb[0], inertia[0], stiffness
     angle_noise, speed_noise, torque_noise = noise
@@ -85,7 +90,7 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, w
         fastest, fallen, step = 0.0, False, 0
         window, end = 0, ends[0] if ends.shape[0] > 0 else 0
         while True:
-            _read(chain, expected, (angle_noise, speed_noise), push, step, sensors, kept, joint_speeds)
+            _read(chain, expected, (angle_noise, speed_noise), push, step, sensors, kept, kept_speeds, joint_speeds)
             angle, speed = 0.0, 0.0
             for i in range(n):
                 v, v0 = joint_speeds[i], previous[i]
@@ -192,7 +197,7 @@ class FaultyLoop:
         struck = replace(episode, pushes=episode.pushes * (1.0 + noise.impulses))
         outputs = np.zeros(shape, dtype=np.int64), np.zeros(shape), np.zeros(shape), np.zeros(shape)
         motion, crossed = (output[0] for output in new_windows(episode, 1))
-        readings = np.empty((shape[0], episode.steps + 1, shape[1]))
+        angles, speeds = np.empty((2, shape[0], episode.steps + 1, shape[1]))
         with quiet_mujoco():
             steps, fell = _run(
                 self.step,
@@ -205,16 +210,21 @@ class FaultyLoop:
                 self._work,
                 outputs,
                 (motion, crossed),
-                readings,
+                (angles, speeds),
             )
         ran = [min(steps - begun, episode.steps) for begun in range(0, steps, episode.steps)]
-        kept = tuple(push[: end + 1] for push, end in zip(readings, ran, strict=False))
+        kept = tuple(push[: end + 1] for push, end in zip(angles, ran, strict=False)) if episode.keep_angles else ()
         windows = None
         if episode.window_ends:
             windows = windows_before_fall(np.array(episode.window_ends), motion, crossed, ran, fell)
-        angles = kept if episode.keep_angles else ()
+        readings = None
+        if episode.readings_steps:
+            motions = [(angles[push, : end + 1], speeds[push, : end + 1]) for push, end in enumerate(ran)]
+            sensed = self.plant.faults.speed_sensor
+            readings = readings_before_fall(motions, shape[0], episode.readings_steps, fell, sensed)
         fall_step = steps if fell else None
-        return Record(self.plant.timestep, steps, fall_step, *outputs, angles, episode.noise_floor.energy, windows)
+        floor = episode.noise_floor.energy
+        return Record(self.plant.timestep, steps, fall_step, *outputs, kept, floor, windows, readings)
 
     def agrees_with_stepwise(self, candidate: Lumps, steps: int = 25) -> bool:
         """Whether a short episode comes out the same in the compiled and in the stepwise loop."""

@@ -129,7 +129,7 @@ class Objective:
             fall_value(self._ceiling, record.steps, self.episode.total_steps) if fell else self.measure.value(record)
         )
         periods = tuple(self.measure.periods(record).tolist())
-        return Outcome(value, fell, record.steps, periods, windows=record.windows)
+        return Outcome(value, fell, record.steps, periods, windows=record.windows, readings=record.readings)
 
     def summary(self, factors: Array) -> dict[str, Any]:
         """One episode as the fields that `metaid episode --json` prints; frequencies are None for a fall."""

@@ -10,6 +10,7 @@ from metaid.episode.measures import MEASURES, Measure, crossing_hz, fall_value, 
 from metaid.episode.noise import noise_of, with_deadband
 from metaid.episode.outcome import Outcome, failure
 from metaid.episode.pushes import REACH, natural_time, pushed_speeds, pushes_for, rich_pushes, rich_speeds, tip_push
+from metaid.episode.readings import SensorReadings, readings_before_fall
 from metaid.episode.record import Record, Trajectory, same_record
 from metaid.episode.smoothing import noise_floor
 from metaid.episode.stepwise import CandidateBatch, StepwiseLoop, new_candidate_batch, run_stepwise
@@ -31,6 +32,7 @@ __all__ = [
     "NoiseFloor",
     "Outcome",
     "Record",
+    "SensorReadings",
     "StepwiseLoop",
     "Trajectory",
     "Windows",
@@ -44,6 +46,7 @@ __all__ = [
     "noise_of",
     "pushed_speeds",
     "pushes_for",
+    "readings_before_fall",
     "rich_pushes",
     "rich_speeds",
     "run_stepwise",

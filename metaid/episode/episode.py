@@ -42,7 +42,8 @@ class Episode:
     law also asks for q̈ = −k q, so that the plant swings where it would coast (Eq. 16). For a plant with faults: a joint
     within `deadband` (rad) of the upright is on neither side of it; `seed` is of the noise, and `noise_floor` how much
     of it there is. For a plant whose torques come late, the law gets the angles that the speeds lead to after `lead`
-    seconds. The record keeps the motion up to each of the `window_ends`, in steps.
+    seconds. The record keeps the motion up to each of the `window_ends`, in steps, and what the sensors read in the
+    first `readings_steps` after each push.
     """
 
     pushes: Array
@@ -56,6 +57,7 @@ class Episode:
     lead: float = 0.0
     window_ends: tuple[int, ...] = ()
     poses: Array | None = None
+    readings_steps: int = 0
 
     def __post_init__(self) -> None:
         if self.steps < 1:
@@ -77,7 +79,9 @@ class Episode:
         """The first push alone, for at most that many `steps`, with windows."""
         steps = min(steps, self.steps)
         poses = None if self.poses is None else self.poses[:1]
-        return replace(self, pushes=self.pushes[:1], poses=poses, steps=steps, window_ends=window_ends(steps))
+        kept = min(self.readings_steps, steps)
+        first = replace(self, pushes=self.pushes[:1], poses=poses, steps=steps, readings_steps=kept)
+        return replace(first, window_ends=window_ends(steps))
 
     @property
     def total_steps(self) -> int:

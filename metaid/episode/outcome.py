@@ -6,13 +6,14 @@ from dataclasses import dataclass, field
 
 from metaid.episode.episode import Episode
 from metaid.episode.measures import Measure, fall_value
+from metaid.episode.readings import SensorReadings
 from metaid.episode.windows import Windows
 
 
 @dataclass(frozen=True)
 class Outcome:
     """What became of a candidate: its `value` in the measure's unit (for a fall, one above every survivor's), steps
-    run, periods per joint, and the motion in windows where the episode keeps it.
+    run, periods per joint, and the motion in windows or the sensors' readings where the episode keeps them.
 
     One that could not be evaluated has the `failure` that says why, and for the searcher is a fall before the first
     step, so worse than any that was seen.
@@ -24,6 +25,7 @@ class Outcome:
     periods: tuple[int, ...]
     failure: str | None = None
     windows: Windows | None = field(default=None, compare=False)
+    readings: SensorReadings | None = field(default=None, compare=False)
 
 
 def failure(measure: Measure, episode: Episode, timestep: float, reason: str) -> Outcome:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.episode.episode import Episode
+from metaid.episode.readings import SensorReadings
 from metaid.episode.windows import QUANTITIES, Windows, windows_seen
 from metaid.models import Array
 from metaid.plant import Start
@@ -25,6 +26,7 @@ class Record:
     `angles`: joint angles (nsteps + 1 x njoint), in rad, of each push that was begun, if the episode keeps them.
     `noise_floor`: ∫ q̈² dt of a plant at rest, of all pushes and joints, in rad²/s³.
     `windows`: the motion up to each of the episode's window ends.
+    `readings`: what the sensors read, if the episode keeps it.
     """
 
     timestep: float
@@ -37,6 +39,7 @@ class Record:
     angles: tuple[Array, ...] = ()
     noise_floor: float = 0.0
     windows: Windows | None = None
+    readings: SensorReadings | None = None
 
 
 @dataclass(frozen=True)

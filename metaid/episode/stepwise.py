@@ -9,6 +9,7 @@ import numpy as np
 
 from metaid.episode.episode import Episode
 from metaid.episode.noise import noise_of
+from metaid.episode.readings import readings_before_fall
 from metaid.episode.record import Record, Trajectory, crosses_at, crossings, energies, windows_of
 from metaid.errors import AbsentPlant, LostPlant
 from metaid.models import Array, ChainModel, Lumps, Model
@@ -109,7 +110,12 @@ def run_stepwise(plant: Plant, candidate: Lumps, episode: Episode) -> tuple[Reco
     seen = half_periods, span, speed_energy, acceleration_energy
     kept = tuple(angles for angles, _ in motions) if episode.keep_angles else ()
     windows = windows_of(motions, episode, plant.timestep, fall_step is not None)
-    record = Record(plant.timestep, steps, fall_step, *seen, kept, episode.noise_floor.energy, windows)
+    readings = None
+    if episode.readings_steps:
+        reads_speeds = not isinstance(plant, FaultyPlant) or plant.faults.speed_sensor
+        fell = fall_step is not None
+        readings = readings_before_fall(motions, len(episode.pushes), episode.readings_steps, fell, reads_speeds)
+    record = Record(plant.timestep, steps, fall_step, *seen, kept, episode.noise_floor.energy, windows, readings)
     return record, Trajectory(angles, speeds)
 
 

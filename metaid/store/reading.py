@@ -16,7 +16,7 @@ from metaid.store.optuna_tables import (
     TrialModel,
     TrialParamModel,
 )
-from metaid.store.rows import read_outcomes, read_table, read_windows
+from metaid.store.rows import read_outcomes, read_readings, read_table, read_windows
 from metaid.store.trial import Trial
 
 JOINTS_KEY = "metaid:joints"  # of a study: how many joints its plant has
@@ -35,7 +35,7 @@ def read_trials(connection: sa.Connection, study_id: int, names: Sequence[Sequen
     tables = [read_table(connection, study_id, key, value, searched, float) for searched in names]
     factors = list(itertools.chain(*tables))
     outcomes = read_outcomes(connection, study_id, states, _joint_count(connection, study_id))
-    windows = read_windows(connection, study_id)
+    windows, readings = read_windows(connection, study_id), read_readings(connection, study_id)
     whole = (
         len(factors) == len(outcomes) == len(heads)
         and [head[0] for head in heads] == list(range(len(heads)))
@@ -51,7 +51,7 @@ def read_trials(connection: sa.Connection, study_id: int, names: Sequence[Sequen
             number=head[0],
             generation=generation,
             factors=row,
-            outcome=replace(outcome, windows=windows[head[0]]) if head[0] in windows else outcome,
+            outcome=replace(outcome, windows=windows.get(head[0]), readings=readings.get(head[0])),
             started=head[2],
             completed=head[3],
             stage=stage,

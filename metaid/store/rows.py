@@ -14,9 +14,9 @@ import sqlalchemy as sa
 from numpy.typing import NDArray
 from optuna.trial import TrialState
 
-from metaid.episode import Outcome, Windows
+from metaid.episode import Outcome, SensorReadings, Windows
 from metaid.errors import StorageError
-from metaid.store import windows
+from metaid.store import sensor_readings, windows
 from metaid.store.optuna_tables import (
     FINITE_INTERMEDIATE_VALUE,
     FINITE_VALUE,
@@ -148,13 +148,25 @@ def read_windows(connection: sa.Connection, study_id: int) -> dict[int, Windows]
     """The windows of the trials that have them, by trial number.  Raises ValueError, TypeError or LookupError for what
     is none.
     """
+    texts = _read_attributes(connection, study_id, windows.KEY)
+    return {number: windows.decoded(text) for number, text in texts}
+
+
+def read_readings(connection: sa.Connection, study_id: int) -> dict[int, SensorReadings]:
+    """The sensor readings of the trials that have them, by trial number.  Raises as `read_windows` does."""
+    texts = _read_attributes(connection, study_id, sensor_readings.KEY)
+    return {number: sensor_readings.decoded(text) for number, text in texts}
+
+
+def _read_attributes(connection: sa.Connection, study_id: int, key: str) -> list[tuple[int, str]]:
+    """The trials that have an attribute of this `key`, by number, and its JSON."""
     trial, attribute = TrialModel, TrialUserAttributeModel
     query = (
         sa.select(trial.number, attribute.value_json)
         .join(attribute, attribute.trial_id == trial.trial_id)
-        .where(trial.study_id == study_id, attribute.key == windows.KEY)
+        .where(trial.study_id == study_id, attribute.key == key)
     )
-    return {int(number): windows.decoded(text) for number, text in connection.execute(query)}
+    return [(int(number), str(text)) for number, text in connection.execute(query)]
 
 
 def head_rows(study_id: int, trials: Sequence[Trial]) -> list[dict[str, Any]]:
@@ -220,5 +232,9 @@ def _attributes(trial: Trial) -> dict[str, str]:
     stage = {} if trial.stage is None else {"stage": trial.stage}
     numbers = {"generation": trial.generation, "steps": trial.outcome.steps, **periods, **stage, **reason}
     texts = {key: json.dumps(value) for key, value in numbers.items()}
-    shown = trial.outcome.windows
-    return texts if shown is None else {**texts, windows.KEY: windows.encoded(shown)}
+    shown, read = trial.outcome.windows, trial.outcome.readings
+    if shown is not None:
+        texts[windows.KEY] = windows.encoded(shown)
+    if read is not None:
+        texts[sensor_readings.KEY] = sensor_readings.encoded(read)
+    return texts

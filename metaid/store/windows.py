@@ -30,10 +30,10 @@ def encoded(windows: Windows) -> str:
         "ends": windows.ends.tolist(),
         "seen": windows.seen.tolist(),
         "joints": windows.motion.shape[3],
-        "motion": _text(windows.motion[seen].astype("<f8")),
+        "motion": text_of(windows.motion[seen].astype("<f8")),
     }
     if half_periods.any():
-        parts |= {"counts": counts.str, "half_periods": _text(half_periods.astype(counts))}
+        parts |= {"counts": counts.str, "half_periods": text_of(half_periods.astype(counts))}
     return json.dumps(parts, separators=(",", ":"))
 
 
@@ -43,14 +43,14 @@ def decoded(text: str) -> Windows:
     ends, counts = np.array(parts["ends"], dtype=np.int64), np.array(parts["seen"], dtype=np.int64)
     seen = np.arange(len(ends)) < counts[:, None]
     total, njoint = int(seen.sum()), int(parts["joints"])
-    motion = _array(parts["motion"], "<f8").reshape(total, QUANTITIES, njoint)
+    motion = array_of(parts["motion"], "<f8").reshape(total, QUANTITIES, njoint)
     if not np.isfinite(motion).all() or not (np.diff(ends, prepend=0) > 0).all():
         raise ValueError("windows of a motion that is none")
     whole = np.zeros((*seen.shape, *motion.shape[1:]))
     whole[seen] = motion
     counted = np.zeros((*seen.shape, njoint), dtype=np.int64)
     if "half_periods" in parts:
-        counted[seen] = _array(parts["half_periods"], _checked_kind(parts["counts"])).reshape(total, njoint)
+        counted[seen] = array_of(parts["half_periods"], _checked_kind(parts["counts"])).reshape(total, njoint)
     return Windows(ends, counts, whole, counted)
 
 
@@ -60,9 +60,11 @@ def _checked_kind(kind: str) -> str:
     return kind
 
 
-def _text(array: NDArray[Any]) -> str:
+def text_of(array: NDArray[Any]) -> str:
+    """The bytes of an `array` in base64."""
     return base64.b64encode(array.tobytes()).decode("ascii")
 
 
-def _array(text: str, kind: str) -> NDArray[Any]:
+def array_of(text: str, kind: str) -> NDArray[Any]:
+    """The array of numbers of a `kind` (n) whose bytes a `text` is in base64.  Raises ValueError."""
     return np.frombuffer(base64.b64decode(text, validate=True), dtype=kind)

@@ -1,0 +1,58 @@
+"""What the sensors of a noisy plant read after each push: what a twin is fitted to where windows would keep the noise.
+
+A law acts on noisy readings. With these the torque that it commanded is known to the last bit, and a simulated twin can
+be driven by that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.models import Array
+
+
+@dataclass(frozen=True, eq=False)
+class SensorReadings:
+    """Sensor readings of an episode's pushes, the one right after the push first; zero where there are none.
+
+    Attributes:
+        counts: how many readings there are of each push (npush): at most one more than the steps that are kept, those
+            before a fall, and none of a push that was not begun.
+        angles: of the joints (npush x nreading x njoint), in rad.
+        speeds: of the joints (npush x nreading x njoint), in rad/s; None where there is no speed sensor.
+    """
+
+    counts: NDArray[np.int64]
+    angles: Array
+    speeds: Array | None = None
+
+    @property
+    def steps(self) -> NDArray[np.int64]:
+        """How many steps of each push (npush) were seen."""
+        return np.maximum(self.counts - 1, 0)
+
+
+def readings_before_fall(
+    motions: Sequence[tuple[Array, Array]], npush: int, steps: int, fell: bool, has_speed_sensor: bool
+) -> SensorReadings:
+    """The readings of an episode, without the one that a fall ended with.
+
+    Args:
+        motions: joint angles and speeds (nstep + 1 x njoint) as they were read after each push that was begun.
+        npush: all pushes, those that were never begun too.
+        steps: how many steps of each push are kept.
+        fell: whether the last push that was begun ended in a fall.
+        has_speed_sensor: whether the speeds were read, and not computed from angles.
+    """
+    njoint = motions[0][0].shape[1]
+    counts = np.zeros(npush, dtype=np.int64)
+    angles, speeds = np.zeros((2, npush, steps + 1, njoint))
+    for push, (read_angles, read_speeds) in enumerate(motions):
+        is_last = push == len(motions) - 1
+        count = counts[push] = min(len(read_angles) - (fell and is_last), steps + 1)
+        angles[push, :count], speeds[push, :count] = read_angles[:count], read_speeds[:count]
+    return SensorReadings(counts, angles, speeds if has_speed_sensor else None)
