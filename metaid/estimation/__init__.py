@@ -10,7 +10,7 @@ knows of files, studies or the truth.
 """
 
 from metaid.estimation.commanded import commanded_torques, filtered_speeds
-from metaid.estimation.experiment import EXPLAINED, Experiment
+from metaid.estimation.experiment import EXPLAINED, Experiment, NoisyExperiment, SeenTrial, SilentExperiment
 from metaid.estimation.fit import Estimate, fit
 from metaid.estimation.motions import Motions, Quantity
 from metaid.estimation.readings import Readings, ReadTrial
@@ -23,9 +23,12 @@ __all__ = [
     "Estimate",
     "Experiment",
     "Motions",
+    "NoisyExperiment",
     "Quantity",
     "ReadTrial",
     "Readings",
+    "SeenTrial",
+    "SilentExperiment",
     "Unknowns",
     "WatchedTrial",
     "commanded_torques",

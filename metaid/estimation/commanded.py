@@ -10,21 +10,28 @@ from metaid.models import Array, Lumps, compensation_basis
 KINDS = ("gravity", "coriolis", "damping", "coulomb")
 
 
-def commanded_torques(law: Lumps, readings: Array, speeds: Array, gravity: float) -> Array:
-    """The joint torques (npush x nstep x njoint), in N m, that a law made of readings.
-
-    No torque follows from the last reading.
+def commanded_torques(
+    law: Lumps, readings: Array, speeds: Array, gravity: float, lead: float = 0.0, delay: int = 0
+) -> Array:
+    """The joint torques (npush x nstep x njoint), in N m, that were to act in each step. None follows from the last
+    reading.
 
     Args:
-        law: the candidate's lumps.
-        readings: of the joint angles (npush x nstep + 1 x njoint), in rad.
+        law: that was sent.
+        readings: angles of the joints (npush x nstep + 1 x njoint), in rad.
         speeds: of the joints as the law took them to be (npush x nstep + 1 x njoint), in rad/s.
         gravity: in m/s².
+        lead: seconds by which the law looked ahead.
+        delay: steps that a torque is late by; until the first is there, none acts.
     """
     angles, turning = np.cumsum(readings[:, :-1], axis=-1), np.cumsum(speeds[:, :-1], axis=-1)
+    angles = angles + lead * turning
     lumps = law.vector_of(KINDS)
     force = compensation_basis(angles, turning, gravity, KINDS) @ lumps  # Eqs. 5 and 15
-    return np.asarray(np.cumsum(force[..., ::-1], axis=-1)[..., ::-1], dtype=np.float64)  # Eq. 6
+    torques = np.zeros_like(readings[:, :-1])
+    late = min(delay, torques.shape[1])
+    torques[:, late:] = np.cumsum(force[..., ::-1], axis=-1)[:, : torques.shape[1] - late, ::-1]  # Eq. 6
+    return torques
 
 
 def filtered_speeds(readings: Array, start_speeds: Array, weights: Array) -> Array:

@@ -20,24 +20,25 @@ def watch_readings(start, forces, balance, derivatives, settings, basis, steps, 
         start: joint speeds (njoint) right after the push, in rad/s.
         forces: Q of Eq. 22 at each step (nstep x njoint), in N m: what was commanded.
         balance, derivatives, work: see `workspace`; `balance` without a law.
-        settings: timestep in s; the column of the first start speed, or −1.
+        settings: timestep in s; the column of the first start speed, or −1; how many timesteps a step has.
         basis: the polynomials at every reading (nstep + 1 x ncoefficient), that of the push first.
         steps: for how many the push is followed.
         coefficients: of the joint angles (njoint x ncoefficient), in rad, filled in.
         slopes: their derivatives (njoint x ncoefficient x nunknown), filled in.
     """
-    timestep, start_column = settings
+    timestep, start_column, substeps = settings
     set_off(start, start_column, work)
     coefficients[:] = 0.0
     slopes[:] = 0.0
     for step in range(steps):
-        if not accelerate(step, forces, balance, work):
-            return False
-        linearise(balance, work)
-        force_by_unknowns(derivatives, work)
-        move_tangent(timestep, 0.0, False, work)
-        if not move(timestep, work):
-            return False
+        for _ in range(substeps):
+            if not accelerate(step, forces, balance, work):
+                return False
+            linearise(balance, work)
+            force_by_unknowns(derivatives, work)
+            move_tangent(timestep, 0.0, False, work)
+            if not move(timestep, work):
+                return False
         _add(basis[step + 1], work, coefficients)
         _add_slopes(basis[step + 1], work, slopes)
     return True

@@ -2,32 +2,37 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from metaid.episode import Windows
-from metaid.estimation.fit import Estimate, fit
+from metaid.episode import Outcome
+from metaid.estimation.commanded import commanded_torques, filtered_speeds
+from metaid.estimation.fit import Comparison, Estimate, fit
 from metaid.estimation.motions import Motions, Quantity
+from metaid.estimation.readings import Readings, ReadTrial
 from metaid.estimation.trials import WatchedTrial
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array, Lumps
 
 EXPLAINED = 3.0  # a misfit below this says that the model explains what was seen
+EXPLAINED_NOISE = 2.0  # the same of readings, of which there are so many that noise alone makes one
+STILL_SHRINKS = 0.95  # of the widest interval before: a trial that leaves more of it is worth no other
+
+SeenTrial = WatchedTrial | ReadTrial
 
 
 @dataclass(frozen=True)
-class Experiment:
+class Experiment(ABC):
     """What is the same in all trials of a study.
 
     Attributes:
         nominal: the lumps that candidates are factors of.
         unknowns: what an estimate is of; it may have lumps that no law has, those of inertia.
         gravity: in m/s².
-        timestep: between two torques, in s.
+        timestep: in which the plant moves, in s.
         start_speeds: joint speeds (npush x njoint) right after each push, in rad/s.
-        compared: what of the motion is compared with the twin.
-        resolution: of the measure, in its unit: a value below it passes for coasting.
-        stiffness: k of the law, in 1/s².
     """
 
     nominal: Lumps
@@ -35,38 +40,139 @@ class Experiment:
     gravity: float
     timestep: float
     start_speeds: Array
-    compared: Quantity
-    resolution: float
-    stiffness: float = 0.0
 
-    def trial(self, factors: Array, windows: Windows) -> WatchedTrial:
-        """A trial whose law had these `factors` (nlump) of the nominal lumps, and what was seen of it."""
-        return WatchedTrial(self.nominal.scaled(factors), self.timestep, self.start_speeds, windows, self.stiffness)
+    @abstractmethod
+    def trial(self, factors: Array, outcome: Outcome) -> SeenTrial | None:
+        """A trial whose law had these `factors` (nlump) of the nominal lumps, and what was seen of it; None where
+        nothing of it is known.
+        """
 
-    def estimate(self, trials: Sequence[WatchedTrial], start: Estimate | None = None) -> Estimate | None:
+    @property
+    @abstractmethod
+    def probes(self) -> int:
+        """How many trials that over-compensate an estimate needs."""
+
+    @property
+    @abstractmethod
+    def explained_below(self) -> float:
+        """A misfit below this says that the model explains what was seen."""
+
+    def is_explained(self, estimate: Estimate) -> bool:
+        """Whether an `estimate` explains what was seen."""
+        return estimate.misfit < self.explained_below
+
+    @abstractmethod
+    def is_coasting(self, value: float) -> bool:
+        """Whether a trial with this `value` of the measure coasts."""
+
+    @abstractmethod
+    def is_settled(self, before: Estimate, after: Estimate) -> bool:
+        """Whether intervals have stopped shrinking from the estimate `before` the last trial to the one `after` it."""
+
+    @abstractmethod
+    def _comparison(self, trials: Sequence[Any]) -> Comparison:
+        """What is compared with the twin.  Raises ValueError where `trials` show nothing."""
+
+    def estimate(self, trials: Sequence[SeenTrial], start: Estimate | None = None) -> Estimate | None:
         """What all `trials` say; None where they showed nothing, or no chain shows what they did.
 
         A `start` that explained the trials before is where the fit begins.
         """
-        seen = [trial for trial in trials if trial.windows.seen.any()]
-        if not seen:
-            return None
         begin = start.log_factors if start is not None and self.is_explained(start) else None
         try:
-            return fit(Motions(seen, self.unknowns, self.gravity, self.compared), begin)
+            return fit(self._comparison(trials), begin)
         except ValueError:
             return None
-
-    def is_explained(self, estimate: Estimate) -> bool:
-        """Whether an `estimate` explains what was seen."""
-        return estimate.misfit < EXPLAINED
-
-    def is_coasting(self, value: float) -> bool:
-        """Whether a trial with this `value` of the measure coasts."""
-        return value <= self.resolution
 
     def factors(self, estimate: Estimate) -> Array:
         """The factors of the nominal lumps (nlump) that the law of an `estimate` has."""
         searched = self.nominal.searched
         factors: Array = estimate.lumps.vector_of(searched) / self.nominal.vector_of(searched)
         return factors
+
+
+@dataclass(frozen=True)
+class SilentExperiment(Experiment):
+    """One without noise: the windows of each push are compared, with a twin under the same law.
+
+    `compared`: what of the motion. `resolution`: of the measure, in its unit; a value below it passes for coasting.
+    `stiffness`: k of the law, in 1/s².
+    """
+
+    compared: Quantity
+    resolution: float
+    stiffness: float = 0.0
+
+    def trial(self, factors: Array, outcome: Outcome) -> WatchedTrial | None:
+        if outcome.windows is None:
+            return None
+        law = self.nominal.scaled(factors)
+        return WatchedTrial(law, self.timestep, self.start_speeds, outcome.windows, self.stiffness)
+
+    @property
+    def probes(self) -> int:
+        return 2 if self.compared == "frequency" else 1
+
+    @property
+    def explained_below(self) -> float:
+        return EXPLAINED
+
+    def is_coasting(self, value: float) -> bool:
+        return value <= self.resolution
+
+    def is_settled(self, before: Estimate, after: Estimate) -> bool:
+        return False  # such a plant coasts
+
+    def _comparison(self, trials: Sequence[WatchedTrial]) -> Motions:
+        seen = [trial for trial in trials if trial.windows.seen.any()]
+        return Motions(seen, self.unknowns, self.gravity, self.compared)
+
+
+@dataclass(frozen=True)
+class NoisyExperiment(Experiment):
+    """One with noise: the sensors' readings are compared, with a twin that is driven by what was commanded.
+
+    Attributes:
+        start_spread: what pushes differ by, as `ReadTrial` has it (npush x njoint x njoint), in rad/s, or None.
+        noise: standard deviation of a reading of each joint (njoint), in rad, from the plant at rest.
+        speed_weights: of the last angle readings (nreading), in 1/s, for the speed where there is no sensor of it.
+        substeps: how many timesteps a torque holds.
+        delay: how many torques late it is.
+        lead: seconds by which the law looks ahead.
+    """
+
+    start_spread: Array | None
+    noise: Array
+    speed_weights: Array
+    substeps: int = 1
+    delay: int = 0
+    lead: float = 0.0
+
+    def trial(self, factors: Array, outcome: Outcome) -> ReadTrial | None:
+        read = outcome.readings
+        if read is None:
+            return None
+        speeds = read.speeds
+        if speeds is None:
+            speeds = filtered_speeds(read.angles, self.start_speeds, self.speed_weights)
+        law = self.nominal.scaled(factors)
+        torques = commanded_torques(law, read.angles, speeds, self.gravity, self.lead, self.delay)
+        pushes = self.start_speeds, self.start_spread
+        return ReadTrial(self.timestep, read.angles, torques, read.steps, *pushes, self.noise, self.substeps)
+
+    @property
+    def probes(self) -> int:
+        return 1
+
+    @property
+    def explained_below(self) -> float:
+        return EXPLAINED_NOISE
+
+    def is_coasting(self, value: float) -> bool:
+        return False  # noise hides how well it coasts: its intervals say how well the plant is known
+
+    def is_settled(self, before: Estimate, after: Estimate) -> bool:
+        return float(after.deviations.max()) > STILL_SHRINKS * float(before.deviations.max())
+
+    def _comparison(self, trials: Sequence[ReadTrial]) -> Readings:
+        return Readings(trials, self.unknowns, self.gravity)

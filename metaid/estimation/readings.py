@@ -27,7 +27,7 @@ class ReadTrial:
     """What the sensors of a noisy plant read in one trial, and what it was sent.
 
     Attributes:
-        timestep: between two readings, and between two torques, in s.
+        timestep: in which the plant moves, in s.
         readings: joint angles (npush x nstep + 1 x njoint), in rad, the one right after the push first.
         torques: as they were commanded (npush x nstep x njoint), in N m.
         steps: how many steps (npush) of each push were seen before a fall.
@@ -35,6 +35,7 @@ class ReadTrial:
         start_spread: what pushes differ by, a root of the covariance of the start speeds (npush x njoint x njoint), in
             rad/s: any L with covariance L Lᵀ. None where they are all alike.
         noise: standard deviation of a reading of each joint (njoint), in rad, from the plant at rest.
+        substeps: how many timesteps there are between two readings, and between two torques.
     """
 
     timestep: float
@@ -44,6 +45,7 @@ class ReadTrial:
     start_speeds: Array
     start_spread: Array | None
     noise: Array
+    substeps: int = 1
 
     @cached_property
     def forces(self) -> Array:

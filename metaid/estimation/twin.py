@@ -82,6 +82,8 @@ class Driven(Protocol):
     @property
     def timestep(self) -> float: ...
     @property
+    def substeps(self) -> int: ...
+    @property
     def forces(self) -> Array: ...
     @property
     def start_spread(self) -> Array | None: ...
@@ -109,7 +111,7 @@ def drive(
     """The twin of a noisy `trial`, driven by what was commanded; None where it cannot follow.
 
     Args:
-        trial: timestep, forces, and whether start speeds are unknown.
+        trial: timestep, how many of these a torque holds, forces, and whether start speeds are unknown.
         starts: joint speeds (npush x njoint) right after each push, in rad/s.
         steps: how many steps (npush) of each push to follow.
         basis: the polynomials (npush x nstep + 1 x ncoefficient) that each push is seen in.
@@ -123,12 +125,12 @@ def drive(
     values, slopes = np.empty((npush, n, basis.shape[2])), np.empty((npush, n, basis.shape[2], columns))
     followed = np.zeros(npush, dtype=np.bool_)
     forces = balance(None, lumps, gravity), derivatives(unknowns, lumps, gravity)
-    common = trial.forces, *forces, (trial.timestep, start_column), basis, steps
+    common = trial.forces, *forces, (trial.timestep, start_column, trial.substeps), basis, steps
 
     def run(first: int, stride: int) -> None:
         _watch_readings(first, stride, starts, *common, workspace(n, columns, False), (values, slopes, followed))
 
-    _share_out(run, npush, int(steps.sum()) * n * (2 * n + basis.shape[2]) * columns)
+    _share_out(run, npush, int(steps.sum()) * trial.substeps * n * (2 * n + basis.shape[2]) * columns)
     return Coefficients(values, slopes) if followed.all() else None
 
 

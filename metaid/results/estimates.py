@@ -11,14 +11,12 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from metaid.models import Array, kind_of, lump_names, lump_unit
-from metaid.plant import PlantSettings
 from metaid.store import Trial
-from metaid.study import COARSEST, Problem
+from metaid.study import COARSEST, MOST_TRIALS, Problem
 
 if TYPE_CHECKING:
-    from metaid.estimation import Estimate, Experiment, WatchedTrial
+    from metaid.estimation import Estimate, Experiment, SeenTrial
 
-MOST_TRIALS = 32  # that an estimate is made of; without noise more add nothing but computing
 FIRST_TRIALS = 12  # of which it is looked for how early the estimate was there
 CLOSE = 1e-3  # of every lump: so near its last value an estimate was there
 DEVIATIONS = 1.96  # of a normal distribution, to either side, hold 95 %
@@ -32,7 +30,7 @@ class StudyEstimate:
 
     estimate: Estimate
     experiment: Experiment
-    watched: tuple[WatchedTrial, ...]
+    watched: tuple[SeenTrial, ...]
     known_from: int | None
 
     @property
@@ -50,20 +48,21 @@ def study_estimate(problem: Problem, tried: Sequence[Trial]) -> StudyEstimate | 
     """The estimate from the trials that were `tried` in a study's first stage, which `problem` is; None where there is
     none to be made.
     """
-    shown = [(each.factors, each.outcome.windows) for each in tried if each.outcome.windows is not None]
+    shown = [each for each in tried if each.outcome.windows is not None or each.outcome.readings is not None]
     experiment = problem.experiment() if shown else None
     if experiment is None:
         return None
-    trials = [experiment.trial(factors, windows) for factors, windows in shown[:MOST_TRIALS] if windows is not None]
     # At these sizes BLAS threads cost far more than they give.
     with threadpool_limits(1):
+        seen = (experiment.trial(each.factors, each.outcome) for each in shown[:MOST_TRIALS])
+        trials = [trial for trial in seen if trial is not None]
         estimate = experiment.estimate(trials)
         if estimate is None:
             return None
         return StudyEstimate(estimate, experiment, tuple(trials), _known_from(experiment, trials, estimate))
 
 
-def _known_from(experiment: Experiment, trials: Sequence[WatchedTrial], estimate: Estimate) -> int | None:
+def _known_from(experiment: Experiment, trials: Sequence[SeenTrial], estimate: Estimate) -> int | None:
     """How many of the first trials gave every lump within CLOSE of the `estimate` from all of them."""
     if not experiment.is_explained(estimate):
         return None
@@ -76,19 +75,17 @@ def _known_from(experiment: Experiment, trials: Sequence[WatchedTrial], estimate
 
 def why_no_estimate(problem: Problem, tried: Sequence[Trial]) -> str:
     """Why there is no estimate from the trials that were `tried` in a study's first stage, which `problem` is."""
-    plant = problem.spec.plant
     if not problem.spec.study.estimate.enabled:
         return "[estimate] enabled is false"
     if not problem.can_be_estimated:
-        faults = list(plant.faults.named) if isinstance(plant, PlantSettings) else []
-        faults += ["lead"] if problem.episode.lead else []
-        return f"the simulated twin has no {', '.join(faults)}" if faults else "its episodes keep no windows of motion"
+        return "its episodes keep no windows of motion"
     if not tried:
         return "it has no trial yet: run it first"
-    windows = [each.outcome.windows for each in tried if each.outcome.windows is not None]
-    if not windows:
-        return "no trial in the DB has windows of its motion"
-    if not any(each.seen.any() for each in windows):
+    windows = [each.outcome.windows.seen for each in tried if each.outcome.windows is not None]
+    readings = [each.outcome.readings.steps for each in tried if each.outcome.readings is not None]
+    if not windows and not readings:
+        return f"no trial in the DB has {'readings' if problem.keeps_readings else 'windows of its motion'}"
+    if not any(each.any() for each in (*windows, *readings)):
         return "every trial fell within its shortest window"
     return "the twin cannot follow these trials from any chain near the nominal one"
 

@@ -52,12 +52,10 @@ def _estimate(snapshot: Snapshot) -> dict[str, Any]:
     if found is None:
         why = why_no_estimate(problem, snapshot.stages[0].trials)
         return {"source": source, "misfit": None, "estimate": None, "why_no_estimate": why}
-    from metaid.estimation import EXPLAINED  # loads numba, as making the estimate has
-
     lumps = estimate_table(problem, found)
     estimate = {
         "misfit": found.estimate.misfit,
-        "explained_below": EXPLAINED,
+        "explained_below": found.experiment.explained_below,
         "explains": found.explains,
         "trials": found.trials,
         "known_from": found.known_from,

@@ -3,7 +3,8 @@
 A simulated twin is fitted to the motion of every push of every trial so far (`metaid.estimation`), so a handful of
 trials is enough where a minimiser, which keeps one number of each, needs hundreds. The first law over-compensates:
 under it nothing falls, the mass matrix shows, and squares have their signs. A law near the truth shows no mass matrix,
-for nothing accelerates. An estimate that does not explain what was seen is never sent.
+for nothing accelerates. An estimate that does not explain what was seen is never sent. On a noisy plant trials go on
+until the intervals stop shrinking.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from metaid.models import Array
 from metaid.search.coordinates import Coordinates
 
 if TYPE_CHECKING:
-    from metaid.estimation import Estimate, Experiment, WatchedTrial
+    from metaid.estimation import Estimate, Experiment, SeenTrial
 
 OVER_COMPENSATED = 1.5  # factor of the gravity lumps in the first law, of those that the search starts from
 PROBED = 1.6, 2.6  # factors of the gravity lumps in a probe, drawn at random
@@ -44,7 +45,7 @@ class OutputError:
         experiment: how the plant is pushed and what of it is unknown.
 
     Raises:
-        StudyError: the study keeps no windows, so that there is nothing to match.
+        StudyError: the study keeps neither windows nor readings, so that there is nothing to match.
     """
 
     def __init__(
@@ -55,11 +56,11 @@ class OutputError:
         self._coordinates = coordinates
         self._experiment = experiment
         self._random = np.random.default_rng(seed)
-        self._probes = options.probes or (2 if experiment.compared == "frequency" else 1)
+        self._probes = options.probes or experiment.probes
         self._next = self._over_compensated(OVER_COMPENSATED)
-        self._trials: list[WatchedTrial] = []
+        self._trials: list[SeenTrial] = []
         self._estimate: Estimate | None = None
-        self._coasts = False
+        self._coasts = self._settled = False
         self._trial_count = 0
 
     @property
@@ -73,12 +74,15 @@ class OutputError:
     def tell(self, outcomes: Sequence[Outcome]) -> None:
         (outcome,) = outcomes
         self._trial_count += 1
-        if outcome.windows is not None:
-            self._trials.append(self._experiment.trial(self._next, outcome.windows))
+        trial = self._experiment.trial(self._next, outcome)
+        if trial is not None:
+            self._trials.append(trial)
         if self._trial_count >= self._probes:
-            at_estimate = self._is_explained
-            self._estimate = self._experiment.estimate(self._trials, self._estimate)
+            before, at_estimate = self._estimate, self._is_explained
+            self._estimate = self._experiment.estimate(self._trials, before)
             self._coasts = at_estimate and not outcome.fell and self._experiment.is_coasting(outcome.value)
+            if at_estimate and before is not None and self._estimate is not None and self._is_explained:
+                self._settled = self._experiment.is_settled(before, self._estimate)
         if self._estimate is not None and self._is_explained:
             factors = self._experiment.factors(self._estimate)
             self._next = np.clip(factors, self._coordinates.low, self._coordinates.high)
@@ -90,8 +94,8 @@ class OutputError:
         return self._estimate is not None and self._experiment.is_explained(self._estimate)
 
     def finished(self) -> bool:
-        """Whether the plant coasts under the law of the estimate."""
-        return self._coasts
+        """Whether the plant coasts under the law of the estimate, or one more trial tells no more."""
+        return self._coasts or self._settled
 
     def _over_compensated(self, gravity: float | Array) -> Array:
         """The law of the start with its gravity lumps larger by these factors (nlink)."""

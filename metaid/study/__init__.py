@@ -5,7 +5,7 @@
 
 from metaid.study.create import advice, create_study, delete_study, stored_spec
 from metaid.study.identifiability import COARSEST, identifiability
-from metaid.study.problem import Problem, load_study
+from metaid.study.problem import MOST_TRIALS, Problem, load_study
 from metaid.study.progress import Progress
 from metaid.study.pushing import COUNTING_STEPS, HORIZON, TIP_SPEED
 from metaid.study.run import run_study
@@ -15,6 +15,7 @@ __all__ = [
     "COARSEST",
     "COUNTING_STEPS",
     "HORIZON",
+    "MOST_TRIALS",
     "TIP_SPEED",
     "EpisodeSettings",
     "Problem",

@@ -40,6 +40,7 @@ from metaid.search import (
     sensitivity,
 )
 from metaid.study.contradictions import check_bounds, check_rig, check_settings
+from metaid.study.experiments import noisy_experiment
 from metaid.study.pushing import make_episode, refuse_unseen_pushes, rest_noise
 from metaid.study.settings import EpisodeSettings, Factors, SearchSettings, StudySpec, read_study
 
@@ -48,6 +49,8 @@ if TYPE_CHECKING:
     from metaid.estimation import Experiment
 
 WINDOW_BUDGET = 4_000_000  # bytes a study, before they are made a text
+READING_BUDGET = 16_000_000  # likewise
+MOST_TRIALS = 32  # that an estimate is made of, and so that keep readings
 
 
 def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec:
@@ -156,6 +159,13 @@ class Problem:
         return WINDOW_BUDGET // size if size else 0
 
     @property
+    def trials_with_readings(self) -> int:
+        """How many trials, from the first on, keep their readings in the DB: MOST_TRIALS, if READING_BUDGET holds."""
+        quantities = 2 if self.is_simulated and self.make_plant().settings.faults.speed_sensor else 1
+        size = self.episode.pushes.size * (self.episode.readings_steps + 1) * quantities * 8
+        return min(MOST_TRIALS, READING_BUDGET // size) if self.keeps_readings else 0
+
+    @property
     def resolution(self) -> float:
         """How far two values of the measure must be apart to be told apart, in its unit."""
         return self.measure.resolution(self.episode, self.timestep)
@@ -245,10 +255,14 @@ class Problem:
 
     @property
     def can_be_estimated(self) -> bool:
-        """Whether the motion of its trials can be matched: the twin is of an ideal chain, pushed as the plant was."""
-        plant = self.spec.plant
-        is_ideal = isinstance(plant, SocketSettings) or not (plant.faults.named or self.episode.lead)
-        return bool(self.spec.study.estimate.enabled and is_ideal and self.episode.window_ends and self.stage == 1)
+        """Whether the motion of its trials can be matched."""
+        keeps = bool(self.episode.window_ends) or self.keeps_readings
+        return self.spec.study.estimate.enabled and self.stage == 1 and keeps
+
+    @property
+    def keeps_readings(self) -> bool:
+        """Whether trials keep what the sensors read, as on a plant with faults, and no windows."""
+        return self.episode.readings_steps > 0
 
     @property
     def estimated_kinds(self) -> tuple[str, ...]:
@@ -260,19 +274,25 @@ class Problem:
 
     def experiment(self) -> Experiment | None:
         """What an estimate needs to know of this stage; None where none can be made."""
-        from metaid.estimation import Experiment, Unknowns  # loads numba, which most readers of a study do without
+        from metaid.estimation import (
+            SilentExperiment,
+            Unknowns,
+        )  # loads numba, which most readers of a study do without
 
         if not self.can_be_estimated:
             return None
-        wanted = self.spec.study.estimate
-        kinds = self.estimated_kinds
+        wanted, kinds = self.spec.study.estimate, self.estimated_kinds
         lengths = self.nominal.length if wanted.lengths == "exact" else None
-        return Experiment(
+        unknowns = Unknowns(self.nominal.lumps_of(kinds), kinds, lengths, wanted.spread)
+        start_speeds = np.diff(self.start_speeds, axis=1, prepend=0.0)
+        if self.keeps_readings:
+            return noisy_experiment(self.make_plant(), self.spec, self.episode, self.lumps, unknowns, start_speeds)
+        return SilentExperiment(
             nominal=self.lumps,
-            unknowns=Unknowns(self.nominal.lumps_of(kinds), kinds, lengths, wanted.spread),
+            unknowns=unknowns,
             gravity=self.spec.plant.gravity,
             timestep=self.timestep,
-            start_speeds=np.diff(self.start_speeds, axis=1, prepend=0.0),
+            start_speeds=start_speeds,
             compared=wanted.compare or ("speed" if self.measure.sees_coriolis else "frequency"),
             resolution=self.resolution,
         )

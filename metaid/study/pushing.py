@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -26,12 +26,13 @@ from metaid.episode import (
 )
 from metaid.errors import EpisodeError, StudyError
 from metaid.models import Array, Chain
-from metaid.plant import FaultyPlant, MujocoPlant, Plant
+from metaid.plant import FaultyPlant, MujocoPlant, Plant, PlantSettings
 from metaid.search import designed_speeds
 from metaid.study.settings import LARGEST_STEPS, StudySpec
 
 HORIZON = 1.5  # of a rich push, in units of √(l/g)
 SLOWEST_PUSH = 1e-9  # rad/s of the fastest link after a push; what is slower is lost in rounding
+READ = 3.0  # natural times after a push that readings are kept for: a twin that is driven forgets where it began
 RESTS = 200  # horizons of a push for which the readings of a plant at rest are watched
 GROWTH = 2.0  # of a window over the one before, at most, up to MOST_WINDOWS
 MOST_WINDOWS = 10
@@ -72,8 +73,12 @@ def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure
     pushes = np.tile(pushes, (wanted.repeats, 1))
     rule = FallRule(wanted.fall_limit or fall_limit, wanted.fall_margin)
     stiffness = _stiffness(spec, stage, steps * timestep)
-    ends = _window_ends(pushes, steps, steps * timestep / natural_time(nominal, plant.gravity))
-    return Episode(pushes, steps, rule, stiffness=stiffness, seed=spec.study.seed, lead=wanted.lead, window_ends=ends)
+    natural = natural_time(nominal, plant.gravity)
+    kept: dict[str, Any] = {"window_ends": _window_ends(pushes, steps, steps * timestep / natural)}
+    if isinstance(spec.plant, PlantSettings) and (spec.plant.faults.named or wanted.lead):
+        wants = stage == 1 and spec.study.estimate.enabled
+        kept = {"readings_steps": min(steps, round(READ * natural / timestep)) if wants else 0}
+    return Episode(pushes, steps, rule, stiffness=stiffness, seed=spec.study.seed, lead=wanted.lead, **kept)
 
 
 def _window_ends(pushes: Array, steps: int, horizon: float) -> tuple[int, ...]:
@@ -119,10 +124,19 @@ def rest_noise(plant: MujocoPlant, spec: StudySpec, episode: Episode, start_spee
         episode: of the study, which the floor is for.
         start_speeds: absolute link speeds (npush x nlink) right after the pushes, in rad/s.
     """
-    count = episode.steps + 1
-    rest = FaultyPlant(plant).rest(RESTS * count, spec.study.seed)
     joint_speeds = np.diff(start_speeds, axis=1, prepend=0.0)
-    return noise_floor(rest.reshape(RESTS, count, -1), spec.timestep, joint_speeds)
+    return noise_floor(_rest(plant, spec, episode), spec.timestep, joint_speeds)
+
+
+def rest_deviations(plant: MujocoPlant, spec: StudySpec, episode: Episode) -> Array:
+    """The standard deviation of each joint's readings (njoint), in rad, in the same rest episode."""
+    return np.asarray(_rest(plant, spec, episode).reshape(-1, plant.njoint).std(axis=0))
+
+
+def _rest(plant: MujocoPlant, spec: StudySpec, episode: Episode) -> Array:
+    """Readings at rest (RESTS x nsteps + 1 x njoint), in rad."""
+    count = episode.steps + 1
+    return FaultyPlant(plant).rest(RESTS * count, spec.study.seed).reshape(RESTS, count, -1)
 
 
 def refuse_unseen_pushes(start_speeds: Array, timestep: float) -> None:

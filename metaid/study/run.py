@@ -94,6 +94,7 @@ def _run_stage(run: Run, evaluator: Evaluator, writer: Writer, watch: Callable[[
     """Goes on with a run until it is done, or its stage is."""
     problem = run.problem
     stage = None if problem.is_only else problem.stage
+    budget = problem.trials_with_windows, problem.trials_with_readings
     while run.problem is problem and not run.done:
         batch = run.candidates()
         if not problem.is_simulated:
@@ -105,12 +106,14 @@ def _run_stage(run: Run, evaluator: Evaluator, writer: Writer, watch: Callable[[
             Trial(run.number + i, run.generation, batch[i], outcome, started, completed, stage)
             for i, outcome in enumerate(outcomes)
         ]
-        trials = [within_budget(trial, problem.trials_with_windows) for trial in trials]
+        trials = [within_budget(trial, *budget) for trial in trials]
         writer.trials = trials
         run.add(trials)
         watch(run.progress)
 
 
-def within_budget(trial: Trial, kept: int) -> Trial:
-    """The trial without its windows, unless it is one of the first `kept`."""
-    return trial if trial.number < kept else replace(trial, outcome=replace(trial.outcome, windows=None))
+def within_budget(trial: Trial, windows: int, readings: int) -> Trial:
+    """The trial without its windows unless it is one of the first `windows`, and readings likewise."""
+    shown = trial.outcome.windows if trial.number < windows else None
+    read = trial.outcome.readings if trial.number < readings else None
+    return replace(trial, outcome=replace(trial.outcome, windows=shown, readings=read))

@@ -118,7 +118,7 @@ def test_dinoip_stands_by_the_last_step_before_the_fall(studied: Path) -> None:
 
 def test_noisy_study_shows_the_mean_of_equal_trials(tmp_path: Path) -> None:
     """Everywhere: the best trial of a noisy plant is only the luckiest."""
-    store, problem = new_study(tmp_path, "noisy-three-link")
+    store, problem = new_study(tmp_path, "noisy-three-link", sampler="cmaes")
     factors = [np.full(6, factor) for factor in (1.0, 1.2, 1.1, 1.5)]
     append(store, "noisy-three-link", problem, factors, (np.array([-3.0, 0.5, 0.0, 5.0]) * problem.resolution).tolist())
     for who, shown in shown_by_everyone(store, "noisy-three-link").items():

@@ -1,0 +1,158 @@
+"""The output-error sampler on plants whose sensors, pushes and torques are not exact."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pandas.testing import assert_frame_equal
+
+from benchmarks.chains import random_chain
+from metaid import results
+from metaid.episode import SensorReadings
+from metaid.plant.faults import FaultSettings
+from metaid.plant.settings import PlantSettings
+from metaid.store.database import Store
+from metaid.study.create import create_study
+from metaid.study.problem import Problem
+from metaid.study.run import run_study
+from metaid.study.settings import EpisodeSettings, EstimateSettings, StudySettings, StudySpec
+
+NOISE = {"angle_noise": 1e-3, "speed_sensor": False}
+
+
+def spec_of(
+    nlink: int, seed: int, faults: dict[str, Any], trials: int = 2, link: dict[str, Any] | None = None, **more: Any
+) -> StudySpec:
+    """A study of a random chain whose nominal model is wrong by up to 30 %; its links have something more hidden."""
+    true, nominal = random_chain(nlink, seed)
+    episode = {"measure": "smoothed", **more.pop("episode", {})}
+    study = StudySettings(
+        plant="chain", nominal="chain", sampler="output-error", trials=trials, episode=EpisodeSettings(**episode)
+    ).model_copy(update=more)
+    links = tuple(each.model_copy(update=link or {}) for each in true)
+    plant = PlantSettings(links=links, faults=FaultSettings(**faults))
+    return StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study)
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    """An empty study DB."""
+    return Store(str(tmp_path / "metaid.db"), create=True)
+
+
+def shown(store: Store, spec: StudySpec) -> dict[str, Any]:
+    """What a study shows that has been run."""
+    create_study(store, spec)
+    run_study(store, spec.name)
+    return results.summary(store, spec.name)
+
+
+@pytest.mark.parametrize(
+    ("nlink", "faults"),
+    [
+        (2, NOISE),
+        (3, {**NOISE, "push_noise": 0.02}),
+        (5, NOISE),
+        (3, {"angle_noise": 1e-3, "speed_noise": 0.03}),
+        (3, {"encoder_step": 3e-3, "speed_sensor": False}),
+        (3, {**NOISE, "control_every": 3, "delay": 2}),
+    ],
+)
+def test_all_lumps_are_found_within_their_intervals_by_two_noisy_trials(
+    nlink: int, faults: dict[str, Any], store: Store
+) -> None:
+    """Within a percent and four deviations each, inertia lumps too, with residuals of the size of the noise."""
+    found = shown(store, spec_of(nlink, 1, faults))
+    assert found["source"] == "estimate"
+    assert 0.8 < found["misfit"] < 1.2
+    assert found["max_error"] < 0.01
+    for lump in found["lumps"]:
+        assert lump["low"] <= lump["identified"] <= lump["high"]
+        assert abs(lump["identified"] - lump["true"]) < 4.0 * lump["sd"]
+
+
+def test_law_that_looks_ahead_is_known_too(store: Store) -> None:
+    """What was commanded follows from the readings and the lead."""
+    found = shown(store, spec_of(3, 2, {**NOISE, "delay": 4}, episode={"lead": 0.009}))
+    assert 0.8 < found["misfit"] < 1.2
+    assert found["max_error"] < 0.01
+
+
+@pytest.mark.parametrize(
+    ("faults", "link", "more"),
+    [
+        ({}, {"damping": 0.02}, {}),
+        ({}, {"stiffness": 0.2}, {}),
+        ({"torque_limit": 2.5}, {}, {}),
+        ({"tilt": 0.03}, {}, {}),
+    ],
+)
+def test_misfit_tells_what_the_twin_does_not_know(
+    faults: dict[str, Any], link: dict[str, Any], more: dict[str, Any], store: Store
+) -> None:
+    """Hidden friction, a spring, drives that are too weak, a tilted base: then there is no number to show."""
+    found = shown(store, spec_of(3, 3, {**NOISE, **faults}, link=link, **more))
+    assert found["misfit"] > 4.0
+    assert all(lump["identified"] is lump["sd"] is None for lump in found["lumps"])
+
+
+def test_lengths_that_are_wrong_by_two_percent_show_in_the_misfit(store: Store) -> None:
+    """Where they are taken as exact."""
+    spec = spec_of(3, 4, NOISE, estimate=EstimateSettings(lengths="exact"))
+    assert 0.8 < shown(store, spec)["misfit"] < 1.2
+    links = [
+        link.model_copy(update={"length": link.length * wrong})
+        for link, wrong in zip(spec.nominal, (0.98, 1.02, 1.02), strict=True)
+    ]
+    wrong = spec.model_copy(update={"nominal": tuple(links), "name": "wrong"})
+    assert shown(store, wrong)["misfit"] > 2.0
+
+
+def test_table_is_the_same_for_any_workers_and_however_often_it_was_stopped(store: Store) -> None:
+    """Bit for bit, the estimate with its intervals too."""
+    spec = spec_of(3, 5, {**NOISE, "push_noise": 0.02}, trials=4)
+    for name, workers, stops in (("one", 1, (4,)), ("two", 2, (4,)), ("stopped", 3, (1, 2, 4))):
+        create_study(store, spec, name)
+        for stop in stops:
+            run_study(store, name, trials=stop, workers=workers)
+    trials = [results.trials_frame(store, name) for name in ("one", "two", "stopped")]
+    lumps = [results.lumps_frame(store, name) for name in ("one", "two", "stopped")]
+    assert len(trials[0]) == 4
+    for table in (trials, lumps):
+        assert_frame_equal(table[0], table[1], check_exact=True)
+        assert_frame_equal(table[0], table[2], check_exact=True)
+
+
+def test_trials_end_where_intervals_stop_shrinking(store: Store) -> None:
+    """The widest interval shrinks as one over the root of the trials, so a dozen or so are enough."""
+    create_study(store, spec_of(2, 6, NOISE, trials=40))
+    assert 4 < run_study(store, "chain").trials < 20
+
+
+def test_size_of_the_noise_is_not_read_from_the_plant_file(store: Store) -> None:
+    """It is that of the plant at rest, to a percent."""
+    experiment = Problem(spec_of(2, 7, NOISE)).experiment()
+    noise = experiment.noise  # type: ignore[union-attr]
+    assert noise == pytest.approx(np.full(2, 1e-3), rel=0.01)
+    assert (noise != 1e-3).all()
+
+
+@pytest.mark.parametrize("faults", [NOISE, {"angle_noise": 1e-3, "speed_noise": 0.03}])
+def test_compiled_and_stepwise_loops_keep_the_same_readings(faults: dict[str, Any]) -> None:
+    """Of the same noise; speeds are kept where a sensor reads them."""
+    from metaid.episode import run_stepwise
+
+    objective = Problem(spec_of(2, 8, faults)).make_objective()
+    lumps = objective.nominal
+    compiled = objective.record(np.ones(3)).readings
+    stepwise = run_stepwise(objective._loop.plant, lumps, objective._loop.episode)[0].readings
+    assert isinstance(compiled, SensorReadings)
+    assert isinstance(stepwise, SensorReadings)
+    assert compiled.counts.tolist() == stepwise.counts.tolist()
+    assert np.allclose(compiled.angles, stepwise.angles, atol=1e-9)
+    assert (compiled.speeds is None) == (stepwise.speeds is None) == (not faults.get("speed_sensor", True))
+    if compiled.speeds is not None and stepwise.speeds is not None:
+        assert np.allclose(compiled.speeds, stepwise.speeds, atol=1e-9)
