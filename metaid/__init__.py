@@ -14,7 +14,19 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from metaid.api import evaluate, load_findings, lumps, parameters, perturb, run, studies, summary, trials, validate
+    from metaid.api import (
+        estimate,
+        evaluate,
+        load_findings,
+        lumps,
+        parameters,
+        perturb,
+        run,
+        studies,
+        summary,
+        trials,
+        validate,
+    )
     from metaid.episode import Outcome
     from metaid.errors import EpisodeError, MetaidError, PlantError, RenderError, StorageError, StudyError
     from metaid.plant import Plant, load_plant
@@ -25,6 +37,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "metaid.api": (
+        "estimate",
         "evaluate",
         "load_findings",
         "lumps",
@@ -53,6 +66,7 @@ __all__ = [
     "RenderError",
     "StorageError",
     "StudyError",
+    "estimate",
     "evaluate",
     "figures",
     "load_findings",

@@ -11,13 +11,12 @@ from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pandas as pd
 
 from metaid import results
 from metaid.episode import Episode, Outcome, tip_push
 from metaid.errors import EpisodeError, StorageError, StudyError
-from metaid.models import Array, Lumps, factors_from_names
+from metaid.models import Array, Lumps, factors_from_names, kind_of
 from metaid.plant import MujocoPlant, load_plant
 from metaid.results import (
     PUSHES,
@@ -170,11 +169,20 @@ def trials(name: str, storage: str | None = None) -> pd.DataFrame:
 
 
 def lumps(name: str, storage: str | None = None) -> pd.DataFrame:
-    """The lumps of a study: nominal, factor, identified, range at the minimum, and truth and error where the plant
-    knows them.
+    """The lumps of a study: nominal, factor, identified, range at the minimum or 95 % interval, and truth and error
+    where the plant knows them.
     """
     with closing(Store(storage or default_storage())) as store:
         return results.lumps_frame(store, name)
+
+
+def estimate(name: str, storage: str | None = None) -> pd.DataFrame:
+    """The lumps that all trials of a study together say, whichever sampler proposed them: columns as `lumps` has them,
+    `low` to `high` being the 95 % interval; NaN where the model does not explain what was seen.  Raises StorageError,
+    and StudyError where no estimate can be made.
+    """
+    with closing(Store(storage or default_storage())) as store:
+        return results.estimate_frame(store, name)
 
 
 def parameters(name: str, storage: str | None = None) -> pd.DataFrame:
@@ -214,13 +222,16 @@ def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: 
     """
     with closing(Store(storage or default_storage())) as store:
         snapshot = read_snapshot(store, name)
-    found, problem = lumps_table(snapshot), snapshot.first
-    factors = np.where(found["determined"], found["factor"], 1.0)
-    if np.isnan(factors).any():
-        raise StudyError(f"study '{name}' has no survivor yet, so there is nothing to validate: run it first")
-    nlump = len(problem.names)
-    inertia = None if problem.is_only else (factors * found["nominal"]).to_numpy()[nlump:]
-    return validate_factors(problem, factors[:nlump], pushes, seed, inertia)
+    found, problem = lumps_table(snapshot).set_index("name"), snapshot.first
+    factors = found["factor"].where(found["determined"], 1.0)
+    if factors.isna().any() or not found["determined"].any():
+        why = "no survivor yet, so there is nothing to validate: run it first"
+        if problem.stands_by_estimate and snapshot.trials:
+            why = "no lump that its trials determine, so there is nothing to validate: see metaid study show"
+        raise StudyError(f"study '{name}' has {why}")
+    inertia = factors[[lump for lump in found.index if kind_of(lump) == "inertia"]]
+    values = (inertia * found["nominal"][inertia.index]).to_numpy() if len(inertia) else None
+    return validate_factors(problem, factors[problem.names].to_numpy(), pushes, seed, values)
 
 
 def load_findings(name: str, storage: str | None = None) -> Findings:

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from metaid.errors import printable
 from metaid.models import Array, lump_unit
+from metaid.search import SAMPLERS
 from metaid.store import Store
 from metaid.study import Problem, stored_spec
 from metaid.study import Progress as RunProgress
@@ -84,7 +85,8 @@ class Live:
         if progress.best is not None:
             parts.append(f"best {progress.best.outcome.value:.2g} {self._problem.measure.unit}")
         if progress.spread is not None:
-            parts.append(f"step size {progress.spread:.2g}")
+            name = SAMPLERS[self._problem.spec.study.sampler].spread_name
+            parts.append(f"{name} {progress.spread:.2g}")
         if progress.best is not None and self._true_factors is not None:
             factors = self._problem.lump_factors(progress.best.factors)
             errors = np.abs(factors / self._true_factors - 1.0)[self._determined]

@@ -11,7 +11,14 @@ from metaid.results.findings import Findings, read_findings
 from metaid.results.overview import summary
 from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.results.sweeps import Plane, Sweep, plane, sweep
-from metaid.results.tables import lumps_frame, lumps_table, parameters_frame, studies_frame, trials_frame
+from metaid.results.tables import (
+    estimate_frame,
+    lumps_frame,
+    lumps_table,
+    parameters_frame,
+    studies_frame,
+    trials_frame,
+)
 from metaid.results.validation import PUSHES, Validation, validate_factors
 
 __all__ = [
@@ -27,6 +34,7 @@ __all__ = [
     "describe_bodies",
     "describe_known_from",
     "describe_misfit",
+    "estimate_frame",
     "identified_factors",
     "lumps_frame",
     "lumps_table",

@@ -12,7 +12,7 @@ from metaid.errors import StudyError
 from metaid.models import lump_unit
 from metaid.results.best import best_trial, identified_factors
 from metaid.results.body_tables import parameters_table
-from metaid.results.estimates import estimate_table
+from metaid.results.estimates import estimate_table, why_no_estimate
 from metaid.results.snapshot import STATES, Snapshot, Stage, read_snapshot, trials_by_stage
 from metaid.store import Store, Trial
 from metaid.study import Problem, identifiability
@@ -33,6 +33,17 @@ def lumps_frame(store: Store, name: str) -> pd.DataFrame:
     the range over the trials that cannot be told from it.
     """
     return lumps_table(read_snapshot(store, name))
+
+
+def estimate_frame(store: Store, name: str) -> pd.DataFrame:
+    """One row a lump of the estimate from all trials of a study, whichever sampler proposed them, as `lumps_frame` has
+    them; NaN where the model does not explain what was seen.  Raises StudyError where no estimate can be made.
+    """
+    snapshot = read_snapshot(store, name)
+    if snapshot.estimate is None:
+        why = why_no_estimate(snapshot.first, snapshot.stages[0].trials)
+        raise StudyError(f"study '{name}' has no estimate: {why}")
+    return estimate_table(snapshot.first, snapshot.estimate)
 
 
 def parameters_frame(store: Store, name: str) -> pd.DataFrame:

@@ -31,12 +31,14 @@ class Sampler:
     know of the study, None where none can be made.
 
     More trials than `advised_trials` are advised against: each takes longer than the one before. With `by_estimate` a
-    study stands by the estimate from all its trials, and not by its best trial.
+    study stands by the estimate from all its trials, and not by its best trial. `spread_name` is what the searcher's
+    `spread` is.
     """
 
     make: Callable[[Coordinates, int, SamplerOptions, Experiment | None], Searcher]
     advised_trials: int | None = None
     by_estimate: bool = False
+    spread_name: str = "step size"
 
 
 def _tpe(seed: int) -> optuna.samplers.BaseSampler:
@@ -59,7 +61,7 @@ SAMPLERS = {
     "optuna-cmaes": Sampler(
         lambda coordinates, seed, options, _: OptunaSampler(coordinates, _optuna_cmaes, seed, options)
     ),
-    "output-error": Sampler(OutputError, by_estimate=True),
+    "output-error": Sampler(OutputError, by_estimate=True, spread_name="largest deviation"),
     "dinoip": Sampler(lambda coordinates, seed, options, _: Dinoip(coordinates, options)),
 }
 

@@ -65,6 +65,18 @@ def test_elsewhere_plain_lines_at_intervals(metaid: Metaid, monkeypatch: pytest.
     assert written.getvalue().splitlines() == lines
 
 
+def test_output_error_shows_the_largest_deviation_of_a_lump(metaid: Metaid, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes no steps: its spread is that of the estimate, and the word says so."""
+    metaid("study", "create", "three-link", "--set", "sampler=output-error")
+    monkeypatch.setattr(live, "INTERVAL", 0.0)
+    store, written = Store("metaid.db"), io.StringIO()
+    with live.Live(store, "three-link", False, Console(file=written, markup=False, highlight=False)) as shown:
+        run_study(store, "three-link", watch=shown.update)
+    store.close()
+    assert ", largest deviation " in written.getvalue().splitlines()[-1]
+    assert "step size" not in written.getvalue()
+
+
 def test_quiet_shows_nothing_while_it_runs(metaid: Metaid) -> None:
     """Not a word on stderr."""
     metaid("study", "create", "three-link")

@@ -6,16 +6,20 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import Finished
+from pandas.testing import assert_frame_equal
 
 import metaid as package
+from metaid.errors import StudyError
 from metaid.results.overview import summarized
 from metaid.results.snapshot import read_snapshot
 from metaid.results.tables import lumps_table, studies_frame
+from metaid.results.validation import validate_factors
 from metaid.store.database import Store
 from metaid.study.create import create_study
-from metaid.study.problem import load_study
+from metaid.study.problem import Problem, load_study
 from metaid.study.run import run_study
 
 Metaid = Callable[..., Finished]
@@ -108,12 +112,17 @@ def test_study_without_an_estimate_says_why_in_one_line(metaid: Metaid, why: str
     shown = package.summary("without")
     assert shown["estimate"] is shown["misfit"] is None
     assert shown["why_no_estimate"] == why
+    with pytest.raises(StudyError, match="study 'without' has no estimate: ") as refused:
+        package.estimate("without")
+    assert str(refused.value).endswith(why)
 
 
 def test_study_without_a_trial_says_nothing_of_an_estimate(metaid: Metaid) -> None:
     """There is nothing to be missed yet."""
     metaid("study", "create", "three-link")
     assert "stimate" not in metaid("study", "show", "three-link").out
+    with pytest.raises(StudyError, match="no trial yet: run it first"):
+        package.estimate("three-link")
 
 
 def test_list_of_studies_makes_no_estimate_that_no_study_stands_by(estimated: Path) -> None:
@@ -127,3 +136,39 @@ def test_list_of_studies_makes_no_estimate_that_no_study_stands_by(estimated: Pa
     assert listed["searched"] == shown["max_error"]
     assert listed["matched"] < 1e-9
     assert listed.isna()["hidden"]
+
+
+def test_frame_of_an_estimate_is_that_of_lumps_whichever_sampler(estimated: Path) -> None:
+    """The same columns; the same table where the study stands by its estimate; NaN where nothing was found."""
+    lumps = {name: package.lumps(name, str(estimated)) for name in ("matched", "searched")}
+    matched, searched, hidden = (
+        package.estimate(name, str(estimated)) for name in ("matched", "searched", "hidden-searched")
+    )
+    assert_frame_equal(matched, lumps["matched"], check_exact=True)
+    assert list(searched) == list(lumps["searched"]) == list(hidden)
+    assert searched["identified"].to_numpy() == pytest.approx(matched["identified"].to_numpy(), rel=1e-9)
+    assert (searched["low"] <= searched["identified"]).all()
+    assert (searched["identified"] <= searched["high"]).all()
+    assert hidden[["factor", "identified", "sd", "low", "high", "error"]].isna().all(axis=None)
+
+
+def test_validation_is_of_the_estimate_with_its_inertia_lumps(metaid: Metaid) -> None:
+    """Each lump by its name: behind those of inertia come those of friction."""
+    spec = load_study("full-three-link", {"sampler": "output-error", "trials": 4})
+    spec = spec.model_copy(update={"study": spec.study.model_copy(update={"inertia": None})})
+    store = Store("metaid.db", create=True)
+    create_study(store, spec, "rubbing")
+    run_study(store, "rubbing")
+    store.close()
+    problem, lumps = Problem(spec), package.lumps("rubbing").set_index("name")
+    factors, inertia = lumps["factor"][problem.names].to_numpy(), lumps["identified"][INERTIA].to_numpy()
+    assert np.abs(lumps["error"]).max() < 1e-6
+    assert (
+        package.validate("rubbing", pushes=1).summary() == validate_factors(problem, factors, 1, 0, inertia).summary()
+    )
+
+
+def test_validation_of_lumps_that_were_not_found_is_refused(estimated: Path) -> None:
+    """The nominal lumps are not passed off as identified ones."""
+    with pytest.raises(StudyError, match="no lump that its trials determine"):
+        package.validate("hidden", str(estimated), pushes=1)
