@@ -124,8 +124,8 @@ def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
             }
         )
         return
-    shown = [[n, f"{r:.2%}" if math.isfinite(r) else "–", "yes" if d else "NO"] for n, r, d in rows]
-    title = f"{spec.name}: what {spec.study.episode.measure} with these pushes can determine"
+    shown = [[n, _share(r) if math.isfinite(r) else "–", "yes" if d else "NO"] for n, r, d in rows]
+    title = f"{spec.name}: what {_judge(spec)} with these pushes can determine"
     print_table(title, ["lump", "to within", "determined"], shown, words=["determined"])
     for combination in combinations:
         terms = sorted(combination.items(), key=lambda term: -abs(term[1]))[:4]
@@ -135,13 +135,24 @@ def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
         )
 
 
+def _share(value: float) -> str:
+    return f"{value:.2%}" if value >= 5e-5 else "under 0.01%"
+
+
+def _judge(spec: StudySpec) -> str:
+    """What determines the lumps of a study: its measure, or the estimate where it stands by that."""
+    from metaid.study import Problem
+
+    return "the estimate" if Problem(spec).stands_by_estimate else spec.study.episode.measure
+
+
 def _undetermined(spec: StudySpec) -> str | None:
     from metaid.study import Problem, identifiability
 
     names = [name for problem in Problem(spec).stages() for name in identifiability(problem).undetermined_names]
     if not names:
         return None
-    what = f"{spec.study.episode.measure} with these pushes cannot determine {', '.join(names)}"
+    what = f"{_judge(spec)} with these pushes cannot determine {', '.join(names)}"
     return f"warning: {what} (see metaid study check)"
 
 

@@ -4,7 +4,7 @@ from elsewhere where it ends in a wrong minimum.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -64,6 +64,14 @@ class Estimate:
     def deviations(self) -> Array:
         """Standard deviation of each log factor (nunknown)."""
         return np.sqrt(np.diag(self.covariance))
+
+    def deviations_of(self, names: Sequence[str]) -> Array:
+        """The standard deviation of each of these lumps (nlump), as a share of it.
+
+        With exact lengths a_ij = l_i μ_j is as well known as μ_j.
+        """
+        known = dict(zip(self.names, self.deviations.tolist(), strict=True))
+        return np.array([known.get(name, known.get(f"gravity_{name.rpartition('_')[2]}", np.nan)) for name in names])
 
     def interval(self, deviations: float = 1.96) -> tuple[Array, Array]:
         """Least and largest factor (nunknown) within so many standard `deviations`: 95 % of them by default.

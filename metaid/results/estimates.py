@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from metaid.models import Array, kind_of, lump_names, lump_unit
+from metaid.models import lump_names, lump_unit
 from metaid.store import Trial
 from metaid.study import COARSEST, MOST_TRIALS, Problem
 
@@ -116,7 +116,7 @@ def estimate_table(problem: Problem, found: StudyEstimate | None) -> pd.DataFram
     factor, deviation = nothing, nothing
     if found is not None and found.explains:
         factor = found.estimate.lumps.vector_of(kinds) / nominal
-        deviation = _deviations(names, found.estimate)
+        deviation = found.estimate.deviations_of(names)
     truth = problem.open_plant().true_lumps()  # the truth meets the result in reports alone
     true = nothing if truth is None else truth.vector_of(kinds, np.nan)
     determined = deviation <= COARSEST
@@ -137,12 +137,3 @@ def estimate_table(problem: Problem, found: StudyEstimate | None) -> pd.DataFram
         "determined": determined,
     }
     return pd.DataFrame(columns)
-
-
-def _deviations(names: list[str], estimate: Estimate) -> Array:
-    """The standard deviation of each lump, as a share of it. With exact lengths a_ij is as well known as μ_j."""
-    known = dict(zip(estimate.names, estimate.deviations.tolist(), strict=True))
-    own = [
-        name if name in known or kind_of(name) != "coriolis" else f"gravity_{name.rpartition('_')[2]}" for name in names
-    ]
-    return np.array([known[name] for name in own])

@@ -2,20 +2,27 @@
 
 The nominal model is taken for the truth. The question is which other factors the study's measure cannot tell from it.
 For `spectral` and `smoothed` the sensitivity H answers for all lumps together (Eqs. 11 and 14). `count` and `crossing`
-have no such form. For them one factor at a time is moved away from 1, until the measure notices or a bound is met.
+have no such form. For them one factor at a time is moved away from 1, until the measure notices or a bound is met. A
+study that stands by its estimate is tried on the nominal model, and the covariance of the estimate answers.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from metaid.models import Array
+from metaid.models import Array, lump_names
 from metaid.study.problem import Problem
+
+if TYPE_CHECKING:
+    from metaid.compiled import Objective
 
 COARSEST = 0.1  # a lump that is not known better than to a tenth is not determined: its nominal value is as good
 NEGLIGIBLE = 0.02  # weight of a lump in a combination, of 1
+OVER_COMPENSATED = 1.5  # factor of the gravity lumps in the first of the two trials of an estimate
+DEVIATIONS = 1.96  # half a 95 % interval
 HALVINGS = 11  # of the interval in which a factor stops being noticed
 
 
@@ -44,6 +51,8 @@ class Identifiability:
 
 def identifiability(problem: Problem) -> Identifiability:
     """What the measure and the pushes of a study can determine, if its nominal model were the truth."""
+    if problem.stands_by_estimate:
+        return _from_estimate(problem)
     if problem.measure.sees_coriolis:
         return _from_sensitivity(problem)
     return Identifiability(tuple(problem.names), _one_by_one(problem))
@@ -65,15 +74,37 @@ def _from_sensitivity(problem: Problem) -> Identifiability:
     return Identifiability(tuple(problem.names), np.sqrt((along**2).sum(axis=1)), combinations)
 
 
+def _from_estimate(problem: Problem) -> Identifiability:
+    """Half the 95 % interval of each lump by the estimate from two trials on the nominal model: one that
+    over-compensates and one at the truth.
+    """
+    experiment, objective = problem.experiment(), _nominal_objective(problem)
+    assert experiment is not None
+    exact = np.ones(len(problem.names))
+    over_compensating = exact.copy()
+    over_compensating[: problem.nominal.nlink] = OVER_COMPENSATED
+    laws = over_compensating, exact
+    trials = [experiment.trial(factors, objective.evaluate(factors)) for factors in laws]
+    estimate = experiment.estimate([trial for trial in trials if trial is not None])
+    names = lump_names(problem.nominal.nlink, problem.estimated_kinds)
+    if estimate is None:
+        return Identifiability(tuple(names), np.full(len(names), np.inf))
+    return Identifiability(tuple(names), DEVIATIONS * estimate.deviations_of(names))
+
+
+def _nominal_objective(problem: Problem) -> Objective:
+    """What the study would evaluate its candidates with if its nominal model were the truth."""
+    from metaid.compiled import Objective  # loads MuJoCo and numba, which other measures do without
+
+    rule = problem.spec.study.episode.rule
+    return Objective(problem.nominal_plant(), problem.lumps, problem.episode, problem.measure.name, rule=rule)
+
+
 def _one_by_one(problem: Problem) -> Array:
     """The largest change (nlump) of each factor alone, within its bounds, that the measure does not tell from none; inf
     where it does not notice a bound.
     """
-    from metaid.compiled import Objective  # loads MuJoCo and numba, which other measures do without
-
-    rule = problem.spec.study.episode.rule
-    nominal = problem.nominal_plant()
-    objective = Objective(nominal, problem.lumps, problem.episode, problem.measure.name, rule=rule)
+    objective = _nominal_objective(problem)
     exact = np.ones(len(problem.names))
     unnoticed = objective.evaluate(exact).value + problem.resolution
 

@@ -109,3 +109,26 @@ def test_report_gives_no_number_for_what_the_pushes_cannot_tell(tmp_path: Path) 
     shown = {lump["name"]: lump for lump in results.summary(store, "study")["lumps"]}
     assert missed
     assert {name for name, lump in shown.items() if lump["identified"] is None} == set(missed)
+
+
+def test_estimate_is_checked_by_its_own_covariance_and_not_by_the_measure(metaid: Callable[..., Finished]) -> None:
+    """Frequencies that are minimised do not determine Coriolis lumps; matched, they determine inertia lumps too."""
+    study = load_study("three-link-oscillation")
+    found = identifiability(Problem(study))
+    assert found.names[-1] == "inertia_3"
+    assert max(found.resolution) < 1e-6
+    minimised = identifiability(Problem(load_study("three-link-oscillation", {"sampler": "cmaes"})))
+    assert minimised.undetermined_names == ["coriolis_1_2", "coriolis_1_3", "coriolis_2_3"]
+    created = metaid("study", "create", "three-link-oscillation")
+    assert created.status == 0
+    assert created.err == ""
+    checked = metaid("study", "check", "three-link-oscillation")
+    assert "the estimate with these pushes" in " ".join(checked.out.split())
+    assert "under 0.01%" in checked.out
+
+
+def test_noise_sets_what_the_estimate_promises() -> None:
+    """On a noisy plant the promise is an interval of some tenths of a percent, wider with more noise."""
+    quiet = identifiability(Problem(load_study("noisy-three-link")))
+    assert all(quiet.determined)
+    assert 1e-4 < max(quiet.resolution) < 1e-2
