@@ -61,25 +61,27 @@ def _print_lumps(title: str, lumps: list[dict[str, Any]], note: str) -> None:
 
 def _show_own_estimate(shown: dict[str, Any]) -> None:
     """What the lumps of a study that stands by its estimate are worth, below their table."""
+    from metaid.results import describe_trials
+
     if not shown["trials"]["total"]:
         return
     estimate = shown["estimate"]
     if estimate is None:
         say(f"no estimate: {shown['why_no_estimate']}")
         return
-    say(f"estimate from {_which(estimate, shown)}: {_worth(estimate)}")
+    say(f"estimate from {describe_trials(estimate, shown['trials']['total'])}: {_worth(estimate)}")
     _say_missed(estimate)
 
 
 def _show_estimate(shown: dict[str, Any]) -> None:
     """The estimate from all trials of a study that stands by its best one."""
-    from metaid.results import describe_known_from, describe_misfit
+    from metaid.results import describe_known_from, describe_misfit, describe_trials
 
     estimate = shown["estimate"]
     if estimate is None:
         say(f"no estimate from all trials: {shown['why_no_estimate']}")
         return
-    title = f"Estimate from {_which(estimate, shown)}"
+    title = f"Estimate from {describe_trials(estimate, shown['trials']['total'])}"
     if not estimate["explains"]:
         say(f"{title}: {describe_misfit(estimate)}")
         return
@@ -87,14 +89,6 @@ def _show_estimate(shown: dict[str, Any]) -> None:
         title, estimate["lumps"], f"{_worth(estimate)}; {describe_known_from(estimate, shown['trials']['total'])}"
     )
     _say_missed(estimate)
-
-
-def _which(estimate: dict[str, Any], shown: dict[str, Any]) -> str:
-    """The trials that an estimate is of."""
-    count, total = estimate["trials"], shown["trials"]["total"]
-    if count == 1:
-        return "the first trial" if total > 1 else "one trial"
-    return f"all {count} trials" if count == total else f"the first {count} trials"
 
 
 def _worth(estimate: dict[str, Any]) -> str:

@@ -98,6 +98,14 @@ def describe_misfit(shown: dict[str, Any]) -> str:
     return f"NOT FOUND: the model does not explain what was seen: {found}"
 
 
+def describe_trials(shown: dict[str, Any], total: int) -> str:
+    """Which of the `total` trials of a study the estimate in its `summary` is made of."""
+    count = shown["trials"]
+    if count == 1:
+        return "the first trial" if total > 1 else "one trial"
+    return f"all {count} trials" if count == total else f"the first {count} trials"
+
+
 def describe_known_from(shown: dict[str, Any], total: int) -> str:
     """How early the estimate in a `summary` was there, of `total` trials of the study."""
     known, first = shown["known_from"], min(FIRST_TRIALS, shown["trials"])

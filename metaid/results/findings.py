@@ -11,6 +11,7 @@ import pandas as pd
 from metaid.errors import StorageError, unknown
 from metaid.models import Array
 from metaid.results.best import best_index, best_rows
+from metaid.results.estimates import StudyEstimate
 from metaid.results.overview import summarized
 from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.results.tables import lumps_table, trials_table
@@ -26,7 +27,8 @@ CLOSEST = 50  # best survivors at least, for their correlation
 @dataclass(frozen=True)
 class Findings:
     """A study's settings; the `trials` and `lumps` of its first stage, as `metaid.trials` and `metaid.lumps` have them;
-    its `summary`; and the same of its `second` stage, if it has one with a survivor.
+    its `summary`; the same of its `second` stage, if it has one with a survivor; and the `estimate` from all trials of
+    its first stage, if there is one.
     """
 
     name: str
@@ -36,6 +38,7 @@ class Findings:
     summary: dict[str, Any]
     problem: Problem
     second: Findings | None = None
+    estimate: StudyEstimate | None = None
 
     @property
     def names(self) -> list[str]:
@@ -147,4 +150,5 @@ def findings_of(snapshot: Snapshot) -> Findings:
         return Findings(snapshot.name, snapshot.spec, own, rows, shown, problem, second)
 
     first, *later = (of(stage.problem) for stage in snapshot.stages)
-    return replace(first, second=next((second for second in later if not second.survivors.empty), None))
+    second = next((second for second in later if not second.survivors.empty), None)
+    return replace(first, second=second, estimate=snapshot.estimate)

@@ -18,7 +18,7 @@ import optuna
 import pandas as pd
 
 from metaid.errors import MetaidError, optional_packages
-from metaid.results import Findings, read_findings
+from metaid.results import Findings, describe_known_from, describe_misfit, describe_trials, read_findings
 from metaid.show.companions import MOST_TRIALS_SHOWN, companion_name, write_companion
 from metaid.show.figures import FALL, RANGE, SURVIVOR
 from metaid.show.loopback import loopback_only
@@ -120,12 +120,33 @@ they survived to, and their value ranks them behind every survivor.
 
 {companion}
 
-| lump | nominal | identified | low | high | true | error | unit |
-| --- | ---: | ---: | ---: | ---: | ---: | ---: | --- |
-{chr(10).join(_row(lump) for lump in shown["lumps"])}
+{_table(shown["lumps"])}
+
+{_estimate(shown)}
 
 {SIGNED}
 """
+
+
+def _estimate(shown: dict[str, Any]) -> str:
+    """What all trials say together, below the lumps that a study stands by."""
+    estimate, total = shown["estimate"], shown["trials"]["total"]
+    if estimate is None:
+        return f"No estimate: {_escaped(shown['why_no_estimate'])}."
+    text = f"Estimate from {describe_trials(estimate, total)}: {describe_misfit(estimate)}."
+    if not estimate["explains"]:
+        return f"**{text}**"
+    text += " Its low and high are the 95 % interval."
+    if shown["source"] == "estimate":
+        return text
+    return f"{text} Here {describe_known_from(estimate, total)}.\n\n{_table(estimate['lumps'])}"
+
+
+def _table(lumps: list[dict[str, Any]]) -> str:
+    """A table of lumps in Markdown."""
+    return f"""| lump | nominal | identified | low | high | true | error | unit |
+| --- | ---: | ---: | ---: | ---: | ---: | ---: | --- |
+{chr(10).join(_row(lump) for lump in lumps)}"""
 
 
 def _row(lump: dict[str, Any]) -> str:
@@ -180,7 +201,7 @@ def _lumps(found: Findings) -> Graph:
     ranges = {
         "type": "scatter",
         "mode": "markers",
-        "name": "identified, with its range",
+        "name": f"identified, with its {'95 % interval' if found.problem.stands_by_estimate else 'range'}",
         "x": lumps["name"].tolist(),
         "y": five_digits(factor),
         "marker": {"color": SURVIVOR, "size": 9},

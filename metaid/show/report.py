@@ -21,7 +21,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 import metaid
-from metaid.results import Findings, describe_bodies
+from metaid.results import Findings, describe_bodies, describe_known_from, describe_misfit, describe_trials
 from metaid.show.figures import INK, Gallery, plant_figure, style
 
 VERSIONS_OF = ("mujoco-core", "numba", "numpy", "cmaes", "optuna", "matplotlib")
@@ -72,6 +72,7 @@ def render(found: Findings) -> str:
         figures=shown,
         stages=[{"found": stage, "falls": falls(stage), "cost": cost(stage)} for stage in found.stages],
         unidentified=unidentified(found),
+        estimate=estimate_texts(found),
         describe_bodies=describe_bodies(found.summary) if "parameters" in found.summary else None,
         versions={"metaid": metaid.__version__, "Python": platform.python_version(), **_versions()},
         files=files(found),
@@ -91,6 +92,15 @@ def inline_svg(figure: Figure, prefix: str) -> Markup:
     svg = re.sub(r'(url\(#|href="#)', rf"\g<1>{prefix}", svg)
     # Its own output: no part of it but numbers and the study's checked names, which matplotlib has escaped.
     return Markup(svg.replace(INK, "currentColor"))
+
+
+def estimate_texts(found: Findings) -> dict[str, str | None]:
+    """What the estimate from all trials is worth, how early it was there, or why there is none."""
+    shown, total = found.summary["estimate"], found.summary["trials"]["total"]
+    if shown is None:
+        return {"worth": f"No estimate: {found.summary['why_no_estimate']}.", "known": None}
+    known = describe_known_from(shown, total).capitalize() + "." if shown["explains"] else None
+    return {"worth": f"Estimate from {describe_trials(shown, total)}: {describe_misfit(shown)}.", "known": known}
 
 
 def falls(found: Findings) -> dict[str, Any]:
@@ -125,16 +135,25 @@ def cost(found: Findings) -> dict[str, Any]:
 def unidentified(found: Findings) -> list[dict[str, Any]]:
     """Lumps that this study does not determine, or determines only roughly, each with the reason."""
     rows = []
+    by_estimate = found.problem.stands_by_estimate
     for lump in found.summary["lumps"]:
         why = None
-        if not lump["determined"]:
+        if not lump["determined"] and by_estimate:
+            explained = found.estimate is not None and found.estimate.explains
+            why = (
+                "these trials do not know it better than to a tenth"
+                if explained
+                else "not found: the model does not explain what was seen"
+            )
+        elif not lump["determined"]:
             why = (
                 f"{found.problem.measure.name} with these pushes hardly responds to it; spectral with rich pushes does"
             )
         elif lump["identified"] is None:
             why = "its stage has no survivor yet"
         elif (width := (lump["high"] - lump["low"]) / lump["identified"]) > WIDEST:
-            why = f"trials as good as the best differ by {width:.1%} of its value"
+            what = "its 95 % interval is" if by_estimate else "trials as good as the best differ by"
+            why = f"{what} {width:.1%} of its value"
         if why is not None:
             rows.append({"name": lump["name"], "why": why})
     return rows

@@ -55,7 +55,9 @@ class Gallery:
         more episodes are left out.
         """
         simulated = self.found.problem.is_simulated
-        makers = [self._convergence, self._factors, self._ranges, *([self._frequency] if simulated else [])]
+        identified = self.found.lumps["identified"].notna().any()
+        makers = [self._convergence, self._factors, *([self._ranges] if identified else [])]
+        makers += [self._frequency] if simulated else []
         if len(self.found.names) > 1:
             makers += [self._boundary, self._parallel, self._correlation]
         for make in [*makers, *([self._episode] if simulated else [])]:
@@ -128,6 +130,8 @@ class Gallery:
         figure = Figure(figsize=(width, 1.2 + 0.2 * len(self.found.names)), layout="constrained")
         plot_ranges(self.found, figure.subplots())
         caption = "Each lump's range over the trials that the measure cannot tell from the best one."
+        if self.found.problem.stands_by_estimate:
+            caption = "Each lump's 95 % interval by the estimate from all trials."
         return Picture("ranges", caption, figure)
 
     def _boundary(self, width: float) -> Picture:

@@ -12,9 +12,12 @@ READABLE = 8  # lumps up to which a correlation is written in its cell
 
 
 def plot_ranges(found: Findings, axes: Axes | None = None) -> Axes:
-    """Each lump's range over the trials as good as the best, and its true value, in % of the identified one."""
+    """Each lump's range over the trials as good as the best, or its 95 % interval, and its true value, in % of the
+    identified one.
+    """
     axes = new_axes(axes)
     _ = found.best_factors  # refuses a study without survivors
+    by_estimate = found.problem.stands_by_estimate
     lumps, places = found.lumps, np.arange(len(found.lumps))
     low, high, true = (100.0 * (lumps[key] / lumps["identified"] - 1.0) for key in ("low", "high", "true"))
     axes.barh(
@@ -23,7 +26,7 @@ def plot_ranges(found: Findings, axes: Axes | None = None) -> Axes:
         left=low,
         height=0.5,
         color=RANGE,
-        label=f"{len(found.equals)} indistinguishable trials",
+        label="95 % interval" if by_estimate else f"{len(found.equals)} indistinguishable trials",
     )
     axes.plot(np.zeros(len(places)), places, "|", color=SURVIVOR, markersize=9, label="identified")
     if found.true_factors is not None:

@@ -43,6 +43,9 @@ def plot_error(found: Findings, axes: Axes | None = None) -> Axes:
         return _finish(axes, "largest lump error, %")
     bests = found.bests
     errors = 100.0 * found.errors(bests)
+    if np.isnan(errors).all():
+        axes.text(0.5, 0.5, "no lump is identified", transform=axes.transAxes, ha="center")
+        return _finish(axes, "largest lump error, %")
     last = found.trials["number"].max()
     axes.step(np.append(bests["number"], last), np.append(errors, errors[-1:]), where="post", color=SURVIVOR)
     axes.axhline(1.0, color=INK, linewidth=0.7, linestyle=":", label="1 %")
