@@ -4,10 +4,9 @@
     python -m benchmarks.matching_noise --pushes-differ 0.02
     python -m benchmarks.matching_noise --hidden friction --links 3 --seeds 0 1 2 3 4 5 6 7 8 9
 
-Chains are those of benchmarks/chains.py, the plant is MuJoCo, and no length is assumed. 2N pushes a trial, of a
-study's horizon; the first trial sends the nominal law with its gravity lumps raised by `--first`, every other one the
-estimate from all trials before. `--hidden` gives the plant what the model has not: viscous friction, springs, a torque
-limit that bites; or lengths that are 2 % wrong are taken as exact.
+Each chain of benchmarks/chains.py is a study with `sampler = "output-error"` in a DB of its own. The plant is MuJoCo,
+and no length is assumed. `--hidden` gives the plant what the model has not: viscous friction, springs, a torque limit
+that bites; or lengths that are 2 % wrong are taken as exact.
 """
 
 from __future__ import annotations
@@ -15,26 +14,27 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import tempfile
 import time
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchmarks.chains import random_chain
-from metaid.compiled import FaultyLoop, fastest_step
-from metaid.episode import REACH, RICH_FALL_LIMIT, Episode, FallRule, natural_time, rich_pushes
-from metaid.estimation import Estimate, Readings, ReadTrial, Unknowns, commanded_torques, filtered_speeds, fit
-from metaid.models import Array, Lumps, kind_of
-from metaid.plant import FaultSettings, LinkSettings, MujocoPlant, PlantSettings, Start, chain_of, slope_weights
-from metaid.study import HORIZON
+from metaid.estimation import Estimate, NoisyExperiment, ReadTrial
+from metaid.models import Array, kind_of
+from metaid.plant import FaultSettings, PlantSettings
+from metaid.store import Store
+from metaid.study import EpisodeSettings, Problem, StudySettings, StudySpec, create_study, run_study
+from metaid.study.settings import EstimateSettings
 
 LINKS, KINDS = (2, 3, 5), ("gravity", "coriolis", "inertia")
 FRICTION, SPRING = 0.02, 0.2  # N m s and N m/rad in every joint
 BITES = 0.5  # of the largest torque that the first trial asks of any joint
 WRONG_LENGTHS = 0.02
-EXPLAINED = 3.0
 
 
 @dataclass(frozen=True)
@@ -60,58 +60,76 @@ class Noisy:
     pushes_differ: float = 0.0
     hidden: str | None = None
 
-    def plant(self, links: tuple[LinkSettings, ...], torque_limit: float | None = None) -> MujocoPlant:
-        """The plant of these `links`; `torque_limit` in N m."""
+    def spec(self, links: int, seed: int, trials: int, torque_limit: float | None = None) -> StudySpec:
+        """A study of a chain of so many `links`; `torque_limit` in N m."""
         changed = {"friction": {"damping": FRICTION}, "spring": {"stiffness": SPRING}}.get(self.hidden or "", {})
         faults: dict[str, Any] = {"angle_noise": self.noise, "speed_sensor": False, "push_noise": self.pushes_differ}
-        settings = PlantSettings(
-            links=tuple(link.model_copy(update=changed) for link in links),
+        true, nominal = random_chain(links, seed)
+        plant = PlantSettings(
+            links=tuple(link.model_copy(update=changed) for link in true),
             faults=FaultSettings(**faults, torque_limit=torque_limit),
         )
-        return MujocoPlant("chain", settings)
+        lengths: Any = "free"
+        if self.hidden == "lengths":
+            wrong = 1.0 + WRONG_LENGTHS * np.random.default_rng(seed).choice([-1.0, 1.0], links)
+            longer = zip(nominal, wrong.tolist(), strict=True)
+            nominal = tuple(link.model_copy(update={"length": link.length * factor}) for link, factor in longer)
+            lengths = "exact"
+        study = StudySettings(
+            plant="chain",
+            nominal="chain",
+            sampler="output-error",
+            trials=trials,
+            seed=seed,
+            episode=EpisodeSettings(measure="smoothed"),
+            estimate=EstimateSettings(lengths=lengths),
+        )
+        return StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study)
 
 
-def match(links: int, seed: int, noisy: Noisy, first: float, most: int, restarts: int) -> list[Matched]:
-    """Identifies one chain, in `most` trials."""
-    true, believed = random_chain(links, seed)
-    nominal = chain_of(believed)
-    plant = noisy.plant(true)
-    steps = round(HORIZON * natural_time(nominal, plant.gravity) / plant.timestep)
-    pushes = rich_pushes(plant, 2 * links, REACH / (steps * plant.timestep), seed)
-    episode = Episode(pushes, steps, FallRule(RICH_FALL_LIMIT), keep_angles=True, seed=seed)
-    wrong = 1.0 + WRONG_LENGTHS * np.random.default_rng(seed).choice([-1.0, 1.0], links)
-    unknowns = Unknowns(nominal.lumps, lengths=nominal.length * wrong if noisy.hidden == "lengths" else None)
-    truth = unknowns.log_factors(plant.chain.lumps)
-    law = nominal.lumps.scaled(np.append(np.full(links, first), np.ones(len(nominal.lumps.vector) - links)))
+def match(links: int, seed: int, noisy: Noisy, most: int) -> list[Matched]:
+    """Identifies one chain by a study of `most` trials, and says what it knew after each."""
+    spec = noisy.spec(links, seed, most)
     if noisy.hidden == "limit":
-        largest = float(np.abs(read_trial(plant, episode, law, noisy).torques).max())
-        plant = noisy.plant(true, BITES * largest)
+        problem, experiment = _experiment(spec)
+        first = problem.make_searcher().ask()[0]
+        trial = experiment.trial(first, problem.make_objective().evaluate(first))
+        assert trial is not None
+        spec = noisy.spec(links, seed, most, BITES * float(np.abs(trial.torques).max()))
+    problem, experiment = _experiment(spec)
+    true = problem.open_plant().true_lumps()
+    assert true is not None
     trials: list[ReadTrial] = []
     rows: list[Matched] = []
     estimate: Estimate | None = None
-    for _ in range(most):
-        trials.append(read_trial(plant, episode, law, noisy))
-        start = estimate.log_factors if estimate is not None and estimate.misfit < EXPLAINED else None
+    for tried in _tried(spec):
+        trial = experiment.trial(tried.factors, tried.outcome)
+        assert trial is not None
+        trials.append(trial)
         began = time.perf_counter()
-        estimate = fit(Readings(trials, unknowns, plant.gravity), start, restarts)
+        estimate = experiment.estimate(trials, estimate)
+        assert estimate is not None
         seconds = time.perf_counter() - began
-        rows.append(_judge(links, seed, len(trials), estimate, truth, seconds))
-        law = estimate.lumps
+        rows.append(_judge(links, seed, len(trials), estimate, experiment.unknowns.log_factors(true), seconds))
     return rows
 
 
-def read_trial(plant: MujocoPlant, episode: Episode, law: Lumps, noisy: Noisy) -> ReadTrial:
-    """What the plant's sensors read under this `law`, and what it was sent."""
-    npush, njoint = episode.pushes.shape
-    starts = np.array([plant.start_speeds(start) for start in episode.starts])
-    readings, steps = np.zeros((npush, episode.steps + 1, njoint)), np.zeros(npush, dtype=np.int64)
-    for push, angles in enumerate(FaultyLoop(plant, episode, fastest_step(plant)).run(law).angles):
-        readings[push, : len(angles)], steps[push] = angles, len(angles) - 1 - (len(angles) <= episode.steps)
-    speeds = filtered_speeds(readings, starts, slope_weights(plant.timestep))
-    torques = commanded_torques(law, readings, speeds, plant.gravity)
-    response = np.array([plant.start_speeds(Start.upright(impulse)) for impulse in np.eye(njoint)]).T
-    spread = response * (noisy.pushes_differ * episode.pushes[:, None]) if noisy.pushes_differ else None
-    return ReadTrial(plant.timestep, readings, torques, steps, starts, spread, np.full(njoint, noisy.noise))
+def _experiment(spec: StudySpec) -> tuple[Problem, NoisyExperiment]:
+    problem = Problem(spec)
+    experiment = problem.experiment()
+    assert isinstance(experiment, NoisyExperiment)
+    return problem, experiment
+
+
+def _tried(spec: StudySpec) -> list[Any]:
+    """The trials of a study that is run in a DB of its own."""
+    with tempfile.TemporaryDirectory() as folder:
+        store = Store(str(Path(folder) / "metaid.db"), create=True)
+        create_study(store, spec)
+        run_study(store, spec.name, workers=1)
+        trials = store.trials(spec.name, *spec.names)
+        store.close()
+    return list(trials)
 
 
 def _judge(links: int, seed: int, trials: int, estimate: Estimate, truth: Array, seconds: float) -> Matched:
@@ -156,9 +174,7 @@ def main() -> None:
     parser.add_argument("--noise", type=float, default=1e-3, help="of an angle reading, in rad")
     parser.add_argument("--pushes-differ", type=float, default=0.0, help="noise of an impulse, as a share of it")
     parser.add_argument("--hidden", choices=["friction", "spring", "limit", "lengths"])
-    parser.add_argument("--first", type=float, default=1.5, help="gravity factors of the first trial: 1 is the nominal")
     parser.add_argument("--most", type=int, default=4, help="trials")
-    parser.add_argument("--restarts", type=int, default=5, help="of a fit that explains too little")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
     noisy = Noisy(given.noise, given.pushes_differ, given.hidden)
@@ -166,7 +182,7 @@ def main() -> None:
     with threadpool_limits(1):
         for links in given.links:
             for seed in given.seeds:
-                rows += (runs := match(links, seed, noisy, given.first, given.most, given.restarts))
+                rows += (runs := match(links, seed, noisy, given.most))
                 misfits = ", ".join(f"{row.misfit:.2f}" for row in runs)
                 print(f"N={links} seed {seed}: misfit {misfits}", file=sys.stderr)
     print(json.dumps([asdict(row) for row in rows], indent=2) if given.json else table(rows))
