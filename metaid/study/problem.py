@@ -50,7 +50,8 @@ if TYPE_CHECKING:
 
 WINDOW_BUDGET = 4_000_000  # bytes a study, before they are made a text
 READING_BUDGET = 16_000_000  # likewise
-MOST_TRIALS = 32  # that an estimate is made of, and so that keep readings
+MOST_TRIALS = 32  # that an estimate is made of
+MOST_READ = 12  # that keep readings where the estimate only stands beside a best trial: it is to be there in seconds
 
 
 def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec:
@@ -160,10 +161,13 @@ class Problem:
 
     @property
     def trials_with_readings(self) -> int:
-        """How many trials, from the first on, keep their readings in the DB: MOST_TRIALS, if READING_BUDGET holds."""
+        """How many trials, from the first on, keep their readings in the DB: as many as an estimate is made of, and
+        READING_BUDGET holds.
+        """
         quantities = 2 if self.is_simulated and self.make_plant().settings.faults.speed_sensor else 1
         size = self.episode.pushes.size * (self.episode.readings_steps + 1) * quantities * 8
-        return min(MOST_TRIALS, READING_BUDGET // size) if self.keeps_readings else 0
+        most = MOST_TRIALS if self.stands_by_estimate else MOST_READ
+        return min(most, READING_BUDGET // size) if self.keeps_readings else 0
 
     @property
     def resolution(self) -> float:

@@ -88,3 +88,10 @@ def test_readings_end_with_the_budget_whoever_runs_the_study(tmp_path: Path, mon
             run_study(store, name, trials=stop, workers=workers)
         trials = store.trials(name, *spec.names)
         assert [trial.outcome.readings is not None for trial in trials] == [trial.number < kept for trial in trials]
+
+
+def test_trials_that_no_estimate_is_made_of_keep_no_readings() -> None:
+    """A study that stands by its estimate keeps those of more trials than one that stands by its best trial."""
+    assert Problem(load_study("noisy-three-link", {"trials": 600})).trials_with_readings == 32
+    assert Problem(load_study("noisy-three-link", {"sampler": "cmaes", "trials": 600})).trials_with_readings == 12
+    assert Problem(load_study("three-link")).trials_with_readings == 0
