@@ -79,12 +79,12 @@ def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, out
     heading = ["model", "coasting, s", "coasting, √(l/g)", "pushes that coast throughout"]
     heading += ["rms tracking error, °", "largest, °"]
     with open_store(storage) as store:
-        searched = len(stored_spec(store, name).names) > 1
+        finds_inertia = stored_spec(store, name).study.finds_inertia
     note = (
         f"Coasting is the median of {pushes} new pushes, each watched for {shown['horizon_s']:.3g} s. "
         "Tracking is by computed torque along smooth sinusoids."
     )
-    if not searched:
+    if not finds_inertia:
         note += " Inertia lumps were not searched: each has the nominal model's ratio to its gravity lump."
     print_table(f"{name}: validation on {shown['plant']}", heading, rows, note)
 

@@ -18,6 +18,10 @@ def check_settings(spec: StudySpec, nominal: Chain) -> None:
         _check_parameters(study)
     if study.sampler not in SAMPLERS:
         raise StudyError(f"sampler: {unknown('sampler', study.sampler, SAMPLERS)}")
+    if study.inertia is not None and SAMPLERS[study.sampler].by_estimate:
+        raise StudyError(
+            f"inertia: sampler '{study.sampler}' finds the inertia lumps in one stage: leave out the table [inertia]"
+        )
     if study.inertia is not None and study.episode.measure != "spectral":
         raise StudyError("inertia: a second stage needs the Coriolis lumps, so measure = 'spectral'")
     if study.episode.measure == "smoothed" and study.search.lumps != IDEAL:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from metaid.episode import QUANTITIES, Episode, Measure, Outcome, failure, get_measure, pushed_speeds
-from metaid.errors import EpisodeError, StudyError, unknown
+from metaid.errors import EpisodeError, StudyError
 from metaid.models import (
     FRICTION,
     IDEAL,
@@ -23,7 +23,6 @@ from metaid.models import (
     Lumps,
     SearchSpace,
     factor_space,
-    factors_from_names,
     refuse_impossible,
 )
 from metaid.plant import MujocoPlant, Plant, PlantSettings, SocketPlant, SocketSettings, chain_of
@@ -41,8 +40,9 @@ from metaid.search import (
 )
 from metaid.study.contradictions import check_bounds, check_rig, check_settings
 from metaid.study.experiments import noisy_experiment
+from metaid.study.factors import lump_factors, parameter_factors
 from metaid.study.pushing import make_episode, refuse_unseen_pushes, rest_noise
-from metaid.study.settings import EpisodeSettings, Factors, SearchSettings, StudySpec, read_study
+from metaid.study.settings import EpisodeSettings, StudySpec, read_study
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective
@@ -86,9 +86,13 @@ class Problem:
         self.lumps = self._nominal_lumps()
         self.names = self.lumps.names
         search = spec.study.search
-        factors = [self._factors(key, getattr(search, key)) for key in ("start", "low", "high")]
+        given = {key: getattr(search, key) for key in ("start", "low", "high")}
         self.body_space: BodySpace | None = None
-        if search.space == "parameters":
+        if search.space == "lumps":
+            nlink = self.nominal.nlink
+            factors = [lump_factors(key, value, nlink, search, self.stage) for key, value in given.items()]
+        else:
+            factors = [parameter_factors(key, value, self.spec.names[0]) for key, value in given.items()]
             self.body_space = body_space(self.nominal, *factors)
             check_bounds(self.body_space.names, self.body_space.start, self.body_space.low, self.body_space.high)
             factors = [self.lump_factors(bound) for bound in factors]
@@ -278,10 +282,7 @@ class Problem:
 
     def experiment(self) -> Experiment | None:
         """What an estimate needs to know of this stage; None where none can be made."""
-        from metaid.estimation import (
-            SilentExperiment,
-            Unknowns,
-        )  # loads numba, which most readers of a study do without
+        from metaid.estimation import SilentExperiment, Unknowns  # loads numba, which most readers do without
 
         if not self.can_be_estimated:
             return None
@@ -305,22 +306,6 @@ class Problem:
         """What the candidates' factors are of. The law of the second stage is what the first has found."""
         lumps = self.nominal.lumps_of(self.spec.study.search.lumps)
         return lumps if self.found is None else replace(lumps.scaled(self.found), searched=("inertia",))
-
-    def _factors(self, key: str, given: Factors) -> Array:
-        names = self.names if self.spec.study.search.space == "lumps" else self.spec.names[0]
-        if not isinstance(given, dict):
-            return np.full(len(names), given)
-        if names is not self.names:
-            for name in given:
-                if name not in names:
-                    raise StudyError(f"search: {key}: {unknown('parameter', name, names)}")
-            return np.array([given.get(name, SearchSettings.model_fields[key].default) for name in names])
-        default, n = SearchSettings.model_fields[key].default, self.nominal.nlink
-        try:
-            named = factors_from_names(given, n, default, (*self.spec.study.search.lumps, "inertia"))
-        except EpisodeError as problem:
-            raise StudyError(f"search: {key}: {problem}") from None
-        return named[-n:] if self.stage == 2 else named[: len(self.names)]
 
     def _pushed(self, plant: Plant) -> tuple[Episode, Array]:
         """The episode, and the absolute link speeds (npush x njoint) after its pushes.

@@ -16,7 +16,7 @@ from metaid.errors import PlantError, StudyError
 from metaid.files import Settings, check, find_file, find_file_beside, read_toml
 from metaid.models import FRICTION, IDEAL, bodies_of, lump_names
 from metaid.plant import LinkSettings, PlantSettings, SocketSettings, chain_of, read_any_plant, read_plant
-from metaid.search import SamplerOptions
+from metaid.search import SAMPLERS, SamplerOptions
 
 LARGEST_STEPS = 10_000_000  # after a push
 
@@ -130,6 +130,11 @@ class StudySettings(Settings):
     episode: EpisodeSettings = EpisodeSettings()
     inertia: InertiaSettings | None = None
     estimate: EstimateSettings = EstimateSettings()
+
+    @property
+    def finds_inertia(self) -> bool:
+        """Whether the inertia lumps are among what the study finds: by a second stage, or by its estimate."""
+        return self.inertia is not None or (self.sampler in SAMPLERS and SAMPLERS[self.sampler].by_estimate)
 
     @property
     def total_trials(self) -> int:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import Finished
 from pandas.testing import assert_frame_equal
 
 from benchmarks.chains import random_chain
@@ -160,3 +162,13 @@ def test_bounds_hold_for_the_laws_that_are_sent(store: Store) -> None:
     assert factors.max() <= 1.1
     assert results.summary(store, "chain")["max_error"] < 1e-6
     assert np.isfinite(factors).all()
+
+
+def test_second_stage_is_refused_where_the_estimate_finds_inertia_lumps(metaid: Callable[..., Finished]) -> None:
+    """One line says which table to leave out, and validation does not say that they were not searched."""
+    refused = metaid("study", "create", "full-three-link", "--set", "sampler=output-error")
+    assert refused.status == 2
+    assert "leave out the table [inertia]" in refused.err
+    metaid("study", "create", "three-link", "--set", "sampler=output-error", "--set", "trials=3")
+    metaid("study", "run", "three-link", "--quiet")
+    assert "not searched" not in metaid("study", "validate", "three-link", "--pushes", "1").out
