@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from metaid.models import lump_names, lump_unit
+from metaid.models import Array, lump_names, lump_unit
 from metaid.store import Trial
 from metaid.study import COARSEST, MOST_TRIALS, Problem
 
@@ -43,6 +43,10 @@ class StudyEstimate:
         """Whether the model explains what was seen."""
         return self.experiment.is_explained(self.estimate)
 
+    def lumps_of(self, estimate: Estimate) -> Array:
+        """The lumps (nunknown) of an `estimate`, in the order of its names."""
+        return estimate.lumps.vector_of(self.experiment.unknowns.searched)
+
 
 def study_estimate(problem: Problem, tried: Sequence[Trial]) -> StudyEstimate | None:
     """The estimate from the trials that were `tried` in a study's first stage, which `problem` is; None where there is
@@ -71,6 +75,21 @@ def _known_from(experiment: Experiment, trials: Sequence[SeenTrial], estimate: E
         if early is not None and np.abs(early.log_factors - estimate.log_factors).max() <= CLOSE:
             return count
     return None
+
+
+def growth(found: StudyEstimate) -> tuple[list[int], list[Estimate]]:
+    """How many of the first trials there are, at most FIRST_TRIALS different numbers of them, and the estimate from
+    these; those that no estimate explains are left out.
+    """
+    numbers = np.unique(np.geomspace(1.0, found.trials, min(found.trials, FIRST_TRIALS)).round().astype(int)).tolist()
+    counts, estimates = [], []
+    with threadpool_limits(1):
+        for count in numbers:
+            early = found.experiment.estimate(found.watched[:count])
+            if early is not None and found.experiment.is_explained(early):
+                counts.append(count)
+                estimates.append(early)
+    return counts, estimates
 
 
 def why_no_estimate(problem: Problem, tried: Sequence[Trial]) -> str:

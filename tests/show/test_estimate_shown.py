@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import metaid as package
+from metaid import figures
 from metaid.show import dashboard
 from metaid.show.report import render
 
@@ -46,3 +49,49 @@ def test_report_and_note_show_no_lump_of_an_estimate_that_explains_nothing(name:
         assert "The largest error" not in page
         assert "every lump within" not in page
         assert "not found: the model does not explain what was seen" in page
+
+
+def test_correlation_of_an_estimate_is_that_of_its_covariance(estimated: Path) -> None:
+    """Ones on the diagonal, symmetric, with the lumps' names."""
+    found = package.load_findings("matched", str(estimated)).estimate
+    assert found is not None
+    axes = figures.plot_covariance(found, Figure().subplots())
+    matrix = np.asarray(axes.images[0].get_array())
+    assert np.diag(matrix) == pytest.approx(1.0)
+    assert matrix == pytest.approx(matrix.T)
+    assert [tick.get_text() for tick in axes.get_yticklabels()] == list(found.estimate.names)
+
+
+def test_residuals_have_a_cell_for_each_push_and_joint(estimated: Path) -> None:
+    """Where the model explains nothing they lie far above what it may leave, and the scale says what that is."""
+    found = package.load_findings("hidden", str(estimated)).estimate
+    assert found is not None
+    axes = figures.plot_residuals(found, Figure().subplots())
+    shown = np.asarray(axes.images[0].get_array())
+    assert shown.shape == (3, 6)
+    assert shown.max() > 1e3
+    assert "explained: below 3" in axes.figure.axes[1].get_ylabel()
+
+
+def test_deviation_shrinks_with_every_trial_and_ends_at_the_estimate(estimated: Path) -> None:
+    """At most twelve numbers of trials, from the first to all of them."""
+    findings = package.load_findings("searched", str(estimated))
+    found = findings.estimate
+    assert found is not None
+    truth = findings.problem.open_plant().true_lumps()
+    assert truth is not None
+    axes = figures.plot_growth(found, truth.vector_of(found.experiment.unknowns.searched), Figure().subplots())
+    deviations, errors = axes.get_lines()
+    assert len(deviations.get_xdata()) <= 12
+    assert deviations.get_xdata()[-1] == found.trials == 32
+    drawn = np.asarray(deviations.get_ydata(), dtype=float)
+    assert (np.diff(drawn) < 0.0).all()
+    assert drawn[-1] == pytest.approx(100.0 * found.estimate.deviations.max(), rel=1e-3)
+    assert np.asarray(errors.get_ydata(), dtype=float).max() < 1e-6
+
+
+def test_model_that_explains_nothing_has_residuals_but_no_intervals_to_draw(estimated: Path) -> None:
+    """No correlation of what was not found, and no shrinking intervals."""
+    names = {each.name for each in figures.Gallery(package.load_findings("hidden", str(estimated))).pictures()}
+    assert "estimate-residuals" in names
+    assert not {"estimate-correlation", "estimate-trials", "ranges"} & names

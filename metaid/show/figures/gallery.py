@@ -15,6 +15,7 @@ from metaid.errors import StorageError
 from metaid.models import Array
 from metaid.results import Findings, Plane, Sweep, plane, sweep
 from metaid.show.figures.episodes import plot_angles, plot_phase
+from metaid.show.figures.estimate import plot_covariance, plot_growth, plot_residuals
 from metaid.show.figures.landscape import plot_boundary, plot_parallel, plot_sweep
 from metaid.show.figures.lumps import plot_correlation, plot_ranges
 from metaid.show.figures.search import plot_convergence, plot_error, plot_factor
@@ -60,6 +61,9 @@ class Gallery:
         makers += [self._frequency] if simulated else []
         if len(self.found.names) > 1:
             makers += [self._boundary, self._parallel, self._correlation]
+        if self.found.estimate is not None:
+            makers.append(self._residuals)
+            makers += [self._covariance, self._growth] if self.found.estimate.explains else []
         for make in [*makers, *([self._episode] if simulated else [])]:
             with style():
                 picture = make(WIDTHS[width])
@@ -162,6 +166,40 @@ class Gallery:
             "near 1 or −1 a combination of two lumps is known better than either."
         )
         return Picture("correlation", caption, figure)
+
+    def _residuals(self, width: float) -> Picture:
+        assert self.found.estimate is not None
+        figure = Figure(figsize=(width, 2.4), layout="constrained")
+        plot_residuals(self.found.estimate, figure.subplots())
+        caption = (
+            "By how much the twin's motion differs from what was seen, by push and joint over all trials of the "
+            "estimate, in units of what noise or rounding explains."
+        )
+        return Picture("estimate-residuals", caption, figure)
+
+    def _covariance(self, width: float) -> Picture:
+        assert self.found.estimate is not None
+        side = min(width, 4.2 if len(self.found.estimate.estimate.names) < 20 else 6.5)
+        figure = Figure(figsize=(side, 0.9 * side), layout="constrained")
+        plot_covariance(self.found.estimate, figure.subplots())
+        caption = (
+            "Correlation of the lumps by the covariance of the estimate: "
+            "near 1 or −1 a combination of two lumps is known better than either."
+        )
+        return Picture("estimate-correlation", caption, figure)
+
+    def _growth(self, width: float) -> Picture:
+        assert self.found.estimate is not None
+        kinds = self.found.estimate.experiment.unknowns.searched
+        truth = self.found.problem.open_plant().true_lumps()  # the truth meets the result in reports alone
+        true = None if truth is None else truth.vector_of(kinds)
+        figure = Figure(figsize=(width, 2.4), layout="constrained")
+        plot_growth(self.found.estimate, true, figure.subplots())
+        caption = (
+            "How well the estimate from the first trials alone knows the lumps: the largest standard deviation of a "
+            "lump and, where the truth is known, the largest error."
+        )
+        return Picture("estimate-trials", caption, figure)
 
     def _episode(self, width: float) -> Picture:
         figure, (left, right) = _pair_of_panels(width, (3, 2))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
+from metaid.models import Array
 from metaid.results import Findings
 from metaid.show.figures.style import INK, RANGE, SURVIVOR, new_axes
 
@@ -42,14 +43,25 @@ def plot_ranges(found: Findings, axes: Axes | None = None) -> Axes:
 
 def plot_correlation(found: Findings, axes: Axes | None = None) -> Axes:
     """Correlation of the lumps' factors over the best trials: large where only a combination of them is well known."""
-    axes = new_axes(axes)
     closest = found.closest
     matrix = closest[found.names].corr().to_numpy()
+    return draw_correlation(matrix, found.names, f"correlation over the {len(closest)} best trials", new_axes(axes))
+
+
+def draw_correlation(matrix: Array, names: list[str], label: str, axes: Axes) -> Axes:
+    """Draws how lumps go together.
+
+    Args:
+        matrix: the correlations (nlump x nlump).
+        names: of the lumps (nlump).
+        label: of the colour bar, which says what the correlation is over.
+        axes: to draw on.
+    """
     image = axes.imshow(matrix, vmin=-1.0, vmax=1.0, cmap="PuOr_r")
-    axes.figure.colorbar(image, ax=axes, label=f"correlation over the {len(closest)} best trials")
-    places = np.arange(len(found.names))
-    axes.set_xticks(places, found.names, rotation=90)
-    axes.set_yticks(places, found.names)
+    axes.figure.colorbar(image, ax=axes, label=label)
+    places = np.arange(len(names))
+    axes.set_xticks(places, names, rotation=90)
+    axes.set_yticks(places, names)
     axes.tick_params(length=0)
     if len(places) <= READABLE:
         for (row, column), value in np.ndenumerate(matrix):
