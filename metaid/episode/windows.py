@@ -92,6 +92,8 @@ def windows_before_fall(
         ran: the steps of each push that was begun.
         fell: whether the last of them ended in a fall.
     """
+    if not fell:
+        return Windows(ends, np.full(len(motion), len(ends)), motion, half_periods)
     seen = windows_seen(ends, ran, fell, len(motion))
     for push in np.flatnonzero(seen < len(ends)):
         motion[push, seen[push] :] = 0.0
