@@ -159,9 +159,11 @@ class Problem:
 
     @property
     def trials_with_windows(self) -> int:
-        """How many trials, from the first on, keep their windows in the DB: as many as WINDOW_BUDGET holds."""
+        """How many trials, from the first on, keep their windows in the DB: as many as an estimate is made of, and
+        WINDOW_BUDGET holds.
+        """
         size = self.episode.pushes.size * len(self.episode.window_ends) * QUANTITIES * 8
-        return WINDOW_BUDGET // size if size else 0
+        return min(MOST_TRIALS, WINDOW_BUDGET // size) if size else 0
 
     @property
     def trials_with_readings(self) -> int:
