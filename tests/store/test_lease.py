@@ -202,17 +202,34 @@ def test_driver_on_another_machine_holds_a_study_until_it_has_been_silent_for_a_
 
 
 @on_both
+def pause(process: subprocess.Popen[str]) -> None:
+    """Returns when the process is stopped."""
+    process.send_signal(signal.SIGSTOP)
+    while Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()[0] != "T":
+        time.sleep(0.01)
+
+
+def taken(database: Database) -> bool:
+    """Takes the study for a driver elsewhere; false where the file is locked."""
+    try:
+        database.hold_elsewhere(silent=0)
+    except sqlite3.OperationalError:
+        return False
+    return True
+
+
 def test_driver_that_slept_while_another_took_its_study_stops_before_it_writes(
     store: Store, database: Database
 ) -> None:
     """Paused, its lease taken, woken: one line, status 2, and not a trial more; the taker's lease is left alone."""
     with running(database) as process:
-        process.send_signal(signal.SIGSTOP)
-        while Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()[0] != "T":
-            time.sleep(0.01)
+        pause(process)
         database.lose_connections()
+        while not taken(database):  # it was paused within a transaction, which holds the file
+            process.send_signal(signal.SIGCONT)
+            time.sleep(0.05)
+            pause(process)
         before = database.count()
-        database.hold_elsewhere(silent=0)
         process.send_signal(signal.SIGCONT)
         _, said = process.communicate(timeout=60)
     assert process.returncode == 2
