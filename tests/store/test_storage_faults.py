@@ -110,7 +110,7 @@ def test_read_only_db_is_told_as_such_and_left_alone(
     metaid: Metaid, half: Path, whole: pd.DataFrame, tmp_path: Path
 ) -> None:
     """On a disk that is mounted read-only nothing can be written, whoever one is."""
-    with small_disk(tmp_path / "disk", 16000) as disk:
+    with small_disk(tmp_path / "disk", 8000) as disk:
         path = Path(shutil.copy(half, disk))
         subprocess.run(["mount", "-o", "remount,ro", disk], check=True)
         before = content(path)
@@ -140,7 +140,7 @@ def test_full_disk_in_mid_run_leaves_whole_generations_and_the_run_goes_on_with_
 
 def test_full_disk_from_the_first_byte(metaid: Metaid, half: Path, whole: pd.DataFrame, tmp_path: Path) -> None:
     """Where there is no room for anything, nothing is made and nothing lost."""
-    with small_disk(tmp_path / "disk", 16000) as disk:
+    with small_disk(tmp_path / "disk", 8000) as disk:
         path = Path(shutil.copy(half, disk))
         try:
             with (disk / "filler").open("wb", buffering=0) as filler:
