@@ -201,7 +201,6 @@ def test_driver_on_another_machine_holds_a_study_until_it_has_been_silent_for_a_
     assert database.count() == 10
 
 
-@on_both
 def pause(process: subprocess.Popen[str]) -> None:
     """Returns when the process is stopped."""
     process.send_signal(signal.SIGSTOP)
@@ -218,6 +217,7 @@ def taken(database: Database) -> bool:
     return True
 
 
+@on_both
 def test_driver_that_slept_while_another_took_its_study_stops_before_it_writes(
     store: Store, database: Database
 ) -> None:
