@@ -14,7 +14,7 @@ demo: $(VENV)/.runtime
 	$(BIN)/metaid study run three-link --workers 2
 
 test: $(VENV)/.dev
-	$(BIN)/pytest -n 2 --dist worksteal
+	$(BIN)/pytest -n 2 --dist worksteal --durations 15
 
 # The lowest version that pyproject.toml allows of each direct dependency; and the newest of everything, on the newest Python.
 test-min:

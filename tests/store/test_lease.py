@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import random
 import signal
 import sqlite3
 import subprocess
@@ -35,6 +36,8 @@ Metaid = Callable[..., Finished]
 class Database:
     """A study DB in an SQLite file, with a study, `study`, that goes on for hours; asked as any other tool would."""
 
+    patience = 60.0  # s, how long a statement waits for a locked DB
+
     def __init__(self, storage: str) -> None:
         self.storage = storage
         with closing(Store(storage, create=True)) as store:
@@ -42,7 +45,7 @@ class Database:
 
     def ask(self, statement: str) -> Any:
         """The first cell that a statement gives, if any."""
-        with closing(sqlite3.connect(self.storage, timeout=60)) as connection, connection:
+        with closing(sqlite3.connect(self.storage, timeout=self.patience)) as connection, connection:
             row = connection.execute(statement).fetchone()
         return row and row[0]
 
@@ -225,10 +228,12 @@ def test_driver_that_slept_while_another_took_its_study_stops_before_it_writes(
     with running(database) as process:
         pause(process)
         database.lose_connections()
+        database.patience = 0.1
         while not taken(database):  # it was paused within a transaction, which holds the file
             process.send_signal(signal.SIGCONT)
-            time.sleep(0.05)
+            time.sleep(random.uniform(0.01, 0.1))
             pause(process)
+        database.patience = 60.0
         before = database.count()
         process.send_signal(signal.SIGCONT)
         _, said = process.communicate(timeout=60)
