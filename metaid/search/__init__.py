@@ -6,6 +6,7 @@ nominal model, are here too.
 """
 
 from metaid.search.body_space import BodySpace, body_space
+from metaid.search.bounds import at_bounds, bounds_in_force, widened
 from metaid.search.cmaes import Cmaes
 from metaid.search.coordinates import Coordinates, nominal_metric, plain_coordinates
 from metaid.search.registry import SAMPLERS, Sampler, SamplerOptions, make_searcher
@@ -22,10 +23,13 @@ __all__ = [
     "SamplerOptions",
     "Searcher",
     "Walking",
+    "at_bounds",
     "body_space",
+    "bounds_in_force",
     "designed_speeds",
     "make_searcher",
     "nominal_metric",
     "plain_coordinates",
     "sensitivity",
+    "widened",
 ]

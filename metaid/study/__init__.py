@@ -3,6 +3,7 @@
 `StudySpec` is all that a run depends on, `Problem` what follows from it, `run_study` goes through the trials.
 """
 
+from metaid.study.bounds import LumpAtBound, lumps_at_bounds
 from metaid.study.create import advice, create_study, delete_study, stored_spec
 from metaid.study.identifiability import COARSEST, identifiability
 from metaid.study.problem import MOST_TRIALS, Problem, load_study
@@ -18,6 +19,7 @@ __all__ = [
     "MOST_TRIALS",
     "TIP_SPEED",
     "EpisodeSettings",
+    "LumpAtBound",
     "Problem",
     "Progress",
     "SearchSettings",
@@ -28,6 +30,7 @@ __all__ = [
     "delete_study",
     "identifiability",
     "load_study",
+    "lumps_at_bounds",
     "run_study",
     "stored_spec",
 ]
