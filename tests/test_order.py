@@ -17,6 +17,7 @@ PACKAGE = ROOT / "metaid"
 ORDER = ("errors", "files", "models", "plant", "episode", "compiled", "estimation", "search", "store", "study")
 ORDER += ("results", "show", "paper", "api", "cli")
 PACKAGES = tuple(name for name in ORDER if (PACKAGE / name).is_dir())
+SLOW = ("cmaes", "scipy.optimize", "scipy.stats")  # half of what a command took that only reads a DB
 # What must not be loaded by importing a package.
 ABSENT = {
     "models": ("mujoco", "numba", "ray", "optuna", "pandas", "metaid.files"),
@@ -24,13 +25,13 @@ ABSENT = {
     "episode": ("mujoco", "numba", "ray", "optuna", "pandas"),
     "compiled": ("ray", "optuna", "pandas"),
     "estimation": ("ray", "optuna", "pandas"),
-    "search": ("mujoco", "numba", "ray"),
-    "store": ("mujoco", "numba", "ray", "matplotlib"),
-    "study": ("mujoco", "numba", "ray", "matplotlib"),
-    "results": ("mujoco", "numba", "ray", "matplotlib"),
-    "show": ("mujoco", "numba", "ray"),
-    "api": ("mujoco", "numba", "ray", "matplotlib"),
-    "cli": ("mujoco", "numba", "ray", "optuna", "pandas", "matplotlib"),
+    "search": ("mujoco", "numba", "ray", *SLOW),
+    "store": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
+    "study": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
+    "results": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
+    "show": ("mujoco", "numba", "ray", *SLOW),
+    "api": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
+    "cli": ("mujoco", "numba", "ray", "optuna", "pandas", "matplotlib", *SLOW),
 }
 
 

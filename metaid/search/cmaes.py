@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import cmaes
 import numpy as np
 
 from metaid.episode import Outcome
@@ -19,6 +18,8 @@ class Cmaes:
     """CMA-ES of the cmaes package, in the given coordinates; candidates beyond the bounds are drawn again."""
 
     def __init__(self, coordinates: Coordinates, seed: int, options: StepOptions) -> None:
+        import cmaes  # slow to load, with all of scipy.stats, and only a run needs it
+
         self._coordinates = coordinates
         mean = np.zeros(len(coordinates.origin))
         self._optimizer = cmaes.CMA(mean=mean, sigma=options.sigma, seed=seed, population_size=options.generation)

@@ -11,15 +11,18 @@ drawn about the one that survived longest.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import BFGS, lsq_linear
 
 from metaid.episode import Outcome
 from metaid.errors import StudyError
 from metaid.models import Array
 from metaid.search.coordinates import Coordinates
 from metaid.search.searcher import StepOptions
+
+if TYPE_CHECKING:
+    from scipy.optimize import BFGS
 
 STEP_LENGTHS = (1.0, 0.5, 0.25, 0.1)
 SLOPE_REACH = 0.05  # of the distance to the truth: how far candidates for the gradient are from the best one
@@ -140,6 +143,8 @@ class Newton:
 
         A lump at its bound stays there while the others move: to shorten the step instead would be the end of them.
         """
+        from scipy.optimize import lsq_linear  # slow to load, and only a run needs it
+
         coordinates = self._coordinates
         inverse = np.linalg.inv(coordinates.spread)
         matrix = root @ inverse
@@ -173,6 +178,8 @@ def _known_shape(nlump: int) -> BFGS:
     Damped updates keep it positive definite whatever the landscape does. In this unit scipy starts with the right
     matrix: of an initial scale it knows nothing before the first update.
     """
+    from scipy.optimize import BFGS  # slow to load, and only a run needs it
+
     shape = BFGS(exception_strategy="damp_update", min_curvature=DAMPING, init_scale=1.0)
     shape.initialize(nlump, "hess")
     return shape
