@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -14,6 +17,13 @@ from rig import Serve, serving
 from metaid.cli import main
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.settings import LinkSettings, PlantSettings
+
+LONG_SET_UP = ("test_wheel.py", "test_workers.py")  # what is made for them takes longer than their tests
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests with a long set-up come first: at the end of a run a worker would have nothing to do meanwhile."""
+    items.sort(key=lambda item: item.path.name not in LONG_SET_UP)
 
 
 def random_links(nlink: int, seed: int) -> tuple[LinkSettings, ...]:
@@ -32,6 +42,23 @@ def random_links(nlink: int, seed: int) -> tuple[LinkSettings, ...]:
 def random_plant(nlink: int, seed: int = 1) -> MujocoPlant:
     """A heterogeneous chain."""
     return MujocoPlant(f"random-{nlink}", PlantSettings(links=random_links(nlink, seed)))
+
+
+def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], None]) -> Path:
+    """The folder `name`, filled by `make`: by the first of the run's workers that asks for it, while the others wait.
+    It is not to be changed.
+    """
+    base = factory.getbasetemp()
+    everyones = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    folder, made = everyones / name, everyones / f"{name}.made"
+    with (everyones / f"{name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not made.exists():
+            shutil.rmtree(folder, ignore_errors=True)  # of a worker that was ended while it made it
+            folder.mkdir()
+            make(folder)
+            made.touch()
+    return folder
 
 
 class Finished(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import subprocess
@@ -12,8 +13,10 @@ import zipfile
 from dataclasses import dataclass
 from importlib.metadata import packages_distributions
 from pathlib import Path
+from typing import Any
 
 import pytest
+from conftest import made_once
 from packaging.utils import canonicalize_name
 
 from supply.pins import installed
@@ -34,20 +37,66 @@ sys.meta_path.insert(0, Blocker())
 """
 
 
+# Commands, from the standard input, each in a copy of the folder `studied`, by turns in one process: what it answers,
+# and what it leaves in the folder, on the standard output.
+COMMANDS = """
+import io, json, os, shutil, sys
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+from metaid.cli import main
+
+os.environ["DISPLAY"] = ":0"
+base, done = Path.cwd(), []
+for number, command in enumerate(json.load(sys.stdin)):
+    folder = base / f"command-{number}"
+    shutil.copytree(base / "studied", folder)
+    os.chdir(folder)
+    with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as err:
+        try:
+            main(command)
+        except SystemExit as end:
+            status = end.code
+    files = sorted(path.name for path in folder.iterdir())
+    done.append({"status": status, "out": out.getvalue(), "err": err.getvalue(), "files": files})
+json.dump(done, sys.stdout)
+"""
+WORK = (
+    ["study", "show", "three-link"],
+    ["study", "check", "three-link"],
+    ["study", "validate", "three-link", "--pushes", "1", "-o", "tracking.png"],
+    ["study", "report", "three-link", "-o", "report.html"],
+    ["study", "export", "three-link", "-o", "trials.csv"],
+    ["study", "create", "two-link-tpe"],
+    ["study", "delete", "three-link", "--yes"],
+    ["plant", "list"],
+    ["plant", "draw", "three-link", "-o", "plant.png"],
+    ["episode", "three-link", "-o", "angles.png"],
+)
+NEEDS = {
+    "dashboard": ["dashboard", "--port", "0"],
+    "parquet": ["study", "export", "three-link", "-o", "trials.parquet"],
+    "video": ["episode", "three-link", "-o", "e.png", "--video", "e.mp4"],
+    "view": ["plant", "view", "three-link"],
+    "postgresql": ["study", "list", "--storage", "postgresql://me:secret@127.0.0.1:1/studies"],
+}
+IDENTIFIED = ["study", "show", "three-link", "--json"]
+
+
 @dataclass(frozen=True)
 class Bare:
-    """`metaid` in an environment without extras, run in an empty `folder`."""
+    """`metaid` in an environment without extras; it was run in an empty folder, in which it left the files `studied`.
+    After each of the commands in copies of that folder `answers` has what it answered, and what files there were.
+    """
 
-    bin: Path
-    folder: Path
+    studied: list[str]
+    answers: list[dict[str, Any]]
 
-    def __call__(self, *command: str, **variables: str) -> subprocess.CompletedProcess[str]:
-        """Runs a program of the environment."""
-        clean = {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "METAID"))}
-        program = [str(self.bin / command[0]), *command[1:]]
-        return subprocess.run(program, cwd=self.folder, env={**clean, **variables}, capture_output=True, text=True)
+    def answer(self, command: list[str]) -> dict[str, Any]:
+        """Exit status, output, errors and files."""
+        return self.answers[[*WORK, *NEEDS.values(), IDENTIFIED].index(command)]
 
 
+@functools.cache
 def absent_modules() -> set[str]:
     """The top-level modules here that no hard dependency of metaid brings, nor a dependency of one in turn."""
     present = set(installed(PROJECT["dependencies"])) | {"metaid"}
@@ -55,34 +104,52 @@ def absent_modules() -> set[str]:
     return {module for module, names in owners.items() if not present & {canonicalize_name(name) for name in names}}
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The wheel, built from the checkout."""
-    folder = tmp_path_factory.mktemp("wheel")
-    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(ROOT)]
-    subprocess.run(build, check=True, capture_output=True)
-    return next(folder.glob("*.whl"))
+
+    def build(folder: Path) -> None:
+        command = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(ROOT)]
+        subprocess.run(command, check=True, capture_output=True)
+
+    return next(made_once(tmp_path_factory, "wheel", build).glob("*.whl"))
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def bare(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Bare:
-    """With the study `three-link`, run. The hard dependencies are this environment's, by path; nothing else of it can
-    be imported; metaid itself comes from the wheel alone.
+    """The study `three-link` was run by the installed command, and all the other commands were in a process of the
+    environment. The hard dependencies are this environment's, by path; nothing else of it can be imported; metaid
+    itself comes from the wheel alone.
     """
-    environment = tmp_path_factory.mktemp("bare") / "venv"
-    venv.create(environment, with_pip=False)
-    pip = [sys.executable, "-m", "pip", "--python", str(environment / "bin" / "python")]
-    subprocess.run([*pip, "install", "--quiet", "--no-deps", "--no-index", str(wheel)], check=True, capture_output=True)
-    site = next((environment / "lib").glob("python*/site-packages"))
-    (site / "blocker.py").write_text(BLOCKER.format(absent=absent_modules()))
-    paths = [path for path in sys.path if path.endswith("site-packages")]
-    (site / "dependencies.pth").write_text("\n".join([*paths, "import blocker"]))
-    bare = Bare(environment / "bin", tmp_path_factory.mktemp("empty"))
-    assert str(environment) in bare("python", "-c", "import metaid; print(metaid.__file__)").stdout
-    for command in ("create", "run"):
-        done = bare("metaid", "study", command, "three-link")
-        assert done.returncode == 0, done.stderr
-    return bare
+
+    def install(folder: Path) -> None:
+        environment, studied = folder / "venv", folder / "studied"
+        venv.create(environment, with_pip=False)
+        pip = [sys.executable, "-m", "pip", "--python", str(environment / "bin" / "python")]
+        command = [*pip, "install", "--quiet", "--no-deps", "--no-index", str(wheel)]
+        subprocess.run(command, check=True, capture_output=True)
+        site = next((environment / "lib").glob("python*/site-packages"))
+        (site / "blocker.py").write_text(BLOCKER.format(absent=absent_modules()))
+        paths = [path for path in sys.path if path.endswith("site-packages")]
+        (site / "dependencies.pth").write_text("\n".join([*paths, "import blocker"]))
+        studied.mkdir()
+        clean = {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "METAID"))}
+
+        def run(where: Path, name: str, *arguments: str, given: str = "") -> str:
+            program = [str(environment / "bin" / name), *arguments]
+            done = subprocess.run(program, cwd=where, env=clean, input=given, capture_output=True, text=True)
+            assert done.returncode == 0, done.stderr
+            return done.stdout
+
+        assert str(environment) in run(studied, "python", "-c", "import metaid; print(metaid.__file__)")
+        for step in ("create", "run"):
+            run(studied, "metaid", "study", step, "three-link")
+        asked = json.dumps([*WORK, *NEEDS.values(), IDENTIFIED])
+        (folder / "answers.json").write_text(run(folder, "python", "-c", COMMANDS, given=asked))
+
+    folder = made_once(tmp_path_factory, "bare", install)
+    studied = sorted(path.name for path in (folder / "studied").iterdir())
+    return Bare(studied, json.loads((folder / "answers.json").read_text()))
 
 
 def test_wheel_carries_plants_and_studies(wheel: Path) -> None:
@@ -100,51 +167,26 @@ def test_bare_environment_lacks_what_only_extras_bring() -> None:
 
 def test_bare_install_identifies_three_links_from_an_empty_folder(bare: Bare) -> None:
     """Created and run without any extra, the study finds every lump."""
-    assert "three-link" in bare("metaid", "plant", "list").stdout
-    shown = bare("metaid", "study", "show", "three-link", "--json")
-    assert json.loads(shown.stdout)["max_error"] < 0.01
+    assert "three-link" in bare.answer(["plant", "list"])["out"]
+    assert json.loads(bare.answer(IDENTIFIED)["out"])["max_error"] < 0.01
 
 
-@pytest.mark.parametrize(
-    "command",
-    [
-        ["study", "show", "three-link"],
-        ["study", "check", "three-link"],
-        ["study", "validate", "three-link", "--pushes", "1", "-o", "tracking.png"],
-        ["study", "report", "three-link", "-o", "report.html"],
-        ["study", "export", "three-link", "-o", "trials.csv"],
-        ["study", "create", "two-link-tpe"],
-        ["study", "delete", "two-link-tpe", "--yes"],
-        ["plant", "draw", "three-link", "-o", "plant.png"],
-        ["episode", "three-link", "-o", "angles.png"],
-    ],
-    ids=lambda command: " ".join(command[:2]),
-)
+@pytest.mark.parametrize("command", WORK, ids=lambda command: " ".join(command[:2]))
 def test_bare_install_does_all_that_needs_no_extra(bare: Bare, command: list[str]) -> None:
     """Tables, figures and reports come with the hard dependencies."""
-    done = bare("metaid", *command)
-    assert done.returncode == 0, done.stderr
+    answer = bare.answer(command)
+    assert answer["status"] == 0, answer["err"]
 
 
-@pytest.mark.parametrize(
-    ("extra", "command"),
-    [
-        ("dashboard", ["dashboard", "--port", "0"]),
-        ("parquet", ["study", "export", "three-link", "-o", "trials.parquet"]),
-        ("video", ["episode", "three-link", "-o", "e.png", "--video", "e.mp4"]),
-        ("view", ["plant", "view", "three-link"]),
-        ("postgresql", ["study", "list", "--storage", "postgresql://me:secret@127.0.0.1:1/studies"]),
-    ],
-)
-def test_command_that_needs_an_extra_names_it_in_one_line(bare: Bare, extra: str, command: list[str]) -> None:
+@pytest.mark.parametrize("extra", NEEDS)
+def test_command_that_needs_an_extra_names_it_in_one_line(bare: Bare, extra: str) -> None:
     """Exit status 2, no traceback, and no file is made."""
-    before = sorted(path.name for path in bare.folder.iterdir())
-    done = bare("metaid", *command, DISPLAY=":0")
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert len(done.stderr.splitlines()) == 1
-    assert f"is not installed: pip install 'metaid[{extra}]'" in done.stderr
-    assert sorted(path.name for path in bare.folder.iterdir()) == before
+    answer = bare.answer(NEEDS[extra])
+    assert answer["status"] == 2
+    assert answer["out"] == ""
+    assert len(answer["err"].splitlines()) == 1
+    assert f"is not installed: pip install 'metaid[{extra}]'" in answer["err"]
+    assert answer["files"] == bare.studied
 
 
 @pytest.mark.parametrize("extra", sorted(set(PROJECT["optional-dependencies"]) - {"all", "dev"}))
