@@ -68,14 +68,17 @@ def episode_objective(
 
 
 def candidates_of(store: Store, name: str, objective: Objective) -> dict[str, Lumps]:
-    """A study's nominal and identified lumps, and those of the plant that `objective` is about.  Raises StorageError
-    where the study is about another plant or has no survivor.
+    """A study's nominal and identified lumps, and those of the plant that `objective` is about. Where the study has
+    identified none, those of its best trial, which are called so.  Raises StorageError where the study is about another
+    plant or has no survivor.
     """
     found = read_findings(store, name)
     nominal, plant = found.problem.lumps, found.problem.make_plant()
     if not isinstance(objective.plant, MujocoPlant) or plant.settings != objective.plant.settings:
         raise StorageError(f"study '{name}' is about the plant {plant.name}, not about {objective.plant.name}")
-    return {"nominal": nominal, "identified": nominal.scaled(found.identified_factors), "true": objective.nominal}
+    identified = found.lumps["identified"].notna().any()
+    shown, factors = ("identified", found.identified_factors) if identified else ("best trial", found.best_factors)
+    return {"nominal": nominal, shown: nominal.scaled(factors), "true": objective.nominal}
 
 
 def check_factors(factors: Mapping[str, float], lumps: Lumps) -> Array:

@@ -15,12 +15,14 @@ from conftest import Finished, random_links
 from mujoco import MjData, MjModel, mj_step
 from PIL import Image
 
-from metaid.api import episode_objective
+from metaid.api import candidates_of, episode_objective
 from metaid.plant.loading import load_plant
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.settings import PlantSettings
+from metaid.results.findings import read_findings
 from metaid.show.scene import viewer_model
 from metaid.show.video import filmed
+from metaid.store.database import Store
 
 Metaid = Callable[..., Finished]
 
@@ -61,6 +63,16 @@ def test_mp4_plays_and_shows_nominal_identified_and_true(metaid: Metaid, studied
         part = slice(panel * width // 3, (panel + 1) * width // 3)
         assert frames[0][:, part].std() > 5
         assert np.abs(frames[-1][32:, part].astype(int) - frames[0][32:, part]).max() > 50
+
+
+def test_film_of_a_study_that_found_nothing_shows_its_best_trial_and_says_so(estimated: Path) -> None:
+    """The nominal model is not shown as if it had been identified."""
+    store = Store(str(estimated))
+    found = read_findings(store, "hidden")
+    shown = candidates_of(store, "hidden", episode_objective(found.problem.make_plant(), 10))
+    assert list(shown) == ["nominal", "best trial", "true"]
+    assert (shown["best trial"].vector == found.best_factors * shown["nominal"].vector).all()
+    assert (shown["best trial"].vector != shown["nominal"].vector).any()
 
 
 def test_gif_shows_a_candidate_beside_the_truth_and_holds_a_fall(metaid: Metaid) -> None:
