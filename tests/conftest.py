@@ -10,13 +10,17 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import optuna
 import pytest
 from postgres import Postgres, run_postgres
 from rig import Serve, serving
 
 from metaid.cli import main
+from metaid.plant.faults import FaultSettings
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.settings import LinkSettings, PlantSettings
+from metaid.store.database import Store
+from metaid.study.settings import StudySpec
 
 LONG_SET_UP = ("test_wheel.py", "test_workers.py")  # what is made for them takes longer than their tests
 
@@ -42,6 +46,26 @@ def random_links(nlink: int, seed: int) -> tuple[LinkSettings, ...]:
 def random_plant(nlink: int, seed: int = 1) -> MujocoPlant:
     """A heterogeneous chain."""
     return MujocoPlant(f"random-{nlink}", PlantSettings(links=random_links(nlink, seed)))
+
+
+def matching_spec(noisy: bool) -> StudySpec:
+    """A study of two links by output-error that takes four trials, on an ideal or on a noisy plant."""
+    from metaid.study.problem import load_study
+
+    if noisy:
+        spec = load_study("two-link-tpe", {"sampler": "output-error", "trials": 4, "episode.measure": "smoothed"})
+        faults = FaultSettings(angle_noise=1e-3, speed_sensor=False, push_noise=0.02)
+        assert isinstance(spec.plant, PlantSettings)
+        return spec.model_copy(update={"plant": spec.plant.model_copy(update={"faults": faults})})
+    return load_study("two-link-tpe", {"sampler": "output-error", "trials": 8, "search.probes": 3})
+
+
+def what_is_known(store: Store, name: str) -> tuple[str, ...]:
+    """All of a study's trials, with what they showed, and its lumps with their intervals, to the last bit."""
+    from metaid import results
+
+    shown = [trial.user_attrs for trial in optuna.load_study(study_name=name, storage=store.optuna).trials]
+    return results.trials_frame(store, name).to_csv(), results.lumps_frame(store, name).to_csv(), str(shown)
 
 
 def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], None]) -> Path:
@@ -91,7 +115,6 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A DB of real runs, not to be changed: `plain` (three links, some falls), `boundary` (two links, half of them
     falls) and `counted` (one link, whole periods).
     """
-    from metaid.store.database import Store
     from metaid.study.create import create_study
     from metaid.study.problem import load_study
     from metaid.study.run import run_study
@@ -119,10 +142,10 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def estimated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A DB of real runs, not to be changed: `matched` (three links by output-error), `searched` (the same by cmaes),
-    and `hidden` and `hidden-searched`, likewise of a plant with friction that the model has not.
+    `hidden` and `hidden-searched`, likewise of a plant with friction that the model has not, and `noisy`, of a noisy
+    plant.
     """
     from metaid.plant.settings import PlantSettings
-    from metaid.store.database import Store
     from metaid.study.create import create_study
     from metaid.study.problem import load_study
     from metaid.study.run import run_study
@@ -139,6 +162,8 @@ def estimated(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for made, settings in ((name, spec), (hidden, rubbing)):
             create_study(store, settings, made)
             run_study(store, made)
+    create_study(store, load_study("noisy-three-link", {"trials": 2}), "noisy")
+    run_study(store, "noisy")
     store.close()
     return path
 

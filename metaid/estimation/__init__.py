@@ -14,7 +14,7 @@ from metaid.estimation.experiment import EXPLAINED, Experiment, NoisyExperiment,
 from metaid.estimation.fit import Estimate, fit
 from metaid.estimation.motions import Motions, Quantity
 from metaid.estimation.readings import Readings, ReadTrial
-from metaid.estimation.trials import WatchedTrial
+from metaid.estimation.trials import Replay, WatchedTrial
 from metaid.estimation.unknowns import FULL, Unknowns
 
 __all__ = [
@@ -27,6 +27,7 @@ __all__ = [
     "Quantity",
     "ReadTrial",
     "Readings",
+    "Replay",
     "SeenTrial",
     "SilentExperiment",
     "Unknowns",

@@ -12,7 +12,7 @@ from metaid.estimation.commanded import commanded_torques, filtered_speeds
 from metaid.estimation.fit import Comparison, Estimate, fit
 from metaid.estimation.motions import Motions, Quantity
 from metaid.estimation.readings import Readings, ReadTrial
-from metaid.estimation.trials import WatchedTrial
+from metaid.estimation.trials import Replay, WatchedTrial
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array, Lumps
 
@@ -83,6 +83,12 @@ class Experiment(ABC):
             return fit(self._comparison(trials), begin)
         except ValueError:
             return None
+
+    def replay(self, trials: Sequence[SeenTrial], estimate: Estimate, number: int) -> Replay:
+        """What was seen of one of the `trials` that an `estimate` is made of, and what the twin at the estimate shows
+        in its place; `number` is that of its table in `estimate.residuals`.
+        """
+        return self._comparison(trials).replay(number, estimate.point)
 
     def factors(self, estimate: Estimate) -> Array:
         """The factors of the nominal lumps (nlump) that the law of an `estimate` has."""

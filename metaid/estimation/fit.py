@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from metaid.estimation.descent import Descent, Fitted, descend, place_at, triangle
+from metaid.estimation.trials import Replay
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array, Lumps
 
@@ -31,6 +32,9 @@ class Comparison(Fitted, Protocol):
     def by_joint(self, point: Array) -> tuple[Array, ...]:
         """Root mean square of the residuals of each trial (npush x njoint)."""
 
+    def replay(self, number: int, point: Array) -> Replay:
+        """The trial of that `number`, and the twin at a `point` in its place."""
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -47,6 +51,8 @@ class Estimate:
         starts: how many descents there were, each from another point.
         converged: whether the last steps changed nothing any more.
         residuals: of each trial by push and joint (npush x njoint), root mean square over the windows.
+        extras: the unknowns that concern one push alone (nextra): start speeds in units of what pushes differ by, or
+            none where these are read.
     """
 
     names: tuple[str, ...]
@@ -59,6 +65,12 @@ class Estimate:
     starts: int
     converged: bool
     residuals: tuple[Array, ...]
+    extras: Array
+
+    @property
+    def point(self) -> Array:
+        """All unknowns (nunknown + nextra) of the fit."""
+        return np.append(self.log_factors, self.extras)
 
     @property
     def deviations(self) -> Array:
@@ -165,4 +177,5 @@ def _estimate(comparison: Comparison, found: Descent, iterations: int, starts: i
         starts=starts,
         converged=found.converged,
         residuals=comparison.by_joint(place.point),
+        extras=place.point[len(log_factors) :],
     )

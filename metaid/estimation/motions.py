@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.estimation.descent import Residuals
-from metaid.estimation.trials import WatchedTrial
+from metaid.estimation.trials import Replay, WatchedTrial
 from metaid.estimation.twin import Motion, simulate
-from metaid.estimation.unknowns import Unknowns
+from metaid.estimation.unknowns import Unknowns, known_alone
 from metaid.models import Array
 
 Quantity = Literal["speed", "frequency", "both"]
+DRAWN = 400  # times at which a replay has the twin, which may oscillate
 TINY = 1e-100  # in place of a denominator that is 0
 RESOLUTION = 1e-9  # of the largest speed or frequency seen: what rounding leaves of agreement between two simulations
 
@@ -98,6 +99,21 @@ class Motions:
                 first = last
             tables.append(np.sqrt(np.divide(squares, count, out=np.full(shape, np.nan), where=count > 0)))
         return tuple(tables)
+
+    def replay(self, number: int, log_factors: Array) -> Replay:
+        """The trial of that `number`, and the twin at these `log_factors` (nunknown) in its place."""
+        trial = self.trials[number]
+        dense = np.linspace(1, trial.ends[-1], DRAWN).astype(np.int64)
+        steps = np.unique(np.concatenate([trial.ends, dense]))
+        twin, watched = known_alone(self.unknowns, log_factors), replace(trial.windows, ends=steps)
+        motion = simulate(replace(trial, windows=watched), twin, np.empty(0), self.gravity, len(steps))
+        last = np.append(0, trial.ends)[trial.windows.seen]
+        shown = (steps <= last[:, None]) & (np.arange(len(steps)) < motion.reached[:, None])
+        seen, simulated = np.full(motion.angles.shape, np.nan), np.where(shown[..., None], motion.angles, np.nan)
+        windows = trial.seen(len(trial.ends))
+        seen[:, np.searchsorted(steps, trial.ends)] = np.where(windows[..., None], trial.windows.angles, np.nan)
+        noise = np.zeros(trial.start_speeds.shape[1])
+        return Replay(trial.timestep * steps, seen, simulated, noise)
 
     @cached_property
     def _largest_frequency(self) -> float:

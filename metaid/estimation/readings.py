@@ -5,7 +5,7 @@ and whose start speeds are unknown within what pushes differ by.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from metaid.episode import window_ends
 from metaid.estimation.descent import Residuals
+from metaid.estimation.trials import Replay
 from metaid.estimation.twin import drive
-from metaid.estimation.unknowns import Unknowns
+from metaid.estimation.unknowns import Unknowns, known_alone
 from metaid.models import Array
 
 POLYNOMIALS = 6  # of a joint's angles in a window: what a chain that nearly coasts shows in it
+DRAWN = 100  # readings of a push that a replay keeps
 HALVINGS = 3  # a shorter window than 1/8 of the horizon tells little above the noise
 
 
@@ -136,6 +138,25 @@ class Readings:
             tables.append(table)
         return tuple(tables)
 
+    def replay(self, number: int, point: Array) -> Replay:
+        """The trial of that `number`, some of its readings left out, and the twin at a `point` in its place."""
+        trial, count = self.trials[number], len(self.unknowns.names)
+        first = count + sum(each.extras for each in self.trials[:number])
+        starts = _starts(trial, point[first : first + trial.extras].reshape(-1, trial.start_speeds.shape[1]))
+        (npush, nreading, _), last = trial.readings.shape, self._windows[number][0][-1]
+        kept = np.unique(np.linspace(0, last, min(last, DRAWN) + 1).round().astype(int))
+        basis = np.zeros((nreading, len(kept)))
+        basis[kept, np.arange(len(kept))] = 1.0  # each coefficient is the angle at one reading
+        twin, steps = known_alone(self.unknowns, point[:count]), np.minimum(trial.steps, last)
+        alike = replace(trial, start_spread=None)
+        motion = drive(alike, starts, steps, np.tile(basis, (npush, 1, 1)), twin, np.empty(0), self.gravity)
+        shown = (kept <= steps[:, None]) & (steps[:, None] > 0)
+        seen = np.where(shown[..., None], trial.readings[:, kept], np.nan)
+        simulated = np.full_like(seen, np.nan)
+        if motion is not None:
+            simulated[shown] = motion.values.swapaxes(1, 2)[shown]
+        return Replay(trial.timestep * trial.substeps * kept, seen, simulated, trial.noise)
+
     def _compare(self, number: int, log_factors: Array, whitened: Array, windows: int) -> tuple[Array, Array] | None:
         """Residuals of a trial (npush x nvalue) in units of the noise, and their derivatives (npush x nvalue x
         nunknown + njoint), those by the `whitened` start speeds last; zeros where a push was not seen.
@@ -143,8 +164,7 @@ class Readings:
         trial, (ends, basis) = self.trials[number], self._windows[number]
         chosen = np.minimum((ends[None] <= trial.steps[:, None]).sum(axis=1), windows) - 1
         steps = np.where(chosen >= 0, ends[chosen], 0)
-        spread = trial.start_spread
-        starts = trial.start_speeds if spread is None else trial.start_speeds + _apply(spread, whitened)
+        spread, starts = trial.start_spread, _starts(trial, whitened)
         twin = drive(trial, starts, steps, basis[chosen], self.unknowns, log_factors, self.gravity)
         if twin is None:
             return None
@@ -158,9 +178,11 @@ class Readings:
         return (unit * (twin.values - plants)).reshape(npush, -1), slopes
 
 
-def _apply(spread: Array, whitened: Array) -> Array:
-    """L u of each push (npush x njoint)."""
-    return np.asarray(np.einsum("pij,pj->pi", spread, whitened), dtype=np.float64)
+def _starts(trial: ReadTrial, whitened: Array) -> Array:
+    """The start speeds q̇_0 + L u of each push (npush x njoint), in rad/s, u being `whitened` (npush x njoint)."""
+    if trial.start_spread is None:
+        return trial.start_speeds
+    return np.asarray(trial.start_speeds + np.einsum("pij,pj->pi", trial.start_spread, whitened), dtype=np.float64)
 
 
 def _before(steps: NDArray[np.int64], readings: int) -> NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""What one trial showed of its motion, and the law that it was sent."""
+"""What one trial showed of its motion, and the law that it was sent; and the same beside what a twin shows of it."""
 
 from __future__ import annotations
 
@@ -37,3 +37,20 @@ class WatchedTrial:
     def seen(self, windows: int) -> NDArray[np.bool_]:
         """Which of the first `windows` windows of each push were seen (npush x nwindow)."""
         return np.arange(min(windows, len(self.ends))) < self.windows.seen[:, None]
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A trial as the plant showed it, and as the twin at an estimate moves under the same law.
+
+    Attributes:
+        times: since the push (ntime), in s.
+        seen: joint angles of the plant (npush x ntime x njoint), in rad; NaN where none was kept.
+        simulated: of the twin (npush x ntime x njoint), in rad; NaN after what was seen of a push.
+        noise: standard deviation of an angle that is seen (njoint), in rad.
+    """
+
+    times: Array
+    seen: Array
+    simulated: Array
+    noise: Array

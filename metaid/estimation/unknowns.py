@@ -96,3 +96,8 @@ def coriolis_of(lengths: Array, gravity: Array) -> Array:
     """a_ij = l_i μ_j, i < j (nlink x nlink, symmetric), in kg m², of `lengths` (nlink) in m and μ (nlink) in kg m."""
     upper = np.triu(np.outer(lengths, gravity), 1)  # Eq. 2
     return np.asarray(upper + upper.T, dtype=np.float64)
+
+
+def known_alone(unknowns: Unknowns, log_factors: Array) -> Unknowns:
+    """A chain with these `log_factors` (nunknown), of which nothing is unknown any more: nothing is differentiated."""
+    return Unknowns(unknowns.lumps(log_factors), ())

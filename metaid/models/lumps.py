@@ -59,7 +59,8 @@ class Lumps:
 
     def vector_of(self, kinds: Sequence[str], absent: float = 0.0) -> Array:
         """The lumps of these `kinds`, in the order of `lump_names`; `absent` for each that is left out."""
-        return np.concatenate([self.of(kind, absent) for kind in kinds], axis=-1)
+        nothing = np.empty((*self.gravity.shape[:-1], 0))
+        return np.concatenate([nothing, *(self.of(kind, absent) for kind in kinds)], axis=-1)
 
     def of(self, kind: str, absent: float = 0.0) -> Array:
         """The lumps of one `kind`; `absent` for each where they are left out."""

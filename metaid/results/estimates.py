@@ -15,7 +15,7 @@ from metaid.store import Trial
 from metaid.study import COARSEST, MOST_TRIALS, Problem
 
 if TYPE_CHECKING:
-    from metaid.estimation import Estimate, Experiment, SeenTrial
+    from metaid.estimation import Estimate, Experiment, Replay, SeenTrial
 
 FIRST_TRIALS = 12  # of which it is looked for how early the estimate was there
 CLOSE = 1e-3  # of every lump: so near its last value an estimate was there
@@ -46,6 +46,16 @@ class StudyEstimate:
     def lumps_of(self, estimate: Estimate) -> Array:
         """The lumps (nunknown) of an `estimate`, in the order of its names."""
         return estimate.lumps.vector_of(self.experiment.unknowns.searched)
+
+    def replay(self, number: int | None = None) -> Replay:
+        """One of the trials as the plant showed it and as the twin at the estimate moves. `number` is that of its table
+        in `estimate.residuals`; by default it is the first, or, where the model explains nothing, the one that the twin
+        shows worst.
+        """
+        if number is None:
+            shown = [np.nanmean(table**2) for table in self.estimate.residuals]
+            number = 0 if self.explains else int(np.argmax(shown))
+        return self.experiment.replay(self.watched, self.estimate, number)
 
 
 def study_estimate(problem: Problem, tried: Sequence[Trial]) -> StudyEstimate | None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from watched import GRAVITY, raised, watched
+from watched import GRAVITY, TIMESTEP, raised, watched
 
 from metaid.estimation import Estimate, Motions, Quantity, Unknowns, fit
 from metaid.models import Array, Lumps
@@ -84,6 +84,27 @@ def test_one_link_needs_two_laws() -> None:
     assert once.deviations.max() > 0.1
     trials.append(seen.trial(once.lumps))
     assert worst(fit(Motions(trials, unknowns, GRAVITY)), truth) < 1e-9
+
+
+def test_replay_has_the_plants_angles_beside_the_twins() -> None:
+    """At the end of every window that was seen they agree; the twin is there in between too, and nothing after a
+    fall.
+    """
+    seen = watched(2, longer=4.0)
+    trials = [seen.trial(raised(seen.nominal.lumps, factor)) for factor in (1.5, 0.2)]
+    motions = Motions(trials, Unknowns(seen.nominal.lumps), GRAVITY)
+    estimate = fit(motions)
+    for number, trial in enumerate(trials):
+        replay = motions.replay(number, estimate.point)
+        known = trial.seen(len(trial.ends))
+        assert known.all() == (number == 0)
+        assert np.count_nonzero(~np.isnan(replay.seen)) == 2 * known.sum()
+        at_ends = np.isin(replay.times, TIMESTEP * trial.ends)
+        assert np.array_equal(replay.seen[:, at_ends][known], trial.windows.angles[known])
+        assert np.nanmax(np.abs(replay.simulated - replay.seen)) < 1e-9
+        last = TIMESTEP * np.append(0, trial.ends)[trial.windows.seen]
+        assert (np.isnan(replay.simulated[..., 0]) == (replay.times > last[:, None] + 1e-9)).all()
+        assert len(replay.times) >= 100
 
 
 def test_exact_lengths_leave_two_unknowns_a_link() -> None:

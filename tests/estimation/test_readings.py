@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from watched import GRAVITY, NOISE, raised, watched
+from watched import GRAVITY, NOISE, TIMESTEP, raised, watched
 
 from metaid.estimation import Readings, Unknowns, commanded_torques, fit
 from metaid.estimation.readings import _eliminate
@@ -51,6 +51,23 @@ def test_intervals_cover() -> None:
         true = np.exp(unknowns.log_factors(seen.plant.chain.lumps))
         inside += ((low < true) & (true < high)).tolist()
     assert np.mean(inside) >= 0.85
+
+
+@pytest.mark.parametrize("faults", [NOISY, DIFFERING])
+def test_replay_differs_from_the_readings_by_their_noise(faults: FaultSettings) -> None:
+    """The twin begins with the start speeds of the fit: with the calibrated ones it would be far off after pushes that
+    differ. After a fall there is nothing.
+    """
+    seen = watched(2, faults=faults)
+    trial = seen.read_trial(raised(seen.nominal.lumps, 1.5))
+    trial = replace(trial, steps=np.array([len(trial.readings[0]) - 1, 80, 80, 0]))
+    readings = Readings([trial, trial], Unknowns(seen.nominal.lumps), GRAVITY)
+    replay = readings.replay(1, fit(readings).point)
+    difference = replay.simulated - replay.seen
+    assert np.isnan(difference[3]).all()
+    assert (np.isnan(difference[1, :, 0]) == (replay.times > 80.5 * TIMESTEP)).all()
+    assert 0.8 * NOISE < np.sqrt(np.nanmean(difference**2)) < 1.2 * NOISE
+    assert replay.noise.tolist() == [NOISE, NOISE]
 
 
 def test_hidden_friction_shows_in_the_misfit() -> None:

@@ -62,6 +62,49 @@ def test_correlation_of_an_estimate_is_that_of_its_covariance(estimated: Path) -
     assert [tick.get_text() for tick in axes.get_yticklabels()] == list(found.estimate.names)
 
 
+def test_motion_of_a_push_is_the_plants_in_dots_and_the_twins_in_lines(estimated: Path) -> None:
+    """A line and dots a joint, in degrees; the difference is that of both in mrad."""
+    found = package.load_findings("noisy", str(estimated)).estimate
+    assert found is not None
+    replay = found.replay(1)
+    axes = figures.plot_motion(replay, 4, Figure().subplots())
+    lines = axes.get_lines()[:6]
+    for joint, (dots, line) in enumerate(zip(lines[::2], lines[1::2], strict=True)):
+        assert np.array_equal(dots.get_ydata(), np.degrees(replay.seen[4, :, joint]))
+        assert np.array_equal(line.get_ydata(), np.degrees(replay.simulated[4, :, joint]))
+        assert (dots.get_linestyle(), line.get_marker()) == ("None", "None")
+    assert {"joint 1", "joint 2", "joint 3", "plant", "twin"} == set(axes.get_legend_handles_labels()[1])
+    dots, *_, low, high = figures.plot_difference(replay, 4, Figure().subplots()).get_lines()
+    assert dots.get_ydata() == pytest.approx(1e3 * (replay.simulated - replay.seen)[4, :, 0])
+    assert high.get_ydata()[0] == -low.get_ydata()[0] == pytest.approx(1.96, rel=0.02)  # noise of 1 mrad
+
+
+@pytest.mark.parametrize("name", ["noisy", "hidden"])
+def test_trial_that_is_drawn_is_the_first_or_else_the_one_that_the_twin_shows_worst(name: str, estimated: Path) -> None:
+    """Where the model does not explain what was seen, it is the one with the largest residuals."""
+    found = package.load_findings(name, str(estimated)).estimate
+    assert found is not None
+    assert found.explains == (name == "noisy")
+    worst = int(np.argmax([np.sqrt((table**2).mean()) for table in found.estimate.residuals]))
+    drawn = 0 if name == "noisy" else worst
+    for number in range(found.trials):
+        is_drawn = np.array_equal(found.replay().seen, found.replay(number).seen, equal_nan=True)
+        assert is_drawn == (number == drawn)
+
+
+@pytest.mark.parametrize("width", ["page", "column"])
+def test_figures_of_a_noisy_study_lie_within_their_width(estimated: Path, width: str) -> None:
+    """Nothing of the motion, the residuals, the correlation and the shrinking intervals is cut off."""
+    pictures = figures.Gallery(package.load_findings("noisy", str(estimated))).pictures(width)
+    shown = [picture.figure for picture in pictures if picture.name.startswith("estimate-")]
+    assert len(shown) == 4
+    for figure in shown:
+        figure.draw_without_rendering()
+        box = figure.get_tightbbox()
+        assert box.x0 > -0.05
+        assert box.x1 < figure.get_figwidth() + 0.05
+
+
 def test_residuals_have_a_cell_for_each_push_and_joint(estimated: Path) -> None:
     """Where the model explains nothing they lie far above what it may leave, and the scale says what that is."""
     found = package.load_findings("hidden", str(estimated)).estimate
@@ -91,7 +134,7 @@ def test_deviation_shrinks_with_every_trial_and_ends_at_the_estimate(estimated: 
 
 
 def test_model_that_explains_nothing_has_residuals_but_no_intervals_to_draw(estimated: Path) -> None:
-    """No correlation of what was not found, and no shrinking intervals."""
+    """And its motion beside the plant's; no correlation of what was not found, and no shrinking intervals."""
     names = {each.name for each in figures.Gallery(package.load_findings("hidden", str(estimated))).pictures()}
-    assert "estimate-residuals" in names
+    assert {"estimate-motion", "estimate-residuals"} <= names
     assert not {"estimate-correlation", "estimate-trials", "ranges"} & names

@@ -24,7 +24,7 @@ from metaid.results.sweeps import plane, sweep
 
 Metaid = Callable[..., Finished]
 FILES = {"convergence", "factors", "ranges", "frequency", "boundary", "parallel", "correlation", "episode"}
-FILES |= {"estimate-residuals", "estimate-correlation", "estimate-trials"}
+FILES |= {"estimate-motion", "estimate-residuals", "estimate-correlation", "estimate-trials"}
 
 
 @pytest.fixture

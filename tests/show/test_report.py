@@ -20,7 +20,7 @@ from metaid.study.run import run_study
 
 Metaid = Callable[..., Finished]
 FIGURES = ("convergence", "factors", "ranges", "frequency", "boundary", "parallel", "correlation", "episode")
-FIGURES += ("estimate-residuals", "estimate-correlation", "estimate-trials")
+FIGURES += ("estimate-motion", "estimate-residuals", "estimate-correlation", "estimate-trials")
 
 
 @pytest.fixture(scope="module")

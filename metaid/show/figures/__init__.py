@@ -7,7 +7,7 @@ figures.plot_convergence(found)
 """
 
 from metaid.show.figures.episodes import draw_episode, plot_angles, plot_phase
-from metaid.show.figures.estimate import plot_covariance, plot_growth, plot_residuals
+from metaid.show.figures.estimate import plot_covariance, plot_difference, plot_growth, plot_motion, plot_residuals
 from metaid.show.figures.gallery import Gallery, Picture
 from metaid.show.figures.landscape import plot_boundary, plot_parallel, plot_sweep
 from metaid.show.figures.lumps import plot_correlation, plot_ranges
@@ -34,9 +34,11 @@ __all__ = [
     "plot_convergence",
     "plot_correlation",
     "plot_covariance",
+    "plot_difference",
     "plot_error",
     "plot_factor",
     "plot_growth",
+    "plot_motion",
     "plot_parallel",
     "plot_phase",
     "plot_plant",

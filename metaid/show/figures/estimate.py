@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
@@ -10,9 +12,66 @@ from matplotlib.ticker import MaxNLocator
 from metaid.models import Array
 from metaid.results import StudyEstimate, growth
 from metaid.show.figures.lumps import draw_correlation
-from metaid.show.figures.style import FALL, SURVIVOR, VALUES, new_axes
+from metaid.show.figures.style import COLOURS, FALL, INK, SURVIVOR, VALUES, every, new_axes, size_of
+
+if TYPE_CHECKING:
+    from metaid.estimation import Replay
 
 LEAST = 1e-16  # of what is drawn on a logarithmic scale, in place of 0
+NUMBERS = 4.0  # of pushes or joints beside one another, an inch of the figure
+CROWDED = 20  # marks of a line; more of them are small
+DEVIATIONS = 1.96  # of a normal distribution, to either side, hold 95 %
+
+
+def plot_motion(shown: Replay, push: int, axes: Axes | None = None) -> Axes:
+    """Joint angles, in degrees, over the time since a push, in s: dots are the plant's, lines the twin's.
+
+    Args:
+        shown: a trial; `found.estimate.replay()` of findings is one.
+        push: its number, from 0.
+        axes: to draw on; default: a new one.
+    """
+    axes = new_axes(axes)
+    for joint, (seen, simulated) in enumerate(zip(shown.seen[push].T, shown.simulated[push].T, strict=True)):
+        colour = COLOURS[joint % len(COLOURS)]
+        axes.plot(shown.times, np.degrees(seen), ".", color=colour, markersize=_mark(seen))
+        axes.plot(shown.times, np.degrees(simulated), color=colour, label=f"joint {joint + 1}")
+    axes.plot([], [], ".", color=INK, label="plant")
+    axes.plot([], [], "-", color=INK, label="twin")
+    axes.set_ylabel("angle, °")
+    return _over_time(shown, axes)
+
+
+def plot_difference(shown: Replay, push: int, axes: Axes | None = None) -> Axes:
+    """The twin's joint angles less the plant's, in mrad, over the time since a push, in s; between the dotted lines lie
+    95 % of what noise makes of them, where there is some.
+
+    Args:
+        shown: a trial; `found.estimate.replay()` of findings is one.
+        push: its number, from 0.
+        axes: to draw on; default: a new one.
+    """
+    axes = new_axes(axes)
+    for joint, difference in enumerate((shown.simulated[push] - shown.seen[push]).T):
+        colour = COLOURS[joint % len(COLOURS)]
+        axes.plot(shown.times, 1e3 * difference, ".", color=colour, markersize=_mark(difference))
+    for side in (-DEVIATIONS, DEVIATIONS):
+        if (reach := side * 1e3 * shown.noise.max()) != 0.0:
+            axes.axhline(reach, color=INK, linewidth=0.7, linestyle=":")
+    axes.set_ylabel("twin − plant,\nmrad")
+    return _over_time(shown, axes)
+
+
+def _mark(values: Array) -> float:
+    """The size of a mark where so many of the `values` are drawn."""
+    return 2.0 if np.count_nonzero(~np.isnan(values)) > CROWDED else 4.0
+
+
+def _over_time(shown: Replay, axes: Axes) -> Axes:
+    axes.set_xlim(0.0, 1.02 * shown.times[-1])
+    axes.set_xlabel("time, s")
+    axes.grid(True)
+    return axes
 
 
 def plot_residuals(found: StudyEstimate, axes: Axes | None = None) -> Axes:
@@ -26,8 +85,10 @@ def plot_residuals(found: StudyEstimate, axes: Axes | None = None) -> Axes:
     image = axes.imshow(shown, norm=LogNorm(), cmap=VALUES, aspect="auto")
     limit = found.experiment.explained_below
     axes.figure.colorbar(image, ax=axes, label=f"rms residual (explained: below {limit:g})")
-    for along, count in ((axes.xaxis, shown.shape[1]), (axes.yaxis, shown.shape[0])):
-        along.set_ticks(range(count), [str(i + 1) for i in range(count)])
+    width, height = size_of(axes)
+    for along, count, room in ((axes.xaxis, shown.shape[1], width), (axes.yaxis, shown.shape[0], height)):
+        named = every(count, NUMBERS * room)
+        along.set_ticks(named, [str(i + 1) for i in named])
     axes.tick_params(length=0)
     axes.set_xlabel("push")
     axes.set_ylabel("joint")

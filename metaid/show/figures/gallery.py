@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from metaid.episode import Trajectory
@@ -15,13 +15,18 @@ from metaid.errors import StorageError
 from metaid.models import Array
 from metaid.results import Findings, Plane, Sweep, plane, sweep
 from metaid.show.figures.episodes import plot_angles, plot_phase
-from metaid.show.figures.estimate import plot_covariance, plot_growth, plot_residuals
+from metaid.show.figures.estimate import plot_covariance, plot_difference, plot_growth, plot_motion, plot_residuals
 from metaid.show.figures.landscape import plot_boundary, plot_parallel, plot_sweep
 from metaid.show.figures.lumps import plot_correlation, plot_ranges
+from metaid.show.figures.panels import pair_of_panels, pairs_of_panels, panels, share_legend
 from metaid.show.figures.search import plot_convergence, plot_error, plot_factor
 from metaid.show.figures.style import COLUMN, PAGE, style
 
+if TYPE_CHECKING:
+    from metaid.estimation import Replay
+
 PANELS = 12  # lumps at most in a figure of one panel each
+PUSHES = 6  # pushes at most in a figure of two panels each
 SWEPT, GRID = 61, 31  # factors along a line, and along each side of a plane
 WIDTHS = {"page": PAGE, "column": COLUMN}  # inches
 
@@ -62,7 +67,7 @@ class Gallery:
         if len(self.found.names) > 1:
             makers += [self._boundary, self._parallel, self._correlation]
         if self.found.estimate is not None:
-            makers.append(self._residuals)
+            makers += [self._motion, self._residuals]
             makers += [self._covariance, self._growth] if self.found.estimate.explains else []
         for make in [*makers, *([self._episode] if simulated else [])]:
             with style():
@@ -100,7 +105,7 @@ class Gallery:
         return np.linspace(self.found.problem.low[lump], self.found.problem.high[lump], count)
 
     def _convergence(self, width: float) -> Picture:
-        figure, (left, right) = _pair_of_panels(width, (1, 1))
+        figure, (left, right) = pair_of_panels(width, (1, 1))
         plot_convergence(self.found, left)
         plot_error(self.found, right)
         return Picture(
@@ -111,17 +116,17 @@ class Gallery:
         )
 
     def _factors(self, width: float) -> Picture:
-        figure, axes = _panels(width, len(self.names))
+        figure, axes = panels(width, len(self.names))
         for lump, panel in zip(self.names, axes, strict=True):
             plot_factor(self.found, lump, panel)
-        _share_legend(figure, axes)
+        share_legend(figure, axes)
         return Picture("factors", f"Each lump's factor over the trials.{self._how_many}", figure)
 
     def _frequency(self, width: float) -> Picture:
-        figure, axes = _panels(width, len(self.names))
+        figure, axes = panels(width, len(self.names))
         for swept, panel in zip(self.sweeps, axes, strict=True):
             plot_sweep(self.found, swept, panel)
-        _share_legend(figure, axes)
+        share_legend(figure, axes)
         caption = f"The measure against one lump's factor, the other lumps at their best.{self._how_many}"
         return Picture("frequency", caption, figure)
 
@@ -141,7 +146,7 @@ class Gallery:
     def _boundary(self, width: float) -> Picture:
         figure = Figure(figsize=(width, 3.6), layout="constrained")
         plot_boundary(self.found, *self.over, figure.subplots(), self.boundary)
-        _share_legend(figure, figure.axes)
+        share_legend(figure, figure.axes)
         caption = (
             f"Falls and survivors over {self.over[0]} and {self.over[1]}. Shaded: candidates fall there whose other "
             "lumps are the best one's; trials had others, so they may fall or survive elsewhere."
@@ -153,7 +158,7 @@ class Gallery:
     def _parallel(self, width: float) -> Picture:
         figure = Figure(figsize=(width, 3.2), layout="constrained")
         plot_parallel(self.found, figure.subplots())
-        _share_legend(figure, figure.axes[:1])
+        share_legend(figure, figure.axes[:1])
         caption = "Trials as lines over the lumps' factors; the colour is the measure, falls are dotted."
         return Picture("parallel", caption, figure)
 
@@ -166,6 +171,32 @@ class Gallery:
             "near 1 or −1 a combination of two lumps is known better than either."
         )
         return Picture("correlation", caption, figure)
+
+    @cached_property
+    def replay(self) -> Replay:
+        """A trial as the plant showed it, and as the twin at the estimate does."""
+        assert self.found.estimate is not None
+        return self.found.estimate.replay()
+
+    def _motion(self, width: float) -> Picture:
+        assert self.found.estimate is not None
+        npush, which = len(self.replay.seen), "first trial"
+        if not self.found.estimate.explains:
+            which = "trial that it shows worst"
+        figure, axes = pairs_of_panels(width, min(npush, PUSHES))
+        for push, (motion, difference) in enumerate(axes):
+            plot_motion(self.replay, push, motion).set_title(f"push {push + 1}")
+            plot_difference(self.replay, push, difference)
+            motion.set_xlabel("")
+            for panel in (motion, difference):
+                panel.label_outer()
+        share_legend(figure, [motion for motion, _ in axes])
+        how_many = "" if npush <= PUSHES else f" The first {PUSHES} of {npush} pushes."
+        caption = (
+            f"What the plant showed and what the twin at the estimate shows under the same law, in the {which}; below "
+            f"each push the difference.{how_many}"
+        )
+        return Picture("estimate-motion", caption, figure)
 
     def _residuals(self, width: float) -> Picture:
         assert self.found.estimate is not None
@@ -202,7 +233,7 @@ class Gallery:
         return Picture("estimate-trials", caption, figure)
 
     def _episode(self, width: float) -> Picture:
-        figure, (left, right) = _pair_of_panels(width, (3, 2))
+        figure, (left, right) = pair_of_panels(width, (3, 2))
         plot_angles(self.trajectory, self.found.problem.timestep, left)
         plot_phase(self.trajectory, right)
         does = "it coasts" if self.found.problem.stage == 1 else "every joint swings at the same frequency"
@@ -210,33 +241,3 @@ class Gallery:
             f"Joint angles and phase portrait of the best candidate after the last push; exactly compensated, {does}."
         )
         return Picture("episode", caption, figure)
-
-
-def _pair_of_panels(width: float, ratios: tuple[int, int]) -> tuple[Figure, list[Axes]]:
-    """Two panels: side by side on a page, one above the other in a column."""
-    if width < PAGE:
-        figure = Figure(figsize=(width, 4.6), layout="constrained")
-        return figure, list(figure.subplots(2, 1))
-    figure = Figure(figsize=(width, 2.6), layout="constrained")
-    return figure, list(figure.subplots(1, 2, width_ratios=ratios))
-
-
-def _panels(width: float, count: int) -> tuple[Figure, list[Axes]]:
-    columns = min(count, 3 if width >= PAGE else 2)
-    rows = -(-count // columns)
-    figure = Figure(figsize=(width, max(1.9 * rows, 2.4)), layout="constrained")
-    axes = list(figure.subplots(rows, columns, squeeze=False).flat)
-    for panel in axes[count:]:
-        panel.remove()
-    return figure, axes[:count]
-
-
-def _share_legend(figure: Figure, axes: list[Axes]) -> None:
-    """One legend above all panels, with each label once, instead of one in each."""
-    labelled = {label: mark for panel in axes for mark, label in zip(*panel.get_legend_handles_labels(), strict=True)}
-    for panel in axes:
-        if legend := panel.get_legend():
-            legend.remove()
-    figure.legend(
-        labelled.values(), labelled.keys(), loc="outside upper center", ncols=5 if figure.get_figwidth() >= PAGE else 2
-    )

@@ -7,9 +7,10 @@ from matplotlib.axes import Axes
 
 from metaid.models import Array
 from metaid.results import Findings
-from metaid.show.figures.style import INK, RANGE, SURVIVOR, new_axes
+from metaid.show.figures.style import INK, RANGE, SURVIVOR, every, new_axes, size_of
 
 READABLE = 8  # lumps up to which a correlation is written in its cell
+LABELS = 5.5  # names below one another, an inch of the figure
 
 
 def plot_ranges(found: Findings, axes: Axes | None = None) -> Axes:
@@ -59,11 +60,12 @@ def draw_correlation(matrix: Array, names: list[str], label: str, axes: Axes) ->
     """
     image = axes.imshow(matrix, vmin=-1.0, vmax=1.0, cmap="PuOr_r")
     axes.figure.colorbar(image, ax=axes, label=label)
-    places = np.arange(len(names))
-    axes.set_xticks(places, names, rotation=90)
-    axes.set_yticks(places, names)
+    _, height = size_of(axes)
+    named = every(len(names), LABELS * height)
+    axes.set_xticks(named, [names[place] for place in named], rotation=90)
+    axes.set_yticks(named, [names[place] for place in named])
     axes.tick_params(length=0)
-    if len(places) <= READABLE:
+    if len(names) <= READABLE:
         for (row, column), value in np.ndenumerate(matrix):
             colour = "white" if abs(value) > 0.6 else "black"
             axes.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=6, color=colour)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -63,6 +64,17 @@ def new_axes(axes: Axes | None) -> Axes:
 
     with style():
         return pyplot.subplots(figsize=(0.7 * PAGE, 0.45 * PAGE), layout="constrained")[1]
+
+
+def size_of(axes: Axes) -> tuple[float, float]:
+    """Width and height, in inches, of the figure that `axes` are in."""
+    box, dots = axes.figure.bbox, axes.figure.dpi
+    return box.width / dots, box.height / dots
+
+
+def every(count: int, room: float) -> range:
+    """Which of so many ticks have a label where there is `room` for that many."""
+    return range(0, count, max(math.ceil(count / room), 1))
 
 
 def verbatim(text: str) -> str:
