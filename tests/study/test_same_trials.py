@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import random_links
+from conftest import matching_spec, random_links, what_is_known
 
 from metaid import results
 from metaid.compiled.faulty_loop import FaultyLoop
@@ -50,7 +50,7 @@ import os, signal, sys
 from metaid.store.database import Store
 from metaid.study.run import run_study
 def die(progress):
-    if progress.trials > 15:
+    if progress.trials >= int(sys.argv[2]):
         os.kill(os.getpid(), signal.SIGKILL)
 run_study(Store(sys.argv[1]), "killed", watch=die)
 """
@@ -87,6 +87,13 @@ def test_trials_are_the_same_for_any_number_of_workers_and_any_stops(plant: str,
         assert table.equals(tables[0])
 
 
+def kill_after(trials: int, store: Store) -> None:
+    """Runs the study `killed` in a process that SIGKILLs itself once there are so many trials."""
+    program = [sys.executable, "-c", RUN_AND_DIE, store.url, str(trials)]
+    done = subprocess.run(program, capture_output=True, text=True)
+    assert done.returncode == -signal.SIGKILL, done.stderr
+
+
 @pytest.mark.parametrize("plant", ["dry friction", "dry friction and every fault"])
 def test_trials_are_the_same_if_the_run_is_killed(plant: str, tmp_path: Path) -> None:
     """SIGKILL after a generation, then resumed."""
@@ -94,8 +101,7 @@ def test_trials_are_the_same_if_the_run_is_killed(plant: str, tmp_path: Path) ->
     for name in ("whole", "killed"):
         create_study(store, spec_of(PLANTS[plant], "cmaes"), name)
     run_study(store, "whole", workers=2)
-    done = subprocess.run([sys.executable, "-c", RUN_AND_DIE, store.url], capture_output=True, text=True)
-    assert done.returncode == -signal.SIGKILL, done.stderr
+    kill_after(16, store)
     assert 0 < store.count("killed") < TRIALS
     run_study(store, "killed", workers=1)
     assert results.trials_frame(store, "killed").equals(results.trials_frame(store, "whole"))
@@ -119,3 +125,20 @@ def test_record_of_a_candidate_is_the_same_after_any_other(plant: str) -> None:
     later = loops[1].run(candidate)
     assert later.acceleration_energy.tobytes() == fresh.acceleration_energy.tobytes()
     assert later.speed_energy.tobytes() == fresh.speed_energy.tobytes()
+
+
+@pytest.mark.parametrize("noisy", [False, True], ids=["ideal", "noisy"])
+def test_estimate_is_the_same_for_any_number_of_workers_and_if_the_run_is_killed(noisy: bool, tmp_path: Path) -> None:
+    """One, two and three workers, and SIGKILL after the third of four trials: the trials with what they showed, the
+    lumps and their intervals, to the last bit.
+    """
+    store, spec = Store(str(tmp_path / "metaid.db"), create=True), matching_spec(noisy)
+    for name, workers in (("one", 1), ("two", 2), ("three", 3), ("killed", 2)):
+        create_study(store, spec, name)
+        if name == "killed":
+            kill_after(3, store)
+            assert 0 < store.count("killed") < 4  # the last trials may not have been written yet
+        run_study(store, name, workers=workers)
+    shown = [what_is_known(store, name) for name in ("one", "two", "three", "killed")]
+    assert store.count("one") == 4
+    assert all(each == shown[0] for each in shown[1:])

@@ -13,7 +13,7 @@ import numpy as np
 import psutil
 import pytest
 import ray
-from conftest import Finished
+from conftest import Finished, matching_spec, what_is_known
 from pandas.testing import assert_frame_equal
 from ray.cluster_utils import Cluster
 
@@ -193,6 +193,17 @@ def test_nodes_come_and_go_and_the_trials_are_the_same(
 
     run_study(store, "ray", workers=3, engine="ray", watch=change)
     assert_frame_equal(*(results.trials_frame(store, name) for name in ("local", "ray")), check_exact=True)
+
+
+@pytest.mark.parametrize("noisy", [False, True], ids=["ideal", "noisy"])
+def test_estimate_of_what_ray_workers_have_seen_is_the_same(node: Any, noisy: bool, tmp_path: Path) -> None:
+    """Windows and readings come back from other processes as they are, to the last bit."""
+    store, spec = Store(str(tmp_path / "metaid.db"), create=True), matching_spec(noisy)
+    for name, engine in (("local", "local"), ("ray", "ray")):
+        create_study(store, spec, name)
+        run_study(store, name, engine=engine)
+    assert store.count("ray") == 4
+    assert what_is_known(store, "ray") == what_is_known(store, "local")
 
 
 def test_run_without_any_node_stops_in_one_line(
