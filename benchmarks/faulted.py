@@ -112,7 +112,7 @@ def _search(problem: Problem) -> Array:
     trials = 0
     while trials < problem.spec.study.trials and not searcher.finished():
         batch = searcher.ask()
-        outcomes = [objective.evaluate(candidate) for candidate in batch]
+        outcomes = [objective.evaluate(candidate, trials + i) for i, candidate in enumerate(batch)]
         searcher.tell(outcomes)
         factors += [candidate for candidate, outcome in zip(batch, outcomes, strict=True) if not outcome.fell]
         values += [outcome.value for outcome in outcomes if not outcome.fell]

@@ -19,7 +19,7 @@ from pathlib import Path
 from benchmarks.common import machine
 from soak.common import SoakResult, table
 
-PARTS = ("kills", "workers", "cluster", "inputs")
+PARTS = ("kills", "workers", "cluster", "inputs", "kernels")
 MARKERS = "<!-- soak: written by make soak -->", "<!-- end of soak -->"
 
 

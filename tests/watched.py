@@ -65,7 +65,7 @@ def watched(
     plant, believed = MujocoPlant("chain", settings), chain_of(nominal)
     steps = round(1.5 * natural_time(believed, GRAVITY) / TIMESTEP)
     pushes = rich_pushes(plant, 2 * nlink, 1.0 / (steps * TIMESTEP), seed)
-    wanted = {"keep_angles": True, "stiffness": stiffness}
+    wanted = {"keep_angles": True, "stiffness": stiffness, "seed": seed}
     episode = Episode(pushes, round(longer * steps), FallRule(RICH_FALL_LIMIT), **wanted)
     return Watched(plant, believed, episode, np.array([plant.start_speeds(start) for start in episode.starts]))
 

@@ -4,6 +4,7 @@ this slows down.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -182,18 +183,20 @@ class FaultyLoop:
         vectors = np.empty(njoint), np.empty(njoint), np.empty(njoint), np.empty(njoint, np.bool_)
         self._work = *links, *vectors, np.empty((faults.delay + 1, njoint))
 
-    def new_batch(self, candidates: Lumps) -> CandidateBatch:
-        """A batch of `candidates`, lumps with a leading axis (ncandidate), for this and its like to work on."""
-        return new_candidate_batch(candidates)
+    def new_batch(self, candidates: Lumps, trials: Sequence[int]) -> CandidateBatch:
+        """A batch of `candidates`, lumps with a leading axis (ncandidate), of the `trials` with these numbers, for this
+        and its like to work on.
+        """
+        return new_candidate_batch(candidates, trials)
 
     def work_on(self, batch: CandidateBatch) -> None:
         """Runs episodes of the `batch` until there are none left; others may do so at the same time."""
         batch.work_through(self.run)
 
-    def run(self, candidate: Lumps) -> Record:
-        """One episode with the `candidate` lumps."""
+    def run(self, candidate: Lumps, number: int = 0) -> Record:
+        """The episode of the trial of that `number` with the `candidate` lumps."""
         episode, plant = self.episode, self.plant.inner
-        noise, shape = noise_of(self.plant, candidate, episode), episode.pushes.shape
+        noise, shape = noise_of(self.plant, episode, number), episode.pushes.shape
         struck = replace(episode, pushes=episode.pushes * (1.0 + noise.impulses))
         outputs = np.zeros(shape, dtype=np.int64), np.zeros(shape), np.zeros(shape), np.zeros(shape)
         motion, crossed = (output[0] for output in new_windows(episode, 1))

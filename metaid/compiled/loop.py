@@ -51,8 +51,10 @@ class CompiledLoop:
         self._settings = plant.timestep, episode.steps, *episode.fall_rule.clauses, ends
         self._links = np.zeros(plant.njoint, LINK)
 
-    def new_batch(self, candidates: Lumps) -> Batch:
-        """A batch of `candidates`, lumps with a leading axis (ncandidate), for this and its like to work on."""
+    def new_batch(self, candidates: Lumps, _trials: Sequence[int] = ()) -> Batch:
+        """A batch of `candidates`, lumps with a leading axis (ncandidate), for this and its like to work on. Nothing in
+        it depends on the number of its trial.
+        """
         return new_batch(self.episode, self.plant.timestep, self.plant.gravity, candidates)
 
     def work_on(self, batch: Batch) -> None:
@@ -61,7 +63,7 @@ class CompiledLoop:
         with quiet_mujoco():
             run_from(self.step, self._start, batch.queue, batch.laws, self._settings, self._links, *results)
 
-    def run(self, candidate: Lumps) -> Record:
+    def run(self, candidate: Lumps, _number: int = 0) -> Record:
         """One episode with the `candidate` lumps."""
         batch = self.new_batch(candidate[None])
         self.work_on(batch)

@@ -6,6 +6,7 @@ It knows neither samplers nor storage.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Protocol
 
@@ -40,13 +41,16 @@ class Loop(Protocol):
     plant: Any
     episode: Episode
 
-    def run(self, candidate: Lumps) -> Record: ...
-    def new_batch(self, candidates: Lumps) -> Any: ...
+    def run(self, candidate: Lumps, number: int = ..., /) -> Record: ...
+    def new_batch(self, candidates: Lumps, trials: Sequence[int], /) -> Any: ...
     def work_on(self, batch: Any) -> None: ...
 
 
 class Objective:
     """Evaluates factors of nominal lumps on a plant by a measure. Holds the plant's state, so one per worker.
+
+    The noise of a plant with faults is drawn from the episode's seed and the `number` of the trial. Where none is given
+    it is that of trial 0: candidates that are evaluated one by one all have the same noise.
 
     Args:
         plant: that candidates are tried on.
@@ -85,31 +89,33 @@ class Objective:
         self._loop: Loop = _fastest_loop(plant, nominal, episode, physics)
         self._ceiling = self.measure.ceiling(episode, self._loop.plant.timestep)
 
-    def record(self, factors: Array) -> Record:
-        """What the episode of a candidate with these `factors` (nlump) shows.  Raises EpisodeError where they are
-        none, LostPlant and AbsentPlant.
+    def record(self, factors: Array, number: int = 0) -> Record:
+        """What the episode of a candidate with these `factors` (nlump) shows in the trial of that `number`.  Raises
+        EpisodeError where they are none, LostPlant and AbsentPlant.
         """
         checked = _checked(factors, len(self._space.names))
-        return self._loop.run(self.nominal.with_parameters(self._space.parameters(checked)))
+        return self._loop.run(self.nominal.with_parameters(self._space.parameters(checked)), number)
 
-    def watch(self, factors: Array) -> tuple[Record, Trajectory]:
+    def watch(self, factors: Array, number: int = 0) -> tuple[Record, Trajectory]:
         """The same, and the motion after the last push, step by step in Python."""
         with quiet_mujoco():
-            return run_stepwise(self._loop.plant, self.nominal.scaled(factors), self._loop.episode)
+            return run_stepwise(self._loop.plant, self.nominal.scaled(factors), self._loop.episode, number)
 
     def close(self) -> None:
         """Lets go of the plant."""
         self.plant.close()
 
-    def evaluate(self, factors: Array) -> Outcome:
-        """The outcome for `factors` (nlump) of the nominal lumps.  Raises as `record` does."""
-        return self._outcome(self.record(factors))
-
-    def share(self, factors: Array) -> Any:
-        """A batch of candidates with these `factors` (ncandidate x nlump), for this objective and its like, each on a
-        thread of its own, to work on.
+    def evaluate(self, factors: Array, number: int = 0) -> Outcome:
+        """The outcome for `factors` (nlump) of the nominal lumps in the trial of that `number`.  Raises as `record`
+        does.
         """
-        return self._loop.new_batch(self.nominal.with_parameters(self._space.parameters(factors)))
+        return self._outcome(self.record(factors, number))
+
+    def share(self, factors: Array, trials: Sequence[int]) -> Any:
+        """A batch of candidates with these `factors` (ncandidate x nlump), of the `trials` with these numbers
+        (ncandidate), for this objective and its like, each on a thread of its own, to work on.
+        """
+        return self._loop.new_batch(self.nominal.with_parameters(self._space.parameters(factors)), trials)
 
     def work_on(self, batch: Any) -> None:
         """Runs episodes of the `batch` until there are none left; others may do so at the same time."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from metaid.episode.episode import Episode
-from metaid.models import Lumps
 from metaid.plant import FaultyPlant, Noise, draw, stream
 
 RESTING = 1000  # readings of the plant at rest, which tell how far noise alone can throw one
@@ -13,10 +12,12 @@ RESTING = 1000  # readings of the plant at rest, which tell how far noise alone 
 DEADBAND = 5.0  # of their standard deviation: a reading so near the upright tells no side
 
 
-def noise_of(plant: FaultyPlant, candidate: Lumps, episode: Episode) -> Noise:
-    """The noise of an `episode` with a `candidate`: the same whenever, wherever and after whatever it is run."""
+def noise_of(plant: FaultyPlant, episode: Episode, number: int) -> Noise:
+    """The noise of an `episode` in the trial of that `number`: the same whenever, wherever, after whatever and with
+    whatever candidate it is run.
+    """
     npush, njoint = episode.pushes.shape
-    return draw(plant.faults, stream(episode.seed, candidate), npush, episode.steps, njoint)
+    return draw(plant.faults, stream(episode.seed, number), npush, episode.steps, njoint)
 
 
 def with_deadband(episode: Episode, plant: FaultyPlant) -> Episode:

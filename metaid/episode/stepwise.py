@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,11 +20,12 @@ TRIES = 3  # of an episode in which the plant was lost
 
 @dataclass(frozen=True)
 class CandidateBatch:
-    """The `candidates`, lumps with a leading axis (ncandidate), a `queue` of their numbers, and what has been `seen`:
-    a batch for loops that run one whole episode after the other.
+    """The `candidates`, lumps with a leading axis (ncandidate), the numbers of their `trials`, a `queue` of their
+    positions, and what has been `seen`: a batch for loops that run one whole episode after the other.
     """
 
     candidates: Lumps
+    trials: Sequence[int]
     queue: Iterator[int]
     seen: dict[int, Record | LostPlant]
 
@@ -34,21 +35,23 @@ class CandidateBatch:
         """
         return [self.seen[candidate] for candidate in range(len(self.seen))]
 
-    def work_through(self, run: Callable[[Lumps], Record]) -> None:
+    def work_through(self, run: Callable[[Lumps, int], Record]) -> None:
         """Runs episodes until there are none left; others may do so at the same time.  Raises AbsentPlant."""
         for candidate in self.queue:
             try:
-                self.seen[candidate] = run(self.candidates[candidate])
+                self.seen[candidate] = run(self.candidates[candidate], self.trials[candidate])
             except AbsentPlant:
                 raise  # nor is it there for the next
             except LostPlant as problem:
                 self.seen[candidate] = problem
 
 
-def new_candidate_batch(candidates: Lumps) -> CandidateBatch:
-    """A batch of `candidates`, lumps with a leading axis (ncandidate), of which nothing has been run."""
+def new_candidate_batch(candidates: Lumps, trials: Sequence[int]) -> CandidateBatch:
+    """A batch of `candidates`, lumps with a leading axis (ncandidate), of the `trials` with these numbers, of which
+    nothing has been run.
+    """
     # `next` on such a queue is atomic, so each candidate goes to whoever is free first.
-    return CandidateBatch(candidates, iter(range(len(candidates.gravity))), {})
+    return CandidateBatch(candidates, trials, iter(range(len(candidates.gravity))), {})
 
 
 class StepwiseLoop:
@@ -58,9 +61,11 @@ class StepwiseLoop:
         self.plant = plant
         self.episode = episode
 
-    def new_batch(self, candidates: Lumps) -> CandidateBatch:
-        """A batch of `candidates`, lumps with a leading axis (ncandidate), for this and its like to work on."""
-        return new_candidate_batch(candidates)
+    def new_batch(self, candidates: Lumps, trials: Sequence[int]) -> CandidateBatch:
+        """A batch of `candidates`, lumps with a leading axis (ncandidate), of the `trials` with these numbers, for this
+        and its like to work on.
+        """
+        return new_candidate_batch(candidates, trials)
 
     def work_on(self, batch: CandidateBatch) -> None:
         """Runs episodes of the `batch` until there are none left; others may do so at the same time.  Raises
@@ -68,27 +73,33 @@ class StepwiseLoop:
         """
         batch.work_through(self.run)
 
-    def run(self, candidate: Lumps) -> Record:
-        """One episode with the `candidate` lumps, again if the plant was lost in it.  Raises LostPlant where that is of
-        no help, AbsentPlant where there is no plant any more.
+    def run(self, candidate: Lumps, number: int = 0) -> Record:
+        """The episode of the trial of that `number` with the `candidate` lumps, again if the plant was lost in it.
+        Raises LostPlant where that is of no help, AbsentPlant where there is no plant any more.
         """
         tries = 0
         while True:
             try:
-                return run_stepwise(self.plant, candidate, self.episode)[0]
+                return run_stepwise(self.plant, candidate, self.episode, number)[0]
             except LostPlant as problem:
                 tries += 1
                 if tries == TRIES:
                     raise type(problem)(f"{problem}; the episode was tried {TRIES} times") from None
 
 
-def run_stepwise(plant: Plant, candidate: Lumps, episode: Episode) -> tuple[Record, Trajectory]:
+def run_stepwise(plant: Plant, candidate: Lumps, episode: Episode, number: int = 0) -> tuple[Record, Trajectory]:
     """One episode on any plant, step by step: the reference for the compiled loops, and what a rig uses.
 
-    On a FaultyPlant it has the noise of this episode and this candidate, and what is returned is what its sensors read.
+    On a FaultyPlant what is returned is what its sensors read.
+
+    Args:
+        plant: that is pushed.
+        candidate: the lumps that it is compensated with.
+        episode: what is done to it.
+        number: of the trial, whose noise a FaultyPlant has.
     """
     if isinstance(plant, FaultyPlant):
-        plant.begin(noise_of(plant, candidate, episode))
+        plant.begin(noise_of(plant, episode, number))
     law = ChainModel(candidate, plant.gravity, episode.stiffness)
     shape = episode.pushes.shape
     half_periods, span = np.zeros(shape, dtype=np.int64), np.zeros(shape)

@@ -1,20 +1,20 @@
 """What a real plant has and an ideal one has not: the `[faults]` of a plant file, and the noise of one episode.
 
-All noise of an episode is drawn before it, from a stream of random numbers that a seed and the candidate alone
-determine. So a candidate has the same episode wherever it is evaluated, and however often.
+All noise of an episode is drawn before it, from a stream of random numbers that the study's seed and the trial's number
+alone determine. So a trial has the same noise wherever it is evaluated, and however often. The candidate does not
+matter: its factors differ in their last bits from one processor to another, and noise must not.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from hashlib import blake2b
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from metaid.files import Settings
-from metaid.models import Array, Lumps
+from metaid.models import Array
 
 SPEED_WINDOW = 0.03  # s of angle readings that a joint speed is fitted to where there is no speed sensor
 FEWEST_READINGS = 3  # of them, however slowly they come
@@ -68,10 +68,9 @@ class Noise:
     torques: Array
 
 
-def stream(seed: int, candidate: Lumps) -> np.random.Generator:
-    """The random numbers of a candidate's episode: they depend on the `seed` and on the lumps, to the last bit."""
-    digest = blake2b(candidate.vector.tobytes(), key=seed.to_bytes(8, "little"), digest_size=16).digest()
-    return np.random.Generator(np.random.SFC64(int.from_bytes(digest, "little")))
+def stream(seed: int, number: int) -> np.random.Generator:
+    """The random numbers of the episode of the trial of that `number`, in a study with that `seed`."""
+    return np.random.Generator(np.random.SFC64([seed, number]))
 
 
 def draw(faults: FaultSettings, random: np.random.Generator, npush: int, steps: int, njoint: int) -> Noise:

@@ -100,7 +100,7 @@ def _verified(problem: Problem, best: Trial) -> dict[str, Any]:
     """What MuJoCo says of the best candidate of a study that was screened by other physics; nothing for any other."""
     if problem.spec.study.episode.physics == "mujoco":
         return {}
-    outcome = problem.verify(best.factors)
+    outcome = problem.verify(best.factors, best.number)
     agrees = not outcome.fell and abs(outcome.value - best.outcome.value) <= problem.resolution
     return {"mujoco": {"value": outcome.value, "fell": outcome.fell, "agrees": agrees}}
 

@@ -1,7 +1,8 @@
 """Episodes on a line or a plane of candidates: the frequency against a factor (the paper's Table I as a curve) and
 the boundary of falling.
 
-They evaluate candidates as the search did, and do not use the truth.
+They evaluate candidates as the search did, and do not use the truth. On a plant with noise all candidates have that of
+trial 0, so that a curve has no noise of its own.
 """
 
 from __future__ import annotations

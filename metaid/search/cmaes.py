@@ -23,6 +23,11 @@ class Cmaes:
         self._coordinates = coordinates
         mean = np.zeros(len(coordinates.origin))
         self._optimizer = cmaes.CMA(mean=mean, sigma=options.sigma, seed=seed, population_size=options.generation)
+        size = self._optimizer.population_size
+        if len(mean) > size:
+            from metaid.search.symmetric_root import SymmetricRootCma
+
+            self._optimizer = SymmetricRootCma(mean=mean, sigma=options.sigma, seed=seed, population_size=size)
         self._proposed: list[Array] = []
         self._spread = options.sigma
 

@@ -138,6 +138,22 @@ class Store:
         with self._errors(), self._engine.connect() as connection:
             return str(connection.scalar(query))
 
+    def attribute(self, name: str, key: str) -> Any:
+        """What a user attribute of the study says; None where it has none of that `key`."""
+        attribute = StudyUserAttributeModel
+        query = sa.select(attribute.value_json).where(attribute.study_id == self._study_id(name), attribute.key == key)
+        with self._errors(), self._engine.connect() as connection:
+            text = connection.scalar(query)
+            return None if text is None else json.loads(text)
+
+    def set_attribute(self, name: str, key: str, value: Any) -> None:
+        """Gives the study a user attribute, in place of the one that it has of that `key`."""
+        attribute = StudyUserAttributeModel
+        with self.writing(name) as (connection, study_id):
+            connection.execute(sa.delete(attribute).where(attribute.study_id == study_id, attribute.key == key))
+            row = {"study_id": study_id, "key": key, "value_json": json.dumps(value)}
+            connection.execute(sa.insert(attribute).values(row))
+
     @contextmanager
     def writing(self, name: str) -> Iterator[tuple[sa.Connection, int]]:
         """A transaction during which no other program writes to the study or its lease, and the study's id."""

@@ -9,10 +9,11 @@ from metaid.study.identifiability import COARSEST, identifiability
 from metaid.study.problem import MOST_TRIALS, Problem, load_study
 from metaid.study.progress import Progress
 from metaid.study.pushing import COUNTING_STEPS, HORIZON, TIP_SPEED
-from metaid.study.run import run_study
+from metaid.study.run import ARITHMETIC_KEY, arithmetic, run_study
 from metaid.study.settings import EpisodeSettings, SearchSettings, StudySettings, StudySpec
 
 __all__ = [
+    "ARITHMETIC_KEY",
     "COARSEST",
     "COUNTING_STEPS",
     "HORIZON",
@@ -26,6 +27,7 @@ __all__ = [
     "StudySettings",
     "StudySpec",
     "advice",
+    "arithmetic",
     "create_study",
     "delete_study",
     "identifiability",

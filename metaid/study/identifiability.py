@@ -84,7 +84,7 @@ def _from_estimate(problem: Problem) -> Identifiability:
     over_compensating = exact.copy()
     over_compensating[: problem.nominal.nlink] = OVER_COMPENSATED
     laws = over_compensating, exact
-    trials = [experiment.trial(factors, objective.evaluate(factors)) for factors in laws]
+    trials = [experiment.trial(factors, objective.evaluate(factors, number)) for number, factors in enumerate(laws)]
     estimate = experiment.estimate([trial for trial in trials if trial is not None])
     names = lump_names(problem.nominal.nlink, problem.estimated_kinds)
     if estimate is None:

@@ -231,9 +231,11 @@ class Problem:
         """An objective in factors of the nominal lumps, whatever is searched."""
         return self._objective(self.spec.study.episode.physics)
 
-    def verify(self, factors: Array) -> Outcome:
-        """What MuJoCo says of `factors` (nlump), whichever physics the study searches with."""
-        return self._objective("mujoco").evaluate(factors)
+    def verify(self, factors: Array, number: int) -> Outcome:
+        """What MuJoCo says of `factors` (nlump), those of the trial of that `number`, whichever physics the study
+        searches with.
+        """
+        return self._objective("mujoco").evaluate(factors, number)
 
     def failed(self, reason: str) -> Outcome:
         """What the searcher is told of a candidate that could not be evaluated for that `reason`."""

@@ -1,19 +1,22 @@
 """A study run a generation at a time, resumed by replaying what the DB holds.
 
-The trial table depends on the study's settings and seed alone. The searcher proposes a generation, the workers evaluate
-it, and the searcher gets the outcomes. The store writes it in one transaction while the workers are at the next. A run
-that was stopped anywhere goes on from the last whole generation in the DB.
+The trial table depends on the study's settings and seed alone. On another kind of processor, or with another BLAS, it
+is the same to rounding. So a study says what it was begun with. The searcher proposes a generation, the workers
+evaluate it, and the searcher gets the outcomes. The store writes it in one transaction while the workers are at the
+next. A run that was stopped anywhere goes on from the last whole generation in the DB.
 """
 
 from __future__ import annotations
 
+import logging
+import platform
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import threadpool_info, threadpool_limits
 
-from metaid.errors import StudyError
+from metaid.errors import StorageError, StudyError, printable
 from metaid.plant import SocketSettings
 from metaid.store import Lease, Store, Trial
 from metaid.study.create import stored_spec
@@ -22,6 +25,19 @@ from metaid.study.problem import Problem
 from metaid.study.progress import Progress, Run
 from metaid.study.settings import StudySpec
 from metaid.study.writer import Writer
+
+ARITHMETIC_KEY = "metaid:arithmetic"  # of a study: what its first trials were made with
+
+log = logging.getLogger("metaid")
+
+
+def arithmetic() -> str:
+    """What rounds here: the kind of processor, and the BLAS with the kernels that it has chosen for it."""
+    import scipy.linalg  # noqa: F401, SciPy has a BLAS of its own, which is to be named whether it is loaded yet or not
+
+    blas = [library for library in threadpool_info() if library["user_api"] == "blas"]
+    named = {" ".join(str(library.get(key)) for key in ("internal_api", "version", "architecture")) for library in blas}
+    return ", ".join([platform.machine(), *sorted(named)])
 
 
 def run_study(
@@ -85,8 +101,26 @@ def run_study(
 
 def _replayed(store: Store, name: str, spec: StudySpec, total: int) -> Run:
     stored = store.trials(name, *spec.names)
-    run = Run(Problem(spec), max(total, len(stored)))
-    run.replay(stored, f"{store.url}: study '{name}'")
+    run, here = Run(Problem(spec), max(total, len(stored))), arithmetic()
+    if not stored:
+        store.set_attribute(name, ARITHMETIC_KEY, here)
+        return run
+    begun = store.attribute(name, ARITHMETIC_KEY)
+    begun = printable(begun[:200]) if isinstance(begun, str) and begun != here else None
+    try:
+        run.replay(stored, f"{store.url}: study '{name}'")
+    except StorageError as problem:
+        if begun is None:
+            raise
+        raise StorageError(f"{problem}, or begun with other arithmetic ({begun}; this is {here})") from None
+    if begun is not None and not run.done:
+        log.warning(
+            "study '%s' was begun with other arithmetic (%s; this is %s): "
+            "its trials are now those of an undisturbed run to rounding, not to the last bit",
+            printable(name),
+            begun,
+            here,
+        )
     return run
 
 
@@ -100,7 +134,7 @@ def _run_stage(run: Run, evaluator: Evaluator, writer: Writer, watch: Callable[[
         if not problem.is_simulated:
             batch = batch[:1]  # a rig's episodes are dear: each is kept, whatever becomes of the next
         started = datetime.now(UTC).replace(tzinfo=None)
-        outcomes = evaluator.evaluate(batch, while_waiting=writer.write)
+        outcomes = evaluator.evaluate(batch, run.number, writer.write)
         completed = datetime.now(UTC).replace(tzinfo=None)
         trials = [
             Trial(run.number + i, run.generation, batch[i], outcome, started, completed, stage)

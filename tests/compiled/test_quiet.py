@@ -51,7 +51,7 @@ def test_callbacks_are_those_of_before_after_every_loop(own: list[float]) -> Non
     own.clear()  # MuJoCo has measured how long it took to build the model
     objective = Objective(plant, plant.chain.lumps, episode, "spectral")
     objective.evaluate(np.ones(3))
-    batch = objective.share(np.ones((3, 3)))
+    batch = objective.share(np.ones((3, 3)), range(3))
     objective.work_on(batch)
     objective.watch(np.ones(3))
     FaultyLoop(plant, episode, fastest_step(plant)).run(plant.chain.lumps)

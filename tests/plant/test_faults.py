@@ -123,23 +123,34 @@ def test_compiled_loop_that_disagrees_is_not_used(monkeypatch: pytest.MonkeyPatc
     assert slow.evaluate(factors).value == pytest.approx(right.value, rel=1e-6)
 
 
-def test_outcome_depends_on_candidate_and_seed_alone() -> None:
-    """Neither who evaluates a candidate nor what came before it changes its noise; another candidate or seed does."""
+def test_noise_depends_on_the_seed_and_the_number_of_the_trial_alone() -> None:
+    """Who evaluates a trial, what came before it, and the last bits of its candidate change nothing in its noise."""
     plant, other = (faulty_plant(**ALL | {"torque_limit": None}) for _ in range(2))
     episode = episode_of(plant)
     one, two = (Objective(each, plant.chain.lumps, episode, "smoothed") for each in (plant, other))
     factors = np.array([np.full(6, factor) for factor in (1.0, 1.02, 1.0, 0.98)])
-    batch = one.share(factors)
+    numbers = [7, 3, 8, 5]
+    batch = one.share(factors, numbers)
     one.work_on(batch)
     together = one.outcomes(batch)
-    assert together == [two.evaluate(row) for row in factors[::-1]][::-1]
-    assert together[0] == together[2]
-    readings = [objective.record(factors[0]).angles[0] for objective in (one, two)]
+    apart = [two.evaluate(row, number) for row, number in zip(factors[::-1], numbers[::-1], strict=True)]
+    assert together == apart[::-1]
+    assert together[0] != together[2]  # the same candidate in another trial
+    readings = [objective.record(factors[0], 7).angles[0] for objective in (one, two)]
     assert (readings[0] == readings[1]).all()
-    assert (readings[0][0] != one.record(factors[0] + 1e-15).angles[0][0]).any()
+    assert np.allclose(one.record(factors[0] + 1e-15, 7).angles[0], readings[0], rtol=0.0, atol=1e-9)
+    assert not np.array_equal(readings[0], one.record(factors[0], 8).angles[0])
     reseeded = replace(episode, seed=6)
-    reread = Objective(plant, plant.chain.lumps, reseeded, "smoothed").record(factors[0]).angles[0]
-    assert (readings[0][0] != reread[0]).any()
+    reread = Objective(plant, plant.chain.lumps, reseeded, "smoothed").record(factors[0], 7).angles[0]
+    assert not np.array_equal(readings[0], reread)
+
+
+def test_candidate_that_is_evaluated_alone_has_the_noise_of_trial_zero() -> None:
+    """As the noise of an episode outside of any study."""
+    plant = faulty_plant(angle_noise=1e-3)
+    objective = Objective(plant, plant.chain.lumps, episode_of(plant), "smoothed")
+    assert objective.evaluate(np.ones(6)) == objective.evaluate(np.ones(6), 0)
+    assert objective.evaluate(np.ones(6)) != objective.evaluate(np.ones(6), 1)
 
 
 @pytest.mark.parametrize("workers", [1, 2])

@@ -72,3 +72,27 @@ def test_spread_is_that_of_the_candidates_and_shrinks() -> None:
     searcher, _ = searching(plain(), 40, StepOptions())
     assert searcher.spread is not None
     assert searcher.spread < 1e-3
+
+
+def test_candidates_do_not_hang_on_which_eigenvectors_are_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With more lumps than candidates in a generation another BLAS finds others, and candidates are the same."""
+    one = np.ones(15)
+    coordinates = plain_coordinates(one, 0.5 * one, 2.0 * one)
+    truth = np.random.default_rng(0).uniform(0.8, 1.2, 15)
+
+    def tried() -> Array:
+        searcher, seen = Cmaes(coordinates, 1, StepOptions()), []
+        for _ in range(30):
+            candidates = searcher.ask()
+            seen.append(candidates)
+            searcher.tell([Outcome(float(np.linalg.norm(c - truth)), False, 1, ()) for c in candidates])
+        return np.concatenate(seen)
+
+    before, eigh = tried(), np.linalg.eigh
+
+    def other_eigh(matrix: Array) -> tuple[Array, Array]:
+        values, vectors = eigh(matrix)
+        return values, vectors * np.where(np.arange(len(values)) % 2, 1.0, -1.0)
+
+    monkeypatch.setattr(np.linalg, "eigh", other_eigh)
+    assert np.allclose(tried(), before, rtol=0.0, atol=1e-9)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import sqlite3
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +19,7 @@ from metaid.compiled.faulty_loop import FaultyLoop
 from metaid.compiled.loop import CompiledLoop, fastest_step
 from metaid.episode.episode import Episode
 from metaid.episode.pushes import rich_pushes
+from metaid.errors import StorageError
 from metaid.files import shipped_names
 from metaid.plant.faults import FaultSettings
 from metaid.plant.loading import load_plant
@@ -25,7 +28,7 @@ from metaid.plant.settings import PlantSettings, chain_of
 from metaid.store.database import Store
 from metaid.study.create import create_study
 from metaid.study.problem import load_study
-from metaid.study.run import run_study
+from metaid.study.run import ARITHMETIC_KEY, arithmetic, run_study
 from metaid.study.settings import StudySpec
 
 EVERY_FAULT = FaultSettings(
@@ -53,6 +56,14 @@ def die(progress):
     if progress.trials >= int(sys.argv[2]):
         os.kill(os.getpid(), signal.SIGKILL)
 run_study(Store(sys.argv[1]), "killed", watch=die)
+"""
+RUN_WITH_OTHER_KERNELS = """
+import sys
+from metaid.store.database import Store
+from metaid.study.run import run_study
+store = Store(sys.argv[1])
+run_study(store, "other")
+run_study(store, "begun", trials=13)
 """
 
 
@@ -142,3 +153,44 @@ def test_estimate_is_the_same_for_any_number_of_workers_and_if_the_run_is_killed
     shown = [what_is_known(store, name) for name in ("one", "two", "three", "killed")]
     assert store.count("one") == 4
     assert all(each == shown[0] for each in shown[1:])
+
+
+def run_with_other_kernels(store: Store) -> None:
+    """Runs the study "other", and the first 13 trials of "begun", with kernels of BLAS for an older processor."""
+    here = arithmetic()
+    older = "Nehalem" if "Nehalem" not in here else "Haswell"
+    environment = {**os.environ, "OPENBLAS_CORETYPE": older}
+    code = [sys.executable, "-c", RUN_WITH_OTHER_KERNELS, store.url]
+    subprocess.run(code, check=True, env=environment)
+    if store.attribute("other", ARITHMETIC_KEY) == here:
+        pytest.skip("this BLAS has no kernels to choose from")
+
+
+def test_trials_are_the_same_to_rounding_with_another_blas(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """On a plant with every fault, whose noise hangs on no last bit; a study begun there goes on here, and says so."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    for name in ("here", "other", "begun"):
+        create_study(store, spec_of(PLANTS["dry friction and every fault"], "cmaes"), name)
+    run_with_other_kernels(store)
+    run_study(store, "here")
+    assert not caplog.messages
+    run_study(store, "begun")
+    (warning,) = caplog.messages
+    assert "begun with other arithmetic" in warning
+    here, *others = (results.trials_frame(store, name) for name in ("here", "other", "begun"))
+    for other in others:
+        assert (here["state"] == other["state"]).all()
+        numbers = here.columns.drop("state")
+        assert np.allclose(here[numbers], other[numbers], rtol=1e-9, atol=1e-9)
+
+
+def test_trials_of_other_arithmetic_that_do_not_follow_are_refused_with_the_reason(tmp_path: Path) -> None:
+    """One line that says what they were begun with."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    create_study(store, spec_of(PLANTS["two-link"], "cmaes"), "study")
+    run_study(store, "study", trials=12)
+    store.set_attribute("study", ARITHMETIC_KEY, "abacus, openblas 1.0 Wood")
+    with sqlite3.connect(tmp_path / "metaid.db") as connection:
+        connection.execute("UPDATE trial_params SET param_value = param_value + 0.001")
+    with pytest.raises(StorageError, match=r"begun with other arithmetic \(abacus, openblas 1.0 Wood; this is"):
+        run_study(store, "study")

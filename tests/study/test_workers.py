@@ -147,11 +147,11 @@ def test_candidate_that_ends_its_worker_is_a_failure_and_the_search_goes_on(
     died = tmp_path / "died"
 
     class Fatal(ray_actors._Worker):
-        def evaluate(self, batch: Array) -> tuple[list[Outcome], float]:
+        def evaluate(self, batch: Array, trials: list[int]) -> tuple[list[Outcome], float]:
             if any(np.array_equal(fatal, candidate) for candidate in batch):
                 died.open("a").write("†")
                 os.abort()
-            return super().evaluate(batch)
+            return super().evaluate(batch, trials)
 
     with monkeypatch.context() as patch:
         patch.setattr(ray_actors, "_Worker", Fatal)
@@ -164,8 +164,10 @@ def test_candidate_that_ends_its_worker_is_a_failure_and_the_search_goes_on(
     assert reason == "its worker's process ended, 3 times"
 
     class Uninterrupted(ThreadEvaluator):
-        def evaluate(self, batch: Array, while_waiting: Callable[[], None] = lambda: None) -> list[Outcome]:
-            outcomes = super().evaluate(batch, while_waiting)
+        def evaluate(
+            self, batch: Array, first: int = 0, while_waiting: Callable[[], None] = lambda: None
+        ) -> list[Outcome]:
+            outcomes = super().evaluate(batch, first, while_waiting)
             for i, candidate in enumerate(batch):
                 if np.array_equal(fatal, candidate):
                     outcomes[i] = problem.failed(reason)

@@ -1,6 +1,6 @@
 """What evaluates the candidates of a generation, wherever that is done.
 
-An outcome depends on its candidate alone, so it does not matter which worker evaluates it.
+An outcome depends on its candidate and the number of its trial alone, so it does not matter which worker evaluates it.
 """
 
 from __future__ import annotations
@@ -23,10 +23,16 @@ def do_nothing() -> None:
 class Evaluator(Protocol):
     """A context manager that evaluates batches of candidates; its workers end with it."""
 
-    def evaluate(self, batch: Array, while_waiting: Callable[[], None] = do_nothing) -> list[Outcome]:
-        """Outcomes of a `batch` of factors (ncandidate x nsearched), in its order.
+    def evaluate(self, batch: Array, first: int = 0, while_waiting: Callable[[], None] = do_nothing) -> list[Outcome]:
+        """Outcomes of candidates, in their order.
 
-        `while_waiting` is called while the workers are at work.  Raises WorkerError where there are none for too long.
+        Args:
+            batch: their factors (ncandidate x nsearched).
+            first: the number of the first one's trial; the others' follow.
+            while_waiting: called while the workers are at work.
+
+        Raises:
+            WorkerError: there are no workers for too long.
         """
 
     def __enter__(self) -> Evaluator: ...

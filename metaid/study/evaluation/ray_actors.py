@@ -93,16 +93,16 @@ class RayEvaluator:
             _start_ray(ray, workers, address)
         self._start_missing_actors()
 
-    def evaluate(self, batch: Array, while_waiting: Callable[[], None] = do_nothing) -> list[Outcome]:
-        """Outcomes of a `batch` of factors (ncandidate x nsearched), in its order.  Raises WorkerError where there was
-        no worker for too long.
+    def evaluate(self, batch: Array, first: int = 0, while_waiting: Callable[[], None] = do_nothing) -> list[Outcome]:
+        """Outcomes of a `batch` of factors (ncandidate x nsearched), in its order; `first` is the number of the first
+        one's trial.  Raises WorkerError where there was no worker for too long.
         """
         shares = Shares(self._problem, len(batch), max(self._worker_count, -(-len(batch) // MOST_SHARED)))
-        self._assign(shares, batch)
+        self._assign(shares, batch, first)
         while_waiting()
         while shares.outcomes is None:
             self._wait_for_answers(shares)
-            self._assign(shares, batch)
+            self._assign(shares, batch, first)
         return shares.outcomes
 
     def _start_missing_actors(self) -> None:
@@ -111,12 +111,13 @@ class RayEvaluator:
             handle = remote_class.remote(*self._worker_arguments)
             self._actors.append(_Actor(handle, call=handle.location.remote()))
 
-    def _assign(self, shares: Shares, batch: Array) -> None:
-        """Gives every idle actor a share, as long as there are any."""
+    def _assign(self, shares: Shares, batch: Array, first: int) -> None:
+        """Gives every idle actor a share of a `batch`, as long as there are any; `first` is as in `evaluate`."""
         for actor in self._actors:
             if actor.call is None and (share := shares.take()) is not None:
                 actor.share, actor.busy = share, 0.0
-                actor.call = actor.handle.evaluate.remote(batch[list(share.candidates)])
+                trials = [first + candidate for candidate in share.candidates]
+                actor.call = actor.handle.evaluate.remote(batch[list(share.candidates)], trials)
 
     def _wait_for_answers(self, shares: Shares) -> None:
         """Waits for an answer, but not for long; takes in all that have come, and replaces actors that are too slow."""
@@ -227,10 +228,12 @@ class _Worker:
 
         return ray.get_runtime_context().get_node_id(), os.getpid()
 
-    def evaluate(self, batch: Array) -> tuple[list[Outcome], float]:
-        """Outcomes, and the processor time that a candidate took, in s; 0 of the first batch, which compiles loops."""
+    def evaluate(self, batch: Array, trials: list[int]) -> tuple[list[Outcome], float]:
+        """Outcomes of a `batch` (ncandidate x nsearched) of the `trials` with these numbers (ncandidate), and the
+        processor time that a candidate took, in s; 0 of the first batch, which compiles loops.
+        """
         begun, was_compiled, self._is_compiled = time.process_time(), self._is_compiled, True
-        shared = self._objective.share(batch)
+        shared = self._objective.share(batch, trials)
         self._objective.work_on(shared)
         seconds = (time.process_time() - begun) / len(batch) if was_compiled else 0.0
         return self._objective.outcomes(shared), seconds

@@ -19,11 +19,14 @@ class ThreadEvaluator:
         self._objectives = [problem.make_objective() for _ in range(workers)]
         self._pool = ThreadPoolExecutor(workers, thread_name_prefix="metaid")
 
-    def evaluate(self, batch: Array, while_waiting: Callable[[], None] = do_nothing) -> list[Outcome]:
-        """Outcomes of a `batch` of factors (ncandidate x nsearched), in its order."""
+    def evaluate(self, batch: Array, first: int = 0, while_waiting: Callable[[], None] = do_nothing) -> list[Outcome]:
+        """Outcomes of a `batch` of factors (ncandidate x nsearched), in its order; `first` is the number of the first
+        one's trial.
+        """
         outcomes: list[Outcome] = []
-        for first in range(0, len(batch), MOST_SHARED):
-            shared = self._objectives[0].share(batch[first : first + MOST_SHARED])
+        for begin in range(0, len(batch), MOST_SHARED):
+            candidates = batch[begin : begin + MOST_SHARED]
+            shared = self._objectives[0].share(candidates, range(first + begin, first + begin + len(candidates)))
             working = [self._pool.submit(objective.work_on, shared) for objective in self._objectives]
             while_waiting()
             for worker in working:
