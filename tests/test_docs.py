@@ -153,6 +153,11 @@ def three_link(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+def examples_of(shown: str) -> list[str]:
+    """The commands under "Example" in a help."""
+    return [line.strip() for line in re.findall(r"^ +metaid .*$", shown.partition("Example")[2], re.MULTILINE)]
+
+
 @pytest.mark.parametrize("command", list(commands()), ids=" ".join)
 def test_help_fits_a_screen_and_its_example_runs(
     metaid: Metaid, three_link: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]
@@ -163,8 +168,10 @@ def test_help_fits_a_screen_and_its_example_runs(
     shown = metaid(*command, "--help").out
     assert len(shown.splitlines()) <= 30
     assert max(map(len, shown.splitlines())) <= 80
-    examples = [line.strip() for line in re.findall(r"^ +metaid .*$", shown.partition("Example")[2], re.MULTILINE)]
+    examples = examples_of(shown)
     assert examples
+    if command and set(examples) <= set(examples_of(metaid("--help").out)):
+        return  # run where the help is that of metaid itself
     if not any(example == "metaid study create three-link" for example in examples):
         shutil.copy(three_link, "metaid.db")
     for example in examples:

@@ -121,20 +121,26 @@ def test_nothing_in_a_db_is_unpickled(metaid: Metaid, baited: Path) -> None:
     """
     for asked in (
         ["list"],
-        ["show", "plain"],
+        ["show", "boundary"],
         ["run", "plain", "--trials", "820"],
-        ["validate", "plain", "--pushes", "1"],
+        ["validate", "boundary", "--pushes", "1"],
     ):
         assert metaid("study", *asked, "--storage", str(baited)).status == 0
     for ending, command in (("csv", "export"), ("html", "report")):
-        assert metaid("study", command, "plain", "--storage", str(baited), "-o", f"written.{ending}").status == 0
+        assert metaid("study", command, "boundary", "--storage", str(baited), "-o", f"written.{ending}").status == 0
     store = Store(str(baited))
     with served(store) as address:
-        for page in ("/api/studies", "/api/studies/1", "/api/studies/1/param_importances"):
+        number = store.optuna.get_study_id_from_name("boundary")
+        for page in (
+            "/api/studies",
+            "/api/studies/1",
+            f"/api/studies/{number}",
+            f"/api/studies/{number}/param_importances",
+        ):
             with urllib.request.urlopen(address + page) as answer:
                 assert answer.status == 200
     assert not Path("unpickled").exists()
-    study = optuna.load_study(study_name="plain", storage=store.optuna, sampler=optuna.samplers.CmaEsSampler())
+    study = optuna.load_study(study_name="boundary", storage=store.optuna, sampler=optuna.samplers.CmaEsSampler())
     study.ask(study.trials[0].distributions)
     assert Path("unpickled").exists()
     store.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from metaid.show.report import render
 NOT_FOUND = "NOT FOUND: the model does not explain what was seen: misfit "
 
 
+@functools.cache
 def words(name: str, estimated: Path) -> tuple[str, str]:
     """What the report says beside its figures and files, and the dashboard's note."""
     found = package.load_findings(name, str(estimated))

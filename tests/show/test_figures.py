@@ -25,6 +25,7 @@ from metaid.results.sweeps import plane, sweep
 Metaid = Callable[..., Finished]
 FILES = {"convergence", "factors", "ranges", "frequency", "boundary", "parallel", "correlation", "episode"}
 FILES |= {"estimate-motion", "estimate-residuals", "estimate-correlation", "estimate-trials"}
+OF_SEVERAL_LUMPS = {"boundary", "parallel", "correlation"}
 
 
 @pytest.fixture
@@ -197,13 +198,23 @@ def test_every_figure_is_as_wide_as_a_page_or_a_column(plain: Findings, width: s
     assert seen == FILES
 
 
-@pytest.mark.parametrize(("ending", "starts"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")])
-def test_plot_writes_every_figure(metaid: Metaid, studied: Path, ending: str, starts: bytes) -> None:
+@pytest.mark.parametrize(
+    ("study", "names", "ending", "starts"),
+    [
+        ("boundary", FILES, "svg", b"<?xml"),
+        ("counted", FILES - OF_SEVERAL_LUMPS, "png", b"\x89PNG"),
+        ("counted", FILES - OF_SEVERAL_LUMPS, "pdf", b"%PDF"),
+    ],
+    ids=["svg", "png", "pdf"],
+)
+def test_plot_writes_every_figure(
+    metaid: Metaid, studied: Path, study: str, names: set[str], ending: str, starts: bytes
+) -> None:
     """A file a figure, in the format asked for."""
-    done = metaid("study", "plot", "boundary", "--storage", str(studied), "-o", "figures", "--format", ending)
+    done = metaid("study", "plot", study, "--storage", str(studied), "-o", "figures", "--format", ending)
     assert done.status == 0
     written = list(Path("figures").iterdir())
-    assert {path.stem for path in written} == FILES
+    assert {path.stem for path in written} == names
     assert all(path.suffix == f".{ending}" and path.read_bytes().startswith(starts) for path in written)
 
 

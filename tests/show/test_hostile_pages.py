@@ -6,6 +6,7 @@ import http.client
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import urllib.parse
@@ -35,7 +36,7 @@ OWNED = "return document.title == 'owned' || document.querySelector('img[src=x]'
 
 
 @pytest.fixture(scope="module")
-def evil(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A DB with a study whose name, plant's name and descriptions are markup, and a note of the stranger's own."""
     path = tmp_path_factory.mktemp("evil") / "evil.db"
     store = Store(str(path), create=True)
@@ -49,6 +50,12 @@ def evil(tmp_path_factory: pytest.TempPathFactory) -> Path:
     store.optuna.set_study_system_attr(store.optuna.get_study_id_from_name("noted"), "dashboard:note_str:0", text)
     store.close()
     return path
+
+
+@pytest.fixture
+def evil(made: Path, tmp_path: Path) -> Path:
+    """A copy of it: the dashboard writes notes into a DB that it serves."""
+    return Path(shutil.copy(made, tmp_path / "evil.db"))
 
 
 def test_report_of_a_study_named_as_a_script_runs_none(metaid: Metaid, evil: Path, tmp_path: Path) -> None:

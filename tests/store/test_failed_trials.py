@@ -22,14 +22,14 @@ REASON = 'it ended its worker\'s process 3 times: "signal 6"'
 @pytest.fixture
 def database(tmp_path: Path) -> Path:
     """A study of two survivors, a fall and a failure."""
-    path, spec = tmp_path / "metaid.db", load_study("three-link", {"episode.fall_limit": 1.0})
+    path, spec = tmp_path / "metaid.db", load_study("two-link-tpe", {"episode.fall_limit": 1.0})
     store, problem = Store(str(path), create=True), Problem(spec)
     create_study(store, spec, "study")
     objective, factors = problem.make_objective(), [1.4, 0.5, 0.9, 1.2]
     batch = np.array([np.full(len(problem.names), factor) for factor in factors])
     outcomes = [objective.evaluate(candidate) for candidate in batch]
+    assert [outcome.fell for outcome in outcomes] == [False, True, False, False]
     outcomes[2] = problem.failed(REASON)
-    assert [outcome.fell for outcome in outcomes] == [False, True, True, False]
     trials = [Trial(i, 0, *pair) for i, pair in enumerate(zip(batch, outcomes, strict=True))]
     store.append("study", problem.names, problem.low, problem.high, trials)
     assert [trial.outcome for trial in store.trials("study", problem.names)] == outcomes

@@ -21,6 +21,7 @@ from metaid.episode.stepwise import run_stepwise
 from metaid.errors import StorageError, StudyError
 from metaid.models.lumps import IDEAL
 from metaid.plant.mujoco_plant import MujocoPlant
+from metaid.plant.settings import PlantSettings
 from metaid.results.findings import read_findings
 from metaid.results.snapshot import read_snapshot
 from metaid.show.figures import Gallery
@@ -187,25 +188,30 @@ def test_contract_of_study_show_holds_with_two_stages(full: Store) -> None:
     assert all(lump["error"] is not None for lump in shown["lumps"])
 
 
-def test_a_study_with_two_stages_is_shown_drawn_and_reported(full: Store, metaid: Metaid) -> None:
+def test_a_study_with_two_stages_is_shown_drawn_and_reported(store: Store, metaid: Metaid) -> None:
     """In the terminal, as figures, as a page, as CSV, and before it has begun."""
-    storage = ("--storage", full.url)
-    shown = " ".join(metaid("study", "show", "full-three-link", *storage).out.split())
-    assert "inertia_3" in shown
-    assert "damping_3" in shown
+    spec = load_study("full-three-link", {"trials": 100, "inertia.trials": 40})
+    assert isinstance(spec.plant, PlantSettings)
+    two = {"plant": spec.plant.model_copy(update={"links": spec.plant.links[:2]}), "nominal": spec.nominal[:2]}
+    for name in ("finished", "new"):
+        create_study(store, spec.model_copy(update=two), name)
+    run_study(store, "finished")
+    storage = ("--storage", store.url)
+    shown = " ".join(metaid("study", "show", "finished", *storage).out.split())
+    assert "inertia_2" in shown
+    assert "damping_2" in shown
     assert "stage 2" in shown
-    done = metaid("study", "plot", "full-three-link", *storage, "-o", "figures")
+    done = metaid("study", "plot", "finished", *storage, "-o", "figures")
     assert {"convergence.png", "inertia-convergence.png"} <= set(os.listdir("figures")), done.err
-    assert metaid("study", "report", "full-three-link", *storage, "-o", "page.html").status == 0
+    assert metaid("study", "report", "finished", *storage, "-o", "page.html").status == 0
     page = Path("page.html").read_text()
     assert "Second stage" in page
     assert "inertia_2" in page
     assert "friction is not searched" not in page.lower()
-    metaid("study", "export", "full-three-link", *storage, "-o", "trials.csv")
+    metaid("study", "export", "finished", *storage, "-o", "trials.csv")
     header = Path("trials.csv").read_text().partition("\n")[0].split(",")
     assert {"stage", "gravity_1", "inertia_1"} <= set(header)
-    assert metaid("study", "create", "full-three-link").status == 0
-    before = metaid("study", "show", "full-three-link")
+    before = metaid("study", "show", "new", *storage)
     assert before.status == 0
     assert "inertia_1" in before.out
 
