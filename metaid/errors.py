@@ -36,6 +36,10 @@ class LostPlant(PlantError):  # noqa: N818, what happened to it, not what is wro
     """A plant that stopped answering in the middle of something: what it was doing can be done again."""
 
 
+class ImplausiblePlant(LostPlant):
+    """A plant whose answers cannot be true. What it was doing is not done again: it would be moved in vain."""
+
+
 class AbsentPlant(LostPlant):
     """A plant that cannot be reached at all, so that the next request would fail, too."""
 

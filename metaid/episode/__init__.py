@@ -9,6 +9,7 @@ from metaid.episode.falls import FALL_LIMIT, FALL_MARGIN, RICH_FALL_LIMIT, FallR
 from metaid.episode.measures import MEASURES, Measure, crossing_hz, fall_value, get_measure, spectral_hz, whole_periods
 from metaid.episode.noise import noise_of, with_deadband
 from metaid.episode.outcome import Outcome, failure
+from metaid.episode.plausible import Calibration
 from metaid.episode.pushes import REACH, natural_time, pushed_speeds, pushes_for, rich_pushes, rich_speeds, tip_push
 from metaid.episode.readings import SensorReadings, readings_before_fall
 from metaid.episode.record import Record, Trajectory, same_record
@@ -25,6 +26,7 @@ __all__ = [
     "RICH_FALL_LIMIT",
     "SHORTEST",
     "WINDOWS",
+    "Calibration",
     "CandidateBatch",
     "Episode",
     "FallRule",

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from metaid.episode.falls import USUAL_FALLS, FallRule
+from metaid.episode.plausible import Calibration
 from metaid.episode.windows import window_ends
 from metaid.errors import EpisodeError
 from metaid.models import Array
@@ -43,7 +44,7 @@ class Episode:
     within `deadband` (rad) of the upright is on neither side of it; `seed` is of the noise, and `noise_floor` how much
     of it there is. For a plant whose torques come late, the law gets the angles that the speeds lead to after `lead`
     seconds. The record keeps the motion up to each of the `window_ends`, in steps, and what the sensors read in the
-    first `readings_steps` after each push.
+    first `readings_steps` after each push. With a `calibration` of a rig, readings that cannot be true end the episode.
     """
 
     pushes: Array
@@ -58,6 +59,7 @@ class Episode:
     window_ends: tuple[int, ...] = ()
     poses: Array | None = None
     readings_steps: int = 0
+    calibration: Calibration | None = None
 
     def __post_init__(self) -> None:
         if self.steps < 1:

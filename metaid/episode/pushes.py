@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from metaid.errors import PlantError
 from metaid.models import Array, Chain
 from metaid.plant import Plant, Start
 
 REACH = 1.0  # rad that the fastest link of a rich push coasts through within the horizon: short of the fall limit
 
 TRIAL_IMPULSE = 1.0 / 16.0  # N s, where it is not known yet what a push does; a power of two, so nothing is rounded
+
+NO_ANSWER = 1e-9  # of the speed of the fastest joint: a slower one has not answered to a push
 
 SLOWEST_LINK, SLOWEST_JOINT = 0.3, 0.2  # of the peak speed, in a rich push
 
@@ -31,16 +34,40 @@ def pushes_for(plant: Plant, speeds: Array) -> Array:
     rad/s.
 
     Found as one would on a rig: one trial push at each link, watching the speeds; they are linear in the impulses.
+    Raises PlantError where a joint does not answer to them.
     """
     response = pushed_speeds(plant, TRIAL_IMPULSE * np.eye(plant.njoint)).T / TRIAL_IMPULSE
+    _refuse_no_answer(plant, response)
     impulses: Array = np.asarray(np.linalg.solve(response, speeds.T).T, dtype=np.float64)
     return impulses
 
 
+def _refuse_no_answer(plant: Plant, response: Array) -> None:
+    """Raises PlantError where the link speeds per impulse of a plant, its `response` (njoint x npush) in rad/s per N s,
+    do not tell what a push does.
+    """
+    fastest = np.abs(np.diff(response, axis=0, prepend=0.0)).max(axis=1)  # of each joint
+    for joint in np.flatnonzero(~(fastest > NO_ANSWER * fastest.max()))[:1]:
+        raise PlantError(
+            f"plant {plant.name}: joint {joint + 1} does not answer: no trial push of {TRIAL_IMPULSE:g} N s gives it "
+            "any speed (allowed: a rig of which every joint turns when it is pushed)"
+        )
+    if np.linalg.matrix_rank(response) < len(response):
+        raise PlantError(
+            f"plant {plant.name}: trial pushes at different links give all joints the same speeds "
+            "(allowed: a rig whose speeds tell which link was pushed)"
+        )
+
+
 def tip_push(plant: Plant, peak_speed: float) -> Array:
-    """One push at the tip alone (1 x njoint), in N s, that gives the plant's fastest link `peak_speed`, in rad/s."""
+    """One push at the tip alone (1 x njoint), in N s, that gives the plant's fastest link `peak_speed`, in rad/s.
+    Raises PlantError where nothing moves.
+    """
     impulses = TRIAL_IMPULSE * np.eye(plant.njoint)[-1:]
-    return impulses * (peak_speed / float(np.abs(pushed_speeds(plant, impulses)).max()))
+    fastest = float(np.abs(pushed_speeds(plant, impulses)).max())
+    if not fastest > 0.0:
+        raise PlantError(f"plant {plant.name}: no joint answers to a trial push of {TRIAL_IMPULSE:g} N s at the tip")
+    return impulses * (peak_speed / fastest)
 
 
 def rich_speeds(njoint: int, count: int, seed: int) -> Array:

@@ -9,11 +9,12 @@ import numpy as np
 
 from metaid.episode.episode import Episode
 from metaid.episode.noise import noise_of
+from metaid.episode.plausible import PushCheck
 from metaid.episode.readings import readings_before_fall
 from metaid.episode.record import Record, Trajectory, crosses_at, crossings, energies, windows_of
-from metaid.errors import AbsentPlant, LostPlant
+from metaid.errors import AbsentPlant, ImplausiblePlant, LostPlant
 from metaid.models import Array, ChainModel, Lumps, Model
-from metaid.plant import FaultyPlant, Plant, Start
+from metaid.plant import FaultyPlant, Plant
 
 TRIES = 3  # of an episode in which the plant was lost
 
@@ -60,6 +61,7 @@ class StepwiseLoop:
     def __init__(self, plant: Plant, episode: Episode) -> None:
         self.plant = plant
         self.episode = episode
+        self._earlier: dict[bytes, Array] = {}
 
     def new_batch(self, candidates: Lumps, trials: Sequence[int]) -> CandidateBatch:
         """A batch of `candidates`, lumps with a leading axis (ncandidate), of the `trials` with these numbers, for this
@@ -75,19 +77,24 @@ class StepwiseLoop:
 
     def run(self, candidate: Lumps, number: int = 0) -> Record:
         """The episode of the trial of that `number` with the `candidate` lumps, again if the plant was lost in it.
-        Raises LostPlant where that is of no help, AbsentPlant where there is no plant any more.
+        Raises LostPlant where that is of no help, ImplausiblePlant where its readings cannot be true, AbsentPlant where
+        there is no plant any more.
         """
         tries = 0
         while True:
             try:
-                return run_stepwise(self.plant, candidate, self.episode, number)[0]
+                return run_stepwise(self.plant, candidate, self.episode, number, self._earlier)[0]
+            except ImplausiblePlant:
+                raise
             except LostPlant as problem:
                 tries += 1
                 if tries == TRIES:
                     raise type(problem)(f"{problem}; the episode was tried {TRIES} times") from None
 
 
-def run_stepwise(plant: Plant, candidate: Lumps, episode: Episode, number: int = 0) -> tuple[Record, Trajectory]:
+def run_stepwise(
+    plant: Plant, candidate: Lumps, episode: Episode, number: int = 0, earlier: dict[bytes, Array] | None = None
+) -> tuple[Record, Trajectory]:
     """One episode on any plant, step by step: the reference for the compiled loops, and what a rig uses.
 
     On a FaultyPlant what is returned is what its sensors read.
@@ -97,6 +104,10 @@ def run_stepwise(plant: Plant, candidate: Lumps, episode: Episode, number: int =
         candidate: the lumps that it is compensated with.
         episode: what is done to it.
         number: of the trial, whose noise a FaultyPlant has.
+        earlier: what was seen in earlier episodes of a rig, as `PushCheck` has it; this one is added.
+
+    Raises:
+        ImplausiblePlant: the readings of a rig that is calibrated cannot be true.
     """
     if isinstance(plant, FaultyPlant):
         plant.begin(noise_of(plant, episode, number))
@@ -106,7 +117,7 @@ def run_stepwise(plant: Plant, candidate: Lumps, episode: Episode, number: int =
     speed_energy, acceleration_energy = np.zeros(shape), np.zeros(shape)
     steps, fall_step, motions = 0, None, []
     for push, start in enumerate(episode.starts):
-        angles, speeds, fallen = _watch_push(plant, law, episode, start)
+        angles, speeds, fallen = _watch_push(plant, law, episode, push, {} if earlier is None else earlier)
         ran = len(angles) - 1
         motions.append((angles, speeds))
         half_periods[push], span[push] = crossings(
@@ -130,26 +141,37 @@ def run_stepwise(plant: Plant, candidate: Lumps, episode: Episode, number: int =
     return record, Trajectory(angles, speeds)
 
 
-def _watch_push(plant: Plant, law: Model, episode: Episode, start: Start) -> tuple[Array, Array, bool]:
-    """Joint angles and speeds (nsteps + 1 x njoint) after a push under the torque of a `law`, and whether a link fell.
+def _watch_push(
+    plant: Plant, law: Model, episode: Episode, push: int, earlier: dict[bytes, Array]
+) -> tuple[Array, Array, bool]:
+    """Joint angles and speeds (nsteps + 1 x njoint) after a `push` of an episode under the torque of a `law`, and
+    whether a link fell.  Raises ImplausiblePlant.
 
     However it ends, the torque is off then.
     """
-    rule, fallen = episode.fall_rule, False
+    rule, fallen, check = episode.fall_rule, False, None
+    if episode.calibration is not None:
+        check = PushCheck(plant.name, episode.calibration, push, plant.timestep, earlier)
     try:
-        plant.push(start)
+        plant.push(episode.starts[push])
         angles, speeds = plant.states()
+        if check is not None:
+            check.begin(angles, speeds)
         history = [(angles, speeds)]
         fastest = rule.fastest(np.cumsum(speeds))
         for _ in range(episode.steps):
-            led = angles + episode.lead * speeds
-            plant.apply_torque(law.torque(led, speeds))
+            torque = law.torque(angles + episode.lead * speeds, speeds)
+            plant.apply_torque(torque)
             plant.step()
             angles, speeds = plant.states()
             history.append((angles, speeds))
+            if check is not None and np.isfinite(angles).all():  # a rig that has stopped itself shows nothing
+                check.step(angles, speeds, torque)
             fallen = rule.has_fallen(np.cumsum(angles), np.cumsum(speeds), fastest, plant.timestep)
             if fallen:
                 break
+        if check is not None:
+            check.finish()
     finally:
         plant.stop()
     return np.array([angles for angles, _ in history]), np.array([speeds for _, speeds in history]), fallen

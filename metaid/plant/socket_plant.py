@@ -2,7 +2,7 @@
 
 A step is one message and one answer, which is awaited for a limited time. Whatever goes wrong closes the connection
 and raises LostPlant. The rig takes its torque off when the connection is closed. The episode can be run again, over a
-new connection.
+new connection. A reading that is no finite number raises ImplausiblePlant, and so does a torque that would be none.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, field_validator
 
-from metaid.errors import AbsentPlant, LostPlant, PlantError
+from metaid.errors import AbsentPlant, ImplausiblePlant, LostPlant, PlantError
 from metaid.files import Settings
 from metaid.models import Array, Lumps
 from metaid.plant.start import Start
-from metaid.plant.wire import Wire, WireError, parse_address
+from metaid.plant.wire import Wire, WireError, floats, parse_address
 
 PROTOCOL = 1
 
@@ -48,7 +48,8 @@ class SocketPlant:
     """The plant that listens where `settings` say; it is called when first needed.
 
     Raises AbsentPlant where it cannot be reached, LostPlant where it then does not answer in time or not as agreed,
-    PlantError where it is another plant than the settings say.
+    ImplausiblePlant where it answers with what is no finite number, PlantError where it is another plant than the
+    settings say.
     """
 
     def __init__(self, name: str, settings: SocketSettings) -> None:
@@ -90,7 +91,10 @@ class SocketPlant:
         self._torque = torque
 
     def step(self) -> None:
+        """Raises ImplausiblePlant where the torque is not finite: it is not sent."""
         self._tick += 1
+        if not np.isfinite(self._torque).all():
+            raise self._implausible(f"the law asks for a torque of {self._torque.tolist()} N m: it is not sent")
         self._take(self._ask({"do": "step", "torque": self._torque.tolist()}, self.settings.step_timeout))
 
     def stop(self) -> None:
@@ -138,8 +142,9 @@ class SocketPlant:
         for key, expected in said.items():
             if hello.get(key) != expected:
                 wire.close()
+                said_there = str(hello.get(key))[:60]
                 raise PlantError(
-                    f"plant {self.name}: what listens at {self.settings.socket} says {key} = {hello.get(key)}, "
+                    f"plant {self.name}: what listens at {self.settings.socket} says {key} = {said_there}, "
                     f"the plant file {expected}: they must agree"
                 )
         self._wire = wire
@@ -158,23 +163,33 @@ class SocketPlant:
 
     def _take(self, answer: dict[str, Any]) -> None:
         """Keeps the state in an `answer`; of a plant that has stopped itself no angle is known, which is a fall."""
-        try:
-            angles, speeds = (np.array(answer[key], dtype=np.float64) for key in ("angles", "speeds"))
-            tick = int(answer["tick"])
-        except (KeyError, TypeError, ValueError):
-            raise self._lost("its answer has no tick, angles and speeds") from None
-        if angles.shape != (self.njoint,) or speeds.shape != (self.njoint,):
-            raise self._lost(f"it answers with {angles.size} angles and {speeds.size} speeds of {self.njoint} joints")
-        if tick != self._tick:
-            raise self._lost(
-                f"it is at tick {tick} after {self._tick} steps: "
-                f"a torque came later than its timestep of {self.timestep:g} s allows"
-            )
+        angles, speeds, tick = floats(answer.get("angles")), floats(answer.get("speeds")), floats([answer.get("tick")])
+        if angles is None or speeds is None or tick is None:
+            raise self._lost(f"tick {self._tick}: its answer has no tick, angles and speeds that are numbers")
+        if len(angles) != self.njoint or len(speeds) != self.njoint:
+            sizes = f"{len(angles)} angles and {len(speeds)} speeds"
+            raise self._lost(f"tick {self._tick}: it answers with {sizes} of {self.njoint} joints")
+        if tick[0] != self._tick:
+            raise self._lost(f"it is at tick {tick[0]:.17g} after {self._tick} steps: {self._why_tick(tick[0])}")
+        for name, readings in (("angle", angles), ("speed", speeds)):
+            for joint in np.flatnonzero(~np.isfinite(readings))[:1]:
+                raise self._implausible(f"tick {self._tick}: the {name} of joint {joint + 1} is {readings[joint]}")
+        if "stopped" in answer and self._tick == 0:
+            raise self._lost(f"push: it stopped itself before any torque: {str(answer['stopped'])[:200]}")
         self._state = (np.full(self.njoint, np.nan),) * 2 if "stopped" in answer else (angles, speeds)
+
+    def _why_tick(self, tick: float) -> str:
+        if tick > self._tick:
+            return f"a torque came later than its timestep of {self.timestep:g} s allows"
+        return "its time does not go on"
 
     def _lost(self, why: str) -> LostPlant:
         self._hang_up()
         return LostPlant(f"plant {self.name} at {self.settings.socket}: {why}")
+
+    def _implausible(self, why: str) -> ImplausiblePlant:
+        self._hang_up()
+        return ImplausiblePlant(f"plant {self.name} at {self.settings.socket}: {why} (allowed: finite numbers)")
 
     def _hang_up(self) -> None:
         wire, self._wire = self._wire, None

@@ -10,6 +10,10 @@ from contextlib import suppress
 from typing import Any
 from urllib.parse import urlsplit
 
+import numpy as np
+
+from metaid.models import Array
+
 LONGEST_LINE = 1 << 16  # bytes of an answer; 64 links need 3,000
 FORMS = "tcp://HOST:PORT or unix:PATH"
 
@@ -26,6 +30,22 @@ def parse_address(address: str) -> tuple[str, int] | str:
     if parts.scheme != "tcp" or not parts.hostname or not parts.port or parts.path:
         raise ValueError(f"'{address}' is not an address (allowed: {FORMS})")
     return parts.hostname, parts.port
+
+
+def floats(numbers: Any) -> Array | None:
+    """The floats (n) of a JSON array of `numbers`; None where it is none. One that is too large for a float is
+    infinite. A text or a truth value is no number.
+    """
+    if not isinstance(numbers, list) or not all(type(number) in (int, float) for number in numbers):
+        return None
+    return np.array([_float(number) for number in numbers], dtype=np.float64)
+
+
+def _float(number: float) -> float:
+    try:
+        return float(number)
+    except OverflowError:
+        return np.inf
 
 
 class Wire:
@@ -62,7 +82,7 @@ class Wire:
         line, _, self._received = self._received.partition(b"\n")
         try:
             answer = json.loads(line)
-        except ValueError:
+        except (ValueError, RecursionError):
             raise WireError(f"an answer that is not JSON: {line[:60]!r}") from None
         if not isinstance(answer, dict):
             raise WireError(f"an answer that is not a JSON object: {line[:60]!r}")

@@ -7,8 +7,9 @@ from contextlib import closing
 from metaid.errors import StorageError, StudyError
 from metaid.search import SAMPLERS
 from metaid.store import Store, refuse_if_run
+from metaid.study.calibration import calibrate
 from metaid.study.problem import Problem
-from metaid.study.settings import PushedSettings, StudySpec
+from metaid.study.settings import StudySpec
 
 
 def create_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
@@ -36,10 +37,10 @@ def _refuse_what_cannot_be_run(problem: Problem) -> None:
 
 
 def _pushed_spec(problem: Problem) -> StudySpec:
-    """The study with the pushes that its rig needs, and what they do to it."""
-    with closing(problem.open_plant()) as plant:
-        episode, speeds = problem.at_plant(plant)
-    pushed = PushedSettings(impulses=episode.pushes.tolist(), speeds=speeds.tolist())
+    """The study with the pushes that its rig needs, and what was measured of them and of its sensors."""
+    with closing(problem.open_rig()) as rig:
+        pushes = problem.at_plant(rig).pushes
+        pushed = calibrate(rig, problem.nominal, pushes, problem.spec.study.episode.repeats)
     return problem.spec.model_copy(update={"pushed": pushed})
 
 

@@ -38,6 +38,7 @@ from metaid.search import (
     plain_coordinates,
     sensitivity,
 )
+from metaid.study.calibration import calibration_of
 from metaid.study.contradictions import check_bounds, check_rig, check_settings
 from metaid.study.experiments import noisy_experiment
 from metaid.study.factors import lump_factors, parameter_factors
@@ -204,8 +205,13 @@ class Problem:
     def open_plant(self) -> MujocoPlant | SocketPlant:
         """A plant of its own for each worker, simulated or not."""
         if isinstance(self.spec.plant, SocketSettings):
-            return SocketPlant(self.spec.plant_name, self.spec.plant)
+            return self.open_rig()
         return MujocoPlant(self.spec.plant_name, self.spec.plant)
+
+    def open_rig(self) -> SocketPlant:
+        """The plant behind the socket that the study names."""
+        assert isinstance(self.spec.plant, SocketSettings)
+        return SocketPlant(self.spec.plant_name, self.spec.plant)
 
     def make_plant(self) -> MujocoPlant:
         """A simulated plant.  Raises StudyError where the study's is none."""
@@ -316,17 +322,18 @@ class Problem:
 
         Of a rig they are what was found at it when the study was created; before that, the nominal model's.
         """
-        if self.is_simulated:
-            return self.at_plant(plant)
-        episode, speeds = self.at_plant(self.nominal_plant())
-        if self.spec.pushed is None:
-            return episode, speeds
-        return replace(episode, pushes=np.array(self.spec.pushed.impulses)), np.array(self.spec.pushed.speeds)
+        if not self.is_simulated:
+            plant = self.nominal_plant()
+        episode, pushed = self.at_plant(plant), self.spec.pushed
+        if pushed is None:
+            return episode, pushed_speeds(plant, episode.pushes)
+        repeats = self.spec.study.episode.repeats
+        calibration = calibration_of(pushed, self.nominal, self.spec.plant.gravity, repeats)
+        return replace(episode, pushes=np.array(pushed.impulses), calibration=calibration), np.array(pushed.speeds)
 
-    def at_plant(self, plant: Plant) -> tuple[Episode, Array]:
-        """The episode that this `plant` is pushed in, and the speeds that it gets; pushes it to find out."""
-        episode = make_episode(plant, self.spec, self.nominal, self.measure, self.stage)
-        return episode, pushed_speeds(plant, episode.pushes)
+    def at_plant(self, plant: Plant) -> Episode:
+        """The episode that this `plant` is pushed in; pushes it to find out."""
+        return make_episode(plant, self.spec, self.nominal, self.measure, self.stage)
 
 
 def _measure(episode: EpisodeSettings) -> Measure:

@@ -16,7 +16,7 @@ from datetime import UTC, datetime
 
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from metaid.errors import StorageError, StudyError, printable
+from metaid.errors import PlantError, StorageError, StudyError, printable
 from metaid.plant import SocketSettings
 from metaid.store import Lease, Store, Trial
 from metaid.study.create import stored_spec
@@ -27,6 +27,7 @@ from metaid.study.settings import StudySpec
 from metaid.study.writer import Writer
 
 ARITHMETIC_KEY = "metaid:arithmetic"  # of a study: what its first trials were made with
+MOST_FAILURES = 2  # trials on a rig, one after the other: it is not to be moved any more
 
 log = logging.getLogger("metaid")
 
@@ -71,6 +72,7 @@ def run_study(
         StudyError: the number of trials or workers is not allowed, or the engine cannot be used.
         StorageError: the DB cannot be used, its trials do not follow from the settings, or another driver runs the
             study.
+        PlantError: two trials on a rig failed, one after the other.
         WorkerError: workers were lost again and again.
     """
     spec = stored_spec(store, name)
@@ -129,6 +131,7 @@ def _run_stage(run: Run, evaluator: Evaluator, writer: Writer, watch: Callable[[
     problem = run.problem
     stage = None if problem.is_only else problem.stage
     budget = problem.trials_with_windows, problem.trials_with_readings
+    failures = 0
     while run.problem is problem and not run.done:
         batch = run.candidates()
         if not problem.is_simulated:
@@ -144,6 +147,18 @@ def _run_stage(run: Run, evaluator: Evaluator, writer: Writer, watch: Callable[[
         writer.trials = trials
         run.add(trials)
         watch(run.progress)
+        if not problem.is_simulated:
+            failures = failures + 1 if trials[-1].outcome.failure is not None else 0
+            _refuse_more_failures(failures, trials[-1], problem.spec.plant_name)
+
+
+def _refuse_more_failures(failures: int, last: Trial, plant: str) -> None:
+    """Ends a run on a rig that has failed as many trials, one after the other, up to the `last`.  Raises PlantError."""
+    if failures == MOST_FAILURES:
+        raise PlantError(
+            f"the last {failures} trials on the rig '{plant}' failed, so the run ends; trial {last.number}: "
+            f"{last.outcome.failure}; once the rig is mended, the same command goes on"
+        )
 
 
 def within_budget(trial: Trial, windows: int, readings: int) -> Trial:

@@ -144,11 +144,16 @@ class StudySettings(Settings):
 
 class PushedSettings(Settings):
     """What was found at a rig when the study was created: the `impulses` of its pushes, in N s, and the absolute link
-    `speeds` that they gave, in rad/s; both (npush x njoint).
+    `speeds` that they gave, in rad/s, on average; both (npush x njoint). `push_noise`: by how much an impulse differs
+    from one time to the next, as a share of it. `angle_noise` in rad and `speed_noise` in rad/s: the standard
+    deviations of the readings of each joint (njoint) at rest.
     """
 
     impulses: list[list[float]]
     speeds: list[list[float]]
+    push_noise: float
+    angle_noise: list[float]
+    speed_noise: list[float]
 
 
 class StudySpec(Settings):
