@@ -54,7 +54,7 @@ def outcomes(problem: Problem, liar: Liar, lie: Lie | None, scales: Sequence[flo
     """What becomes of candidates whose factors are these `scales`, where the rig tells a `lie` in the last."""
     liar.arm(lie, PUSHES_A_TRIAL * (len(scales) - 1))
     with closing(problem.make_objective()) as objective:
-        batch = objective.share(np.array([np.full(3, scale) for scale in scales]))
+        batch = objective.share(np.array([np.full(3, scale) for scale in scales]), range(len(scales)))
         objective.work_on(batch)
         return objective.outcomes(batch)
 
