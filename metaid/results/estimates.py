@@ -70,18 +70,26 @@ def study_estimate(problem: Problem, tried: Sequence[Trial]) -> StudyEstimate | 
     with threadpool_limits(1):
         seen = (experiment.trial(each.factors, each.outcome) for each in shown[:MOST_TRIALS])
         trials = [trial for trial in seen if trial is not None]
-        estimate = experiment.estimate(trials)
+        estimate = experiment.estimate(trials, _probed(problem, experiment, trials))
         if estimate is None:
             return None
         return StudyEstimate(estimate, experiment, tuple(trials), _known_from(experiment, trials, estimate))
+
+
+def _probed(problem: Problem, experiment: Experiment, trials: Sequence[SeenTrial]) -> Estimate | None:
+    """The estimate from the probes alone, from which that of all `trials` is better begun than from the nominal model:
+    squares of a motion that nearly coasts carry no sign. None where the sampler sends no probes.
+    """
+    is_probed = problem.stands_by_estimate and len(trials) > experiment.probes
+    return experiment.estimate(trials[: experiment.probes]) if is_probed else None
 
 
 def _known_from(experiment: Experiment, trials: Sequence[SeenTrial], estimate: Estimate) -> int | None:
     """How many of the first trials gave every lump within CLOSE of the `estimate` from all of them."""
     if not experiment.is_explained(estimate):
         return None
-    for count in range(1, min(len(trials), FIRST_TRIALS) + 1):
-        early = experiment.estimate(trials[:count])
+    for count in range(experiment.probes, min(len(trials), FIRST_TRIALS) + 1):  # fewer cannot tell all lumps
+        early = estimate if count == len(trials) else experiment.estimate(trials[:count])
         if early is not None and np.abs(early.log_factors - estimate.log_factors).max() <= CLOSE:
             return count
     return None
@@ -91,11 +99,12 @@ def growth(found: StudyEstimate) -> tuple[list[int], list[Estimate]]:
     """How many of the first trials there are, at most FIRST_TRIALS different numbers of them, and the estimate from
     these; those that no estimate explains are left out.
     """
-    numbers = np.unique(np.geomspace(1.0, found.trials, min(found.trials, FIRST_TRIALS)).round().astype(int)).tolist()
+    numbers = np.unique(np.geomspace(1.0, found.trials, min(found.trials, FIRST_TRIALS)).round().astype(int))
     counts, estimates = [], []
     with threadpool_limits(1):
-        for count in numbers:
-            early = found.experiment.estimate(found.watched[:count])
+        for count in numbers[numbers >= found.experiment.probes].tolist():
+            whole = count == found.trials
+            early = found.estimate if whole else found.experiment.estimate(found.watched[:count])
             if early is not None and found.experiment.is_explained(early):
                 counts.append(count)
                 estimates.append(early)

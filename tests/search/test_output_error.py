@@ -76,6 +76,18 @@ def test_small_oscillations_alone_give_the_full_dynamics(store: Store) -> None:
     assert shown["max_error"] < 1e-6
 
 
+def test_trial_that_coasts_does_not_lead_the_estimate_astray(store: Store) -> None:
+    """From the nominal model the frequencies of ten links, of which the last trial's are nothing, end in a wrong
+    minimum; the fit begins where the probes lead, as that of the search did.
+    """
+    create_study(store, load_study("ten-link-oscillation"))
+    assert run_study(store, "ten-link-oscillation").trials == 3
+    shown = results.summary(store, "ten-link-oscillation")
+    assert shown["misfit"] < 1.0
+    assert shown["max_error"] < 1e-6
+    assert shown["trials"]["pruned"] == 0
+
+
 def test_exact_lengths_give_coriolis_lumps_that_follow_from_gravity(store: Store) -> None:
     """With `lengths = "exact"` there are two unknowns a link, and all lumps are shown all the same."""
     create_study(store, spec_of(3, 8, estimate=EstimateSettings(lengths="exact")))
