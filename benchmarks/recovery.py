@@ -5,8 +5,9 @@
 
 Every chain has lengths, masses, centres of mass and inertias of its own (benchmarks/chains.py), and a nominal model
 whose masses and inertias are wrong by up to 30 % and centres of mass by up to 15 %. A run ends when the worst lump of
-the best trial is within 0.1 % of the truth, which only this script looks at. With `--results FILE` finished runs are
-kept, and a stopped benchmark goes on.
+the best trial is within 0.1 % of the truth, which only this script looks at. With `--samplers output-error` that is the
+trial that the law of an estimate is sent in; the inertia lumps of the estimate are in benchmarks/matching.py, of the
+same chains. With `--results FILE` finished runs are kept, and a stopped benchmark goes on.
 """
 
 from __future__ import annotations
