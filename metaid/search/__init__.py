@@ -10,7 +10,7 @@ from metaid.search.bounds import at_bounds, bounds_in_force, widened
 from metaid.search.cmaes import Cmaes
 from metaid.search.coordinates import Coordinates, nominal_metric, plain_coordinates
 from metaid.search.registry import SAMPLERS, Sampler, SamplerOptions, make_searcher
-from metaid.search.searcher import Searcher
+from metaid.search.searcher import Searcher, WideningSearcher
 from metaid.search.sensitivity import designed_speeds, sensitivity
 from metaid.search.walk import Walking
 
@@ -23,6 +23,7 @@ __all__ = [
     "SamplerOptions",
     "Searcher",
     "Walking",
+    "WideningSearcher",
     "at_bounds",
     "body_space",
     "bounds_in_force",

@@ -48,6 +48,9 @@ class Cmaes:
                 return z
         return self._coordinates.z(self._coordinates.factors(z))
 
+    def widen(self, coordinates: Coordinates) -> None:
+        self._coordinates = coordinates
+
     def tell(self, outcomes: Sequence[Outcome]) -> None:
         self._optimizer.tell([(z, outcome.value) for z, outcome in zip(self._proposed, outcomes, strict=True)])
 

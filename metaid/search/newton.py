@@ -6,11 +6,15 @@ measure gives the distance to the truth, and only the direction is missing. Two 
 quasi-Newton step at several lengths, within a trust region. The curvature starts at κ and is updated by damped BFGS
 (Nocedal and Wright, Numerical Optimization, 2nd ed., procedure 18.2). As long as nothing has survived, candidates are
 drawn about the one that survived longest.
+
+A long curved valley can hold it up, as of a chain whose tip weighs little or whose links are of very different lengths.
+Then it looks at what its trials showed besides the measure: it tries the chain of the estimate, which is at the other
+end of the valley where the twin explains the motion. Where it does not, the curvature is forgotten.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +28,8 @@ from metaid.search.searcher import StepOptions
 if TYPE_CHECKING:
     from scipy.optimize import BFGS
 
+    from metaid.estimation import Experiment
+
 STEP_LENGTHS = (1.0, 0.5, 0.25, 0.1)
 SLOPE_REACH = 0.05  # of the distance to the truth: how far candidates for the gradient are from the best one
 FEWEST_BLIND = 6  # candidates of a generation as long as nothing has survived, which is called blind
@@ -32,12 +38,30 @@ DAMPING = 0.1  # of the expected change of the slope along a step: an update wit
 FLATTEST = 0.02  # of κ: no direction is taken for flatter than that
 MOST_ROOM = 0.1  # of the way between the bounds
 CONVERGED = 1e-6  # distance to the truth, in factors of the least determined lump
+STALLED_ROUNDS, STALLED = 6, 0.25  # a round is a slope with its steps: in so many the squared value fell by less
+MOST_SEEN = 8  # trials that an estimate is made of
 
 
 class Newton:
-    """Quasi-Newton steps in the nominal model's metric.  Raises StudyError where its curvature is not known."""
+    """Quasi-Newton steps in the nominal model's metric.
 
-    def __init__(self, coordinates: Coordinates, seed: int, options: StepOptions) -> None:
+    Args:
+        coordinates: that it moves in, with the curvature of the measure.
+        seed: of the directions of slopes.
+        options: the first step.
+        find_experiment: gives what an estimate needs to know of the study, None where none can be made.
+
+    Raises:
+        StudyError: the curvature is not known.
+    """
+
+    def __init__(
+        self,
+        coordinates: Coordinates,
+        seed: int,
+        options: StepOptions,
+        find_experiment: Callable[[], Experiment | None] = lambda: None,
+    ) -> None:
         if coordinates.curvature is None:
             raise StudyError("sampler 'newton' needs measure = 'spectral' and coordinates = 'nominal-metric'")
         if options.generation is not None:
@@ -57,6 +81,10 @@ class Newton:
         self._step = self._best
         self._directions = np.eye(nlump)
         self._slope_reach = SLOPE_REACH
+        self._rounds: list[float] = []
+        self._find_experiment = find_experiment
+        self._has_estimated = False
+        self._seen: list[tuple[Array, Outcome]] = []
 
     @property
     def spread(self) -> float | None:
@@ -80,7 +108,13 @@ class Newton:
             self._proposed = [self._centre + length * self._step for length in STEP_LENGTHS]
         return np.array([self._coordinates.factors(z) for z in self._proposed])
 
+    def widen(self, coordinates: Coordinates) -> None:
+        self._coordinates = coordinates
+        self._has_estimated = False  # an estimate beyond the bounds may not have been tried
+        self._rounds = []
+
     def tell(self, outcomes: Sequence[Outcome]) -> None:
+        self._remember(outcomes)
         values = np.array([outcome.value**2 for outcome in outcomes])
         survived = np.array([not outcome.fell for outcome in outcomes])
         best = int(values.argmin())
@@ -93,8 +127,54 @@ class Newton:
             self._learn_slope(values, survived)
             self._aim(radius=2.0 * float(np.sqrt(self._centre_value / self._curvature)))
             self._phase = "step"
+        elif self._phase == "estimate":
+            self._begin_anew()
         else:
             self._judge_step()
+            if self._phase == "slope" and self._has_stalled():
+                self._leave_valley()
+
+    def _remember(self, outcomes: Sequence[Outcome]) -> None:
+        """Keeps the first survivors that show their motion."""
+        for z, outcome in zip(self._proposed, outcomes, strict=True):
+            shows = outcome.windows is not None or outcome.readings is not None
+            if shows and not outcome.fell and len(self._seen) < MOST_SEEN:
+                self._seen.append((self._coordinates.factors(z), outcome))
+
+    def _has_stalled(self) -> bool:
+        """Whether the last rounds hardly helped; called once a round."""
+        self._rounds.append(self._centre_value)
+        return len(self._rounds) > STALLED_ROUNDS and self._rounds[-1] > STALLED * self._rounds[-1 - STALLED_ROUNDS]
+
+    def _leave_valley(self) -> None:
+        """Tries the chain of the estimate next; where there is none, begins anew from the best candidate."""
+        self._rounds = []
+        factors = None if self._has_estimated else self._estimated()
+        self._has_estimated = True
+        if factors is None:
+            self._begin_anew()
+        else:
+            self._proposed = [self._coordinates.z(factors)]
+            self._phase = "estimate"
+
+    def _estimated(self) -> Array | None:
+        """The factors (nlump) of the chain that explains what the trials showed, None where there is none."""
+        experiment = self._find_experiment() if self._seen else None
+        if experiment is None:
+            return None
+        trials = [experiment.trial(factors, outcome) for factors, outcome in self._seen]
+        estimate = experiment.estimate([trial for trial in trials if trial is not None])
+        if estimate is None or not experiment.is_explained(estimate):
+            return None
+        return np.clip(experiment.factors(estimate), self._coordinates.low, self._coordinates.high)
+
+    def _begin_anew(self) -> None:
+        """Goes on from the best candidate with the curvature that was known before any trial."""
+        self._centre, self._centre_value = self._best, self._best_value
+        self._shape = _known_shape(len(self._centre))
+        self._gradient = None
+        self._slope_reach = SLOPE_REACH
+        self._phase = "slope"
 
     def _slope_offsets(self) -> Array:
         """Random orthogonal offsets (nlump x nlump), each turned to the side that is within the bounds."""

@@ -93,6 +93,9 @@ class OutputError:
     def _is_explained(self) -> bool:
         return self._estimate is not None and self._experiment.is_explained(self._estimate)
 
+    def widen(self, coordinates: Coordinates) -> None:
+        self._coordinates = coordinates
+
     def finished(self) -> bool:
         """Whether the plant coasts under the law of the estimate, or one more trial tells no more."""
         return self._coasts or self._settled

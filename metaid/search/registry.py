@@ -21,23 +21,27 @@ if TYPE_CHECKING:
     from metaid.estimation import Experiment
 
 
+FindExperiment = Callable[[], "Experiment | None"]  # called only where one is needed: estimating loads numba
+
+
 class SamplerOptions(StepOptions, DinoipOptions, OutputErrorOptions):
     """The options of all samplers, as keys of `[search]` in a study file; each sampler takes its own."""
 
 
 @dataclass(frozen=True)
 class Sampler:
-    """How a sampler's searcher is made, from coordinates, the study's seed, the options, and what an estimate needs to
-    know of the study, None where none can be made.
+    """How a sampler's searcher is made, from coordinates, the study's seed, the options, and a function that gives what
+    an estimate needs to know of the study, None where none can be made.
 
     More trials than `advised_trials` are advised against: each takes longer than the one before. With `by_estimate` a
     study stands by the estimate from all its trials, and not by its best trial. `spread_name` is what the searcher's
-    `spread` is.
+    `spread` is. One that `widens` can go on within wider bounds.
     """
 
-    make: Callable[[Coordinates, int, SamplerOptions, Experiment | None], Searcher]
+    make: Callable[[Coordinates, int, SamplerOptions, FindExperiment], Searcher]
     advised_trials: int | None = None
     by_estimate: bool = False
+    widens: bool = False
     spread_name: str = "step size"
 
 
@@ -54,20 +58,29 @@ def _random(seed: int) -> optuna.samplers.BaseSampler:
 
 
 SAMPLERS = {
-    "cmaes": Sampler(lambda coordinates, seed, options, _: Cmaes(coordinates, seed, options)),
-    "newton": Sampler(lambda coordinates, seed, options, _: Newton(coordinates, seed, options)),
+    "cmaes": Sampler(lambda coordinates, seed, options, _: Cmaes(coordinates, seed, options), widens=True),
+    "newton": Sampler(Newton, widens=True),
     "tpe": Sampler(lambda coordinates, seed, options, _: OptunaSampler(coordinates, _tpe, seed, options), 2000),
     "random": Sampler(lambda coordinates, seed, options, _: OptunaSampler(coordinates, _random, seed, options)),
     "optuna-cmaes": Sampler(
         lambda coordinates, seed, options, _: OptunaSampler(coordinates, _optuna_cmaes, seed, options)
     ),
-    "output-error": Sampler(OutputError, by_estimate=True, spread_name="largest deviation"),
+    "output-error": Sampler(
+        lambda coordinates, seed, options, find: OutputError(coordinates, seed, options, find()),
+        by_estimate=True,
+        widens=True,
+        spread_name="largest deviation",
+    ),
     "dinoip": Sampler(lambda coordinates, seed, options, _: Dinoip(coordinates, options)),
 }
 
 
 def make_searcher(
-    sampler: str, coordinates: Coordinates, seed: int, options: SamplerOptions, experiment: Experiment | None = None
+    sampler: str,
+    coordinates: Coordinates,
+    seed: int,
+    options: SamplerOptions,
+    find_experiment: FindExperiment = lambda: None,
 ) -> Searcher:
     """A searcher by the name of its sampler.
 
@@ -76,11 +89,11 @@ def make_searcher(
         coordinates: what the searcher moves in.
         seed: of all that it draws at random.
         options: of all samplers; it takes its own.
-        experiment: what an estimate needs to know of the study.
+        find_experiment: gives what an estimate needs to know of the study, None where none can be made.
 
     Raises:
         StudyError: there is no such sampler, or it cannot work with these coordinates or options.
     """
     if sampler not in SAMPLERS:
         raise StudyError(unknown("sampler", sampler, SAMPLERS))
-    return SAMPLERS[sampler].make(coordinates, seed, options, experiment)
+    return SAMPLERS[sampler].make(coordinates, seed, options, find_experiment)

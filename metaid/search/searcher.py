@@ -7,13 +7,14 @@ them. A fall has a value above every survivor's (Eq. 13). Its outcome also says 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Protocol
+from typing import Annotated, Protocol, runtime_checkable
 
 from pydantic import Field
 
 from metaid.episode import Outcome
 from metaid.files import Settings
 from metaid.models import Array
+from metaid.search.coordinates import Coordinates
 
 
 class GenerationOptions(Settings):
@@ -43,3 +44,13 @@ class Searcher(Protocol):
 
     def finished(self) -> bool:
         """Whether it cannot improve any more."""
+
+
+@runtime_checkable
+class WideningSearcher(Searcher, Protocol):
+    """One that can go on within wider bounds, with all that it has learned."""
+
+    def widen(self, coordinates: Coordinates) -> None:
+        """From the next generation on candidates are within the bounds of these `coordinates`, which are otherwise the
+        same.
+        """

@@ -32,11 +32,13 @@ from metaid.search import (
     Coordinates,
     Searcher,
     Walking,
+    at_bounds,
     body_space,
     make_searcher,
     nominal_metric,
     plain_coordinates,
     sensitivity,
+    widened,
 )
 from metaid.study.calibration import calibration_of
 from metaid.study.contradictions import check_bounds, check_rig, check_settings
@@ -101,6 +103,7 @@ class Problem:
         if found is not None:
             # A link that holds more mass than was believed has larger gravity and inertia lumps alike.
             self.start = np.clip(found[: self.nominal.nlink], self.low, self.high)
+        self._first_low, self._first_high = self.low, self.high
         check_bounds(self.names, self.start, self.low, self.high)
         try:
             self.episode, self.start_speeds = self._pushed(plant)
@@ -202,6 +205,33 @@ class Problem:
         searched, stiffness = self.lumps.searched, self.episode.stiffness
         return sensitivity(self.nominal, gravity, self.start_speeds, horizon, searched, stiffness)
 
+    @property
+    def widens(self) -> bool:
+        """Whether a bound that holds the search back is moved away. A rig is sent nothing but what its user allows."""
+        wanted = self.spec.study.search.widen
+        return self.is_simulated if wanted is None else wanted
+
+    @property
+    def widens_by_itself(self) -> bool:
+        """Whether that is so with the study's sampler and space."""
+        return self.widens and self.body_space is None and SAMPLERS[self.spec.study.sampler].widens
+
+    def widen(self, factors: Array) -> Coordinates | None:
+        """Moves away, once each, the bounds that these `factors` (nlump) are at, of lumps that the measure can see.
+
+        Returns:
+            What a searcher moves in from now on; None where no bound is moved.
+        """
+        seen = self.stands_by_estimate | self.measure.determined(self.lumps)
+        at_low, at_high = (at & seen for at in at_bounds(factors, self.low, self.high))
+        low, high = widened(
+            self.low, self.high, at_low & (self.low == self._first_low), at_high & (self.high == self._first_high)
+        )
+        if (low == self.low).all() and (high == self.high).all():
+            return None
+        self.low, self.high = low, high
+        return replace(self.coordinates, low=low, high=high)
+
     def open_plant(self) -> MujocoPlant | SocketPlant:
         """A plant of its own for each worker, simulated or not."""
         if isinstance(self.spec.plant, SocketSettings):
@@ -257,14 +287,10 @@ class Problem:
         """The searcher at the study's seed, knowing of no trial."""
         study, search = self.spec.study, self.spec.study.search
         if self.body_space is None:
-            return make_searcher(study.sampler, self.coordinates, study.seed, search, self._experiment_for_search())
+            return make_searcher(study.sampler, self.coordinates, study.seed, search, self.experiment)
         coordinates = self.body_space.coordinates
         searcher = make_searcher(study.sampler, coordinates, study.seed, search)
         return Walking(searcher, coordinates, study.seed, study.trials - search.walk)
-
-    def _experiment_for_search(self) -> Experiment | None:
-        """The experiment, where the sampler works by it."""
-        return self.experiment() if self.stands_by_estimate else None
 
     @property
     def stands_by_estimate(self) -> bool:

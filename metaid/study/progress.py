@@ -14,9 +14,11 @@ from optuna.trial import TrialState
 from metaid.episode import Outcome
 from metaid.errors import StorageError
 from metaid.models import Array
+from metaid.search import WideningSearcher
 from metaid.store import Trial
 from metaid.study.problem import Problem
 
+HELD_BACK = 0.25  # of a stage's trials, after which a search whose best trial is at a bound is held back by it
 REPLAY_TOLERANCE = 1e-6  # relative; another machine's linear algebra may round differently
 
 
@@ -50,6 +52,8 @@ class Run:
         self.problem = problem
         self.best: Trial | None = None
         self._searcher = problem.make_searcher()
+        stages = problem.spec.study.trials, problem.spec.study.total_trials - problem.spec.study.trials
+        self._patient_until = self.number + HELD_BACK * stages[problem.stage - 1]
         self._last = self.total if problem.is_last else min(self.number + problem.spec.study.trials, self.total)
         self._batch: Array | None = None
         self._outcomes: list[Outcome] = []
@@ -88,11 +92,22 @@ class Run:
             self._searcher.tell(self._outcomes)
             self._batch, self._outcomes = None, []
             self.generation += 1
+            self._widen_bounds()
         if self._stage_done and self.number < self.total and self.best is not None:
             following = self.problem.second(self.best.factors)
             if following is not None:
                 self.generation += bool(self._outcomes)
                 self._begin(following)
+
+    def _widen_bounds(self) -> None:
+        """Moves the bounds away that the best trial is at, where the measure says that something better is beyond."""
+        problem, searcher = self.problem, self._searcher
+        if self.best is None or self.number < self._patient_until or not problem.widens:
+            return
+        if isinstance(searcher, WideningSearcher) and self.best.outcome.value > problem.resolution:
+            coordinates = problem.widen(self.best.factors)
+            if coordinates is not None:
+                searcher.widen(coordinates)
 
     def replay(self, trials: list[Trial], where: str) -> None:
         """Takes in all that the DB holds.  Raises StorageError where it does not follow from the settings."""

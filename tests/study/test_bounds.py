@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmarks.chains import random_chain
+from metaid import results
+from metaid.plant.settings import PlantSettings
+from metaid.results.best import best_trial
 from metaid.search.bounds import at_bounds, bounds_in_force, widened
+from metaid.store.database import Store
 from metaid.study.bounds import lumps_at_bounds
+from metaid.study.create import create_study
 from metaid.study.problem import Problem, load_study
+from metaid.study.run import run_study
+from metaid.study.settings import StudySettings, StudySpec
 
 
 def problem_of(**changes: Any) -> Problem:
@@ -17,9 +26,9 @@ def problem_of(**changes: Any) -> Problem:
     return Problem(load_study("two-link-tpe", changes))
 
 
-def test_lump_within_a_tenth_of_the_way_of_a_bound_is_at_it() -> None:
-    """Bounds of 0.5 and 2 are reached at 0.65 and at 1.85, and beyond them."""
-    factors = np.array([0.4, 0.64, 0.66, 1.84, 1.86, 2.5])
+def test_lump_that_is_very_near_a_bound_is_at_it() -> None:
+    """Within 3 % of the way between them, so bounds of 0.5 and 2 are reached at 0.545 and at 1.955, and beyond."""
+    factors = np.array([0.4, 0.54, 0.55, 1.95, 1.96, 2.5])
     at_low, at_high = at_bounds(factors, np.full(6, 0.5), np.full(6, 2.0))
     assert at_low.tolist() == [True, True, False, False, False, False]
     assert at_high.tolist() == [False, False, False, False, True, True]
@@ -59,7 +68,7 @@ def test_lump_at_its_bound_is_named_with_what_to_set(changes: dict[str, Any], se
 
 def test_widened_bound_is_the_one_that_is_named() -> None:
     """A lump is at the bound that the last trial was proposed with."""
-    problem, tried = problem_of(), np.array([[1.0, 1.0, 1.0], [0.3, 1.0, 1.0], [0.2, 1.0, 1.0]])
+    problem, tried = problem_of(), np.array([[1.0, 1.0, 1.0], [0.3, 1.0, 1.0], [0.15, 1.0, 1.0]])
     assert lumps_at_bounds(problem, np.array([0.4, 1.0, 1.0]), tried) == ()
     (reached,) = lumps_at_bounds(problem, tried[-1], tried)
     assert (reached.name, reached.side, reached.bound, reached.setting) == (
@@ -75,3 +84,70 @@ def test_lump_that_the_measure_cannot_see_is_not_held_back() -> None:
     problem = problem_of(**{"episode.measure": "count"})
     found = np.array([0.5, 1.0, 2.0])
     assert [each.name for each in lumps_at_bounds(problem, found, np.array([found]))] == ["gravity_1"]
+
+
+TIGHT = {"search.low": 0.9, "search.high": 1.1}  # the six lumps of the three-link study are beyond, by up to 60 %
+
+
+def run_tight(store: Store, name: str, *stops: int, **changes: Any) -> None:
+    """Runs the three-link study in bounds that exclude the truth, up to each of the `stops`."""
+    spec = load_study("three-link", TIGHT | changes)
+    create_study(store, spec, name)
+    for trials in stops or (spec.study.trials,):
+        run_study(store, name, trials)
+
+
+def held_back(store: Store, name: str) -> list[str]:
+    """The lumps that a study of lumps ended with at a bound."""
+    snapshot = results.read_snapshot(store, name)
+    stage = snapshot.stages[0]
+    best = best_trial(stage.survivors)
+    tried = np.array([trial.factors for trial in stage.trials])
+    return [reached.name for reached in lumps_at_bounds(stage.problem, best.factors, tried)]
+
+
+@pytest.mark.parametrize(("sampler", "within"), [("newton", 1e-4), ("cmaes", 0.05)])
+def test_search_that_a_bound_holds_back_moves_it_away(sampler: str, within: float, tmp_path: Path) -> None:
+    """Once, after a quarter of its trials; without leave it ends at its bounds, and they are named."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    run_tight(store, "widened", sampler=sampler)
+    assert results.summary(store, "widened")["max_error"] < within
+    run_tight(store, "held", 300, sampler=sampler, **{"search.widen": False, "estimate.enabled": False})
+    assert results.summary(store, "held")["max_error"] > 0.1
+    assert held_back(store, "held")
+    factors = results.trials_frame(store, "held").filter(regex="^(gravity|coriolis)_")
+    assert ((factors >= 0.9) & (factors <= 1.1)).all(axis=None)
+
+
+@pytest.mark.parametrize(("sampler", "within"), [("newton", 1e-4), ("output-error", 1e-6)])
+def test_tip_that_is_far_heavier_than_believed_is_found(sampler: str, within: float, tmp_path: Path) -> None:
+    """Four links, gravity_4 2.5 times the nominal and the bounds that nobody has set."""
+    true, nominal = random_chain(4, 1)
+    nominal = *nominal[:3], nominal[3].model_copy(update={"mass": nominal[3].mass / 2.5 * 1.2})
+    study = StudySettings(plant="chain", nominal="nominal", sampler=sampler, trials=400, seed=1)
+    plant = PlantSettings(links=true)
+    spec = StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study)
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    create_study(store, spec)
+    run_study(store, "chain")
+    lumps = results.lumps_frame(store, "chain").set_index("name")
+    assert lumps["true"]["gravity_4"] > 2.2 * lumps["nominal"]["gravity_4"]
+    assert lumps["error"].abs().max() < within
+
+
+def test_widened_study_has_the_same_trials_however_often_it_is_stopped(tmp_path: Path) -> None:
+    """Before the bounds are moved, in the generation in which they are, and after."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    run_tight(store, "whole", 260)
+    run_tight(store, "stopped", 149, 151, 158, 200, 260)
+    assert results.trials_frame(store, "whole").equals(results.trials_frame(store, "stopped"))
+    assert (results.trials_frame(store, "whole").filter(regex="^gravity_") < 0.9).any(axis=None)
+
+
+def test_bounds_stay_where_the_best_trial_is_as_good_as_exact(tmp_path: Path) -> None:
+    """A lump that is near a bound by right moves nothing."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    create_study(store, load_study("three-link", {"sampler": "newton", "search.high": 1.15}), "study")
+    problem = run_study(store, "study").problem
+    assert results.summary(store, "study")["max_error"] < 1e-4
+    assert problem.high.max() == 1.15
