@@ -10,6 +10,7 @@ from metaid.cli.common import number_text, print_table, say
 
 COLUMNS = ("nominal", "identified", "low", "high", "true")
 PARAMETER_COLUMNS = ("nominal", "low", "high", "true")
+MOST_NAMED = 10  # trials of others
 SMALL = 5e-6  # as a share: below this a percentage with three digits behind the point says nothing
 
 
@@ -40,6 +41,7 @@ def print_study(store: Any, name: str) -> None:
     failed = f", {trials['failed']} failed" if trials["failed"] else ""
     note = "; ".join([f"{trials['total']} trials, {trials['pruned']} of them falls{failed}", *found])
     _print_lumps(title, shown["lumps"], note)
+    _say_foreign(shown.get("foreign_trials", []))
     if "parameters" in shown:
         _show_parameters(shown)
     if by_estimate:
@@ -49,6 +51,15 @@ def print_study(store: Any, name: str) -> None:
         say(f"not identified: {missed}: {shown['measure']} with these pushes cannot determine them")
     if trials["total"]:
         _show_estimate(shown)
+
+
+def _say_foreign(trials: list[dict[str, Any]]) -> None:
+    """Which trials of the study metaid did not write."""
+    if not trials:
+        return
+    named = ", ".join(f"{trial['number']} {trial['state']}" for trial in trials[:MOST_NAMED])
+    more = f" and {len(trials) - MOST_NAMED} more" if len(trials) > MOST_NAMED else ""
+    say(f"not metaid's trials, left alone and not counted here: {named}{more} (numbered as Optuna numbers them)")
 
 
 def _print_lumps(title: str, lumps: list[dict[str, Any]], note: str) -> None:

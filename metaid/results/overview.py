@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,7 @@ def summarized(snapshot: Snapshot, lumps: pd.DataFrame) -> dict[str, Any]:
         "seed": spec.study.seed,
         **_estimate(snapshot),
         "trials": _counts(snapshot.trials),
+        **({"foreign_trials": [asdict(trial) for trial in snapshot.foreign]} if snapshot.foreign else {}),
         "best": _best(first),
         **_noise_floor(first.problem),
         "lumps": [without_nan(row) for row in lumps.to_dict("records")],

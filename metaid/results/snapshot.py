@@ -12,7 +12,7 @@ from functools import cached_property
 
 from metaid.results.best import first_of_best
 from metaid.results.estimates import StudyEstimate, study_estimate
-from metaid.store import Store, Trial
+from metaid.store import ForeignTrial, Store, Trial
 from metaid.study import Problem, StudySpec, stored_spec
 
 STATES = ["COMPLETE", "PRUNED", "FAIL"]
@@ -33,11 +33,14 @@ class Stage:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A study's `name`, its settings, and all its `trials`, with factors of what was searched."""
+    """A study's `name`, its settings, and all its `trials`, with factors of what was searched; and the `foreign` trials
+    of the study, which metaid did not write.
+    """
 
     name: str
     spec: StudySpec
     trials: list[Trial]
+    foreign: tuple[ForeignTrial, ...] = ()
 
     @cached_property
     def stages(self) -> list[Stage]:
@@ -63,7 +66,8 @@ class Snapshot:
 def read_snapshot(store: Store, name: str) -> Snapshot:
     """The study of that `name`, its trials read at once.  Raises StorageError."""
     spec = stored_spec(store, name)
-    return Snapshot(name, spec, store.trials(name, *spec.names))
+    stored = store.read(name, *spec.names)
+    return Snapshot(name, spec, stored.own, stored.foreign)
 
 
 def trials_by_stage(spec: StudySpec, trials: list[Trial]) -> list[list[Trial]]:

@@ -6,11 +6,12 @@
 from metaid.store.database import DEFAULT_STORAGE, Store
 from metaid.store.lease import Lease, refuse_if_run
 from metaid.store.patience import SERVER_PATIENCE, keep_trying
-from metaid.store.trial import Trial
+from metaid.store.trial import ForeignTrial, Trial
 
 __all__ = [
     "DEFAULT_STORAGE",
     "SERVER_PATIENCE",
+    "ForeignTrial",
     "Lease",
     "Store",
     "Trial",

@@ -27,18 +27,12 @@ from metaid.store.optuna_tables import (
     SchemaVersionError,
     StudyDirectionModel,
     StudyModel,
-    StudySystemAttributeModel,
     StudyUserAttributeModel,
     TrialModel,
 )
-from metaid.store.reading import JOINTS_KEY, read_trials
-from metaid.store.rows import (
-    IDS_AFTER,
-    TRIAL_TABLES,
-    detail_rows,
-    end_of,
-    head_rows,
-)
+from metaid.store.ownership import DIGEST, STUDY_TABLES, TRIAL_TABLES, End, digest_of, end_of, remove_orphans
+from metaid.store.reading import JOINTS_KEY, StoredTrials, read_trials
+from metaid.store.rows import IDS_AFTER, detail_rows, head_rows
 from metaid.store.server import does_not_answer, missing_driver, parsed_url, without_password
 from metaid.store.sqlite import DAMAGED, describe
 from metaid.store.trial import Trial
@@ -53,8 +47,14 @@ _STUDY = sa.select(StudyModel.study_id).where(StudyModel.study_name == sa.bindpa
 
 
 def storage_url(storage: str) -> str:
-    """The URL of a `storage` given as a URL or as the path of an SQLite file."""
-    return storage if "://" in storage else f"sqlite:///{storage}"
+    """The URL of a `storage` given as a URL or as the path of an SQLite file, whatever letters are in that path.
+
+    Raises StorageError where it is no text.
+    """
+    try:
+        return storage if "://" in storage else sa.URL.create("sqlite", database=storage).render_as_string()
+    except UnicodeEncodeError:
+        raise StorageError(f"{storage}: not a storage: its name is not UTF-8") from None
 
 
 def unchecked(connection: sa.Connection, study_id: int) -> None:
@@ -77,6 +77,7 @@ class Store:
         self._engine: sa.Engine = self.optuna.engine
         self._driver = self._engine.dialect.dbapi
         self._statements: dict[Any, Any] = {}
+        self._ends: dict[str, End] = {}  # of studies, as they were last seen
 
     def close(self) -> None:
         self._engine.dispose()
@@ -101,6 +102,19 @@ class Store:
             if found != "ok":
                 raise StorageError(f"{self.url}: {str(found).splitlines()[-1]}; {DAMAGED}")
 
+    def check_written(self, name: str, count: int) -> None:
+        """Reads anew what a run has written.  Raises StorageError where the file is damaged, or the study has fewer
+        than `count` trials: another file was copied over it in mid-run.
+        """
+        if self.is_sqlite:
+            self._engine.dispose()  # what a connection remembers of the file would not show it
+            self.check()
+            if (found := self.count(name)) < count:
+                raise StorageError(
+                    f"{self.url}: study '{name}' has {found} trials where {count} were written: the file was replaced "
+                    "while it was in use; go on to run them again"
+                )
+
     def names(self) -> list[str]:
         """Names of the studies that metaid made, oldest first."""
         query = (
@@ -121,11 +135,13 @@ class Store:
                 raise StorageError(
                     f"{self.url} has a study '{name}' already (choose another with --name, or delete it)"
                 )
+            if self.is_sqlite:
+                remove_orphans(connection)
             study_id = connection.scalar(sa.insert(StudyModel).values(study_name=name).returning(StudyModel.study_id))
             connection.execute(
                 sa.insert(StudyDirectionModel).values(direction=StudyDirection.MINIMIZE, study_id=study_id, objective=0)
             )
-            attributes = {SPEC_KEY: json.loads(spec), JOINTS_KEY: joint_count}
+            attributes = {SPEC_KEY: json.loads(spec), JOINTS_KEY: joint_count, DIGEST: digest_of(spec)}
             rows = [{"study_id": study_id, "key": key, "value_json": json.dumps(v)} for key, v in attributes.items()]
             connection.execute(sa.insert(StudyUserAttributeModel), rows)
 
@@ -179,12 +195,7 @@ class Store:
             trials = sa.select(TrialModel.trial_id).where(TrialModel.study_id == study_id)
             for model in TRIAL_TABLES:
                 connection.execute(sa.delete(model).where(model.trial_id.in_(trials)))
-            for model in (
-                TrialModel,
-                StudyUserAttributeModel,
-                StudySystemAttributeModel,
-                StudyDirectionModel,
-            ):
+            for model in (TrialModel, *STUDY_TABLES):
                 connection.execute(sa.delete(model).where(model.study_id == study_id))
             connection.execute(sa.delete(StudyModel).where(StudyModel.study_id == study_id))
 
@@ -216,22 +227,26 @@ class Store:
         ]
         with self._errors(), self._engine.begin() as connection:
             self._lock(connection, name)
-            study_id, last_id, count = end_of(connection, name)
-            write_check(connection, study_id)
-            if count != trials[0].number:
+            end = self._end(connection, name)
+            write_check(connection, end.study_id)
+            if end.count != trials[0].number:
                 raise StorageError(
-                    f"study '{name}' has {count} trials where {trials[0].number} were expected: "
+                    f"study '{name}' has {end.count} trials where {trials[0].number} were expected: "
                     "another program has written to it"
                 )
-            self._insert(connection, TrialModel, head_rows(study_id, trials))
-            ids = list(connection.scalars(IDS_AFTER, {"study_id": study_id, "last_id": last_id}))
-            for model, rows in detail_rows(ids, trials, names, distributions).items():
+            self._insert(connection, TrialModel, head_rows(end, trials))
+            ids = list(connection.scalars(IDS_AFTER, {"study_id": end.study_id, "last_id": end.last_id}))
+            for model, rows in detail_rows(ids, trials, names, distributions, end.digest).items():
                 self._insert(connection, model, rows)
 
+    def _end(self, connection: sa.Connection, name: str) -> End:
+        self._ends[name] = end = end_of(connection, name, self._ends.get(name))
+        return end
+
     def count(self, name: str) -> int:
-        """How many trials a study has."""
+        """How many trials of metaid's a study has."""
         with self._errors(), self._engine.connect() as connection:
-            return end_of(connection, name)[2]
+            return self._end(connection, name).count
 
     def _insert(self, connection: sa.Connection, model: Any, rows: list[dict[str, Any]]) -> None:
         """Inserts `rows`, all with the same columns and of types that the driver knows.
@@ -248,13 +263,17 @@ class Store:
             connection.exec_driver_sql(statement.string, [order(row) for row in rows])
 
     def trials(self, name: str, *names: Sequence[str]) -> list[Trial]:
-        """All trials in order, with their factors in the order of their stage's `names`."""
+        """All trials of metaid's in order, with their factors in the order of their stage's `names`."""
+        return self.read(name, *names).own
+
+    def read(self, name: str, *names: Sequence[str]) -> StoredTrials:
+        """The same, and which trials of the study are others'."""
         study_id = self._study_id(name)
         with self._snapshot() as connection:
             try:
                 return read_trials(connection, study_id, names)
             except SPOILED:
-                raise StorageError(f"{self.url}: study '{name}' has trials that metaid did not write") from None
+                raise StorageError(f"{self.url}: study '{name}' has trials that are not as metaid wrote them") from None
 
     @contextmanager
     def _snapshot(self) -> Iterator[sa.Connection]:

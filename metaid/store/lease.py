@@ -23,6 +23,7 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, ValidationError
 from metaid.errors import StorageError
 from metaid.store.database import Store
 from metaid.store.optuna_tables import StudySystemAttributeModel
+from metaid.store.ownership import remove_orphans
 
 KEY = "metaid:lease"
 EXPIRY = 60.0  # s without a heartbeat after which a driver on another machine counts as dead
@@ -94,6 +95,8 @@ class Lease:
         with self._store.writing(self._name) as (connection, study_id):
             now = _clock(connection)
             refuse_if_run(connection, study_id, self._name, now)
+            if self._store.is_sqlite:
+                remove_orphans(connection)
             self._ahead = now - datetime.now(UTC)
             self._driver = _this_driver(now)
             connection.execute(sa.delete(_attribute).where(_attribute.study_id == study_id, _attribute.key == KEY))

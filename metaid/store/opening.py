@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import optuna
 import sqlalchemy as sa
 from optuna.storages import RDBStorage
 
 from metaid.store.server import checked_tables, end_when_silent, server_options
-from metaid.store.sqlite import has_tables, make_file, sqlite_options, use_wal
-
-ON_CONNECT = {"sqlite": use_wal, "postgresql": end_when_silent}
+from metaid.store.sqlite import (
+    OpenFile,
+    file_of,
+    has_tables,
+    make_file,
+    sqlite_options,
+)
 
 
 def open_storage(url: sa.URL, create: bool) -> RDBStorage:
@@ -24,20 +27,30 @@ def open_storage(url: sa.URL, create: bool) -> RDBStorage:
     options = sqlite_options(url) if url.get_backend_name() == "sqlite" else server_options(url)
     with _tables(url, create) as made:
         storage = RDBStorage(url.render_as_string(hide_password=False), engine_kwargs=options, skip_table_creation=made)
-    if prepare := ON_CONNECT.get(url.get_backend_name()):
-        sa.event.listen(storage.engine, "connect", prepare)
-        storage.engine.dispose()  # so that the connection that checked the schema is opened again, prepared
+    _prepare(storage.engine)
     return storage
+
+
+def _prepare(engine: sa.Engine) -> None:
+    """Says what is done with every new connection, and before one is used again."""
+    if engine.url.get_backend_name() == "sqlite":
+        file = OpenFile(file_of(engine.url))
+        sa.event.listen(engine, "do_connect", file.before_connect)
+        sa.event.listen(engine, "connect", file.after_connect)
+        sa.event.listen(engine, "checkout", file.before_use)
+    elif engine.url.get_backend_name() == "postgresql":
+        sa.event.listen(engine, "connect", end_when_silent)
+    engine.dispose()  # so that the connection that checked the schema is opened again, prepared
 
 
 @contextmanager
 def _tables(url: sa.URL, create: bool) -> Iterator[bool]:
     """Whether the tables are there: a DB that is there is not changed before its schema is known."""
     if url.get_backend_name() == "sqlite":
-        path = Path(url.database or "")
+        path = file_of(url)
         made = has_tables(path, create)
         if not path.exists():
-            make_file(path, _make_tables)
+            make_file(path, _new_tables())
             made = True
         yield made
     elif url.get_backend_name() == "postgresql":
@@ -47,5 +60,13 @@ def _tables(url: sa.URL, create: bool) -> Iterator[bool]:
         yield False
 
 
-def _make_tables(path: Path) -> None:
-    RDBStorage(f"sqlite:///{path}").engine.dispose()
+def _new_tables() -> bytes:
+    """A study DB without studies, as the content of an SQLite file."""
+    engine = RDBStorage("sqlite:///:memory:").engine
+    connection = engine.raw_connection()
+    try:
+        content: bytes = connection.driver_connection.serialize()  # type: ignore[union-attr]
+    finally:
+        connection.close()
+        engine.dispose()
+    return content

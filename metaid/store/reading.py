@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import json
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import sqlalchemy as sa
@@ -15,30 +17,56 @@ from metaid.store.optuna_tables import (
     StudyUserAttributeModel,
     TrialModel,
     TrialParamModel,
+    TrialUserAttributeModel,
 )
-from metaid.store.rows import read_outcomes, read_readings, read_table, read_windows
-from metaid.store.trial import Trial
+from metaid.store.ownership import DIGEST, MARK, own_rows
+from metaid.store.rows import Own, read_outcomes, read_readings, read_table, read_windows
+from metaid.store.trial import ForeignTrial, Trial
 
 JOINTS_KEY = "metaid:joints"  # of a study: how many joints its plant has
 MOST_JOINTS = 10_000  # of any plant: a DB that claims more was not written by metaid
 
 
-def read_trials(connection: sa.Connection, study_id: int, names: Sequence[Sequence[str]]) -> list[Trial]:
-    """All trials in order, with their factors in the order of their stage's `names`.
+@dataclass(frozen=True)
+class StoredTrials:
+    """The trials of a study: metaid's `own` in order, and those of others."""
 
-    Raises ValueError, TypeError or LookupError where they are not as metaid writes them.
+    own: list[Trial]
+    foreign: tuple[ForeignTrial, ...]
+
+
+def read_trials(connection: sa.Connection, study_id: int, names: Sequence[Sequence[str]]) -> StoredTrials:
+    """All trials, with their factors in the order of their stage's `names`.
+
+    Raises ValueError, TypeError or LookupError where metaid's own are not as it writes them.
     """
-    query = sa.select(TrialModel.number, TrialModel.state, STARTED, COMPLETED)
-    heads = connection.execute(query.where(TrialModel.study_id == study_id).order_by(TrialModel.trial_id)).all()
-    states = [head[1] for head in heads]
+    mark = TrialUserAttributeModel
+    query = (
+        sa.select(TrialModel.trial_id, TrialModel.number, TrialModel.state, STARTED, COMPLETED, mark.value_json)
+        .outerjoin(mark, (mark.trial_id == TrialModel.trial_id) & (mark.key == MARK))
+        .where(TrialModel.study_id == study_id)
+        .order_by(TrialModel.trial_id)
+    )
+    rows = connection.execute(query).all()
+    is_own = own_rows(json.loads(_attribute(connection, study_id, DIGEST)), [row[5] for row in rows])
+    heads = [row for row, own in zip(rows, is_own, strict=True) if own]
+    foreign = [ForeignTrial(int(row[1]), row[2].name) for row, own in zip(rows, is_own, strict=True) if not own]
+    trials = Own(study_id, {row[0]: i for i, row in enumerate(heads)}, alone=not foreign)
+    return StoredTrials(_own_trials(connection, trials, heads, names), tuple(foreign))
+
+
+def _own_trials(
+    connection: sa.Connection, trials: Own, heads: Sequence[Any], names: Sequence[Sequence[str]]
+) -> list[Trial]:
+    """The trials with these `heads`: id, Optuna's number, state, begin and end."""
+    states = [head[2] for head in heads]
     key, value = TrialParamModel.param_name, TrialParamModel.param_value
-    tables = [read_table(connection, study_id, key, value, searched, float) for searched in names]
+    tables = [read_table(connection, trials, key, value, searched, float) for searched in names]
     factors = list(itertools.chain(*tables))
-    outcomes = read_outcomes(connection, study_id, states, _joint_count(connection, study_id))
-    windows, readings = read_windows(connection, study_id), read_readings(connection, study_id)
+    outcomes = read_outcomes(connection, trials, states, _joint_count(connection, trials.study_id))
+    windows, readings = read_windows(connection, trials), read_readings(connection, trials)
     whole = (
         len(factors) == len(outcomes) == len(heads)
-        and [head[0] for head in heads] == list(range(len(heads)))
         and all(state.is_finished() for state in states)
         and all(np.isfinite(table).all() for table in tables)
         and bool(np.isfinite([outcome.value for _, outcome in outcomes]).all())
@@ -48,23 +76,33 @@ def read_trials(connection: sa.Connection, study_id: int, names: Sequence[Sequen
     stages = [None] * len(heads) if len(names) == 1 else [i + 1 for i, table in enumerate(tables) for _ in table]
     return [
         Trial(
-            number=head[0],
+            number=i,
             generation=generation,
             factors=row,
-            outcome=replace(outcome, windows=windows.get(head[0]), readings=readings.get(head[0])),
-            started=head[2],
-            completed=head[3],
+            outcome=replace(outcome, windows=windows.get(i), readings=readings.get(i)),
+            started=head[3],
+            completed=head[4],
             stage=stage,
         )
-        for head, row, (generation, outcome), stage in zip(heads, factors, outcomes, stages, strict=True)
+        for i, (head, row, (generation, outcome), stage) in enumerate(
+            zip(heads, factors, outcomes, stages, strict=True)
+        )
     ]
 
 
 def _joint_count(connection: sa.Connection, study_id: int) -> int:
     """How many joints the study's plant has, and so how many counts of periods each trial.  Raises ValueError."""
-    attribute = StudyUserAttributeModel
-    where = attribute.study_id == study_id, attribute.key == JOINTS_KEY
-    stored = int(connection.scalar(sa.select(attribute.value_json).where(*where)) or 0)
+    stored = int(_attribute(connection, study_id, JOINTS_KEY))
     if not 1 <= stored <= MOST_JOINTS:
         raise ValueError("not a number of joints")
     return stored
+
+
+def _attribute(connection: sa.Connection, study_id: int, key: str) -> str:
+    """The JSON of a study's attribute.  Raises LookupError where it has none."""
+    attribute = StudyUserAttributeModel
+    where = attribute.study_id == study_id, attribute.key == key
+    text = connection.scalar(sa.select(attribute.value_json).where(*where))
+    if text is None:
+        raise LookupError(key)
+    return str(text)

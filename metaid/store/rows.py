@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,42 +16,22 @@ from numpy.typing import NDArray
 from optuna.trial import TrialState
 
 from metaid.episode import Outcome, SensorReadings, Windows
-from metaid.errors import StorageError
 from metaid.store import sensor_readings, windows
 from metaid.store.optuna_tables import (
     FINITE_INTERMEDIATE_VALUE,
     FINITE_VALUE,
-    StudyModel,
-    TrialHeartbeatModel,
     TrialIntermediateValueModel,
     TrialModel,
     TrialParamModel,
-    TrialSystemAttributeModel,
     TrialUserAttributeModel,
     TrialValueModel,
 )
+from metaid.store.ownership import MARK, End, mark_of
 from metaid.store.trial import Trial
-
-TRIAL_TABLES = (
-    TrialParamModel,
-    TrialValueModel,
-    TrialIntermediateValueModel,
-    TrialUserAttributeModel,
-    TrialSystemAttributeModel,
-    TrialHeartbeatModel,
-)
 
 REASON = "reason"  # the attribute that says why a trial failed
 
 # Made once: making a statement takes longer than running it.
-_END = (
-    sa.select(StudyModel.study_id, TrialModel.trial_id, TrialModel.number)
-    .outerjoin(TrialModel)
-    .where(StudyModel.study_name == sa.bindparam("study"))
-    .order_by(TrialModel.trial_id.desc())
-    .limit(1)
-)
-
 IDS_AFTER = (
     sa.select(TrialModel.trial_id)
     .where(TrialModel.study_id == sa.bindparam("study_id"), TrialModel.trial_id > sa.bindparam("last_id"))
@@ -58,25 +39,28 @@ IDS_AFTER = (
 )
 
 
-def end_of(connection: sa.Connection, name: str) -> tuple[int, int, int]:
-    """A study's id, the id of its last trial, how many it has; looked up from the end, so as fast in a large table."""
-    end = connection.execute(_END, {"study": name}).first()
-    if end is None:
-        raise StorageError(f"study '{name}' is no longer there")
-    study_id, last_id, number = end
-    return (study_id, 0, 0) if last_id is None else (study_id, last_id, number + 1)
+@dataclass(frozen=True)
+class Own:
+    """The trials of the study `study_id` that metaid wrote: their `positions` by their id in the DB. `alone`: whether
+    the study has no others.
+    """
+
+    study_id: int
+    positions: dict[int, int]
+    alone: bool
 
 
 def read_table(
-    connection: sa.Connection, study_id: int, key: Any, value: Any, keys: Sequence[Any], kind: type
+    connection: sa.Connection, trials: Own, key: Any, value: Any, keys: Sequence[Any], kind: type
 ) -> NDArray[Any]:
     """The values under some keys of every trial, in order (ntrial x nkey); of no trial if one lacks any of them.
 
-    A trial has a key at most once and the DB's own order of keys is the same for all, so nothing but values is read.
+    A trial has a key at most once and the DB's own order of keys is the same for all, so nothing but values is read,
+    unless there are trials of others in between.
 
     Args:
         connection: to the DB.
-        study_id: of the study in the DB.
+        trials: that are read.
         key: the column of the keys.
         value: the column of the values.
         keys: that are read (nkey).
@@ -86,42 +70,50 @@ def read_table(
         ValueError: a value is not of that kind.
         TypeError: a value is not of that kind.
     """
-    where = TrialModel.study_id == study_id, key.in_(keys)
+    where = TrialModel.study_id == trials.study_id, key.in_(keys)
     query = sa.select(value).join(TrialModel).where(*where).order_by(TrialModel.trial_id, key)
-    order = list(connection.scalars(query.with_only_columns(key).limit(len(keys))))
+    if trials.alone:
+        order = list(connection.scalars(query.with_only_columns(key).limit(len(keys))))
+    else:
+        query = query.with_only_columns(value, key, TrialModel.trial_id)
     # The driver's own rows: SQLAlchemy's would cost three times the reading.
     cursor = connection.connection.cursor()
     cursor.execute(str(query.compile(connection.engine, compile_kwargs={"literal_binds": True})))
-    cells: NDArray[Any] = np.fromiter((kind(cell) for (cell,) in iter(cursor.fetchone, None)), kind)
+    rows = iter(cursor.fetchone, None)
+    if not trials.alone:
+        kept = [row for row in rows if row[2] in trials.positions]
+        order, rows = [row[1] for row in kept[: len(keys)]], iter(kept)
+    cells: NDArray[Any] = np.fromiter((kind(row[0]) for row in rows), kind)
     cursor.close()
     if len(cells) % len(keys) or sorted(order) != sorted(keys):
         return np.empty((0, len(keys)), kind)
     return cells.reshape(-1, len(keys))[:, [order.index(wanted) for wanted in keys]]
 
 
-def _read_failures(connection: sa.Connection, study_id: int) -> list[tuple[float, str | None]]:
-    """The value that the searcher got for each failed trial, and why it failed."""
+def _read_failures(connection: sa.Connection, trials: Own) -> list[tuple[float, str | None]]:
+    """The value that the searcher got for each failed one of the `trials`, and why it failed."""
     trial, value, attribute = TrialModel, TrialIntermediateValueModel, TrialUserAttributeModel
     query = (
-        sa.select(value.intermediate_value, attribute.value_json)
+        sa.select(value.intermediate_value, attribute.value_json, trial.trial_id)
         .select_from(trial)
         .join(value, value.trial_id == trial.trial_id)
         .join(attribute, attribute.trial_id == trial.trial_id)
-        .where(trial.study_id == study_id, trial.state == TrialState.FAIL, attribute.key == REASON)
+        .where(trial.study_id == trials.study_id, trial.state == TrialState.FAIL, attribute.key == REASON)
         .order_by(trial.trial_id)
     )
-    return [(float(worst), str(json.loads(reason))) for worst, reason in connection.execute(query)]
+    found = [row for row in connection.execute(query) if row[2] in trials.positions]
+    return [(float(worst), str(json.loads(reason))) for worst, reason, _ in found]
 
 
 def read_outcomes(
-    connection: sa.Connection, study_id: int, states: Sequence[TrialState], joint_count: int
+    connection: sa.Connection, trials: Own, states: Sequence[TrialState], joint_count: int
 ) -> list[tuple[int, Outcome]]:
     """The generation and the outcome of every trial, in order; of none if one lacks something.
 
     Args:
         connection: to the DB.
-        study_id: of the study in the DB.
-        states: of its trials (ntrial), in order.
+        trials: that are read.
+        states: of these (ntrial), in order.
         joint_count: the number of joints.
 
     Raises:
@@ -130,9 +122,9 @@ def read_outcomes(
     """
     value, attribute = TrialValueModel, TrialUserAttributeModel
     keys = ["generation", "steps", *(f"periods_{joint + 1}" for joint in range(joint_count))]
-    counts = read_table(connection, study_id, attribute.key, attribute.value_json, keys, int)
-    values = read_table(connection, study_id, value.objective, value.value, [0], float)
-    failures = _read_failures(connection, study_id) if TrialState.FAIL in states else []
+    counts = read_table(connection, trials, attribute.key, attribute.value_json, keys, int)
+    values = read_table(connection, trials, value.objective, value.value, [0], float)
+    failures = _read_failures(connection, trials) if TrialState.FAIL in states else []
     failed = states.count(TrialState.FAIL)
     if not (len(counts) == len(states) and len(failures) == failed and len(values) == len(states) - failed):
         return []
@@ -144,46 +136,47 @@ def read_outcomes(
     ]
 
 
-def read_windows(connection: sa.Connection, study_id: int) -> dict[int, Windows]:
-    """The windows of the trials that have them, by trial number.  Raises ValueError, TypeError or LookupError for what
-    is none.
+def read_windows(connection: sa.Connection, trials: Own) -> dict[int, Windows]:
+    """The windows of the `trials` that have them, by position.  Raises ValueError, TypeError or LookupError for what is
+    none.
     """
-    texts = _read_attributes(connection, study_id, windows.KEY)
-    return {number: windows.decoded(text) for number, text in texts}
+    return {position: windows.decoded(text) for position, text in _read_attributes(connection, trials, windows.KEY)}
 
 
-def read_readings(connection: sa.Connection, study_id: int) -> dict[int, SensorReadings]:
-    """The sensor readings of the trials that have them, by trial number.  Raises as `read_windows` does."""
-    texts = _read_attributes(connection, study_id, sensor_readings.KEY)
-    return {number: sensor_readings.decoded(text) for number, text in texts}
+def read_readings(connection: sa.Connection, trials: Own) -> dict[int, SensorReadings]:
+    """The sensor readings of the `trials` that have them, by position.  Raises as `read_windows` does."""
+    texts = _read_attributes(connection, trials, sensor_readings.KEY)
+    return {position: sensor_readings.decoded(text) for position, text in texts}
 
 
-def _read_attributes(connection: sa.Connection, study_id: int, key: str) -> list[tuple[int, str]]:
-    """The trials that have an attribute of this `key`, by number, and its JSON."""
+def _read_attributes(connection: sa.Connection, trials: Own, key: str) -> list[tuple[int, str]]:
+    """Those of the `trials` that have an attribute of this `key`, by position, and its JSON."""
     trial, attribute = TrialModel, TrialUserAttributeModel
     query = (
-        sa.select(trial.number, attribute.value_json)
+        sa.select(trial.trial_id, attribute.value_json)
         .join(attribute, attribute.trial_id == trial.trial_id)
-        .where(trial.study_id == study_id, attribute.key == key)
+        .where(trial.study_id == trials.study_id, attribute.key == key)
     )
-    return [(int(number), str(text)) for number, text in connection.execute(query)]
+    positions = trials.positions
+    return [(positions[one], str(text)) for one, text in connection.execute(query) if one in positions]
 
 
-def head_rows(study_id: int, trials: Sequence[Trial]) -> list[dict[str, Any]]:
+def head_rows(end: End, trials: Sequence[Trial]) -> list[dict[str, Any]]:
+    """Rows of trials that come after the `end` of their study; Optuna counts the trials of others, too."""
     return [
         {
-            "number": trial.number,
-            "study_id": study_id,
+            "number": end.next_number + i,
+            "study_id": end.study_id,
             "state": trial.state.name,
             "datetime_start": trial.started and str(trial.started),
             "datetime_complete": trial.completed and str(trial.completed),
         }
-        for trial in trials
+        for i, trial in enumerate(trials)
     ]
 
 
 def detail_rows(
-    ids: Sequence[int], trials: Sequence[Trial], names: Sequence[str], distributions: Sequence[str]
+    ids: Sequence[int], trials: Sequence[Trial], names: Sequence[str], distributions: Sequence[str], digest: str
 ) -> dict[Any, list[dict[str, Any]]]:
     """Rows by model class.
 
@@ -195,6 +188,7 @@ def detail_rows(
         trials: that are written (ntrial).
         names: under which the factors are stored (nsearched).
         distributions: of the factors, as Optuna's JSON (nsearched).
+        digest: of the study.
     """
     rows: dict[Any, list[dict[str, Any]]] = {
         TrialParamModel: [
@@ -219,7 +213,7 @@ def detail_rows(
         TrialUserAttributeModel: [
             {"trial_id": i, "key": key, "value_json": text}
             for i, trial in zip(ids, trials, strict=True)
-            for key, text in _attributes(trial).items()
+            for key, text in {MARK: mark_of(digest, trial.number), **_attributes(trial)}.items()
         ],
     }
     return {model: of_model for model, of_model in rows.items() if of_model}

@@ -1,18 +1,21 @@
-"""How a study DB in an SQLite file is opened, and what is said of one that cannot be read or written."""
+"""How a study DB in an SQLite file is opened, what is said of one that cannot be read or written, and whether the file
+is still where it was.
+"""
 
 from __future__ import annotations
 
+import errno
 import os
+import re
 import sqlite3
-from collections.abc import Callable
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
 import optuna
 import sqlalchemy as sa
 
-from metaid.errors import StorageError
+from metaid.errors import StorageError, unknown
 from metaid.store.optuna_tables import SCHEMA_VERSION
 
 BUSY_TIMEOUT = 60  # s to wait for another program's write, unless the URL says otherwise: sqlite:///FILE?timeout=5
@@ -27,6 +30,24 @@ ADVICE = {
     sqlite3.SQLITE_CORRUPT: DAMAGED,
     sqlite3.SQLITE_NOTADB: "it is something else, or damaged: put a copy back",
 }
+COMPANIONS = ("-wal", "-shm")  # SQLite's own files beside the DB: it ends with them as long as somebody has it open
+Identity = tuple[int, int]  # of a file, wherever it is moved: its device and its inode
+
+
+def file_of(url: sa.URL) -> Path:
+    """The file that an SQLite URL names.  Raises StorageError where it names none, or has options that metaid does not
+    know.
+    """
+    shown = url.render_as_string()
+    if url.drivername not in ("sqlite", "sqlite+pysqlite") or url.host or url.username:
+        raise StorageError(
+            f"{shown}: not the URL of an SQLite file (allowed: sqlite:///FILE, or sqlite:////FOLDER/FILE)"
+        )
+    if url.database in (None, "", ":memory:"):
+        raise StorageError(f"{shown}: a DB in memory would be gone when the command ends (allowed: the path of a file)")
+    for option in url.query.keys() - {"timeout"}:
+        raise StorageError(f"{shown}: {unknown('option', option, ['timeout'])}; a ? in a file's name is written as %3F")
+    return Path(url.database)
 
 
 def sqlite_options(url: sa.URL) -> dict[str, Any]:
@@ -88,27 +109,112 @@ def _check_version(connection: sqlite3.Connection, path: Path) -> None:
         )
 
 
-def make_file(path: Path, fill: Callable[[Path], None]) -> None:
-    """A new file at `path`, made whole by `fill` under another name first: one that is there has all its tables. One
-    that another program has made meanwhile is left alone.  Raises StorageError.
+def make_file(path: Path, content: bytes) -> None:
+    """A new file at `path` with this `content`, written under another name first: one that is there is whole. One that
+    another program has made meanwhile is left alone.  Raises StorageError.
     """
+    for companion in (path.with_name(path.name + ending) for ending in (*COMPANIONS, "-journal")):
+        if companion.exists():  # SQLite would take what is in it for the new file's
+            raise StorageError(
+                f"{path}: cannot be made: {companion.name} is left of a DB that was here (put that DB back, or move "
+                f"{companion.name} away)"
+            )
+    _remove_litter(path)
     partial = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        fill(partial)
+        with partial.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
         os.link(partial, path)
     except FileExistsError:
         return
     except OSError as problem:
-        raise StorageError(f"{path}: cannot be made: {problem.strerror}") from None
+        why = "the disk is full: make room" if problem.errno == errno.ENOSPC else problem.strerror
+        raise StorageError(f"{path}: cannot be made: {why}") from None
     finally:
-        for file in (partial, partial.with_name(f"{partial.name}-journal")):
-            file.unlink(missing_ok=True)
+        partial.unlink(missing_ok=True)
 
 
-def use_wal(connection: Any, _record: Any) -> None:
-    """Readers see the last whole transaction while the next is written; a power cut may cost the last ones, never the
-    file.
+def _remove_litter(path: Path) -> None:
+    """Removes what programs that were killed while they made the file at `path` have left beside it."""
+    ours = re.compile(rf"\.{re.escape(path.name)}\.(\d+)(-journal)?")
+    with suppress(OSError):
+        for file in path.parent.iterdir():
+            found = ours.fullmatch(file.name)
+            if found and not _is_running(int(found[1])):
+                file.unlink(missing_ok=True)
+
+
+def _is_running(process: int) -> bool:
+    """Whether there is a process of that number; true where the system does not say."""
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        return True  # somebody else's
+    return True
+
+
+class OpenFile:
+    """The SQLite file at a path, as it was when it was first opened: what SQLAlchemy calls when it is used.
+
+    What is written to a file that has been deleted, moved or replaced is in no DB, and SQLite does not notice. The file
+    is never opened here: to close it would take away the locks that SQLite has on it.
     """
-    with closing(connection.cursor()) as cursor:
-        cursor.execute("PRAGMA journal_mode=WAL")
-        cursor.execute("PRAGMA synchronous=NORMAL")
+
+    def __init__(self, path: Path) -> None:
+        self._path = path.absolute()
+        self._opened = _identity(self._path)
+        self._size = 0  # bytes, when it was last looked at; while it is in use it only grows
+
+    def before_connect(self, _dialect: Any, _record: Any, arguments: list[Any], options: dict[str, Any]) -> None:
+        """SQLite would make a new file in the place of one that has gone.  Raises StorageError."""
+        self._refuse_another()
+        arguments[0], options["uri"] = f"{self._path.as_uri()}?mode=rw", True
+
+    def after_connect(self, connection: Any, record: Any) -> None:
+        """Readers see the last whole transaction while the next is written; a power cut may cost the last ones, never
+        the file.
+        """
+        with closing(connection.cursor()) as cursor:
+            cursor.execute("PRAGMA journal_mode=WAL")
+            cursor.execute("PRAGMA synchronous=NORMAL")
+            cursor.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchall()  # SQLite opens the companions to read
+        record.info[COMPANIONS] = self._companions()
+
+    def before_use(self, _connection: Any, record: Any, _proxy: Any) -> None:
+        """Raises StorageError where the file, or a companion that the connection has opened, is not there any more."""
+        self._refuse_another()
+        for ending, opened, now in zip(COMPANIONS, record.info[COMPANIONS], self._companions(), strict=True):
+            if opened != now:
+                raise StorageError(
+                    f"{self._path}: {self._path.name}{ending} was removed while the DB was in use: trials that were "
+                    "only there may be lost, and are run again when you go on"
+                )
+
+    def _refuse_another(self) -> None:
+        now = _identity(self._path)
+        size = 0 if now is None else self._path.stat().st_size
+        if now is None or now != self._opened or size < self._size:
+            raise StorageError(
+                f"{self._path}: the file was {'deleted or moved' if now is None else 'replaced'} while it was in use: "
+                f"put it back, with {self._path.name}-wal if there is one, and go on; trials that were only in it are "
+                "lost with it"
+            )
+        self._size = size
+
+    def _companions(self) -> list[Identity | None]:
+        return [_identity(self._path.with_name(self._path.name + ending)) for ending in COMPANIONS]
+
+
+def _identity(path: Path) -> Identity | None:
+    """Which file is at `path` now; None where there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino

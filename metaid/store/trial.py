@@ -1,4 +1,4 @@
-"""One row of the trial table."""
+"""One row of the trial table, and what is known of a trial that is none of metaid's."""
 
 from __future__ import annotations
 
@@ -31,3 +31,11 @@ class Trial:
         if self.outcome.failure is not None:
             return TrialState.FAIL
         return TrialState.PRUNED if self.outcome.fell else TrialState.COMPLETE
+
+
+@dataclass(frozen=True)
+class ForeignTrial:
+    """A trial of a study that metaid did not write: its `number` and the name of its `state` in Optuna's terms."""
+
+    number: int
+    state: str

@@ -98,6 +98,7 @@ def run_study(
                 Writer(store, name, problem, lease, patience, wait) as writer,
             ):
                 _run_stage(run, evaluator, writer, watch)
+    store.check_written(name, run.number)
     return run.progress
 
 

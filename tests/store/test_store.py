@@ -204,7 +204,7 @@ def test_joints_are_counted_where_the_study_says_so_and_not_by_the_names_of_lump
 def test_number_of_joints_that_cannot_be_is_refused(arm: Path, joints: str) -> None:
     """None, more than the trials have periods of, or not a number."""
     change(arm, f"UPDATE study_user_attributes SET value_json = '{joints}' WHERE key = 'metaid:joints'")
-    with pytest.raises(StorageError, match="trials that metaid did not write"):
+    with pytest.raises(StorageError, match="trials that are not as metaid wrote them"):
         Store(str(arm)).trials("arm", ["load"])
 
 
