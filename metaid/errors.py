@@ -84,6 +84,19 @@ def optional_packages(extra: str) -> Iterator[None]:
         raise MissingExtraError(f"{missing} is not installed: pip install 'metaid[{extra}]'") from None
 
 
+@contextmanager
+def usable_mujoco() -> Iterator[None]:
+    """Within it MuJoCo is imported for the first time, which asks MUJOCO_GL for an OpenGL whether it is needed or not.
+    Raises MetaidError where that names none.
+    """
+    try:
+        yield
+    except RuntimeError as problem:
+        if "MUJOCO_GL" not in str(problem):
+            raise
+        raise MetaidError(f"{problem} (allowed: egl, osmesa, glfw or disabled, or leave it unset)") from None
+
+
 def unknown(what: str, name: str, allowed: Iterable[str]) -> str:
     """The message for a `name` that is not among `allowed`: the nearest one, then all of them."""
     names = list(allowed)

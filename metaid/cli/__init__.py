@@ -5,13 +5,15 @@ Heavy imports wait until a command runs, so that `metaid --help` and shell compl
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 
 import click
 
 import metaid
-from metaid.cli.common import Group, say
+from metaid.cli.common import Group, say, take_any_letter
 from metaid.errors import MetaidError
 
 EXAMPLE = """\b
@@ -41,14 +43,21 @@ def app() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs a command and exits: 0, or 2 with one line on stderr for anything that a user can mend, or 130 and 143
-    when interrupted.
+    when interrupted, or 1 when nobody reads its output any more.
     """
+    take_any_letter()
     try:
         status = app.main(arguments, standalone_mode=False, prog_name="metaid")
     except click.ClickException as problem:
         _fail(problem.format_message())
     except MetaidError as problem:
         _fail(str(problem))
+    except BrokenPipeError:
+        _forget_output()
+        sys.exit(1)  # as click and rich do themselves
+    except OSError as problem:  # a full device
+        _forget_output()
+        _fail(f"{problem.filename or 'standard output'}: {problem.strerror}")
     except (KeyboardInterrupt, click.Abort):
         sys.exit(130)
     sys.exit(status if isinstance(status, int) else 0)
@@ -57,6 +66,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _fail(message: str) -> None:
     say(f"metaid: {' '.join(message.split())}", err=True)
     sys.exit(2)
+
+
+def _forget_output() -> None:
+    """Lets go of what could not be written, or Python would try once more at its end and complain."""
+    with suppress(OSError, ValueError), open(os.devnull, "wb") as nowhere:
+        os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
 from metaid.cli import paper, pictures, plants, results, studies  # noqa: E402  (they add their commands to `app`)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import math
 import os
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
@@ -78,15 +80,28 @@ def numbers(given: Sequence[str], option: str) -> dict[str, float]:
     return values
 
 
+def take_any_letter() -> None:
+    """Letters that stdout or stderr has no code for are written out, whatever PYTHONIOENCODING or the locale says."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and not _is_unicode(stream):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _is_unicode(stream: TextIO) -> bool:
+    return (stream.encoding or "").lower().replace("-", "").startswith("utf")
+
+
 def say(text: str, err: bool = False) -> None:
     """A line on stdout, or on stderr: nothing in it can command the terminal."""
-    click.echo(printable(text), err=err)
+    with contextlib.suppress(OSError) if err else contextlib.nullcontext():  # there is nowhere left to say so
+        click.echo(printable(text), err=err)
 
 
 def print_json(data: Any) -> None:
-    """JSON on stdout, printable letters as they are."""
+    """JSON on stdout, printable letters as they are where stdout has a code for all of them."""
     text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False)
-    click.echo(text if text.replace("\n", "").isprintable() else json.dumps(data, indent=2, allow_nan=False))
+    as_they_are = _is_unicode(sys.stdout) and text.replace("\n", "").isprintable()
+    click.echo(text if as_they_are else json.dumps(data, indent=2, allow_nan=False))
 
 
 def print_table(

@@ -7,6 +7,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from types import TracebackType
 
 import numpy as np
@@ -73,7 +74,8 @@ class Live:
         self._bar.update(self._task, completed=progress.trials, total=progress.total, state=state)
         if self._prints_lines and now - self._last_line >= INTERVAL:
             self._last_line = now
-            self._console.print(f"{self._name} {progress.trials}/{progress.total} {state}", soft_wrap=True)
+            with suppress(OSError):  # a full device of its progress must not end a run
+                self._console.print(f"{self._name} {progress.trials}/{progress.total} {state}", soft_wrap=True)
 
     def _state(self, progress: RunProgress, now: float) -> str:
         if progress.waiting is not None:

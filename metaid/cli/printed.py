@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import click
-
 from metaid.cli.common import number_text, print_table, say
 
 COLUMNS = ("nominal", "identified", "low", "high", "true")
@@ -139,7 +137,7 @@ def _show_parameters(shown: dict[str, Any]) -> None:
         [row["name"], *(number_text(row[key]) for key in PARAMETER_COLUMNS), row["unit"]] for row in shown["parameters"]
     ]
     print_table("Bodies that move the same", ["parameter", *PARAMETER_COLUMNS, "unit"], rows, words=["unit"])
-    click.echo(describe_bodies(shown))
+    say(describe_bodies(shown))
 
 
 def _verification(mujoco: dict[str, Any]) -> str:

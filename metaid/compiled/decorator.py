@@ -24,10 +24,17 @@ from pathlib import Path
 from typing import Any
 
 import llvmlite
-import mujoco
 import numba
 
+from metaid.errors import MetaidError, usable_mujoco
+
+with usable_mujoco():
+    import mujoco
+
 from metaid.compiled.undocumented import WITHOUT_REFERENCE_COUNTS
+
+if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+    raise MetaidError("NUMBA_DISABLE_JIT is set, and metaid's loops are nothing without numba's compiler: unset it")
 
 KEPT = 4  # folders in one place: those that were used last; two working copies or environments may take turns
 

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
-from metaid.errors import PlantError
+from metaid.errors import PlantError, usable_mujoco
 from metaid.models import Chain
+
+with usable_mujoco():
+    import mujoco
 
 
 def build_spec(chain: Chain, gravity: float, timestep: float, tilt: float = 0.0) -> mujoco.MjSpec:

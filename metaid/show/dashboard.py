@@ -6,7 +6,10 @@ graphs; studies too long for a browser get a thinned companion.
 
 from __future__ import annotations
 
+import io
 import json
+import logging
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from socketserver import ThreadingMixIn
@@ -17,7 +20,7 @@ import numpy as np
 import optuna
 import pandas as pd
 
-from metaid.errors import MetaidError, optional_packages
+from metaid.errors import MetaidError, optional_packages, printable
 from metaid.results import Findings, describe_known_from, describe_misfit, describe_trials, read_findings
 from metaid.show.companions import MOST_TRIALS_SHOWN, companion_name, write_companion
 from metaid.show.figures import FALL, RANGE, SURVIVOR
@@ -57,6 +60,8 @@ def make_dashboard(store: Store, port: int) -> WSGIServer:
     """The server, bound to loopback and not yet serving; port 0 takes a free one.  Raises MetaidError."""
     for name in store.names():
         explain(store, name)
+    log = logging.getLogger("optuna_dashboard")
+    log.handlers, log.propagate = [_FirstLines()], False
     try:
         return make_server(HOST, port, loopback_only(wsgi(store.optuna)), _Server, _Quiet)
     except OSError as problem:
@@ -75,10 +80,34 @@ def addresses(store: Store, port: int) -> Iterator[str]:
 class _Server(ThreadingMixIn, WSGIServer):
     daemon_threads = True
 
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Says nothing of a browser that has gone."""
+
+
+class _Complaints(io.StringIO):
+    """A traceback that is written here is one line on stderr, its last."""
+
+    def write(self, text: str) -> int:
+        if said := [line for line in text.splitlines() if line.strip()]:
+            sys.stderr.write(f"metaid: the dashboard could not answer a request: {printable(said[-1].strip())}\n")
+        return len(text)
+
 
 class _Quiet(WSGIRequestHandler):
     def log_message(self, format: str, *arguments: Any) -> None:
         """Says nothing of each request."""
+
+    def get_stderr(self) -> Any:
+        """Where what cannot be answered is complained of."""
+        return _Complaints()
+
+
+class _FirstLines(logging.Handler):
+    """What the dashboard logs is one line on stderr: its first, for tracebacks follow."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if record.levelno >= logging.ERROR:
+            _Complaints().write(record.getMessage().partition("\n")[0])
 
 
 def explain(store: Store, name: str) -> None:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import sys
 
-import mujoco
 import numpy as np
 
-from metaid.errors import RenderError, optional_packages
+from metaid.errors import RenderError, optional_packages, usable_mujoco
 from metaid.models import Array, Chain
 from metaid.plant import MujocoPlant, build_spec
+
+with usable_mujoco():
+    import mujoco
 
 LINK, JOINT, MASS = (0.34, 0.71, 0.91, 1.0), (0.0, 0.45, 0.70, 1.0), (0.84, 0.37, 0.0, 1.0)  # Okabe and Ito
 PIXELS = 720  # of a picture's longest side at most

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import socket
 import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -127,3 +128,31 @@ def test_a_taken_port_is_said_in_one_line(store: Store, metaid: Metaid) -> None:
         refused = metaid("dashboard", "--storage", store.url, "--port", address.rpartition(":")[2])
     assert refused.status == 2
     assert "choose another with --port" in refused.err
+
+
+MALFORMED = (
+    "POST /api/trials/1/tell HTTP/1.1\r\nHost: {host}\r\nContent-Type: application/json\r\nContent-Length: 1\r\n\r\n1",
+    "POST /api/studies HTTP/1.1\r\nHost: {host}\r\nContent-Type: application/json\r\nContent-Length: x\r\n\r\n1",
+    "GET /api/studies/1?after=zz HTTP/1.1\r\nHost: {host}\r\n\r\n",
+    "GET /static/%00 HTTP/1.1\r\nHost: {host}\r\n\r\n",
+    "GET /\r\n\r\n",
+    "nonsense\r\n\r\n",
+)
+
+
+@pytest.mark.parametrize("request_text", MALFORMED)
+def test_malformed_request_is_answered_and_costs_a_line_at_most(
+    store: Store, capfd: pytest.CaptureFixture[str], request_text: str
+) -> None:
+    """Never a traceback on the terminal of whoever serves it, and the next request is answered."""
+    with served(store) as address:
+        host = address.removeprefix("http://")
+        name, _, port = host.partition(":")
+        with socket.create_connection((name, int(port))) as browser:
+            browser.sendall(request_text.format(host=host).encode())
+            assert browser.recv(1000)
+        assert urllib.request.urlopen(f"{address}/dashboard").status == 200
+    said = capfd.readouterr().err
+    assert "Traceback" not in said
+    assert said.count("\n") <= 1
+    assert said == "" or said.startswith("metaid: the dashboard could not answer a request: ")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import os
 import signal
+import socket
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,6 +30,7 @@ WORKER_PATIENCE = 120.0  # s without an answer after which a worker is replaced
 SLOWDOWN_ALLOWED = 100.0  # times what the slowest candidate so far took: a worker may take as long, past its patience
 POLL_INTERVAL = 1.0  # s for which answers are waited for at most before the time limits are checked
 WARN_AFTER = 10.0  # s without any worker, after which a warning is logged: Ray needs some 5 to start one
+LONGEST_SILENCE = 10.0  # s for which an answer from a cluster's address is waited for
 
 TOKEN = Path.home() / ".ray" / "auth_token"
 
@@ -243,12 +245,25 @@ def _kill(process: int) -> None:
     os.kill(process, signal.SIGKILL)
 
 
+def _refuse_silence(address: str) -> None:
+    """Raises StudyError where nothing listens at a cluster's address: Ray itself would try for minutes."""
+    host, _, port = address.rpartition("://")[2].rpartition(":")
+    if not (host and port.isdecimal()):
+        return  # a word such as "auto", which Ray knows
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), LONGEST_SILENCE).close()
+    except (OSError, OverflowError, UnicodeError) as problem:
+        why = getattr(problem, "strerror", None) or str(problem)
+        raise StudyError(f"no Ray cluster at {address}: nothing answers there ({why})") from None
+
+
 def _start_ray(ray: Any, workers: int, address: str | None) -> None:
     quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
     if address is None:
         with ray_on_loopback():
             ray.init(address="local", num_cpus=workers, include_dashboard=False, **quiet)
         return
+    _refuse_silence(address)
     try:
         ray.init(address=address, **quiet)
     except (ConnectionError, ValueError, RuntimeError) as problem:
