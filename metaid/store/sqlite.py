@@ -172,7 +172,17 @@ class OpenFile:
         self._size = 0  # bytes, when it was last looked at; while it is in use it only grows
 
     def before_connect(self, _dialect: Any, _record: Any, arguments: list[Any], options: dict[str, Any]) -> None:
-        """SQLite would make a new file in the place of one that has gone.  Raises StorageError."""
+        """Keeps SQLite from making a new file in the place of one that has gone.
+
+        Args:
+            _dialect: of SQLAlchemy.
+            _record: what the pool keeps of a connection.
+            arguments: of the connection, changed here: the file.
+            options: of the connection, changed here.
+
+        Raises:
+            StorageError: the file has gone, or is another one.
+        """
         self._refuse_another()
         arguments[0], options["uri"] = f"{self._path.as_uri()}?mode=rw", True
 
