@@ -69,10 +69,10 @@ def study() -> None:
 def create(source: str, name: str | None, storage: str, changes: tuple[str, ...], exist_ok: bool) -> None:
     """Make a study in the DB from STUDY, a shipped name or the path of a study file."""
     from metaid.api import ensure_study
-    from metaid.study import advice, create_study
+    from metaid.study import advice, create_study, question
 
     spec = load_study(source, changes)
-    warnings = [advice(spec), _undetermined(spec)]
+    warnings = [question(spec), advice(spec), _undetermined(spec)]
     with open_store(storage, create=True) as store:
         made = (ensure_study if exist_ok else create_study)(store, spec, name)
     for line in filter(None, warnings):
@@ -105,9 +105,11 @@ def _toml_value(text: str) -> Any:
 @json_option
 def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
     """What STUDY can determine, and how well, by its nominal model, before any trial."""
-    from metaid.study import Problem, identifiability
+    from metaid.study import Problem, identifiability, question
 
     spec = load_study(source, changes)
+    if asked := question(spec):
+        say(asked, err=True)
     stages = [identifiability(problem) for problem in Problem(spec).stages()]
     rows = [
         row for found in stages for row in zip(found.names, found.resolution.tolist(), found.determined, strict=True)

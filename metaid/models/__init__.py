@@ -11,7 +11,7 @@ from metaid.models.chain import Chain, speeds_after
 from metaid.models.law import SLIDING, compensation_basis, compensation_torque, mass_matrix
 from metaid.models.lumps import FRICTION, IDEAL, UNITS, Array, Lumps, factors_from_names, kind_of, lump_names, lump_unit
 from metaid.models.model import ChainModel, Model
-from metaid.models.possible import least_inertia, refuse_impossible, refuse_too_long_a_step
+from metaid.models.possible import least_inertia, question_of_units, refuse_impossible, refuse_too_long_a_step
 from metaid.models.same_motion import SameMotion
 from metaid.models.space import SearchSpace, Space, factor_space
 
@@ -39,6 +39,7 @@ __all__ = [
     "lump_names",
     "lump_unit",
     "mass_matrix",
+    "question_of_units",
     "refuse_impossible",
     "refuse_too_long_a_step",
     "speeds_after",

@@ -1,4 +1,6 @@
-"""Which chains a plant file may describe: those that can exist, and that its timestep can follow."""
+"""Which chains a plant file may describe: those that can exist, and that its timestep can follow. Which of them are so
+strange that their units are asked for.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +14,10 @@ LEAST_MASS_EIGENVALUE = 1e-10  # of the mass matrix with a unit diagonal; below 
 MIN_STEPS_PER_RADIAN = (
     5.0  # a chain that turns through a radian of its fastest mode in fewer steps is not simulated but guessed
 )
+# What is not beyond doubt, in SI units; a rod of steel that weighs HEAVIEST a metre is as thick as a thigh.
+SHORTEST, LONGEST = 1e-3, 20.0  # m of a link
+LIGHTEST, HEAVIEST = 1e-4, 300.0  # kg of a metre of a link
+WEAKEST, STRONGEST = 0.1, 30.0  # m/s² of gravity
 
 
 def least_inertia(mass: float, length: float) -> float:
@@ -56,3 +62,19 @@ def refuse_too_long_a_step(name: str, chain: Chain, gravity: float, timestep: fl
             f"{name}: timestep {timestep} s is too long for its fastest motion, {what} "
             f"(allowed: at most {1 / rate:.2g} s)"
         )
+
+
+def question_of_units(name: str, chain: Chain, gravity: float) -> str | None:
+    """What to ask whoever wrote down a chain that can be, but hardly is, in one line; None if nothing.
+
+    Args:
+        name: of the model, for the question.
+        chain: that is described.
+        gravity: in m/s².
+    """
+    for link, (length, mass) in enumerate(zip(chain.length.tolist(), chain.mass.tolist(), strict=True), start=1):
+        if not (SHORTEST <= length <= LONGEST and LIGHTEST <= mass / length <= HEAVIEST):
+            return f"{name}: link {link} is {length:g} m long and weighs {mass:g} kg: is that meant? (in m and kg)"
+    if not WEAKEST <= gravity <= STRONGEST:
+        return f"{name}: gravity is {gravity:g} m/s²: is that meant?"
+    return None

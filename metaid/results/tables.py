@@ -61,12 +61,18 @@ def studies_frame(store: Store) -> pd.DataFrame:
     """One row a study: `name`, `plant`, `sampler`, `measure`, `trials`, `pruned`, `best`, `max_error`."""
     words = {"name": str, "plant": str, "sampler": str, "measure": str}
     kinds = {**words, "trials": np.int64, "pruned": np.int64, "best": np.float64, "max_error": np.float64}
-    rows = [_study_row(read_snapshot(store, name)) for name in store.names()]
+    rows = [_study_row(store, name) for name in store.names()]
     return pd.DataFrame(rows, columns=list(kinds)).astype(kinds)
 
 
-def _study_row(snapshot: Snapshot) -> dict[str, object]:
-    spec, survivors = snapshot.spec, snapshot.stages[0].survivors
+def _study_row(store: Store, name: str) -> dict[str, object]:
+    snapshot = read_snapshot(store, name)
+    spec = snapshot.spec
+    try:
+        survivors = snapshot.stages[0].survivors
+    except StudyError:  # too large to be computed: the others are listed all the same, and `show` says why
+        known = {"plant": spec.plant_name, "sampler": spec.study.sampler, "measure": spec.study.episode.measure}
+        return {"name": name, **known, "trials": len(snapshot.trials), "pruned": 0}
     return {
         "name": snapshot.name,
         "plant": spec.plant_name,

@@ -4,7 +4,7 @@
 """
 
 from metaid.study.bounds import LumpAtBound, lumps_at_bounds
-from metaid.study.create import advice, create_study, delete_study, stored_spec
+from metaid.study.create import advice, create_study, delete_study, question, stored_spec
 from metaid.study.identifiability import COARSEST, identifiability
 from metaid.study.problem import MOST_TRIALS, Problem, load_study
 from metaid.study.progress import Progress
@@ -33,6 +33,7 @@ __all__ = [
     "identifiability",
     "load_study",
     "lumps_at_bounds",
+    "question",
     "run_study",
     "stored_spec",
 ]

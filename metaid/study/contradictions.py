@@ -1,14 +1,21 @@
-"""Settings of a study that are fine one by one and contradict each other."""
+"""Settings of a study that are fine one by one and contradict each other, or make more than can be computed."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from metaid.episode import Measure
 from metaid.errors import StudyError, unknown
 from metaid.models import FRICTION, IDEAL, Array, Chain
 from metaid.plant import PlantSettings
 from metaid.search import SAMPLERS
 from metaid.study.settings import StudySettings, StudySpec
+
+MOST_STEPS = 100_000_000  # of a trial: some ten seconds of a core at two links, minutes at ten
+MOST_MEMORY = 8 * 2**30  # bytes
+AT_ONCE = 32  # trials of a generation whose angles are kept until their measure is known
+SAMPLED = 40  # times after each push at which the nominal model is looked at (`search/sensitivity.py`)
+NUMBER = 8  # bytes
 
 
 def check_settings(spec: StudySpec, nominal: Chain) -> None:
@@ -86,3 +93,33 @@ def check_bounds(names: list[str], starts: Array, lows: Array, highs: Array) -> 
                 f"search: the start {start:g} of {name} is not within its bounds {low:g} to {high:g} "
                 "(allowed: low <= start <= high, low < high)"
             )
+
+
+def check_size(spec: StudySpec, measure: Measure, pushes: int, steps: int, rests: int) -> None:
+    """Refuses a study before anything is allocated for it.
+
+    Args:
+        spec: its settings.
+        measure: of the study.
+        pushes: of an episode, repeats included.
+        steps: after each push.
+        rests: horizons for which a noisy plant is watched at rest.
+
+    Raises:
+        StudyError: a trial has too many steps, or what is kept of them does not fit into any memory.
+    """
+    njoint, what = len(spec.nominal), f"episode: {pushes:,} pushes of {steps:,} steps"
+    hint = "fewer of episode.steps, episode.count or episode.repeats"
+    if pushes * steps > MOST_STEPS:
+        raise StudyError(f"{what} are too many for a trial (allowed: at most {MOST_STEPS:,} steps in all; {hint})")
+    faulty = isinstance(spec.plant, PlantSettings) and bool(spec.plant.faults.named or spec.study.episode.lead)
+    copies = rests / pushes if measure.is_noisy else 0.0  # readings of a plant at rest
+    copies += (5 if faulty else 0) * spec.study.workers  # noise of three kinds, angles and speeds
+    copies += AT_ONCE if measure.keeps_angles and not faulty else 0
+    coasting = pushes * SAMPLED * njoint * (njoint + len(spec.names[0])) * NUMBER  # Eq. 11
+    needed = copies * pushes * (steps + 1) * njoint * NUMBER + coasting
+    if needed > MOST_MEMORY:
+        raise StudyError(
+            f"{what} with {njoint} joints need {needed / 2**30:,.0f} GiB of memory "
+            f"(allowed: at most {MOST_MEMORY / 2**30:.0f} GiB; {hint})"
+        )

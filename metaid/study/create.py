@@ -5,6 +5,8 @@ from __future__ import annotations
 from contextlib import closing
 
 from metaid.errors import StorageError, StudyError
+from metaid.models import question_of_units
+from metaid.plant import PlantSettings, chain_of
 from metaid.search import SAMPLERS
 from metaid.store import Store, refuse_if_run
 from metaid.study.calibration import calibrate
@@ -54,6 +56,15 @@ def advice(spec: StudySpec) -> str | None:
         f"{trials} trials with {sampler}: each takes longer than the one before "
         f"(advised: at most {advised} with {sampler}, or sampler = 'cmaes')"
     )
+
+
+def question(spec: StudySpec) -> str | None:
+    """What to ask about the units of the study's plant or nominal model, in one line; None if nothing."""
+    gravity = spec.plant.gravity
+    asked = question_of_units("the nominal model", chain_of(spec.nominal), gravity)
+    if isinstance(spec.plant, PlantSettings):
+        asked = question_of_units(f"plant {spec.plant_name}", chain_of(spec.plant.links), gravity) or asked
+    return asked and f"warning: {asked}"
 
 
 def stored_spec(store: Store, name: str) -> StudySpec:

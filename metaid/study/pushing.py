@@ -28,6 +28,7 @@ from metaid.errors import EpisodeError, StudyError
 from metaid.models import Array, Chain
 from metaid.plant import FaultyPlant, MujocoPlant, Plant, PlantSettings
 from metaid.search import designed_speeds
+from metaid.study.contradictions import check_size
 from metaid.study.settings import LARGEST_STEPS, StudySpec
 
 HORIZON = 1.5  # of a rich push, in units of √(l/g)
@@ -53,9 +54,11 @@ def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure
 
     Raises:
         EpisodeError: the settings contradict each other, or a push does not have one finite impulse for each link.
+        StudyError: a trial is too large to be computed.
     """
     wanted, timestep = spec.study.episode, spec.timestep
     kind = wanted.pushes or ("rich" if measure.sees_coriolis else "tip")
+    count = len(kind) if isinstance(kind, list) else 1 if kind == "tip" else wanted.count or 2 * plant.njoint
     if kind == "tip" and measure.name == "smoothed":
         raise EpisodeError("pushes: 'smoothed' fits one curve to a push, so it must be short (allowed: rich pushes)")
     if kind == "rich" or kind == "designed":
@@ -66,9 +69,11 @@ def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure
                 f"steps of {timestep} s are too short for a horizon of {horizon:.3g} s: {steps} of them "
                 f"(allowed: at most {LARGEST_STEPS}; name the steps, or make the timestep longer)"
             )
+        check_size(spec, measure, count * wanted.repeats, steps, RESTS)
         pushes, fall_limit = _strong_pushes(plant, kind, spec, nominal, steps * timestep), RICH_FALL_LIMIT
     else:
         steps, fall_limit = wanted.steps or COUNTING_STEPS, FALL_LIMIT
+        check_size(spec, measure, count * wanted.repeats, steps, RESTS)
         pushes = tip_push(plant, wanted.peak_speed or TIP_SPEED) if kind == "tip" else _explicit(kind, plant.njoint)
     pushes = np.tile(pushes, (wanted.repeats, 1))
     rule = FallRule(wanted.fall_limit or fall_limit, wanted.fall_margin)
