@@ -105,6 +105,7 @@ def _toml_value(text: str) -> Any:
 @json_option
 def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
     """What STUDY can determine, and how well, by its nominal model, before any trial."""
+    from metaid.models import lump_unit
     from metaid.study import Problem, identifiability, question
 
     spec = load_study(source, changes)
@@ -112,11 +113,29 @@ def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
         say(asked, err=True)
     stages = [identifiability(problem) for problem in Problem(spec).stages()]
     rows = [
-        row for found in stages for row in zip(found.names, found.resolution.tolist(), found.determined, strict=True)
+        row
+        for found in stages
+        for row in zip(
+            found.names,
+            found.resolution.tolist(),
+            found.determined,
+            found.low.tolist(),
+            found.high.tolist(),
+            strict=True,
+        )
     ]
     combinations = [combination for found in stages for combination in found.combinations]
     if as_json:
-        lumps = [{"name": n, "resolution": r if math.isfinite(r) else None, "determined": d} for n, r, d in rows]
+        lumps = [
+            {
+                "name": name,
+                "resolution": resolution if math.isfinite(resolution) else None,
+                "determined": determined,
+                "low": low if math.isfinite(high) else None,
+                "high": high if math.isfinite(high) else None,
+            }
+            for name, resolution, determined, low, high in rows
+        ]
         print_json(
             {
                 "study": spec.name,
@@ -126,15 +145,35 @@ def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
             }
         )
         return
-    shown = [[n, _share(r) if math.isfinite(r) else "–", "yes" if d else "NO"] for n, r, d in rows]
+    is_bounded = all(math.isfinite(high) for *_, high in rows)
+    shown = [
+        [
+            name,
+            _share(resolution) if math.isfinite(resolution) else "–",
+            "yes" if determined else "NO",
+            *([number_text(low), number_text(high), lump_unit(name)] if is_bounded else []),
+        ]
+        for name, resolution, determined, low, high in rows
+    ]
     title = f"{spec.name}: what {_judge(spec)} with these pushes can determine"
-    print_table(title, ["lump", "to within", "determined"], shown, words=["determined"])
+    headings = ["lump", "to within", "determined", *(["from", "to", "unit"] if is_bounded else [])]
+    print_table(title, headings, shown, words=["determined", "unit"])
+    if is_bounded:
+        say(f"a lump beyond from and to is excluded by the bounds{_and_widened(spec)}")
     for combination in combinations:
         terms = sorted(combination.items(), key=lambda term: -abs(term[1]))[:4]
         say(
             "no trial shows a change of these factors together: "
             + " ".join(f"{weight:+.2f} {name}" for name, weight in terms)
         )
+
+
+def _and_widened(spec: StudySpec) -> str:
+    """What becomes of the bounds, as the end of a sentence."""
+    from metaid.study import Problem
+
+    widens = Problem(spec).widens_by_itself
+    return ": one that holds the search back is moved away, once" if widens else " (search.low, search.high)"
 
 
 def _share(value: float) -> str:

@@ -6,7 +6,16 @@ turns a record into one number. An `Outcome` is what a searcher gets. No storage
 
 from metaid.episode.episode import Episode, NoiseFloor
 from metaid.episode.falls import FALL_LIMIT, FALL_MARGIN, RICH_FALL_LIMIT, FallRule
-from metaid.episode.measures import MEASURES, Measure, crossing_hz, fall_value, get_measure, spectral_hz, whole_periods
+from metaid.episode.measures import (
+    MEASURES,
+    NOISE_RESOLUTION,
+    Measure,
+    crossing_hz,
+    fall_value,
+    get_measure,
+    spectral_hz,
+    whole_periods,
+)
 from metaid.episode.noise import noise_of, with_deadband
 from metaid.episode.outcome import Outcome, failure
 from metaid.episode.plausible import Calibration
@@ -21,6 +30,7 @@ __all__ = [
     "FALL_LIMIT",
     "FALL_MARGIN",
     "MEASURES",
+    "NOISE_RESOLUTION",
     "QUANTITIES",
     "REACH",
     "RICH_FALL_LIMIT",

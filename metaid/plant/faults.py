@@ -50,6 +50,11 @@ class FaultSettings(Settings):
         """The faults that are on, with their size."""
         return {name: value for name, value in self if value != type(self).model_fields[name].default}
 
+    @property
+    def is_noisy(self) -> bool:
+        """Whether two episodes that are alike differ."""
+        return any((self.angle_noise, self.speed_noise, self.torque_noise, self.push_noise))
+
     def torque_limits(self, njoint: int) -> Array:
         """The largest torque of each joint (njoint), in N m; infinite where there is no limit."""
         return np.full(njoint, np.inf if self.torque_limit is None else self.torque_limit, dtype=np.float64)

@@ -4,6 +4,9 @@ The nominal model is taken for the truth. The question is which other factors th
 For `spectral` and `smoothed` the sensitivity H answers for all lumps together (Eqs. 11 and 14). `count` and `crossing`
 have no such form. For them one factor at a time is moved away from 1, until the measure notices or a bound is met. A
 study that stands by its estimate is tried on the nominal model, and the covariance of the estimate answers.
+
+The noise of the plant counts: it moves the measure from one episode with exact lumps to the next, and a difference that
+is smaller than that cannot be seen.
 """
 
 from __future__ import annotations
@@ -13,7 +16,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from metaid.episode import NOISE_RESOLUTION
 from metaid.models import Array, lump_names
+from metaid.plant import PlantSettings
 from metaid.study.problem import Problem
 
 if TYPE_CHECKING:
@@ -23,6 +28,7 @@ COARSEST = 0.1  # a lump that is not known better than to a tenth is not determi
 NEGLIGIBLE = 0.02  # weight of a lump in a combination, of 1
 OVER_COMPENSATED = 1.5  # factor of the gravity lumps in the first of the two trials of an estimate
 DEVIATIONS = 1.96  # half a 95 % interval
+EPISODES = 32  # with exact lumps, which show how far noise moves the measure
 HALVINGS = 11  # of the interval in which a factor stops being noticed
 
 
@@ -31,11 +37,14 @@ class Identifiability:
     """By lump `names`: the `resolution` (nlump) with which its factor can be found, as a fraction; inf if not at all.
 
     `combinations`: changes of the factors, by lump name, that the measure does not notice at all or hardly; largest
-    first.
+    first. `low` and `high`: the least and largest lumps (nlump) that the bounds allow, in their units; a search finds
+    none beyond. An estimate does, so for it they are 0 and infinite.
     """
 
     names: tuple[str, ...]
     resolution: Array
+    low: Array
+    high: Array
     combinations: tuple[dict[str, float], ...] = ()
 
     @property
@@ -55,23 +64,50 @@ def identifiability(problem: Problem) -> Identifiability:
         return _from_estimate(problem)
     if problem.measure.sees_coriolis:
         return _from_sensitivity(problem)
-    return Identifiability(tuple(problem.names), _one_by_one(problem))
+    return Identifiability(tuple(problem.names), _one_by_one(problem), *_allowed(problem))
+
+
+def _allowed(problem: Problem) -> tuple[Array, Array]:
+    """The least and the largest lumps (nlump) within the bounds, in their units."""
+    nominal = problem.lumps.vector
+    return nominal * problem.low, nominal * problem.high
 
 
 def _from_sensitivity(problem: Problem) -> Identifiability:
     """Half the width of the ellipsoid δᵀ H δ = (2π resolution)² along each lump.  Eq. 14."""
+    resolution = max(problem.resolution, _noise_resolution(problem))
     h = problem.sensitivity()
     values, vectors = np.linalg.eigh(h)
     seen = values > len(values) * np.finfo(float).eps * values[-1]
     widths = np.full(len(values), np.inf)
-    widths[seen] = 2.0 * np.pi * problem.resolution / np.sqrt(values[seen])
+    widths[seen] = 2.0 * np.pi * resolution / np.sqrt(values[seen])
     weights = np.where(np.abs(vectors) > NEGLIGIBLE, vectors, 0.0)
     along = np.multiply(np.abs(weights), widths, out=np.zeros(h.shape), where=weights != 0.0)
     combinations = tuple(
         {problem.names[lump]: float(weight) for lump, weight in enumerate(weights[:, i]) if weight != 0.0}
         for i in np.flatnonzero(widths > COARSEST)
     )
-    return Identifiability(tuple(problem.names), np.sqrt((along**2).sum(axis=1)), combinations)
+    return Identifiability(
+        tuple(problem.names), np.sqrt((along**2).sum(axis=1)), *_allowed(problem), combinations=combinations
+    )
+
+
+def _noise_resolution(problem: Problem) -> float:
+    """How far two values of the measure must be apart to be told apart in spite of the plant's noise, in Hz; 0 where
+    there is none.
+
+    It is the same multiple of the deviation from one episode to another that `smoothed` takes of a plant at rest. Here
+    the nominal model moves, so pushes and torques count, too.
+    """
+    settings = problem.spec.plant
+    if not isinstance(settings, PlantSettings) or not settings.faults.is_noisy:
+        return 0.0
+    objective, exact = _nominal_objective(problem), np.ones(len(problem.names))
+    outcomes = [objective.evaluate(exact, number) for number in range(EPISODES)]
+    if any(outcome.fell for outcome in outcomes):
+        return np.inf
+    values = np.array([outcome.value for outcome in outcomes])
+    return NOISE_RESOLUTION * float(np.sqrt(np.std(np.sign(values) * values**2)))
 
 
 def _from_estimate(problem: Problem) -> Identifiability:
@@ -87,9 +123,10 @@ def _from_estimate(problem: Problem) -> Identifiability:
     trials = [experiment.trial(factors, objective.evaluate(factors, number)) for number, factors in enumerate(laws)]
     estimate = experiment.estimate([trial for trial in trials if trial is not None])
     names = lump_names(problem.nominal.nlink, problem.estimated_kinds)
+    unbounded = np.zeros(len(names)), np.full(len(names), np.inf)
     if estimate is None:
-        return Identifiability(tuple(names), np.full(len(names), np.inf))
-    return Identifiability(tuple(names), DEVIATIONS * estimate.deviations_of(names))
+        return Identifiability(tuple(names), np.full(len(names), np.inf), *unbounded)
+    return Identifiability(tuple(names), DEVIATIONS * estimate.deviations_of(names), *unbounded)
 
 
 def _nominal_objective(problem: Problem) -> Objective:
