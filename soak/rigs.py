@@ -56,10 +56,10 @@ class Told(NamedTuple):
 
 
 @contextmanager
-def created(liar: Liar, seed: int = 0) -> Iterator[None]:
+def created(liar: Liar, seed: int = 0, motion: str = "stepped") -> Iterator[None]:
     """A folder with a study of the rig, which is the current one meanwhile; the rig is honest while it is created."""
     with listening(liar) as address, tempfile.TemporaryDirectory(prefix="metaid-rigs-") as folder, chdir(folder):
-        Path("rig.toml").write_text(f'socket = "{address}"\njoints = 2\nstep_timeout = 30.0\n')
+        Path("rig.toml").write_text(f'socket = "{address}"\njoints = 2\nstep_timeout = 30.0\nmotion = "{motion}"\n')
         Path("study.toml").write_text(STUDY)
         with closing(Store("template.db", create=True)) as store:
             create_study(store, load_study("study.toml", {"seed": seed}), "study")

@@ -172,7 +172,7 @@ def _fastest_loop(plant: Plant, nominal: Lumps, episode: Episode, physics: str) 
     step = fastest_step(plant, physics)
     compiled: CompiledLoop | FaultyLoop = CompiledLoop(plant, episode, step)
     slow: Loop = StepwiseLoop(plant, episode)
-    if plant.settings.faults.named or episode.lead:
+    if plant.settings.faults.named or episode.lead or episode.readings_steps:
         compiled = faulty = FaultyLoop(plant, episode, step)
         slow = StepwiseLoop(faulty.plant, faulty.episode)
     if compiled.agrees_with_stepwise(nominal):

@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 
 from metaid.models import Array
 
+FINEST = 1e-9  # rad: a smaller change of an angle is rounding
+WHOLE = 1e-3  # of an encoder's step, by which a change may differ from whole steps: rounding
+
 
 @dataclass(frozen=True, eq=False)
 class SensorReadings:
@@ -29,6 +32,23 @@ class SensorReadings:
     counts: NDArray[np.int64]
     angles: Array
     speeds: Array | None = None
+
+    @property
+    def encoder_steps(self) -> Array:
+        """The resolution of each joint's encoder (njoint), in rad, as far as the readings show one: the least change
+        of an angle, or the least difference of two changes, where all changes are whole multiples of it and not all
+        alike; else 0.
+        """
+        seen = np.arange(1, self.angles.shape[1]) < self.counts[:, None]  # npush x nreading - 1
+        changes = np.abs(np.diff(self.angles, axis=1)[seen])  # of all pushes, (nchange x njoint)
+        steps = np.zeros(self.angles.shape[2])
+        for joint, turned in enumerate(changes.T):
+            differences = np.concatenate([turned, np.diff(np.sort(turned))])
+            least = differences[differences > FINEST].min(initial=np.inf)
+            multiples = turned / least
+            whole = (np.abs(multiples - np.round(multiples)) < WHOLE).all()
+            steps[joint] = least if whole and len(np.unique(np.round(multiples))) > 1 else 0.0
+        return steps
 
     @property
     def steps(self) -> NDArray[np.int64]:

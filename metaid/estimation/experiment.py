@@ -7,8 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from metaid.episode import Outcome
-from metaid.estimation.commanded import commanded_torques, filtered_speeds
+from metaid.estimation.commanded import centred, commanded_torques, filtered_speeds
 from metaid.estimation.fit import Comparison, Estimate, fit
 from metaid.estimation.motions import Motions, Quantity
 from metaid.estimation.readings import Readings, ReadTrial
@@ -145,6 +147,9 @@ class NoisyExperiment(Experiment):
         substeps: how many timesteps a torque holds.
         delay: how many torques late it is.
         lead: seconds by which the law looks ahead.
+        has_unknown_encoders: whether the resolution of the encoders is to be seen in the readings; else it is in the
+            `noise`.
+        is_continuous: whether the plant moves continuously, as a real one does, and not in steps, as a simulated one.
     """
 
     start_spread: Array | None
@@ -153,6 +158,8 @@ class NoisyExperiment(Experiment):
     substeps: int = 1
     delay: int = 0
     lead: float = 0.0
+    has_unknown_encoders: bool = False
+    is_continuous: bool = False
 
     def trial(self, factors: Array, outcome: Outcome) -> ReadTrial | None:
         read = outcome.readings
@@ -163,8 +170,11 @@ class NoisyExperiment(Experiment):
             speeds = filtered_speeds(read.angles, self.start_speeds, self.speed_weights)
         law = self.nominal.scaled(factors)
         torques = commanded_torques(law, read.angles, speeds, self.gravity, self.lead, self.delay)
+        if self.is_continuous:
+            torques = centred(torques, self.substeps)
         pushes = self.start_speeds, self.start_spread
-        return ReadTrial(self.timestep, read.angles, torques, read.steps, *pushes, self.noise, self.substeps)
+        noise = np.hypot(self.noise, read.encoder_steps / np.sqrt(12.0)) if self.has_unknown_encoders else self.noise
+        return ReadTrial(self.timestep, read.angles, torques, read.steps, *pushes, noise, self.substeps)
 
     @property
     def probes(self) -> int:

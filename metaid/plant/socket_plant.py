@@ -8,7 +8,7 @@ new connection. A reading that is no finite number raises ImplausiblePlant, and 
 from __future__ import annotations
 
 import time
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -26,14 +26,16 @@ Seconds = Annotated[float, Field(gt=0, le=3600)]
 
 class SocketSettings(Settings):
     """A plant file with a `socket`: where it listens; its number of `joints`, `gravity` in m/s² and `timestep` in s,
-    which must be what it says itself; how long, in s, to wait for a connection and for the answer to a step
-    (`step_timeout`), and for it to have been brought upright and pushed (`push_timeout`)."""
+    which must be what it says itself; its `motion`, "continuous" or, if it is simulated by one step of Euler's in each
+    timestep, "stepped"; how long, in s, to wait for a connection and for the answer to a step (`step_timeout`), and for
+    it to have been brought upright and pushed (`push_timeout`)."""
 
     description: str = ""
     socket: str
     joints: Annotated[int, Field(ge=1, le=64)]
     gravity: Annotated[float, Field(gt=0, le=1e3)] = 9.81
     timestep: Annotated[float, Field(gt=0, le=0.1)] = 0.002
+    motion: Literal["continuous", "stepped"] = "continuous"
     step_timeout: Seconds = 0.5
     push_timeout: Seconds = 60.0
 

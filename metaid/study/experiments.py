@@ -1,4 +1,4 @@
-"""The experiment of a study on a plant with faults, as the estimate needs it."""
+"""The experiment of a study on a plant with faults or on a rig, as the estimate needs it."""
 
 from __future__ import annotations
 
@@ -8,14 +8,17 @@ import numpy as np
 
 from metaid.episode import Episode
 from metaid.models import Array, Lumps
-from metaid.plant import MujocoPlant, Start, slope_weights
+from metaid.plant import MujocoPlant, SocketSettings, Start, slope_weights
+from metaid.study.calibration import start_spread
 from metaid.study.pushing import rest_deviations
-from metaid.study.settings import StudySpec
+from metaid.study.settings import PushedSettings, StudySpec
 
 if TYPE_CHECKING:
     from metaid.estimation import NoisyExperiment, Unknowns
 
 QUIETEST = 1e-9  # rad: so far a twin agrees with a sensor that has no noise
+QUIETEST_RIG = 1e-4  # rad: the least noise that readings of a rig are taken to have, that of an encoder of 14 bits
+SUBSTEPS = 10  # of the twin of a rig that moves continuously, in each timestep of it
 
 
 def noisy_experiment(
@@ -51,4 +54,44 @@ def noisy_experiment(
         substeps=faults.control_every,
         delay=faults.delay,
         lead=episode.lead,
+    )
+
+
+def rig_experiment(
+    rig: SocketSettings,
+    pushed: PushedSettings | None,
+    episode: Episode,
+    nominal: Lumps,
+    unknowns: Unknowns,
+    start_speeds: Array,
+) -> NoisyExperiment:
+    """What the estimate knows of a rig: what was measured at it when the study was created. The resolution of its
+    encoders is what its readings show.
+
+    Args:
+        rig: the plant file.
+        pushed: what was measured; None before that, when it is taken to have as little noise as any rig.
+        episode: what is done to it.
+        nominal: the lumps that candidates are factors of.
+        unknowns: what an estimate is of.
+        start_speeds: joint speeds (npush x njoint) that the pushes gave, in rad/s.
+    """
+    from metaid.estimation import NoisyExperiment  # loads numba, which most readers of a study do without
+
+    is_continuous = rig.motion == "continuous"
+    substeps = SUBSTEPS if is_continuous else 1
+    noise = np.zeros(rig.joints) if pushed is None else np.array(pushed.angle_noise)
+    return NoisyExperiment(
+        nominal=nominal,
+        unknowns=unknowns,
+        gravity=rig.gravity,
+        timestep=rig.timestep / substeps,
+        start_speeds=start_speeds,
+        start_spread=None if pushed is None else start_spread(pushed),
+        noise=np.maximum(noise, QUIETEST_RIG),
+        speed_weights=slope_weights(rig.timestep),
+        substeps=substeps,
+        lead=episode.lead,
+        has_unknown_encoders=True,
+        is_continuous=is_continuous,
     )

@@ -11,7 +11,7 @@ is smaller than that cannot be seen.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -133,8 +133,8 @@ def _nominal_objective(problem: Problem) -> Objective:
     """What the study would evaluate its candidates with if its nominal model were the truth."""
     from metaid.compiled import Objective  # loads MuJoCo and numba, which other measures do without
 
-    rule = problem.spec.study.episode.rule
-    return Objective(problem.nominal_plant(), problem.lumps, problem.episode, problem.measure.name, rule=rule)
+    rule, episode = problem.spec.study.episode.rule, replace(problem.episode, calibration=None)
+    return Objective(problem.nominal_plant(), problem.lumps, episode, problem.measure.name, rule=rule)
 
 
 def _one_by_one(problem: Problem) -> Array:

@@ -42,7 +42,7 @@ from metaid.search import (
 )
 from metaid.study.calibration import calibration_of
 from metaid.study.contradictions import check_bounds, check_rig, check_settings
-from metaid.study.experiments import noisy_experiment
+from metaid.study.experiments import noisy_experiment, rig_experiment
 from metaid.study.factors import lump_factors, parameter_factors
 from metaid.study.pushing import make_episode, refuse_unseen_pushes, rest_noise
 from metaid.study.settings import EpisodeSettings, StudySpec, read_study
@@ -174,7 +174,8 @@ class Problem:
         """How many trials, from the first on, keep their readings in the DB: as many as an estimate is made of, and
         READING_BUDGET holds.
         """
-        quantities = 2 if self.is_simulated and self.make_plant().settings.faults.speed_sensor else 1
+        plant = self.spec.plant
+        quantities = 2 if not isinstance(plant, PlantSettings) or plant.faults.speed_sensor else 1
         size = self.episode.pushes.size * (self.episode.readings_steps + 1) * quantities * 8
         most = MOST_TRIALS if self.stands_by_estimate else MOST_READ
         return min(most, READING_BUDGET // size) if self.keeps_readings else 0
@@ -305,7 +306,7 @@ class Problem:
 
     @property
     def keeps_readings(self) -> bool:
-        """Whether trials keep what the sensors read, as on a plant with faults, and no windows."""
+        """Whether trials keep what the sensors read, as on a rig or a plant with faults, and no windows."""
         return self.episode.readings_steps > 0
 
     @property
@@ -326,6 +327,9 @@ class Problem:
         lengths = self.nominal.length if wanted.lengths == "exact" else None
         unknowns = Unknowns(self.nominal.lumps_of(kinds), kinds, lengths, wanted.spread)
         start_speeds = np.diff(self.start_speeds, axis=1, prepend=0.0)
+        if isinstance(self.spec.plant, SocketSettings):
+            plant, pushed = self.spec.plant, self.spec.pushed
+            return rig_experiment(plant, pushed, self.episode, self.lumps, unknowns, start_speeds)
         if self.keeps_readings:
             return noisy_experiment(self.make_plant(), self.spec, self.episode, self.lumps, unknowns, start_speeds)
         return SilentExperiment(

@@ -80,7 +80,7 @@ def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure
     stiffness = _stiffness(spec, stage, steps * timestep)
     natural = natural_time(nominal, plant.gravity)
     kept: dict[str, Any] = {"window_ends": _window_ends(pushes, steps, steps * timestep / natural)}
-    if isinstance(spec.plant, PlantSettings) and (spec.plant.faults.named or wanted.lead):
+    if not isinstance(spec.plant, PlantSettings) or spec.plant.faults.named or wanted.lead:  # a rig has noise
         wants = stage == 1 and spec.study.estimate.enabled
         kept = {"readings_steps": min(steps, round(READ * natural / timestep)) if wants else 0}
     return Episode(pushes, steps, rule, stiffness=stiffness, seed=spec.study.seed, lead=wanted.lead, **kept)
