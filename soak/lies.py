@@ -51,6 +51,7 @@ class ContinuousLinks(Links):  # type: ignore[misc]
     SMALL_STEPS = 8
     angles: Any
     speeds: Any
+    timestep: float
 
     def advance(self, torque: list[float]) -> None:
         timestep = self.timestep
