@@ -17,6 +17,7 @@ from datetime import UTC, datetime
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from metaid.errors import PlantError, StorageError, StudyError, printable
+from metaid.models import Array
 from metaid.plant import SocketSettings
 from metaid.store import Lease, Store, Trial
 from metaid.study.create import stored_spec
@@ -146,11 +147,25 @@ def _run_stage(run: Run, evaluator: Evaluator, writer: Writer, watch: Callable[[
         ]
         trials = [within_budget(trial, *budget) for trial in trials]
         writer.trials = trials
+        before = problem.low, problem.high
         run.add(trials)
+        if moved := _moved_bounds(problem, *before):
+            log.warning("bounds held the search back and are moved: %s", moved)
         watch(run.progress)
         if not problem.is_simulated:
             failures = failures + 1 if trials[-1].outcome.failure is not None else 0
             _refuse_more_failures(failures, trials[-1], problem.spec.plant_name)
+
+
+def _moved_bounds(problem: Problem, low: Array, high: Array) -> str:
+    """Which bounds of a stage are no longer what they were, `low` and `high` (nlump each); empty where none is."""
+    sides = ("low", low, problem.low), ("high", high, problem.high)
+    return ", ".join(
+        f"search.{side} of {name} from {was:g} to {now:g}"
+        for side, before, after in sides
+        for name, was, now in zip(problem.names, before.tolist(), after.tolist(), strict=True)
+        if was != now
+    )
 
 
 def _refuse_more_failures(failures: int, last: Trial, plant: str) -> None:
