@@ -119,7 +119,7 @@ def _search(problem: Problem) -> Array:
         trials += len(batch)
     if not values:
         return np.full(len(problem.names), np.inf)
-    return identified_factors(problem, np.array(factors), np.array(values))[0]
+    return identified_factors(problem, np.array(factors), np.array(values))
 
 
 def _regress(settings: PlantSettings, nominal: Any, truth: Array, seed: int) -> Array:

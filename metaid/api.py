@@ -22,7 +22,7 @@ from metaid.results import (
     PUSHES,
     Findings,
     Validation,
-    lumps_table,
+    judge,
     read_findings,
     read_snapshot,
     validate_factors,
@@ -211,7 +211,7 @@ def summary(name: str, storage: str | None = None) -> dict[str, Any]:
 def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: int = 0) -> Validation:
     """Coasting and tracking with the identified lumps of a study, and with its nominal ones and the true ones beside.
 
-    A lump that the study's measure cannot determine keeps its nominal value.
+    A lump that the study does not determine keeps its nominal value.
 
     Args:
         name: of the study.
@@ -221,17 +221,16 @@ def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: 
 
     Raises:
         StorageError: the DB has no such study.
-        StudyError: no trial survived yet, or the plant is a rig.
+        StudyError: no lump was found, or the plant is a rig.
     """
     with closing(Store(storage or default_storage())) as store:
         snapshot = read_snapshot(store, name)
-    found, problem = lumps_table(snapshot).set_index("name"), snapshot.first
+    verdict, problem = judge(snapshot), snapshot.first
+    found = verdict.lumps.set_index("name")
     factors = found["factor"].where(found["determined"], 1.0)
     if factors.isna().any() or not found["determined"].any():
-        why = "no survivor yet, so there is nothing to validate: run it first"
-        if problem.stands_by_estimate and snapshot.trials:
-            why = "no lump that its trials determine, so there is nothing to validate: see metaid study show"
-        raise StudyError(f"study '{name}' has {why}")
+        why = "; ".join(verdict.reasons)
+        raise StudyError(f"study '{name}' has nothing to validate: its verdict is '{verdict.word}': {why}")
     inertia = factors[[lump for lump in found.index if kind_of(lump) == "inertia"]]
     values = (inertia * found["nominal"][inertia.index]).to_numpy() if len(inertia) else None
     return validate_factors(problem, factors[problem.names].to_numpy(), pushes, seed, values)

@@ -19,7 +19,7 @@ from pathlib import Path
 from benchmarks.common import machine
 from soak.common import SoakResult, table
 
-PARTS = ("kills", "vanishing", "foreign", "workers", "cluster", "inputs", "kernels", "rigs", "promises")
+PARTS = ("kills", "vanishing", "foreign", "workers", "cluster", "inputs", "kernels", "rigs", "promises", "confident")
 MARKERS = "<!-- soak: written by make soak -->", "<!-- end of soak -->"
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.chains import random_chain
 from metaid.models import Array
 from metaid.plant import FaultSettings, PlantSettings
-from metaid.results import lumps_frame
+from metaid.results import best_trial_frame, lumps_frame
 from metaid.store import Store
 from metaid.study import Problem, StudySettings, StudySpec, create_study, identifiability, run_study
 from soak.common import SoakResult, soaked
@@ -61,7 +61,8 @@ def errors(spec: StudySpec, folder: Path) -> Array:
         create_study(store, spec, f"{len(store.names())}")
         name = store.names()[-1]
         run_study(store, name)
-        found = lumps_frame(store, name)["error"].to_numpy(dtype=np.float64)
+        table = lumps_frame(store, name) if spec.study.sampler == "output-error" else best_trial_frame(store, name)
+        found = table["error"].to_numpy(dtype=np.float64)
     ratio: Array = np.abs(found) / promised.resolution
     known: Array = ratio[np.isfinite(ratio) & np.array(promised.determined)]
     return known

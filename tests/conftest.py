@@ -19,6 +19,8 @@ from metaid.cli import main
 from metaid.plant.faults import FaultSettings
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.settings import LinkSettings, PlantSettings
+from metaid.results.best import identified_factors
+from metaid.results.snapshot import read_snapshot
 from metaid.store.database import Store
 from metaid.study.settings import StudySpec
 
@@ -83,6 +85,19 @@ def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path],
             make(folder)
             made.touch()
     return folder
+
+
+def best_error(store: Store, name: str) -> float:
+    """The largest error of a lump by the best trial of each stage, whatever an estimate says beside it."""
+    errors = []
+    for stage in read_snapshot(store, name).stages:
+        problem, truth = stage.problem, stage.problem.open_plant().true_lumps()
+        assert truth is not None
+        factors = np.array([trial.factors for trial in stage.survivors])
+        values = np.array([trial.outcome.value for trial in stage.survivors])
+        found = identified_factors(problem, factors, values) * problem.lumps.vector
+        errors.append(np.abs(found / truth.vector_of(problem.lumps.searched) - 1.0).max())
+    return float(max(errors))
 
 
 class Finished(NamedTuple):

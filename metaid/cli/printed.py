@@ -12,43 +12,67 @@ MOST_NAMED = 10  # trials of others
 SMALL = 5e-6  # as a share: below this a percentage with three digits behind the point says nothing
 
 
-def print_study(store: Any, name: str) -> None:
-    """Every lump beside its nominal value, and the truth where the plant knows it; what was tried, and the best; the
-    estimate from all trials, where the study does not stand by it already.
+def print_study(store: Any, name: str) -> dict[str, Any]:
+    """Every lump beside its nominal value, and the truth where the plant knows it; what was tried, and the best; last
+    of all the verdict. Returns the summary that this is of.
     """
-    from metaid.episode import MEASURES
     from metaid.results import summary
 
     shown = summary(store, name)
-    trials, best = shown["trials"], shown["best"]
-    by_estimate = shown["source"] == "estimate"
     title = f"{shown['name']}: {shown['plant']}, {shown['sampler']}, {shown['measure']}, seed {shown['seed']}"
-    unit = MEASURES[shown["measure"]].unit
-    found = ["no survivor yet"]
-    if best["value"] is not None:
-        found = [f"best {best['value']:.3g} {unit} at trial {best['number']}"]
-    if not by_estimate and best["value"] is not None:
-        found += _largest_error(shown)
-    if "noise_floor_hz" in shown:
-        found.append(f"noise floor {shown['noise_floor_hz']:.3g} Hz, subtracted")
-    if "mujoco" in best:
-        found.append(_verification(best["mujoco"]))
-    for stage in shown.get("stages", [])[1:]:
-        if stage["best"]["value"] is not None:
-            found.append(f"stage 2: best {stage['best']['value']:.3g} {unit} at trial {stage['best']['number']}")
-    failed = f", {trials['failed']} failed" if trials["failed"] else ""
-    note = "; ".join([f"{trials['total']} trials, {trials['pruned']} of them falls{failed}", *found])
-    _print_lumps(title, shown["lumps"], note)
+    _print_lumps(title, shown["lumps"], "; ".join(_tried(shown)))
     _say_foreign(shown.get("foreign_trials", []))
     if "parameters" in shown:
         _show_parameters(shown)
-    if by_estimate:
-        _show_own_estimate(shown)
-        return
-    if missed := _not_determined(shown["lumps"]):
-        say(f"not identified: {missed}: {shown['measure']} with these pushes cannot determine them")
-    if trials["total"]:
-        _show_estimate(shown)
+    if shown["trials"]["total"]:
+        say(_origin(shown))
+    say(describe_verdict(shown))
+    return shown
+
+
+def _tried(shown: dict[str, Any]) -> list[str]:
+    """What was tried, and the best of it."""
+    from metaid.episode import MEASURES
+
+    trials, best, unit = shown["trials"], shown["best"], MEASURES[shown["measure"]].unit
+    failed = f", {trials['failed']} failed" if trials["failed"] else ""
+    parts = [f"{trials['total']} trials, {trials['pruned']} of them falls{failed}"]
+    if best["value"] is None:
+        return [*parts, "no survivor yet"]
+    parts.append(f"best {best['value']:.3g} {unit} at trial {best['number']}")
+    if best.get("max_error") is not None:
+        parts[-1] += f", itself wrong by up to {_error_text(best['max_error'], '')}"
+    if "noise_floor_hz" in shown:
+        parts.append(f"noise floor {shown['noise_floor_hz']:.3g} Hz, subtracted")
+    if "mujoco" in best:
+        parts.append(_verification(best["mujoco"]))
+    later = [stage["best"] for stage in shown.get("stages", [])[1:] if stage["best"]["value"] is not None]
+    return parts + [f"stage 2: best {each['value']:.3g} {unit} at trial {each['number']}" for each in later]
+
+
+def _origin(shown: dict[str, Any]) -> str:
+    """What the lumps are of, and what the estimate from all trials says beside them."""
+    from metaid.results import describe_known_from, describe_misfit, describe_trials
+
+    estimate, total = shown["estimate"], shown["trials"]["total"]
+    if estimate is None:
+        return f"no estimate from all trials: {shown['why_no_estimate']}"
+    text = f"estimate from {describe_trials(estimate, total)}"
+    if shown["verdict"] == "found" and shown["source"] == "estimate":
+        text += f"; {describe_known_from(estimate, total)}; low to high is the 95 % interval"
+    return f"{text}; {describe_misfit(estimate['misfit'], estimate['explained_below'])}"
+
+
+def describe_verdict(shown: dict[str, Any]) -> str:
+    """The verdict in a `summary`: how well the lumps are known, the largest error where it is known, and reasons."""
+    parts = list(shown["reasons"])
+    if shown["verdict"] == "found":
+        known = [lump for lump in shown["lumps"] if lump["determined"]]
+        widest = max((lump["high"] - lump["low"]) / (2.0 * lump["identified"]) for lump in known)
+        head = f"{len(known)} lumps, each to within {_error_text(widest, '')} or better"
+        error = [] if shown["max_error"] is None else [f"largest error {_error_text(shown['max_error'], '')}"]
+        parts = [head, *error, *parts]
+    return f"{shown['verdict'].upper()}: {'; '.join(parts)}"
 
 
 def _say_foreign(trials: list[dict[str, Any]]) -> None:
@@ -61,66 +85,16 @@ def _say_foreign(trials: list[dict[str, Any]]) -> None:
 
 
 def _print_lumps(title: str, lumps: list[dict[str, Any]], note: str) -> None:
-    rows = [
-        [lump["name"], *(number_text(lump[key]) for key in COLUMNS), _error_text(lump["error"]), lump["unit"]]
-        for lump in lumps
-    ]
+    rows = [[lump["name"], *_cells(lump), _error_text(lump["error"]), lump["unit"]] for lump in lumps]
     print_table(title, ["lump", *COLUMNS, "error", "unit"], rows, note, words=["unit"])
 
 
-def _show_own_estimate(shown: dict[str, Any]) -> None:
-    """What the lumps of a study that stands by its estimate are worth, below their table."""
-    from metaid.results import describe_trials
-
-    if not shown["trials"]["total"]:
-        return
-    estimate = shown["estimate"]
-    if estimate is None:
-        say(f"no estimate: {shown['why_no_estimate']}")
-        return
-    say(f"estimate from {describe_trials(estimate, shown['trials']['total'])}: {_worth(estimate)}")
-    _say_missed(estimate)
-
-
-def _show_estimate(shown: dict[str, Any]) -> None:
-    """The estimate from all trials of a study that stands by its best one."""
-    from metaid.results import describe_known_from, describe_misfit, describe_trials
-
-    estimate = shown["estimate"]
-    if estimate is None:
-        say(f"no estimate from all trials: {shown['why_no_estimate']}")
-        return
-    title = f"Estimate from {describe_trials(estimate, shown['trials']['total'])}"
-    if not estimate["explains"]:
-        say(f"{title}: {describe_misfit(estimate)}")
-        return
-    _print_lumps(
-        title, estimate["lumps"], f"{_worth(estimate)}; {describe_known_from(estimate, shown['trials']['total'])}"
-    )
-    _say_missed(estimate)
-
-
-def _worth(estimate: dict[str, Any]) -> str:
-    """What the misfit, the intervals and, where it is known, the truth say of an estimate."""
-    from metaid.results import describe_misfit
-
-    if not estimate["explains"]:
-        return describe_misfit(estimate)
-    return "; ".join([describe_misfit(estimate), "low to high is the 95 % interval", *_largest_error(estimate)])
-
-
-def _say_missed(estimate: dict[str, Any]) -> None:
-    if estimate["explains"] and (missed := _not_determined(estimate["lumps"])):
-        say(f"not identified: {missed}: these trials do not determine them")
-
-
-def _not_determined(lumps: list[dict[str, Any]]) -> str:
-    return ", ".join(lump["name"] for lump in lumps if not lump["determined"])
-
-
-def _largest_error(shown: dict[str, Any]) -> list[str]:
-    largest = shown["max_error"]
-    return [] if largest is None else [f"largest error {_error_text(largest, '')}"]
+def _cells(lump: dict[str, Any]) -> list[str]:
+    """The numbers of a lump; in the place of an identified value that there is not, that it was not found."""
+    cells = {key: number_text(lump[key]) for key in COLUMNS}
+    if lump["identified"] is None:
+        cells["identified"] = "not found"
+    return list(cells.values())
 
 
 def _error_text(error: float | None, sign: str = "+") -> str:

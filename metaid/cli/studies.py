@@ -25,6 +25,8 @@ from metaid.cli.common import (
 from metaid.cli.printed import print_study
 from metaid.errors import printable
 
+NOT_FOUND = 3  # exit status of a run whose trials are spent without a result
+
 if TYPE_CHECKING:
     from metaid.study import Progress, StudySpec
 
@@ -236,6 +238,7 @@ def run(
     """Run a study, or go on with it. Ctrl-C is safe: whole generations are in the DB.
 
     The trials depend on the study's settings and seed alone, not on workers, engine, or how often it was stopped.
+    The exit status is 3 where all trials are spent and the lumps were not found.
     """
     from metaid.cli.live import Live
     from metaid.errors import WorkerError
@@ -256,7 +259,9 @@ def run(
         except KeyboardInterrupt:
             say(f"stopped; {_how_to_go_on(live.trials, store.shown, name)}", err=True)
             raise click.exceptions.Exit(128 + stop.signal_number) from None
-        print_study(store, name)
+        shown = print_study(store, name)
+        if shown["verdict"] == "not found":
+            raise click.exceptions.Exit(NOT_FOUND)
 
 
 def _how_to_go_on(trials: int, storage: str, name: str) -> str:
@@ -290,7 +295,7 @@ def list_studies(storage: str) -> None:
 
     with open_store(storage) as store:
         frame = studies_frame(store)
-    words, counts = ("name", "plant", "sampler", "measure"), ("trials", "pruned")
+    words, counts = ("name", "plant", "sampler", "measure", "verdict"), ("trials", "pruned")
     rows = [
         [
             *(row[key] for key in words),
@@ -302,7 +307,7 @@ def list_studies(storage: str) -> None:
     ]
     print_table(
         f"Studies in {store.shown}",
-        ["study", "plant", "sampler", "measure", "trials", "falls", "best", "largest error"],
+        ["study", "plant", "sampler", "measure", "verdict", "trials", "falls", "best", "largest error"],
         rows,
         words=words,
     )

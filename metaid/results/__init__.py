@@ -12,14 +12,15 @@ from metaid.results.overview import summary
 from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.results.sweeps import Plane, Sweep, plane, sweep
 from metaid.results.tables import (
+    best_trial_frame,
     estimate_frame,
     lumps_frame,
-    lumps_table,
     parameters_frame,
     studies_frame,
     trials_frame,
 )
 from metaid.results.validation import PUSHES, Validation, validate_factors
+from metaid.results.verdict import Verdict, judge
 
 __all__ = [
     "BANDWIDTH",
@@ -30,7 +31,9 @@ __all__ = [
     "StudyEstimate",
     "Sweep",
     "Validation",
+    "Verdict",
     "best_rows",
+    "best_trial_frame",
     "describe_bodies",
     "describe_known_from",
     "describe_misfit",
@@ -38,8 +41,8 @@ __all__ = [
     "estimate_frame",
     "growth",
     "identified_factors",
+    "judge",
     "lumps_frame",
-    "lumps_table",
     "parameters_frame",
     "plane",
     "read_findings",

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import pandas as pd
 
 from metaid.models import Array
 from metaid.store import Trial
 from metaid.study import Problem
+
+NOMINAL_SENSITIVITY = 1.5  # by how much ranges by the nominal model's sensitivity are widened: it is not the plant's
 
 
 def best_index(values: Array) -> int:
@@ -46,21 +49,40 @@ def first_of_best(survivors: Sequence[Trial]) -> Trial:
     return min(survivors, key=lambda trial: trial.outcome.value)
 
 
-def identified_factors(problem: Problem, factors: Array, values: Array) -> tuple[Array, Array, Array]:
-    """The factor of each lump that follows from a stage's survivors, with its range.
+def identified_factors(problem: Problem, factors: Array, values: Array) -> Array:
+    """The factor of each lump (nlump) that follows from a stage's survivors, with `factors` (ntrial x nlump) and
+    `values` of the measure (ntrial), in the order in which they were evaluated.
+
+    It is the best trial's; of a noisy measure, whose best trial is only the luckiest, it is the mean of the trials that
+    cannot be told from it.
+    """
+    best = best_index(values)
+    if problem.measure.is_noisy:
+        mean: Array = factors[values <= problem.as_good_as(float(values[best]))].mean(axis=0)
+        return mean
+    identified: Array = factors[best]
+    return identified
+
+
+def factor_range(problem: Problem, factors: Array, values: Array, resolution: Array) -> tuple[Array, Array]:
+    """The least and the largest factor of each lump, (nlump) each, that cannot be told from the identified one.
+
+    It is the range of the trials that the measure cannot tell from the best, which the paper calls the range of
+    possible values. They are a sample, and often a small one. Where the measure sees all lumps, the range is at least
+    as wide as the ellipsoid of the factors whose value is as small as theirs, by the nominal model's sensitivity
+    (Eq. 14).
 
     Args:
         problem: the stage.
         factors: of the survivors' lumps (ntrial x nlump), in the order in which they were evaluated.
         values: of the measure (ntrial), in its unit.
-
-    Returns:
-        The identified factor of each lump, and its least and largest possible one, (nlump) each. The range is that of
-        the trials that the measure cannot tell from the best. Identified is the best trial itself; of a noisy measure,
-        whose best trial is only the luckiest, it is the mean of that range's trials.
+        resolution: of each factor (nlump) where the best value is the measure's resolution.
     """
-    best = best_index(values)
-    # The paper's "range of possible values".
-    equal = factors[values <= problem.as_good_as(float(values[best]))]
-    identified = equal.mean(axis=0) if problem.measure.is_noisy else factors[best]
-    return identified, equal.min(axis=0), equal.max(axis=0)
+    limit = problem.as_good_as(float(values.min()))
+    equal = factors[values <= limit]
+    low, high = equal.min(axis=0), equal.max(axis=0)
+    if problem.measure.sees_coriolis:
+        identified = identified_factors(problem, factors, values)
+        reach = NOMINAL_SENSITIVITY * resolution * limit / problem.resolution
+        low, high = np.minimum(low, identified - reach), np.maximum(high, identified + reach)
+    return low, high

@@ -43,6 +43,11 @@ class StudyEstimate:
         """Whether the model explains what was seen."""
         return self.experiment.is_explained(self.estimate)
 
+    @property
+    def description(self) -> str:
+        """How well the model explains what was seen, in a sentence."""
+        return describe_misfit(self.estimate.misfit, self.experiment.explained_below)
+
     def lumps_of(self, estimate: Estimate) -> Array:
         """The lumps (nunknown) of an `estimate`, in the order of its names."""
         return estimate.lumps.vector_of(self.experiment.unknowns.searched)
@@ -128,12 +133,12 @@ def why_no_estimate(problem: Problem, tried: Sequence[Trial]) -> str:
     return "the twin cannot follow these trials from any chain near the nominal one"
 
 
-def describe_misfit(shown: dict[str, Any]) -> str:
-    """What the misfit in a `summary`'s estimate means, in a sentence."""
-    found = f"misfit {shown['misfit']:.2g} (explained: below {shown['explained_below']:g})"
-    if shown["explains"]:
+def describe_misfit(misfit: float, explained_below: float) -> str:
+    """What the `misfit` of an estimate means, in a sentence."""
+    found = f"misfit {misfit:.2g} (explained: below {explained_below:g})"
+    if misfit < explained_below:
         return f"the model explains what was seen: {found}"
-    return f"NOT FOUND: the model does not explain what was seen: {found}"
+    return f"the model does not explain what was seen, be it for friction, play, late torques or wrong lengths: {found}"
 
 
 def describe_trials(shown: dict[str, Any], total: int) -> str:

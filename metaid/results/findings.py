@@ -14,7 +14,8 @@ from metaid.results.best import best_index, best_rows
 from metaid.results.estimates import StudyEstimate
 from metaid.results.overview import summarized
 from metaid.results.snapshot import Snapshot, read_snapshot
-from metaid.results.tables import lumps_table, trials_table
+from metaid.results.tables import trials_table
+from metaid.results.verdict import Verdict, judge
 from metaid.store import Store
 from metaid.study import Problem, StudySpec
 
@@ -27,8 +28,8 @@ CLOSEST = 50  # best survivors at least, for their correlation
 @dataclass(frozen=True)
 class Findings:
     """A study's settings; the `trials` and `lumps` of its first stage, as `metaid.trials` and `metaid.lumps` have them;
-    its `summary`; the same of its `second` stage, if it has one with a survivor; and the `estimate` from all trials of
-    its first stage, if there is one.
+    its `summary` and the `verdict` on it; the same of its `second` stage, if it has one with a survivor; and the
+    `estimate` from all trials of its first stage, if there is one.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Findings:
     lumps: pd.DataFrame
     summary: dict[str, Any]
     problem: Problem
+    verdict: Verdict
     second: Findings | None = None
     estimate: StudyEstimate | None = None
 
@@ -141,13 +143,13 @@ def read_findings(store: Store, name: str) -> Findings:
 
 def findings_of(snapshot: Snapshot) -> Findings:
     """The findings of a study that has been read."""
-    trials, lumps = trials_table(snapshot), lumps_table(snapshot)
-    shown = summarized(snapshot, lumps)
+    trials, verdict = trials_table(snapshot), judge(snapshot)
+    lumps, shown = verdict.lumps, summarized(snapshot, verdict)
 
     def of(problem: Problem, second: Findings | None = None) -> Findings:
         own = trials if problem.is_only else trials[trials["stage"] == problem.stage]
         rows = lumps[lumps["name"].isin(problem.names)].reset_index(drop=True)
-        return Findings(snapshot.name, snapshot.spec, own, rows, shown, problem, second)
+        return Findings(snapshot.name, snapshot.spec, own, rows, shown, problem, verdict, second)
 
     first, *later = (of(stage.problem) for stage in snapshot.stages)
     second = next((second for second in later if not second.survivors.empty), None)

@@ -6,13 +6,13 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from metaid.results.best import best_trial
 from metaid.results.body_tables import parameters_table
-from metaid.results.estimates import estimate_table, why_no_estimate
+from metaid.results.estimates import why_no_estimate
+from metaid.results.lump_tables import largest_error
 from metaid.results.snapshot import STATES, Snapshot, Stage, read_snapshot
-from metaid.results.tables import largest_error, lumps_table
+from metaid.results.verdict import Verdict, judge
 from metaid.store import Store, Trial
 from metaid.study import Problem
 
@@ -20,11 +20,11 @@ from metaid.study import Problem
 def summary(store: Store, name: str) -> dict[str, Any]:
     """A study as `metaid study show --json` prints it; None where something is not known."""
     snapshot = read_snapshot(store, name)
-    return summarized(snapshot, lumps_table(snapshot))
+    return summarized(snapshot, judge(snapshot))
 
 
-def summarized(snapshot: Snapshot, lumps: pd.DataFrame) -> dict[str, Any]:
-    """The same of a study that has been read, and its table of `lumps`."""
+def summarized(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
+    """The same of a study that has been read, and the `verdict` on it."""
     spec, first = snapshot.spec, snapshot.stages[0]
     several = len(snapshot.stages) > 1
     return {
@@ -33,38 +33,49 @@ def summarized(snapshot: Snapshot, lumps: pd.DataFrame) -> dict[str, Any]:
         "sampler": spec.study.sampler,
         "measure": first.problem.measure.name,
         "seed": spec.study.seed,
-        **_estimate(snapshot),
+        "verdict": verdict.word,
+        "reasons": list(verdict.reasons),
+        "source": verdict.source,
+        "misfit": None if snapshot.estimate is None else snapshot.estimate.estimate.misfit,
         "trials": _counts(snapshot.trials),
+        "best": {**_best(first), **_error_of_best(first, verdict)},
+        "lumps": [without_nan(row) for row in verdict.lumps.to_dict("records")],
+        "max_error": largest_error(verdict.lumps),
+        "model_error": None,
+        **_estimate(snapshot),
         **({"foreign_trials": [asdict(trial) for trial in snapshot.foreign]} if snapshot.foreign else {}),
-        "best": _best(first),
         **_noise_floor(first.problem),
-        "lumps": [without_nan(row) for row in lumps.to_dict("records")],
-        "max_error": largest_error(lumps),
         **_parameters(snapshot),
         **({"stages": [_stage_summary(stage) for stage in snapshot.stages]} if several else {}),
     }
 
 
 def _estimate(snapshot: Snapshot) -> dict[str, Any]:
-    """Where the result comes from, how well the model explains what was seen, and the estimate from all trials, which
-    stands beside a best trial; where there is none, why.
-    """
+    """How well the model explains what was seen, and what of; where there is no estimate, why."""
     problem, found = snapshot.first, snapshot.estimate
-    source = "estimate" if problem.stands_by_estimate else "best trial"
     if found is None:
         why = why_no_estimate(problem, snapshot.stages[0].trials)
-        return {"source": source, "misfit": None, "estimate": None, "why_no_estimate": why}
-    lumps = estimate_table(problem, found)
+        return {"estimate": None, "why_no_estimate": why}
     estimate = {
         "misfit": found.estimate.misfit,
         "explained_below": found.experiment.explained_below,
         "explains": found.explains,
         "trials": found.trials,
         "known_from": found.known_from,
-        "max_error": largest_error(lumps),
-        "lumps": [without_nan(row) for row in lumps.to_dict("records")],
     }
-    return {"source": source, "misfit": found.estimate.misfit, "estimate": estimate, "why_no_estimate": None}
+    return {"estimate": estimate, "why_no_estimate": None}
+
+
+def _error_of_best(stage: Stage, verdict: Verdict) -> dict[str, float | None]:
+    """The largest error of the best trial itself, where the study stands by the estimate from all trials."""
+    problem, truth = stage.problem, stage.problem.open_plant().true_lumps()
+    if verdict.source == "best trial" or problem.stands_by_estimate or not stage.survivors or truth is None:
+        return {}
+    true = truth.vector_of(problem.lumps.searched, np.nan)
+    errors = np.abs(
+        best_trial(stage.survivors).factors * problem.lumps.vector / np.where(true == 0.0, np.nan, true) - 1
+    )
+    return {"max_error": None if np.isnan(errors).any() else float(errors.max())}
 
 
 def _noise_floor(problem: Problem) -> dict[str, float]:

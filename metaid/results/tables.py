@@ -6,16 +6,15 @@ import itertools
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from metaid.errors import StudyError
-from metaid.models import lump_unit
-from metaid.results.best import best_trial, identified_factors
+from metaid.results.best import best_trial
 from metaid.results.body_tables import parameters_table
 from metaid.results.estimates import estimate_table, why_no_estimate
-from metaid.results.snapshot import STATES, Snapshot, Stage, read_snapshot, trials_by_stage
+from metaid.results.lump_tables import best_table, largest_error
+from metaid.results.snapshot import STATES, Snapshot, read_snapshot, trials_by_stage
+from metaid.results.verdict import judge
 from metaid.store import Store, Trial
-from metaid.study import Problem, identifiability
 
 
 def trials_frame(store: Store, name: str) -> pd.DataFrame:
@@ -28,11 +27,21 @@ def trials_frame(store: Store, name: str) -> pd.DataFrame:
 
 def lumps_frame(store: Store, name: str) -> pd.DataFrame:
     """One row a lump: `name`, `unit`, `nominal`, `factor`, `identified`, `sd`, `low`, `high`, `true`,
-    `error`, `determined`; NaN where not known. A lump that the trials cannot determine has no identified value. `sd`,
-    a standard deviation, and `low` to `high` as a 95 % interval are of an estimate; of a best trial `low` to `high` is
-    the range over the trials that cannot be told from it.
+    `error`, `determined`; NaN where not known. A lump that the trials cannot determine has no identified value, and
+    none has one where the verdict is `not found`. `sd`, a standard deviation, and `low` to `high` as a 95 % interval
+    are of an estimate; of a best trial `low` to `high` is the range of what cannot be told from it. The frame's `attrs`
+    are the `verdict`, its `reasons` and the `source` of the lumps.
     """
-    return lumps_table(read_snapshot(store, name))
+    verdict = judge(read_snapshot(store, name))
+    verdict.lumps.attrs |= {"verdict": verdict.word, "reasons": list(verdict.reasons), "source": verdict.source}
+    return verdict.lumps
+
+
+def best_trial_frame(store: Store, name: str) -> pd.DataFrame:
+    """One row a lump that follows from the best trial of a study, whatever the study stands by, as `lumps_frame` has
+    them.
+    """
+    return best_table(read_snapshot(store, name))
 
 
 def estimate_frame(store: Store, name: str) -> pd.DataFrame:
@@ -58,8 +67,8 @@ def parameters_frame(store: Store, name: str) -> pd.DataFrame:
 
 
 def studies_frame(store: Store) -> pd.DataFrame:
-    """One row a study: `name`, `plant`, `sampler`, `measure`, `trials`, `pruned`, `best`, `max_error`."""
-    words = {"name": str, "plant": str, "sampler": str, "measure": str}
+    """One row a study: `name`, `plant`, `sampler`, `measure`, `verdict`, `trials`, `pruned`, `best`, `max_error`."""
+    words = {"name": str, "plant": str, "sampler": str, "measure": str, "verdict": str}
     kinds = {**words, "trials": np.int64, "pruned": np.int64, "best": np.float64, "max_error": np.float64}
     rows = [_study_row(store, name) for name in store.names()]
     return pd.DataFrame(rows, columns=list(kinds)).astype(kinds)
@@ -72,16 +81,18 @@ def _study_row(store: Store, name: str) -> dict[str, object]:
         survivors = snapshot.stages[0].survivors
     except StudyError:  # too large to be computed: the others are listed all the same, and `show` says why
         known = {"plant": spec.plant_name, "sampler": spec.study.sampler, "measure": spec.study.episode.measure}
-        return {"name": name, **known, "trials": len(snapshot.trials), "pruned": 0}
+        return {"name": name, **known, "verdict": "", "trials": len(snapshot.trials), "pruned": 0}
+    verdict = judge(snapshot)
     return {
         "name": snapshot.name,
         "plant": spec.plant_name,
         "sampler": spec.study.sampler,
         "measure": snapshot.first.measure.name,
+        "verdict": verdict.word,
         "trials": len(snapshot.trials),
         "pruned": sum(trial.state.name == "PRUNED" for trial in snapshot.trials),
         "best": best_trial(survivors).outcome.value if survivors else None,
-        "max_error": largest_error(lumps_table(snapshot)),
+        "max_error": largest_error(verdict.lumps),
     }
 
 
@@ -116,55 +127,3 @@ def trials_table(snapshot: Snapshot) -> pd.DataFrame:
 
 def _value(trial: Trial) -> float:
     return np.nan if trial.outcome.failure is not None else trial.outcome.value
-
-
-def lumps_table(snapshot: Snapshot) -> pd.DataFrame:
-    """The frame of `lumps_frame`: the lumps of all stages, or those of the estimate where the study stands by it."""
-    if snapshot.first.stands_by_estimate:
-        return estimate_table(snapshot.first, snapshot.estimate)
-    return pd.concat([_lumps_of(stage) for stage in snapshot.stages], ignore_index=True)
-
-
-def _lumps_of(stage: Stage) -> pd.DataFrame:
-    problem, survivors = stage.problem, stage.survivors
-    nominal = problem.lumps.vector
-    unknown = np.full(len(nominal), np.nan)
-    determined = _determined(problem)
-    factor = low = high = unknown
-    if survivors:
-        factors = np.array([trial.factors for trial in survivors])
-        values = np.array([trial.outcome.value for trial in survivors])
-        found = identified_factors(problem, factors, values)
-        factor, low, high = (np.where(determined, each, np.nan) for each in found)
-    truth = problem.open_plant().true_lumps()  # here, and only here, the truth meets the result
-    true = unknown if truth is None else truth.vector_of(problem.lumps.searched, np.nan)
-    identified = factor * nominal
-    columns = {
-        "name": problem.names,
-        "unit": [lump_unit(lump) for lump in problem.names],
-        "nominal": nominal,
-        "factor": factor,
-        "identified": identified,
-        "sd": unknown,
-        "low": low * nominal,
-        "high": high * nominal,
-        "true": true,
-        "error": identified / np.where(true == 0.0, np.nan, true) - 1.0,
-        "determined": determined,
-    }
-    return pd.DataFrame(columns)
-
-
-def _determined(problem: Problem) -> NDArray[np.bool_]:
-    """Which lumps the trials can determine (nlump): by the sensitivity of the pushes, else by the measure."""
-    if problem.measure.sees_coriolis:
-        return np.array(identifiability(problem).determined)
-    return problem.measure.determined(problem.lumps)
-
-
-def largest_error(lumps: pd.DataFrame) -> float | None:
-    """The largest relative error of a determined lump in a table of `lumps`; None where one of them is not known, or no
-    lump is determined.
-    """
-    errors = lumps["error"][lumps["determined"]].abs()
-    return None if errors.empty or errors.isna().any() else float(errors.max())

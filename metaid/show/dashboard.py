@@ -51,7 +51,8 @@ def serve(store: Store, port: int, say: Callable[[str], None]) -> None:
     """Serves the dashboard until interrupted; `say` gets its addresses.  Raises MetaidError if the port is taken."""
     say("writing notes and graphs where there are new trials …")
     with make_dashboard(store, port) as server:
-        for line in addresses(store, server.server_port):
+        lines = list(addresses(store, server.server_port))  # whoever reads the first may press Ctrl-C at once
+        for line in lines:
             say(line)
         server.serve_forever()
 
@@ -149,6 +150,8 @@ they survived to, and their value ranks them behind every survivor.
 
 {companion}
 
+**Verdict: {shown["verdict"]}.** {_escaped("; ".join(shown["reasons"]))}
+
 {_table(shown["lumps"])}
 
 {_estimate(shown)}
@@ -162,13 +165,11 @@ def _estimate(shown: dict[str, Any]) -> str:
     estimate, total = shown["estimate"], shown["trials"]["total"]
     if estimate is None:
         return f"No estimate: {_escaped(shown['why_no_estimate'])}."
-    text = f"Estimate from {describe_trials(estimate, total)}: {describe_misfit(estimate)}."
-    if not estimate["explains"]:
-        return f"**{text}**"
-    text += " Its low and high are the 95 % interval."
-    if shown["source"] == "estimate":
+    misfit = describe_misfit(estimate["misfit"], estimate["explained_below"])
+    text = f"Estimate from {describe_trials(estimate, total)}: {misfit}."
+    if shown["verdict"] != "found" or shown["source"] != "estimate":
         return text
-    return f"{text} Here {describe_known_from(estimate, total)}.\n\n{_table(estimate['lumps'])}"
+    return f"{text} Low and high are the 95 % interval. Here {describe_known_from(estimate, total)}."
 
 
 def _table(lumps: list[dict[str, Any]]) -> str:
@@ -230,7 +231,7 @@ def _lumps(found: Findings) -> Graph:
     ranges = {
         "type": "scatter",
         "mode": "markers",
-        "name": f"identified, with its {'95 % interval' if found.problem.stands_by_estimate else 'range'}",
+        "name": f"identified, with its {'95 % interval' if found.verdict.source == 'estimate' else 'range'}",
         "x": lumps["name"].tolist(),
         "y": five_digits(factor),
         "marker": {"color": SURVIVOR, "size": 9},

@@ -100,7 +100,8 @@ def estimate_texts(found: Findings) -> dict[str, str | None]:
     if shown is None:
         return {"worth": f"No estimate: {found.summary['why_no_estimate']}.", "known": None}
     known = describe_known_from(shown, total).capitalize() + "." if shown["explains"] else None
-    return {"worth": f"Estimate from {describe_trials(shown, total)}: {describe_misfit(shown)}.", "known": known}
+    misfit = describe_misfit(shown["misfit"], shown["explained_below"])
+    return {"worth": f"Estimate from {describe_trials(shown, total)}: {misfit}.", "known": known}
 
 
 def falls(found: Findings) -> dict[str, Any]:
@@ -135,24 +136,18 @@ def cost(found: Findings) -> dict[str, Any]:
 def unidentified(found: Findings) -> list[dict[str, Any]]:
     """Lumps that this study does not determine, or determines only roughly, each with the reason."""
     rows = []
-    by_estimate = found.problem.stands_by_estimate
+    by_estimate = found.verdict.source == "estimate"
     for lump in found.summary["lumps"]:
         why = None
-        if not lump["determined"] and by_estimate:
-            explained = found.estimate is not None and found.estimate.explains
-            why = (
-                "these trials do not know it better than to a tenth"
-                if explained
-                else "not found: the model does not explain what was seen"
-            )
+        if found.verdict.word == "not found":
+            why = "not found: see the verdict"
         elif not lump["determined"]:
-            why = (
-                f"{found.problem.measure.name} with these pushes hardly responds to it; spectral with rich pushes does"
-            )
+            who = "these trials do" if by_estimate else f"{found.problem.measure.name} with these pushes does"
+            why = f"{who} not determine it to a tenth of its value"
         elif lump["identified"] is None:
-            why = "its stage has no survivor yet"
-        elif (width := (lump["high"] - lump["low"]) / lump["identified"]) > WIDEST:
-            what = "its 95 % interval is" if by_estimate else "trials as good as the best differ by"
+            why = "not found yet"
+        elif lump["low"] is not None and (width := (lump["high"] - lump["low"]) / lump["identified"]) > WIDEST:
+            what = "its 95 % interval is" if by_estimate else "what cannot be told from the best trial differs by"
             why = f"{what} {width:.1%} of its value"
         if why is not None:
             rows.append({"name": lump["name"], "why": why})

@@ -7,7 +7,7 @@ from metaid.study.bounds import LumpAtBound, lumps_at_bounds
 from metaid.study.create import advice, create_study, delete_study, question, stored_spec
 from metaid.study.identifiability import COARSEST, identifiability
 from metaid.study.problem import MOST_TRIALS, Problem, load_study
-from metaid.study.progress import Progress
+from metaid.study.progress import Progress, is_finished
 from metaid.study.pushing import COUNTING_STEPS, HORIZON, TIP_SPEED
 from metaid.study.run import ARITHMETIC_KEY, arithmetic, run_study
 from metaid.study.settings import EpisodeSettings, SearchSettings, StudySettings, StudySpec
@@ -31,6 +31,7 @@ __all__ = [
     "create_study",
     "delete_study",
     "identifiability",
+    "is_finished",
     "load_study",
     "lumps_at_bounds",
     "question",

@@ -15,7 +15,7 @@ from metaid.episode.falls import RICH_FALL_LIMIT, FallRule
 from metaid.episode.pushes import rich_pushes
 from metaid.episode.smoothing import noise_floor, smooth_energies, smoothed_hz
 from metaid.errors import StudyError
-from metaid.results.best import identified_factors
+from metaid.results.best import factor_range, identified_factors
 from metaid.study.problem import Problem, load_study
 
 PERIOD = 0.002
@@ -121,8 +121,18 @@ def test_identified_lumps_are_means_over_the_range_not_the_luckiest_trial() -> N
     problem = Problem(load_study("noisy-three-link"))
     factors = np.array([[1.0] * 6, [1.2] * 6, [1.1] * 6, [3.0] * 6])
     values = np.array([-3.0, 0.5, 0.0, 5.0]) * problem.resolution
-    told, low, high = identified_factors(problem, factors, values)
-    assert told == pytest.approx(np.full(6, 1.1))
-    assert (low.tolist(), high.tolist()) == ([1.0] * 6, [1.2] * 6)
+    assert identified_factors(problem, factors, values) == pytest.approx(np.full(6, 1.1))
+    low, high = factor_range(problem, factors, values, np.zeros(6))
+    assert (low.tolist(), high.tolist()) == (pytest.approx([1.0] * 6), pytest.approx([1.2] * 6))
     spectral = Problem(load_study("three-link"))
-    assert identified_factors(spectral, factors, values - values.min())[0].tolist() == [1.0] * 6
+    assert identified_factors(spectral, factors, values - values.min()).tolist() == [1.0] * 6
+
+
+def test_range_is_at_least_as_wide_as_the_pushes_are_sensitive() -> None:
+    """One trial alone has no range of its own: 1.5 times the resolution, and the more the larger its value is."""
+    problem, resolution = Problem(load_study("three-link")), np.full(6, 0.01)
+    for multiple in (0.0, 2.0):
+        values = np.array([multiple * problem.resolution])
+        low, high = factor_range(problem, np.ones((1, 6)), values, resolution)
+        assert high == pytest.approx(np.full(6, 1.0 + 0.015 * (multiple + 1.0)))
+        assert low == pytest.approx(np.full(6, 1.0 - 0.015 * (multiple + 1.0)))

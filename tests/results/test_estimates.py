@@ -13,9 +13,6 @@ from pandas.testing import assert_frame_equal
 
 import metaid as package
 from metaid.errors import StudyError
-from metaid.results.overview import summarized
-from metaid.results.snapshot import read_snapshot
-from metaid.results.tables import lumps_table, studies_frame
 from metaid.results.validation import validate_factors
 from metaid.store.database import Store
 from metaid.study.create import create_study
@@ -26,72 +23,61 @@ Metaid = Callable[..., Finished]
 INERTIA = ["inertia_1", "inertia_2", "inertia_3"]
 
 
-def test_every_study_has_the_estimate_in_its_json_whatever_it_stands_by(estimated: Path) -> None:
-    """With the misfit, what it must be below, how many trials it is of, how early it was there, and all nine lumps."""
-    for name, source in (("matched", "estimate"), ("searched", "best trial")):
+def test_every_study_stands_by_the_estimate_that_explains_what_was_seen(estimated: Path) -> None:
+    """Whichever sampler proposed the trials: all nine lumps with intervals, and how early they were known."""
+    for name in ("matched", "searched"):
         shown = package.summary(name, str(estimated))
         estimate = shown["estimate"]
-        assert shown["source"] == source
+        assert (shown["verdict"], shown["reasons"], shown["source"]) == ("found", [], "estimate")
         assert shown["misfit"] == estimate["misfit"] < estimate["explained_below"]
         assert estimate["explains"]
         assert estimate["trials"] == min(shown["trials"]["total"], 32)
         assert 1 <= estimate["known_from"] <= 2
-        assert estimate["max_error"] < 1e-9
-        assert [lump["name"] for lump in estimate["lumps"]][-3:] == INERTIA
-        assert all(lump["sd"] > 0.0 for lump in estimate["lumps"])
+        assert shown["max_error"] < 1e-9
+        assert [lump["name"] for lump in shown["lumps"]][-3:] == INERTIA
+        assert all(lump["sd"] > 0.0 for lump in shown["lumps"])
 
 
-def test_study_that_stands_by_its_estimate_shows_it_once(metaid: Metaid, estimated: Path) -> None:
-    """One table of all lumps, and below it what they are worth."""
-    out = metaid("study", "show", "matched", "--storage", str(estimated)).out
+@pytest.mark.parametrize(("name", "which"), [("matched", "all 2 trials"), ("searched", "the first 32 trials")])
+def test_estimate_is_shown_once_with_what_it_is_worth(metaid: Metaid, estimated: Path, name: str, which: str) -> None:
+    """One table of all lumps; below it how early they were known, the misfit, and last of all the verdict."""
+    out = metaid("study", "show", name, "--storage", str(estimated)).out
     assert out.count("gravity_1") == out.count("inertia_3") == 1
     words = " ".join(out.split())
-    assert "estimate from all 2 trials: the model explains what was seen: misfit " in words
-    assert "(explained: below 3); low to high is the 95 % interval; largest error " in words
-    assert "best " in words
-    assert "at trial 1" in words
-
-
-def test_study_of_any_other_sampler_shows_the_estimate_below_the_best_trial(metaid: Metaid, estimated: Path) -> None:
-    """In a table of its own, with how early it was there."""
-    words = " ".join(metaid("study", "show", "searched", "--storage", str(estimated)).out.split())
-    best, title, estimate = words.partition("Estimate from the first 32 trials")
-    assert title
-    assert "inertia_1" not in best
-    assert "inertia_1" in estimate
-    assert "the model explains what was seen: misfit " in estimate
-    assert "every lump was known to 0.1% after the first of 40 trials" in estimate
+    assert f"estimate from {which}; every lump was known to 0.1% after the first of " in words
+    assert "low to high is the 95 % interval; the model explains what was seen: misfit " in words
+    assert out.splitlines()[-1].startswith("FOUND: 9 lumps, each to within ")
+    assert ("itself wrong by up to " in words) == (name == "searched")
 
 
 @pytest.mark.parametrize(("name", "which"), [("hidden", "all 4 trials"), ("hidden-searched", "the first 32 trials")])
-def test_estimate_that_explains_nothing_prints_no_lump(metaid: Metaid, estimated: Path, name: str, which: str) -> None:
-    """One line says that it was not found, from how many trials, and why; no error, no interval, no inertia lump."""
+def test_model_that_explains_nothing_leaves_no_number(metaid: Metaid, estimated: Path, name: str, which: str) -> None:
+    """Every lump is said to be not found; no interval, no error; the verdict names the misfit."""
     done = metaid("study", "show", name, "--storage", str(estimated))
     assert done.status == 0
-    words = " ".join(done.out.split())
-    assert f"stimate from {which}: NOT FOUND: the model does not explain what was seen: misfit " in words
-    assert "(explained: below 3)" in words
-    assert "95 %" not in words
-    assert "not identified" not in words
-    for row in (line.split() for line in done.out.splitlines() if "inertia_" in line):
-        assert row[2:5] == ["–"] * 3
-        assert row[6] == "–"
+    *lines, verdict = done.out.splitlines()
+    assert f"estimate from {which}; the model does not explain what was seen" in lines[-1]
+    assert verdict.startswith("NOT FOUND: ")
+    assert "the model does not explain what was seen" in verdict
+    assert "(explained: below 3)" in verdict
+    rows = [line.split() for line in lines if "gravity_" in line or "inertia_" in line]
+    assert len(rows) == (6 if name == "hidden" else 3)
+    for row in rows:
+        assert row[2:6] == ["not", "found", "–", "–"]
+        assert row[7] == "–"
 
 
 @pytest.mark.parametrize("name", ["hidden", "hidden-searched"])
 def test_json_of_a_model_that_explains_nothing_has_nulls(metaid: Metaid, estimated: Path, name: str) -> None:
-    """It is JSON all the same: no lump of the estimate has a number, nor has its largest error."""
+    """It is JSON all the same: no lump has a number or is determined, nor is there a largest error."""
     shown = json.loads(metaid("study", "show", name, "--storage", str(estimated), "--json").out)
-    estimate = shown["estimate"]
-    assert estimate["misfit"] > 1e3
-    assert not estimate["explains"]
-    assert estimate["known_from"] is estimate["max_error"] is None
-    own = shown["lumps"] if name == "hidden" else []
-    for lump in estimate["lumps"] + own:
+    assert shown["verdict"] == "not found"
+    assert shown["misfit"] > 1e3
+    assert not shown["estimate"]["explains"]
+    assert shown["estimate"]["known_from"] is shown["max_error"] is None
+    for lump in shown["lumps"]:
         assert {lump[key] for key in ("factor", "identified", "sd", "low", "high", "error")} == {None}
         assert not lump["determined"]
-    if name == "hidden":
-        assert shown["max_error"] is None
 
 
 NONE_MADE = {
@@ -102,7 +88,7 @@ NONE_MADE = {
 
 @pytest.mark.parametrize("why", NONE_MADE)
 def test_study_without_an_estimate_says_why_in_one_line(metaid: Metaid, why: str) -> None:
-    """Below the best trial, and in its JSON."""
+    """Below the table, and in its JSON."""
     source, changes = NONE_MADE[why]
     with_store = Store("metaid.db", create=True)
     create_study(with_store, load_study(source, changes), "without")
@@ -125,17 +111,17 @@ def test_study_without_a_trial_says_nothing_of_an_estimate(metaid: Metaid) -> No
         package.estimate("three-link")
 
 
-def test_list_of_studies_makes_no_estimate_that_no_study_stands_by(estimated: Path) -> None:
-    """The largest error in the list is that of the best trial, and needs no twin; a reading makes the estimate once."""
-    snapshot = read_snapshot(Store(str(estimated)), "searched")
-    lumps = lumps_table(snapshot)
-    assert "estimate" not in vars(snapshot)
-    shown = summarized(snapshot, lumps)
-    assert snapshot.estimate is vars(snapshot)["estimate"]
-    listed = studies_frame(Store(str(estimated))).set_index("name")["max_error"]
-    assert listed["searched"] == shown["max_error"]
-    assert listed["matched"] < 1e-9
-    assert listed.isna()["hidden"]
+def test_list_and_frame_have_the_verdict(estimated: Path) -> None:
+    """With the largest error of what the study stands by, and nothing where nothing was found."""
+    listed = package.studies(str(estimated)).set_index("name")
+    found = {name for name, verdict in listed["verdict"].items() if verdict == "found"}
+    assert found == {"matched", "searched", "noisy"}
+    assert set(listed["verdict"].drop(list(found))) == {"not found"}
+    assert listed["max_error"]["searched"] < 1e-9
+    assert listed["max_error"].isna()["hidden"]
+    attributes = package.lumps("hidden", str(estimated)).attrs
+    assert (attributes["verdict"], attributes["source"]) == ("not found", "estimate")
+    assert "explain" in attributes["reasons"][0]
 
 
 def test_frame_of_an_estimate_is_that_of_lumps_whichever_sampler(estimated: Path) -> None:
@@ -145,6 +131,7 @@ def test_frame_of_an_estimate_is_that_of_lumps_whichever_sampler(estimated: Path
         package.estimate(name, str(estimated)) for name in ("matched", "searched", "hidden-searched")
     )
     assert_frame_equal(matched, lumps["matched"], check_exact=True)
+    assert_frame_equal(searched, lumps["searched"], check_exact=True)
     assert list(searched) == list(lumps["searched"]) == list(hidden)
     assert searched["identified"].to_numpy() == pytest.approx(matched["identified"].to_numpy(), rel=1e-9)
     assert (searched["low"] <= searched["identified"]).all()
@@ -171,5 +158,5 @@ def test_validation_is_of_the_estimate_with_its_inertia_lumps(metaid: Metaid) ->
 
 def test_validation_of_lumps_that_were_not_found_is_refused(estimated: Path) -> None:
     """The nominal lumps are not passed off as identified ones."""
-    with pytest.raises(StudyError, match="no lump that its trials determine"):
+    with pytest.raises(StudyError, match="its verdict is 'not found': the model does not explain"):
         package.validate("hidden", str(estimated), pushes=1)

@@ -76,12 +76,18 @@ def test_its_files_and_command_repeat_the_study(metaid: Metaid, page: Path, stud
     assert package.trials("plain").equals(package.trials("plain", str(studied)))
 
 
-def test_what_a_count_cannot_tell_is_said(metaid: Metaid, studied: Path) -> None:
-    """Coriolis lumps of a study that counts crossings are named, with the reason."""
-    assert metaid("study", "report", "boundary", "--storage", str(studied), "-o", "boundary.html").status == 0
-    (section,) = re.findall(r'<section id="unidentified">.*?</section>', Path("boundary.html").read_text(), re.DOTALL)
-    assert "coriolis_1_2" in section
-    assert "hardly responds to it" in section
+def test_what_nothing_has_tested_is_not_found(metaid: Metaid) -> None:
+    """The best trial of a count alone has no number in the report: the verdict says why, and each lump is named."""
+    metaid("study", "create", "paper-two-link", "--set", "estimate.enabled=false")
+    assert metaid("study", "run", "paper-two-link", "--quiet").status == 3
+    assert metaid("study", "report", "paper-two-link", "-o", "count.html").status == 0
+    page = Path("count.html").read_text()
+    (section,) = re.findall(r'<section id="unidentified">.*?</section>', page, re.DOTALL)
+    assert all(lump in section for lump in ("gravity_1", "gravity_2", "coriolis_1_2"))
+    assert section.count("not found: see the verdict") == 3
+    (verdict,) = re.findall(r'<p class="lead" id="verdict">.*?</p>', page, re.DOTALL)
+    assert "Not found." in verdict
+    assert "nothing has tested the model" in verdict
 
 
 def test_names_and_descriptions_are_text_not_markup(metaid: Metaid) -> None:

@@ -111,7 +111,7 @@ def test_every_command_works_and_none_shows_the_password(metaid: Metaid, server:
         said += done.out + done.err
     assert len(pd.read_csv("trials.csv")) == len(pd.read_parquet("trials.parquet")) == 90
     assert len(api.trials("study", url)) == 90
-    assert len(api.lumps("study", url)) == 1
+    assert len(api.lumps("study", url)) == 2
     said += Path("report.html").read_text()
     done = metaid("study", "delete", "study", "--yes", "--storage", url)
     assert done.status == 0

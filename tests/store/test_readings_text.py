@@ -66,7 +66,7 @@ def test_trials_of_a_noisy_study_have_the_readings_that_the_law_acted_on(tmp_pat
     run_study(store, "noisy-three-link")
     objective = Problem(spec).make_objective()
     for trial in store.trials("noisy-three-link", *spec.names):
-        again = objective.record(trial.factors)
+        again = objective.record(trial.factors, trial.number)
         assert trial.outcome.windows is None
         assert trial.outcome.readings is not None
         assert (trial.outcome.readings.angles == np.array(again.angles)).all()

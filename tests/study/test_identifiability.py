@@ -73,7 +73,7 @@ def test_one_push_at_the_tip_leaves_combinations_that_cannot_be_told() -> None:
 def test_resolution_is_the_range_that_the_trials_show(tmp_path: Path) -> None:
     """The range of trials as good as the best is about as wide as was foreseen, for every lump."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    create_study(store, load_study("three-link", {"trials": 1500}), "study")
+    create_study(store, load_study("three-link", {"trials": 1500, "estimate.enabled": False}), "study")
     run_study(store, "study")
     lumps = results.lumps_frame(store, "study")
     foreseen = identifiability(Problem(load_study("three-link"))).resolution
@@ -101,15 +101,19 @@ def test_check_and_create_say_what_cannot_be_found(metaid: Metaid) -> None:
 
 
 def test_report_gives_no_number_for_what_the_pushes_cannot_tell(tmp_path: Path) -> None:
-    """A study that ran all the same says which lumps it did not identify, and leaves them out of its largest error."""
+    """The best trial of a study that ran all the same has none; matched, the same pushes determine every lump."""
     changes = {"episode.pushes": [[0.0, 0.0, 0.05]], "episode.steps": 150, "search.coordinates": "plain", "trials": 60}
     store = Store(str(tmp_path / "metaid.db"), create=True)
     create_study(store, load_study("three-link", changes), "study")
     run_study(store, "study")
     missed = identifiability(Problem(load_study("three-link", changes))).undetermined_names
-    shown = {lump["name"]: lump for lump in results.summary(store, "study")["lumps"]}
+    by_best_trial = results.best_trial_frame(store, "study").set_index("name")
     assert missed
-    assert {name for name, lump in shown.items() if lump["identified"] is None} == set(missed)
+    assert by_best_trial.loc[missed, ["identified", "low", "high"]].isna().all(axis=None)
+    assert not by_best_trial["determined"][missed].any()
+    shown = results.summary(store, "study")
+    assert (shown["verdict"], shown["source"]) == ("found", "estimate")
+    assert shown["max_error"] < 1e-6
 
 
 def test_estimate_is_checked_by_its_own_covariance_and_not_by_the_measure(metaid: Callable[..., Finished]) -> None:

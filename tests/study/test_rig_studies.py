@@ -20,7 +20,9 @@ from metaid.study.problem import Problem, load_study
 
 def rig_files(folder: Path, server: Server, trials: int = 40, more: str = "") -> Path:
     """A plant file for the rig, and a study of it with the nominal model of `two-link-tpe`."""
-    (folder / "rig.toml").write_text(f'socket = "{server.address}"\njoints = 2\nstep_timeout = 60.0\n{more}')
+    (folder / "rig.toml").write_text(
+        f'socket = "{server.address}"\njoints = 2\nstep_timeout = 60.0\nmotion = "stepped"\n{more}'
+    )
     nominal = (ROOT / "studies" / "two-link-tpe.toml").read_text().partition("[[nominal.links]]")
     head = f'plant = "rig.toml"\nsampler = "cmaes"\nseed = 1\ntrials = {trials}\n'
     (folder / "find-rig.toml").write_text(head + nominal[1] + nominal[2])

@@ -139,7 +139,7 @@ class Gallery:
         figure = Figure(figsize=(width, 1.2 + 0.2 * len(self.found.names)), layout="constrained")
         plot_ranges(self.found, figure.subplots())
         caption = "Each lump's range over the trials that the measure cannot tell from the best one."
-        if self.found.problem.stands_by_estimate:
+        if self.found.verdict.source == "estimate":
             caption = "Each lump's 95 % interval by the estimate from all trials."
         return Picture("ranges", caption, figure)
 

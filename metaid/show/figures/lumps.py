@@ -19,7 +19,7 @@ def plot_ranges(found: Findings, axes: Axes | None = None) -> Axes:
     """
     axes = new_axes(axes)
     _ = found.best_factors  # refuses a study without survivors
-    by_estimate = found.problem.stands_by_estimate
+    by_estimate = found.verdict.source == "estimate"
     lumps, places = found.lumps, np.arange(len(found.lumps))
     low, high, true = (100.0 * (lumps[key] / lumps["identified"] - 1.0) for key in ("low", "high", "true"))
     axes.barh(

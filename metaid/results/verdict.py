@@ -1,0 +1,127 @@
+"""Whether a study has found its lumps, and if not, why and what to do: one answer for all that shows a result.
+
+An estimate that explains what every push showed is the result, whichever sampler proposed the trials. Where there is
+none, the best trial is the result if it coasts nearly as well as the measure can tell, and the model was not refuted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+
+from metaid.results.best import best_trial
+from metaid.results.estimates import estimate_table, why_no_estimate
+from metaid.results.lump_tables import best_table
+from metaid.results.snapshot import Snapshot, Stage
+from metaid.study import COARSEST, is_finished, lumps_at_bounds
+
+Word = Literal["found", "not found", "unfinished"]
+Source = Literal["estimate", "best trial"]
+
+FAR = 3.0  # resolutions of the measure: the value of a minimum is not so far above zero
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The `word`, the `source` of the lumps, the `reasons` (sentences without a full stop) that name a lump, a bound or
+    a number, and the table of `lumps` that the study stands by, as `lumps_frame` has it.
+    """
+
+    word: Word
+    source: Source
+    reasons: tuple[str, ...]
+    lumps: pd.DataFrame
+
+    @property
+    def is_found(self) -> bool:
+        return self.word == "found"
+
+
+def judge(snapshot: Snapshot) -> Verdict:
+    """The verdict on a study as it is in the DB."""
+    problem, estimate = snapshot.first, snapshot.estimate
+    if estimate is not None and estimate.explains:
+        lumps = estimate_table(problem, estimate)
+        if lumps["determined"].any():
+            return Verdict("found", "estimate", tuple(_missed(lumps, "these trials do")), lumps)
+        reasons = (f"the trials show no lump to better than {COARSEST:.0%}: push more, or harder",)
+        return _not_yet(snapshot, "estimate", reasons, lumps)
+    if problem.stands_by_estimate:
+        why = estimate.description if estimate else why_no_estimate(problem, snapshot.stages[0].trials)
+        return _not_yet(snapshot, "estimate", (why,), estimate_table(problem, estimate))
+    lumps = best_table(snapshot)
+    if against := tuple(_against_best(snapshot, lumps)):
+        return _not_yet(snapshot, "best trial", against, lumps)
+    return Verdict(
+        "found", "best trial", tuple(_missed(lumps, f"{problem.measure.name} with these pushes does")), lumps
+    )
+
+
+def _missed(lumps: pd.DataFrame, who: str) -> Iterator[str]:
+    """Which lumps are not determined, though others are."""
+    names = lumps["name"][~lumps["determined"]].tolist()
+    if names:
+        yield f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} not found: {who} not determine " + (
+            "it" if len(names) == 1 else "them"
+        )
+
+
+def _not_yet(snapshot: Snapshot, source: Source, reasons: tuple[str, ...], lumps: pd.DataFrame) -> Verdict:
+    """Unfinished where trials are left, else not found; no number is given for a lump that was not found."""
+    lumps = lumps.copy()
+    lumps[["sd", "low", "high"]] = np.nan
+    if not is_finished(snapshot.spec, snapshot.trials):
+        left = f"{len(snapshot.trials)} of {snapshot.spec.study.total_trials} trials are done"
+        return Verdict("unfinished", source, (left, *reasons) if snapshot.trials else (left,), lumps)
+    lumps[["factor", "identified", "error"]] = np.nan
+    lumps["determined"] = False
+    return Verdict("not found", source, reasons, lumps)
+
+
+def _against_best(snapshot: Snapshot, lumps: pd.DataFrame) -> Iterator[str]:
+    """What speaks against taking the best trial of each stage for the result."""
+    for stage in snapshot.stages:
+        if not stage.survivors:
+            where = "" if stage.problem.is_only else f" of stage {stage.problem.stage}"
+            yield f"no trial{where} survived: raise search.high, or start higher" if stage.trials else "no trial yet"
+            return
+        yield from _against_stage(stage, lumps[lumps["name"].isin(stage.problem.names)])
+    yield from _untested(snapshot)
+
+
+def _untested(snapshot: Snapshot) -> Iterator[str]:
+    """Why the model of a best trial was not tested, or what refuted it.
+
+    Wrong lumps can make up for friction or a spring so well that noise, or a count, does not show what is left over.
+    Pushes of an ideal plant that coast as far as the measure can tell have tested the model themselves.
+    """
+    problem, estimate = snapshot.first, snapshot.estimate
+    best = best_trial(snapshot.stages[0].survivors).outcome.value
+    shows_all = problem.measure.sees_coriolis and not problem.measure.is_noisy
+    if estimate is not None:
+        if not (shows_all and best <= problem.resolution):
+            yield estimate.description
+    elif not shows_all:
+        why = why_no_estimate(problem, snapshot.stages[0].trials)
+        name = problem.measure.name
+        yield f"nothing has tested the model, and {name} alone cannot tell friction from wrong lumps: {why}"
+
+
+def _against_stage(stage: Stage, lumps: pd.DataFrame) -> Iterator[str]:
+    problem, survivors = stage.problem, stage.survivors
+    best, measure = best_trial(survivors), problem.measure
+    value, unit, resolution = best.outcome.value, measure.unit, problem.resolution
+    is_far = value > FAR * resolution
+    if is_far:
+        yield (
+            f"the best value, {value:.3g} {unit}, is {value / resolution:.3g} times the {resolution:.2g} {unit} that "
+            f"{measure.name} can tell from none: try more trials, another seed or another sampler"
+        )
+        tried = np.array([trial.factors for trial in stage.trials])
+        yield from map(str, lumps_at_bounds(problem, best.factors, tried) if problem.body_space is None else ())
+    if not is_far and not lumps["determined"].any():
+        yield f"{measure.name} with these pushes determines no lump to better than {COARSEST:.0%}"
