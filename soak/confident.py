@@ -29,11 +29,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from benchmarks.chains import random_chain
 from metaid.errors import MetaidError
 from metaid.plant import FaultSettings, PlantSettings
-from metaid.results import summary
+from metaid.results import judge, read_snapshot
 from metaid.search import SAMPLERS
 from metaid.store import Store
 from metaid.study import StudySettings, StudySpec, create_study, run_study
@@ -121,20 +122,18 @@ def try_case(number: int) -> Judged:
             with closing(Store(str(Path(folder) / "metaid.db"), create=True)) as store:
                 create_study(store, case.spec)
                 run_study(store, case.spec.name)
-                shown = summary(store, case.spec.name)
+                verdict = judge(read_snapshot(store, case.spec.name))
         except MetaidError as refusal:
             return Judged(case, None, str(refusal))
-    far = tuple(far_lumps(shown)) if shown["verdict"] == "found" else ()
-    return Judged(case, shown["verdict"], "; ".join(shown["reasons"]), far)
+    far = tuple(far_lumps(verdict.lumps)) if verdict.is_found else ()
+    return Judged(case, verdict.word, "; ".join(verdict.reasons), far)
 
 
-def far_lumps(shown: dict[str, Any]) -> Iterator[str]:
-    """The lumps of a `summary` that lie further from the truth than their interval and SLACK allow."""
-    for lump in shown["lumps"]:
-        if lump["low"] is None:
-            continue
+def far_lumps(lumps: pd.DataFrame) -> Iterator[str]:
+    """The lumps of a table that lie further from the truth than their interval and SLACK allow."""
+    for lump in lumps[lumps["determined"]].to_dict("records"):
         half_width = 0.5 * (lump["high"] - lump["low"])
-        if abs(lump["identified"] - lump["true"]) > HALF_WIDTHS * half_width + SLACK * abs(lump["true"]):
+        if not abs(lump["identified"] - lump["true"]) <= HALF_WIDTHS * half_width + SLACK * abs(lump["true"]):
             yield f"{lump['name']} {lump['error']:+.2%} where ±{half_width / abs(lump['true']):.2%} is said"
 
 

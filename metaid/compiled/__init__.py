@@ -7,6 +7,7 @@ from metaid.compiled.decorator import compiled
 from metaid.compiled.faulty_loop import FaultyLoop
 from metaid.compiled.loop import CompiledLoop, fastest_step
 from metaid.compiled.objective import LARGEST_FACTOR, Objective
+from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.stages import DirectStep, MujocoStep, mujoco_step
 from metaid.compiled.validation_loops import coasting_steps, track_compiled
 
@@ -21,5 +22,6 @@ __all__ = [
     "compiled",
     "fastest_step",
     "mujoco_step",
+    "quiet_mujoco",
     "track_compiled",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,14 +25,25 @@ DEVIATIONS = 1.96  # of a normal distribution, to either side, hold 95 %
 
 @dataclass(frozen=True)
 class StudyEstimate:
-    """An `estimate`, the `experiment` that it is of, the trials that were `watched` for it, and how many of the first
-    were enough to know every lump to CLOSE, None where it took more than FIRST_TRIALS.
-    """
+    """An `estimate`, the `experiment` that it is of, and the trials that were `watched` for it."""
 
     estimate: Estimate
     experiment: Experiment
     watched: tuple[SeenTrial, ...]
-    known_from: int | None
+
+    @cached_property
+    def known_from(self) -> int | None:
+        """How many of the first trials were enough to know every lump to CLOSE; None where it took more than
+        FIRST_TRIALS.
+        """
+        if not self.explains:
+            return None
+        with threadpool_limits(1):
+            for count in range(self.experiment.probes, min(self.trials, FIRST_TRIALS) + 1):  # fewer cannot tell all
+                early = self.estimate if count == self.trials else self.experiment.estimate(self.watched[:count])
+                if early is not None and np.abs(early.log_factors - self.estimate.log_factors).max() <= CLOSE:
+                    return count
+        return None
 
     @property
     def trials(self) -> int:
@@ -78,7 +90,7 @@ def study_estimate(problem: Problem, tried: Sequence[Trial]) -> StudyEstimate | 
         estimate = experiment.estimate(trials, _probed(problem, experiment, trials))
         if estimate is None:
             return None
-        return StudyEstimate(estimate, experiment, tuple(trials), _known_from(experiment, trials, estimate))
+        return StudyEstimate(estimate, experiment, tuple(trials))
 
 
 def _probed(problem: Problem, experiment: Experiment, trials: Sequence[SeenTrial]) -> Estimate | None:
@@ -87,17 +99,6 @@ def _probed(problem: Problem, experiment: Experiment, trials: Sequence[SeenTrial
     """
     is_probed = problem.stands_by_estimate and len(trials) > experiment.probes
     return experiment.estimate(trials[: experiment.probes]) if is_probed else None
-
-
-def _known_from(experiment: Experiment, trials: Sequence[SeenTrial], estimate: Estimate) -> int | None:
-    """How many of the first trials gave every lump within CLOSE of the `estimate` from all of them."""
-    if not experiment.is_explained(estimate):
-        return None
-    for count in range(experiment.probes, min(len(trials), FIRST_TRIALS) + 1):  # fewer cannot tell all lumps
-        early = estimate if count == len(trials) else experiment.estimate(trials[:count])
-        if early is not None and np.abs(early.log_factors - estimate.log_factors).max() <= CLOSE:
-            return count
-    return None
 
 
 def growth(found: StudyEstimate) -> tuple[list[int], list[Estimate]]:

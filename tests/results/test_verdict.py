@@ -1,0 +1,135 @@
+"""Verdicts: what was found, what was not and why, whatever the sampler; no number where there is no result."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import Finished
+
+from benchmarks.chains import random_chain
+from metaid.plant.settings import PlantSettings
+from metaid.results.snapshot import read_snapshot
+from metaid.results.verdict import Verdict, judge
+from metaid.store.database import Store
+from metaid.study.create import create_study
+from metaid.study.problem import load_study
+from metaid.study.run import run_study
+
+NO_ESTIMATE = {"estimate.enabled": False}
+TIGHT = {"sampler": "newton", "search.low": 0.9, "search.high": 1.1, "search.widen": False}
+
+
+def verdict_of(folder: Path, changes: dict[str, Any], study: str = "three-link", trials: int | None = None) -> Verdict:
+    """The verdict on a study that is run, up to that number of `trials` where it is given."""
+    store = Store(str(folder / "metaid.db"), create=True)
+    create_study(store, load_study(study, changes), "study")
+    run_study(store, "study", trials)
+    return judge(read_snapshot(store, "study"))
+
+
+def has_no_number(verdict: Verdict) -> bool:
+    """Whether no lump of it has a value, a range or an error, nor is said to be determined."""
+    numbers = verdict.lumps[["factor", "identified", "sd", "low", "high", "error"]]
+    return bool(numbers.isna().all(axis=None) and not verdict.lumps["determined"].any())
+
+
+def test_bounds_that_exclude_the_truth_are_named(tmp_path: Path) -> None:
+    """A search held back by its bounds is not found: the reasons have its best value, and lumps with what to set."""
+    verdict = verdict_of(tmp_path, {**TIGHT, **NO_ESTIMATE, "trials": 150})
+    assert (verdict.word, verdict.source) == ("not found", "best trial")
+    assert has_no_number(verdict)
+    value, *lumps = verdict.reasons
+    assert "times the 0.00053 Hz that spectral can tell from none" in value
+    assert lumps
+    assert all("is at its bound" in reason and "--set search." in reason for reason in lumps)
+
+
+def test_estimate_is_not_held_by_the_bounds_of_the_search(tmp_path: Path) -> None:
+    """The same trials, matched, have every lump: none of the intervals leaves the truth out."""
+    verdict = verdict_of(tmp_path, {**TIGHT, "trials": 40})
+    assert (verdict.word, verdict.source) == ("found", "estimate")
+    assert ((verdict.lumps["low"] <= verdict.lumps["true"]) & (verdict.lumps["true"] <= verdict.lumps["high"])).all()
+    assert verdict.lumps["factor"].min() < 0.7
+
+
+def test_tip_far_heavier_than_believed_is_found_beyond_the_bounds(tmp_path: Path) -> None:
+    """Four links, gravity_4 2.5 times the nominal, default bounds: every interval holds the truth."""
+    true, nominal = random_chain(4, 1)
+    nominal = *nominal[:3], nominal[3].model_copy(update={"mass": nominal[3].mass / 2.5 * 1.2})
+    spec = load_study("three-link", {"sampler": "newton", "trials": 40})
+    spec = spec.model_copy(update={"plant": PlantSettings(links=true), "nominal": nominal})
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    create_study(store, spec, "study")
+    run_study(store, "study")
+    verdict = judge(read_snapshot(store, "study"))
+    assert verdict.word == "found"
+    assert verdict.lumps["factor"].max() > 2.2
+    assert ((verdict.lumps["low"] <= verdict.lumps["true"]) & (verdict.lumps["true"] <= verdict.lumps["high"])).all()
+
+
+@pytest.mark.parametrize("fault", [{"damping": 0.05}, {"stiffness": 1.0}])
+@pytest.mark.parametrize("sampler", ["cmaes", "output-error"])
+def test_what_the_model_does_not_know_is_not_found(fault: dict[str, float], sampler: str, tmp_path: Path) -> None:
+    """Hidden friction or a hidden spring: the misfit says so, whichever the sampler."""
+    spec = load_study("three-link", {"sampler": sampler, "trials": 12})
+    assert isinstance(spec.plant, PlantSettings)
+    links = tuple(link.model_copy(update=fault) for link in spec.plant.links)
+    spec = spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": links})})
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    create_study(store, spec, "study")
+    run_study(store, "study")
+    verdict = judge(read_snapshot(store, "study"))
+    assert verdict.word == "not found"
+    assert "the model does not explain what was seen" in verdict.reasons[-1]
+    assert has_no_number(verdict)
+
+
+def test_count_alone_is_not_called_found(tmp_path: Path) -> None:
+    """Three links, counted, without an estimate: it printed a gravity lump 70 % off."""
+    changes = {"episode.measure": "count", "search.coordinates": "plain", "trials": 40, **NO_ESTIMATE}
+    verdict = verdict_of(tmp_path, changes)
+    assert verdict.word == "not found"
+    assert has_no_number(verdict)
+    assert "count alone cannot tell friction from wrong lumps" in verdict.reasons[-1]
+
+
+def test_trials_that_are_left_make_it_unfinished_and_give_no_range(tmp_path: Path) -> None:
+    """The best so far has a value and no range; the verdict says how many trials are done."""
+    verdict = verdict_of(tmp_path, NO_ESTIMATE, trials=30)
+    assert verdict.word == "unfinished"
+    assert verdict.reasons[0] == "30 of 600 trials are done"
+    assert verdict.lumps[["sd", "low", "high"]].isna().all(axis=None)
+
+
+def test_best_trial_that_coasts_is_found_with_a_range_that_holds_the_truth(tmp_path: Path) -> None:
+    """Without an estimate, by the ellipsoid of the pushes' sensitivity: `newton` has few trials near the minimum."""
+    verdict = verdict_of(tmp_path, {"sampler": "newton", **NO_ESTIMATE})
+    assert (verdict.word, verdict.source) == ("found", "best trial")
+    lumps = verdict.lumps
+    assert ((lumps["low"] <= lumps["true"]) & (lumps["true"] <= lumps["high"])).all()
+    assert np.abs(lumps["high"] / lumps["low"] - 1.0).max() < 0.05
+
+
+def test_searcher_that_stopped_by_itself_is_not_unfinished(tmp_path: Path) -> None:
+    """Trials are left, but nothing will use them."""
+    verdict = verdict_of(tmp_path, NO_ESTIMATE, "paper-two-link")
+    assert verdict.word == "not found"
+    assert not any("trials are done" in reason for reason in verdict.reasons)
+
+
+def test_run_that_found_nothing_ends_with_status_3(metaid: Callable[..., Finished]) -> None:
+    """When all trials are spent, and not before; `show` ends with 0."""
+    changes = ("estimate.enabled=false", "sampler=random", "trials=20")
+    metaid("study", "create", "three-link", *(f"--set={change}" for change in changes))
+    assert metaid("study", "run", "three-link", "--quiet", "--trials", "10").status == 0
+    done = metaid("study", "run", "three-link", "--quiet")
+    assert done.status == 3
+    assert done.out.splitlines()[-1].startswith("NOT FOUND: the best value, ")
+    shown = metaid("study", "show", "three-link", "--json")
+    assert shown.status == 0
+    assert json.loads(shown.out)["verdict"] == "not found"
