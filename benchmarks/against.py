@@ -3,8 +3,8 @@
 python -m benchmarks.against CHECKOUT [--rounds N]
 
 The two checkouts take turns, so that what slows the machine slows both. A row is a figure of the tables that
-`benchmarks.engine` and `benchmarks.study` print, the median over rounds of this checkout's value over the other's in
-the same round: above 1 this one is faster. Figures are ratios to a peer of the same run, bare `mj_step` or plain Optuna.
+`benchmarks.engine` and `benchmarks.study` print, each a ratio to a peer of the same run: bare `mj_step`, or plain
+Optuna. It is the median over rounds of this checkout's figure over the other's: above 1 this one is faster.
 """
 
 from __future__ import annotations
