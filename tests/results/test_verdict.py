@@ -12,6 +12,7 @@ import pytest
 from conftest import Finished
 
 from benchmarks.chains import random_chain
+from metaid.plant.faults import FaultSettings
 from metaid.plant.settings import PlantSettings
 from metaid.results.snapshot import read_snapshot
 from metaid.results.verdict import Verdict, judge
@@ -133,3 +134,20 @@ def test_run_that_found_nothing_ends_with_status_3(metaid: Callable[..., Finishe
     shown = metaid("study", "show", "three-link", "--json")
     assert shown.status == 0
     assert json.loads(shown.out)["verdict"] == "not found"
+
+
+@pytest.mark.parametrize("sampler", ["cmaes", "newton"])
+def test_noisy_angles_beside_exact_speeds_leave_the_truth_in_the_intervals(sampler: str, tmp_path: Path) -> None:
+    """`spectral` with a milliradian of noise: by the estimate from the readings, every lump within 1 %."""
+    spec = load_study("three-link", {"sampler": sampler, "trials": 12})
+    assert isinstance(spec.plant, PlantSettings)
+    faults = FaultSettings(angle_noise=1e-3)
+    spec = spec.model_copy(update={"plant": spec.plant.model_copy(update={"faults": faults})})
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    create_study(store, spec, "study")
+    run_study(store, "study")
+    verdict = judge(read_snapshot(store, "study"))
+    assert (verdict.word, verdict.source) == ("found", "estimate")
+    lumps = verdict.lumps
+    assert lumps["error"].abs().max() < 0.01
+    assert (np.abs(lumps["identified"] - lumps["true"]) < 4.0 * lumps["sd"]).all()
