@@ -6,11 +6,12 @@ first compares the compiled loop with the stepwise one on a short episode.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 
 import numpy as np
 
-from metaid.compiled.analytic import analytic_step
+from metaid.compiled.analytic import AnalyticStep, analytic_step
 from metaid.compiled.batch import Batch, new_batch
 from metaid.compiled.kernel import Step, run_from
 from metaid.compiled.law import LINK
@@ -50,6 +51,9 @@ class CompiledLoop:
         ends = np.array(episode.window_ends, dtype=np.int64)
         self._settings = plant.timestep, episode.steps, *episode.fall_rule.clauses, ends
         self._links = np.zeros(plant.njoint, LINK)
+        # A loop over the analytic chain has no MuJoCo to keep quiet.
+        analytic = isinstance(self.step, AnalyticStep)
+        self._quiet: Callable[[], AbstractContextManager[None]] = nullcontext if analytic else quiet_mujoco
 
     def new_batch(self, candidates: Lumps, _trials: Sequence[int] = ()) -> Batch:
         """A batch of `candidates`, lumps with a leading axis (ncandidate), for this and its like to work on. Nothing in
@@ -60,7 +64,7 @@ class CompiledLoop:
     def work_on(self, batch: Batch) -> None:
         """Runs pushes of the `batch` until there are none left; others may do so at the same time."""
         results = batch.ran, batch.fell, batch.outputs, batch.windows, batch.angles
-        with quiet_mujoco():
+        with self._quiet():
             run_from(self.step, self._start, batch.queue, batch.laws, self._settings, self._links, *results)
 
     def run(self, candidate: Lumps, _number: int = 0) -> Record:
