@@ -1,10 +1,12 @@
 """Whether a change has cost speed: the engine's and the study's figures of this checkout over those of another.
 
-python -m benchmarks.against CHECKOUT [--rounds N]
+python -m benchmarks.against CHECKOUT [--rounds N] [--parts engine study]
 
-The two checkouts take turns, so that what slows the machine slows both. A row is a figure of the tables that
-`benchmarks.engine` and `benchmarks.study` print, each a ratio to a peer of the same run: bare `mj_step`, or plain
-Optuna. It is the median over rounds of this checkout's figure over the other's: above 1 this one is faster.
+A round is a new process of each checkout. The two take turns, of some seconds for the engine, so that what slows the
+machine slows both. Rounds are many, because where a process has its code and data in memory moves its speed by some
+percent. A row is a figure of the tables that `benchmarks.engine` and `benchmarks.study` print, each a ratio to a peer
+of the same run: bare `mj_step`, or plain Optuna. It is the median over rounds of this checkout's figure over the
+other's: above 1 this one is faster. The quartiles are those of the rounds.
 """
 
 from __future__ import annotations
@@ -22,41 +24,89 @@ from benchmarks.common import Row, table
 
 HERE = Path(__file__).parent.parent
 FIGURES = {"engine": ("mj_step ÷ bare", "direct ÷ bare", "analytic ÷ bare"), "study": ("metaid is faster by",)}
+QUICK = {"engine": True, "study": False}  # the turns of the engine may be short
+TURNS = {"engine": 3, "study": 1}  # in a round
+# Run in either checkout: prints the tables of a benchmark whenever a line arrives.
+MEASURE = """
+import json, sys
+from benchmarks.{0} import measure
+for _ in sys.stdin:
+    print(json.dumps(measure({1})), flush=True)
+"""
 
 
-def figures(checkout: Path, benchmark: str) -> dict[str, float]:
-    """What one run of a benchmark prints, by row and column."""
-    command = [sys.executable, "-m", f"benchmarks.{benchmark}", "--json"]
-    environment = {**os.environ, "PYTHONPATH": str(checkout)}
-    ran = subprocess.run(command, cwd=checkout, env=environment, check=True, capture_output=True, text=True)
-    tables = {title: rows for title, rows in json.loads(ran.stdout).items() if title != "machine"}
-    return {
-        f"{benchmark}: {_row_name(row)}, {column}": row[column]
-        for rows in tables.values()
-        for row in rows
-        for column in row
-        if column in FIGURES[benchmark]
-    }
+class Checkout:
+    """A process in a checkout that measures one benchmark whenever it is asked."""
+
+    def __init__(self, folder: Path, benchmark: str) -> None:
+        self._benchmark = benchmark
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", MEASURE.format(benchmark, QUICK[benchmark])],
+            cwd=folder,
+            env={**os.environ, "PYTHONPATH": str(folder)},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def figures(self) -> dict[str, float]:
+        """What one run of the benchmark gives, by row and column."""
+        assert self._process.stdin is not None, "it is a pipe"
+        assert self._process.stdout is not None, "it is a pipe"
+        print(file=self._process.stdin, flush=True)
+        return {
+            f"{self._benchmark}: {_row_name(row)}, {column}": row[column]
+            for rows in json.loads(self._process.stdout.readline()).values()
+            for row in rows
+            for column in row
+            if column in FIGURES[self._benchmark]
+        }
+
+    def close(self) -> None:
+        """Ends the process."""
+        self._process.communicate()
 
 
 def _row_name(row: Row) -> str:
     return " ".join(str(value) for value in row.values() if isinstance(value, str)) or f"{row['links']} links"
 
 
+def compare(other: Path, benchmark: str, rounds: int) -> dict[str, list[float]]:
+    """This checkout's figures over those of the `other`, one of each round; who is first takes turns too."""
+    ratios: dict[str, list[float]] = defaultdict(list)
+    for number in range(rounds):
+        checkouts = Checkout(HERE, benchmark), Checkout(other, benchmark)
+        turns: dict[str, list[float]] = defaultdict(list)
+        for turn in range(number, number + TURNS[benchmark]):
+            found = {index: checkouts[index].figures() for index in ((0, 1) if turn % 2 else (1, 0))}
+            for name in found[0].keys() & found[1].keys():
+                turns[name].append(found[0][name] / found[1][name])
+        for checkout in checkouts:
+            checkout.close()
+        for name, found_ratios in turns.items():
+            ratios[name].append(statistics.median(found_ratios))
+    return ratios
+
+
+def quartiles(ratios: list[float]) -> list[float]:
+    """The lower one, the median, the upper one."""
+    return statistics.quantiles(ratios, n=4, method="inclusive") if len(ratios) > 1 else ratios * 3
+
+
 def main() -> None:
     """Prints the ratios."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.against")
     parser.add_argument("checkout", type=Path, help="another checkout of metaid")
-    parser.add_argument("--rounds", type=int, default=3, help="runs of each (default: 3)")
+    parser.add_argument("--rounds", type=int, default=12, help="new processes of each checkout (default: 12)")
     parser.add_argument("--parts", nargs="+", choices=sorted(FIGURES), default=sorted(FIGURES), help="which benchmarks")
     arguments = parser.parse_args()
-    ratios: dict[str, list[float]] = defaultdict(list)
-    for _ in range(arguments.rounds):
-        for part in arguments.parts:
-            ours, theirs = figures(HERE, part), figures(arguments.checkout.resolve(), part)
-            for name in ours.keys() & theirs.keys():
-                ratios[name].append(ours[name] / theirs[name])
-    print(table([{"figure": name, "this ÷ other": statistics.median(ratios[name])} for name in sorted(ratios)]))
+    rows: list[Row] = []
+    for part in arguments.parts:
+        ratios = compare(arguments.checkout.resolve(), part, arguments.rounds)
+        for name in sorted(ratios):
+            lower, median, upper = quartiles(ratios[name])
+            rows.append({"figure": name, "this ÷ other": median, "quartiles": f"{lower:.3f} to {upper:.3f}"})
+    print(table(rows))
 
 
 if __name__ == "__main__":

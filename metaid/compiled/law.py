@@ -40,11 +40,15 @@ def turn(link, cosine, sine, stiffness):  # type: ignore[no-untyped-def]
         sine: of its angle.
         stiffness: of the law, in 1/s².
     """
-    squared, restoring = link.speed * link.speed, stiffness * link.angle
+    squared = link.speed * link.speed
     link.cosine = cosine
     link.sine = sine
-    link.pull_cosine = squared * cosine - restoring * sine
-    link.pull_sine = squared * sine + restoring * cosine
+    link.pull_cosine = squared * cosine
+    link.pull_sine = squared * sine
+    if stiffness != 0.0:
+        restoring = stiffness * link.angle
+        link.pull_cosine -= restoring * sine
+        link.pull_sine += restoring * cosine
 
 
 @compiled
@@ -73,10 +77,15 @@ def compensate(law, links, qvel, torque):  # type: ignore[no-untyped-def]
         for j in range(n):
             cosines += coriolis[i, j] * links[j].pull_cosine
             sines += coriolis[i, j] * links[j].pull_sine
-        restoring = stiffness * inertia[i] * link.angle
-        carried += link.sine * cosines - link.cosine * sines - restoring  # Eqs. 5 and 16
-        sliding = min(max(qvel[i] * (1.0 / SLIDING), -1.0), 1.0)
-        torque[i] = carried + damping[i] * qvel[i] + coulomb[i] * sliding  # Eqs. 6 and 15
+        pull = link.sine * cosines - link.cosine * sines  # Eq. 5
+        if stiffness != 0.0:
+            pull -= stiffness * inertia[i] * link.angle  # Eq. 16
+        carried += pull
+        torque[i] = carried
+        if damping[i] != 0.0:
+            torque[i] += damping[i] * qvel[i]  # Eq. 6
+        if coulomb[i] != 0.0:
+            torque[i] += coulomb[i] * min(max(qvel[i] * (1.0 / SLIDING), -1.0), 1.0)  # Eq. 15
 
 
 @compiled
