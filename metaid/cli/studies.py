@@ -183,10 +183,10 @@ def _share(value: float) -> str:
 
 
 def _judge(spec: StudySpec) -> str:
-    """What determines the lumps of a study: its measure, or the estimate where it stands by that."""
+    """What determines the lumps of a study: its measure, or the estimate where the sampler works by that."""
     from metaid.study import Problem
 
-    return "the estimate" if Problem(spec).stands_by_estimate else spec.study.episode.measure
+    return "the estimate" if Problem(spec).goes_by_estimate else spec.study.episode.measure
 
 
 def _undetermined(spec: StudySpec) -> str | None:

@@ -8,19 +8,17 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from metaid.models import Array, lump_names, lump_unit
+from metaid.models import Array
 from metaid.store import Trial
-from metaid.study import COARSEST, MOST_TRIALS, Problem
+from metaid.study import MOST_TRIALS, Problem
 
 if TYPE_CHECKING:
     from metaid.estimation import Estimate, Experiment, Replay, SeenTrial
 
 FIRST_TRIALS = 12  # of which it is looked for how early the estimate was there
 CLOSE = 1e-3  # of every lump: so near its last value an estimate was there
-DEVIATIONS = 1.96  # of a normal distribution, to either side, hold 95 %
 
 
 @dataclass(frozen=True)
@@ -97,7 +95,7 @@ def _probed(problem: Problem, experiment: Experiment, trials: Sequence[SeenTrial
     """The estimate from the probes alone, from which that of all `trials` is better begun than from the nominal model:
     squares of a motion that nearly coasts carry no sign. None where the sampler sends no probes.
     """
-    is_probed = problem.stands_by_estimate and len(trials) > experiment.probes
+    is_probed = problem.goes_by_estimate and len(trials) > experiment.probes
     return experiment.estimate(trials[: experiment.probes]) if is_probed else None
 
 
@@ -157,35 +155,3 @@ def describe_known_from(shown: dict[str, Any], total: int) -> str:
         return f"the first {first} of {total} trials were not enough to know every lump to {CLOSE:.1%}"
     which = "the first" if known == 1 else f"the first {known}"
     return f"every lump was known to {CLOSE:.1%} after {which} of {total} trials"
-
-
-def estimate_table(problem: Problem, found: StudyEstimate | None) -> pd.DataFrame:
-    """One row a lump, those of inertia included, as `lumps_frame` has them; NaN where nothing was found."""
-    kinds = problem.estimated_kinds
-    names = lump_names(problem.nominal.nlink, kinds)
-    nominal = problem.nominal.lumps_of(kinds).vector_of(kinds)
-    nothing = np.full(len(names), np.nan)
-    factor, deviation = nothing, nothing
-    if found is not None and found.explains:
-        factor = found.estimate.lumps.vector_of(kinds) / nominal
-        deviation = found.estimate.deviations_of(names)
-    truth = problem.open_plant().true_lumps()  # the truth meets the result in reports alone
-    true = nothing if truth is None else truth.vector_of(kinds, np.nan)
-    determined = deviation <= COARSEST
-    factor = np.where(determined, factor, np.nan)
-    identified = factor * nominal
-    reach = DEVIATIONS * np.where(determined, deviation, np.nan)
-    columns = {
-        "name": names,
-        "unit": [lump_unit(lump) for lump in names],
-        "nominal": nominal,
-        "factor": factor,
-        "identified": identified,
-        "sd": identified * deviation,
-        "low": identified * np.exp(-reach),
-        "high": identified * np.exp(reach),
-        "true": true,
-        "error": identified / np.where(true == 0.0, np.nan, true) - 1.0,
-        "determined": determined,
-    }
-    return pd.DataFrame(columns)

@@ -1,14 +1,18 @@
-"""The table of lumps that follows from the best trial of each stage of a study."""
+"""The table of lumps that follows from the best trial of each stage of a study, and that of an estimate."""
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
-from metaid.models import Array, lump_unit
+from metaid.models import Array, lump_names, lump_unit
 from metaid.results.best import factor_range, identified_factors
+from metaid.results.estimates import StudyEstimate
 from metaid.results.snapshot import Snapshot, Stage
 from metaid.study import COARSEST, Problem, identifiability
+
+DEVIATIONS = 1.96  # of a normal distribution, to either side, hold 95 %
 
 
 def best_table(snapshot: Snapshot) -> pd.DataFrame:
@@ -29,18 +33,57 @@ def _lumps_of(stage: Stage) -> pd.DataFrame:
         found = identified_factors(problem, factors, values), *factor_range(problem, factors, values, resolution)
         determined &= found[2] - found[1] <= 2.0 * COARSEST * found[0]
         factor, low, high = (np.where(determined, each, np.nan) for each in found)
+    return _lump_rows(problem, problem.lumps.searched, factor, (unknown, low * nominal, high * nominal), determined)
+
+
+def estimate_table(problem: Problem, found: StudyEstimate | None) -> pd.DataFrame:
+    """One row a lump, those of inertia included, as `lumps_frame` has them; NaN where nothing was found."""
+    kinds = problem.estimated_kinds
+    names = lump_names(problem.nominal.nlink, kinds)
+    nominal = problem.nominal.lumps_of(kinds).vector_of(kinds)
+    nothing = np.full(len(names), np.nan)
+    factor, deviation = nothing, nothing
+    if found is not None and found.explains:
+        factor = found.estimate.lumps.vector_of(kinds) / nominal
+        deviation = found.estimate.deviations_of(names)
+    determined = deviation <= COARSEST
+    factor = np.where(determined, factor, np.nan)
+    identified, reach = factor * nominal, DEVIATIONS * np.where(determined, deviation, np.nan)
+    intervals = identified * deviation, identified * np.exp(-reach), identified * np.exp(reach)
+    return _lump_rows(problem, kinds, factor, intervals, determined)
+
+
+def _lump_rows(
+    problem: Problem,
+    kinds: tuple[str, ...],
+    factor: Array,
+    intervals: tuple[Array, Array, Array],
+    determined: NDArray[np.bool_],
+) -> pd.DataFrame:
+    """One row a lump beside the truth, as `lumps_frame` has them.
+
+    Args:
+        problem: a stage of a study.
+        kinds: of the lumps.
+        factor: identified, of the nominal lumps (nlump); NaN where there is none.
+        intervals: standard deviations and the lower and upper ends of the lumps (nlump); NaN where there are none.
+        determined: which lumps (nlump) are.
+    """
+    names = lump_names(problem.nominal.nlink, kinds)
+    nominal = problem.nominal.lumps_of(kinds).vector_of(kinds)
     truth = problem.open_plant().true_lumps()  # here, and only here, the truth meets the result
-    true = unknown if truth is None else truth.vector_of(problem.lumps.searched, np.nan)
+    true = np.full(len(names), np.nan) if truth is None else truth.vector_of(kinds, np.nan)
     identified = factor * nominal
+    deviation, low, high = intervals
     columns = {
-        "name": problem.names,
-        "unit": [lump_unit(lump) for lump in problem.names],
+        "name": names,
+        "unit": [lump_unit(lump) for lump in names],
         "nominal": nominal,
         "factor": factor,
         "identified": identified,
-        "sd": unknown,
-        "low": low * nominal,
-        "high": high * nominal,
+        "sd": deviation,
+        "low": low,
+        "high": high,
         "true": true,
         "error": identified / np.where(true == 0.0, np.nan, true) - 1.0,
         "determined": determined,

@@ -69,7 +69,7 @@ def _estimate(snapshot: Snapshot) -> dict[str, Any]:
 def _error_of_best(stage: Stage, verdict: Verdict) -> dict[str, float | None]:
     """The largest error of the best trial itself, where the study stands by the estimate from all trials."""
     problem, truth = stage.problem, stage.problem.open_plant().true_lumps()
-    if verdict.source == "best trial" or problem.stands_by_estimate or not stage.survivors or truth is None:
+    if verdict.source == "best trial" or problem.goes_by_estimate or not stage.survivors or truth is None:
         return {}
     true = truth.vector_of(problem.lumps.searched, np.nan)
     errors = np.abs(

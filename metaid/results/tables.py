@@ -10,8 +10,8 @@ import pandas as pd
 from metaid.errors import StudyError
 from metaid.results.best import best_trial
 from metaid.results.body_tables import parameters_table
-from metaid.results.estimates import estimate_table, why_no_estimate
-from metaid.results.lump_tables import best_table, largest_error
+from metaid.results.estimates import why_no_estimate
+from metaid.results.lump_tables import best_table, estimate_table, largest_error
 from metaid.results.snapshot import STATES, Snapshot, read_snapshot, trials_by_stage
 from metaid.results.verdict import judge
 from metaid.store import Store, Trial

@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 
 from metaid.results.best import best_trial
-from metaid.results.estimates import estimate_table, why_no_estimate
-from metaid.results.lump_tables import best_table
+from metaid.results.estimates import why_no_estimate
+from metaid.results.lump_tables import best_table, estimate_table
 from metaid.results.snapshot import Snapshot, Stage
 from metaid.study import COARSEST, is_finished, lumps_at_bounds
 
@@ -50,7 +50,7 @@ def judge(snapshot: Snapshot) -> Verdict:
             return Verdict("found", "estimate", tuple(_missed(lumps, "these trials do")), lumps)
         reasons = (f"the trials show no lump to better than {COARSEST:.0%}: push more, or harder",)
         return _not_yet(snapshot, "estimate", reasons, lumps)
-    if problem.stands_by_estimate:
+    if problem.goes_by_estimate:
         why = estimate.description if estimate else why_no_estimate(problem, snapshot.stages[0].trials)
         return _not_yet(snapshot, "estimate", (why,), estimate_table(problem, estimate))
     lumps = best_table(snapshot)

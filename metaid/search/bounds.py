@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from metaid.models import Array
 
-NEAR = (
-    0.03  # of the way between the bounds: candidates are drawn this side of a bound, and `newton` keeps room for slopes
-)
+# Of the way between the bounds: candidates are drawn this side of a bound, and `newton` keeps room for slopes.
+NEAR = 0.03
 WIDENING = 4.0  # a bound of 2 becomes 8, one of 0.5 becomes 0.125
 LEAST_FACTOR, LARGEST_FACTOR = 1e-6, 100.0  # that a widened bound may be: no factor beyond is a chain's
 
@@ -21,7 +20,7 @@ LEAST_FACTOR, LARGEST_FACTOR = 1e-6, 100.0  # that a widened bound may be: no fa
 def at_bounds(factors: Array, low: Array, high: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Whether each of the `factors` (nlump) is at its bound `low` or beyond, and whether it is at `high`; (nlump) each.
 
-    At a bound means within 3 % of the way between the two.
+    At a bound means within NEAR of the way between the two.
     """
     room = NEAR * (high - low)
     return factors <= low + room, factors >= high - room

@@ -33,9 +33,9 @@ class Sampler:
     """How a sampler's searcher is made, from coordinates, the study's seed, the options, and a function that gives what
     an estimate needs to know of the study, None where none can be made.
 
-    More trials than `advised_trials` are advised against: each takes longer than the one before. With `by_estimate` a
-    study stands by the estimate from all its trials, and not by its best trial. `spread_name` is what the searcher's
-    `spread` is. One that `widens` can go on within wider bounds.
+    More trials than `advised_trials` are advised against: each takes longer than the one before. One that goes
+    `by_estimate` sends the estimate from all trials so far; its best trial is no result where that explains nothing.
+    `spread_name` is what the searcher's `spread` is. One that `widens` can go on within wider bounds.
     """
 
     make: Callable[[Coordinates, int, SamplerOptions, FindExperiment], Searcher]

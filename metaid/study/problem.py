@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 WINDOW_BUDGET = 4_000_000  # bytes a study, before they are made a text
 READING_BUDGET = 16_000_000  # likewise
 MOST_TRIALS = 32  # that an estimate is made of
-MOST_READ = 12  # that keep readings where the estimate only stands beside a best trial: it is to be there in seconds
+MOST_READ = 12  # that keep readings where the sampler does without the estimate: it is to be there in seconds
 
 
 def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec:
@@ -177,7 +177,7 @@ class Problem:
         plant = self.spec.plant
         quantities = 2 if not isinstance(plant, PlantSettings) or plant.faults.speed_sensor else 1
         size = self.episode.pushes.size * (self.episode.readings_steps + 1) * quantities * 8
-        most = MOST_TRIALS if self.stands_by_estimate else MOST_READ
+        most = MOST_TRIALS if self.goes_by_estimate else MOST_READ
         return min(most, READING_BUDGET // size) if self.keeps_readings else 0
 
     @property
@@ -192,7 +192,7 @@ class Problem:
     @cached_property
     def coordinates(self) -> Coordinates:
         """What a searcher of lumps moves in.  Raises StudyError where the nominal metric does not exist."""
-        if self.spec.study.search.coordinates == "plain" or self.stands_by_estimate:
+        if self.spec.study.search.coordinates == "plain" or self.goes_by_estimate:
             return plain_coordinates(self.start, self.low, self.high)
         try:
             metric = nominal_metric(self.sensitivity(), self.start, self.low, self.high)
@@ -223,7 +223,7 @@ class Problem:
         Returns:
             What a searcher moves in from now on; None where no bound is moved.
         """
-        seen = self.stands_by_estimate | self.measure.determined(self.lumps)
+        seen = self.goes_by_estimate | self.measure.determined(self.lumps)
         at_low, at_high = (at & seen for at in at_bounds(factors, self.low, self.high))
         low, high = widened(
             self.low, self.high, at_low & (self.low == self._first_low), at_high & (self.high == self._first_high)
@@ -294,8 +294,8 @@ class Problem:
         return Walking(searcher, coordinates, study.seed, study.trials - search.walk)
 
     @property
-    def stands_by_estimate(self) -> bool:
-        """Whether the study's result is the estimate from all its trials, and not its best trial."""
+    def goes_by_estimate(self) -> bool:
+        """Whether the sampler works by the estimate. Where that explains nothing, no best trial is the result."""
         return SAMPLERS[self.spec.study.sampler].by_estimate
 
     @property

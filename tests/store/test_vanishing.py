@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import shutil
 import signal
-import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable
@@ -25,6 +24,7 @@ from metaid.study.problem import load_study
 from metaid.study.progress import Progress
 from metaid.study.run import run_study
 from soak.common import ROOT
+from soak.vanishing import deleted, moved, replaced, without_log
 
 TRIALS = 45
 GENERATION = 9
@@ -48,25 +48,6 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, pd.DataFrame]:
 def path(made: tuple[Path, pd.DataFrame], tmp_path: Path) -> Path:
     """A copy of the study without trials."""
     return Path(shutil.copy(made[0], tmp_path / "metaid.db"))
-
-
-def deleted(path: Path) -> None:
-    path.unlink()
-
-
-def moved(path: Path) -> None:
-    path.rename(path.with_name("elsewhere.db"))
-
-
-def replaced(path: Path) -> None:
-    other = path.with_name("other.db")
-    with closing(sqlite3.connect(path)) as ours, closing(sqlite3.connect(other)) as copy:
-        ours.backup(copy)
-    other.replace(path)
-
-
-def without_log(path: Path) -> None:
-    path.with_name("metaid.db-wal").unlink()
 
 
 def interrupted(path: Path, what: Callable[[Path], None], at: int) -> str:

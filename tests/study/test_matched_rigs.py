@@ -19,8 +19,8 @@ from rig import ROOT, Serve
 from metaid import results
 from metaid.episode.readings import SensorReadings
 from metaid.plant.settings import PlantSettings, chain_of
-from metaid.results.estimates import estimate_table
 from metaid.results.findings import read_findings
+from metaid.results.lump_tables import estimate_table
 from metaid.store.database import Store
 from metaid.study.create import create_study
 from metaid.study.problem import load_study
