@@ -31,6 +31,7 @@ from metaid.store import DEFAULT_STORAGE, Store
 from metaid.study import (
     COUNTING_STEPS,
     TIP_SPEED,
+    OptunaObjective,
     Problem,
     Progress,
     StudySpec,
@@ -41,6 +42,8 @@ from metaid.study import (
 )
 
 if TYPE_CHECKING:
+    import optuna
+
     from metaid.compiled import Objective  # loads MuJoCo and numba, which a reader of a DB does without
 
 
@@ -151,6 +154,23 @@ def run(
         return results.lumps_frame(store, name)
 
 
+def objective(study: str | Path | StudySpec, storage: str | None = None) -> OptunaObjective:
+    """A study as a plain Optuna objective, for `optuna.Study.optimize` with any sampler and any pruner.
+
+    Args:
+        study: a shipped name, the path of a study file, or settings; with a `storage`, the name of a study in that DB.
+        storage: a URL or the path of an SQLite file that has the study.
+
+    Raises:
+        StudyError: the study contradicts itself, or is of a rig and not in a DB.
+        StorageError: the DB has no such study.
+    """
+    if storage is None or isinstance(study, StudySpec):
+        return OptunaObjective(_spec(study))
+    with closing(Store(storage)) as store:
+        return OptunaObjective(stored_spec(store, str(study)))
+
+
 def ensure_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
     """Creates the study unless the DB has it, made from the same settings; returns its name.  Raises StorageError if
     from others.
@@ -179,13 +199,16 @@ def lumps(name: str, storage: str | None = None) -> pd.DataFrame:
         return results.lumps_frame(store, name)
 
 
-def estimate(name: str, storage: str | None = None) -> pd.DataFrame:
+def estimate(study: str | optuna.Study, storage: str | None = None) -> pd.DataFrame:
     """The lumps that all trials of a study together say, whichever sampler proposed them: columns as `lumps` has them,
-    `low` to `high` being the 95 % interval; NaN where the model does not explain what was seen.  Raises StorageError,
-    and StudyError where no estimate can be made.
+    `low` to `high` being the 95 % interval; NaN where the model does not explain what was seen. The study is a name in
+    the DB, or an Optuna study that `objective` was optimized in.  Raises StorageError, and StudyError where no estimate
+    can be made.
     """
+    if not isinstance(study, str):
+        return results.optuna_estimate_frame(study)
     with closing(Store(storage or default_storage())) as store:
-        return results.estimate_frame(store, name)
+        return results.estimate_frame(store, study)
 
 
 def parameters(name: str, storage: str | None = None) -> pd.DataFrame:

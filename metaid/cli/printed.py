@@ -9,6 +9,7 @@ from metaid.cli.common import number_text, print_table, say
 COLUMNS = ("nominal", "identified", "low", "high", "true")
 PARAMETER_COLUMNS = ("nominal", "low", "high", "true")
 MOST_NAMED = 10  # trials of others
+NUMBERED = "numbered as Optuna numbers them"
 SMALL = 5e-6  # as a share: below this a percentage with three digits behind the point says nothing
 
 
@@ -16,15 +17,16 @@ def print_study(store: Any, name: str) -> dict[str, Any]:
     """Every lump beside its nominal value, and the truth where the plant knows it; what was tried, and the best; last
     of all the verdict. Returns the summary that this is of.
     """
+    from metaid.episode import MEASURES
     from metaid.results import summary
 
     shown = summary(store, name)
     title = f"{shown['name']}: {shown['plant']}, {shown['sampler']}, {shown['measure']}, seed {shown['seed']}"
     _print_lumps(title, shown["lumps"], "; ".join(_tried(shown)))
-    _say_foreign(shown.get("foreign_trials", []))
+    _say_foreign(shown.get("foreign_trials", []), MEASURES[shown["measure"]].unit)
     if "parameters" in shown:
         _show_parameters(shown)
-    if shown["trials"]["total"]:
+    if shown["trials"]["total"] or shown["estimate"]:
         say(_origin(shown))
     say(describe_verdict(shown))
     return shown
@@ -75,13 +77,19 @@ def describe_verdict(shown: dict[str, Any]) -> str:
     return f"{shown['verdict'].upper()}: {'; '.join(parts)}"
 
 
-def _say_foreign(trials: list[dict[str, Any]]) -> None:
-    """Which trials of the study metaid did not write."""
-    if not trials:
-        return
-    named = ", ".join(f"{trial['number']} {trial['state']}" for trial in trials[:MOST_NAMED])
-    more = f" and {len(trials) - MOST_NAMED} more" if len(trials) > MOST_NAMED else ""
-    say(f"not metaid's trials, left alone and not counted here: {named}{more} (numbered as Optuna numbers them)")
+def _say_foreign(trials: list[dict[str, Any]], unit: str) -> None:
+    """Which trials of the study metaid did not write: those that its objective evaluated, and all others."""
+    evaluated = [trial for trial in trials if "value" in trial]
+    if evaluated:
+        survivors = [trial for trial in evaluated if trial["state"] == "COMPLETE" and trial["value"] is not None]
+        best = min(survivors, key=lambda trial: trial["value"], default=None)
+        found = "none survived" if best is None else f"best {best['value']:.3g} {unit} at trial {best['number']}"
+        say(f"{len(evaluated)} trials of others, evaluated by metaid.objective: {found} ({NUMBERED})")
+    left = [trial for trial in trials if "value" not in trial]
+    if left:
+        named = ", ".join(f"{trial['number']} {trial['state']}" for trial in left[:MOST_NAMED])
+        more = f" and {len(left) - MOST_NAMED} more" if len(left) > MOST_NAMED else ""
+        say(f"not metaid's trials, left alone and not counted here: {named}{more} ({NUMBERED})")
 
 
 def _print_lumps(title: str, lumps: list[dict[str, Any]], note: str) -> None:

@@ -18,12 +18,14 @@ from metaid.compiled.quiet import quiet_mujoco
 from metaid.episode import (
     CandidateBatch,
     Episode,
+    GoesOn,
     Record,
     new_candidate_batch,
     noise_of,
     readings_before_fall,
     run_stepwise,
     same_record,
+    stopped_early,
     windows_before_fall,
     with_deadband,
 )
@@ -193,8 +195,8 @@ class FaultyLoop:
         """Runs episodes of the `batch` until there are none left; others may do so at the same time."""
         batch.work_through(self.run)
 
-    def run(self, candidate: Lumps, number: int = 0) -> Record:
-        """The episode of the trial of that `number` with the `candidate` lumps."""
+    def run(self, candidate: Lumps, number: int = 0, goes_on: GoesOn | None = None) -> Record:
+        """The episode of the trial of that `number` with the `candidate` lumps; `goes_on` is asked after each push."""
         episode, plant = self.episode, self.plant.inner
         noise, shape = noise_of(self.plant, episode, number), episode.pushes.shape
         struck = replace(episode, pushes=episode.pushes * (1.0 + noise.impulses))
@@ -227,7 +229,8 @@ class FaultyLoop:
             readings = readings_before_fall(motions, shape[0], episode.readings_steps, fell, sensed)
         fall_step = steps if fell else None
         floor = episode.noise_floor.energy
-        return Record(self.plant.timestep, steps, fall_step, *outputs, kept, floor, windows, readings)
+        record = Record(self.plant.timestep, steps, fall_step, *outputs, kept, floor, windows, readings)
+        return stopped_early(record, episode, goes_on)
 
     def agrees_with_stepwise(self, candidate: Lumps, steps: int = 25) -> bool:
         """Whether a short episode comes out the same in the compiled and in the stepwise loop."""

@@ -17,7 +17,7 @@ from metaid.compiled.kernel import Step, run_from
 from metaid.compiled.law import LINK
 from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.stages import agrees_with_mj_step, direct_step, mujoco_step
-from metaid.episode import Episode, Record, run_stepwise, same_record
+from metaid.episode import Episode, GoesOn, Record, run_stepwise, same_record, stopped_early
 from metaid.models import Array, Lumps
 from metaid.plant import MujocoPlant, Start
 
@@ -67,11 +67,11 @@ class CompiledLoop:
         with self._quiet():
             run_from(self.step, self._start, batch.queue, batch.laws, self._settings, self._links, *results)
 
-    def run(self, candidate: Lumps, _number: int = 0) -> Record:
-        """One episode with the `candidate` lumps."""
+    def run(self, candidate: Lumps, _number: int = 0, goes_on: GoesOn | None = None) -> Record:
+        """One episode with the `candidate` lumps; `goes_on` is asked after each push."""
         batch = self.new_batch(candidate[None])
         self.work_on(batch)
-        return batch.records()[0]
+        return stopped_early(batch.records()[0], self.episode, goes_on)
 
     def agrees_with_stepwise(self, candidate: Lumps, steps: int = 25) -> bool:
         """Whether a short episode comes out the same in the compiled and in the stepwise loop."""

@@ -17,6 +17,7 @@ from metaid.compiled.loop import CompiledLoop, fastest_step
 from metaid.compiled.quiet import quiet_mujoco
 from metaid.episode import (
     Episode,
+    GoesOn,
     Outcome,
     Record,
     StepwiseLoop,
@@ -41,7 +42,7 @@ class Loop(Protocol):
     plant: Any
     episode: Episode
 
-    def run(self, candidate: Lumps, number: int = ..., /) -> Record: ...
+    def run(self, candidate: Lumps, number: int = ..., goes_on: GoesOn | None = ..., /) -> Record: ...
     def new_batch(self, candidates: Lumps, trials: Sequence[int], /) -> Any: ...
     def work_on(self, batch: Any) -> None: ...
 
@@ -89,12 +90,12 @@ class Objective:
         self._loop: Loop = _fastest_loop(plant, nominal, episode, physics)
         self._ceiling = self.measure.ceiling(episode, self._loop.plant.timestep)
 
-    def record(self, factors: Array, number: int = 0) -> Record:
-        """What the episode of a candidate with these `factors` (nlump) shows in the trial of that `number`.  Raises
-        EpisodeError where they are none, LostPlant and AbsentPlant.
+    def record(self, factors: Array, number: int = 0, goes_on: GoesOn | None = None) -> Record:
+        """What the episode of a candidate with these `factors` (nlump) shows in the trial of that `number`, as long as
+        it `goes_on`.  Raises EpisodeError where they are none, LostPlant and AbsentPlant.
         """
         checked = _checked(factors, len(self._space.names))
-        return self._loop.run(self.nominal.with_parameters(self._space.parameters(checked)), number)
+        return self._loop.run(self.nominal.with_parameters(self._space.parameters(checked)), number, goes_on)
 
     def watch(self, factors: Array, number: int = 0) -> tuple[Record, Trajectory]:
         """The same, and the motion after the last push, step by step in Python."""
@@ -105,11 +106,11 @@ class Objective:
         """Lets go of the plant."""
         self.plant.close()
 
-    def evaluate(self, factors: Array, number: int = 0) -> Outcome:
-        """The outcome for `factors` (nlump) of the nominal lumps in the trial of that `number`.  Raises as `record`
-        does.
+    def evaluate(self, factors: Array, number: int = 0, goes_on: GoesOn | None = None) -> Outcome:
+        """The outcome for `factors` (nlump) of the nominal lumps in the trial of that `number`. After each push but the
+        last `goes_on` is asked; where it says no, the outcome is of the pushes so far.  Raises as `record` does.
         """
-        return self._outcome(self.record(factors, number))
+        return self._outcome(self.record(factors, number, goes_on))
 
     def share(self, factors: Array, trials: Sequence[int]) -> Any:
         """A batch of candidates with these `factors` (ncandidate x nlump), of the `trials` with these numbers

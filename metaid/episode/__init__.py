@@ -21,7 +21,7 @@ from metaid.episode.outcome import Outcome, failure
 from metaid.episode.plausible import Calibration
 from metaid.episode.pushes import REACH, natural_time, pushed_speeds, pushes_for, rich_pushes, rich_speeds, tip_push
 from metaid.episode.readings import SensorReadings, readings_before_fall
-from metaid.episode.record import Record, Trajectory, same_record
+from metaid.episode.record import GoesOn, Record, Trajectory, same_record, stopped_early
 from metaid.episode.smoothing import noise_floor
 from metaid.episode.stepwise import CandidateBatch, StepwiseLoop, new_candidate_batch, run_stepwise
 from metaid.episode.windows import QUANTITIES, SHORTEST, WINDOWS, Windows, window_ends, windows_before_fall
@@ -40,6 +40,7 @@ __all__ = [
     "CandidateBatch",
     "Episode",
     "FallRule",
+    "GoesOn",
     "Measure",
     "NoiseFloor",
     "Outcome",
@@ -64,6 +65,7 @@ __all__ = [
     "run_stepwise",
     "same_record",
     "spectral_hz",
+    "stopped_early",
     "tip_push",
     "whole_periods",
     "window_ends",

@@ -7,7 +7,7 @@ be driven by that.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,13 @@ class SensorReadings:
     def steps(self) -> NDArray[np.int64]:
         """How many steps of each push (npush) were seen."""
         return np.maximum(self.counts - 1, 0)
+
+    def first(self, pushes: int) -> SensorReadings:
+        """The same without what was read after the first `pushes`."""
+        is_kept = np.arange(len(self.counts)) < pushes
+        angles = self.angles * is_kept[:, None, None]
+        speeds = None if self.speeds is None else self.speeds * is_kept[:, None, None]
+        return replace(self, counts=self.counts * is_kept, angles=angles, speeds=speeds)
 
 
 def readings_before_fall(

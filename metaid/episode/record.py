@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,46 @@ class Record:
     noise_floor: float = 0.0
     windows: Windows | None = None
     readings: SensorReadings | None = None
+
+
+GoesOn = Callable[[Record], bool]  # whether an episode goes on after a push, given what it has shown so far
+
+
+def stopped(record: Record, episode: Episode, pushes: int) -> Record:
+    """What an episode has shown after so many whole `pushes`, as if it had these alone; windows and readings keep their
+    shape.
+
+    Args:
+        record: of the whole episode, or of these pushes and rows that are not filled in.
+        episode: what was to be done.
+        pushes: how many, none of which ended in a fall.
+    """
+    return replace(
+        record,
+        steps=pushes * episode.steps,
+        fall_step=None,
+        half_periods=record.half_periods[:pushes],
+        crossing_span=record.crossing_span[:pushes],
+        speed_energy=record.speed_energy[:pushes],
+        acceleration_energy=record.acceleration_energy[:pushes],
+        angles=record.angles[:pushes],
+        noise_floor=record.noise_floor * pushes / len(episode.pushes),
+        windows=None if record.windows is None else record.windows.first(pushes),
+        readings=None if record.readings is None else record.readings.first(pushes),
+    )
+
+
+def stopped_early(record: Record, episode: Episode, goes_on: GoesOn | None) -> Record:
+    """The `record` of a whole episode as it would be if `goes_on`, asked after each push but the last and the one that
+    ended in a fall, had ended it.
+    """
+    if goes_on is None:
+        return record
+    for pushes in range(1, (record.steps - 1) // episode.steps + 1):
+        so_far = stopped(record, episode, pushes)
+        if not goes_on(so_far):
+            return so_far
+    return record
 
 
 @dataclass(frozen=True)

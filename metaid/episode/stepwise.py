@@ -11,7 +11,7 @@ from metaid.episode.episode import Episode
 from metaid.episode.noise import noise_of
 from metaid.episode.plausible import PushCheck
 from metaid.episode.readings import readings_before_fall
-from metaid.episode.record import Record, Trajectory, crosses_at, crossings, energies, windows_of
+from metaid.episode.record import GoesOn, Record, Trajectory, crosses_at, crossings, energies, stopped, windows_of
 from metaid.errors import AbsentPlant, ImplausiblePlant, LostPlant
 from metaid.models import Array, ChainModel, Lumps, Model
 from metaid.plant import FaultyPlant, Plant
@@ -75,15 +75,15 @@ class StepwiseLoop:
         """
         batch.work_through(self.run)
 
-    def run(self, candidate: Lumps, number: int = 0) -> Record:
-        """The episode of the trial of that `number` with the `candidate` lumps, again if the plant was lost in it.
-        Raises LostPlant where that is of no help, ImplausiblePlant where its readings cannot be true, AbsentPlant where
-        there is no plant any more.
+    def run(self, candidate: Lumps, number: int = 0, goes_on: GoesOn | None = None) -> Record:
+        """The episode of the trial of that `number` with the `candidate` lumps, again if the plant was lost in it;
+        `goes_on` is asked after each push. Raises LostPlant where that is of no help, ImplausiblePlant where its
+        readings cannot be true, AbsentPlant where there is no plant any more.
         """
         tries = 0
         while True:
             try:
-                return run_stepwise(self.plant, candidate, self.episode, number, self._earlier)[0]
+                return run_stepwise(self.plant, candidate, self.episode, number, self._earlier, goes_on)[0]
             except ImplausiblePlant:
                 raise
             except LostPlant as problem:
@@ -93,7 +93,12 @@ class StepwiseLoop:
 
 
 def run_stepwise(
-    plant: Plant, candidate: Lumps, episode: Episode, number: int = 0, earlier: dict[bytes, Array] | None = None
+    plant: Plant,
+    candidate: Lumps,
+    episode: Episode,
+    number: int = 0,
+    earlier: dict[bytes, Array] | None = None,
+    goes_on: GoesOn | None = None,
 ) -> tuple[Record, Trajectory]:
     """One episode on any plant, step by step: the reference for the compiled loops, and what a rig uses.
 
@@ -105,6 +110,7 @@ def run_stepwise(
         episode: what is done to it.
         number: of the trial, whose noise a FaultyPlant has.
         earlier: what was seen in earlier episodes of a rig, as `PushCheck` has it; this one is added.
+        goes_on: asked after each push but the last, unless a link fell; the plant is not pushed again where it says no.
 
     Raises:
         ImplausiblePlant: the readings of a rig that is calibrated cannot be true.
@@ -112,33 +118,40 @@ def run_stepwise(
     if isinstance(plant, FaultyPlant):
         plant.begin(noise_of(plant, episode, number))
     law = ChainModel(candidate, plant.gravity, episode.stiffness)
+    motions: list[tuple[Array, Array]] = []
+    for push in range(len(episode.pushes)):
+        angles, speeds, fallen = _watch_push(plant, law, episode, push, {} if earlier is None else earlier)
+        motions.append((angles, speeds))
+        if fallen:
+            break
+        if goes_on is not None and push + 1 < len(episode.pushes):
+            so_far = stopped(_record_of(motions, plant, episode, fallen), episode, push + 1)
+            if not goes_on(so_far):
+                return so_far, Trajectory(angles, speeds)
+    return _record_of(motions, plant, episode, fallen), Trajectory(angles, speeds)
+
+
+def _record_of(motions: Sequence[tuple[Array, Array]], plant: Plant, episode: Episode, fell: bool) -> Record:
+    """The record of an episode from the joint angles and speeds (nsteps + 1 x njoint) of each push that was begun."""
     shape = episode.pushes.shape
     half_periods, span = np.zeros(shape, dtype=np.int64), np.zeros(shape)
     speed_energy, acceleration_energy = np.zeros(shape), np.zeros(shape)
-    steps, fall_step, motions = 0, None, []
-    for push, start in enumerate(episode.starts):
-        angles, speeds, fallen = _watch_push(plant, law, episode, push, {} if earlier is None else earlier)
-        ran = len(angles) - 1
-        motions.append((angles, speeds))
+    for push, ((angles, speeds), start) in enumerate(zip(motions, episode.starts, strict=False)):
         half_periods[push], span[push] = crossings(
             angles, crosses_at(start, speeds[0]), plant.timestep, episode.deadband
         )
         wanted = -episode.stiffness * angles[:-1]
         speed_energy[push], acceleration_energy[push] = energies(speeds, plant.timestep, wanted)
-        steps += ran
-        if fallen:
-            fall_step = steps
-            break
+    steps = sum(len(angles) - 1 for angles, _ in motions)
     seen = half_periods, span, speed_energy, acceleration_energy
     kept = tuple(angles for angles, _ in motions) if episode.keep_angles else ()
-    windows = windows_of(motions, episode, plant.timestep, fall_step is not None)
+    windows = windows_of(motions, episode, plant.timestep, fell)
     readings = None
     if episode.readings_steps:
         reads_speeds = not isinstance(plant, FaultyPlant) or plant.faults.speed_sensor
-        fell = fall_step is not None
         readings = readings_before_fall(motions, len(episode.pushes), episode.readings_steps, fell, reads_speeds)
-    record = Record(plant.timestep, steps, fall_step, *seen, kept, episode.noise_floor.energy, windows, readings)
-    return record, Trajectory(angles, speeds)
+    fall_step = steps if fell else None
+    return Record(plant.timestep, steps, fall_step, *seen, kept, episode.noise_floor.energy, windows, readings)
 
 
 def _watch_push(

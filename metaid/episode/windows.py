@@ -7,7 +7,7 @@ push by push. Short windows are nearly linear in the unknown lumps, long ones de
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +62,13 @@ class Windows:
     def acceleration_energy(self) -> Array:
         """∫ (q̈ + k q)² dt up to the ends of the windows (npush x nwindow x njoint), in rad²/s³."""
         return self.motion[:, :, 3]
+
+    def first(self, pushes: int) -> Windows:
+        """The same without what was seen after the first `pushes`."""
+        seen, motion, half_periods = self.seen.copy(), self.motion.copy(), self.half_periods.copy()
+        for output in (seen, motion, half_periods):
+            output[pushes:] = 0
+        return replace(self, seen=seen, motion=motion, half_periods=half_periods)
 
 
 def windows_seen(ends: NDArray[np.int64], ran: Sequence[int], fell: bool, npush: int) -> NDArray[np.int64]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from metaid.episode import QUANTITIES, Episode, Outcome
 from metaid.models import Array
 from metaid.store import Trial
 from metaid.study import MOST_TRIALS, Problem
@@ -23,11 +24,14 @@ CLOSE = 1e-3  # of every lump: so near its last value an estimate was there
 
 @dataclass(frozen=True)
 class StudyEstimate:
-    """An `estimate`, the `experiment` that it is of, and the trials that were `watched` for it."""
+    """An `estimate`, the `experiment` that it is of, and the trials that were `watched` for it; the last `by_others` of
+    them are not metaid's own.
+    """
 
     estimate: Estimate
     experiment: Experiment
     watched: tuple[SeenTrial, ...]
+    by_others: int = 0
 
     @cached_property
     def known_from(self) -> int | None:
@@ -73,22 +77,35 @@ class StudyEstimate:
         return self.experiment.replay(self.watched, self.estimate, number)
 
 
-def study_estimate(problem: Problem, tried: Sequence[Trial]) -> StudyEstimate | None:
-    """The estimate from the trials that were `tried` in a study's first stage, which `problem` is; None where there is
-    none to be made.
+def has_motion_of(episode: Episode, outcome: Outcome) -> bool:
+    """Whether the windows or the readings of an `outcome` are of such an `episode`."""
+    npush, njoint = episode.pushes.shape
+    if episode.readings_steps:
+        read = outcome.readings
+        return read is not None and read.angles.shape == (npush, episode.readings_steps + 1, njoint)
+    shown, ends = outcome.windows, episode.window_ends
+    same = shown is not None and shown.motion.shape == (npush, len(ends), QUANTITIES, njoint)
+    return same and shown is not None and tuple(shown.ends.tolist()) == ends
+
+
+def study_estimate(problem: Problem, tried: Sequence[Trial], by_others: Sequence[Trial] = ()) -> StudyEstimate | None:
+    """The estimate from the trials that were `tried` in a study's first stage, which `problem` is, and after these from
+    those that others had evaluated; at most MOST_TRIALS of each. None where there is none to be made.
     """
     shown = [each for each in tried if each.outcome.windows is not None or each.outcome.readings is not None]
+    own, others = shown[:MOST_TRIALS], by_others[:MOST_TRIALS]
+    shown = [*own, *others]
     experiment = problem.experiment() if shown else None
     if experiment is None:
         return None
     # At these sizes BLAS threads cost far more than they give.
     with threadpool_limits(1):
-        seen = (experiment.trial(each.factors, each.outcome) for each in shown[:MOST_TRIALS])
+        seen = (experiment.trial(each.factors, each.outcome) for each in shown)
         trials = [trial for trial in seen if trial is not None]
         estimate = experiment.estimate(trials, _probed(problem, experiment, trials))
         if estimate is None:
             return None
-        return StudyEstimate(estimate, experiment, tuple(trials))
+        return StudyEstimate(estimate, experiment, tuple(trials), len(others))
 
 
 def _probed(problem: Problem, experiment: Experiment, trials: Sequence[SeenTrial]) -> Estimate | None:
@@ -141,15 +158,21 @@ def describe_misfit(misfit: float, explained_below: float) -> str:
 
 
 def describe_trials(shown: dict[str, Any], total: int) -> str:
-    """Which of the `total` trials of a study the estimate in its `summary` is made of."""
-    count = shown["trials"]
+    """Which of the `total` trials of a study the estimate in its `summary` is made of, and which of others."""
+    others = shown.get("by_others", 0)
+    count = shown["trials"] - others
+    if not count:
+        return f"{others} trials of others"
     if count == 1:
-        return "the first trial" if total > 1 else "one trial"
-    return f"all {count} trials" if count == total else f"the first {count} trials"
+        text = "the first trial" if total > 1 else "one trial"
+    else:
+        text = f"all {count} trials" if count == total else f"the first {count} trials"
+    return f"{text} and {others} of others" if others else text
 
 
 def describe_known_from(shown: dict[str, Any], total: int) -> str:
     """How early the estimate in a `summary` was there, of `total` trials of the study."""
+    total += shown.get("by_others", 0)
     known, first = shown["known_from"], min(FIRST_TRIALS, shown["trials"])
     if known is None:
         return f"the first {first} of {total} trials were not enough to know every lump to {CLOSE:.1%}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from metaid.results.estimates import why_no_estimate
 from metaid.results.lump_tables import largest_error
 from metaid.results.snapshot import STATES, Snapshot, Stage, read_snapshot
 from metaid.results.verdict import Verdict, judge
-from metaid.store import Store, Trial
+from metaid.store import ForeignTrial, Store, Trial
 from metaid.study import Problem
 
 
@@ -43,7 +42,7 @@ def summarized(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
         "max_error": largest_error(verdict.lumps),
         "model_error": None,
         **_estimate(snapshot),
-        **({"foreign_trials": [asdict(trial) for trial in snapshot.foreign]} if snapshot.foreign else {}),
+        **({"foreign_trials": [_foreign(trial, snapshot) for trial in snapshot.foreign]} if snapshot.foreign else {}),
         **_noise_floor(first.problem),
         **_parameters(snapshot),
         **({"stages": [_stage_summary(stage) for stage in snapshot.stages]} if several else {}),
@@ -54,7 +53,7 @@ def _estimate(snapshot: Snapshot) -> dict[str, Any]:
     """How well the model explains what was seen, and what of; where there is no estimate, why."""
     problem, found = snapshot.first, snapshot.estimate
     if found is None:
-        why = why_no_estimate(problem, snapshot.stages[0].trials)
+        why = why_no_estimate(problem, snapshot.all_shown)
         return {"estimate": None, "why_no_estimate": why}
     estimate = {
         "misfit": found.estimate.misfit,
@@ -62,8 +61,15 @@ def _estimate(snapshot: Snapshot) -> dict[str, Any]:
         "explains": found.explains,
         "trials": found.trials,
         "known_from": found.known_from,
+        **({"by_others": found.by_others} if found.by_others else {}),
     }
     return {"estimate": estimate, "why_no_estimate": None}
+
+
+def _foreign(trial: ForeignTrial, snapshot: Snapshot) -> dict[str, Any]:
+    """A trial of others; with its value where `metaid.objective` evaluated it with the settings of this study."""
+    is_evaluated = trial.experiment == snapshot.spec.experiment
+    return {"number": trial.number, "state": trial.state, **({"value": trial.value} if is_evaluated else {})}
 
 
 def _error_of_best(stage: Stage, verdict: Verdict) -> dict[str, float | None]:

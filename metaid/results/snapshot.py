@@ -9,11 +9,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
+import numpy as np
+
+from metaid.errors import StudyError
 from metaid.results.best import first_of_best
-from metaid.results.estimates import StudyEstimate, study_estimate
-from metaid.store import ForeignTrial, Store, Trial
-from metaid.study import Problem, StudySpec, stored_spec
+from metaid.results.estimates import StudyEstimate, has_motion_of, study_estimate
+from metaid.store import EXPERIMENT, ForeignTrial, Store, Trial, shown_trial
+from metaid.study import Problem, StudySpec, optuna_spec, stored_spec
+
+if TYPE_CHECKING:
+    import optuna
 
 STATES = ["COMPLETE", "PRUNED", "FAIL"]
 
@@ -53,9 +60,29 @@ class Snapshot:
         return [Stage(problem, own) for problem, own in zip(problems, grouped, strict=True)]
 
     @cached_property
+    def evaluated(self) -> list[ForeignTrial]:
+        """The trials of others that `metaid.objective` evaluated with the settings of this study."""
+        return [each for each in self.foreign if each.experiment == self.spec.experiment]
+
+    @cached_property
+    def shown_by_others(self) -> list[Trial]:
+        """Those of them that carry motion, each once, with factors of lumps, whatever was searched."""
+        carried = [each.shown for each in self.evaluated if each.shown is not None]
+        fits = [each for each in carried if has_motion_of(self.first.episode, each.outcome)]
+        alone = [each for i, each in enumerate(fits) if not any(_is_copy(each, earlier) for earlier in fits[:i])]
+        return [replace(each, factors=self.first.lump_factors(each.factors)) for each in alone]
+
+    @property
+    def all_shown(self) -> list[Trial]:
+        """The trials of the first stage that an estimate may be made of."""
+        return [*self.stages[0].trials, *self.shown_by_others]
+
+    @cached_property
     def estimate(self) -> StudyEstimate | None:
-        """What all trials of the first stage say together; None where nothing can be made of them."""
-        return study_estimate(self.first, self.stages[0].trials)
+        """What all trials of the first stage say together, those of others that carry motion included; None where
+        nothing can be made of them.
+        """
+        return study_estimate(self.first, self.stages[0].trials, self.shown_by_others)
 
     @property
     def first(self) -> Problem:
@@ -68,6 +95,39 @@ def read_snapshot(store: Store, name: str) -> Snapshot:
     spec = stored_spec(store, name)
     stored = store.read(name, *spec.names)
     return Snapshot(name, spec, stored.own, stored.foreign)
+
+
+def snapshot_of(study: optuna.Study) -> Snapshot:
+    """An Optuna study, in whatever storage, whose trials `metaid.objective` evaluated.  Raises StudyError where it
+    evaluated none.
+    """
+    spec = optuna_spec(study)
+    if spec is None:
+        raise StudyError(
+            f"the Optuna study '{study.study_name}' has no trial of metaid's "
+            "(allowed: one that has been optimized with metaid.objective)"
+        )
+    foreign = [
+        ForeignTrial(
+            each.number, each.state.name, each.user_attrs.get(EXPERIMENT), None, shown_trial(each, spec.names[0])
+        )
+        for each in study.get_trials(deepcopy=False)
+    ]
+    return Snapshot(study.study_name, spec, [], tuple(foreign))
+
+
+def _is_copy(one: Trial, other: Trial) -> bool:
+    """Whether two trials are one trial and its copy, as Optuna's `add_trials` makes them."""
+    shown, read = one.outcome.windows, one.outcome.readings
+    if not np.array_equal(one.factors, other.factors):
+        return False
+    if shown is not None:
+        return other.outcome.windows is not None and np.array_equal(shown.motion, other.outcome.windows.motion)
+    return (
+        read is not None
+        and other.outcome.readings is not None
+        and np.array_equal(read.angles, other.outcome.readings.angles)
+    )
 
 
 def trials_by_stage(spec: StudySpec, trials: list[Trial]) -> list[list[Trial]]:

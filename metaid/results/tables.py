@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -12,9 +13,12 @@ from metaid.results.best import best_trial
 from metaid.results.body_tables import parameters_table
 from metaid.results.estimates import why_no_estimate
 from metaid.results.lump_tables import best_table, estimate_table, largest_error
-from metaid.results.snapshot import STATES, Snapshot, read_snapshot, trials_by_stage
+from metaid.results.snapshot import STATES, Snapshot, read_snapshot, snapshot_of, trials_by_stage
 from metaid.results.verdict import judge
 from metaid.store import Store, Trial
+
+if TYPE_CHECKING:
+    import optuna
 
 
 def trials_frame(store: Store, name: str) -> pd.DataFrame:
@@ -48,11 +52,19 @@ def estimate_frame(store: Store, name: str) -> pd.DataFrame:
     """One row a lump of the estimate from all trials of a study, whichever sampler proposed them, as `lumps_frame` has
     them; NaN where the model does not explain what was seen.  Raises StudyError where no estimate can be made.
     """
-    snapshot = read_snapshot(store, name)
+    return _estimated(read_snapshot(store, name))
+
+
+def _estimated(snapshot: Snapshot) -> pd.DataFrame:
     if snapshot.estimate is None:
-        why = why_no_estimate(snapshot.first, snapshot.stages[0].trials)
-        raise StudyError(f"study '{name}' has no estimate: {why}")
+        why = why_no_estimate(snapshot.first, snapshot.all_shown)
+        raise StudyError(f"study '{snapshot.name}' has no estimate: {why}")
     return estimate_table(snapshot.first, snapshot.estimate)
+
+
+def optuna_estimate_frame(study: optuna.Study) -> pd.DataFrame:
+    """The same of an Optuna study in any storage, in memory too, whose trials `metaid.objective` evaluated."""
+    return _estimated(snapshot_of(study))
 
 
 def parameters_frame(store: Store, name: str) -> pd.DataFrame:

@@ -51,7 +51,7 @@ def judge(snapshot: Snapshot) -> Verdict:
         reasons = (f"the trials show no lump to better than {COARSEST:.0%}: push more, or harder",)
         return _not_yet(snapshot, "estimate", reasons, lumps)
     if problem.goes_by_estimate:
-        why = estimate.description if estimate else why_no_estimate(problem, snapshot.stages[0].trials)
+        why = estimate.description if estimate else why_no_estimate(problem, snapshot.all_shown)
         return _not_yet(snapshot, "estimate", (why,), estimate_table(problem, estimate))
     lumps = best_table(snapshot)
     if against := tuple(_against_best(snapshot, lumps)):
@@ -106,7 +106,7 @@ def _untested(snapshot: Snapshot) -> Iterator[str]:
         if not (shows_all and best <= problem.resolution):
             yield estimate.description
     elif not shows_all:
-        why = why_no_estimate(problem, snapshot.stages[0].trials)
+        why = why_no_estimate(problem, snapshot.all_shown)
         name = problem.measure.name
         yield f"nothing has tested the model, and {name} alone cannot tell friction from wrong lumps: {why}"
 

@@ -12,6 +12,7 @@ import operator
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import sqlalchemy as sa
@@ -32,13 +33,14 @@ from metaid.store.optuna_tables import (
 )
 from metaid.store.ownership import DIGEST, STUDY_TABLES, TRIAL_TABLES, End, digest_of, end_of, remove_orphans
 from metaid.store.reading import JOINTS_KEY, StoredTrials, read_trials
-from metaid.store.rows import IDS_AFTER, detail_rows, head_rows
+from metaid.store.rows import IDS_AFTER, detail_rows, head_rows, shown_trial
 from metaid.store.server import does_not_answer, missing_driver, parsed_url, without_password
 from metaid.store.sqlite import DAMAGED, describe
 from metaid.store.trial import Trial
 
 DEFAULT_STORAGE = "metaid.db"
 SPEC_KEY = "metaid:study"
+MOST_SHOWN = 64  # trials of others whose motion is read
 # Called with a transaction that is about to write to a study, and the study's id; raises where it must not.
 WriteCheck = Callable[[sa.Connection, int], None]
 SPOILED = ValueError, TypeError, LookupError, ArithmeticError  # what reading a row of another type or form raises
@@ -55,6 +57,13 @@ def storage_url(storage: str) -> str:
         return storage if "://" in storage else sa.URL.create("sqlite", database=storage).render_as_string()
     except UnicodeEncodeError:
         raise StorageError(f"{storage}: not a storage: its name is not UTF-8") from None
+
+
+def study_attributes(spec: str, joint_count: int) -> dict[str, Any]:
+    """The user attributes by which metaid knows a study: made from `spec` (JSON), of a plant with that many joints.
+    The last of them says that it is metaid's.
+    """
+    return {JOINTS_KEY: joint_count, DIGEST: digest_of(spec), SPEC_KEY: json.loads(spec)}
 
 
 def unchecked(connection: sa.Connection, study_id: int) -> None:
@@ -141,7 +150,7 @@ class Store:
             connection.execute(
                 sa.insert(StudyDirectionModel).values(direction=StudyDirection.MINIMIZE, study_id=study_id, objective=0)
             )
-            attributes = {SPEC_KEY: json.loads(spec), JOINTS_KEY: joint_count, DIGEST: digest_of(spec)}
+            attributes = study_attributes(spec, joint_count)
             rows = [{"study_id": study_id, "key": key, "value_json": json.dumps(v)} for key, v in attributes.items()]
             connection.execute(sa.insert(StudyUserAttributeModel), rows)
 
@@ -267,13 +276,19 @@ class Store:
         return self.read(name, *names).own
 
     def read(self, name: str, *names: Sequence[str]) -> StoredTrials:
-        """The same, and which trials of the study are others'."""
+        """The same, and the trials of the study that are others', the first MOST_SHOWN that carry motion with it."""
         study_id = self._study_id(name)
         with self._snapshot() as connection:
             try:
-                return read_trials(connection, study_id, names)
+                stored = read_trials(connection, study_id, names)
             except SPOILED:
                 raise StorageError(f"{self.url}: study '{name}' has trials that are not as metaid wrote them") from None
+        if not stored.with_motion:
+            return stored
+        with self._errors():
+            frozen = (self.optuna.get_trial(trial_id) for trial_id in list(stored.with_motion.values())[:MOST_SHOWN])
+            shown = {trial.number: shown_trial(trial, names[0]) for trial in frozen}
+        return replace(stored, foreign=tuple(replace(each, shown=shown.get(each.number)) for each in stored.foreign))
 
     @contextmanager
     def _snapshot(self) -> Iterator[sa.Connection]:

@@ -34,6 +34,7 @@ from metaid.store.optuna_tables import (
 
 MARK = "metaid:trial"  # the attribute of a trial that metaid wrote
 DIGEST = "metaid:digest"  # the attribute of a study that its trials' marks begin with
+EXPERIMENT = "metaid:experiment"  # the attribute of a trial of others that `metaid.objective` evaluated
 TRIAL_TABLES = (
     TrialParamModel,
     TrialValueModel,

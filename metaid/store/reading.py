@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import sqlalchemy as sa
+from sqlalchemy.orm import aliased
 
 from metaid.store.optuna_tables import (
     COMPLETED,
@@ -18,9 +19,10 @@ from metaid.store.optuna_tables import (
     TrialModel,
     TrialParamModel,
     TrialUserAttributeModel,
+    TrialValueModel,
 )
-from metaid.store.ownership import DIGEST, MARK, own_rows
-from metaid.store.rows import Own, read_outcomes, read_readings, read_table, read_windows
+from metaid.store.ownership import DIGEST, EXPERIMENT, MARK, own_rows
+from metaid.store.rows import MOTION_KEYS, Own, read_outcomes, read_readings, read_table, read_windows
 from metaid.store.trial import ForeignTrial, Trial
 
 JOINTS_KEY = "metaid:joints"  # of a study: how many joints its plant has
@@ -29,10 +31,13 @@ MOST_JOINTS = 10_000  # of any plant: a DB that claims more was not written by m
 
 @dataclass(frozen=True)
 class StoredTrials:
-    """The trials of a study: metaid's `own` in order, and those of others."""
+    """The trials of a study: metaid's `own` in order, and those of others; the ids in the DB of those of others that
+    carry motion, by Optuna's number.
+    """
 
     own: list[Trial]
     foreign: tuple[ForeignTrial, ...]
+    with_motion: dict[int, int]
 
 
 def read_trials(connection: sa.Connection, study_id: int, names: Sequence[Sequence[str]]) -> StoredTrials:
@@ -50,9 +55,28 @@ def read_trials(connection: sa.Connection, study_id: int, names: Sequence[Sequen
     rows = connection.execute(query).all()
     is_own = own_rows(json.loads(_attribute(connection, study_id, DIGEST)), [row[5] for row in rows])
     heads = [row for row, own in zip(rows, is_own, strict=True) if own]
-    foreign = [ForeignTrial(int(row[1]), row[2].name) for row, own in zip(rows, is_own, strict=True) if not own]
-    trials = Own(study_id, {row[0]: i for i, row in enumerate(heads)}, alone=not foreign)
-    return StoredTrials(_own_trials(connection, trials, heads, names), tuple(foreign))
+    others = [row for row, own in zip(rows, is_own, strict=True) if not own]
+    trials = Own(study_id, {row[0]: i for i, row in enumerate(heads)}, alone=not others)
+    own_trials = _own_trials(connection, trials, heads, names)
+    experiments, values, with_motion = _evaluated(connection, study_id) if others else ({}, {}, set[int]())
+    foreign = tuple(
+        ForeignTrial(int(row[1]), row[2].name, experiments.get(row[0]), values.get(row[0])) for row in others
+    )
+    return StoredTrials(own_trials, foreign, {int(row[1]): row[0] for row in others if row[0] in with_motion})
+
+
+def _evaluated(connection: sa.Connection, study_id: int) -> tuple[dict[int, str], dict[int, float], set[int]]:
+    """Of the trials that `metaid.objective` evaluated, by their id in the DB: the experiment that they are of, the
+    value, and which of them carry motion.
+    """
+    marked, value, attribute = TrialUserAttributeModel, TrialValueModel, aliased(TrialUserAttributeModel)
+    query = sa.select(marked.trial_id, marked.value_json).join(TrialModel, TrialModel.trial_id == marked.trial_id)
+    query = query.where(TrialModel.study_id == study_id, marked.key == EXPERIMENT)
+    experiments = {row[0]: str(row[1]).strip('"') for row in connection.execute(query)}
+    with_value = query.join(value, value.trial_id == marked.trial_id).with_only_columns(marked.trial_id, value.value)
+    values = {row[0]: row[1] for row in connection.execute(with_value) if isinstance(row[1], float)}
+    moved = query.join(attribute, attribute.trial_id == marked.trial_id).where(attribute.key.in_(MOTION_KEYS))
+    return experiments, values, set(connection.scalars(moved.with_only_columns(marked.trial_id)))
 
 
 def _own_trials(

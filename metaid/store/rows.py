@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import sqlalchemy as sa
 from numpy.typing import NDArray
-from optuna.trial import TrialState
+from optuna.trial import FrozenTrial, TrialState
 
 from metaid.episode import Outcome, SensorReadings, Windows
 from metaid.store import sensor_readings, windows
@@ -30,6 +30,7 @@ from metaid.store.ownership import MARK, End, mark_of
 from metaid.store.trial import Trial
 
 REASON = "reason"  # the attribute that says why a trial failed
+MOTION_KEYS = windows.KEY, sensor_readings.KEY  # those that an estimate is made of
 
 # Made once: making a statement takes longer than running it.
 IDS_AFTER = (
@@ -221,14 +222,40 @@ def detail_rows(
 
 def _attributes(trial: Trial) -> dict[str, str]:
     """JSON by key."""
-    periods = {f"periods_{joint + 1}": count for joint, count in enumerate(trial.outcome.periods)}
     reason = {} if trial.outcome.failure is None else {REASON: trial.outcome.failure}
     stage = {} if trial.stage is None else {"stage": trial.stage}
-    numbers = {"generation": trial.generation, "steps": trial.outcome.steps, **periods, **stage, **reason}
-    texts = {key: json.dumps(value) for key, value in numbers.items()}
-    shown, read = trial.outcome.windows, trial.outcome.readings
-    if shown is not None:
-        texts[windows.KEY] = windows.encoded(shown)
-    if read is not None:
-        texts[sensor_readings.KEY] = sensor_readings.encoded(read)
+    texts = {key: json.dumps(value) for key, value in {"generation": trial.generation, **stage, **reason}.items()}
+    return {**texts, **outcome_attributes(trial.outcome)}
+
+
+def outcome_attributes(outcome: Outcome) -> dict[str, str]:
+    """What a trial says of its `outcome` beside its value, as JSON by key: steps, periods, and the motion if kept."""
+    periods = {f"periods_{joint + 1}": count for joint, count in enumerate(outcome.periods)}
+    texts = {key: json.dumps(value) for key, value in {"steps": outcome.steps, **periods}.items()}
+    if outcome.windows is not None:
+        texts[windows.KEY] = windows.encoded(outcome.windows)
+    if outcome.readings is not None:
+        texts[sensor_readings.KEY] = sensor_readings.encoded(outcome.readings)
     return texts
+
+
+def shown_trial(frozen: FrozenTrial, names: Sequence[str]) -> Trial | None:
+    """A trial that `metaid.objective` evaluated, with its factors in the order of `names` and the motion that it
+    carries; None where it carries none, is not finished, or is not as the objective leaves it.
+    """
+    if frozen.state not in (TrialState.COMPLETE, TrialState.PRUNED):
+        return None
+    texts = {key: json.dumps(value) for key, value in frozen.user_attrs.items() if key in MOTION_KEYS}
+    try:
+        outcome = Outcome(
+            float(frozen.value or 0.0),
+            frozen.state != TrialState.COMPLETE,
+            int(frozen.user_attrs["steps"]),
+            (),
+            windows=windows.decoded(texts[windows.KEY]) if windows.KEY in texts else None,
+            readings=sensor_readings.decoded(texts[sensor_readings.KEY]) if sensor_readings.KEY in texts else None,
+        )
+        factors = np.array([float(frozen.params[name]) for name in names])
+    except (ValueError, TypeError, LookupError, ArithmeticError):
+        return None
+    return Trial(frozen.number, 0, factors, outcome) if texts and np.isfinite(factors).all() else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 
 from optuna.trial import TrialState
@@ -35,7 +35,14 @@ class Trial:
 
 @dataclass(frozen=True)
 class ForeignTrial:
-    """A trial of a study that metaid did not write: its `number` and the name of its `state` in Optuna's terms."""
+    """A trial of a study that metaid did not write: its `number` and the name of its `state` in Optuna's terms.
+
+    Where `metaid.objective` evaluated it, it has the digest of the `experiment` that it is of and its `value`; and,
+    where it carries windows or readings, it is a `Trial` itself, `shown`.
+    """
 
     number: int
     state: str
+    experiment: str | None = None
+    value: float | None = None
+    shown: Trial | None = field(default=None, compare=False)

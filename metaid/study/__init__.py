@@ -4,7 +4,8 @@
 """
 
 from metaid.study.bounds import LumpAtBound, lumps_at_bounds
-from metaid.study.create import advice, create_study, delete_study, question, stored_spec
+from metaid.study.create import advice, create_study, delete_study, optuna_spec, question, stored_spec
+from metaid.study.evaluation import OptunaObjective
 from metaid.study.identifiability import COARSEST, identifiability
 from metaid.study.problem import MOST_TRIALS, Problem, load_study
 from metaid.study.progress import Progress, is_finished
@@ -21,6 +22,7 @@ __all__ = [
     "TIP_SPEED",
     "EpisodeSettings",
     "LumpAtBound",
+    "OptunaObjective",
     "Problem",
     "Progress",
     "SearchSettings",
@@ -34,6 +36,7 @@ __all__ = [
     "is_finished",
     "load_study",
     "lumps_at_bounds",
+    "optuna_spec",
     "question",
     "run_study",
     "stored_spec",

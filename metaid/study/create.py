@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import json
 from contextlib import closing
+from typing import TYPE_CHECKING
 
 from metaid.errors import StorageError, StudyError
 from metaid.models import question_of_units
 from metaid.plant import PlantSettings, chain_of
 from metaid.search import SAMPLERS
-from metaid.store import Store, refuse_if_run
+from metaid.store import SPEC_KEY, Store, refuse_if_run
 from metaid.study.calibration import calibrate
 from metaid.study.problem import Problem
 from metaid.study.settings import StudySpec
+
+if TYPE_CHECKING:
+    import optuna
+
+
+OTHER_VERSION = "was made by another version of metaid"
 
 
 def create_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
@@ -72,7 +80,18 @@ def stored_spec(store: Store, name: str) -> StudySpec:
     try:
         return StudySpec.model_validate_json(store.spec(name))
     except ValueError:
-        raise StorageError(f"{store.url}: study '{name}' was made by another version of metaid") from None
+        raise StorageError(f"{store.url}: study '{name}' {OTHER_VERSION}") from None
+
+
+def optuna_spec(study: optuna.Study) -> StudySpec | None:
+    """The settings that the trials of an Optuna study are evaluated with by `metaid.objective`, in whatever storage it
+    is; None where it has none yet.  Raises StorageError.
+    """
+    settings = study.user_attrs.get(SPEC_KEY)
+    try:
+        return None if settings is None else StudySpec.model_validate_json(json.dumps(settings))
+    except ValueError:
+        raise StorageError(f"the Optuna study '{study.study_name}' {OTHER_VERSION}") from None
 
 
 def delete_study(store: Store, name: str) -> None:

@@ -6,6 +6,7 @@ the study DB, so a study can be resumed and shown without its files.
 
 from __future__ import annotations
 
+from hashlib import blake2b
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -172,6 +173,17 @@ class StudySpec(Settings):
     def timestep(self) -> float:
         """Time between two control steps, in s."""
         return self.plant.control_period if isinstance(self.plant, PlantSettings) else self.plant.timestep
+
+    @property
+    def experiment(self) -> str:
+        """A digest of what a trial's outcome follows from, beside its factors and its number: the plant, the nominal
+        model, the pushes, what is searched. Studies that differ in nothing but sampler and trials have the same.
+        """
+        study = self.study
+        parts = (self.plant, *self.nominal, study.episode, self.pushed)
+        texts = ["" if part is None else part.model_dump_json() for part in parts]
+        searched = [study.search.space, *study.search.lumps, str(study.seed)]
+        return blake2b("\n".join([*texts, *searched]).encode(), digest_size=6).hexdigest()
 
     @property
     def names(self) -> tuple[list[str], ...]:

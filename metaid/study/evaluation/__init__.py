@@ -1,12 +1,16 @@
-"""What evaluates a generation: threads on this machine, or Ray actors on this machine or on a cluster."""
+"""What evaluates a generation: threads on this machine, or Ray actors on this machine or on a cluster; and an objective
+for Optuna's own `optimize`.
+"""
 
 from metaid.study.evaluation.engines import make_evaluator
 from metaid.study.evaluation.evaluator import Evaluator
+from metaid.study.evaluation.optuna_objective import OptunaObjective
 from metaid.study.evaluation.ray_actors import RayEvaluator
 from metaid.study.evaluation.threads import ThreadEvaluator
 
 __all__ = [
     "Evaluator",
+    "OptunaObjective",
     "RayEvaluator",
     "ThreadEvaluator",
     "make_evaluator",
