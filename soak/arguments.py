@@ -7,7 +7,7 @@ from random import Random
 from soak.cases import NUMBERS, TEXTS
 
 PLANTS = ("one-link", "two-link", "paper-like-two-link")
-SOURCES = ("one-link-count", "three-link", "two-link-tpe", "paper-two-link", "five-link")
+SOURCES = ("one-link-count", "three-link-coast", "two-link-tpe", "paper-two-link", "five-link")
 KEYS = (
     "trials",
     "seed",

@@ -100,7 +100,7 @@ def network(size: int) -> Iterator[list[Machine]]:
 
 def lose_and_add(folder: Path) -> list[str]:
     """A run on two machines; in its middle the second is lost and a third is added. What went wrong."""
-    spec, path = load_study("three-link", CHANGES), folder / "metaid.db"
+    spec, path = load_study("three-link-coast", CHANGES), folder / "metaid.db"
     for storage in (path, folder / "alone.db"):
         with closing(Store(str(storage), create=True)) as store:
             create_study(store, spec, NAME)

@@ -67,7 +67,7 @@ def add_often(folder: Path, count: int) -> tuple[int, list[str]]:
     """
     random, failures, done, seed = Random(4), list[str](), 0, 0
     while done < count and not failures:
-        spec = load_study("three-link", {**CHANGES, "seed": seed})
+        spec = load_study("three-link-coast", {**CHANGES, "seed": seed})
         path, alone = folder / f"{seed}.db", folder / f"{seed}-alone.db"
         for storage in (path, alone):
             with closing(Store(str(storage), create=True)) as store:

@@ -59,7 +59,7 @@ def kill_often(folder: Path, sampler: str, changes: Mapping[str, Any], kills: in
         if done == kills or failures:
             break
         name = f"{sampler}-{seed}"
-        spec = load_study("three-link", {**changes, "seed": seed})
+        spec = load_study("three-link-coast", {**changes, "seed": seed})
         path, alone = folder / f"{name}.db", folder / f"{name}-alone.db"
         with closing(Store(str(alone), create=True)) as store:
             create_study(store, spec, name)

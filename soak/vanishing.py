@@ -77,7 +77,7 @@ def vanish_often(folder: Path, times: int) -> tuple[int, list[str]]:
     random, failures = Random(3), list[str]()
     empty, alone = folder / "empty.db", folder / "alone.db"
     with closing(Store(str(empty), create=True)) as store:
-        create_study(store, load_study("three-link", CHANGES), NAME)
+        create_study(store, load_study("three-link-coast", CHANGES), NAME)
     shutil.copy(empty, alone)
     with closing(Store(str(alone))) as store:
         run_study(store, NAME)

@@ -43,7 +43,7 @@ def kill_workers(folder: Path, kills: int) -> tuple[int, list[str]]:
         if done == kills or failures:
             break
         name = f"workers-{seed}"
-        spec = load_study("three-link", {**CHANGES, "seed": seed})
+        spec = load_study("three-link-coast", {**CHANGES, "seed": seed})
         path = folder / f"{name}.db"
         with closing(Store(str(folder / f"{name}-alone.db"), create=True)) as store:
             create_study(store, spec, name)

@@ -136,7 +136,7 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     made: dict[str, tuple[str, dict[str, object]]] = {
         "plain": (
-            "three-link",
+            "three-link-coast",
             {"search.coordinates": "plain", "search.start": 1.4, "episode.fall_limit": 1.1, "trials": 800},
         ),
         "boundary": (
@@ -169,7 +169,7 @@ def estimated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("estimated") / "estimated.db"
     store = Store(str(path), create=True)
     for name, changes in (("matched", matched), ("searched", searched)):
-        spec = load_study("three-link", changes)
+        spec = load_study("three-link-coast", changes)
         assert isinstance(spec.plant, PlantSettings)
         links = tuple(link.model_copy(update={"damping": 0.05}) for link in spec.plant.links)
         rubbing = spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": links})})

@@ -39,6 +39,8 @@ def _tried(shown: dict[str, Any]) -> list[str]:
     trials, best, unit = shown["trials"], shown["best"], MEASURES[shown["measure"]].unit
     failed = f", {trials['failed']} failed" if trials["failed"] else ""
     parts = [f"{trials['total']} trials, {trials['pruned']} of them falls{failed}"]
+    if shown["periods"]:
+        parts.append(f"{shown['periods']} periods counted in the others")
     if best["value"] is None:
         return [*parts, "no survivor yet"]
     parts.append(f"best {best['value']:.3g} {unit} at trial {best['number']}")

@@ -183,10 +183,12 @@ def _share(value: float) -> str:
 
 
 def _judge(spec: StudySpec) -> str:
-    """What determines the lumps of a study: its measure, or the estimate where the sampler works by that."""
+    """What determines the lumps of a study: its measure, or the estimate where that answers."""
     from metaid.study import Problem
 
-    return "the estimate" if Problem(spec).goes_by_estimate else spec.study.episode.measure
+    problem = Problem(spec)
+    is_estimated = problem.goes_by_estimate or problem.matches_frequencies
+    return "the estimate" if is_estimated else spec.study.episode.measure
 
 
 def _undetermined(spec: StudySpec) -> str | None:

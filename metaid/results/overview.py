@@ -10,7 +10,7 @@ from metaid.results.best import best_trial
 from metaid.results.body_tables import parameters_table
 from metaid.results.estimates import why_no_estimate
 from metaid.results.lump_tables import largest_error
-from metaid.results.snapshot import STATES, Snapshot, Stage, read_snapshot
+from metaid.results.snapshot import STATES, Snapshot, Stage, read_snapshot, surviving
 from metaid.results.verdict import Verdict, judge
 from metaid.store import ForeignTrial, Store, Trial
 from metaid.study import Problem
@@ -41,6 +41,7 @@ def summarized(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
         "lumps": [without_nan(row) for row in verdict.lumps.to_dict("records")],
         "max_error": largest_error(verdict.lumps),
         "model_error": None,
+        "periods": sum(sum(trial.outcome.periods) for trial in surviving(snapshot.trials)),
         **_estimate(snapshot),
         **({"foreign_trials": [_foreign(trial, snapshot) for trial in snapshot.foreign]} if snapshot.foreign else {}),
         **_noise_floor(first.problem),

@@ -3,7 +3,8 @@
 The nominal model is taken for the truth. The question is which other factors the study's measure cannot tell from it.
 For `spectral` and `smoothed` the sensitivity H answers for all lumps together (Eqs. 11 and 14). `count` and `crossing`
 have no such form. For them one factor at a time is moved away from 1, until the measure notices or a bound is met. A
-study that stands by its estimate is tried on the nominal model, and the covariance of the estimate answers.
+study that stands by its estimate, or that measures frequencies and has an estimate, is tried on the nominal model, and
+the covariance of the estimate answers.
 
 The noise of the plant counts: it moves the measure from one episode with exact lumps to the next, and a difference that
 is smaller than that cannot be seen.
@@ -60,7 +61,7 @@ class Identifiability:
 
 def identifiability(problem: Problem) -> Identifiability:
     """What the measure and the pushes of a study can determine, if its nominal model were the truth."""
-    if problem.goes_by_estimate:
+    if problem.goes_by_estimate or problem.matches_frequencies:
         return _from_estimate(problem)
     if problem.measure.sees_coriolis:
         return _from_sensitivity(problem)

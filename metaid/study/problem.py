@@ -305,6 +305,11 @@ class Problem:
         return self.spec.study.estimate.enabled and self.stage == 1 and keeps
 
     @property
+    def matches_frequencies(self) -> bool:
+        """Whether frequencies are what is measured, and the result is the estimate that they are matched for."""
+        return self.measure.name == "crossing" and self.can_be_estimated
+
+    @property
     def keeps_readings(self) -> bool:
         """Whether trials keep what the sensors read, as on a rig or a plant with faults, and no windows."""
         return self.episode.readings_steps > 0

@@ -20,16 +20,16 @@ Metaid = Callable[..., Finished]
 def test_study_from_creation_to_deletion(metaid: Metaid) -> None:
     """Create, run, show, list, export, delete: each says what it did."""
     assert "metaid study run three-link" in metaid("study", "create", "three-link").out
-    ran = metaid("study", "run", "three-link", "--trials", "300", "--workers", "2")
+    ran = metaid("study", "run", "three-link", "--trials", "20", "--workers", "2")
     assert ran.status == 0
     for lump in ("gravity_1", "gravity_2", "gravity_3", "coriolis_1_2", "coriolis_1_3", "coriolis_2_3"):
         assert lump in ran.out
-    assert "300 trials" in ran.out
+    assert "20 trials" in ran.out
     assert "three-link" in metaid("study", "list").out
     assert metaid("study", "export", "three-link", "-o", "trials.csv").status == 0
     assert metaid("study", "export", "three-link", "-o", "trials.parquet").status == 0
     csv, parquet = pd.read_csv("trials.csv", converters={"gravity_1": float}), pd.read_parquet("trials.parquet")
-    assert len(csv) == len(parquet) == 300
+    assert len(csv) == len(parquet) == 20
     assert csv["gravity_1"].to_numpy() == pytest.approx(parquet["gravity_1"].to_numpy(), abs=0)
     assert metaid("study", "delete", "three-link", "--yes").status == 0
     assert metaid("study", "show", "three-link").status == 2
@@ -37,11 +37,11 @@ def test_study_from_creation_to_deletion(metaid: Metaid) -> None:
 
 def test_show_prints_the_json_of_the_contract(metaid: Metaid) -> None:
     """Exactly the agreed fields, with numbers that hang together."""
-    metaid("study", "create", "three-link", "--name", "mine", "--set", "trials=100", "--set", "seed=3")
+    metaid("study", "create", "three-link-coast", "--name", "mine", "--set", "trials=100", "--set", "seed=3")
     metaid("study", "run", "mine", "--quiet")
     shown = json.loads(metaid("study", "show", "mine", "--json").out)
     head = ["name", "plant", "sampler", "measure", "seed", "verdict", "reasons", "source", "misfit", "trials", "best"]
-    assert list(shown) == [*head, "lumps", "max_error", "model_error", "estimate", "why_no_estimate"]
+    assert list(shown) == [*head, "lumps", "max_error", "model_error", "periods", "estimate", "why_no_estimate"]
     assert (shown["verdict"], shown["reasons"], shown["source"]) == ("found", [], "estimate")
     assert (shown["name"], shown["plant"], shown["sampler"], shown["measure"], shown["seed"]) == (
         "mine",
@@ -65,11 +65,11 @@ def test_show_prints_the_json_of_the_contract(metaid: Metaid) -> None:
 
 def test_study_without_trials_shows_nulls(metaid: Metaid) -> None:
     """Nothing is identified before anything was tried."""
-    metaid("study", "create", "three-link")
-    shown = json.loads(metaid("study", "show", "three-link", "--json").out)
+    metaid("study", "create", "three-link-coast")
+    shown = json.loads(metaid("study", "show", "three-link-coast", "--json").out)
     assert shown["best"] == {"number": None, "value": None}
     assert {lump["identified"] for lump in shown["lumps"]} == {None}
-    assert metaid("study", "show", "three-link").status == 0
+    assert metaid("study", "show", "three-link-coast").status == 0
     assert metaid("study", "list").status == 0
 
 
@@ -127,17 +127,17 @@ def test_plant_and_study_of_ones_own(metaid: Metaid) -> None:
 def test_storage_comes_from_the_environment(metaid: Metaid, monkeypatch: pytest.MonkeyPatch) -> None:
     """METAID_STORAGE names the DB for every command."""
     monkeypatch.setenv("METAID_STORAGE", "sqlite:///elsewhere.db")
-    metaid("study", "create", "three-link")
+    metaid("study", "create", "three-link-coast")
     assert Path("elsewhere.db").exists()
     assert not Path("metaid.db").exists()
-    assert "three-link" in metaid("study", "list").out
+    assert "three-link-coast" in metaid("study", "list").out
 
 
 def test_creating_again_is_fine_only_if_asked_for_and_the_same(metaid: Metaid) -> None:
     """--exist-ok accepts the very same study and no other."""
-    metaid("study", "create", "three-link")
-    assert metaid("study", "create", "three-link", "--exist-ok").status == 0
-    other = metaid("study", "create", "three-link", "--exist-ok", "--set", "seed=2")
+    metaid("study", "create", "three-link-coast")
+    assert metaid("study", "create", "three-link-coast", "--exist-ok").status == 0
+    other = metaid("study", "create", "three-link-coast", "--exist-ok", "--set", "seed=2")
     assert other.status == 2
     assert "made from other settings" in other.err
 
@@ -166,8 +166,8 @@ def test_shell_completion_knows_commands_and_names(monkeypatch: pytest.MonkeyPat
     assert offered([], "st") == {"study"}
     assert offered(["study"], "de") == {"delete"}
     assert offered(["plant", "show"], "t") >= {"two-link", "three-link", "ten-link"}
-    metaid("study", "create", "three-link")
-    assert offered(["study", "run"], "th") == {"three-link"}
+    metaid("study", "create", "three-link-coast")
+    assert offered(["study", "run"], "th") == {"three-link-coast"}
 
 
 ONE_LINK = "[[links]]\nlength = 0.5\nmass = 1.0\n"
@@ -196,7 +196,7 @@ MISTAKES = {
     "picture in no folder": (["episode", "two-link", "-o", "nowhere/angles.png"], "no such folder"),
     "no such study file": (["study", "create", "three-lnk"], "unknown study 'three-lnk'; did you mean 'three-link'?"),
     "bounds without the start": (
-        ["study", "create", "three-link", "--set", "search.low=1.1"],
+        ["study", "create", "three-link-coast", "--set", "search.low=1.1"],
         "is not within its bounds",
     ),
     "push too weak to be seen": (
@@ -208,37 +208,46 @@ MISTAKES = {
         "push 2 gives the fastest link",
     ),
     "zero trials": (
-        ["study", "create", "three-link", "--set", "trials=0"],
+        ["study", "create", "three-link-coast", "--set", "trials=0"],
         "trials: should be greater than or equal to 1",
     ),
     "unknown sampler": (
-        ["study", "create", "three-link", "--set", "sampler=cmas"],
+        ["study", "create", "three-link-coast", "--set", "sampler=cmas"],
         "unknown sampler 'cmas'; did you mean",
     ),
     "unknown setting": (
-        ["study", "create", "three-link", "--set", "trails=3"],
+        ["study", "create", "three-link-coast", "--set", "trails=3"],
         "unknown key 'trails'; did you mean 'trials'?",
     ),
-    "storage that is no DB": (["study", "create", "three-link", "--storage", "malformed.toml"], "not a study DB"),
-    "storage that is another DB": (["study", "create", "three-link", "--storage", "other.db"], "but not a study DB"),
-    "storage in no folder": (["study", "create", "three-link", "--storage", "nowhere/metaid.db"], "no such folder"),
+    "storage that is no DB": (["study", "create", "three-link-coast", "--storage", "malformed.toml"], "not a study DB"),
+    "storage that is another DB": (
+        ["study", "create", "three-link-coast", "--storage", "other.db"],
+        "but not a study DB",
+    ),
+    "storage in no folder": (
+        ["study", "create", "three-link-coast", "--storage", "nowhere/metaid.db"],
+        "no such folder",
+    ),
     "storage that is a folder": (["study", "list", "--storage", "."], "not a file"),
     "storage that is no URL": (["study", "list", "--storage", "nosuch://x/y"], "nosuch"),
     "no storage yet": (["study", "list"], "no study DB at metaid.db"),
     "study that exists": (
-        ["study", "create", "three-link", "--storage", "ours.db"],
-        "has a study 'three-link' already",
+        ["study", "create", "three-link-coast", "--storage", "ours.db"],
+        "has a study 'three-link-coast' already",
     ),
     "study that does not": (["study", "run", "two-link", "--storage", "ours.db"], "unknown study 'two-link'"),
-    "no trials to run": (["study", "run", "three-link", "--storage", "ours.db", "--trials", "0"], "--trials"),
-    "no workers": (["study", "run", "three-link", "--storage", "ours.db", "--workers", "0"], "--workers"),
-    "unknown engine": (["study", "run", "three-link", "--storage", "ours.db", "--engine", "rai"], "'local', 'ray'"),
+    "no trials to run": (["study", "run", "three-link-coast", "--storage", "ours.db", "--trials", "0"], "--trials"),
+    "no workers": (["study", "run", "three-link-coast", "--storage", "ours.db", "--workers", "0"], "--workers"),
+    "unknown engine": (
+        ["study", "run", "three-link-coast", "--storage", "ours.db", "--engine", "rai"],
+        "'local', 'ray'",
+    ),
     "export of unknown format": (
-        ["study", "export", "three-link", "--storage", "ours.db", "-o", "t.xls"],
+        ["study", "export", "three-link-coast", "--storage", "ours.db", "-o", "t.xls"],
         ".csv, .parquet",
     ),
     "unknown command": (["study", "rum"], "unknown command 'rum'; did you mean 'run'?"),
-    "unknown option": (["study", "run", "three-link", "--trails", "3"], "--trails"),
+    "unknown option": (["study", "run", "three-link-coast", "--trails", "3"], "--trails"),
     "missing name": (["study", "run"], "Missing argument"),
 }
 
@@ -263,7 +272,7 @@ def mistaken_files(metaid: Metaid) -> None:
     Path("binary.toml").write_bytes(bytes(range(256)))
     with sqlite3.connect("other.db") as connection:
         connection.execute("CREATE TABLE birds (name TEXT)")
-    metaid("study", "create", "three-link", "--storage", "ours.db")
+    metaid("study", "create", "three-link-coast", "--storage", "ours.db")
 
 
 @pytest.mark.usefixtures("mistaken_files")
@@ -285,24 +294,24 @@ def test_python_calls_do_what_the_commands_do(metaid: Metaid) -> None:
     """One call each, and the same numbers."""
     import metaid as package
 
-    lumps = package.run("three-link", trials=60)
-    shown = json.loads(metaid("study", "show", "three-link", "--json").out)
+    lumps = package.run("three-link-coast", trials=60)
+    shown = json.loads(metaid("study", "show", "three-link-coast", "--json").out)
     assert lumps["identified"].tolist() == [lump["identified"] for lump in shown["lumps"]]
-    assert package.lumps("three-link").equals(lumps)
-    assert len(package.trials("three-link")) == 60
-    assert package.studies()["name"].tolist() == ["three-link"]
-    assert package.summary("three-link") == shown
+    assert package.lumps("three-link-coast").equals(lumps)
+    assert len(package.trials("three-link-coast")) == 60
+    assert package.studies()["name"].tolist() == ["three-link-coast"]
+    assert package.summary("three-link-coast") == shown
     assert package.perturb("one-link", {"gravity_1": 1.2}) == json.loads(
         metaid("episode", "one-link", "--factor", "gravity_1=1.2", "--json").out
     )
-    assert not package.evaluate("three-link").fell
+    assert not package.evaluate("three-link-coast").fell
     truth = package.load_plant("three-link").true_lumps()
     assert truth is not None
-    names = package.trials("three-link").columns[-6:]
-    nominal = package.lumps("three-link")["nominal"].to_numpy()[:6]
+    names = package.trials("three-link-coast").columns[-6:]
+    nominal = package.lumps("three-link-coast")["nominal"].to_numpy()[:6]
     exact = dict(zip(names, (truth.vector / nominal).tolist(), strict=True))
-    assert package.evaluate(package.load_study("three-link"), exact).value < 1e-9
-    assert np.isfinite(package.trials("three-link")["value"]).all()
+    assert package.evaluate(package.load_study("three-link-coast"), exact).value < 1e-9
+    assert np.isfinite(package.trials("three-link-coast")["value"]).all()
 
 
 def test_public_names_are_not_hidden_by_modules() -> None:

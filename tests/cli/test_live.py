@@ -23,8 +23,8 @@ Metaid = Callable[..., Finished]
 
 def test_terminal_shows_bar_rate_falls_best_step_size_time_left_and_lumps(metaid: Metaid) -> None:
     """In a real pseudo-terminal, all of it is on the screen at some time, and the bar is gone at the end."""
-    metaid("study", "create", "three-link", "--set", "search.coordinates=plain", "--set", "search.start=1.4")
-    program = [sys.executable, "-c", "from metaid.cli import main; main()", "study", "run", "three-link"]
+    metaid("study", "create", "three-link-coast", "--set", "search.coordinates=plain", "--set", "search.start=1.4")
+    program = [sys.executable, "-c", "from metaid.cli import main; main()", "study", "run", "three-link-coast"]
     ours, theirs = pty.openpty()
     clean = {**os.environ, "COLUMNS": "100", "LINES": "40", "TERM": "xterm"}
     child = subprocess.Popen(program, stdout=subprocess.PIPE, stderr=theirs, env=clean, text=True)
@@ -48,18 +48,18 @@ def test_terminal_shows_bar_rate_falls_best_step_size_time_left_and_lumps(metaid
 
 def test_elsewhere_plain_lines_at_intervals(metaid: Metaid, monkeypatch: pytest.MonkeyPatch) -> None:
     """One line each, with the same numbers and no control characters; not more often than the interval."""
-    metaid("study", "create", "three-link")
+    metaid("study", "create", "three-link-coast")
     monkeypatch.setattr(live, "INTERVAL", 0.0)
     store, written = Store("metaid.db"), io.StringIO()
     console = Console(file=written, markup=False, highlight=False)
-    with live.Live(store, "three-link", False, console) as shown:
-        run_study(store, "three-link", 100, watch=shown.update)
+    with live.Live(store, "three-link-coast", False, console) as shown:
+        run_study(store, "three-link-coast", 100, watch=shown.update)
         monkeypatch.setattr(live, "INTERVAL", 1e9)
         lines = written.getvalue().splitlines()
-        run_study(store, "three-link", 200, watch=shown.update)
+        run_study(store, "three-link-coast", 200, watch=shown.update)
     store.close()
     assert len(lines) > 5
-    assert lines[-1].startswith("three-link 100/100 ")
+    assert lines[-1].startswith("three-link-coast 100/100 ")
     assert "falls, best" in lines[-1]
     assert "\x1b" not in written.getvalue()
     assert written.getvalue().splitlines() == lines
@@ -67,11 +67,11 @@ def test_elsewhere_plain_lines_at_intervals(metaid: Metaid, monkeypatch: pytest.
 
 def test_output_error_shows_the_largest_deviation_of_a_lump(metaid: Metaid, monkeypatch: pytest.MonkeyPatch) -> None:
     """It takes no steps: its spread is that of the estimate, and the word says so."""
-    metaid("study", "create", "three-link", "--set", "sampler=output-error")
+    metaid("study", "create", "three-link-coast", "--set", "sampler=output-error")
     monkeypatch.setattr(live, "INTERVAL", 0.0)
     store, written = Store("metaid.db"), io.StringIO()
-    with live.Live(store, "three-link", False, Console(file=written, markup=False, highlight=False)) as shown:
-        run_study(store, "three-link", watch=shown.update)
+    with live.Live(store, "three-link-coast", False, Console(file=written, markup=False, highlight=False)) as shown:
+        run_study(store, "three-link-coast", watch=shown.update)
     store.close()
     assert ", largest deviation " in written.getvalue().splitlines()[-1]
     assert "step size" not in written.getvalue()
@@ -79,7 +79,7 @@ def test_output_error_shows_the_largest_deviation_of_a_lump(metaid: Metaid, monk
 
 def test_quiet_shows_nothing_while_it_runs(metaid: Metaid) -> None:
     """Not a word on stderr."""
-    metaid("study", "create", "three-link")
-    ran = metaid("study", "run", "three-link", "--trials", "50", "--quiet")
+    metaid("study", "create", "three-link-coast")
+    ran = metaid("study", "run", "three-link-coast", "--trials", "50", "--quiet")
     assert (ran.status, ran.err) == (0, "")
     assert Path("metaid.db").exists()

@@ -124,13 +124,13 @@ def test_identified_lumps_are_means_over_the_range_not_the_luckiest_trial() -> N
     assert identified_factors(problem, factors, values) == pytest.approx(np.full(6, 1.1))
     low, high = factor_range(problem, factors, values, np.zeros(6))
     assert (low.tolist(), high.tolist()) == (pytest.approx([1.0] * 6), pytest.approx([1.2] * 6))
-    spectral = Problem(load_study("three-link"))
+    spectral = Problem(load_study("three-link-coast"))
     assert identified_factors(spectral, factors, values - values.min()).tolist() == [1.0] * 6
 
 
 def test_range_is_at_least_as_wide_as_the_pushes_are_sensitive() -> None:
     """One trial alone has no range of its own: 1.5 times the resolution, and the more the larger its value is."""
-    problem, resolution = Problem(load_study("three-link")), np.full(6, 0.01)
+    problem, resolution = Problem(load_study("three-link-coast")), np.full(6, 0.01)
     for multiple in (0.0, 2.0):
         values = np.array([multiple * problem.resolution])
         low, high = factor_range(problem, np.ones((1, 6)), values, resolution)

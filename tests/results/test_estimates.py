@@ -81,7 +81,7 @@ def test_json_of_a_model_that_explains_nothing_has_nulls(metaid: Metaid, estimat
 
 
 NONE_MADE = {
-    "[estimate] enabled is false": ("three-link", {"estimate.enabled": False, "trials": 10}),
+    "[estimate] enabled is false": ("three-link-coast", {"estimate.enabled": False, "trials": 10}),
     "its episodes keep no windows of motion": ("ten-link", {"episode.count": 700, "episode.steps": 20, "trials": 2}),
 }
 
@@ -105,10 +105,10 @@ def test_study_without_an_estimate_says_why_in_one_line(metaid: Metaid, why: str
 
 def test_study_without_a_trial_says_nothing_of_an_estimate(metaid: Metaid) -> None:
     """There is nothing to be missed yet."""
-    metaid("study", "create", "three-link")
-    assert "stimate" not in metaid("study", "show", "three-link").out
+    metaid("study", "create", "three-link-coast")
+    assert "stimate" not in metaid("study", "show", "three-link-coast").out
     with pytest.raises(StudyError, match="no trial yet: run it first"):
-        package.estimate("three-link")
+        package.estimate("three-link-coast")
 
 
 def test_list_and_frame_have_the_verdict(estimated: Path) -> None:

@@ -35,8 +35,8 @@ Metaid = Callable[..., Finished]
 
 @pytest.fixture(scope="module")
 def problem() -> Problem:
-    """The shipped three-link study."""
-    return Problem(load_study("three-link"))
+    """The shipped three-link-coast study."""
+    return Problem(load_study("three-link-coast"))
 
 
 def true_factors(problem: Problem) -> np.ndarray:
@@ -160,29 +160,29 @@ def test_model_that_loses_control_is_said_to(problem: Problem) -> None:
 
 def test_finished_study_coasts_ten_times_longer_than_its_nominal_model_and_tracks_better(metaid: Metaid) -> None:
     """On the command line, in Python, as JSON, as a table and as a figure."""
-    metaid("study", "create", "three-link")
-    metaid("study", "run", "three-link", "--quiet")
-    shown = json.loads(metaid("study", "validate", "three-link", "--pushes", "3", "--json", "-o", "t.png").out)
+    metaid("study", "create", "three-link-coast")
+    metaid("study", "run", "three-link-coast", "--quiet")
+    shown = json.loads(metaid("study", "validate", "three-link-coast", "--pushes", "3", "--json", "-o", "t.png").out)
     models = {row["model"]: row for row in shown["models"]}
     assert models["identified"]["coasting_s"] > 10 * models["nominal"]["coasting_s"]
     assert models["true"]["coasting_whole_horizon"] == 3
     for key in ("tracking_rms_deg", "tracking_max_deg"):
         assert models["identified"][key] < 0.5 * models["nominal"][key]
-    assert shown == {"study": "three-link", **package.validate("three-link", pushes=3).summary()}
+    assert shown == {"study": "three-link-coast", **package.validate("three-link-coast", pushes=3).summary()}
     with open("t.png", "rb") as file:
         assert file.read(4) == b"\x89PNG"
-    table = metaid("study", "validate", "three-link", "--pushes", "1", "--seed", "3").out
+    table = metaid("study", "validate", "three-link-coast", "--pushes", "1", "--seed", "3").out
     assert all(word in table for word in ("nominal", "identified", "true"))
 
 
 def test_impossible_validations_are_refused_in_one_line(metaid: Metaid, problem: Problem) -> None:
     """No such study, nothing survived yet, impossible numbers; nothing is written."""
-    metaid("study", "create", "three-link")
+    metaid("study", "create", "three-link-coast")
     for arguments, word in (
-        (("nowhere",), "three-link"),
-        (("three-link", "-o", "t.png"), "0 of 600 trials are done"),
-        (("three-link", "--pushes", "0"), "0"),
-        (("three-link", "--seed", "-1"), "-1"),
+        (("nowhere",), "three-link-coast"),
+        (("three-link-coast", "-o", "t.png"), "0 of 600 trials are done"),
+        (("three-link-coast", "--pushes", "0"), "0"),
+        (("three-link-coast", "--seed", "-1"), "-1"),
     ):
         refused = metaid("study", "validate", *arguments)
         assert refused.status == 2
@@ -195,7 +195,7 @@ def test_impossible_validations_are_refused_in_one_line(metaid: Metaid, problem:
 
 def test_truth_is_left_out_where_the_plant_does_not_know_it() -> None:
     """Nominal and identified alone."""
-    spec = load_study("three-link")
+    spec = load_study("three-link-coast")
     secret = spec.model_copy(update={"plant": spec.plant.model_copy(update={"truth_known": False})})
     models = validate_factors(Problem(secret), np.ones(6), pushes=1).models
     assert [shown.model for shown in models] == ["nominal", "identified"]

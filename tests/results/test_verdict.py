@@ -25,7 +25,9 @@ NO_ESTIMATE = {"estimate.enabled": False}
 TIGHT = {"sampler": "newton", "search.low": 0.9, "search.high": 1.1, "search.widen": False}
 
 
-def verdict_of(folder: Path, changes: dict[str, Any], study: str = "three-link", trials: int | None = None) -> Verdict:
+def verdict_of(
+    folder: Path, changes: dict[str, Any], study: str = "three-link-coast", trials: int | None = None
+) -> Verdict:
     """The verdict on a study that is run, up to that number of `trials` where it is given."""
     store = Store(str(folder / "metaid.db"), create=True)
     create_study(store, load_study(study, changes), "study")
@@ -62,7 +64,7 @@ def test_tip_far_heavier_than_believed_is_found_beyond_the_bounds(tmp_path: Path
     """Four links, gravity_4 2.5 times the nominal, default bounds: every interval holds the truth."""
     true, nominal = random_chain(4, 1)
     nominal = *nominal[:3], nominal[3].model_copy(update={"mass": nominal[3].mass / 2.5 * 1.2})
-    spec = load_study("three-link", {"sampler": "newton", "trials": 40})
+    spec = load_study("three-link-coast", {"sampler": "newton", "trials": 40})
     spec = spec.model_copy(update={"plant": PlantSettings(links=true), "nominal": nominal})
     store = Store(str(tmp_path / "metaid.db"), create=True)
     create_study(store, spec, "study")
@@ -77,7 +79,7 @@ def test_tip_far_heavier_than_believed_is_found_beyond_the_bounds(tmp_path: Path
 @pytest.mark.parametrize("sampler", ["cmaes", "output-error"])
 def test_what_the_model_does_not_know_is_not_found(fault: dict[str, float], sampler: str, tmp_path: Path) -> None:
     """Hidden friction or a hidden spring: the misfit says so, whichever the sampler."""
-    spec = load_study("three-link", {"sampler": sampler, "trials": 12})
+    spec = load_study("three-link-coast", {"sampler": sampler, "trials": 12})
     assert isinstance(spec.plant, PlantSettings)
     links = tuple(link.model_copy(update=fault) for link in spec.plant.links)
     spec = spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": links})})
@@ -126,12 +128,12 @@ def test_searcher_that_stopped_by_itself_is_not_unfinished(tmp_path: Path) -> No
 def test_run_that_found_nothing_ends_with_status_3(metaid: Callable[..., Finished]) -> None:
     """When all trials are spent, and not before; `show` ends with 0."""
     changes = ("estimate.enabled=false", "sampler=random", "trials=20")
-    metaid("study", "create", "three-link", *(f"--set={change}" for change in changes))
-    assert metaid("study", "run", "three-link", "--quiet", "--trials", "10").status == 0
-    done = metaid("study", "run", "three-link", "--quiet")
+    metaid("study", "create", "three-link-coast", *(f"--set={change}" for change in changes))
+    assert metaid("study", "run", "three-link-coast", "--quiet", "--trials", "10").status == 0
+    done = metaid("study", "run", "three-link-coast", "--quiet")
     assert done.status == 3
     assert done.out.splitlines()[-1].startswith("NOT FOUND: the best value, ")
-    shown = metaid("study", "show", "three-link", "--json")
+    shown = metaid("study", "show", "three-link-coast", "--json")
     assert shown.status == 0
     assert json.loads(shown.out)["verdict"] == "not found"
 
@@ -139,7 +141,7 @@ def test_run_that_found_nothing_ends_with_status_3(metaid: Callable[..., Finishe
 @pytest.mark.parametrize("sampler", ["cmaes", "newton"])
 def test_noisy_angles_beside_exact_speeds_leave_the_truth_in_the_intervals(sampler: str, tmp_path: Path) -> None:
     """`spectral` with a milliradian of noise: by the estimate from the readings, every lump within 1 %."""
-    spec = load_study("three-link", {"sampler": sampler, "trials": 12})
+    spec = load_study("three-link-coast", {"sampler": sampler, "trials": 12})
     assert isinstance(spec.plant, PlantSettings)
     faults = FaultSettings(angle_noise=1e-3)
     spec = spec.model_copy(update={"plant": spec.plant.model_copy(update={"faults": faults})})

@@ -147,9 +147,9 @@ def test_hidden_friction_is_told_by_the_misfit_and_no_number_is_printed(store: S
 @pytest.mark.parametrize("sampler", ["cmaes", "tpe", "newton", "random"])
 def test_trials_of_every_sampler_give_the_same_estimate_beside_the_best_trial(sampler: str, store: Store) -> None:
     """It is a property of a study's trials, not of the sampler that proposed them."""
-    create_study(store, load_study("three-link", {"sampler": sampler, "trials": 20}))
-    run_study(store, "three-link")
-    shown = results.summary(store, "three-link")
+    create_study(store, load_study("three-link-coast", {"sampler": sampler, "trials": 20}))
+    run_study(store, "three-link-coast")
+    shown = results.summary(store, "three-link-coast")
     assert (shown["verdict"], shown["source"]) == ("found", "estimate")
     assert shown["estimate"]["known_from"] <= 2
     assert len(shown["lumps"]) == 9
@@ -179,6 +179,6 @@ def test_second_stage_is_refused_where_the_estimate_finds_inertia_lumps(metaid: 
     refused = metaid("study", "create", "full-three-link", "--set", "sampler=output-error")
     assert refused.status == 2
     assert "leave out the table [inertia]" in refused.err
-    metaid("study", "create", "three-link", "--set", "sampler=output-error", "--set", "trials=3")
-    metaid("study", "run", "three-link", "--quiet")
-    assert "not searched" not in metaid("study", "validate", "three-link", "--pushes", "1").out
+    metaid("study", "create", "three-link-coast", "--set", "sampler=output-error", "--set", "trials=3")
+    metaid("study", "run", "three-link-coast", "--quiet")
+    assert "not searched" not in metaid("study", "validate", "three-link-coast", "--pushes", "1").out

@@ -39,7 +39,7 @@ def database(tmp_path: Path) -> Path:
 
 def test_failure_is_worse_than_any_fall(database: Path) -> None:
     """The searcher is told a finite value beyond that of a fall at the first step."""
-    problem = Problem(load_study("three-link", {"episode.fall_limit": 1.0}))
+    problem = Problem(load_study("three-link-coast", {"episode.fall_limit": 1.0}))
     objective = problem.make_objective()
     worst_fall = objective.evaluate(np.full(len(problem.names), 0.01))
     assert worst_fall.fell

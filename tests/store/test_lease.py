@@ -41,7 +41,7 @@ class Database:
     def __init__(self, storage: str) -> None:
         self.storage = storage
         with closing(Store(storage, create=True)) as store:
-            create_study(store, load_study("three-link", LONG), "study")
+            create_study(store, load_study("three-link-coast", LONG), "study")
 
     def ask(self, statement: str) -> Any:
         """The first cell that a statement gives, if any."""

@@ -94,4 +94,4 @@ def test_trials_that_no_estimate_is_made_of_keep_no_readings() -> None:
     """A study that stands by its estimate keeps those of more trials than one that stands by its best trial."""
     assert Problem(load_study("noisy-three-link", {"trials": 600})).trials_with_readings == 32
     assert Problem(load_study("noisy-three-link", {"sampler": "cmaes", "trials": 600})).trials_with_readings == 12
-    assert Problem(load_study("three-link")).trials_with_readings == 0
+    assert Problem(load_study("three-link-coast")).trials_with_readings == 0

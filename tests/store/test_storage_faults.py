@@ -37,7 +37,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, pd.DataFrame]:
     """A DB with half of a study, not to be changed, and the trials of all of it."""
     folder = tmp_path_factory.mktemp("made")
     with closing(Store(str(folder / "half.db"), create=True)) as store:
-        create_study(store, load_study("three-link", CHANGES), "study")
+        create_study(store, load_study("three-link-coast", CHANGES), "study")
         run_study(store, "study", trials=HALF)
     shutil.copy(folder / "half.db", folder / "whole.db")
     with closing(Store(str(folder / "whole.db"))) as store:
@@ -151,7 +151,7 @@ def test_full_disk_from_the_first_byte(metaid: Metaid, half: Path, whole: pd.Dat
         before = content(path)
         for command in COMMANDS:
             assert "full" in refused(metaid(*command, "--storage", str(path)))
-        assert "is full" in refused(metaid("study", "create", "three-link", "--storage", str(disk / "new.db")))
+        assert "is full" in refused(metaid("study", "create", "three-link-coast", "--storage", str(disk / "new.db")))
         assert content(path) == before
         assert not (disk / "new.db").exists()
         (disk / "filler").unlink()

@@ -37,7 +37,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, pd.DataFrame]:
     """A DB with a study without trials, not to be changed, and the trials of all of it."""
     folder = tmp_path_factory.mktemp("made")
     with closing(Store(str(folder / "empty.db"), create=True)) as store:
-        create_study(store, load_study("three-link", CHANGES), "study")
+        create_study(store, load_study("three-link-coast", CHANGES), "study")
     shutil.copy(folder / "empty.db", folder / "whole.db")
     with closing(Store(str(folder / "whole.db"))) as store:
         run_study(store, "study")

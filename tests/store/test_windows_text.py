@@ -50,17 +50,17 @@ def test_text_of_a_stranger_that_is_none_is_refused(text: str) -> None:
 def test_trials_of_three_links_have_windows_of_four_kilobytes_that_plain_optuna_reads(tmp_path: Path) -> None:
     """A user attribute like any other, and the same as the motion that was recorded."""
     storage = str(tmp_path / "metaid.db")
-    store, spec = Store(storage, create=True), load_study("three-link", {"trials": 20})
+    store, spec = Store(storage, create=True), load_study("three-link-coast", {"trials": 20})
     create_study(store, spec)
-    run_study(store, "three-link")
+    run_study(store, "three-link-coast")
     problem = Problem(spec)
-    with_windows = store.trials("three-link", *spec.names)
+    with_windows = store.trials("three-link-coast", *spec.names)
     for trial in with_windows:
         again = problem.make_objective().record(trial.factors).windows
         assert again is not None
         assert trial.outcome.windows is not None
         assert (again.motion == trial.outcome.windows.motion).all()
-    study = optuna.load_study(study_name="three-link", storage=f"sqlite:///{storage}")
+    study = optuna.load_study(study_name="three-link-coast", storage=f"sqlite:///{storage}")
     sizes = [len(json.dumps(trial.user_attrs["windows"])) for trial in study.trials]
     assert max(sizes) < 4200
     assert set(study.trials[0].user_attrs["windows"]) >= {"ends", "seen", "motion"}
@@ -70,7 +70,7 @@ def test_windows_end_with_the_budget_whoever_runs_the_study(tmp_path: Path, monk
     """Which trials have them depends on their number alone, not on workers or on how often a run was stopped."""
     monkeypatch.setattr("metaid.study.problem.WINDOW_BUDGET", 35_000)
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    spec = load_study("three-link", {"trials": 30})
+    spec = load_study("three-link-coast", {"trials": 30})
     kept = Problem(spec).trials_with_windows
     assert 0 < kept < 30
     for name, workers, stops in (("one", 1, (30,)), ("two", 2, (5, 13, 30))):

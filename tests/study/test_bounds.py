@@ -87,12 +87,12 @@ def test_lump_that_the_measure_cannot_see_is_not_held_back() -> None:
     assert [each.name for each in lumps_at_bounds(problem, found, np.array([found]))] == ["gravity_1"]
 
 
-TIGHT = {"search.low": 0.9, "search.high": 1.1}  # the six lumps of the three-link study are beyond, by up to 60 %
+TIGHT = {"search.low": 0.9, "search.high": 1.1}  # the six lumps of the three-link-coast study are beyond, by up to 60 %
 
 
 def run_tight(store: Store, name: str, *stops: int, **changes: Any) -> None:
-    """Runs the three-link study in bounds that exclude the truth, up to each of the `stops`."""
-    spec = load_study("three-link", TIGHT | changes)
+    """Runs the three-link-coast study in bounds that exclude the truth, up to each of the `stops`."""
+    spec = load_study("three-link-coast", TIGHT | changes)
     create_study(store, spec, name)
     for trials in stops or (spec.study.trials,):
         run_study(store, name, trials)
@@ -155,7 +155,7 @@ def test_widened_study_has_the_same_trials_however_often_it_is_stopped(
 def test_bounds_stay_where_the_best_trial_is_as_good_as_exact(tmp_path: Path) -> None:
     """A lump that is near a bound by right moves nothing."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    create_study(store, load_study("three-link", {"sampler": "newton", "search.high": 1.15}), "study")
+    create_study(store, load_study("three-link-coast", {"sampler": "newton", "search.high": 1.15}), "study")
     problem = run_study(store, "study").problem
     assert best_error(store, "study") < 1e-4
     assert problem.high.max() == 1.15

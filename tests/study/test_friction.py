@@ -120,7 +120,7 @@ def test_law_of_a_study_that_does_not_search_friction_has_none() -> None:
     """Whatever the nominal model says of it: what is not searched is not believed either."""
     spec = load_study("full-three-link", {"search.lumps": ["gravity", "coriolis"]})
     problem = Problem(spec)
-    assert problem.names == Problem(load_study("three-link")).names
+    assert problem.names == Problem(load_study("three-link-coast")).names
     assert problem.lumps.damping is None
 
 
@@ -128,7 +128,7 @@ def test_default_lumps_leave_the_trials_as_they_were(tmp_path: Path) -> None:
     """Naming the two kinds, in any order, is not naming any, to the last bit."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
     for name, changes in (("one", {}), ("other", {"search.lumps": ["coriolis", "gravity"]})):
-        create_study(store, load_study("three-link", changes), name)
+        create_study(store, load_study("three-link-coast", changes), name)
         run_study(store, name, trials=60)
     assert results.trials_frame(store, "one").equals(results.trials_frame(store, "other"))
 

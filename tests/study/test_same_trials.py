@@ -72,7 +72,7 @@ def spec_of(plant: PlantSettings, sampler: str) -> StudySpec:
 
     With dry friction in the law MuJoCo's solver has most to do near the truth.
     """
-    spec = load_study("three-link", {"sampler": sampler, "trials": TRIALS})
+    spec = load_study("three-link-coast", {"sampler": sampler, "trials": TRIALS})
     search = spec.study.search.model_copy(update={"lumps": chain_of(plant.links).kinds})
     study = spec.study.model_copy(update={"search": search})
     nominal = tuple(

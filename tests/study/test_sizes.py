@@ -17,9 +17,9 @@ from metaid.study.problem import load_study
 Metaid = Callable[..., Finished]
 LARGE = {
     "readings at rest": ("noisy-three-link", ["steps=10000000"], "of memory (allowed: at most 8 GiB"),
-    "steps of a trial": ("three-link", ["steps=10000000", "repeats=1000"], "are too many for a trial"),
+    "steps of a trial": ("three-link-coast", ["steps=10000000", "repeats=1000"], "are too many for a trial"),
     "angles": ("five-link", ["steps=10000000", "measure=count", "rule=maxima"], "of memory (allowed: at most 8 GiB"),
-    "pushes": ("three-link", ["steps=2", "repeats=1000", "count=1000"], "of memory (allowed: at most 8 GiB"),
+    "pushes": ("three-link-coast", ["steps=2", "repeats=1000", "count=1000"], "of memory (allowed: at most 8 GiB"),
 }
 
 

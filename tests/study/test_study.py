@@ -33,7 +33,7 @@ def store(tmp_path: Path) -> Store:
 
 
 def run(
-    store: Store, name: str, changes: dict[str, Any] | None = None, study: str = "three-link", **how: Any
+    store: Store, name: str, changes: dict[str, Any] | None = None, study: str = "three-link-coast", **how: Any
 ) -> pd.DataFrame:
     """Creates and runs a study under `name`; its trial table."""
     create_study(store, load_study(study, changes), name)
@@ -42,13 +42,13 @@ def run(
 
 
 def test_three_link_study_identifies_every_lump_within_one_percent(store: Store) -> None:
-    """The shipped demonstration, from a nominal model that is wrong by up to 30 %."""
-    run(store, "three-link")
-    lumps = results.lumps_frame(store, "three-link")
+    """By strong short pushes, from a nominal model that is wrong by up to 30 %."""
+    run(store, "three-link-coast")
+    lumps = results.lumps_frame(store, "three-link-coast")
     nominal_error = (lumps["nominal"] / lumps["true"] - 1).abs()
     assert nominal_error.max() > 0.3
     assert lumps["error"].abs().max() < 0.01
-    assert best_error(store, "three-link") < 0.01
+    assert best_error(store, "three-link-coast") < 0.01
     assert ((lumps["low"] <= lumps["identified"]) & (lumps["identified"] <= lumps["high"])).all()
 
 
@@ -73,7 +73,7 @@ def test_stopped_and_resumed_run_has_the_trials_of_an_uninterrupted_one(store: S
     """Stopped within a generation, at its end, and resumed with another number of workers."""
     changes = {"sampler": sampler, "trials": 70}
     whole = run(store, "whole", changes)
-    create_study(store, load_study("three-link", changes), "parts")
+    create_study(store, load_study("three-link-coast", changes), "parts")
     for trials, workers in ((13, 2), (14, 1), (40, 3), (70, 2)):
         run_study(store, "parts", trials=trials, workers=workers)
         assert len(results.trials_frame(store, "parts")) == trials
@@ -100,7 +100,7 @@ def test_search_never_asks_for_the_truth(store: Store, monkeypatch: pytest.Monke
     def refuse(_plant: MujocoPlant) -> None:
         raise AssertionError("the search looked at the truth")
 
-    create_study(store, load_study("three-link", {"trials": 40}), "blind")
+    create_study(store, load_study("three-link-coast", {"trials": 40}), "blind")
     with monkeypatch.context() as patch:
         patch.setattr(MujocoPlant, "true_lumps", refuse)
         run_study(store, "blind")
@@ -109,7 +109,7 @@ def test_search_never_asks_for_the_truth(store: Store, monkeypatch: pytest.Monke
 
 def test_plant_that_knows_no_truth_identifies_equally(store: Store) -> None:
     """Same trials, same identified lumps; truth and error are not known."""
-    spec = load_study("three-link", {"trials": 60})
+    spec = load_study("three-link-coast", {"trials": 60})
     unknown = spec.model_copy(update={"plant": spec.plant.model_copy(update={"truth_known": False})})
     for name, made_from in (("known", spec), ("unknown", unknown)):
         create_study(store, made_from, name)
@@ -134,7 +134,7 @@ def test_nominal_metric_needs_fewer_trials_than_plain_coordinates(store: Store) 
 
 def test_random_nominal_models_are_all_identified(store: Store) -> None:
     """Recovery from three other wrong starts, masses and inertias by 30 % and centres of mass by 15 %."""
-    spec = load_study("three-link", {"trials": 700})
+    spec = load_study("three-link-coast", {"trials": 700})
     for seed in range(3):
         random = np.random.default_rng(seed)
         nominal = tuple(
@@ -191,21 +191,21 @@ def test_interrupted_run_says_how_to_go_on(tmp_path: Path) -> None:
     """SIGINT and SIGTERM: status 130 and 143, one line, and whole generations in the DB."""
     command = [sys.executable, "-c", "from metaid.cli import main; main()", "study"]
     endless = ["--set", "trials=1000000", "--set", "sampler=random", "--set", "search.generation=9"]
-    subprocess.run([*command, "create", "three-link", *endless], cwd=tmp_path, check=True, capture_output=True)
+    subprocess.run([*command, "create", "three-link-coast", *endless], cwd=tmp_path, check=True, capture_output=True)
     store = Store(str(tmp_path / "metaid.db"))
     for stop, status in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):
-        before = len(results.trials_frame(store, "three-link"))
+        before = len(results.trials_frame(store, "three-link-coast"))
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
         process = subprocess.Popen(
-            [*command, "run", "three-link"], cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True
+            [*command, "run", "three-link-coast"], cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True
         )
-        while len(results.trials_frame(store, "three-link")) == before:
+        while len(results.trials_frame(store, "three-link-coast")) == before:
             time.sleep(0.02)
         process.send_signal(stop)
         _, said = process.communicate(timeout=60)
         assert process.returncode == status
-        assert said.strip().splitlines()[-1].endswith("go on with: metaid study run three-link")
-    trials = results.trials_frame(store, "three-link")
+        assert said.strip().splitlines()[-1].endswith("go on with: metaid study run three-link-coast")
+    trials = results.trials_frame(store, "three-link-coast")
     assert trials["number"].tolist() == list(range(len(trials)))
     assert (trials.groupby("generation").size() == 9).all()
 
@@ -231,7 +231,7 @@ def test_interrupted_run_says_how_to_go_on(tmp_path: Path) -> None:
 def test_settings_that_cannot_be_used_are_refused_with_the_reason(changes: dict[str, Any], message: str) -> None:
     """What, where, and what is allowed."""
     with pytest.raises(StudyError) as refused:
-        load_study("three-link", changes)
+        load_study("three-link-coast", changes)
     assert message in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -239,7 +239,7 @@ def test_settings_that_cannot_be_used_are_refused_with_the_reason(changes: dict[
 def test_specification_survives_the_study_db(store: Store) -> None:
     """What comes back from the DB is what was put in: a study needs none of its files any more."""
     spec = load_study(
-        "three-link",
+        "three-link-coast",
         {"search.low": {"gravity_1": 0.7}, "episode.pushes": [[0.0, 0.1, 0.2]], "search.coordinates": "plain"},
     )
     create_study(store, spec, "study")

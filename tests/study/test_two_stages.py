@@ -114,11 +114,11 @@ def test_cmaes_identifies_the_full_dynamics_too(changes: dict[str, Any], store: 
 
 def test_study_of_an_ideal_chain_may_have_a_second_stage(store: Store) -> None:
     """Friction and inertia are asked for independently."""
-    create_study(store, load_study("three-link", {"sampler": "newton", "inertia.trials": 60}))
-    run_study(store, "three-link")
-    shown = results.summary(store, "three-link")
+    create_study(store, load_study("three-link-coast", {"sampler": "newton", "inertia.trials": 60}))
+    run_study(store, "three-link-coast")
+    shown = results.summary(store, "three-link-coast")
     assert [lump["name"] for lump in shown["lumps"]][-3:] == ["inertia_1", "inertia_2", "inertia_3"]
-    assert best_error(store, "three-link") < 0.001
+    assert best_error(store, "three-link-coast") < 0.001
 
 
 @pytest.mark.parametrize("stops", [(50,), (102, 105), (103,), (1, 99, 101, 117)])

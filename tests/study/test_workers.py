@@ -63,7 +63,7 @@ def node(cluster: Cluster) -> Any:
 @pytest.fixture
 def problem() -> Problem:
     """Survivors and falls."""
-    return Problem(load_study("three-link", CHANGES))
+    return Problem(load_study("three-link-coast", CHANGES))
 
 
 def batch_of(problem: Problem) -> Array:
@@ -139,7 +139,7 @@ def test_candidate_that_ends_its_worker_is_a_failure_and_the_search_goes_on(
     node: Any, problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A FAIL trial with its reason after bounded tries; a resumed run has the trials of an uninterrupted one."""
-    store, spec = Store(str(tmp_path / "metaid.db"), create=True), load_study("three-link", CHANGES)
+    store, spec = Store(str(tmp_path / "metaid.db"), create=True), load_study("three-link-coast", CHANGES)
     for name in ("sound", "failing", "whole"):
         create_study(store, spec, name)
     run_study(store, "sound")
@@ -183,7 +183,10 @@ def test_nodes_come_and_go_and_the_trials_are_the_same(
     cluster: Cluster, node: Any, problem: Problem, tmp_path: Path
 ) -> None:
     """Fewer places than workers, the only node removed in mid-run, another added."""
-    store, spec = Store(str(tmp_path / "metaid.db"), create=True), load_study("three-link", {**CHANGES, "trials": 90})
+    store, spec = (
+        Store(str(tmp_path / "metaid.db"), create=True),
+        load_study("three-link-coast", {**CHANGES, "trials": 90}),
+    )
     for name in ("local", "ray"):
         create_study(store, spec, name)
     run_study(store, "local")
@@ -217,12 +220,12 @@ def test_run_without_any_node_stops_in_one_line(
     """It waits for a while, and says so; then it says how to go on, and the DB is whole."""
     for node in list(cluster.worker_nodes):
         cluster.remove_node(node)
-    metaid("study", "create", "three-link", "--set", "trials=45")
-    run_study(Store("metaid.db"), "three-link", trials=18)
+    metaid("study", "create", "three-link-coast", "--set", "trials=45")
+    run_study(Store("metaid.db"), "three-link-coast", trials=18)
     monkeypatch.setattr(ray_actors, "WARN_AFTER", 1.0)
-    stopped = metaid("study", "run", "three-link", "--engine", "ray", "--patience", "3", "--quiet")
+    stopped = metaid("study", "run", "three-link-coast", "--engine", "ray", "--patience", "3", "--quiet")
     assert stopped.status == 2
     assert caplog.messages == ["no Ray worker yet: waiting for one, 3 s at most"]
-    how = "18 trials are in metaid.db; go on with: metaid study run three-link"
+    how = "18 trials are in metaid.db; go on with: metaid study run three-link-coast"
     assert stopped.err == f"metaid: no Ray worker for 3 s; {how}\n"
-    assert metaid("study", "run", "three-link", "--quiet").status == 0
+    assert metaid("study", "run", "three-link-coast", "--quiet").status == 0

@@ -1,0 +1,94 @@
+"""The study that `make demo` runs: small pushes, counted periods, a search for the least frequency, falls, a match."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import optuna
+import pytest
+from conftest import Finished
+
+from metaid import results
+from metaid.models import IDEAL, lump_names
+from metaid.store.database import Store
+from metaid.study.create import create_study
+from metaid.study.problem import load_study
+from metaid.study.run import run_study
+
+STUDY = "three-link"
+SEEDS = 1, 2, 3, 4  # the first is the shipped one
+
+
+def run(folder: Path, **changes: Any) -> Store:
+    """A DB in which the demonstration has been run."""
+    store = Store(str(folder / "metaid.db"), create=True)
+    create_study(store, load_study(STUDY, changes))
+    run_study(store, STUDY)
+    return store
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_any_seed_counts_falls_and_finds_nine_lumps(tmp_path: Path, seed: int) -> None:
+    """In 30 trials some candidates fall, every other one swings through whole periods, and the match of them all has
+    every gravity, Coriolis and inertia lump within 0.01 %, though the best trial is far off.
+    """
+    store = run(tmp_path, seed=seed)
+    shown, trials = results.summary(store, STUDY), results.trials_frame(store, STUDY)
+    survivors = trials[trials["state"] == "COMPLETE"]
+    counted = survivors.filter(like="periods_").sum(axis=1)
+    assert len(trials) <= 30
+    assert shown["trials"]["pruned"] >= 1
+    assert counted.min() >= 1
+    assert shown["periods"] == counted.sum()
+    assert (shown["verdict"], shown["source"]) == ("found", "estimate")
+    assert [lump["name"] for lump in shown["lumps"]] == lump_names(3, (*IDEAL, "inertia"))
+    assert all(lump["determined"] for lump in shown["lumps"])
+    assert shown["max_error"] < 1e-4
+    assert shown["best"]["max_error"] > 0.1
+    assert shown["estimate"]["known_from"] < 12
+
+
+def test_end_says_how_many_periods_and_falls_and_how_early_the_answer_stood(metaid: Callable[..., Finished]) -> None:
+    """What `metaid study run` prints last, and nothing but the name of the study before."""
+    created = metaid("study", "create", STUDY)
+    assert created.err == ""
+    ended = " ".join(metaid("study", "run", STUDY, "--workers", "2").out.split())
+    trials = results.trials_frame(Store("metaid.db"), STUDY)
+    fell = (trials["state"] == "PRUNED").sum()
+    counted = trials[trials["state"] == "COMPLETE"].filter(like="periods_").to_numpy().sum()
+    assert f"{len(trials)} trials, {fell} of them falls; {counted} periods counted in the others" in ended
+    assert "every lump was known to 0.1% after the first" in ended
+    assert "FOUND: 9 lumps, each to within" in ended
+
+
+@pytest.mark.parametrize("draw", ["plot_optimization_history", "plot_parallel_coordinate", "plot_param_importances"])
+def test_plain_optuna_draws_it(demonstrated: Path, draw: str) -> None:
+    """Optuna alone opens the DB and makes its figures, falls as pruned trials."""
+    mpl.use("agg")
+    study = optuna.load_study(study_name=STUDY, storage=f"sqlite:///{demonstrated}")
+    assert getattr(optuna.visualization.matplotlib, draw)(study) is not None
+
+
+def test_plain_optuna_has_the_same_best_trial_and_falls(demonstrated: Path) -> None:
+    """A survivor is COMPLETE with its frequency; a fall is PRUNED with the step that it survived to."""
+    study = optuna.load_study(study_name=STUDY, storage=f"sqlite:///{demonstrated}")
+    shown = results.summary(Store(str(demonstrated)), STUDY)
+    assert study.best_trial.number == shown["best"]["number"]
+    assert study.best_value == shown["best"]["value"]
+    fallen = study.get_trials(states=[optuna.trial.TrialState.PRUNED])
+    assert len(fallen) == shown["trials"]["pruned"]
+    assert all(trial.last_step == trial.user_attrs["steps"] < 6000 for trial in fallen)
+    factors = [trial.params[f"gravity_{link}"] for trial in study.trials for link in (1, 2, 3)]
+    assert np.median(factors) > 1.2  # it begins over-compensated
+
+
+@pytest.fixture(scope="module")
+def demonstrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A DB in which the demonstration has been run, not to be changed."""
+    folder = tmp_path_factory.mktemp("demonstrated")
+    run(folder).close()
+    return folder / "metaid.db"
