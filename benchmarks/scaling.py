@@ -30,7 +30,7 @@ from metaid.study import Problem, load_study
 from metaid.study.evaluation import RayEvaluator
 
 STUDIES = {
-    "three-link": lambda: load_study("three-link-coast"),
+    "three-link-coast": lambda: load_study("three-link-coast"),
     "ten-link": lambda: load_study("ten-link"),
     "ten links, 5,000 steps a push": lambda: make_spec(10, steps=20 * 5000),
 }

@@ -35,7 +35,7 @@ from metaid.study import Progress, run_study  # noqa: E402
 # Three links from far away, so that some candidates fall; and two links, counted, for the boundary of falling.
 STUDIES = (
     "three-link",
-    "three-link --name from-afar --set search.coordinates=plain --set search.start=1.4 --set trials=800",
+    "three-link-coast --name from-afar --set search.coordinates=plain --set search.start=1.4 --set trials=800",
     "two-link-tpe --name boundary --set sampler=random --set search.coordinates=plain"
     ' --set episode.measure="crossing" --set search.low=0.6 --set search.high=1.6',
 )
