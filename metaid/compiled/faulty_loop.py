@@ -74,7 +74,7 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, w
     law = gravity[0], coriolis[0], damping[0], coulomb[0], inertia[0], stiffness
     angle_noise, speed_noise, torque_noise = noise
     control_every, limits, tilt = drives
-    timestep, steps, limit, margin, largest_turn, ends, deadband, lead = settings
+    timestep, steps, limit, margin, largest_turn, runaway, ends, deadband, lead = settings
     motion, window_half_periods = windows
     read, moving, joint_speeds, previous, command, crosses, commands = work
     npush, n = start.shape[0], start.shape[2]
@@ -90,7 +90,7 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, w
             chain.qpos[i], chain.qvel[i] = start[push, 0, i], start[push, 1, i]
             for slot in range(slots):
                 commands[slot, i] = 0.0
-        fastest, fallen, step = 0.0, False, 0
+        pushed, fastest, turn, fallen, step = 0.0, 0.0, largest_turn, False, 0
         window, end = 0, ends[0] if ends.shape[0] > 0 else 0
         while True:
             _read(chain, expected, (angle_noise, speed_noise), push, step, sensors, kept, kept_speeds, joint_speeds)
@@ -102,15 +102,19 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, w
                 read[i].angle = angle + lead * speed
                 read[i].speed = speed
                 if step == 0:
-                    fastest = max(fastest, margin * abs(speed))
+                    pushed = max(pushed, abs(speed))
                     crosses[i] = start[push, 0, i] == 0.0 and v != 0.0
                 else:
                     speed_energy[push, i] += 0.5 * period * (v0 * v0 + v * v)
                     jump = v - v0 + period * stiffness * kept[push, step - 1, i]  # Eq. 17
                     acceleration_energy[push, i] += jump * jump / period
-                    if has_fallen(angle, speed, fastest, period, limit, largest_turn):
+                    if has_fallen(angle, speed, fastest, period, limit, turn):
                         fallen = True
                 previous[i] = v
+            if step == 0:
+                fastest = margin * pushed
+                if runaway * pushed * period < turn:
+                    turn = runaway * pushed * period  # Eq. 31
             if step == end and step > 0 and not fallen:
                 for i in range(n):
                     motion[push, window, 0, i] = kept[push, step, i]

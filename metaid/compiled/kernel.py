@@ -77,13 +77,13 @@ def _run_push(chain, start, law, settings, links, outputs, windows, kept):  # ty
     Fills the four (njoint) `outputs`, the two `windows`, and `kept` (nsteps + 1 x njoint) with joint angles unless it
     is empty. `links` (njoint) are working space; nothing is allocated here.
     """
-    timestep, steps, limit, margin, largest_turn, ends = settings
+    timestep, steps, limit, margin, largest_turn, runaway, ends = settings
     motion, window_half_periods = windows
     half_periods, span, speed_energy, acceleration_energy = outputs
     qpos, qvel, torque = chain.qpos, chain.qvel, chain.torque
     n = start.shape[1]
     stiffness = law[-1]
-    fastest, angle, speed, ran, fallen = 0.0, 0.0, 0.0, 0, False
+    pushed, angle, speed, ran, fallen = 0.0, 0.0, 0.0, 0, False
     keep = kept.size > 0
     window = 0
     forget(chain)  # type: ignore[no-untyped-call]
@@ -92,10 +92,13 @@ def _run_push(chain, start, law, settings, links, outputs, windows, kept):  # ty
         half_periods[i], span[i] = 0, 0.0
         angle += start[0, i]
         speed += start[1, i]
-        fastest = max(fastest, margin * abs(speed))
+        pushed = max(pushed, abs(speed))
         _set_off(links[i], angle, speed, start[0, i], start[1, i])
         if keep:
             kept[0, i] = start[0, i]
+    fastest, turn = margin * pushed, largest_turn
+    if runaway * pushed * timestep < turn:
+        turn = runaway * pushed * timestep  # Eq. 31
     # A loop of its own for each window: a comparison in every step for its end costs some 2 % at three links.
     while ran < steps and not fallen:
         end = ends[window] if window < ends.shape[0] else steps
@@ -126,7 +129,7 @@ def _run_push(chain, start, law, settings, links, outputs, windows, kept):  # ty
                     link.side = np.sign(q)
                 link.previous_angle = q
                 link.previous_speed = v
-                if has_fallen(angle, speed, fastest, timestep, limit, largest_turn):
+                if has_fallen(angle, speed, fastest, timestep, limit, turn):
                     fallen = True
             if keep:
                 for i in range(n):
@@ -179,7 +182,7 @@ def run_from(chain, start, queue, laws, settings, links, ran, fell, outputs, win
         queue: of the batch: the number of the next push, candidate by candidate.
         laws: of the candidates; see `batch.Laws`.
         settings: timestep in s; steps after a push; the clauses of the fall rule (limit in rad, margin, largest turn in
-            rad); the steps (nwindow) that the windows end with.
+            rad, multiple at which a link runs away); the steps (nwindow) that the windows end with.
         links: working space (njoint) of the type `LINK`.
         ran: steps after each push (ncandidate x npush), filled in.
         fell: whether each push ended in a fall (ncandidate x npush), filled in.

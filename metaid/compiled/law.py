@@ -98,7 +98,7 @@ def has_fallen(angle, speed, fastest, timestep, limit, turn):  # type: ignore[no
         fastest: the speed up to which a link past the limit coasts, in rad/s.
         timestep: between two torques, in s.
         limit: of the angle, in rad.
-        turn: the largest that is allowed in a timestep, in rad.
+        turn: the largest that is allowed in a timestep, in rad; beyond it the link runs away.
     """
     # An angle that is not finite follows from a speed that is not, so the speed's own clause catches it.
     return not (abs(angle) <= limit or abs(speed) <= fastest) or not abs(speed) * timestep <= turn

@@ -5,7 +5,7 @@ turns a record into one number. An `Outcome` is what a searcher gets. No storage
 """
 
 from metaid.episode.episode import Episode, NoiseFloor
-from metaid.episode.falls import FALL_LIMIT, FALL_MARGIN, RICH_FALL_LIMIT, FallRule
+from metaid.episode.falls import FALL_LIMIT, FALL_MARGIN, RICH_FALL_LIMIT, RICH_RUNAWAY, FallRule
 from metaid.episode.measures import (
     MEASURES,
     NOISE_RESOLUTION,
@@ -34,6 +34,7 @@ __all__ = [
     "QUANTITIES",
     "REACH",
     "RICH_FALL_LIMIT",
+    "RICH_RUNAWAY",
     "SHORTEST",
     "WINDOWS",
     "Calibration",

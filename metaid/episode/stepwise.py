@@ -171,7 +171,7 @@ def _watch_push(
         if check is not None:
             check.begin(angles, speeds)
         history = [(angles, speeds)]
-        fastest = rule.fastest(np.cumsum(speeds))
+        allowed = rule.allowed_speeds(np.cumsum(speeds))
         for _ in range(episode.steps):
             torque = law.torque(angles + episode.lead * speeds, speeds)
             plant.apply_torque(torque)
@@ -180,7 +180,7 @@ def _watch_push(
             history.append((angles, speeds))
             if check is not None and np.isfinite(angles).all():  # a rig that has stopped itself shows nothing
                 check.step(angles, speeds, torque)
-            fallen = rule.has_fallen(np.cumsum(angles), np.cumsum(speeds), fastest, plant.timestep)
+            fallen = rule.has_fallen(np.cumsum(angles), np.cumsum(speeds), allowed, plant.timestep)
             if fallen:
                 break
         if check is not None:

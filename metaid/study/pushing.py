@@ -11,6 +11,7 @@ from metaid.episode import (
     QUANTITIES,
     REACH,
     RICH_FALL_LIMIT,
+    RICH_RUNAWAY,
     SHORTEST,
     WINDOWS,
     Episode,
@@ -70,13 +71,14 @@ def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure
                 f"(allowed: at most {LARGEST_STEPS}; name the steps, or make the timestep longer)"
             )
         check_size(spec, measure, count * wanted.repeats, steps, RESTS)
-        pushes, fall_limit = _strong_pushes(plant, kind, spec, nominal, steps * timestep), RICH_FALL_LIMIT
+        pushes = _strong_pushes(plant, kind, spec, nominal, steps * timestep)
+        fall_limit, runaway = RICH_FALL_LIMIT, np.inf if isinstance(spec.plant, PlantSettings) else RICH_RUNAWAY
     else:
-        steps, fall_limit = wanted.steps or COUNTING_STEPS, FALL_LIMIT
+        steps, fall_limit, runaway = wanted.steps or COUNTING_STEPS, FALL_LIMIT, np.inf
         check_size(spec, measure, count * wanted.repeats, steps, RESTS)
         pushes = tip_push(plant, wanted.peak_speed or TIP_SPEED) if kind == "tip" else _explicit(kind, plant.njoint)
     pushes = np.tile(pushes, (wanted.repeats, 1))
-    rule = FallRule(wanted.fall_limit or fall_limit, wanted.fall_margin)
+    rule = FallRule(wanted.fall_limit or fall_limit, wanted.fall_margin, wanted.fall_runaway or runaway)
     stiffness = _stiffness(spec, stage, steps * timestep)
     natural = natural_time(nominal, plant.gravity)
     kept: dict[str, Any] = {"window_ends": _window_ends(pushes, steps, steps * timestep / natural)}

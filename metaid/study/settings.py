@@ -100,7 +100,8 @@ class EpisodeSettings(Settings):
     """`[episode]`: the `measure`, and for "count" its counting `rule`; `pushes`: "rich", "designed" (the best of many
     rich sets, by the nominal model), "tip", or a list of impulses in N s, one per link tip; for the first two their
     `count` (default 2 per link); for all three the `peak_speed` in rad/s; `steps` after each push; the `fall_limit` in
-    rad and `fall_margin` (0: past the limit is fallen, however slow); `repeats` of every push, which average noise; the
+    rad, the `fall_margin` (0: past the limit is fallen, however slow) and the `fall_runaway` beyond which a link has
+    fallen wherever it is; `repeats` of every push, which average noise; the
     `lead` in s, for a plant whose torques come late: the law gets the angles that the speeds lead to by then; the
     `physics`: "mujoco", or "analytic" to screen by the chain's own equations of motion, some five times as fast, and
     have MuJoCo verify the best.
@@ -115,6 +116,7 @@ class EpisodeSettings(Settings):
     steps: Annotated[int, Field(ge=2, le=LARGEST_STEPS)] | None = None
     fall_limit: Annotated[float, Field(gt=0, le=1000)] | None = None
     fall_margin: Annotated[float, Field(ge=0, le=1000)] = FALL_MARGIN
+    fall_runaway: Annotated[float, Field(gt=1, le=1e6)] | None = None
     repeats: Annotated[int, Field(ge=1, le=1000)] = 1
     lead: Annotated[float, Field(ge=0, le=1)] = 0.0
 

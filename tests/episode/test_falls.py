@@ -10,7 +10,7 @@ from metaid.compiled.faulty_loop import FaultyLoop
 from metaid.compiled.loop import CompiledLoop, fastest_step
 from metaid.episode.episode import Episode
 from metaid.episode.falls import FallRule
-from metaid.episode.pushes import pushes_for, tip_push
+from metaid.episode.pushes import pushes_for, rich_pushes, tip_push
 from metaid.episode.record import Record
 from metaid.episode.stepwise import run_stepwise
 from metaid.models.lumps import Lumps
@@ -24,8 +24,8 @@ TIMESTEP = 0.01
 
 def fallen(angles: list[float], speeds: list[float]) -> bool:
     """Whether links at these absolute angles and speeds have, where none was faster than 1 rad/s after the push."""
-    fastest = RULE.fastest(np.array([-1.0, 0.5]))
-    return RULE.has_fallen(np.array(angles), np.array(speeds), fastest, TIMESTEP)
+    allowed = RULE.allowed_speeds(np.array([-1.0, 0.5]))
+    return RULE.has_fallen(np.array(angles), np.array(speeds), allowed, TIMESTEP)
 
 
 def test_link_past_the_limit_that_is_no_faster_than_the_margin_allows_coasts() -> None:
@@ -83,6 +83,31 @@ def test_limit_and_margin_end_the_episode_at_the_same_step_in_every_loop(margin:
         records = in_every_loop(plant, plant.chain.lumps.scaled(np.array([factor])), episode)
         assert len({record.fall_step for record in records}) == 1
         assert (records[0].fall_step is not None) is falls
+
+
+def test_link_that_runs_away_has_fallen_wherever_it_is() -> None:
+    """Beyond its multiple of the fastest link's speed after the push; a rule without one waits for the limit."""
+    rule = FallRule(limit=1.5, runaway=3.0)
+    allowed = rule.allowed_speeds(np.array([-1.0, 0.5]))
+    still = np.array([0.1, 0.1])
+    assert not rule.has_fallen(still, np.array([0.5, -3.0]), allowed, TIMESTEP)
+    assert rule.has_fallen(still, np.array([0.5, -3.01]), allowed, TIMESTEP)
+    assert not fallen([0.1, 0.1], [0.5, -3.01])
+
+
+def test_runaway_ends_the_episode_early_and_at_the_same_step_in_every_loop() -> None:
+    """Of a candidate that falls; the truth and its neighbours are left alone."""
+    plant = random_plant(3)
+    pushes = rich_pushes(plant, 2, 0.5, seed=1)
+    steps = []
+    for rule in (FallRule(), FallRule(runaway=5.0)):
+        records = in_every_loop(plant, plant.chain.lumps.scaled(np.full(6, 0.5)), Episode(pushes, 2000, rule))
+        assert len({record.fall_step for record in records}) == 1
+        steps.append(records[0].fall_step)
+    assert steps[1] < 0.7 * steps[0]
+    loop = CompiledLoop(plant, Episode(rich_pushes(plant, 6, 3.0, seed=1), 150, FallRule(runaway=5.0)))
+    for factors in (np.ones(6), *np.random.default_rng(1).uniform(0.9, 1.1, (50, 6))):
+        assert loop.run(plant.chain.lumps.scaled(factors)).fall_step is None
 
 
 def test_step_in_which_a_radian_is_turned_is_that_of_the_control() -> None:

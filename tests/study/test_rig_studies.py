@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -146,6 +147,20 @@ def test_address_of_another_form_is_refused(metaid: Callable[..., Finished], tmp
     done = metaid("plant", "show", "rig.toml")
     assert done.status == 2
     assert "rig.toml: socket:" in done.err
+
+
+def test_link_that_runs_away_after_a_rich_push_has_fallen_on_a_rig(tmp_path: Path) -> None:
+    """Without being asked for; not after other pushes, nor on a simulated plant unless its study says so."""
+    rig = tmp_path / "rig.toml"
+    rig.write_text('socket = "tcp://127.0.0.1:9"\njoints = 3\n')
+    wanted: dict[str, Any] = {"plant": str(rig), "workers": 1}
+    multiples = []
+    for changes in (wanted, {**wanted, "episode.pushes": "tip"}, {**wanted, "episode.fall_runaway": 2.0}, {}):
+        spec = load_study("three-link-coast", {**changes, "search.coordinates": "plain"})
+        multiples.append(Problem(spec).episode.fall_rule.runaway)
+    assert multiples == [5.0, math.inf, 2.0, math.inf]
+    with pytest.raises(StudyError, match="fall_runaway"):
+        load_study("three-link-coast", {"episode.fall_runaway": 1.0})
 
 
 def test_study_settings_of_a_rig_keep_what_was_measured_at_it(serve: Serve, tmp_path: Path) -> None:
