@@ -56,8 +56,12 @@ $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit("metaid needs Python 3.11 or newer: make PYTHON=python3.11 ..." if sys.version_info < (3, 11) else 0)'
 	$(PYTHON) -m venv $(VENV)
 
+# Machine code is made when a loop is first run, and kept: here by the demonstration, in a DB that is thrown away.
 $(VENV)/.runtime: $(BIN)/python pyproject.toml $(CONSTRAINTS)
 	$(PIP) --editable .
+	@folder=$$(mktemp -d) && trap 'rm -r "$$folder"' EXIT && \
+		$(BIN)/metaid study create three-link --storage "$$folder/metaid.db" >/dev/null && \
+		$(BIN)/metaid study run three-link --storage "$$folder/metaid.db" --quiet >/dev/null
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.runtime

@@ -35,7 +35,7 @@ from metaid.study import (
     Problem,
     Progress,
     StudySpec,
-    create_study,
+    ensure_study,
     load_study,
     run_study,
     stored_spec,
@@ -169,20 +169,6 @@ def objective(study: str | Path | StudySpec, storage: str | None = None) -> Optu
         return OptunaObjective(_spec(study))
     with closing(Store(storage)) as store:
         return OptunaObjective(stored_spec(store, str(study)))
-
-
-def ensure_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
-    """Creates the study unless the DB has it, made from the same settings; returns its name.  Raises StorageError if
-    from others.
-    """
-    name = spec.name if name is None else name
-    if name not in store.names():
-        return create_study(store, spec, name)
-    if stored_spec(store, name).model_copy(update={"pushed": None}) != spec:
-        raise StorageError(
-            f"{store.url} has a study '{name}' made from other settings (choose another name, or delete it)"
-        )
-    return name
 
 
 def trials(name: str, storage: str | None = None) -> pd.DataFrame:

@@ -70,8 +70,7 @@ def study() -> None:
 @click.option("--exist-ok", is_flag=True, help="Do nothing if the DB has a study with these settings already.")
 def create(source: str, name: str | None, storage: str, changes: tuple[str, ...], exist_ok: bool) -> None:
     """Make a study in the DB from STUDY, a shipped name or the path of a study file."""
-    from metaid.api import ensure_study
-    from metaid.study import advice, create_study, question
+    from metaid.study import advice, create_study, ensure_study, question
 
     spec = load_study(source, changes)
     warnings = [question(spec), advice(spec), _undetermined(spec)]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +13,9 @@ from metaid.models import Array
 from metaid.search.coordinates import Coordinates
 from metaid.search.searcher import StepOptions
 
+if TYPE_CHECKING:
+    from cmaes import CMA
+
 RESAMPLINGS = 100  # of a candidate that leaves the bounds, before it is moved to the nearest one
 
 
@@ -18,18 +23,26 @@ class Cmaes:
     """CMA-ES of the cmaes package, in the given coordinates; candidates beyond the bounds are drawn again."""
 
     def __init__(self, coordinates: Coordinates, seed: int, options: StepOptions) -> None:
-        import cmaes  # slow to load, with all of scipy.stats, and only a run needs it
-
         self._coordinates = coordinates
-        mean = np.zeros(len(coordinates.origin))
-        self._optimizer = cmaes.CMA(mean=mean, sigma=options.sigma, seed=seed, population_size=options.generation)
-        size = self._optimizer.population_size
+        self._seed = seed
+        self._options = options
+        self._proposed: list[Array] = []
+        self._spread = options.sigma
+
+    @cached_property
+    def _optimizer(self) -> CMA:
+        """Made for the first candidate: cmaes is slow to load, with all of scipy.stats, and only a run needs it."""
+        import cmaes
+
+        mean = np.zeros(len(self._coordinates.origin))
+        settings: dict[str, Any] = {"mean": mean, "sigma": self._options.sigma, "seed": self._seed}
+        optimizer = cmaes.CMA(**settings, population_size=self._options.generation)
+        size = optimizer.population_size
         if len(mean) > size:
             from metaid.search.symmetric_root import SymmetricRootCma
 
-            self._optimizer = SymmetricRootCma(mean=mean, sigma=options.sigma, seed=seed, population_size=size)
-        self._proposed: list[Array] = []
-        self._spread = options.sigma
+            optimizer = SymmetricRootCma(**settings, population_size=size)
+        return optimizer
 
     @property
     def spread(self) -> float | None:

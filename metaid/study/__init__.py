@@ -4,7 +4,7 @@
 """
 
 from metaid.study.bounds import LumpAtBound, lumps_at_bounds
-from metaid.study.create import advice, create_study, delete_study, optuna_spec, question, stored_spec
+from metaid.study.create import advice, create_study, delete_study, ensure_study, optuna_spec, question, stored_spec
 from metaid.study.evaluation import OptunaObjective
 from metaid.study.identifiability import COARSEST, identifiability
 from metaid.study.problem import MOST_TRIALS, Problem, load_study
@@ -32,6 +32,7 @@ __all__ = [
     "arithmetic",
     "create_study",
     "delete_study",
+    "ensure_study",
     "identifiability",
     "is_finished",
     "load_study",

@@ -41,6 +41,20 @@ def create_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
     return name
 
 
+def ensure_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
+    """Creates the study unless the DB has it, made from the same settings; returns its name.  Raises StorageError if
+    from others.
+    """
+    name = spec.name if name is None else name
+    if name not in store.names():
+        return create_study(store, spec, name)
+    if stored_spec(store, name).model_copy(update={"pushed": None}) != spec:
+        raise StorageError(
+            f"{store.url} has a study '{name}' made from other settings (choose another name, or delete it)"
+        )
+    return name
+
+
 def _refuse_what_cannot_be_run(problem: Problem) -> None:
     for stage in problem.stages():
         stage.make_searcher()

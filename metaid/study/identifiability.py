@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from metaid.episode import NOISE_RESOLUTION
+from metaid.episode import NOISE_RESOLUTION, pushes_for
 from metaid.models import Array, lump_names
 from metaid.plant import PlantSettings
 from metaid.study.problem import Problem
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 COARSEST = 0.1  # a lump that is not known better than to a tenth is not determined: its nominal value is as good
 NEGLIGIBLE = 0.02  # weight of a lump in a combination, of 1
-OVER_COMPENSATED = 1.5  # factor of the gravity lumps in the first of the two trials of an estimate
+OVER_COMPENSATED = 1.5, 2.0  # factors of the gravity lumps in the first trials of an estimate, as many as it needs
 DEVIATIONS = 1.96  # half a 95 % interval
 EPISODES = 32  # with exact lumps, which show how far noise moves the measure
 HALVINGS = 11  # of the interval in which a factor stops being noticed
@@ -112,15 +112,15 @@ def _noise_resolution(problem: Problem) -> float:
 
 
 def _from_estimate(problem: Problem) -> Identifiability:
-    """Half the 95 % interval of each lump by the estimate from two trials on the nominal model: one that
-    over-compensates and one at the truth.
+    """Half the 95 % interval of each lump by the estimate from two or three trials on the nominal model: as many that
+    over-compensate as it needs, and one at the truth. The start speeds are the study's, so the impulses are others.
     """
-    experiment, objective = problem.experiment(), _nominal_objective(problem)
+    pushes = pushes_for(problem.nominal_plant(), problem.start_speeds)
+    experiment, objective = problem.experiment(), _nominal_objective(problem, pushes)
     assert experiment is not None
-    exact = np.ones(len(problem.names))
-    over_compensating = exact.copy()
-    over_compensating[: problem.nominal.nlink] = OVER_COMPENSATED
-    laws = over_compensating, exact
+    gravity = (*OVER_COMPENSATED[: experiment.probes], 1.0)
+    laws = np.ones((len(gravity), len(problem.names)))
+    laws[:, : problem.nominal.nlink] = np.array(gravity)[:, None]
     trials = [experiment.trial(factors, objective.evaluate(factors, number)) for number, factors in enumerate(laws)]
     estimate = experiment.estimate([trial for trial in trials if trial is not None])
     names = lump_names(problem.nominal.nlink, problem.estimated_kinds)
@@ -130,11 +130,15 @@ def _from_estimate(problem: Problem) -> Identifiability:
     return Identifiability(tuple(names), DEVIATIONS * estimate.deviations_of(names), *unbounded)
 
 
-def _nominal_objective(problem: Problem) -> Objective:
-    """What the study would evaluate its candidates with if its nominal model were the truth."""
+def _nominal_objective(problem: Problem, pushes: Array | None = None) -> Objective:
+    """What the study would evaluate its candidates with if its nominal model were the truth; with the study's impulses,
+    or with these `pushes` (npush x njoint), in N s.
+    """
     from metaid.compiled import Objective  # loads MuJoCo and numba, which other measures do without
 
     rule, episode = problem.spec.study.episode.rule, replace(problem.episode, calibration=None)
+    if pushes is not None:
+        episode = replace(episode, pushes=pushes)
     return Objective(problem.nominal_plant(), problem.lumps, episode, problem.measure.name, rule=rule)
 
 

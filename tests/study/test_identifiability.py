@@ -11,6 +11,7 @@ import pytest
 from conftest import Finished
 
 from metaid import results
+from metaid.plant import PlantSettings
 from metaid.store.database import Store
 from metaid.study.create import create_study
 from metaid.study.identifiability import identifiability
@@ -133,6 +134,15 @@ def test_estimate_is_checked_by_its_own_covariance_and_not_by_the_measure(metaid
     checked = metaid("study", "check", "three-link-oscillation")
     assert "the estimate with these pushes" in " ".join(checked.out.split())
     assert "under 0.01%" in checked.out
+
+
+def test_estimate_is_checked_on_the_nominal_model_whatever_the_plant_is() -> None:
+    """The check of a study whose plant is its nominal model says the same, for the start speeds are the same."""
+    spec = load_study("three-link")
+    assert isinstance(spec.plant, PlantSettings)
+    alike = spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": spec.nominal})})
+    found, expected = identifiability(Problem(spec)).resolution, identifiability(Problem(alike)).resolution
+    assert found == pytest.approx(expected, rel=1e-3)
 
 
 def test_noise_sets_what_the_estimate_promises() -> None:
