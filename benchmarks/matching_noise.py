@@ -2,7 +2,7 @@
 
     python -m benchmarks.matching_noise                                  # 1 mrad on the angles, no speed sensor
     python -m benchmarks.matching_noise --pushes-differ 0.02
-    python -m benchmarks.matching_noise --longer 2                       # after each push
+    python -m benchmarks.matching_noise --horizons 1                     # of a rich push, to watch each for
     python -m benchmarks.matching_noise --hidden friction --links 3 --seeds 0 1 2 3 4 5 6 7 8 9
 
 Each chain of benchmarks/chains.py is a study with `sampler = "output-error"` in a DB of its own. The plant is MuJoCo,
@@ -25,12 +25,12 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchmarks.chains import random_chain
-from metaid.episode import REACH
+from metaid.episode import REACH, natural_time
 from metaid.estimation import Estimate, NoisyExperiment, ReadTrial
 from metaid.models import Array, kind_of
-from metaid.plant import FaultSettings, PlantSettings
+from metaid.plant import FaultSettings, PlantSettings, chain_of
 from metaid.store import Store
-from metaid.study import EpisodeSettings, Problem, StudySettings, StudySpec, create_study, run_study
+from metaid.study import HORIZON, EpisodeSettings, Problem, StudySettings, StudySpec, create_study, run_study
 from metaid.study.settings import EstimateSettings
 
 LINKS, KINDS = (2, 3, 5), ("gravity", "coriolis", "inertia")
@@ -57,13 +57,13 @@ class Matched:
 @dataclass(frozen=True)
 class Noisy:
     """What a plant has: noise of its angle readings in rad, what its pushes differ by, and what the model has not; and
-    for how many times the horizon of a study it is watched after the same pushes.
+    for how many `horizons` of a rich push it is watched after each, where that is not left to the study.
     """
 
     noise: float = 1e-3
     pushes_differ: float = 0.0
     hidden: str | None = None
-    longer: float = 1.0
+    horizons: float | None = None
 
     def spec(self, links: int, seed: int, trials: int, torque_limit: float | None = None) -> StudySpec:
         """A study of a chain of so many `links`; `torque_limit` in N m."""
@@ -90,11 +90,10 @@ class Noisy:
             estimate=EstimateSettings(lengths=lengths),
         )
         spec = StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study)
-        if self.longer == 1.0:
+        if self.horizons is None:
             return spec
-        problem = Problem(spec)
-        horizon = problem.episode.steps * problem.timestep
-        watched = {"steps": round(self.longer * problem.episode.steps), "peak_speed": REACH / horizon}
+        horizon = HORIZON * natural_time(chain_of(nominal), plant.gravity)
+        watched = {"steps": round(self.horizons * horizon / plant.timestep), "peak_speed": REACH / horizon}
         episode = study.episode.model_copy(update=watched)
         return spec.model_copy(update={"study": study.model_copy(update={"episode": episode})})
 
@@ -186,11 +185,11 @@ def main() -> None:
     parser.add_argument("--noise", type=float, default=1e-3, help="of an angle reading, in rad")
     parser.add_argument("--pushes-differ", type=float, default=0.0, help="noise of an impulse, as a share of it")
     parser.add_argument("--hidden", choices=["friction", "spring", "limit", "lengths"])
-    parser.add_argument("--longer", type=float, default=1.0, help="horizons that each push is watched for")
+    parser.add_argument("--horizons", type=float, help="of a rich push, to watch each for (default: the study's)")
     parser.add_argument("--most", type=int, default=4, help="trials")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
-    noisy = Noisy(given.noise, given.pushes_differ, given.hidden, given.longer)
+    noisy = Noisy(given.noise, given.pushes_differ, given.hidden, given.horizons)
     rows: list[Matched] = []
     with threadpool_limits(1):
         for links in given.links:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from metaid.cli.common import number_text, print_table, say
 
 COLUMNS = ("nominal", "identified", "low", "high", "true")
 PARAMETER_COLUMNS = ("nominal", "low", "high", "true")
+DIGITS, MOST_DIGITS = 5, 8
 MOST_NAMED = 10  # trials of others
 NUMBERED = "numbered as Optuna numbers them"
 SMALL = 5e-6  # as a share: below this a percentage with three digits behind the point says nothing
@@ -40,7 +42,7 @@ def _tried(shown: dict[str, Any]) -> list[str]:
     failed = f", {trials['failed']} failed" if trials["failed"] else ""
     parts = [f"{trials['total']} trials, {trials['pruned']} of them falls{failed}"]
     if shown["periods"]:
-        parts.append(f"{shown['periods']} periods counted in the others")
+        parts.append(f"{shown['periods']} period{'s' * (shown['periods'] != 1)} counted in the others")
     if best["value"] is None:
         return [*parts, "no survivor yet"]
     parts.append(f"best {best['value']:.3g} {unit} at trial {best['number']}")
@@ -101,16 +103,24 @@ def _print_lumps(title: str, lumps: list[dict[str, Any]], note: str) -> None:
 
 def _cells(lump: dict[str, Any]) -> list[str]:
     """The numbers of a lump; in the place of an identified value that there is not, that it was not found."""
-    cells = {key: number_text(lump[key]) for key in COLUMNS}
+    cells = {key: number_text(lump[key], f".{_digits(lump)}g") for key in COLUMNS}
     if lump["identified"] is None:
         cells["identified"] = "not found"
     return list(cells.values())
 
 
+def _digits(lump: dict[str, Any]) -> int:
+    """How many a lump's numbers need to show how wide its interval is: DIGITS or a few more."""
+    if lump["low"] is None or not lump["low"] < lump["high"]:
+        return DIGITS
+    half = (lump["high"] - lump["low"]) / (2.0 * abs(lump["identified"]))
+    return min(max(DIGITS, math.ceil(-math.log10(half)) + 1), MOST_DIGITS)
+
+
 def _error_text(error: float | None, sign: str = "+") -> str:
     """A relative error in percent."""
     if error is not None and 0.0 < abs(error) < SMALL:
-        return f"{100.0 * error:{sign}.0e}%"
+        return f"{100.0 * error:{sign}.1g}%"
     return number_text(error, f"{sign}.3%")
 
 

@@ -29,6 +29,10 @@ class Comparison(Fitted, Protocol):
     def unknowns(self) -> Unknowns:
         """The lumps that are unknown."""
 
+    @property
+    def stride(self) -> int:
+        """By how many windows the fit goes on at once, a power of two."""
+
     def by_joint(self, point: Array) -> tuple[Array, ...]:
         """Root mean square of the residuals of each trial (npush x njoint)."""
 
@@ -125,18 +129,36 @@ def fit(comparison: Comparison, start: Array | None = None, restarts: int = 3, s
 
 
 def grow(comparison: Comparison, point: Array) -> Descent | None:
-    """The descent from a `point`, on the shortest windows first; None where the twin cannot follow from there."""
-    iterations, stages = 0, comparison.stages
-    for windows in range(1, stages + 1):
-        place = place_at(comparison, point, windows)
-        if place is None:
+    """The descent from a `point`, on the shortest windows first; None where the twin cannot follow from there.
+
+    From one stage to the next, windows grow by `comparison.stride`. A descent that does not explain what it was led to
+    may have left the valley of the truth. So it is begun again from where the last one ended, with windows that grow by
+    half as much.
+    """
+    iterations, reached, stride, explained = 0, 0, comparison.stride, True
+    while reached < comparison.stages:
+        windows = min(reached + stride, comparison.stages) if reached else 1
+        found, valley = _descent(comparison, point, windows), explained
+        iterations += 0 if found is None else found.iterations
+        explained = found is not None and misfit(found) < EXPLAINED
+        if valley and not explained and reached and stride > 1:
+            explained, stride = True, stride // 2
+            continue
+        if found is None:
             return None
-        rough = windows < stages
-        limits = (ROUGHLY, MOST_ROUGH) if rough else (EXACTLY, MOST_EXACT)
-        found = descend(comparison, place, windows, *limits)
-        iterations += found.iterations
-        point = found.place.point
+        stride = min(2 * stride, comparison.stride) if explained else comparison.stride
+        point, reached = found.place.point, windows
+    assert found is not None, "there is a window"
     return Descent(found.place, iterations, found.converged)
+
+
+def _descent(comparison: Comparison, point: Array, windows: int) -> Descent | None:
+    """That from a `point` on the first `windows` windows; None where the twin cannot follow from there."""
+    place = place_at(comparison, point, windows)
+    if place is None:
+        return None
+    limits = (ROUGHLY, MOST_ROUGH) if windows < comparison.stages else (EXACTLY, MOST_EXACT)
+    return descend(comparison, place, windows, *limits)
 
 
 def misfit(found: Descent) -> float:

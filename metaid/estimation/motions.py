@@ -52,6 +52,11 @@ class Motions:
         return max(len(trial.ends) for trial in self.trials)
 
     @property
+    def stride(self) -> int:
+        """Windows grow one by one."""
+        return 1
+
+    @property
     def extras(self) -> int:
         """None: what the speeds were right after a push is read."""
         return 0

@@ -21,7 +21,8 @@ from metaid.models import Array
 
 POLYNOMIALS = 6  # of a joint's angles in a window: what a chain that nearly coasts shows in it
 DRAWN = 100  # readings of a push that a replay keeps
-HALVINGS = 3  # a shorter window than 1/8 of the horizon tells little above the noise
+SHORTEST = 1 / 8  # of the horizon; a shorter window tells little above the noise
+STRIDE = 4  # windows are twice as long as those so many before
 
 
 @dataclass(frozen=True)
@@ -62,13 +63,13 @@ class ReadTrial:
 
 @dataclass(frozen=True)
 class Readings:
-    """All `trials` of a noisy study. `gravity` in m/s²; windows grow from 1/2^halvings of the horizon on."""
+    """All `trials` of a noisy study. `gravity` in m/s²; windows grow from `shortest` of the horizon on."""
 
     trials: Sequence[ReadTrial]
     unknowns: Unknowns
     gravity: float
     polynomials: int = POLYNOMIALS
-    halvings: int = HALVINGS
+    shortest: float = SHORTEST
 
     def __post_init__(self) -> None:
         if not any((trial.steps >= ends[0]).any() for trial, (ends, _) in zip(self.trials, self._windows, strict=True)):
@@ -85,6 +86,11 @@ class Readings:
         return max(len(ends) for ends, _ in self._windows)
 
     @property
+    def stride(self) -> int:
+        """Windows grow to twice their length at once, where that leads nowhere by less."""
+        return STRIDE
+
+    @property
     def extras(self) -> int:
         """How many start speeds are unknown."""
         return sum(trial.extras for trial in self.trials)
@@ -94,7 +100,8 @@ class Readings:
         """Of each trial the ends of its windows, and the polynomials on each (nwindow x nstep + 1 x ncoefficient)."""
         windows = []
         for trial in self.trials:
-            ends = np.array(window_ends(trial.torques.shape[1], self.halvings + 1, 0.5**self.halvings))
+            count = 1 + round(-STRIDE * np.log2(self.shortest))
+            ends = np.array(window_ends(trial.torques.shape[1], count, self.shortest))
             ends = ends[ends >= min(self.polynomials, ends[-1])]
             basis = np.zeros((len(ends), ends[-1] + 1, min(self.polynomials, ends[0] + 1)))
             for window, end in enumerate(ends):

@@ -28,13 +28,16 @@ from metaid.episode import (
 from metaid.errors import EpisodeError, StudyError
 from metaid.models import Array, Chain
 from metaid.plant import FaultyPlant, MujocoPlant, Plant, PlantSettings
-from metaid.search import designed_speeds
+from metaid.search import SAMPLERS, designed_speeds
 from metaid.study.contradictions import check_size
 from metaid.study.settings import LARGEST_STEPS, StudySpec
 
 HORIZON = 1.5  # of a rich push, in units of √(l/g)
 SLOWEST_PUSH = 1e-9  # rad/s of the fastest link after a push; what is slower is lost in rounding
-READ = 3.0  # natural times after a push that readings are kept for: a twin that is driven forgets where it began
+# Horizons of a rich push that readings are kept for: LONGEST_READ of them with three links or fewer, one of them with
+# LINKS_READ or more. What they say of a lump grows with the square of time. But a twin that is driven forgets where it
+# began, sooner with each link, and then no fit finds the truth.
+LONGEST_READ, LINKS_READ = 2.0, 6.0
 RESTS = 200  # horizons of a push for which the readings of a plant at rest are watched
 GROWTH = 2.0  # of a window over the one before, at most, up to MOST_WINDOWS
 MOST_WINDOWS = 10
@@ -62,16 +65,21 @@ def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure
     count = len(kind) if isinstance(kind, list) else 1 if kind == "tip" else wanted.count or 2 * plant.njoint
     if kind == "tip" and measure.name == "smoothed":
         raise EpisodeError("pushes: 'smoothed' fits one curve to a push, so it must be short (allowed: rich pushes)")
+    natural = natural_time(nominal, plant.gravity)
+    read = _reading_steps(spec, natural) if stage == 1 else 0
     if kind == "rich" or kind == "designed":
-        horizon = HORIZON * natural_time(nominal, plant.gravity)
+        horizon = HORIZON * natural
         steps = wanted.steps or max(round(horizon / timestep), 2)
         if steps > LARGEST_STEPS:
             raise EpisodeError(
                 f"steps of {timestep} s are too short for a horizon of {horizon:.3g} s: {steps} of them "
                 f"(allowed: at most {LARGEST_STEPS}; name the steps, or make the timestep longer)"
             )
+        pushed = steps * timestep
+        if SAMPLERS[spec.study.sampler].by_estimate and wanted.steps is None:
+            steps = max(steps, read)
         check_size(spec, measure, count * wanted.repeats, steps, RESTS)
-        pushes = _strong_pushes(plant, kind, spec, nominal, steps * timestep)
+        pushes = _strong_pushes(plant, kind, spec, nominal, pushed)
         fall_limit, runaway = RICH_FALL_LIMIT, np.inf if isinstance(spec.plant, PlantSettings) else RICH_RUNAWAY
     else:
         steps, fall_limit, runaway = wanted.steps or COUNTING_STEPS, FALL_LIMIT, np.inf
@@ -80,12 +88,23 @@ def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure
     pushes = np.tile(pushes, (wanted.repeats, 1))
     rule = FallRule(wanted.fall_limit or fall_limit, wanted.fall_margin, wanted.fall_runaway or runaway)
     stiffness = _stiffness(spec, stage, steps * timestep)
-    natural = natural_time(nominal, plant.gravity)
     kept: dict[str, Any] = {"window_ends": _window_ends(pushes, steps, steps * timestep / natural)}
-    if not isinstance(spec.plant, PlantSettings) or spec.plant.faults.named or wanted.lead:  # a rig has noise
-        wants = stage == 1 and spec.study.estimate.enabled
-        kept = {"readings_steps": min(steps, round(READ * natural / timestep)) if wants else 0}
+    if _has_noise(spec):
+        kept = {"readings_steps": min(steps, read)}
     return Episode(pushes, steps, rule, stiffness=stiffness, seed=spec.study.seed, lead=wanted.lead, **kept)
+
+
+def _reading_steps(spec: StudySpec, natural: float) -> int:
+    """For how many steps after a push the readings of a plant with noise are kept; `natural` time √(l/g) in s."""
+    if not _has_noise(spec) or not spec.study.estimate.enabled:
+        return 0
+    horizons = np.clip(LINKS_READ / len(spec.nominal), 1.0, LONGEST_READ)
+    return max(round(float(horizons) * HORIZON * natural / spec.timestep), 2)
+
+
+def _has_noise(spec: StudySpec) -> bool:
+    """Whether a study keeps what its plant's sensors read, and no windows of its motion, as on any rig."""
+    return not isinstance(spec.plant, PlantSettings) or bool(spec.plant.faults.named) or bool(spec.study.episode.lead)
 
 
 def _window_ends(pushes: Array, steps: int, horizon: float) -> tuple[int, ...]:

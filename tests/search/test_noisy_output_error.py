@@ -156,3 +156,13 @@ def test_compiled_and_stepwise_loops_keep_the_same_readings(faults: dict[str, An
     assert (compiled.speeds is None) == (stepwise.speeds is None) == (not faults.get("speed_sensor", True))
     if compiled.speeds is not None and stepwise.speeds is not None:
         assert np.allclose(compiled.speeds, stepwise.speeds, atol=1e-9)
+
+
+@pytest.mark.parametrize(("nlink", "horizons"), [(1, 2.0), (3, 2.0), (4, 1.5), (5, 1.2), (10, 1.0)])
+def test_noisy_pushes_are_watched_for_longer_the_fewer_links_there_are(nlink: int, horizons: float) -> None:
+    """After the same pushes as of another sampler, whose horizon is that of a rich push."""
+    ours = Problem(spec_of(nlink, 0, NOISE))
+    other = Problem(spec_of(nlink, 0, NOISE, sampler="random"))
+    assert ours.episode.steps == pytest.approx(horizons * other.episode.steps, abs=1)
+    assert (ours.episode.pushes == other.episode.pushes).all()
+    assert other.episode.readings_steps == other.episode.steps
