@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from metaid.errors import EpisodeError, MetaidError, PlantError, RenderError, StorageError, StudyError
     from metaid.plant import Plant, load_plant
     from metaid.show import figures
-    from metaid.study import load_study
+    from metaid.study import NominalMetricSampler, load_study
 
 __version__ = "0.1.0"
 
@@ -54,7 +54,7 @@ _HOME = {
     "metaid.errors": ("EpisodeError", "MetaidError", "PlantError", "RenderError", "StorageError", "StudyError"),
     "metaid.episode": ("Outcome",),
     "metaid.plant": ("Plant", "load_plant"),
-    "metaid.study": ("load_study",),
+    "metaid.study": ("NominalMetricSampler", "load_study"),
 }
 _MODULES = {"figures": "metaid.show.figures"}
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
@@ -62,6 +62,7 @@ _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 __all__ = [
     "EpisodeError",
     "MetaidError",
+    "NominalMetricSampler",
     "Outcome",
     "Plant",
     "PlantError",

@@ -9,6 +9,7 @@ from metaid.search.body_space import BodySpace, body_space
 from metaid.search.bounds import at_bounds, bounds_in_force, widened
 from metaid.search.cmaes import Cmaes
 from metaid.search.coordinates import Coordinates, nominal_metric, plain_coordinates
+from metaid.search.optuna_samplers import MetricSampler, tpe_for_metric
 from metaid.search.registry import SAMPLERS, Sampler, SamplerOptions, make_searcher
 from metaid.search.searcher import Searcher, WideningSearcher
 from metaid.search.sensitivity import designed_speeds, sensitivity
@@ -19,6 +20,7 @@ __all__ = [
     "BodySpace",
     "Cmaes",
     "Coordinates",
+    "MetricSampler",
     "Sampler",
     "SamplerOptions",
     "Searcher",
@@ -32,5 +34,6 @@ __all__ = [
     "nominal_metric",
     "plain_coordinates",
     "sensitivity",
+    "tpe_for_metric",
     "widened",
 ]

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
 import optuna
 
 from metaid.errors import StudyError, unknown
@@ -13,13 +14,16 @@ from metaid.search.cmaes import Cmaes
 from metaid.search.coordinates import Coordinates
 from metaid.search.dinoip import Dinoip, DinoipOptions
 from metaid.search.newton import Newton
-from metaid.search.optuna_samplers import OptunaSampler
+from metaid.search.optuna_samplers import MetricSearcher, OptunaSampler, tpe_for_metric
 from metaid.search.output_error import OutputError, OutputErrorOptions
 from metaid.search.searcher import Searcher, StepOptions
 
 if TYPE_CHECKING:
     from metaid.estimation import Experiment
 
+
+TPE_GENERATION = 4  # candidates that TPE proposes before it gets an outcome
+DISTANCE = "distance to the truth"  # of the best trial, by its value
 
 FindExperiment = Callable[[], "Experiment | None"]  # called only where one is needed: estimating loads numba
 
@@ -45,26 +49,32 @@ class Sampler:
     spread_name: str = "step size"
 
 
-def _tpe(seed: int) -> optuna.samplers.BaseSampler:
-    return optuna.samplers.TPESampler(seed=seed, multivariate=True, constant_liar=True)
-
-
-def _optuna_cmaes(seed: int) -> optuna.samplers.BaseSampler:
-    return optuna.samplers.CmaEsSampler(seed=seed, consider_pruned_trials=True, warn_independent_sampling=False)
-
-
 def _random(seed: int) -> optuna.samplers.BaseSampler:
     return optuna.samplers.RandomSampler(seed=seed)
+
+
+def _optuna_cmaes(coordinates: Coordinates, seed: int, options: SamplerOptions, _: FindExperiment) -> Searcher:
+    # Half of what cmaes adds to 4 by itself: where the landscape is nearly round, small generations learn as much.
+    size = options.generation or 4 + int(1.5 * np.log(len(coordinates.origin)))
+
+    def make(seed: int) -> optuna.samplers.BaseSampler:
+        return optuna.samplers.CmaEsSampler(seed=seed, popsize=size, warn_independent_sampling=False)
+
+    return MetricSearcher(coordinates, make, seed, options, size)
 
 
 SAMPLERS = {
     "cmaes": Sampler(lambda coordinates, seed, options, _: Cmaes(coordinates, seed, options), widens=True),
     "newton": Sampler(Newton, widens=True),
-    "tpe": Sampler(lambda coordinates, seed, options, _: OptunaSampler(coordinates, _tpe, seed, options), 2000),
-    "random": Sampler(lambda coordinates, seed, options, _: OptunaSampler(coordinates, _random, seed, options)),
-    "optuna-cmaes": Sampler(
-        lambda coordinates, seed, options, _: OptunaSampler(coordinates, _optuna_cmaes, seed, options)
+    "tpe": Sampler(
+        lambda coordinates, seed, options, _: MetricSearcher(
+            coordinates, tpe_for_metric, seed, options, TPE_GENERATION
+        ),
+        advised_trials=2000,
+        spread_name=DISTANCE,
     ),
+    "random": Sampler(lambda coordinates, seed, options, _: OptunaSampler(coordinates, _random, seed, options)),
+    "optuna-cmaes": Sampler(_optuna_cmaes, spread_name=DISTANCE),
     "output-error": Sampler(
         lambda coordinates, seed, options, find: OutputError(coordinates, seed, options, find()),
         by_estimate=True,

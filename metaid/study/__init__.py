@@ -5,7 +5,7 @@
 
 from metaid.study.bounds import LumpAtBound, lumps_at_bounds
 from metaid.study.create import advice, create_study, delete_study, ensure_study, optuna_spec, question, stored_spec
-from metaid.study.evaluation import OptunaObjective
+from metaid.study.evaluation import NominalMetricSampler, OptunaObjective
 from metaid.study.identifiability import COARSEST, identifiability
 from metaid.study.problem import MOST_TRIALS, Problem, load_study
 from metaid.study.progress import Progress, is_finished
@@ -22,6 +22,7 @@ __all__ = [
     "TIP_SPEED",
     "EpisodeSettings",
     "LumpAtBound",
+    "NominalMetricSampler",
     "OptunaObjective",
     "Problem",
     "Progress",

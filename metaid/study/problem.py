@@ -194,6 +194,11 @@ class Problem:
         """What a searcher of lumps moves in.  Raises StudyError where the nominal metric does not exist."""
         if self.spec.study.search.coordinates == "plain" or self.goes_by_estimate:
             return plain_coordinates(self.start, self.low, self.high)
+        return self.metric
+
+    @cached_property
+    def metric(self) -> Coordinates:
+        """The nominal metric, whatever the searcher moves in.  Raises StudyError where it does not exist."""
         try:
             metric = nominal_metric(self.sensitivity(), self.start, self.low, self.high)
         except EpisodeError as problem:

@@ -50,13 +50,13 @@ def test_candidates_are_within_the_bounds_and_follow_from_the_seed(sampler: str)
         generations = []
         for _ in range(4):
             generations.append(searcher.ask())
+            assert len(generations[-1]) > 1 or len(generations) == 1
             outcomes = [Outcome(float(f.sum()), bool(f[0] < 0.8), int(100 * f[0]), ()) for f in generations[-1]]
             searcher.tell(outcomes)
             assert not searcher.finished()
-        return np.array(generations)
+        return np.concatenate(generations)
 
     one, same, other = tried(1), tried(1), tried(2)
-    assert one.shape == (4, GENERATION, 2)
     assert (one == same).all()
     assert (one != other).any()
     assert ((one >= two_factors().low) & (one <= two_factors().high)).all()
@@ -64,4 +64,10 @@ def test_candidates_are_within_the_bounds_and_follow_from_the_seed(sampler: str)
 
 def test_generation_is_as_large_as_the_study_says() -> None:
     """Whatever the default is."""
-    assert len(make_searcher("random", two_factors(), 1, SamplerOptions(generation=5)).ask()) == 5
+    assert len(make_searcher("random", two_factors(), 1, SamplerOptions()).ask()) == GENERATION
+    for sampler in ("random", "tpe", "optuna-cmaes"):
+        searcher = make_searcher(sampler, two_factors(), 1, SamplerOptions(generation=5))
+        if sampler != "random":  # it begins with the start alone
+            searcher.ask()
+            searcher.tell([Outcome(1.0, False, 100, ())])
+        assert len(searcher.ask()) == 5

@@ -1,15 +1,17 @@
 """What evaluates a generation: threads on this machine, or Ray actors on this machine or on a cluster; and an objective
-for Optuna's own `optimize`.
+and a sampler for Optuna's own `optimize`.
 """
 
 from metaid.study.evaluation.engines import make_evaluator
 from metaid.study.evaluation.evaluator import Evaluator
+from metaid.study.evaluation.nominal_metric_sampler import NominalMetricSampler
 from metaid.study.evaluation.optuna_objective import OptunaObjective
 from metaid.study.evaluation.ray_actors import RayEvaluator
 from metaid.study.evaluation.threads import ThreadEvaluator
 
 __all__ = [
     "Evaluator",
+    "NominalMetricSampler",
     "OptunaObjective",
     "RayEvaluator",
     "ThreadEvaluator",

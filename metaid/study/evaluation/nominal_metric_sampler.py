@@ -1,0 +1,40 @@
+"""A sampler for `optuna.create_study` that lets another one work in the nominal model's metric."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from optuna.samplers import BaseSampler
+
+from metaid.errors import StudyError
+from metaid.search import MetricSampler, tpe_for_metric
+from metaid.study.evaluation.optuna_objective import OptunaObjective
+from metaid.study.problem import Problem, load_study
+from metaid.study.settings import StudySpec
+
+
+class NominalMetricSampler(MetricSampler):
+    """Proposes factors for `metaid.objective(study)` in the coordinates of metaid's own samplers (Eq. 12).
+
+    Args:
+        study: a shipped name, the path of a study file, settings, or the objective itself.
+        sampler: that works in the metric, as `TPESampler` or `CmaEsSampler`; default: multivariate TPE.
+        seed: of the default sampler; another one has its own.
+
+    Raises:
+        StudyError: the study's pushes cannot tell all lumps apart, so that there is no metric, or it searches
+            individual parameters, which have coordinates of their own.
+    """
+
+    def __init__(
+        self,
+        study: str | Path | StudySpec | OptunaObjective,
+        sampler: BaseSampler | None = None,
+        seed: int | None = None,
+    ) -> None:
+        if isinstance(study, OptunaObjective):
+            study = study.spec
+        problem = Problem(study if isinstance(study, StudySpec) else load_study(study))
+        if problem.body_space is not None:
+            raise StudyError(f"study '{problem.spec.name}' has no metric (allowed: search.space = 'lumps')")
+        super().__init__(problem.names, problem.metric, tpe_for_metric(seed) if sampler is None else sampler)

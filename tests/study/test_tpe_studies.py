@@ -1,0 +1,77 @@
+"""TPE and the nominal metric on real chains, judged by the best trial itself, without the estimate's help."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import optuna
+import pytest
+from conftest import best_error
+from optuna.samplers import CmaEsSampler, TPESampler
+from optuna.trial import FrozenTrial
+
+import metaid
+from benchmarks.samplers import compare, trials_to
+from metaid.errors import StudyError
+from metaid.store.database import Store
+from metaid.study.create import create_study
+from metaid.study.problem import Problem, load_study
+from metaid.study.run import run_study
+
+CLOSE = 0.01
+
+
+@pytest.mark.parametrize(("links", "seeds", "budget"), [(2, range(5), 150), (3, range(5), 250)])
+def test_tpe_finds_random_chains(links: int, seeds: range, budget: int) -> None:
+    """Every lump that it searches to 1 %, in all five chains."""
+    errors = [compare(links, seed, "tpe", budget) for seed in seeds]
+    assert all(trials_to(each, CLOSE) is not None for each in errors)
+    assert max(each[-1] for each in errors) < CLOSE
+
+
+def test_shipped_tpe_study_finds_its_lumps(tmp_path: Path) -> None:
+    """To 1 %, in a third of its trials."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    create_study(store, load_study("two-link-tpe"), "study")
+    run_study(store, "study", trials=130)
+    assert best_error(store, "study") < CLOSE
+
+
+@pytest.mark.parametrize("sampler", ["default", "tpe", "cmaes"])
+def test_nominal_metric_sampler_finds_three_links_within_400_trials(sampler: str) -> None:
+    """By each of five seeds, in a plain Optuna study with Optuna's usual pruner; CMA-ES, which learns nothing of pruned
+    trials, in one without.
+    """
+    spec = load_study("three-link-coast")
+    problem = Problem(spec)
+    truth = problem.open_plant().true_lumps()
+    assert truth is not None
+    true = truth.vector_of(problem.lumps.searched) / problem.lumps.vector
+    objective = metaid.objective(spec)
+
+    def error(study: optuna.Study) -> float:
+        return float(np.abs(np.array([study.best_params[name] for name in objective.space]) / true - 1.0).max())
+
+    def stop_when_close(study: optuna.Study, trial: FrozenTrial) -> None:
+        if trial.number == study.best_trial.number and error(study) < CLOSE:
+            study.stop()
+
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    for seed in range(1 if sampler == "cmaes" else 5):
+        inner = {"tpe": TPESampler(seed=seed), "cmaes": CmaEsSampler(seed=seed, popsize=6), "default": None}[sampler]
+        metric = metaid.NominalMetricSampler(spec, inner, seed=seed)
+        study = optuna.create_study(sampler=metric, pruner=optuna.pruners.NopPruner() if sampler == "cmaes" else None)
+        study.optimize(objective, 400, callbacks=[stop_when_close])
+        assert error(study) < CLOSE
+
+
+def test_nominal_metric_sampler_takes_a_name_or_the_objective() -> None:
+    """And says in one line which studies have coordinates of their own."""
+    objective = metaid.objective("two-link-tpe")
+    for study in ("two-link-tpe", objective, objective.spec):
+        optimized = optuna.create_study(sampler=metaid.NominalMetricSampler(study, seed=1))
+        optimized.optimize(objective, 2)
+        assert optimized.trials[0].params == objective.start
+    with pytest.raises(StudyError, match=r"allowed: search.space = 'lumps'"):
+        metaid.NominalMetricSampler("two-link-parameters")
