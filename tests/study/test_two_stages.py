@@ -178,7 +178,7 @@ def test_contract_of_study_show_holds_with_two_stages(full: Store) -> None:
     """The fields of a study with one stage, as they were, and `stages` besides."""
     shown = results.summary(full, "full-three-link")
     fields = {"name", "plant", "sampler", "measure", "seed", "trials", "best", "lumps", "max_error"}
-    fields |= {"verdict", "reasons", "source", "model_error", "misfit", "estimate", "why_no_estimate"}
+    fields |= {"verdict", "reasons", "source", "model_error", "misfit", "periods", "estimate", "why_no_estimate"}
     assert fields | {"stages"} == set(shown)
     first, second = shown["stages"]
     assert first["best"].items() <= shown["best"].items()
