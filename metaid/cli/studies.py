@@ -185,15 +185,19 @@ def _judge(spec: StudySpec) -> str:
     """What determines the lumps of a study: its measure, or the estimate where that answers."""
     from metaid.study import Problem
 
-    problem = Problem(spec)
-    is_estimated = problem.goes_by_estimate or problem.matches_frequencies
-    return "the estimate" if is_estimated else spec.study.episode.measure
+    return "the estimate" if Problem(spec).is_told_by_estimate else spec.study.episode.measure
 
 
 def _undetermined(spec: StudySpec) -> str | None:
+    """What the pushes of a study do not determine, in one line; None if they do, or if it costs nothing to see it in
+    the verdict: the estimate from simulated trials says the same, and trying it beforehand takes as long.
+    """
     from metaid.study import Problem, identifiability
 
-    names = [name for problem in Problem(spec).stages() for name in identifiability(problem).undetermined_names]
+    first = Problem(spec)
+    if first.is_simulated and first.is_told_by_estimate:
+        return None
+    names = [name for problem in first.stages() for name in identifiability(problem).undetermined_names]
     if not names:
         return None
     what = f"{_judge(spec)} with these pushes cannot determine {', '.join(names)}"

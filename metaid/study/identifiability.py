@@ -61,7 +61,7 @@ class Identifiability:
 
 def identifiability(problem: Problem) -> Identifiability:
     """What the measure and the pushes of a study can determine, if its nominal model were the truth."""
-    if problem.goes_by_estimate or problem.matches_frequencies:
+    if problem.is_told_by_estimate:
         return _from_estimate(problem)
     if problem.measure.sees_coriolis:
         return _from_sensitivity(problem)

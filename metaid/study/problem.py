@@ -310,9 +310,11 @@ class Problem:
         return self.spec.study.estimate.enabled and self.stage == 1 and keeps
 
     @property
-    def matches_frequencies(self) -> bool:
-        """Whether frequencies are what is measured, and the result is the estimate that they are matched for."""
-        return self.measure.name == "crossing" and self.can_be_estimated
+    def is_told_by_estimate(self) -> bool:
+        """Whether the estimate says what can be determined, and not the measure: where the sampler goes by it, and
+        where frequencies are measured, which are matched.
+        """
+        return self.goes_by_estimate or (self.measure.name == "crossing" and self.can_be_estimated)
 
     @property
     def keeps_readings(self) -> bool:
