@@ -39,6 +39,7 @@ VARIANTS: dict[str, tuple[str, dict[str, Any]]] = {
         {"sampler": "newton", "episode.fall_limit": 1.0, "search.start": 0.55, "search.low": 0.4},
     ),
     "newton, held back": ("three-link-coast", {"sampler": "newton", "search.low": 0.9, "search.high": 1.1}),
+    "tpe": ("five-link", {"sampler": "tpe", "trials": 300}),
     "tpe, noise": ("noisy-three-link", {"sampler": "tpe", "trials": 60}),
     "random": ("five-link", {"sampler": "random", "trials": 100}),
     "optuna-cmaes": ("three-link-coast", {"sampler": "optuna-cmaes", "trials": 300}),
