@@ -67,7 +67,7 @@ def test_nominal_metric_sampler_finds_three_links_within_400_trials(sampler: str
 
 
 def test_nominal_metric_sampler_takes_a_name_or_the_objective() -> None:
-    """And says in one line which studies have coordinates of their own."""
+    """And says in one line which studies have no metric."""
     objective = metaid.objective("two-link-tpe")
     for study in ("two-link-tpe", objective, objective.spec):
         optimized = optuna.create_study(sampler=metaid.NominalMetricSampler(study, seed=1))
@@ -75,3 +75,7 @@ def test_nominal_metric_sampler_takes_a_name_or_the_objective() -> None:
         assert optimized.trials[0].params == objective.start
     with pytest.raises(StudyError, match=r"allowed: search.space = 'lumps'"):
         metaid.NominalMetricSampler("two-link-parameters")
+    with pytest.raises(StudyError, match="there is no nominal metric"):
+        metaid.NominalMetricSampler(
+            load_study("three-link-coast", {"episode.measure": "crossing", "search.coordinates": "plain"})
+        )
