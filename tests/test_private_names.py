@@ -9,6 +9,7 @@ from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 
+import optuna
 import pytest
 from packaging.requirements import Requirement
 
@@ -16,6 +17,7 @@ from metaid.errors import StudyError
 
 ROOT = Path(__file__).parent.parent
 OPTUNA, RAY = ROOT / "metaid/store/optuna_tables.py", ROOT / "metaid/study/evaluation/ray_private.py"
+METRIC = ROOT / "metaid/search/optuna_samplers/metric.py"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 NEEDED = {requirement.name: requirement for requirement in map(Requirement, PROJECT["dependencies"])}
 
@@ -43,6 +45,14 @@ def test_tables_of_optuna_are_there(module: str, names: list[str]) -> None:
     """Each class that rows are written through."""
     for name in names:
         assert hasattr(import_module(module), name), f"Optuna {version('optuna')} has no {module}.{name}: {OPTUNA}"
+
+
+def test_attributes_of_optuna_through_which_a_sampler_is_shown_other_trials_are_there() -> None:
+    """A study asks `_get_trials` for its trials; a sampler writes to the `_storage` of the trial's `_trial_id`."""
+    study = optuna.create_study()
+    study.ask()
+    for owner, name in ((study, "_get_trials"), (study, "_storage"), (study.trials[0], "_trial_id")):
+        assert hasattr(owner, name), f"Optuna {version('optuna')} has no {type(owner).__name__}.{name}: {METRIC}"
 
 
 @pytest.mark.parametrize("name", ["ENABLE_RAY_CLUSTERS_ENV_VAR", "ENABLE_RAY_CLUSTER"])
