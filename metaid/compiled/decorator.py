@@ -7,7 +7,8 @@ nothing can be allocated.
 They are cached on disk, in a folder named by a digest of all that the machine code was made from. Functions become a
 part of their callers, and constants a part of the code. But numba's own cache looks at the source file of the outermost
 function only, so after a change elsewhere it would run the old code. The digest is of all sources of this package, of
-`metaid.models` and of the function's own package, and of the versions of numba, llvmlite and MuJoCo.
+`metaid.models` and of the function's own package, with those that it is in, and of the versions of numba, llvmlite and
+MuJoCo.
 """
 
 from __future__ import annotations
@@ -81,10 +82,13 @@ def cache_folder(package: Path) -> Path | None:
 
 
 def digest(package: Path) -> str:
-    """Of everything that the machine code of the functions of a `package` (its folder) is made from."""
+    """Of everything that the machine code of the functions of a `package` (its folder) is made from. Those of a package
+    within another are made from the functions of that, too.
+    """
     found = hashlib.blake2b(digest_size=10)
     found.update(repr((numba.__version__, llvmlite.__version__, mujoco.__version__)).encode())
-    for folder in dict.fromkeys((*_INLINED, package)):
+    packages = [folder for folder in (package, *package.parents) if _OWN.parent in folder.parents]
+    for folder in dict.fromkeys((*_INLINED, package, *packages)):
         for path in sorted(folder.glob("*.py")):
             source = path.read_bytes()
             found.update(f"{path.name} {len(source)} ".encode() + source)

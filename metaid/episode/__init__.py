@@ -24,7 +24,7 @@ from metaid.episode.readings import SensorReadings, readings_before_fall
 from metaid.episode.record import GoesOn, Record, Trajectory, same_record, stopped_early
 from metaid.episode.smoothing import noise_floor
 from metaid.episode.stepwise import CandidateBatch, StepwiseLoop, new_candidate_batch, run_stepwise
-from metaid.episode.windows import QUANTITIES, SHORTEST, WINDOWS, Windows, window_ends, windows_before_fall
+from metaid.episode.windows import QUANTITIES, SHORTEST, WINDOWS, Windows, even_ends, window_ends, windows_before_fall
 
 __all__ = [
     "FALL_LIMIT",
@@ -51,6 +51,7 @@ __all__ = [
     "Trajectory",
     "Windows",
     "crossing_hz",
+    "even_ends",
     "failure",
     "fall_value",
     "get_measure",

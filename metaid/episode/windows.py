@@ -26,6 +26,11 @@ def window_ends(steps: int, count: int = WINDOWS, shortest: float = SHORTEST) ->
     return tuple(sorted({max(int(np.ceil(steps * share)), 1) for share in shares}))
 
 
+def even_ends(steps: int, count: int) -> tuple[int, ...]:
+    """The steps at which `count` windows of a horizon of `steps` end, each equally long after the one before."""
+    return tuple(sorted({-(-steps * (i + 1) // count) for i in range(count)}))
+
+
 @dataclass(frozen=True, eq=False)
 class Windows:
     """What an episode showed up to the end of each window; zero after a fall.

@@ -10,7 +10,7 @@ knows of files, studies or the truth.
 """
 
 from metaid.estimation.commanded import commanded_torques, filtered_speeds
-from metaid.estimation.experiment import EXPLAINED, Experiment, NoisyExperiment, SeenTrial, SilentExperiment
+from metaid.estimation.experiment import EXPLAINED, Compared, Experiment, NoisyExperiment, SeenTrial, SilentExperiment
 from metaid.estimation.fit import Estimate, fit
 from metaid.estimation.motions import Motions, Quantity
 from metaid.estimation.readings import Readings, ReadTrial
@@ -20,6 +20,7 @@ from metaid.estimation.unknowns import FULL, Unknowns
 __all__ = [
     "EXPLAINED",
     "FULL",
+    "Compared",
     "Estimate",
     "Experiment",
     "Motions",

@@ -5,12 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from metaid.episode import Outcome
 from metaid.estimation.commanded import centred, commanded_torques, filtered_speeds
+from metaid.estimation.counting import Counts, match_counts
 from metaid.estimation.fit import Comparison, Estimate, fit
 from metaid.estimation.motions import Motions, Quantity
 from metaid.estimation.readings import Readings, ReadTrial
@@ -20,9 +21,12 @@ from metaid.models import Array, Lumps
 
 EXPLAINED = 3.0  # a misfit below this says that the model explains what was seen
 EXPLAINED_NOISE = 2.0  # the same of readings, of which there are so many that noise alone makes one
+RIGHT_COUNTS = 1.0  # fewer counts than this differ where the model shows what was counted
+PROBES = {"speed": 1, "both": 1, "frequency": 2, "count": 10}  # trials that over-compensate, by what is compared
 STILL_SHRINKS = 0.95  # of the widest interval before: a trial that leaves more of it is worth no other
 
 SeenTrial = WatchedTrial | ReadTrial
+Compared = Quantity | Literal["count"]
 
 
 @dataclass(frozen=True)
@@ -72,7 +76,7 @@ class Experiment(ABC):
         """Whether intervals have stopped shrinking from the estimate `before` the last trial to the one `after` it."""
 
     @abstractmethod
-    def _comparison(self, trials: Sequence[Any]) -> Comparison:
+    def _comparison(self, trials: Sequence[Any]) -> Comparison | Counts:
         """What is compared with the twin.  Raises ValueError where `trials` show nothing."""
 
     def estimate(self, trials: Sequence[SeenTrial], start: Estimate | None = None) -> Estimate | None:
@@ -82,7 +86,8 @@ class Experiment(ABC):
         """
         begin = start.log_factors if start is not None and self.is_explained(start) else None
         try:
-            return fit(self._comparison(trials), begin)
+            compared = self._comparison(trials)
+            return match_counts(compared, begin) if isinstance(compared, Counts) else fit(compared, begin)
         except ValueError:
             return None
 
@@ -107,7 +112,7 @@ class SilentExperiment(Experiment):
     `stiffness`: k of the law, in 1/s².
     """
 
-    compared: Quantity
+    compared: Compared
     resolution: float
     stiffness: float = 0.0
 
@@ -119,11 +124,11 @@ class SilentExperiment(Experiment):
 
     @property
     def probes(self) -> int:
-        return 2 if self.compared == "frequency" else 1
+        return PROBES[self.compared]
 
     @property
     def explained_below(self) -> float:
-        return EXPLAINED
+        return RIGHT_COUNTS if self.compared == "count" else EXPLAINED
 
     def is_coasting(self, value: float) -> bool:
         return value <= self.resolution
@@ -131,8 +136,10 @@ class SilentExperiment(Experiment):
     def is_settled(self, before: Estimate, after: Estimate) -> bool:
         return False  # such a plant coasts
 
-    def _comparison(self, trials: Sequence[WatchedTrial]) -> Motions:
+    def _comparison(self, trials: Sequence[WatchedTrial]) -> Motions | Counts:
         seen = [trial for trial in trials if trial.windows.seen.any()]
+        if self.compared == "count":
+            return Counts(seen, self.unknowns, self.gravity)
         return Motions(seen, self.unknowns, self.gravity, self.compared)
 
 

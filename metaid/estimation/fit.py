@@ -57,6 +57,9 @@ class Estimate:
         residuals: of each trial by push and joint (npush x njoint), root mean square over the windows.
         extras: the unknowns that concern one push alone (nextra): start speeds in units of what pushes differ by, or
             none where these are read.
+        extent: least and largest log factor (2 x nunknown) of the models that show exactly the counts that were seen;
+            None where no counts were compared, or no model shows them. Half of it is 1.96 times the deviation.
+        counts: how many counts were compared, of which the misfit is the number that differs; None where none were.
     """
 
     names: tuple[str, ...]
@@ -70,6 +73,8 @@ class Estimate:
     converged: bool
     residuals: tuple[Array, ...]
     extras: Array
+    extent: Array | None = None
+    counts: int | None = None
 
     @property
     def point(self) -> Array:
@@ -86,7 +91,17 @@ class Estimate:
 
         With exact lengths a_ij = l_i μ_j is as well known as μ_j.
         """
-        known = dict(zip(self.names, self.deviations.tolist(), strict=True))
+        return self._by_name(self.deviations, names)
+
+    def extent_of(self, names: Sequence[str]) -> tuple[Array, Array] | None:
+        """The least and the largest log factor of each of these lumps (nlump), or None where no extent is known."""
+        if self.extent is None:
+            return None
+        return self._by_name(self.extent[0], names), self._by_name(self.extent[1], names)
+
+    def _by_name(self, values: Array, names: Sequence[str]) -> Array:
+        """The `values` (nunknown) of the lumps of these names (nlump)."""
+        known = dict(zip(self.names, values.tolist(), strict=True))
         return np.array([known.get(name, known.get(f"gravity_{name.rpartition('_')[2]}", np.nan)) for name in names])
 
     def interval(self, deviations: float = 1.96) -> tuple[Array, Array]:
@@ -113,7 +128,7 @@ def fit(comparison: Comparison, start: Array | None = None, restarts: int = 3, s
     """
     best: Descent | None = None
     iterations = starts = 0
-    for point in _starts(comparison, start, restarts, seed):
+    for point in starting_points(comparison, start, restarts, seed):
         found = grow(comparison, np.append(point, np.zeros(comparison.extras)))
         if found is None:
             continue
@@ -167,8 +182,15 @@ def misfit(found: Descent) -> float:
     return float(np.sqrt(2.0 * residuals.cost / residuals.count))
 
 
-def _starts(comparison: Comparison, start: Array | None, restarts: int, seed: int) -> Iterator[Array]:
-    """The `start` if there is one, the nominal model, and random points about it."""
+def starting_points(comparison: Fitted, start: Array | None, restarts: int, seed: int) -> Iterator[Array]:
+    """The `start` if there is one, the nominal model, and random points about it.
+
+    Args:
+        comparison: what is fitted, with the prior of its unknowns.
+        start: log factors (nunknown) to try first.
+        restarts: how many random points.
+        seed: of these.
+    """
     spreads = comparison.spreads
     if start is not None:
         yield start

@@ -72,7 +72,7 @@ def simulate(
     def run(first: int, stride: int) -> None:
         _watch_pushes(first, stride, trial.start_speeds, *common, workspace(n, nunknown, energies), *seen)
 
-    _share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * nunknown)
+    share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * nunknown)
     return Motion(*shown, *slopes, reached)
 
 
@@ -130,7 +130,7 @@ def drive(
     def run(first: int, stride: int) -> None:
         _watch_readings(first, stride, starts, *common, workspace(n, columns, False), (values, slopes, followed))
 
-    _share_out(run, npush, int(steps.sum()) * trial.substeps * n * (2 * n + basis.shape[2]) * columns)
+    share_out(run, npush, int(steps.sum()) * trial.substeps * n * (2 * n + basis.shape[2]) * columns)
     return Coefficients(values, slopes) if followed.all() else None
 
 
@@ -143,7 +143,7 @@ def _watch_readings(first, stride, starts, forces, balance, derivatives, setting
         followed[push] = watch_readings(*pushed, balance, derivatives, settings, *basis, work, *shown)
 
 
-def _share_out(run: Callable[[int, int], None], npush: int, multiplications: int) -> None:
+def share_out(run: Callable[[int, int], None], npush: int, multiplications: int) -> None:
     """Runs every `stride`-th push from each of `stride` firsts on a thread of its own, if that many multiplications
     are worth it.
     """

@@ -6,7 +6,14 @@ Only here are results compared with the true lumps. Neither MuJoCo nor numba is 
 from metaid.results.best import best_rows, identified_factors
 from metaid.results.body_tables import describe_bodies
 from metaid.results.control import BANDWIDTH, smooth_sinusoids, track
-from metaid.results.estimates import StudyEstimate, describe_known_from, describe_misfit, describe_trials, growth
+from metaid.results.estimates import (
+    StudyEstimate,
+    describe_known_from,
+    describe_misfit,
+    describe_trials,
+    growth,
+    interval_name,
+)
 from metaid.results.findings import Findings, read_findings
 from metaid.results.overview import summary
 from metaid.results.snapshot import Snapshot, read_snapshot
@@ -42,6 +49,7 @@ __all__ = [
     "estimate_frame",
     "growth",
     "identified_factors",
+    "interval_name",
     "judge",
     "lumps_frame",
     "optuna_estimate_frame",

@@ -36,9 +36,9 @@ class StudyEstimate:
     @cached_property
     def known_from(self) -> int | None:
         """How many of the first trials were enough to know every lump to CLOSE; None where it took more than
-        FIRST_TRIALS.
+        FIRST_TRIALS, and where counts are compared, which every trial adds to.
         """
-        if not self.explains:
+        if not self.explains or self.estimate.counts is not None:
             return None
         with threadpool_limits(1):
             for count in range(self.experiment.probes, min(self.trials, FIRST_TRIALS) + 1):  # fewer cannot tell all
@@ -60,7 +60,12 @@ class StudyEstimate:
     @property
     def description(self) -> str:
         """How well the model explains what was seen, in a sentence."""
-        return describe_misfit(self.estimate.misfit, self.experiment.explained_below)
+        return describe_misfit(self.estimate.misfit, self.experiment.explained_below, self.estimate.counts)
+
+    @property
+    def interval_name(self) -> str:
+        """What `low` to `high` is."""
+        return interval_name(self.estimate.counts)
 
     def lumps_of(self, estimate: Estimate) -> Array:
         """The lumps (nunknown) of an `estimate`, in the order of its names."""
@@ -149,8 +154,19 @@ def why_no_estimate(problem: Problem, tried: Sequence[Trial]) -> str:
     return "the twin cannot follow these trials from any chain near the nominal one"
 
 
-def describe_misfit(misfit: float, explained_below: float) -> str:
-    """What the `misfit` of an estimate means, in a sentence."""
+def interval_name(counts: int | None) -> str:
+    """What `low` to `high` is of an estimate for which so many `counts` were compared, or none."""
+    return "95 % interval" if counts is None else "extent of the models that count the same"
+
+
+def describe_misfit(misfit: float, explained_below: float, counts: int | None = None) -> str:
+    """What the `misfit` of an estimate means, in a sentence; with `counts` it is how many of them differ."""
+    if counts is not None:
+        if misfit < explained_below:
+            return f"the model counts what was counted: all {counts:,} counts of half periods are the same"
+        return (
+            f"no model was found that counts what was counted: in the best, {misfit:,.0f} of {counts:,} counts differ"
+        )
     found = f"misfit {misfit:.2g} (explained: below {explained_below:g})"
     if misfit < explained_below:
         return f"the model explains what was seen: {found}"
@@ -173,6 +189,8 @@ def describe_trials(shown: dict[str, Any], total: int) -> str:
 def describe_known_from(shown: dict[str, Any], total: int) -> str:
     """How early the estimate in a `summary` was there, of `total` trials of the study."""
     total += shown.get("by_others", 0)
+    if shown["counts"] is not None:
+        return "every trial narrows the set of models"
     known, first = shown["known_from"], min(FIRST_TRIALS, shown["trials"])
     if known is None:
         return f"the first {first} of {total} trials were not enough to know every lump to {CLOSE:.1%}"

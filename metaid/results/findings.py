@@ -61,6 +61,13 @@ class Findings:
         return f"frequency, {unit}" if self.problem.stage == 1 else f"deviation from the oscillation, {unit}"
 
     @property
+    def interval_name(self) -> str:
+        """What `low` to `high` of the lumps is."""
+        if self.verdict.source == "best trial" or self.estimate is None:
+            return "range"
+        return self.estimate.interval_name
+
+    @property
     def survivors(self) -> pd.DataFrame:
         """Rows of trials that did not fall."""
         return self.trials.loc[self.trials["state"] == "COMPLETE"]

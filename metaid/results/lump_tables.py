@@ -41,15 +41,18 @@ def estimate_table(problem: Problem, found: StudyEstimate | None) -> pd.DataFram
     kinds = problem.estimated_kinds
     names = lump_names(problem.nominal.nlink, kinds)
     nominal = problem.nominal.lumps_of(kinds).vector_of(kinds)
-    nothing = np.full(len(names), np.nan)
-    factor, deviation = nothing, nothing
+    factor = deviation = low = high = np.full(len(names), np.nan)
+    determined = np.zeros(len(names), dtype=np.bool_)
     if found is not None and found.explains:
         factor = found.estimate.lumps.vector_of(kinds) / nominal
         deviation = found.estimate.deviations_of(names)
-    determined = deviation <= COARSEST
-    factor = np.where(determined, factor, np.nan)
-    identified, reach = factor * nominal, DEVIATIONS * np.where(determined, deviation, np.nan)
-    intervals = identified * deviation, identified * np.exp(-reach), identified * np.exp(reach)
+        low, high = factor * np.exp(-DEVIATIONS * deviation), factor * np.exp(DEVIATIONS * deviation)
+        determined = deviation <= COARSEST
+        if (extent := found.estimate.extent_of(names)) is not None:
+            low, high = np.exp(extent[0]), np.exp(extent[1])
+            deviation, determined = np.full(len(names), np.nan), high - low <= 2.0 * COARSEST * factor
+    factor, low, high = (np.where(determined, each, np.nan) for each in (factor, low, high))
+    intervals = factor * nominal * deviation, low * nominal, high * nominal
     return _lump_rows(problem, kinds, factor, intervals, determined)
 
 

@@ -61,6 +61,7 @@ def _estimate(snapshot: Snapshot) -> dict[str, Any]:
         "explained_below": found.experiment.explained_below,
         "explains": found.explains,
         "trials": found.trials,
+        "counts": found.estimate.counts,
         "known_from": found.known_from,
         **({"by_others": found.by_others} if found.by_others else {}),
     }

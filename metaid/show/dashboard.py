@@ -21,7 +21,7 @@ import optuna
 import pandas as pd
 
 from metaid.errors import MetaidError, optional_packages, printable
-from metaid.results import Findings, describe_known_from, describe_misfit, describe_trials, read_findings
+from metaid.results import Findings, describe_known_from, describe_misfit, describe_trials, interval_name, read_findings
 from metaid.show.companions import MOST_TRIALS_SHOWN, companion_name, write_companion
 from metaid.show.figures import FALL, RANGE, SURVIVOR
 from metaid.show.loopback import loopback_only
@@ -165,11 +165,12 @@ def _estimate(shown: dict[str, Any]) -> str:
     estimate, total = shown["estimate"], shown["trials"]["total"]
     if estimate is None:
         return f"No estimate: {_escaped(shown['why_no_estimate'])}."
-    misfit = describe_misfit(estimate["misfit"], estimate["explained_below"])
+    misfit = describe_misfit(estimate["misfit"], estimate["explained_below"], estimate["counts"])
     text = f"Estimate from {describe_trials(estimate, total)}: {misfit}."
     if shown["verdict"] != "found" or shown["source"] != "estimate":
         return text
-    return f"{text} Low and high are the 95 % interval. Here {describe_known_from(estimate, total)}."
+    interval = interval_name(estimate["counts"])
+    return f"{text} Low and high are the {interval}. Here {describe_known_from(estimate, total)}."
 
 
 def _table(lumps: list[dict[str, Any]]) -> str:
@@ -231,7 +232,7 @@ def _lumps(found: Findings) -> Graph:
     ranges = {
         "type": "scatter",
         "mode": "markers",
-        "name": f"identified, with its {'95 % interval' if found.verdict.source == 'estimate' else 'range'}",
+        "name": f"identified, with its {found.interval_name}",
         "x": lumps["name"].tolist(),
         "y": five_digits(factor),
         "marker": {"color": SURVIVOR, "size": 9},

@@ -21,7 +21,14 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 import metaid
-from metaid.results import Findings, describe_bodies, describe_known_from, describe_misfit, describe_trials
+from metaid.results import (
+    Findings,
+    describe_bodies,
+    describe_known_from,
+    describe_misfit,
+    describe_trials,
+    interval_name,
+)
 from metaid.show.figures import INK, Gallery, plant_figure, style
 
 VERSIONS_OF = ("mujoco-core", "numba", "numpy", "cmaes", "optuna", "matplotlib")
@@ -98,10 +105,14 @@ def estimate_texts(found: Findings) -> dict[str, str | None]:
     """What the estimate from all trials is worth, how early it was there, or why there is none."""
     shown, total = found.summary["estimate"], found.summary["trials"]["total"]
     if shown is None:
-        return {"worth": f"No estimate: {found.summary['why_no_estimate']}.", "known": None}
+        return {"worth": f"No estimate: {found.summary['why_no_estimate']}.", "known": None, "interval": None}
     known = describe_known_from(shown, total).capitalize() + "." if shown["explains"] else None
-    misfit = describe_misfit(shown["misfit"], shown["explained_below"])
-    return {"worth": f"Estimate from {describe_trials(shown, total)}: {misfit}.", "known": known}
+    misfit = describe_misfit(shown["misfit"], shown["explained_below"], shown["counts"])
+    return {
+        "worth": f"Estimate from {describe_trials(shown, total)}: {misfit}.",
+        "known": known,
+        "interval": interval_name(shown["counts"]),
+    }
 
 
 def falls(found: Findings) -> dict[str, Any]:
@@ -147,7 +158,9 @@ def unidentified(found: Findings) -> list[dict[str, Any]]:
         elif lump["identified"] is None:
             why = "not found yet"
         elif lump["low"] is not None and (width := (lump["high"] - lump["low"]) / lump["identified"]) > WIDEST:
-            what = "its 95 % interval is" if by_estimate else "what cannot be told from the best trial differs by"
+            what = (
+                f"its {found.interval_name} is" if by_estimate else "what cannot be told from the best trial differs by"
+            )
             why = f"{what} {width:.1%} of its value"
         if why is not None:
             rows.append({"name": lump["name"], "why": why})

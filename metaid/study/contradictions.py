@@ -33,6 +33,12 @@ def check_settings(spec: StudySpec, nominal: Chain) -> None:
         raise StudyError("inertia: a second stage needs the Coriolis lumps, so measure = 'spectral'")
     if study.episode.measure == "smoothed" and study.search.lumps != IDEAL:
         raise StudyError("search: lumps: 'smoothed' does not see friction (allowed: gravity and coriolis)")
+    noisy = not isinstance(plant, PlantSettings) or bool(plant.faults.named or study.episode.lead)
+    if study.estimate.compare == "count" and noisy:
+        raise StudyError(
+            "estimate: compare: 'count' needs a plant without noise, and this is a rig, or has faults or a lead "
+            "(allowed: leave it out, readings are compared there)"
+        )
     dry = isinstance(plant, PlantSettings) and any(link.frictionloss for link in plant.links)
     if study.episode.physics == "analytic" and dry:
         raise StudyError("episode: physics: 'analytic' has no dry friction, and the plant has (allowed: 'mujoco')")

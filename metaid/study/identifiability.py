@@ -27,7 +27,10 @@ if TYPE_CHECKING:
 
 COARSEST = 0.1  # a lump that is not known better than to a tenth is not determined: its nominal value is as good
 NEGLIGIBLE = 0.02  # weight of a lump in a combination, of 1
-OVER_COMPENSATED = 1.5, 2.0  # factors of the gravity lumps in the first trials of an estimate, as many as it needs
+OVER_COMPENSATED = (
+    1.5,
+    2.0,
+)  # factors of the gravity lumps in the first trials of an estimate, as many as it needs; between them
 DEVIATIONS = 1.96  # half a 95 % interval
 EPISODES = 32  # with exact lumps, which show how far noise moves the measure
 HALVINGS = 11  # of the interval in which a factor stops being noticed
@@ -112,15 +115,20 @@ def _noise_resolution(problem: Problem) -> float:
 
 
 def _from_estimate(problem: Problem) -> Identifiability:
-    """Half the 95 % interval of each lump by the estimate from two or three trials on the nominal model: as many that
-    over-compensate as it needs, and one at the truth. The start speeds are the study's, so the impulses are others.
+    """Half the 95 % interval of each lump by the estimate from trials on the nominal model: as many that
+    over-compensate as it needs, and, but for counts, one at the truth. The start speeds are the study's, so the
+    impulses are others.
     """
     pushes = pushes_for(problem.nominal_plant(), problem.start_speeds)
     experiment, objective = problem.experiment(), _nominal_objective(problem, pushes)
     assert experiment is not None
-    gravity = (*OVER_COMPENSATED[: experiment.probes], 1.0)
-    laws = np.ones((len(gravity), len(problem.names)))
-    laws[:, : problem.nominal.nlink] = np.array(gravity)[:, None]
+    nlink, random = problem.nominal.nlink, np.random.default_rng(problem.spec.study.seed)
+    laws = np.ones((experiment.probes + 1, len(problem.names)))  # the last is the truth
+    for law, factor in enumerate(OVER_COMPENSATED[: experiment.probes]):
+        laws[law, :nlink] = factor
+    laws[len(OVER_COMPENSATED) : -1, :nlink] = random.uniform(*OVER_COMPENSATED, laws[2:-1, :nlink].shape)
+    if problem.spec.study.estimate.compare == "count":
+        laws = laws[:-1]  # a plant that coasts shows no count
     trials = [experiment.trial(factors, objective.evaluate(factors, number)) for number, factors in enumerate(laws)]
     estimate = experiment.estimate([trial for trial in trials if trial is not None])
     names = lump_names(problem.nominal.nlink, problem.estimated_kinds)

@@ -18,6 +18,7 @@ from metaid.episode import (
     FallRule,
     Measure,
     NoiseFloor,
+    even_ends,
     natural_time,
     noise_floor,
     pushes_for,
@@ -41,6 +42,7 @@ LONGEST_READ, LINKS_READ = 2.0, 6.0
 RESTS = 200  # horizons of a push for which the readings of a plant at rest are watched
 GROWTH = 2.0  # of a window over the one before, at most, up to MOST_WINDOWS
 MOST_WINDOWS = 10
+COUNTED_WINDOWS = 20  # of the same length, where counts are compared: as often are the counters read
 LARGEST_WINDOWS = 1_000_000  # bytes of a trial
 COUNTING_STEPS = 5000  # after a tip push, as in the paper
 TIP_SPEED = 0.1  # rad/s of the fastest link after a tip push: small, so that the oscillation is
@@ -88,7 +90,8 @@ def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure
     pushes = np.tile(pushes, (wanted.repeats, 1))
     rule = FallRule(wanted.fall_limit or fall_limit, wanted.fall_margin, wanted.fall_runaway or runaway)
     stiffness = _stiffness(spec, stage, steps * timestep)
-    kept: dict[str, Any] = {"window_ends": _window_ends(pushes, steps, steps * timestep / natural)}
+    counted = spec.study.estimate.compare == "count"
+    kept: dict[str, Any] = {"window_ends": _window_ends(pushes, steps, steps * timestep / natural, counted)}
     if _has_noise(spec):
         kept = {"readings_steps": min(steps, read)}
     return Episode(pushes, steps, rule, stiffness=stiffness, seed=spec.study.seed, lead=wanted.lead, **kept)
@@ -107,13 +110,14 @@ def _has_noise(spec: StudySpec) -> bool:
     return not isinstance(spec.plant, PlantSettings) or bool(spec.plant.faults.named) or bool(spec.study.episode.lead)
 
 
-def _window_ends(pushes: Array, steps: int, horizon: float) -> tuple[int, ...]:
+def _window_ends(pushes: Array, steps: int, horizon: float, counted: bool) -> tuple[int, ...]:
     """The windows of each push: the shortest as long as that of a rich push, however long the `horizon`, which is in
-    natural times; none where a trial's windows would be larger than LARGEST_WINDOWS.
+    natural times; or, where counts are compared, all ending equally long after one another. None where a trial's
+    windows would be larger than LARGEST_WINDOWS.
     """
     longer = max(horizon / HORIZON, 1.0)
     count = min(WINDOWS + round(np.log(longer) / np.log(GROWTH)), MOST_WINDOWS)
-    ends = window_ends(steps, count, SHORTEST / longer)
+    ends = even_ends(steps, COUNTED_WINDOWS) if counted else window_ends(steps, count, SHORTEST / longer)
     return ends if pushes.size * len(ends) * QUANTITIES * 8 <= LARGEST_WINDOWS else ()
 
 

@@ -75,8 +75,9 @@ class EstimateSettings(Settings):
     """`[estimate]`: what is made of the motion of all trials together. `enabled`: whether one is made at all. `lumps`:
     the kinds that are unknown (default: gravity, coriolis and inertia, and those of friction that the study searches).
     `lengths`: "free", or "exact" where the Coriolis lumps follow from the nominal lengths and the gravity lumps.
-    `compare`: the "speed" that each push changes, the "frequency" of each joint, or "both" (default: speed after short
-    pushes, frequency after long ones). `spread`: by how much the nominal lumps may be wrong, as a standard deviation.
+    `compare`: the "speed" that each push changes, the "frequency" of each joint, "both" (default: speed after short
+    pushes, frequency after long ones), or the "count" of its half periods, of which the result is the set of models
+    that count the same. `spread`: by how much the nominal lumps may be wrong, as a standard deviation.
     """
 
     enabled: bool = True
@@ -85,7 +86,7 @@ class EstimateSettings(Settings):
         | None
     ) = None
     lengths: Literal["free", "exact"] = "free"
-    compare: Literal["speed", "frequency", "both"] | None = None
+    compare: Literal["speed", "frequency", "both", "count"] | None = None
     spread: Annotated[float, Field(ge=1e-6, le=10)] = 0.3
 
     @field_validator("lumps")

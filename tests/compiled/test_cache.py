@@ -59,6 +59,25 @@ def test_change_of_a_source_that_is_compiled_into_another_changes_the_result(tmp
     assert len(set(seen)) == 3
 
 
+def test_change_in_the_package_around_another_changes_its_digest(tmp_path: Path) -> None:
+    """`estimation/counting` compiles what `estimation` has into its own loops."""
+    package = tmp_path / "metaid"
+    shutil.copytree(Path(metaid.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    code = "from pathlib import Path; from metaid.compiled import decorator as d; "
+    code += f"print(d.digest(Path({str(package / 'estimation' / 'counting')!r})))"
+
+    def digest() -> str:
+        environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+        return subprocess.run(
+            [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True, cwd=tmp_path
+        ).stdout
+
+    before = digest()
+    with (package / "estimation" / "motion.py").open("a", encoding="utf-8") as source:
+        source.write("# changed\n")
+    assert digest() != before
+
+
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A package of one module, and a folder for the user's own cache beside it."""

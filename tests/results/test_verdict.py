@@ -12,8 +12,10 @@ import pytest
 from conftest import Finished
 
 from benchmarks.chains import random_chain
+from metaid.errors import StudyError
 from metaid.plant.faults import FaultSettings
 from metaid.plant.settings import PlantSettings
+from metaid.results.overview import summary
 from metaid.results.snapshot import read_snapshot
 from metaid.results.verdict import Verdict, judge
 from metaid.store.database import Store
@@ -153,3 +155,46 @@ def test_noisy_angles_beside_exact_speeds_leave_the_truth_in_the_intervals(sampl
     lumps = verdict.lumps
     assert lumps["error"].abs().max() < 0.01
     assert (np.abs(lumps["identified"] - lumps["true"]) < 4.0 * lumps["sd"]).all()
+
+
+COUNTED = {"trials": 6, "search.probes": 6, "episode.steps": 4000}
+
+
+def test_whole_counts_are_a_result_with_the_extent_of_what_counts_the_same(tmp_path: Path) -> None:
+    """The misfit is the number of counts that differ, none; no standard deviation; the truth lies in every extent."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    create_study(store, load_study("two-link-counted", COUNTED), "study")
+    run_study(store, "study")
+    shown = summary(store, "study")
+    assert (shown["verdict"], shown["source"], shown["misfit"]) == ("found", "estimate", 0.0)
+    assert shown["estimate"]["counts"] == 6 * 4 * 20 * 2
+    assert shown["max_error"] < 0.02
+    for lump in shown["lumps"]:
+        assert lump["sd"] is None
+        assert lump["low"] <= lump["true"] <= lump["high"]
+
+
+def test_counts_that_no_model_shows_are_not_found(tmp_path: Path) -> None:
+    """Where a wrong length is believed to be exact, some counts differ; it is said how many, and no lump is given."""
+    changes = {
+        **COUNTED,
+        "trials": 2,
+        "search.probes": 2,
+        "episode.steps": 2000,
+        "estimate.lengths": "exact",
+        "nominal": "longer.toml",
+    }
+    text = (Path("studies") / "two-link-counted.toml").read_text(encoding="utf-8")
+    links = text[text.index("[[nominal.links]]") :].replace("nominal.links", "links")
+    (tmp_path / "longer.toml").write_text(links.replace("length = 0.42", "length = 0.5"))
+    changes["nominal"] = str(tmp_path / "longer.toml")
+    verdict = verdict_of(tmp_path, changes, "two-link-counted")
+    assert (verdict.word, verdict.source) == ("not found", "estimate")
+    assert has_no_number(verdict)
+    assert "of 320 counts differ" in verdict.reasons[0]
+
+
+def test_counts_are_not_compared_on_a_noisy_plant() -> None:
+    """One line says so, and what to do."""
+    with pytest.raises(StudyError, match="compare: 'count' needs a plant without noise"):
+        load_study("noisy-three-link", {"estimate.compare": "count"})

@@ -68,7 +68,8 @@ class Gallery:
             makers += [self._boundary, self._parallel, self._correlation]
         if self.found.estimate is not None:
             makers += [self._motion, self._residuals]
-            makers += [self._covariance, self._growth] if self.found.estimate.explains else []
+            counted = self.found.estimate.estimate.counts is not None
+            makers += [self._covariance, *([] if counted else [self._growth])] if self.found.estimate.explains else []
         for make in [*makers, *([self._episode] if simulated else [])]:
             with style():
                 picture = make(WIDTHS[width])
@@ -140,7 +141,7 @@ class Gallery:
         plot_ranges(self.found, figure.subplots())
         caption = "Each lump's range over the trials that the measure cannot tell from the best one."
         if self.found.verdict.source == "estimate":
-            caption = "Each lump's 95 % interval by the estimate from all trials."
+            caption = f"Each lump's {self.found.interval_name} by the estimate from all trials."
         return Picture("ranges", caption, figure)
 
     def _boundary(self, width: float) -> Picture:
@@ -206,6 +207,8 @@ class Gallery:
             "By how much the twin's motion differs from what was seen, by push and joint over all trials of the "
             "estimate, in units of what noise or rounding explains."
         )
+        if self.found.estimate.estimate.counts is not None:
+            caption = "By how much the twin's counts of half periods differ from the plant's, by push and joint."
         return Picture("estimate-residuals", caption, figure)
 
     def _covariance(self, width: float) -> Picture:

@@ -28,7 +28,7 @@ def plot_ranges(found: Findings, axes: Axes | None = None) -> Axes:
         left=low,
         height=0.5,
         color=RANGE,
-        label="95 % interval" if by_estimate else f"{len(found.equals)} indistinguishable trials",
+        label=found.interval_name if by_estimate else f"{len(found.equals)} indistinguishable trials",
     )
     axes.plot(np.zeros(len(places)), places, "|", color=SURVIVOR, markersize=9, label="identified")
     if found.true_factors is not None:

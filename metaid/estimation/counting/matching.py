@@ -1,0 +1,159 @@
+"""The search for a model with exactly the counts that were seen, and the extent of the set of such models."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from metaid.estimation.counting.counts import Counted, Counts
+from metaid.estimation.counting.programme import pairs, sides
+from metaid.estimation.descent import FARTHEST, descend, place_at
+from metaid.estimation.fit import Estimate, starting_points
+from metaid.models import Array
+
+STAGES = 9  # growing horizons of the first descent
+ROUGHLY, FINELY = 1e-2, 1e-4  # the last step in a log factor of the two descents
+MOST_ROUGH, MOST_FINE = 6, 30  # their steps on one horizon
+REACH, LONGEST_REACH, SHORTEST_REACH = 0.03, 0.3, 1e-6  # of a linear programme in each log factor
+MARGIN = 1e-4  # by which inequalities are to hold, so that rounding does not matter
+PROGRAMMES = 30
+POOR, GOOD = 0.3, 0.7  # shares of the promised gain, below and above which the next programme reaches less or more
+SHARES = 1.0, 0.5, 0.25, 0.1  # of the way to the centre of the set, until the counts there are right
+DEVIATIONS = 1.96  # of a normal distribution that half an extent is said to be
+
+
+@dataclass(frozen=True)
+class Model:
+    """Log factors (nunknown), what is counted there, and by how much it is `wrong`."""
+
+    log_factors: Array
+    counted: Counted
+    wrong: float
+
+
+def match_counts(counts: Counts, start: Array | None = None, restarts: int = 3, seed: int = 0) -> Estimate:
+    """The centre of the set of models that show exactly the counts that were seen, and its extent.
+
+    Args:
+        counts: of all trials.
+        start: log factors (nunknown) to try before the nominal model, such as those of the estimate before.
+        restarts: how often the search may begin at a random point of the prior, where it ended with wrong counts.
+        seed: of these points; the same seed gives the same estimate.
+
+    Returns:
+        An estimate whose misfit is the number of counts that differ. Its extent is of all models that have every joint
+        on the right side of the upright at the end of every window, to first order; the exact ones are among them.
+
+    Raises:
+        ValueError: the twin cannot follow the trials from any start.
+    """
+    best: Model | None = None
+    tried = steps = 0
+    for point in starting_points(counts, start, restarts, seed):
+        model, taken = _search(counts, point)
+        if model is None:
+            continue
+        tried, steps = tried + 1, steps + taken
+        if best is None or (model.counted.differing, model.wrong) < (best.counted.differing, best.wrong):
+            best = model
+        if not model.counted.differing:
+            break
+    if best is None:
+        raise ValueError("no chain near the nominal one moves through any window: the nominal lumps are no chain's")
+    return _estimate(counts, best if best.counted.differing else _centred(counts, best), steps, tried)
+
+
+def _search(counts: Counts, point: Array) -> tuple[Model | None, int]:
+    """The best model from a `point`, and how many steps it took; no model where the twin cannot follow.
+
+    Phases lead to within some percent, on growing horizons (Eq. 33); then sides, which no lost pair of crossings moves;
+    then linear programmes to the last count.
+    """
+    steps = 0
+    horizons = np.unique(np.geomspace(1, counts.stages, STAGES).round().astype(int)).tolist()
+    for windows in horizons:
+        place = place_at(counts, point, windows)
+        if place is None:
+            return None, steps
+        found = descend(counts, place, windows, ROUGHLY, MOST_ROUGH)
+        point, steps = found.place.point, steps + found.iterations
+    by_side = replace(counts, by_side=True)
+    place = place_at(by_side, point, counts.stages)
+    if place is None:
+        return None, steps
+    found = descend(by_side, place, counts.stages, FINELY, MOST_FINE)
+    return _exact(counts, found.place.point), steps + found.iterations
+
+
+def _exact(counts: Counts, point: Array) -> Model | None:
+    """The model that linear programmes lead to from a `point`, each about the last, until all counts are right."""
+    model, reach = _model(counts, point), REACH
+    for _ in range(PROGRAMMES):
+        if model is None or not model.counted.differing or reach < SHORTEST_REACH:
+            break
+        solved = pairs(model.counted, MARGIN).nearest(reach)
+        if solved is None:
+            break
+        step, promised = solved
+        new = _model(counts, model.log_factors + step)
+        share = -1.0 if new is None else (model.wrong - new.wrong) / max(model.wrong - promised, 1e-12)
+        if new is not None and (share > 0.0 or new.counted.differing < model.counted.differing):
+            model = new
+            reach = min(2.0 * reach, LONGEST_REACH) if share > GOOD else 0.5 * reach if share < POOR else reach
+        else:
+            reach = POOR * min(reach, float(np.abs(step).max()))
+    return model
+
+
+def _model(counts: Counts, log_factors: Array) -> Model | None:
+    """The model there; None where it is too far from the nominal one or the twin cannot follow."""
+    if not float(np.abs(log_factors / counts.spreads).max()) <= FARTHEST:
+        return None
+    counted = counts.counted(log_factors, counts.stages)
+    return None if counted is None else Model(log_factors, counted, pairs(counted, MARGIN).violation)
+
+
+def _centred(counts: Counts, model: Model) -> Model:
+    """A model with right counts that is as far as can be from any that has a wrong one."""
+    step = pairs(model.counted).deepest()
+    if step is not None:
+        for share in SHARES:
+            new = _model(counts, model.log_factors + share * step)
+            if new is not None and not new.counted.differing:
+                return new
+    return model
+
+
+def _estimate(counts: Counts, model: Model, steps: int, starts: int) -> Estimate:
+    log_factors, unknowns = model.log_factors, counts.unknowns
+    extremes = None if model.counted.differing else sides(model.counted).extremes()
+    covariance, extent = np.diag(counts.spreads**2), None
+    if extremes is not None:
+        extent = log_factors + np.diagonal(extremes, axis1=1, axis2=2)
+        covariance = _covariance(extremes)
+    return Estimate(
+        names=tuple(unknowns.names),
+        lumps=unknowns.lumps(log_factors),
+        log_factors=log_factors,
+        covariance=covariance,
+        cost=model.wrong,
+        misfit=float(model.counted.differing),
+        iterations=steps,
+        starts=starts,
+        converged=not model.counted.differing,
+        residuals=counts.by_joint(log_factors),
+        extras=np.empty(0),
+        extent=extent,
+        counts=len(model.counted.seen),
+    )
+
+
+def _covariance(extremes: Array) -> Array:
+    """A covariance (nunknown x nunknown) with the correlations of the `extremes` of a set, and half its extents as so
+    many standard DEVIATIONS.
+    """
+    halves = 0.5 * (np.diagonal(extremes[1]) - np.diagonal(extremes[0])) / DEVIATIONS
+    moments = np.atleast_2d(np.cov(extremes.reshape(-1, len(halves)).T))
+    scale = halves / np.sqrt(np.maximum(np.diag(moments), np.finfo(float).tiny))
+    return np.asarray(moments * np.outer(scale, scale))

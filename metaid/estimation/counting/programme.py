@@ -1,0 +1,94 @@
+"""Linear programmes about a model: which changes of the unknowns make the counts right, and how far they may go.
+
+A count is right where its phase is in the right half turn, and where as many extrema have crossed the upright as with
+the plant. To first order in the unknowns both are linear inequalities.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linprog
+from scipy.sparse import csc_matrix, hstack, identity
+
+from metaid.estimation.counting.counts import Counted
+from metaid.estimation.counting.crossings import MISS, TOP
+from metaid.models import Array
+
+FARTHEST = 1.0  # of a log factor from where the inequalities were made
+
+
+@dataclass(frozen=True, eq=False)
+class Inequalities:
+    """A x ≤ b for a change x (nunknown) of the unknowns; `left` A (nrow x nunknown), `right` b (nrow).  Eqs. 34, 35."""
+
+    left: Array
+    right: Array
+
+    @property
+    def violation(self) -> float:
+        """By how much the model itself, x = 0, violates them, in all."""
+        return float(np.maximum(-self.right, 0.0).sum())
+
+    def nearest(self, reach: float) -> tuple[Array, float] | None:
+        """The change of at most `reach` in each unknown that violates them least in all, and by how much."""
+        near = self.right < reach * np.abs(self.left).sum(axis=1)
+        left, right = self.left[near], self.right[near]
+        unknowns, rows = left.shape[1], len(right)
+        cost = np.concatenate([np.zeros(unknowns), np.ones(rows)])
+        system = hstack([csc_matrix(left), -identity(rows, format="csc")], format="csc")
+        bounds = [(-reach, reach)] * unknowns + [(0.0, None)] * rows
+        found = linprog(cost, A_ub=system, b_ub=right, bounds=bounds, method="highs")
+        return None if found.x is None else (found.x[:unknowns], float(found.fun))
+
+    def deepest(self) -> Array | None:
+        """The change (nunknown) that is farthest from violating any; None where each violates one."""
+        rows, unknowns = self.left.shape
+        system = np.column_stack([self.left, np.ones(rows)])
+        bounds = [(-FARTHEST, FARTHEST)] * unknowns + [(0.0, None)]
+        cost = np.append(np.zeros(unknowns), -1.0)
+        found = linprog(cost, A_ub=system, b_ub=self.right, bounds=bounds, method="highs")
+        return None if found.x is None else np.asarray(found.x[:unknowns])
+
+    def extremes(self) -> Array | None:
+        """The changes (2 x nunknown x nunknown) that violate none and have the least and the largest x_k, for each k;
+        None where each violates one.
+        """
+        unknowns = self.left.shape[1]
+        found = np.zeros((2, unknowns, unknowns))
+        bounds = [(-FARTHEST, FARTHEST)] * unknowns
+        for end, sign in enumerate((1.0, -1.0)):
+            for k in range(unknowns):
+                cost = sign * np.eye(unknowns)[k]
+                vertex = linprog(cost, A_ub=self.left, b_ub=self.right, bounds=bounds, method="highs").x
+                if vertex is None:
+                    return None
+                found[end, k] = vertex
+        return found
+
+
+def sides(counted: Counted, margin: float = 0.0) -> Inequalities:
+    """Every joint is on the right side of the upright at the end of every window, by a `margin` of half turns.
+
+    Eq. 34.
+    """
+    off, half = counted.deviations(by_side=True), 0.5 - margin
+    left = np.vstack([counted.slopes, -counted.slopes])
+    return Inequalities(left, np.concatenate([half - off, half + off]))
+
+
+def pairs(counted: Counted, margin: float = 0.0) -> Inequalities:
+    """And no extremum crosses the upright in a window whose count is right, but one does in a window that has gained or
+    lost a pair of crossings, by a `margin`.  Eq. 35.
+    """
+    first = sides(counted, margin)
+    left, right = [first.left], [first.right]
+    for kind, sign in ((MISS, -1), (TOP, 1)):
+        touches, slopes = counted.touches[:, kind], counted.touch_slopes[:, kind]
+        known = np.isfinite(touches)
+        wrong = known & (sign * counted.gained > 0) & (counted.gained % 2 == 0)
+        kept = known & (counted.gained == 0)
+        left += [slopes[wrong], -slopes[kept]]
+        right += [-margin - touches[wrong], touches[kept] - margin]
+    return Inequalities(np.vstack(left), np.concatenate(right))
