@@ -16,7 +16,8 @@ from metaid.models import Array
 
 LONGEST_STEP = 0.5  # in a log factor: a factor of 1.65
 SHORTEST_STEP = 1e-12
-NOTHING = 1e-6  # of cost, where a residual of one unit costs 0.5; a step that gains less is the last
+NOTHING = 1e-6  # of cost, where a residual of one unit costs 0.5; a step that gains less is the last,
+NEXT_TO_NOTHING = 1e-9  # as is one that gains less than this share of the cost: what remains is not explained
 FARTHEST = 6.0  # standard deviations of the prior; no chain beyond is tried
 POOR, GOOD = 0.25, 0.75  # shares of the promised gain, below and above which the next step is shorter or longer
 BISECTIONS = 40
@@ -118,7 +119,7 @@ def descend(fitted: Fitted, place: Place, windows: int, tolerance: float, most: 
             size = float(np.abs(step).max())
             left = factor @ step - target
             gain = 0.5 * float(target @ target - left @ left)
-            if gain < NOTHING or size < SHORTEST_STEP:
+            if gain < max(NOTHING, NEXT_TO_NOTHING * place.cost) or size < SHORTEST_STEP:
                 return Descent(place, iteration, True)
             following = place.residuals.following @ np.append(1.0, step)
             new = place_at(fitted, place.point + np.concatenate([step, following]), windows)

@@ -23,6 +23,7 @@ EXPLAINED = 3.0  # a misfit below this says that the model explains what was see
 EXPLAINED_NOISE = 2.0  # the same of readings, of which there are so many that noise alone makes one
 RIGHT_COUNTS = 1.0  # fewer counts than this differ where the model shows what was counted
 PROBES = {"speed": 1, "both": 1, "frequency": 2, "count": 10}  # trials that over-compensate, by what is compared
+RESTARTS = 3  # of a fit that explains nothing, from elsewhere
 STILL_SHRINKS = 0.95  # of the widest interval before: a trial that leaves more of it is worth no other
 
 SeenTrial = WatchedTrial | ReadTrial
@@ -79,15 +80,20 @@ class Experiment(ABC):
     def _comparison(self, trials: Sequence[Any]) -> Comparison | Counts:
         """What is compared with the twin.  Raises ValueError where `trials` show nothing."""
 
-    def estimate(self, trials: Sequence[SeenTrial], start: Estimate | None = None) -> Estimate | None:
+    def estimate(
+        self, trials: Sequence[SeenTrial], start: Estimate | None = None, thorough: bool = True
+    ) -> Estimate | None:
         """What all `trials` say; None where they showed nothing, or no chain shows what they did.
 
-        A `start` that explained the trials before is where the fit begins.
+        A `start` that explained the trials before is where the fit begins. Where that explains nothing, a
+        `thorough` fit begins elsewhere RESTARTS times.
         """
         begin = start.log_factors if start is not None and self.is_explained(start) else None
         try:
             compared = self._comparison(trials)
-            return match_counts(compared, begin) if isinstance(compared, Counts) else fit(compared, begin)
+            if isinstance(compared, Counts):
+                return match_counts(compared, begin)
+            return fit(compared, begin, RESTARTS if thorough else 0)
         except ValueError:
             return None
 

@@ -17,7 +17,7 @@ from metaid.errors import StudyError
 from metaid.results.best import first_of_best
 from metaid.results.estimates import StudyEstimate, has_motion_of, study_estimate
 from metaid.store import EXPERIMENT, ForeignTrial, Store, Trial, shown_trial
-from metaid.study import Problem, StudySpec, optuna_spec, stored_spec
+from metaid.study import ENDED_KEY, Problem, StudySpec, optuna_spec, stored_spec
 
 if TYPE_CHECKING:
     import optuna
@@ -40,14 +40,20 @@ class Stage:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A study's `name`, its settings, and all its `trials`, with factors of what was searched; and the `foreign` trials
-    of the study, which metaid did not write.
+    """A study's `name`, its settings, and all its `trials`, with factors of what was searched; the `foreign` trials of
+    the study, which metaid did not write; and with how many trials its search `ended`, None where no run got so far.
     """
 
     name: str
     spec: StudySpec
     trials: list[Trial]
     foreign: tuple[ForeignTrial, ...] = ()
+    ended: int | None = None
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether nothing is left to do: all trials of the study are there, or its search stopped before."""
+        return len(self.trials) >= self.spec.study.total_trials or len(self.trials) == self.ended
 
     @cached_property
     def stages(self) -> list[Stage]:
@@ -94,7 +100,7 @@ def read_snapshot(store: Store, name: str) -> Snapshot:
     """The study of that `name`, its trials read at once.  Raises StorageError."""
     spec = stored_spec(store, name)
     stored = store.read(name, *spec.names)
-    return Snapshot(name, spec, stored.own, stored.foreign)
+    return Snapshot(name, spec, stored.own, stored.foreign, store.attribute(name, ENDED_KEY))
 
 
 def snapshot_of(study: optuna.Study) -> Snapshot:

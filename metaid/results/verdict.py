@@ -17,7 +17,7 @@ from metaid.results.best import best_trial
 from metaid.results.estimates import why_no_estimate
 from metaid.results.lump_tables import best_table, estimate_table
 from metaid.results.snapshot import Snapshot, Stage
-from metaid.study import COARSEST, is_finished, lumps_at_bounds
+from metaid.study import COARSEST, lumps_at_bounds
 
 Word = Literal["found", "not found", "unfinished"]
 Source = Literal["estimate", "best trial"]
@@ -74,7 +74,7 @@ def _not_yet(snapshot: Snapshot, source: Source, reasons: tuple[str, ...], lumps
     """Unfinished where trials are left, else not found; no number is given for a lump that was not found."""
     lumps = lumps.copy()
     lumps[["sd", "low", "high"]] = np.nan
-    if not is_finished(snapshot.spec, snapshot.trials):
+    if not snapshot.is_finished:
         left = f"{len(snapshot.trials)} of {snapshot.spec.study.total_trials} trials are done"
         return Verdict("unfinished", source, (left, *reasons) if snapshot.trials else (left,), lumps)
     lumps[["factor", "identified", "error"]] = np.nan

@@ -3,8 +3,9 @@
 A simulated twin is fitted to the motion of every push of every trial so far (`metaid.estimation`), so a handful of
 trials is enough where a minimiser, which keeps one number of each, needs hundreds. The first law over-compensates:
 under it nothing falls, the mass matrix shows, and squares have their signs. A law near the truth shows no mass matrix,
-for nothing accelerates. An estimate that does not explain what was seen is never sent. On a noisy plant trials go on
-until the intervals stop shrinking.
+for nothing accelerates. An estimate that does not explain what was seen is never sent, and another is made only once
+there is half as much again to explain. On a noisy plant trials go on until the intervals stop shrinking, on any plant
+until a trial's motion is not kept for the estimate any more.
 """
 
 from __future__ import annotations
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
 
 OVER_COMPENSATED = 1.5  # factor of the gravity lumps in the first law, of those that the search starts from
 PROBED = 1.6, 2.6  # factors of the gravity lumps in a probe, drawn at random
+FEW = 4  # trials; so many are matched after each
+MANY = 8  # trials; where these were not explained from anywhere, a fit of more begins nowhere else
+MORE = 1.5  # times the trials that no model explained; with fewer none is looked for again: each fit costs more
 
 
 class OutputErrorOptions(Settings):
@@ -60,7 +64,8 @@ class OutputError:
         self._next = self._over_compensated(OVER_COMPENSATED)
         self._trials: list[SeenTrial] = []
         self._estimate: Estimate | None = None
-        self._coasts = self._settled = False
+        self._matched = 0  # trials that the last estimate is of
+        self._coasts = self._settled = self._spent = False
         self._trial_count = 0
 
     @property
@@ -77,9 +82,11 @@ class OutputError:
         trial = self._experiment.trial(self._next, outcome)
         if trial is not None:
             self._trials.append(trial)
-        if self._trial_count >= self._probes:
+        self._spent = trial is None and outcome.failure is None
+        if self._trial_count >= self._probes and self._is_due:
             before, at_estimate = self._estimate, self._is_explained
-            self._estimate = self._experiment.estimate(self._trials, before)
+            self._estimate = self._experiment.estimate(self._trials, before, thorough=len(self._trials) <= MANY)
+            self._matched = len(self._trials)
             self._coasts = at_estimate and not outcome.fell and self._experiment.is_coasting(outcome.value)
             if at_estimate and before is not None and self._estimate is not None and self._is_explained:
                 self._settled = self._experiment.is_settled(before, self._estimate)
@@ -93,12 +100,18 @@ class OutputError:
     def _is_explained(self) -> bool:
         return self._estimate is not None and self._experiment.is_explained(self._estimate)
 
+    @property
+    def _is_due(self) -> bool:
+        """Whether there is more to match than before, and after many trials that no model explains, much more."""
+        count = len(self._trials)
+        return count > self._matched and (self._is_explained or count <= FEW or count >= MORE * self._matched)
+
     def widen(self, coordinates: Coordinates) -> None:
         self._coordinates = coordinates
 
     def finished(self) -> bool:
         """Whether the plant coasts under the law of the estimate, or one more trial tells no more."""
-        return self._coasts or self._settled
+        return self._coasts or self._settled or self._spent
 
     def _over_compensated(self, gravity: float | Array) -> Array:
         """The law of the start with its gravity lumps larger by these factors (nlink)."""

@@ -8,15 +8,16 @@ from metaid.study.create import advice, create_study, delete_study, ensure_study
 from metaid.study.evaluation import NominalMetricSampler, OptunaObjective
 from metaid.study.identifiability import COARSEST, identifiability
 from metaid.study.problem import MOST_TRIALS, Problem, load_study
-from metaid.study.progress import Progress, is_finished
+from metaid.study.progress import Progress
 from metaid.study.pushing import COUNTING_STEPS, HORIZON, TIP_SPEED
-from metaid.study.run import ARITHMETIC_KEY, arithmetic, run_study
+from metaid.study.run import ARITHMETIC_KEY, ENDED_KEY, arithmetic, run_study
 from metaid.study.settings import EpisodeSettings, SearchSettings, StudySettings, StudySpec
 
 __all__ = [
     "ARITHMETIC_KEY",
     "COARSEST",
     "COUNTING_STEPS",
+    "ENDED_KEY",
     "HORIZON",
     "MOST_TRIALS",
     "TIP_SPEED",
@@ -35,7 +36,6 @@ __all__ = [
     "delete_study",
     "ensure_study",
     "identifiability",
-    "is_finished",
     "load_study",
     "lumps_at_bounds",
     "optuna_spec",

@@ -17,7 +17,6 @@ from metaid.models import Array
 from metaid.search import WideningSearcher
 from metaid.store import Trial
 from metaid.study.problem import Problem
-from metaid.study.settings import StudySpec
 
 HELD_BACK = 0.25  # of a stage's trials, after which a search whose best trial is at a bound is held back by it
 REPLAY_TOLERANCE = 1e-6  # relative; another machine's linear algebra may round differently
@@ -121,20 +120,6 @@ class Run:
                     "made by another version, or changed"
                 )
             self.add(stored)
-
-
-def is_finished(spec: StudySpec, trials: list[Trial]) -> bool:
-    """Whether nothing is left to do: all of a study's trials are there, or its searcher stopped before. `trials` are
-    all that the DB holds.
-    """
-    if len(trials) >= spec.study.total_trials:
-        return True
-    run = Run(Problem(spec), spec.study.total_trials)
-    try:
-        run.replay(trials, "")
-    except StorageError:
-        return False
-    return run.done
 
 
 def _same(proposed: Array, stored: Array) -> bool:

@@ -28,6 +28,7 @@ from metaid.study.settings import StudySpec
 from metaid.study.writer import Writer
 
 ARITHMETIC_KEY = "metaid:arithmetic"  # of a study: what its first trials were made with
+ENDED_KEY = "metaid:ended"  # of a study: with how many trials its search had nothing left to do
 MOST_FAILURES = 2  # trials on a rig, one after the other: it is not to be moved any more
 
 log = logging.getLogger("metaid")
@@ -99,6 +100,8 @@ def run_study(
                 Writer(store, name, problem, lease, patience, wait) as writer,
             ):
                 _run_stage(run, evaluator, writer, watch)
+        if run.number < total and store.attribute(name, ENDED_KEY) != run.number:
+            store.set_attribute(name, ENDED_KEY, run.number)
     store.check_written(name, run.number)
     return run.progress
 

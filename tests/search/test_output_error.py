@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,10 +14,11 @@ from pandas.testing import assert_frame_equal
 from benchmarks.chains import random_chain
 from metaid import results
 from metaid.errors import StudyError
+from metaid.estimation.experiment import Estimate, SeenTrial, SilentExperiment
 from metaid.plant.settings import PlantSettings
 from metaid.store.database import Store
 from metaid.study.create import create_study
-from metaid.study.problem import load_study
+from metaid.study.problem import MOST_TRIALS, load_study
 from metaid.study.run import run_study
 from metaid.study.settings import EpisodeSettings, EstimateSettings, SearchSettings, StudySettings, StudySpec
 
@@ -142,6 +144,28 @@ def test_hidden_friction_is_told_by_the_misfit_and_no_number_is_printed(store: S
     for lump in shown["lumps"]:
         assert lump["identified"] is lump["low"] is lump["high"] is lump["error"] is None
         assert not lump["determined"]
+
+
+def test_what_no_model_explains_is_matched_ever_more_seldom_and_ends_when_no_more_is_kept(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Hidden friction, and 200 trials to spend: nine fits, not two hundred, and the first trial without motion is the
+    last.
+    """
+    fitted: list[int] = []
+    estimate = SilentExperiment.estimate
+
+    def counted(self: SilentExperiment, trials: list[SeenTrial], *more: Any, **named: Any) -> Estimate | None:
+        fitted.append(len(trials))
+        return estimate(self, trials, *more, **named)
+
+    monkeypatch.setattr(SilentExperiment, "estimate", counted)
+    spec = spec_of(1, 3, trials=200)
+    links = tuple(link.model_copy(update={"damping": 0.05}) for link in random_chain(1, 3)[0])
+    create_study(store, spec.model_copy(update={"plant": PlantSettings(links=links)}))
+    assert run_study(store, "chain").trials == MOST_TRIALS + 1
+    assert fitted == [1, 2, 3, 4, 6, 9, 14, 21, 32]
+    assert results.summary(store, "chain")["verdict"] == "not found"
 
 
 @pytest.mark.parametrize("sampler", ["cmaes", "tpe", "newton", "random"])
