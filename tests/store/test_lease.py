@@ -29,7 +29,7 @@ from metaid.study.problem import load_study
 from metaid.study.run import run_study
 from soak.common import METAID
 
-LONG = {"trials": 1_000_000, "sampler": "tpe", "search.generation": 10}
+LONG = {"trials": 1_000_000, "sampler": "random", "search.generation": 10}
 Metaid = Callable[..., Finished]
 
 
