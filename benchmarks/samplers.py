@@ -130,7 +130,7 @@ def draw(results: dict[tuple[int, str], list[list[float]]], path: Path) -> None:
         axes.set_ylabel("worst lump's error, %")
         axes.set_ylim(bottom=1e-3)
     panels[0].legend(fontsize=6.5, frameon=False)
-    figure.savefig(path, dpi=140)
+    figure.savefig(path, dpi=110)
 
 
 def main() -> None:

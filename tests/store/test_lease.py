@@ -29,7 +29,14 @@ from metaid.study.problem import load_study
 from metaid.study.run import run_study
 from soak.common import METAID
 
-LONG = {"trials": 1_000_000, "sampler": "random", "search.generation": 10}
+# Episodes so long that readers see many generations of few trials, and no estimate for them to make.
+LONG = {
+    "trials": 1_000_000,
+    "sampler": "random",
+    "search.generation": 10,
+    "episode.steps": 20_000,
+    "estimate.enabled": False,
+}
 Metaid = Callable[..., Finished]
 
 
