@@ -103,18 +103,20 @@ def _print_lumps(title: str, lumps: list[dict[str, Any]], note: str) -> None:
 
 def _cells(lump: dict[str, Any]) -> list[str]:
     """The numbers of a lump; in the place of an identified value that there is not, that it was not found."""
-    cells = {key: number_text(lump[key], f".{_digits(lump)}g") for key in COLUMNS}
+    digits = _digits(lump)
+    cells = {key: number_text(lump[key], f".{DIGITS if key == 'nominal' else digits}g") for key in COLUMNS}
     if lump["identified"] is None:
         cells["identified"] = "not found"
     return list(cells.values())
 
 
 def _digits(lump: dict[str, Any]) -> int:
-    """How many a lump's numbers need to show how wide its interval is: DIGITS or a few more."""
+    """How many a lump's numbers need to show how wide its interval is; DIGITS where a few more would not show it."""
     if lump["low"] is None or not lump["low"] < lump["high"]:
         return DIGITS
     half = (lump["high"] - lump["low"]) / (2.0 * abs(lump["identified"]))
-    return min(max(DIGITS, math.ceil(-math.log10(half)) + 1), MOST_DIGITS)
+    digits = math.ceil(-math.log10(half)) + 1
+    return digits if DIGITS <= digits <= MOST_DIGITS else DIGITS
 
 
 def _error_text(error: float | None, sign: str = "+") -> str:
