@@ -10,7 +10,7 @@ from metaid.models import Array, lump_names, lump_unit
 from metaid.results.best import factor_range, identified_factors
 from metaid.results.estimates import StudyEstimate
 from metaid.results.snapshot import Snapshot, Stage
-from metaid.study import COARSEST, Problem, identifiability
+from metaid.study import COARSEST, Problem, identifiability_by_measure
 
 DEVIATIONS = 1.96  # of a normal distribution, to either side, hold 95 %
 
@@ -96,7 +96,7 @@ def _lump_rows(
 
 def _resolution(problem: Problem) -> Array:
     """How well the trials can find each factor (nlump); inf where the pushes or the measure do not show the lump."""
-    resolution = identifiability(problem).resolution
+    resolution = identifiability_by_measure(problem).resolution
     return np.where(problem.measure.determined(problem.lumps), resolution, np.inf)
 
 

@@ -6,7 +6,7 @@
 from metaid.study.bounds import LumpAtBound, lumps_at_bounds
 from metaid.study.create import advice, create_study, delete_study, ensure_study, optuna_spec, question, stored_spec
 from metaid.study.evaluation import NominalMetricSampler, OptunaObjective
-from metaid.study.identifiability import COARSEST, identifiability
+from metaid.study.identifiability import COARSEST, identifiability, identifiability_by_measure
 from metaid.study.problem import MOST_TRIALS, Problem, load_study
 from metaid.study.progress import Progress
 from metaid.study.pushing import COUNTING_STEPS, HORIZON, TIP_SPEED
@@ -36,6 +36,7 @@ __all__ = [
     "delete_study",
     "ensure_study",
     "identifiability",
+    "identifiability_by_measure",
     "load_study",
     "lumps_at_bounds",
     "optuna_spec",

@@ -63,9 +63,16 @@ class Identifiability:
 
 
 def identifiability(problem: Problem) -> Identifiability:
-    """What the measure and the pushes of a study can determine, if its nominal model were the truth."""
-    if problem.is_told_by_estimate:
-        return _from_estimate(problem)
+    """What a study can determine, if its nominal model were the truth: the estimate where that is its result, else the
+    measure.
+    """
+    return _from_estimate(problem) if problem.is_told_by_estimate else identifiability_by_measure(problem)
+
+
+def identifiability_by_measure(problem: Problem) -> Identifiability:
+    """What the measure and the pushes of a study can determine of the lumps that it searches, if its nominal model were
+    the truth.
+    """
     if problem.measure.sees_coriolis:
         return _from_sensitivity(problem)
     return Identifiability(tuple(problem.names), _one_by_one(problem), *_allowed(problem))

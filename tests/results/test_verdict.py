@@ -78,10 +78,16 @@ def test_tip_far_heavier_than_believed_is_found_beyond_the_bounds(tmp_path: Path
 
 
 @pytest.mark.parametrize("fault", [{"damping": 0.05}, {"stiffness": 1.0}])
-@pytest.mark.parametrize("sampler", ["cmaes", "output-error"])
-def test_what_the_model_does_not_know_is_not_found(fault: dict[str, float], sampler: str, tmp_path: Path) -> None:
-    """Hidden friction or a hidden spring: the misfit says so, whichever the sampler."""
-    spec = load_study("three-link-coast", {"sampler": sampler, "trials": 12})
+@pytest.mark.parametrize(
+    ("study", "sampler"), [("three-link-coast", "cmaes"), ("three-link-coast", "output-error"), ("three-link", "cmaes")]
+)
+def test_what_the_model_does_not_know_is_not_found(
+    fault: dict[str, float], study: str, sampler: str, tmp_path: Path
+) -> None:
+    """Hidden friction or a hidden spring: the misfit says so, whichever the sampler, and whether pushes are strong and
+    short or small and counted.
+    """
+    spec = load_study(study, {"sampler": sampler, "trials": 12})
     assert isinstance(spec.plant, PlantSettings)
     links = tuple(link.model_copy(update=fault) for link in spec.plant.links)
     spec = spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": links})})
@@ -125,6 +131,16 @@ def test_searcher_that_stopped_by_itself_is_not_unfinished(tmp_path: Path) -> No
     verdict = verdict_of(tmp_path, NO_ESTIMATE, "paper-two-link")
     assert verdict.word == "not found"
     assert not any("trials are done" in reason for reason in verdict.reasons)
+
+
+def test_study_of_frequencies_without_a_trial_is_unfinished(tmp_path: Path) -> None:
+    """It is shown with a row for each lump that is searched, and no number."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    create_study(store, load_study("three-link"), "study")
+    verdict = judge(read_snapshot(store, "study"))
+    assert verdict.word == "unfinished"
+    assert len(verdict.lumps) == 6
+    assert verdict.lumps[["identified", "low", "high"]].isna().all(axis=None)
 
 
 def test_run_that_found_nothing_ends_with_status_3(metaid: Callable[..., Finished]) -> None:
