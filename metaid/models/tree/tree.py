@@ -1,0 +1,90 @@
+"""A serial arm: where its joints are, and what its links weigh.
+
+Link i hangs on joint i, which joins it to the link before, the first to the base. The frame of a link has its origin on
+the axis of its joint and moves with the link. Equation numbers are those of docs/method.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.models.lumps import Array
+
+# Of each joint and its link, in this order: mass in kg; first moments about the origin of the link's frame in kg m;
+# moments of inertia about the same point in kg m²; inertia of the rotor as the joint feels it, in kg m² (in kg for a
+# slide); viscous friction in N m s (N s/m) and dry friction in N m (N).
+PARAMETERS = ("m", "mx", "my", "mz", "xx", "xy", "xz", "yy", "yz", "zz", "rotor", "damping", "coulomb")
+
+_INERTIA = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)  # rows and columns of the moments of inertia, in their order
+
+
+@dataclass(frozen=True)
+class Tree:
+    """A serial arm. Joint coordinates q (njoint) are angles in rad, of a slide lengths in m.
+
+    Attributes:
+        names: of the joints (njoint), from the base on.
+        position: origin of each link's frame at q = 0, in the frame of the link before (njoint x 3), in m.
+        rotation: each link's frame at q = 0 in that of the link before (njoint x 3 x 3): its columns are the axes.
+        axis: of each joint, in the frame of its link (njoint x 3), of length 1.
+        slides: whether a joint is a slide, and no hinge (njoint).
+        low: least joint coordinates (njoint), −inf where there is no limit.
+        high: largest joint coordinates (njoint), inf where there is no limit.
+        torque_limit: what the motors can give (njoint), in N m or N; inf where it is not known.
+        gravity: of the base's frame (3), in m/s².
+        mass: of the links (njoint), in kg.
+        com: centres of mass in the links' frames (njoint x 3), in m.
+        inertia: about the centres of mass, along the axes of the links' frames (njoint x 3 x 3), in kg m².
+        rotor: inertia of the rotors as the joints feel them (njoint), in kg m² or kg.
+        damping: viscous friction of the joints (njoint), in N m s or N s/m.
+        coulomb: dry friction of the joints (njoint), in N m or N.
+    """
+
+    names: tuple[str, ...]
+    position: Array
+    rotation: Array
+    axis: Array
+    slides: NDArray[np.bool_]
+    low: Array
+    high: Array
+    torque_limit: Array
+    gravity: Array
+    mass: Array
+    com: Array
+    inertia: Array
+    rotor: Array
+    damping: Array
+    coulomb: Array
+
+    @property
+    def njoint(self) -> int:
+        return len(self.names)
+
+    @cached_property
+    def parameters(self) -> Array:
+        """The parameters of every joint and its link (njoint x 13), in the order of PARAMETERS."""
+        moment = self.mass[:, None] * self.com
+        offset = np.einsum("ni,ni->n", moment, self.com)[:, None, None] * np.eye(3)
+        about_origin = self.inertia + offset - moment[:, :, None] * self.com[:, None, :]  # parallel axes
+        inertia = about_origin[:, *_INERTIA]
+        friction = np.stack([self.rotor, self.damping, self.coulomb], axis=1)
+        return np.concatenate([self.mass[:, None], moment, inertia, friction], axis=1)
+
+    def with_parameters(self, parameters: Array) -> Tree:
+        """The same arm with these `parameters` (njoint x 13). They need not be those of a body that can be.
+
+        A link without mass has no centre of mass, so its mass must not be 0.
+        """
+        mass, moment = parameters[:, 0], parameters[:, 1:4]
+        com = moment / mass[:, None]
+        about_origin = np.zeros((self.njoint, 3, 3))
+        about_origin[:, *_INERTIA] = parameters[:, 4:10]
+        about_origin[:, *_INERTIA[::-1]] = parameters[:, 4:10]
+        offset = np.einsum("ni,ni->n", moment, com)[:, None, None] * np.eye(3)
+        inertia = about_origin - offset + moment[:, :, None] * com[:, None, :]
+        rotor, damping, coulomb = parameters[:, 10:].T
+        return replace(self, mass=mass, com=com, inertia=inertia, rotor=rotor, damping=damping, coulomb=coulomb)
