@@ -1,0 +1,36 @@
+"""Serial arms from the MJCF or URDF that their users have.
+
+MuJoCo compiles the user's whole file. What hangs on one moving joint becomes one link of a `Tree`, and `ArmPlant`
+simulates a lean model that `build_arm_spec` makes of the tree alone; `set_parameters` makes it a candidate's. MuJoCo is
+loaded when an arm is first looked at.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from metaid.plant.arms.arm_plant import ArmPlant, ArmStart
+from metaid.plant.arms.settings import ArmFaults, ArmSettings
+
+if TYPE_CHECKING:
+    from metaid.plant.arms.lean import arm_model, build_arm_spec, set_parameters
+    from metaid.plant.arms.reading import Arm, read_arm
+
+__all__ = [
+    "Arm",
+    "ArmFaults",
+    "ArmPlant",
+    "ArmSettings",
+    "ArmStart",
+    "arm_model",
+    "build_arm_spec",
+    "read_arm",
+    "set_parameters",
+]
+_LOADS_MUJOCO = {"Arm": "reading", "read_arm": "reading"}
+_LOADS_MUJOCO |= dict.fromkeys(("arm_model", "build_arm_spec", "set_parameters"), "lean")
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LOADS_MUJOCO:
+        return getattr(import_module(f"metaid.plant.arms.{_LOADS_MUJOCO[name]}"), name)
+    raise AttributeError(f"module 'metaid.plant.arms' has no attribute '{name}'")

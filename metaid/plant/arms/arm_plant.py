@@ -1,0 +1,111 @@
+"""A serial arm, simulated by MuJoCo."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from metaid.models import Array
+from metaid.models.tree import Tree
+from metaid.plant.arms.settings import ArmSettings
+
+if TYPE_CHECKING:
+    from mujoco import MjData, MjModel
+
+    from metaid.plant.arms.reading import Arm
+
+
+@dataclass(frozen=True, eq=False)
+class ArmStart:
+    """From where a push of an arm begins: joint coordinates `pose` (njoint), in rad or m, and joint `speeds` (njoint),
+    in rad/s or m/s. A position controller brought it there.
+    """
+
+    pose: Array
+    speeds: Array
+
+
+@dataclass(eq=False)
+class ArmPlant:
+    """An arm in MuJoCo: its joints and links alone. The simulation is its own, so a worker needs a plant of its own.
+
+    MuJoCo is loaded and the user's file compiled when anything of it is asked for. Raises PlantError then, where that
+    file is no serial arm.
+    """
+
+    name: str
+    settings: ArmSettings
+
+    @cached_property
+    def arm(self) -> Arm:
+        """The arm as its file says it is."""
+        from metaid.plant.arms.reading import read_arm
+
+        return read_arm(self.settings, f"plant {self.name}")
+
+    @property
+    def tree(self) -> Tree:
+        """Its joints and links. Neither search nor estimate may see its parameters."""
+        return self.arm.tree
+
+    @property
+    def home(self) -> Array:
+        """Joint coordinates at home (njoint), in rad or m."""
+        return self.arm.home
+
+    @cached_property
+    def model(self) -> MjModel:
+        """The lean model that moves."""
+        from metaid.plant.arms.lean import arm_model
+
+        return arm_model(self.tree, self.timestep)
+
+    @cached_property
+    def data(self) -> MjData:
+        """The state of `model`."""
+        from mujoco import MjData
+
+        return MjData(self.model)
+
+    @property
+    def njoint(self) -> int:
+        return self.tree.njoint
+
+    @property
+    def timestep(self) -> float:
+        return self.settings.timestep
+
+    def push(self, start: ArmStart) -> None:
+        """Brings the arm to the pose and the speeds of `start`; nothing is left of the motion before."""
+        from mujoco import mj_resetData
+
+        mj_resetData(self.model, self.data)
+        self.data.qpos[:], self.data.qvel[:] = start.pose, start.speeds
+
+    def states(self) -> tuple[Array, Array]:
+        """Joint coordinates (njoint), in rad or m, and joint speeds (njoint), in rad/s or m/s."""
+        return self.data.qpos.copy(), self.data.qvel.copy()
+
+    def apply_torque(self, torque: Array) -> None:
+        """Sets the joint torque (njoint), in N m or N, that holds during the next step."""
+        self.data.qfrc_applied[:] = torque
+
+    def step(self) -> None:
+        """Lets one timestep pass."""
+        from mujoco import mj_step
+
+        mj_step(self.model, self.data)
+
+    def stop(self) -> None:
+        """Takes the torque off at once."""
+        self.data.qfrc_applied[:] = 0.0
+
+    def close(self) -> None:
+        """A simulated plant holds nothing that must be released."""
+
+    def true_parameters(self) -> Array | None:
+        """The parameters of its joints and links (njoint x 13), in the order of PARAMETERS, where it knows them. Only
+        reports use them.
+        """
+        return self.tree.parameters if self.settings.truth_known else None

@@ -1,0 +1,117 @@
+"""MuJoCo compiles the user's whole MJCF or URDF, without the meshes that cannot be loaded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree
+
+from metaid.errors import PlantError, usable_mujoco
+
+with usable_mujoco():
+    import mujoco
+
+SCHEME = "://"  # of a mesh's address: package://NAME/PATH, file:///PATH
+_BROKEN = (ValueError, mujoco.FatalError)
+
+
+def compile_file(path: Path, is_urdf: bool) -> mujoco.MjModel:
+    """The compiled whole of an MJCF or URDF. Meshes that cannot be loaded are left out where only shapes are lost.
+
+    Args:
+        path: of the file.
+        is_urdf: whether it is said to be a URDF. There a link weighs what its `<inertial>` says, and nothing without.
+
+    Raises:
+        PlantError: it cannot be read or compiled, or a link's mass is that of a mesh that cannot be loaded.
+    """
+    kind, root = ("URDF", "robot") if is_urdf else ("MJCF", "mujoco")
+    found = _root(path, kind)
+    if found != root:
+        raise PlantError(f"{path}: no {kind}: it begins with <{found}> (allowed: <{root}>)")
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+    except _BROKEN as problem:
+        raise PlantError(f"{path}: MuJoCo cannot read it: {problem}") from None
+    if is_urdf:
+        for body in spec.bodies:
+            for geom in () if _weighs_as_said(spec, body) else body.geoms:
+                geom.density = 0.0
+    for mesh in spec.meshes:
+        mesh.file = _found(mesh.file, path)
+    try:
+        return spec.copy().compile()
+    except _BROKEN as problem:
+        if not _leave_out_lost_meshes(spec, path):
+            raise PlantError(f"{path}: MuJoCo cannot compile it: {problem}") from None
+    try:
+        return spec.compile()
+    except _BROKEN as problem:
+        raise PlantError(f"{path}: MuJoCo cannot compile it: {problem}") from None
+
+
+def _root(path: Path, kind: str) -> str:
+    """The name of the first element of an XML file."""
+    try:
+        with path.open("rb") as file:
+            for _, element in ElementTree.iterparse(file, events=("start",)):
+                return str(element.tag)
+    except OSError as problem:
+        raise PlantError(f"{path}: {problem.strerror} (allowed: the path of an {kind} file)") from None
+    except (ElementTree.ParseError, ValueError) as problem:
+        raise PlantError(f"{path}: not valid XML: {problem}") from None
+    raise PlantError(f"{path}: empty (allowed: an {kind} file)")
+
+
+def _weighs_as_said(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> bool:
+    """Whether the body's mass is as the file says, and not inferred from its shapes."""
+    rule = spec.compiler.inertiafromgeom
+    if rule == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
+        return False
+    return bool(body.explicitinertial)
+
+
+def _found(file: str, path: Path) -> str:
+    """Where the file of a mesh is: one that is said to be in a package is searched in the folders above."""
+    if SCHEME not in file:
+        return file
+    parts = Path(file.partition(SCHEME)[2]).parts
+    return next((str(place) for place in _places(parts, path) if place.is_file()), file)
+
+
+def _places(parts: tuple[str, ...], path: Path) -> Iterator[Path]:
+    for folder in path.resolve().parents:
+        yield folder.joinpath(*parts)
+        if parts and folder.name == parts[0]:
+            yield folder.joinpath(*parts[1:])
+
+
+def _leave_out_lost_meshes(spec: mujoco.MjSpec, path: Path) -> bool:
+    """Takes the meshes away that cannot be loaded, and the shapes that they are; whether there were any."""
+    lost = {mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes if not _loads(spec, mesh)}
+    low, high = spec.compiler.inertiagrouprange
+    for geom in [geom for geom in spec.geoms if geom.meshname in lost]:
+        weighs = low <= geom.group <= high and geom.density and geom.mass != 0.0
+        if weighs and not _weighs_as_said(spec, geom.parent):
+            raise PlantError(
+                f"{path}: the mass of body '{geom.parent.name}' is that of the mesh {lost[geom.meshname].file}, which "
+                f"cannot be loaded (allowed: a mesh that can, or an <inertial>)"
+            )
+        spec.delete(geom)
+    for mesh in lost.values():
+        spec.delete(mesh)
+    return bool(lost)
+
+
+def _loads(spec: mujoco.MjSpec, mesh: mujoco.MjsMesh) -> bool:
+    """Whether MuJoCo can make a shape of the mesh alone."""
+    alone = mujoco.MjSpec()
+    alone.modelfiledir, alone.strippath = spec.modelfiledir, spec.strippath
+    alone.compiler.meshdir = spec.compiler.meshdir
+    alone.add_mesh(name="mesh", file=mesh.file, content_type=mesh.content_type, scale=mesh.scale, inertia=mesh.inertia)
+    alone.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="mesh")
+    try:
+        alone.compile()
+    except _BROKEN:
+        return False
+    return True

@@ -1,0 +1,121 @@
+"""The lean MuJoCo model of an arm: joints and inertials alone.
+
+It is made from a `Tree`, so that the plant, what is believed of it, and every candidate are simulated alike.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from metaid.errors import usable_mujoco
+from metaid.models import Array
+from metaid.models.tree import Tree
+
+with usable_mujoco():
+    import mujoco
+
+LEAST = 1e-14  # kg m² or kg: MuJoCo compiles no moving body of less than 1e-15
+
+
+def build_arm_spec(tree: Tree, timestep: float) -> mujoco.MjSpec:
+    """A lean MuJoCo arm: `link_i`, from 1, hangs on the joint of the tree's i-th name. Shapes may be added to it.
+
+    Inertials are those of the tree as far as MuJoCo compiles them; `set_parameters` writes them exactly. Joints have no
+    limits: an episode stays within them, and a push that does not is a fall.
+
+    Args:
+        tree: the arm.
+        timestep: in s.
+    """
+    spec = mujoco.MjSpec()
+    spec.option.timestep = timestep
+    spec.option.gravity = tree.gravity
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    spec.option.disableflags = _disabled(tree)
+    spec.compiler.degree = False
+    spec.compiler.autolimits = False
+    body = spec.worldbody
+    for i in range(tree.njoint):
+        inertia, rotation = _principal(tree.inertia[i])
+        inertia = np.maximum(inertia, LEAST)
+        body = body.add_body(
+            name=f"link_{i + 1}",
+            pos=tree.position[i],
+            quat=_quaternion(tree.rotation[i]),
+            mass=max(tree.mass[i], LEAST),
+            ipos=tree.com[i],
+            iquat=rotation,
+            # Rounding may put the largest a bit above the sum of the others, which MuJoCo refuses.
+            inertia=[inertia[0], inertia[1], min(inertia[2], inertia[:2].sum())],
+            explicitinertial=True,
+            simple=0,  # MuJoCo would take short cuts that hold for these inertials alone
+        )
+        slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
+        body.add_joint(
+            name=tree.names[i],
+            type=slide if tree.slides[i] else hinge,
+            axis=tree.axis[i],
+            armature=tree.rotor[i],
+            damping=[tree.damping[i], 0.0, 0.0],
+            frictionloss=tree.coulomb[i],
+        )
+    return spec
+
+
+def arm_model(tree: Tree, timestep: float) -> mujoco.MjModel:
+    """The compiled lean model of an arm.
+
+    Args:
+        tree: the arm; its links must be possible bodies.
+        timestep: in s.
+
+    Raises:
+        ValueError: MuJoCo cannot compile it.
+    """
+    model = build_arm_spec(tree, timestep).compile()
+    set_parameters(model, tree)
+    return model
+
+
+def set_parameters(model: mujoco.MjModel, tree: Tree) -> None:
+    """Writes the parameters of a tree into a lean model with the same joints. They need not be of possible bodies.
+
+    Args:
+        model: compiled from `build_arm_spec` of a tree with the same kinematics.
+        tree: whose parameters it gets.
+    """
+    model.body_sameframe[1:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # centres of mass move away from the joint
+    model.body_mass[1:], model.body_ipos[1:] = tree.mass, tree.com
+    for i in range(tree.njoint):
+        model.body_inertia[i + 1], model.body_iquat[i + 1] = _principal(tree.inertia[i])
+    model.dof_armature[:], model.dof_damping[:], model.dof_frictionloss[:] = tree.rotor, tree.damping, tree.coulomb
+    model.opt.disableflags = _disabled(tree)
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def _disabled(tree: Tree) -> int:
+    """What the lean model does without. Dry friction is a constraint, so only an arm that has some needs the solver;
+    viscous friction is explicit, at the speed that a step begins with, as the law's is (see build_spec).
+    """
+    off = mujoco.mjtDisableBit
+    return int(
+        (0 if tree.coulomb.any() else off.mjDSBL_CONSTRAINT)
+        | off.mjDSBL_CONTACT
+        | off.mjDSBL_AUTORESET
+        | off.mjDSBL_SENSOR
+        | off.mjDSBL_ACTUATION
+        | off.mjDSBL_EULERDAMP
+    )
+
+
+def _principal(inertia: Array) -> tuple[Array, Array]:
+    """Principal moments (3), ascending, of an `inertia` (3 x 3), and the quaternion (4) of their axes."""
+    moments, axes = np.linalg.eigh(inertia)
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    return moments, _quaternion(axes)
+
+
+def _quaternion(rotation: Array) -> Array:
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, rotation.ravel())
+    return quaternion

@@ -1,0 +1,70 @@
+"""What a plant file says of an arm: where its MJCF or URDF is, which joints move, and what such a file cannot say."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from metaid.files import Settings
+
+Value = Annotated[float, Field(ge=-1e6, le=1e6)]
+AtLeastZero = Annotated[float, Field(ge=0, le=1e6)]
+
+
+class ArmFaults(Settings):
+    """The `[faults]` of an arm: `angle_noise` in rad (of a slide in m), its standard deviation; `speed_sensor = false`,
+    then speeds are those of a straight line through the last angle readings.
+    """
+
+    angle_noise: AtLeastZero = 0.0
+    speed_sensor: bool = True
+
+    @property
+    def named(self) -> dict[str, object]:
+        """The faults that are on, with their size."""
+        return {name: value for name, value in self if value != type(self).model_fields[name].default}
+
+
+class ArmSettings(Settings):
+    """A plant file of an arm: `mjcf` or `urdf`, the file that describes it, relative to the plant file.
+
+    `joints`: those that move; the others are held, and what they carry is one body. Without it all move. `home`: joint
+    coordinates in rad or m, of held joints where they are held (default: the reference pose of the file, or the nearest
+    in the joint's range). `gravity`: three numbers in m/s², in the frame of the base, instead of the file's; `timestep`
+    in s. By the name of the joint, instead of what the file says: inertia of the rotor as the joint feels it, `rotor`,
+    in kg m² (of a slide in kg), viscous friction `damping` in N m s (N s/m), dry friction `frictionloss` and
+    `torque_limit` in N m (N). `truth_known = false` keeps the truth from reports.
+    """
+
+    description: str = ""
+    mjcf: Annotated[str, Field(min_length=1)] | None = None
+    urdf: Annotated[str, Field(min_length=1)] | None = None
+    joints: Annotated[tuple[str, ...], Field(min_length=1, max_length=64, strict=False)] | None = None
+    home: dict[str, Value] = Field(default_factory=dict)
+    gravity: Annotated[tuple[Value, Value, Value], Field(strict=False)] | None = None
+    timestep: Annotated[float, Field(ge=1e-6, le=0.1)] = 0.002
+    truth_known: bool = True
+    rotor: dict[str, AtLeastZero] = Field(default_factory=dict)
+    damping: dict[str, AtLeastZero] = Field(default_factory=dict)
+    frictionloss: dict[str, AtLeastZero] = Field(default_factory=dict)
+    torque_limit: dict[str, Annotated[float, Field(gt=0, le=1e9)]] = Field(default_factory=dict)
+    faults: ArmFaults = ArmFaults()
+
+    @model_validator(mode="after")
+    def _one_file(self) -> ArmSettings:
+        if (self.mjcf is None) == (self.urdf is None):
+            raise ValueError("an arm is described by one file (allowed: mjcf or urdf)")
+        return self
+
+    @model_validator(mode="after")
+    def _each_joint_once(self) -> ArmSettings:
+        for name in self.joints or ():
+            if self.joints and self.joints.count(name) > 1:
+                raise ValueError(f"joints: '{name}' is named twice (allowed: each joint once)")
+        return self
+
+    @property
+    def file(self) -> str:
+        """The MJCF or URDF."""
+        return self.mjcf or self.urdf or ""

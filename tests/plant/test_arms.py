@@ -1,0 +1,333 @@
+"""Arms from their users' MJCF and URDF: the lean model moves as the whole file does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from metaid.errors import PlantError
+from metaid.models.tree import Tree
+from metaid.plant.arms import ArmPlant, ArmSettings, ArmStart, arm_model, build_arm_spec, read_arm, set_parameters
+from metaid.plant.arms.reading import Arm, forces_of_lean, forces_of_whole
+
+# A turned base, a joint off its body's origin, a reference angle, two joints on one body, a slide, a fixed body, a
+# gripper of two fingers, and masses that follow from shapes.
+MJCF = """
+<mujoco>
+  <compiler angle="radian"/>
+  <option gravity="0.3 -0.2 -9.7"/>
+  <worldbody>
+    <geom type="plane" size="2 2 0.1"/>
+    <body name="base" pos="0.1 0.2 0.3" euler="0.1 0.2 0.3">
+      <geom type="box" size="0.1 0.1 0.05"/>
+      <body name="upper" pos="0 0 0.1" euler="0.3 0 0.1">
+        <joint name="waist" axis="0 0.2 1" pos="0.02 -0.03 0.01" range="-2 1.5" limited="true" armature="0.2"/>
+        <joint name="shoulder" axis="0 1 0.1" pos="0 0 0.05" ref="0.4" damping="0.3" frictionloss="0.1"/>
+        <geom type="capsule" fromto="0 0 0 0.3 0 0.1" size="0.04"/>
+        <body name="cover" pos="0.1 0.1 0" euler="0.4 0 0"><geom type="box" size="0.05 0.02 0.1"/></body>
+        <body name="fore" pos="0.3 0 0.1" euler="0 0.5 0">
+          <joint name="elbow" type="slide" axis="1 0 0.3" ref="0.1" range="-0.2 0.3" limited="true"/>
+          <inertial pos="0.1 0.02 0.03" mass="1.3" fullinertia="0.02 0.03 0.025 0.002 -0.001 0.003"/>
+          <body name="wrist" pos="0.2 0 0">
+            <joint name="wrist" axis="1 0 0" pos="0 0.01 0"/>
+            <geom type="sphere" size="0.05" pos="0.03 0 0.02"/>
+            <body name="left" pos="0.1 0.02 0"><joint name="left" type="slide" axis="0 1 0"/>
+              <geom type="box" size="0.02 0.01 0.01" pos="0.03 0 0"/></body>
+            <body name="right" pos="0.1 -0.02 0"><joint name="right" type="slide" axis="0 1 0"/>
+              <geom type="box" size="0.02 0.01 0.01" pos="0.03 0 0"/></body>
+          </body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <equality><joint joint1="left" joint2="right" polycoef="0 -1 0 0 0"/></equality>
+  <actuator>
+    <motor joint="waist" gear="50" ctrlrange="-2 1" ctrllimited="true" armature="1e-4" damping="1e-5"/>
+    <position joint="shoulder" kp="100" forcerange="-30 30" forcelimited="true"/>
+  </actuator>
+</mujoco>
+"""
+JOINTS = ("waist", "shoulder", "elbow", "wrist")
+HOME = {"left": 0.01, "right": -0.013}
+
+URDF = """
+<robot name="two">
+  <link name="base"><collision><geometry><mesh filename="package://nowhere/base.stl"/></geometry></collision></link>
+  <link name="upper">
+    <inertial><origin xyz="0.1 0 0.02" rpy="0.1 0.2 0.3"/><mass value="2"/>
+      <inertia ixx="0.02" iyy="0.03" izz="0.025" ixy="0.002" ixz="-0.001" iyz="0.003"/></inertial>
+    <visual><geometry><mesh filename="package://nowhere/upper.dae"/></geometry></visual>
+    <collision><geometry><mesh filename="package://nowhere/upper.stl"/></geometry></collision>
+  </link>
+  <link name="fore">
+    <inertial><origin xyz="0 0.1 0"/><mass value="1"/>
+      <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>
+  <link name="tool"><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><origin xyz="0 0 0.3" rpy="0.2 0 0"/>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="2" effort="40" velocity="3"/><dynamics damping="0.5" friction="0.2"/>
+  </joint>
+  <joint name="elbow" type="continuous"><parent link="upper"/><child link="fore"/><origin xyz="0.3 0 0"/>
+    <axis xyz="0 0 1"/></joint>
+  <joint name="flange" type="fixed"><parent link="fore"/><child link="tool"/><origin xyz="0 0.2 0"/></joint>
+</robot>
+"""
+
+
+def read(folder: Path, text: str, **entries: object) -> Arm:
+    """The arm that a file with this `text` describes, read as a plant file with these `entries` has it."""
+    path = folder / "arm.xml"
+    path.write_text(text, encoding="utf-8")
+    kind = "urdf" if "<robot" in text else "mjcf"
+    return read_arm(ArmSettings.model_validate({kind: str(path), **entries}), "arm.toml")
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Arm:
+    """Four joints in space."""
+    return read(tmp_path, MJCF, joints=JOINTS, home=HOME)
+
+
+@pytest.mark.parametrize("text", [MJCF, URDF])
+def test_lean_model_moves_as_the_whole_file(tmp_path: Path, text: str) -> None:
+    """Mass matrix, bias force and friction are those of the file, while its other joints are held."""
+    arm = read(tmp_path, text, **({"joints": JOINTS, "home": HOME} if text == MJCF else {}))
+    lean, random = arm_model(arm.tree, 0.002), np.random.default_rng(0)
+    for _ in range(20):
+        coordinates, speeds = random.uniform(-3.0, 3.0, (2, arm.tree.njoint))
+        of_lean, of_whole = forces_of_lean(lean, coordinates, speeds), forces_of_whole(arm.whole, coordinates, speeds)
+        for mine, theirs in zip(of_lean, of_whole, strict=True):
+            assert np.abs(mine - theirs).max() <= 1e-9 * np.abs(theirs).max()
+    assert lean.ngeom == 0
+
+
+def test_tree_has_what_the_file_says_of_the_joints(arm: Arm) -> None:
+    """Names, kinds, ranges, limits of the torque, rotors and friction, those of the actuators included."""
+    tree = arm.tree
+    assert tree.names == JOINTS
+    assert tree.slides.tolist() == [False, False, True, False]
+    assert tree.low.tolist() == [-2.0, -np.inf, -0.2, -np.inf]
+    assert tree.high.tolist() == [1.5, np.inf, 0.3, np.inf]
+    assert tree.torque_limit.tolist() == [50.0, 30.0, np.inf, np.inf]
+    assert tree.rotor == pytest.approx([0.2 + 50**2 * 1e-4, 0.0, 0.0, 0.0])
+    assert tree.damping == pytest.approx([50**2 * 1e-5, 0.3, 0.0, 0.0])
+    assert tree.coulomb.tolist() == [0.0, 0.1, 0.0, 0.0]
+    assert arm.home.tolist() == [0.0, 0.4, 0.1, 0.0]
+
+
+def test_urdf_keeps_masses_without_its_meshes(tmp_path: Path) -> None:
+    """Meshes in packages that are not there cost shapes alone, and a link without an inertial weighs nothing."""
+    tree = read(tmp_path, URDF).tree
+    assert tree.mass.tolist() == [2.0, 1.0]
+    assert tree.torque_limit.tolist() == [40.0, np.inf]
+    assert tree.low.tolist() == [-1.0, -np.inf]
+
+
+def test_plant_file_says_what_the_arm_file_does_not(tmp_path: Path) -> None:
+    """Rotors, friction, torque limits and gravity are those of the plant file where it has them."""
+    said = {"rotor": {"elbow": 0.4}, "damping": {"shoulder": 0.7}, "frictionloss": {"elbow": 0.3}}
+    tree = read(tmp_path, URDF, **said, torque_limit={"elbow": 9.0}, gravity=[0.0, 9.81, 0.0]).tree
+    assert tree.rotor.tolist() == [0.0, 0.4]
+    assert tree.damping.tolist() == [0.7, 0.0]
+    assert tree.coulomb.tolist() == [0.2, 0.3]
+    assert tree.torque_limit.tolist() == [40.0, 9.0]
+    assert tree.gravity.tolist() == [0.0, 9.81, 0.0]
+
+
+def _about_the_joints(tree: Tree) -> Tree:
+    """The same joints with links whose centres of mass are on them, for which MuJoCo has short cuts."""
+    return replace(
+        tree,
+        com=np.zeros_like(tree.com),
+        inertia=np.broadcast_to(0.1 * np.eye(3), tree.inertia.shape),
+        rotor=tree.rotor,
+    )
+
+
+def test_parameters_of_a_candidate_are_written_exactly(arm: Arm) -> None:
+    """The forces are linear in the parameters, those of an impossible body included, whatever was compiled before."""
+    tree, random = arm.tree, np.random.default_rng(0)
+    model = build_arm_spec(_about_the_joints(tree), 0.002).compile()
+    other = tree.with_parameters(tree.parameters * random.uniform(0.5, 1.5, tree.parameters.shape))
+    beyond = tree.with_parameters(2.5 * tree.parameters - 1.5 * other.parameters)
+    assert np.linalg.eigvalsh(beyond.inertia).min() < 0.0
+    coordinates, speeds = random.uniform(-1.0, 1.0, (2, tree.njoint))
+    forces = []
+    for candidate in (tree, other, beyond):
+        set_parameters(model, candidate)
+        forces.append(forces_of_lean(model, coordinates, speeds)[:2])
+    for of_tree, of_other, of_beyond in zip(*forces, strict=True):
+        assert np.abs(2.5 * of_tree - 1.5 * of_other - of_beyond).max() < 1e-9 * np.abs(of_beyond).max()
+
+
+def test_plant_coasts_under_its_own_bias_force(tmp_path: Path) -> None:
+    """Under the torque that cancels the bias force and friction, joint speeds stay what they were."""
+    (tmp_path / "arm.xml").write_text(URDF.replace('friction="0.2"', ""), encoding="utf-8")
+    plant = ArmPlant("arm", ArmSettings(urdf=str(tmp_path / "arm.xml"), timestep=0.001))
+    start = ArmStart(np.array([0.3, -0.4]), np.array([0.5, -1.0]))
+    plant.push(start)
+    for _ in range(100):
+        pose, speeds = plant.states()
+        _, bias, passive = forces_of_lean(plant.model, pose, speeds)
+        plant.apply_torque(bias - passive)
+        plant.step()
+    pose, speeds = plant.states()
+    assert speeds == pytest.approx(start.speeds, rel=1e-9)
+    assert pose == pytest.approx(start.pose + 0.1 * start.speeds, rel=1e-9)
+    plant.stop()
+    assert not plant.data.qfrc_applied.any()
+    assert plant.true_parameters() is not None
+    assert ArmPlant("arm", plant.settings.model_copy(update={"truth_known": False})).true_parameters() is None
+
+
+TWO = """
+<mujoco><compiler angle="radian"/><option {option}/>
+  <worldbody><body>{base}<geom size="0.1"/>
+    <body name="upper" {upper}><joint name="shoulder" axis="0 1 0" {joint}/><geom size="0.1" name="g"/>
+    <body name="fore" pos="0.5 0 0"><joint name="elbow" axis="0 1 0"/><geom size="0.1" pos="0.2 0 0"/>{within}</body>
+    {beside}</body></body></worldbody>
+  {after}
+</mujoco>"""
+
+
+def two(**pieces: str) -> str:
+    """An MJCF of two links with these pieces in it."""
+    return TWO.format(**dict.fromkeys(("option", "upper", "base", "joint", "within", "beside", "after"), "") | pieces)
+
+
+REFUSED = {
+    "floating base": (
+        {"base": "<freejoint/>"},
+        "joint 'joint_1' is a floating base (allowed: hinges and slides; or joints",
+    ),
+    "ball": (
+        {"base": "<joint name='b' type='ball'/>"},
+        "joint 'b' is a ball joint (allowed: hinges and slides; or joints",
+    ),
+    "branch": (
+        {"beside": "<body name='hand'><joint name='hand'/><geom size='0.1'/></body>"},
+        "joints 'elbow' and 'hand' are on different branches (allowed: joints in series",
+    ),
+    "spring": ({"joint": "stiffness='3'"}, "joint 'shoulder' has a spring, stiffness 3 (allowed: no stiffness)"),
+    "friction": (
+        {"joint": "damping='0.1 0.2'"},
+        "joint 'shoulder' has viscous friction that is no multiple of its speed",
+    ),
+    "weightless": (
+        {"upper": "gravcomp='1'"},
+        "body 'upper' is relieved of its weight by gravcomp (allowed: gravcomp 0)",
+    ),
+    "fluid": ({"option": "density='1.2'"}, "the arm moves in a fluid (allowed: density 0 and viscosity 0)"),
+    "loop": (
+        {"after": "<equality><connect name='loop' body1='fore' anchor='0 0 0'/></equality>"},
+        "equality constraint 'loop' closes a loop (allowed: joints in series, without loops)",
+    ),
+    "coupled joints": (
+        {"after": "<equality><joint joint1='elbow' joint2='shoulder'/></equality>"},
+        "equality constraint '1' couples joint 'elbow' (allowed: joints that move freely; or joints = [names]",
+    ),
+    "tendon": (
+        {"after": "<tendon><fixed name='t' damping='1'><joint joint='elbow' coef='1'/></fixed></tendon>"},
+        "tendon 't' has a damping of its own (allowed: joints in series, without tendons)",
+    ),
+    "activation": (
+        {"after": "<actuator><intvelocity name='m' joint='elbow' kp='1' actrange='-1 1'/></actuator>"},
+        "actuator 'm' has dynamics of its own, an activation state (allowed: actuators without one, or none)",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_file_that_is_no_serial_arm_is_refused(tmp_path: Path, name: str) -> None:
+    """One line names what is met, and what is allowed."""
+    pieces, message = REFUSED[name]
+    with pytest.raises(PlantError) as refused:
+        read(tmp_path, two(**pieces))
+    assert str(refused.value).startswith(f"arm.toml: arm.xml: {message}")
+
+
+def test_what_is_held_may_be_anything(tmp_path: Path) -> None:
+    """A floating base, a branch, a spring and an activation state of joints that are not named concern nothing."""
+    beside = "<body><joint name='hand' stiffness='3'/><geom size='0.1'/></body>"
+    after = "<actuator><intvelocity joint='hand' kp='1' actrange='-1 1'/></actuator>"
+    text = two(base="<joint name='b' type='ball'/>", beside=beside, after=after)
+    arm = read(tmp_path, text, joints=["elbow"])
+    assert arm.tree.names == ("elbow",)
+    assert arm.tree.mass == pytest.approx(4.0 / 3.0 * np.pi * 0.1**3 * 1000.0)
+
+
+def test_force_that_nobody_thought_of_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the lean model does not move as the file does, the joint is named."""
+    monkeypatch.setattr("metaid.plant.arms.reading.refuse_what_is_no_arm", lambda *_: None)
+    with pytest.raises(PlantError, match=r"joint 'shoulder' feels more passive force than that of its links \(allowed"):
+        read(tmp_path, two(joint="stiffness='3'"))
+
+
+BAD = {
+    "unknown joint": (
+        {"joints": ["elbw"]},
+        "arm.toml: arm.xml: joints: unknown joint 'elbw'; did you mean 'elbow'? (allowed",
+    ),
+    "unknown home": ({"home": {"wrist": 0.1}}, "arm.toml: home: unknown joint 'wrist' (allowed: shoulder, elbow)"),
+    "unknown rotor": ({"rotor": {"wrist": 0.1}}, "arm.toml: rotor: unknown joint 'wrist' (allowed: shoulder, elbow)"),
+    "home beyond": (
+        {"home": {"shoulder": 2.5}},
+        "arm.toml: home: shoulder: 2.5 is beyond its range (allowed: -1 to 2)",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_entry_of_a_plant_file_is_refused(tmp_path: Path, name: str) -> None:
+    """One line says which entry, and what is allowed."""
+    entries, message = BAD[name]
+    with pytest.raises(PlantError) as refused:
+        read(tmp_path, two(joint="range='-1 2' limited='true'"), **entries)
+    assert str(refused.value).startswith(message)
+
+
+FILES = {
+    "no XML": ("arm", "not valid XML"),
+    "empty": ("", "not valid XML"),
+    "a URDF": (URDF, "no MJCF: it begins with <robot> (allowed: <mujoco>)"),
+    "not MJCF": ("<mujoco><bodies/></mujoco>", "MuJoCo cannot read it: "),
+    "no joints": ("<mujoco/>", "no joint moves (allowed: hinges and slides in series)"),
+    "impossible body": (
+        two(within='<inertial pos="0 0 0" mass="1" diaginertia="1 1 3"/>'),
+        "MuJoCo cannot compile it: ",
+    ),
+    "mass of a mesh": (
+        two(within="<geom type='mesh' mesh='m'/>", after="<asset><mesh name='m' file='m.stl'/></asset>"),
+        "the mass of body 'fore' is that of the mesh m.stl, which cannot be loaded (allowed: a mesh that can",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_file_that_does_not_compile_is_refused(tmp_path: Path, name: str) -> None:
+    """One line names the file, and what MuJoCo says of it."""
+    text, message = FILES[name]
+    path = tmp_path / "arm.xml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(PlantError) as refused:
+        read_arm(ArmSettings(mjcf=str(path)), "arm.toml")
+    assert message in str(refused.value)
+    with pytest.raises(PlantError, match=r"no MJCF or URDF file at|No such file"):
+        read_arm(ArmSettings(mjcf=str(tmp_path / "none.xml")), "arm.toml")
+
+
+def test_mesh_of_a_package_is_found_in_a_folder_above(tmp_path: Path) -> None:
+    """A mesh that is there is a shape of the arm, and none that is a body's mass."""
+    (tmp_path / "nowhere").mkdir()
+    (tmp_path / "robots").mkdir()
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    triangles = np.zeros(4, dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
+    triangles["corners"] = corners[[(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]]
+    binary = bytes(80) + np.uint32(4).tobytes() + triangles.tobytes()
+    (tmp_path / "nowhere" / "upper.stl").write_bytes(binary)
+    arm = read(tmp_path / "robots", URDF)
+    assert arm.whole.model.nmesh == 1
+    assert arm.tree.mass.tolist() == [2.0, 1.0]
