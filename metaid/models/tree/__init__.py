@@ -1,8 +1,27 @@
 """A serial arm in space: links that hinges and slides join, each after the one before.
 
-`Tree` holds its kinematics and its inertial and friction parameters.
+`Tree` holds its kinematics and its inertial and friction parameters. Its torque is linear in these (`torque_regressor`)
+and depends on some combinations alone, the `BaseParameters`. A `Belief` says how wrong a nominal arm may be.
+`TreeModel` is an arm by its base parameters, on the face of every model.
 """
 
+from metaid.models.tree.base import BaseParameters, base_parameters, random_states
+from metaid.models.tree.belief import Belief, Prior
+from metaid.models.tree.regressor import joint_mass_matrix, joint_torque, torque_regressor
 from metaid.models.tree.tree import PARAMETERS, Tree
+from metaid.models.tree.tree_model import TreeModel, nominal_model
 
-__all__ = ["PARAMETERS", "Tree"]
+__all__ = [
+    "PARAMETERS",
+    "BaseParameters",
+    "Belief",
+    "Prior",
+    "Tree",
+    "TreeModel",
+    "base_parameters",
+    "joint_mass_matrix",
+    "joint_torque",
+    "nominal_model",
+    "random_states",
+    "torque_regressor",
+]

@@ -1,0 +1,121 @@
+"""What the torque of an arm can tell of its parameters: the combinations that it depends on.
+
+Of ten parameters a link most show in the torque only together with others: a link's mass, for one, with the first
+moments of the links that carry it. A base parameter is such a combination.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr
+
+from metaid.models.lumps import Array
+from metaid.models.tree.regressor import torque_regressor
+from metaid.models.tree.tree import PARAMETERS, Tree
+
+STATES = 200  # random ones, of which torques are compared
+NOTHING = 1e-9  # of the largest singular value: what rounding leaves of a combination that no torque shows
+RARELY_FIRST = 1e-3  # by which masses are chosen after what they can be added to
+_KINDS = {"m": "kg", "rotor": "kg m²", "damping": "N m s", "coulomb": "N m"}
+_ON_SLIDES = {"rotor": "kg", "damping": "N s/m", "coulomb": "N"}
+
+
+@dataclass(frozen=True)
+class BaseParameters:
+    """The combinations of an arm's parameters that its torque depends on.
+
+    Attributes:
+        names: of the parameters that each is counted by (nbase): `m4x` is the first moment of link 4 along x.
+        units: of them (nbase).
+        expressions: what each is made of (nbase): `m4x + 0.4 m5`.
+        columns: where the parameters they are counted by are among all of them (nbase).
+        matrix: the combinations (nbase x 13 njoint), of the parameters in the order of the tree's.
+        seen_by_bias: which of them (nbase) the torque shows of an arm that nothing accelerates: the others show in the
+            mass matrix alone.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    expressions: tuple[str, ...]
+    columns: NDArray[np.intp]
+    matrix: Array
+    seen_by_bias: NDArray[np.bool_]
+
+    def of(self, parameters: Array) -> Array:
+        """The base parameters (... x nbase) of arms with these `parameters` (... x njoint x 13)."""
+        flat = parameters.reshape(*parameters.shape[:-2], -1)
+        return np.asarray(flat @ self.matrix.T, dtype=np.float64)
+
+
+def parameter_names(njoint: int) -> list[str]:
+    """The names of all parameters of an arm (13 njoint): `m4`, `m4x`, `xx4`, `rotor4`, …"""
+    return [
+        f"m{joint}{kind[1:]}" if kind.startswith("m") else f"{kind}{joint}"
+        for joint in range(1, njoint + 1)
+        for kind in PARAMETERS
+    ]
+
+
+def parameter_unit(kind: str, is_slide: bool) -> str:
+    """The unit of a parameter of a kind in PARAMETERS."""
+    if is_slide and kind in _ON_SLIDES:
+        return _ON_SLIDES[kind]
+    return _KINDS.get(kind, "kg m" if kind.startswith("m") else "kg m²")
+
+
+def random_states(tree: Tree, count: int, random: np.random.Generator) -> tuple[Array, Array, Array]:
+    """Joint coordinates in their ranges, speeds and accelerations (count x njoint each)."""
+    widest = np.where(tree.slides, 1.0, np.pi)
+    low, high = np.maximum(tree.low, -widest), np.minimum(tree.high, widest)
+    speeds, accelerations = random.standard_normal((2, count, tree.njoint))
+    return random.uniform(low, np.maximum(low, high), (count, tree.njoint)), speeds, 3.0 * accelerations
+
+
+def base_parameters(tree: Tree) -> BaseParameters:
+    """Those of an arm, from its kinematics alone.  Eq. 40."""
+    coordinates, speeds, accelerations = random_states(tree, STATES, np.random.default_rng(0))
+    rows = torque_regressor(tree, coordinates, speeds, accelerations).reshape(STATES * tree.njoint, -1)
+    singular = np.linalg.svd(rows, compute_uv=False)
+    rank = int((singular > NOTHING * singular[0]).sum())
+    kinds = list(PARAMETERS) * tree.njoint
+    weights = np.array([RARELY_FIRST if kind == "m" else 1.0 for kind in kinds])
+    order = qr(rows * weights, mode="r", pivoting=True)[1]
+    columns = np.sort(order[:rank])
+    others = np.setdiff1d(np.arange(rows.shape[1]), columns)
+    matrix = np.zeros((rank, rows.shape[1]))
+    matrix[:, columns] = np.eye(rank)
+    added = np.linalg.lstsq(rows[:, columns], rows[:, others], rcond=None)[0]
+    matrix[:, others] = np.where(np.abs(added) > NOTHING, added, 0.0)
+    names = parameter_names(tree.njoint)
+    return BaseParameters(
+        names=tuple(names[column] for column in columns),
+        units=tuple(parameter_unit(kinds[column], bool(tree.slides[column // len(PARAMETERS)])) for column in columns),
+        expressions=tuple(_expression(row, int(column), names) for row, column in zip(matrix, columns, strict=True)),
+        columns=columns,
+        matrix=matrix,
+        seen_by_bias=_seen_by_bias(tree, columns),
+    )
+
+
+def _seen_by_bias(tree: Tree, columns: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Which base parameters (nbase) no combination hides that leaves the torque without accelerations as it is."""
+    coordinates, speeds, _ = random_states(tree, STATES, np.random.default_rng(0))
+    rows = torque_regressor(tree, coordinates, speeds, np.zeros_like(speeds)).reshape(STATES * tree.njoint, -1)
+    _, singular, right = np.linalg.svd(rows[:, columns], full_matrices=False)
+    hidden = right[singular <= NOTHING * singular[0]]
+    return np.asarray(np.abs(hidden).max(axis=0, initial=0.0) < np.sqrt(NOTHING))
+
+
+def _expression(row: Array, column: int, names: list[str]) -> str:
+    """A combination of parameters as text, the one that it is counted by first."""
+    terms = [names[column]]
+    for other in np.flatnonzero(row):
+        if other != column:
+            size = f"{abs(row[other]):.4g}"
+            terms.append(
+                ("− " if row[other] < 0.0 else "+ ") + (names[other] if size == "1" else f"{size} {names[other]}")
+            )
+    return " ".join(terms)

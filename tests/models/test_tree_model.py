@@ -1,0 +1,178 @@
+"""The torque of an arm, what of it is told by base parameters, and what is believed of the rest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from random_arm import random_arm
+
+from metaid.models import Array, Model
+from metaid.models.tree import (
+    Belief,
+    Prior,
+    Tree,
+    base_parameters,
+    joint_mass_matrix,
+    joint_torque,
+    nominal_model,
+    random_states,
+    torque_regressor,
+)
+from metaid.plant.arms import arm_model
+
+ARMS = [(4, ()), (5, (1, 3)), (3, (0,)), (1, ())]
+
+
+def mujocos(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) -> tuple[Array, Array]:
+    """What MuJoCo says of the torque (njoint) and the mass matrix (njoint x njoint) of an arm without dry friction."""
+    model = arm_model(tree, 0.002)
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.qacc[:] = coordinates, speeds, accelerations
+    mujoco.mj_inverse(model, data)
+    matrix = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, matrix)
+    return data.qfrc_inverse.copy(), matrix
+
+
+@pytest.mark.parametrize(("njoint", "slides"), ARMS)
+def test_torque_and_mass_matrix_are_those_of_mujoco(njoint: int, slides: tuple[int, ...]) -> None:
+    """With hinges and slides along any axes, rotors and viscous friction."""
+    tree = replace(random_arm(njoint, 1, slides), coulomb=np.zeros(njoint))
+    state = np.random.default_rng(2).standard_normal((3, njoint))
+    torque, matrix = mujocos(tree, *state)
+    np.testing.assert_allclose(joint_torque(tree, *state), torque, atol=1e-12 * np.abs(torque).max())
+    np.testing.assert_allclose(joint_mass_matrix(tree, state[0]), matrix, atol=1e-12 * np.abs(matrix).max())
+
+
+def test_dry_friction_is_felt_in_full_by_a_joint_that_turns() -> None:
+    """A joint faster than 0.1 rad/s feels all of it, a slower one its share."""
+    tree = random_arm(3, 4)
+    speeds = np.array([1.0, -0.2, 0.05])
+    rest = replace(tree, coulomb=np.zeros(3))
+    felt = joint_torque(tree, np.zeros(3), speeds, np.zeros(3)) - joint_torque(rest, np.zeros(3), speeds, np.zeros(3))
+    np.testing.assert_allclose(felt, tree.coulomb * [1.0, -1.0, 0.5])
+
+
+def test_regressor_of_pinocchio_is_the_same() -> None:
+    """Its ten parameters of a link are these ten."""
+    pinocchio = pytest.importorskip("pinocchio")
+    tree = random_arm(4, 3, friction=False)
+    model = pinocchio.Model()
+    model.gravity.linear = tree.gravity
+    joint = 0
+    for i in range(tree.njoint):
+        where = pinocchio.SE3(tree.rotation[i], tree.position[i])
+        joint = model.addJoint(joint, pinocchio.JointModelRevoluteUnaligned(tree.axis[i]), where, tree.names[i])
+    state = np.random.default_rng(2).standard_normal((3, tree.njoint))
+    theirs = pinocchio.computeJointTorqueRegressor(model, model.createData(), *state).reshape(4, 4, 10)
+    order = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]  # there the moments come column by column
+    np.testing.assert_allclose(torque_regressor(tree, *state)[..., :10], theirs[..., order], atol=1e-12)
+
+
+@pytest.mark.parametrize(("njoint", "slides"), ARMS)
+def test_base_parameters_tell_the_torque_and_no_fewer_would(njoint: int, slides: tuple[int, ...]) -> None:
+    """Columns of the base parameters times their values are the torque, and these columns are independent."""
+    tree = random_arm(njoint, 5, slides)
+    base = base_parameters(tree)
+    states = random_states(tree, 40, np.random.default_rng(7))
+    rows = torque_regressor(tree, *states).reshape(40 * njoint, -1)[:, base.columns]
+    torque = joint_torque(tree, *states).ravel()
+    np.testing.assert_allclose(rows @ base.of(tree.parameters), torque, atol=1e-9 * np.abs(torque).max())
+    assert np.linalg.matrix_rank(rows) == len(base.names)
+
+
+def test_expressions_name_what_is_added() -> None:
+    """Of two parallel hinges the second link's mass shows as a first moment of the first link, at the second's axis."""
+    n = 2
+    planar = replace(
+        random_arm(n, 1),
+        position=np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.4]]),
+        rotation=np.tile(np.eye(3), (n, 1, 1)),
+        axis=np.tile([0.0, 1.0, 0.0], (n, 1)),
+        gravity=np.array([0.0, 0.0, -9.81]),
+    )
+    base = base_parameters(planar)
+    texts = dict(zip(base.names, base.expressions, strict=True))
+    assert texts["m1z"] == "m1z + 0.4 m2"
+    assert texts["m2x"] == "m2x"
+    assert texts["damping2"] == "damping2"
+    units = dict(zip(base.names, base.units, strict=True))
+    assert (units["m1z"], units["damping2"], units["coulomb1"]) == ("kg m", "N m s", "N m")
+    first, second = (next(name for name in base.names if name in names) for names in (("yy1", "rotor1"), ("yy2",)))
+    seen = dict(zip(base.names, base.seen_by_bias.tolist(), strict=True))
+    assert not seen[first], "only accelerations show what turns about a fixed axis"
+    assert not seen[second]
+    assert seen["m1z"]
+
+
+def test_slides_have_units_of_their_own() -> None:
+    """Dry friction of a slide is a force."""
+    base = base_parameters(random_arm(2, 1, slides=(1,)))
+    units = dict(zip(base.names, base.units, strict=True))
+    assert (units["coulomb1"], units["coulomb2"], units["damping2"]) == ("N m", "N", "N s/m")
+
+
+def test_most_probable_arm_has_the_base_parameters_that_it_is_to_have() -> None:
+    """What the torque cannot tell follows from the belief, and what it can is exact; the nominal arm stays itself."""
+    tree = random_arm(4, 6)
+    belief = Belief(tree)
+    values = 1.3 * belief.values
+    np.testing.assert_allclose(belief.base.of(belief.tree_at(values).parameters), values, rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(belief.tree_at(belief.values).parameters, tree.parameters, rtol=1e-12, atol=1e-13)
+
+
+def test_most_probable_arm_moves_most_what_is_least_sure() -> None:
+    """Where masses are known and inertias are not, a base parameter that has both moves the inertia."""
+    tree = random_arm(3, 6)
+    belief = Belief(tree, Prior(mass=1e-4, com=1e-4))
+    values = belief.values + 0.1 * np.sqrt(np.diag(belief.covariance))
+    changed = belief.parameters_at(values) - tree.parameters
+    assert np.abs(changed[:, 0] / tree.mass).max() < 1e-3 * np.abs(changed[:, 4:10]).max()
+
+
+def test_belief_spreads_as_random_arms_do() -> None:
+    """The covariance of base parameters is that of arms whose masses, centres and inertias are drawn so."""
+    tree, random, prior = random_arm(2, 8), np.random.default_rng(0), Prior(mass=0.03, com=0.015, inertia=0.03)
+    belief, drawn = Belief(tree, prior), []
+    for _ in range(4000):
+        mass = tree.mass * (1.0 + prior.mass * random.standard_normal(2))
+        lever = np.linalg.norm(tree.com, axis=1, keepdims=True)
+        com = tree.com + prior.com * lever * random.standard_normal((2, 3))
+        noise = np.array([_symmetric(random) for _ in range(2)])
+        moments = np.sqrt(np.einsum("nii,njj->nij", tree.inertia, tree.inertia))
+        inertia = tree.inertia + prior.inertia * moments * noise
+        drawn.append(replace(tree, mass=mass, com=com, inertia=inertia).parameters)
+    base = belief.base
+    bodies = [i for i, name in enumerate(base.names) if not name.startswith(("rotor", "damping", "coulomb"))]
+    told = np.sqrt(np.diag(base.matrix[:, :] @ _of_bodies(belief) @ base.matrix.T))[bodies]
+    seen = base.of(np.array(drawn)).std(axis=0)[bodies]
+    np.testing.assert_allclose(seen, told, rtol=0.06)
+
+
+def _symmetric(random: np.random.Generator) -> Array:
+    noise = np.diag(random.standard_normal(3))
+    noise[np.triu_indices(3, 1)] = 0.5 * random.standard_normal(3)
+    return np.asarray(np.triu(noise) + np.triu(noise, 1).T, dtype=np.float64)
+
+
+def _of_bodies(belief: Belief) -> Array:
+    """The covariance of all parameters, those of the joints left out."""
+    bodies = np.tile(np.arange(13) < 10, belief.nominal.njoint)
+    return np.asarray(belief.parameter_covariance * np.outer(bodies, bodies), dtype=np.float64)
+
+
+def test_tree_model_has_the_face_of_every_model() -> None:
+    """Its torque is its regressor times its parameters, and its mass matrix is the arm's."""
+    tree = random_arm(3, 2, slides=(1,))
+    model = nominal_model(Belief(tree))
+    face: Model = model
+    angles, speeds = np.random.default_rng(3).standard_normal((2, 3))
+    np.testing.assert_allclose(face.torque(angles, speeds), joint_torque(tree, angles, speeds, np.zeros(3)), rtol=1e-9)
+    np.testing.assert_allclose(face.regressor(angles, speeds) @ face.parameters, face.torque(angles, speeds))
+    np.testing.assert_allclose(face.mass_matrix(angles), joint_mass_matrix(tree, angles), rtol=1e-9, atol=1e-12)
+    assert len(face.names) == len(face.units) == len(model.expressions) == len(face.parameters)
+    np.testing.assert_array_equal(face.with_parameters(2.0 * face.parameters).parameters, 2.0 * face.parameters)
+    np.testing.assert_allclose(model.standard_parameters, tree.parameters, atol=1e-12)
