@@ -78,10 +78,9 @@ class Simulator:
     """metaid's own simulated plant, from a plant file."""
 
     def __init__(self, path: Path) -> None:
-        from metaid import load_plant
-        from metaid.plant import Start
+        from metaid.plant import Start, load_chain
 
-        self.plant = load_plant(str(path))
+        self.plant = load_chain(str(path))
         self.upright = Start.upright
 
     def push(self, impulses: list[float]) -> None:

@@ -17,7 +17,7 @@ from metaid import results
 from metaid.episode import Episode, Outcome, tip_push
 from metaid.errors import EpisodeError, StorageError, StudyError
 from metaid.models import Array, Lumps, factors_from_names, kind_of
-from metaid.plant import MujocoPlant, load_plant
+from metaid.plant import MujocoPlant, load_chain
 from metaid.results import (
     PUSHES,
     Findings,
@@ -60,7 +60,7 @@ def episode_objective(
     """
     from metaid.compiled import Objective
 
-    plant = plant if isinstance(plant, MujocoPlant) else load_plant(plant)
+    plant = plant if isinstance(plant, MujocoPlant) else load_chain(plant)
     lumps = plant.true_lumps()
     if lumps is None:
         raise EpisodeError(

@@ -26,7 +26,7 @@ from metaid.compiled import Objective
 from metaid.episode import Episode, Outcome, run_stepwise, tip_push
 from metaid.files import shipped_folder, shipped_names
 from metaid.models import lump_names
-from metaid.plant import MujocoPlant, load_plant, read_plant
+from metaid.plant import MujocoPlant, load_chain, read_plant
 from metaid.store import Store
 from metaid.study import Problem, create_study, load_study, run_study
 from soak import cases
@@ -65,7 +65,7 @@ class Workshop:
 
     @staticmethod
     def _objective(name: str) -> Objective:
-        plant = load_plant(name)
+        plant = load_chain(name)
         return Objective(plant, plant.chain.lumps, Episode(tip_push(plant, 1.0), 300), "spectral")
 
 

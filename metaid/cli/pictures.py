@@ -16,11 +16,12 @@ from metaid.errors import MetaidError
 @plant_argument
 @click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="FILE.png, .pdf or .svg.")
 def draw(name: str, output: Path) -> None:
-    """Draw a labelled sketch of a plant: lengths, masses, centres of mass."""
-    from metaid.plant import load_plant
-    from metaid.show.figures import plant_figure, save
+    """Draw a labelled sketch of a plant: lengths, masses, centres of mass; of an arm its shapes and joints at home."""
+    from metaid.plant import ArmPlant, load_plant
+    from metaid.show.figures import arm_figure, plant_figure, save
 
-    figure = plant_figure(load_plant(name))
+    plant = load_plant(name)
+    figure = arm_figure(plant) if isinstance(plant, ArmPlant) else plant_figure(plant)
     with whole_file(output, FIGURE_SUFFIXES) as partial:
         save(figure, partial)
 
@@ -28,7 +29,7 @@ def draw(name: str, output: Path) -> None:
 @click.command(epilog="\b\nExample (needs a screen):\n  metaid plant view three-link")
 @plant_argument
 def view(name: str) -> None:
-    """Open a plant in MuJoCo's viewer: it stands upright, and falls when touched."""
+    """Open a plant in MuJoCo's viewer: a chain stands upright, an arm is at home; it falls when touched."""
     from metaid.plant import load_plant
     from metaid.show import open_viewer
 

@@ -35,7 +35,7 @@ plant_argument = click.argument("name", metavar="PLANT", shell_complete=_complet
 
 @click.group(cls=Group, epilog="\b\nExample:\n  metaid plant show three-link")
 def plant() -> None:
-    """Pendulums that can be identified."""
+    """Pendulums and arms that can be identified."""
 
 
 @plant.command("list", epilog="\b\nExample:\n  metaid plant list")
@@ -46,21 +46,26 @@ def list_plants() -> None:
 
     plants = [load_plant(name) for name in shipped_names("plants")]
     rows = [[shown.name, str(shown.njoint), shown.settings.description] for shown in plants]
-    print_table("Plants", ["plant", "links", "description"], rows, words=["description"])
+    print_table("Plants", ["plant", "joints", "description"], rows, words=["description"])
 
 
 @plant.command("show", epilog="\b\nExample:\n  metaid plant show three-link --json")
 @plant_argument
 @json_option
 def show_plant(name: str, as_json: bool) -> None:
-    """The links of a plant, and its true lumps where it knows them."""
+    """The links of a plant, and its true lumps where it knows them; of an arm its joints and links."""
     from metaid.errors import PlantError
     from metaid.files import find_file
     from metaid.models import lump_names, lump_unit
-    from metaid.plant import MujocoPlant, SocketSettings, read_any_plant
+    from metaid.plant import ArmPlant, ArmSettings, MujocoPlant, SocketSettings, read_any_plant
 
     path = find_file("plants", name, PlantError)
     settings = read_any_plant(path)
+    if isinstance(settings, ArmSettings):
+        from metaid.cli.arms import show_arm
+
+        show_arm(ArmPlant(path.stem, settings), as_json)
+        return
     if isinstance(settings, SocketSettings):
         _show_rig(path.stem, settings, as_json)
         return
@@ -152,7 +157,7 @@ def episode(
     Factors above 1 over-compensate and oscillate, factors below 1 fall, and 1 coasts.
     """
     from metaid import api
-    from metaid.plant import load_plant
+    from metaid.plant import load_chain
 
     if study_name is not None and video is None:
         raise click.UsageError("--study says whose lumps to film: it needs --video FILE.mp4")
@@ -160,7 +165,7 @@ def episode(
     if video is not None:
         from metaid.show import SUFFIXES, film  # first: nothing is drawn where it cannot be filmed
 
-    plant = load_plant(name)
+    plant = load_chain(name)
     objective = api.episode_objective(plant, steps)
     candidate = api.check_factors(numbers(factors, "--factor"), objective.nominal)
     shown = objective.summary(candidate)

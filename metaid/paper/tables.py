@@ -21,7 +21,7 @@ from metaid.compiled import Objective
 from metaid.episode import FALL_MARGIN, Episode, FallRule, crossing_hz, whole_periods
 from metaid.errors import EpisodeError
 from metaid.models import Array, factors_from_names
-from metaid.plant import load_plant
+from metaid.plant import load_chain
 
 STEPS = 5000
 TABLES = (1, 2)  # each of as many links as its number
@@ -54,7 +54,7 @@ class Reading:
 
     def objective(self, push: float, **options: Any) -> Objective:
         """Counts after a `push` at the tip, in N s, in factors of the plant's own lumps; `options` of the episode."""
-        plant = load_plant(self.plant)
+        plant = load_chain(self.plant)
         impulses = np.eye(plant.njoint)[-1:] * push
         return Objective(plant, plant.chain.lumps, Episode(impulses, STEPS, **options), "count", rule=self.rule)
 

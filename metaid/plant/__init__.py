@@ -2,15 +2,17 @@
 
 `Plant` is the protocol, and `Start` from where a push begins. `MujocoPlant` is a chain that MuJoCo simulates,
 `FaultyPlant` the same behind the faults that a real one has, and `SocketPlant` a rig, or any other process, behind a
-socket. `load_plant` reads a plant file. MuJoCo is loaded when a simulated plant first moves.
+socket. `ArmPlant` is a serial arm in space (`metaid.plant.arms`). `load_plant` reads a plant file. MuJoCo is loaded
+when a simulated plant first moves.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from metaid.plant.arms import ArmPlant, ArmSettings
 from metaid.plant.faults import FaultSettings, Noise, draw, slope_weights, stream
 from metaid.plant.faulty_plant import FaultyPlant
-from metaid.plant.loading import load_plant, load_rig, read_any_plant, read_plant
+from metaid.plant.loading import load_chain, load_plant, load_rig, read_any_plant, read_plant
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.protocol import Plant
 from metaid.plant.settings import LinkSettings, PlantSettings, chain_of
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
     from metaid.plant.mujoco_model import build_spec
 
 __all__ = [
+    "ArmPlant",
+    "ArmSettings",
     "FaultSettings",
     "FaultyPlant",
     "LinkSettings",
@@ -34,6 +38,7 @@ __all__ = [
     "build_spec",
     "chain_of",
     "draw",
+    "load_chain",
     "load_plant",
     "load_rig",
     "read_any_plant",

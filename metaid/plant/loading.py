@@ -6,34 +6,62 @@ from pathlib import Path
 
 from metaid.errors import PlantError
 from metaid.files import check, find_file, read_toml
+from metaid.plant.arms import ArmPlant, ArmSettings
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.settings import PlantSettings
 from metaid.plant.socket_plant import SocketPlant, SocketSettings
 from metaid.plant.wire import FORMS
 
+AnySettings = PlantSettings | SocketSettings | ArmSettings
 
-def load_plant(name: str | Path) -> MujocoPlant:
-    """The shipped plant of that name, or the plant file at that path.  Raises PlantError."""
+
+def load_plant(name: str | Path) -> MujocoPlant | ArmPlant:
+    """The shipped plant of that name, or the plant file at that path, a chain or an arm.  Raises PlantError."""
     path = find_file("plants", str(name), PlantError)
-    plant = MujocoPlant(path.stem, read_plant(path))
-    _ = plant.simulation  # so that one that cannot be built is refused here
+    settings = read_any_plant(path)
+    if isinstance(settings, ArmSettings):
+        arm = ArmPlant(path.stem, settings)
+        _ = arm.model  # so that one that cannot be built is refused here
+        return arm
+    return _chain(path, settings)
+
+
+def load_chain(name: str | Path) -> MujocoPlant:
+    """The same, of planar chains alone.  Raises PlantError."""
+    path = find_file("plants", str(name), PlantError)
+    return _chain(path, read_any_plant(path))
+
+
+def _chain(path: Path, settings: AnySettings) -> MujocoPlant:
+    plant = MujocoPlant(path.stem, _of_chain(path, settings))
+    _ = plant.simulation
     return plant
 
 
 def read_plant(path: Path) -> PlantSettings:
-    """The checked contents of the file of a simulated plant.  Raises PlantError."""
-    tables = read_toml(path, PlantError)
-    if "socket" in tables:
+    """The checked contents of the file of a simulated chain.  Raises PlantError."""
+    return _of_chain(path, read_any_plant(path))
+
+
+def _of_chain(path: Path, settings: AnySettings) -> PlantSettings:
+    if isinstance(settings, SocketSettings):
         raise PlantError(
             f"{path}: a plant behind a socket has no links to simulate or draw (allowed: plant show, and in a study)"
         )
-    return check(PlantSettings, tables, str(path), PlantError)
+    if isinstance(settings, ArmSettings):
+        raise PlantError(f"{path}: an arm, and not a planar chain (allowed here: a plant file with [[links]])")
+    return settings
 
 
-def read_any_plant(path: Path) -> PlantSettings | SocketSettings:
-    """The checked contents of a plant file of either kind.  Raises PlantError."""
+def read_any_plant(path: Path) -> AnySettings:
+    """The checked contents of a plant file of any kind; an arm's file is found from here.  Raises PlantError."""
     tables = read_toml(path, PlantError)
-    return check(SocketSettings, tables, str(path), PlantError) if "socket" in tables else read_plant(path)
+    if "socket" in tables:
+        return check(SocketSettings, tables, str(path), PlantError)
+    if "mjcf" in tables or "urdf" in tables:
+        arm = check(ArmSettings, tables, str(path), PlantError)
+        return arm.model_copy(update={arm.kind: str(path.parent / arm.file)})
+    return check(PlantSettings, tables, str(path), PlantError)
 
 
 def load_rig(name: str | Path) -> SocketPlant:

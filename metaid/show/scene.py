@@ -9,7 +9,8 @@ import numpy as np
 
 from metaid.errors import RenderError, optional_packages, usable_mujoco
 from metaid.models import Array, Chain
-from metaid.plant import MujocoPlant, build_spec
+from metaid.plant import ArmPlant, MujocoPlant, build_spec
+from metaid.plant.arms import build_arm_spec
 
 with usable_mujoco():
     import mujoco
@@ -75,7 +76,7 @@ def front_camera(chain: Chain, angles: Array) -> mujoco.MjvCamera:
     return camera
 
 
-def open_viewer(plant: MujocoPlant) -> None:
+def open_viewer(plant: MujocoPlant | ArmPlant) -> None:
     """MuJoCo's viewer on the plant, until its window is closed.  Raises RenderError where there is no screen."""
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise RenderError(
@@ -86,9 +87,29 @@ def open_viewer(plant: MujocoPlant) -> None:
         import mujoco.viewer
 
     model = viewer_model(plant)
-    mujoco.viewer.launch(model, mujoco.MjData(model))
+    data = mujoco.MjData(model)
+    if isinstance(plant, ArmPlant):
+        data.qpos[:] = plant.arm.whole.pose if model is plant.arm.whole.model else plant.home
+    mujoco.viewer.launch(model, data)
 
 
-def viewer_model(plant: MujocoPlant) -> mujoco.MjModel:
-    """The model that the viewer moves: the plant's own, with shapes."""
+def viewer_model(plant: MujocoPlant | ArmPlant) -> mujoco.MjModel:
+    """The model that the viewer moves: the plant's own, with shapes; of an arm the whole file, where that has some."""
+    if isinstance(plant, ArmPlant):
+        return plant.arm.whole.model if plant.arm.whole.model.ngeom else _rods(plant)
     return scene(plant.chain, plant.felt_gravity, plant.timestep, plant.settings.faults.tilt)
+
+
+def _rods(plant: ArmPlant) -> mujoco.MjModel:
+    """The lean model of an arm, a rod from each joint to the next, and from the last through its centre of mass."""
+    tree, spec = plant.tree, build_arm_spec(plant.tree, plant.timestep)
+    ends = np.concatenate([tree.position[1:], 2.0 * tree.com[-1:]])
+    thick = 0.03 * np.linalg.norm(ends, axis=1).sum()
+    for i, end in enumerate(ends):
+        body, size = spec.body(f"link_{i + 1}"), [thick, 0.0, 0.0]
+        if np.linalg.norm(end) > thick:
+            rod = [0.0, 0.0, 0.0, *end]
+            body.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=rod, size=size, rgba=LINK)
+        else:
+            body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=size, rgba=LINK)
+    return spec.compile()

@@ -16,7 +16,7 @@ from metaid.episode import FALL_MARGIN
 from metaid.errors import PlantError, StudyError
 from metaid.files import Settings, check, find_file, find_file_beside, read_toml
 from metaid.models import FRICTION, IDEAL, bodies_of, lump_names
-from metaid.plant import LinkSettings, PlantSettings, SocketSettings, chain_of, read_any_plant, read_plant
+from metaid.plant import ArmSettings, LinkSettings, PlantSettings, SocketSettings, chain_of, read_any_plant, read_plant
 from metaid.search import SAMPLERS, SamplerOptions
 
 LARGEST_STEPS = 10_000_000  # after a push
@@ -217,6 +217,10 @@ def read_study(name: str | Path, changes: dict[str, Any] | None = None) -> Study
 
     plant_path = named("plant", study.plant)
     plant = read_any_plant(plant_path)
+    if isinstance(plant, ArmSettings):
+        raise StudyError(
+            f"{path}: plant: {study.plant} is an arm (allowed: a planar chain, or a plant behind a socket)"
+        )
     if isinstance(plant, SocketSettings) and "workers" not in study.model_fields_set:
         study = study.model_copy(update={"workers": 1})
     if isinstance(study.nominal, NominalSettings):

@@ -11,7 +11,10 @@ import pytest
 from metaid.errors import PlantError
 from metaid.models.tree import Tree
 from metaid.plant.arms import ArmPlant, ArmSettings, ArmStart, arm_model, build_arm_spec, read_arm, set_parameters
-from metaid.plant.arms.reading import Arm, forces_of_lean, forces_of_whole
+from metaid.plant.arms.compiling import compile_file
+from metaid.plant.arms.fusing import Whole, fuse
+from metaid.plant.arms.reading import Arm, forces_of_lean, forces_of_whole, refuse_another_motion
+from metaid.plant.arms.refusing import moving_joints
 
 # A turned base, a joint off its body's origin, a reference angle, two joints on one body, a slide, a fixed body, a
 # gripper of two fingers, and masses that follow from shapes.
@@ -259,11 +262,15 @@ def test_what_is_held_may_be_anything(tmp_path: Path) -> None:
     assert arm.tree.mass == pytest.approx(4.0 / 3.0 * np.pi * 0.1**3 * 1000.0)
 
 
-def test_force_that_nobody_thought_of_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where the lean model does not move as the file does, the joint is named."""
-    monkeypatch.setattr("metaid.plant.arms.reading.refuse_what_is_no_arm", lambda *_: None)
-    with pytest.raises(PlantError, match=r"joint 'shoulder' feels more passive force than that of its links \(allowed"):
-        read(tmp_path, two(joint="stiffness='3'"))
+def test_force_that_nobody_thought_of_is_refused(tmp_path: Path) -> None:
+    """Where the lean model does not move as the file does, the joint and the force are named."""
+    (tmp_path / "arm.xml").write_text(two(joint="stiffness='3'"), encoding="utf-8")
+    model = compile_file(tmp_path / "arm.xml", is_urdf=False)
+    whole = Whole(model, moving_joints("arm.xml", model, None), model.qpos0)
+    tree = fuse(whole)
+    for other, what in ((tree, "passive force"), (replace(tree, rotor=tree.rotor + 1.0), "inertia")):
+        with pytest.raises(PlantError, match=rf"joint 'shoulder' feels more {what} than that of its links \(allowed"):
+            refuse_another_motion("arm.xml", whole, other, 0.002)
 
 
 BAD = {

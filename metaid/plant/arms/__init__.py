@@ -14,6 +14,7 @@ from metaid.plant.arms.settings import ArmFaults, ArmSettings
 if TYPE_CHECKING:
     from metaid.plant.arms.lean import arm_model, build_arm_spec, set_parameters
     from metaid.plant.arms.reading import Arm, read_arm
+    from metaid.plant.arms.shapes import Surface, rod, surfaces
 
 __all__ = [
     "Arm",
@@ -21,12 +22,16 @@ __all__ = [
     "ArmPlant",
     "ArmSettings",
     "ArmStart",
+    "Surface",
     "arm_model",
     "build_arm_spec",
     "read_arm",
+    "rod",
     "set_parameters",
+    "surfaces",
 ]
 _LOADS_MUJOCO = {"Arm": "reading", "read_arm": "reading"}
+_LOADS_MUJOCO |= dict.fromkeys(("Surface", "rod", "surfaces"), "shapes")
 _LOADS_MUJOCO |= dict.fromkeys(("arm_model", "build_arm_spec", "set_parameters"), "lean")
 
 

@@ -56,6 +56,26 @@ class Whole:
             links.append(last.get(body, links[parent] if body else -1))
         return links
 
+    def joints_at(self, coordinates: Array) -> tuple[Array, Array]:
+        """Where the moving joints are at these `coordinates` (njoint), and their axes (njoint x 3 each), in the base's
+        frame.
+        """
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = self.at(coordinates)
+        mujoco.mj_kinematics(self.model, data)
+        return data.xanchor[list(self.joints)].copy(), data.xaxis[list(self.joints)].copy()
+
+    def tip_at(self, coordinates: Array) -> Array:
+        """Where the last link ends (3): as far beyond its centre of mass as that is from its joint."""
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = self.at(coordinates)
+        mujoco.mj_kinematics(self.model, data)
+        bodies = np.flatnonzero(np.array(self.link_of) == len(self.joints) - 1)
+        weights = self.model.body_mass[bodies]
+        centre = weights @ data.xipos[bodies] / weights.sum()
+        tip: Array = 2.0 * centre - data.xanchor[self.joints[-1]]
+        return tip
+
     def at(self, coordinates: Array) -> Array:
         """Coordinates of all joints of the model (nq) where those that move have these `coordinates` (njoint)."""
         pose = self.pose.copy()

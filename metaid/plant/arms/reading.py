@@ -45,13 +45,13 @@ def read_arm(settings: ArmSettings, source: str) -> Arm:
         PlantError: the file is missing, does not compile, or is no serial arm.
     """
     path = Path(settings.file)
-    model = compile_file(path, is_urdf=settings.urdf is not None)
+    model = compile_file(path, is_urdf=settings.kind == "urdf")
     named = f"{source}: {path.name}"
     joints = moving_joints(named, model, settings.joints)
     whole = Whole(model, joints, _pose(model, settings, source))
     refuse_what_is_no_arm(named, whole)
     tree = fuse(whole)
-    _refuse_another_motion(named, whole, tree, settings.timestep)
+    refuse_another_motion(named, whole, tree, settings.timestep)
     for key in ("rotor", "damping", "frictionloss", "torque_limit"):
         _known(source, key, getattr(settings, key), tree.names)
     tree = replace(
@@ -92,10 +92,19 @@ def _pose(model: mujoco.MjModel, settings: ArmSettings, source: str) -> Array:
     return pose
 
 
-def _refuse_another_motion(source: str, whole: Whole, tree: Tree, timestep: float) -> None:
-    """Raises PlantError where the lean model does not move as the whole file does, in random states.
+def refuse_another_motion(source: str, whole: Whole, tree: Tree, timestep: float) -> None:
+    """Compares the lean model with the whole file in random states.
 
     What is known to move an arm otherwise has been refused by name. This finds what was not thought of.
+
+    Args:
+        source: the file, for the message of an error.
+        whole: the file, compiled, and the joints that move.
+        tree: made of it.
+        timestep: in s.
+
+    Raises:
+        PlantError: they do not move alike.
     """
     try:
         lean = arm_model(tree, timestep)

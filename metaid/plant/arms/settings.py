@@ -65,6 +65,11 @@ class ArmSettings(Settings):
         return self
 
     @property
+    def kind(self) -> str:
+        """Of the file: the key that names it."""
+        return "mjcf" if self.urdf is None else "urdf"
+
+    @property
     def file(self) -> str:
-        """The MJCF or URDF."""
-        return self.mjcf or self.urdf or ""
+        """The path of the MJCF or URDF."""
+        return str(getattr(self, self.kind))

@@ -6,6 +6,7 @@ found = load_findings("three-link")
 figures.plot_convergence(found)
 """
 
+from metaid.show.figures.arms import arm_figure
 from metaid.show.figures.episodes import draw_episode, plot_angles, plot_phase
 from metaid.show.figures.estimate import plot_covariance, plot_difference, plot_growth, plot_motion, plot_residuals
 from metaid.show.figures.gallery import Gallery, Picture
@@ -26,6 +27,7 @@ __all__ = [
     "SURVIVOR",
     "Gallery",
     "Picture",
+    "arm_figure",
     "draw_episode",
     "draw_tracking",
     "plant_figure",

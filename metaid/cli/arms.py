@@ -1,0 +1,81 @@
+"""What `metaid plant show` prints of an arm."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from metaid.cli.common import number_text, print_json, print_table
+from metaid.models.tree import PARAMETERS
+from metaid.plant.arms import ArmPlant
+
+
+def show_arm(arm: ArmPlant, as_json: bool) -> None:
+    """Its joints with their axes and limits, and the parameters of its links."""
+    tree, settings = arm.tree, arm.settings
+    _, axes = arm.arm.whole.joints_at(arm.home)
+    joints = [
+        {
+            "name": name,
+            "kind": "slide" if tree.slides[i] else "hinge",
+            "axis": axes[i].round(12).tolist(),
+            **{key: _finite(getattr(tree, key)[i]) for key in ("low", "high")},
+            "home": float(arm.home[i]),
+            "torque_limit": _finite(tree.torque_limit[i]),
+        }
+        for i, name in enumerate(tree.names)
+    ]
+    if as_json:
+        common: dict[str, Any] = {settings.kind: settings.file, "gravity": tree.gravity.tolist()}
+        links = [dict(zip(PARAMETERS, row, strict=True)) for row in tree.parameters.tolist()]
+        faults = settings.faults.model_dump(mode="json")
+        print_json(
+            {"plant": arm.name, **common, "timestep": arm.timestep, "faults": faults, "joints": joints, "links": links}
+        )
+        return
+    rows = [
+        [
+            str(joint["name"]),
+            str(joint["kind"]),
+            _three(axes[i]),
+            *(number_text(joint[key]) for key in ("low", "high", "home", "torque_limit")),
+        ]
+        for i, joint in enumerate(joints)
+    ]
+    angle, torque = ("rad or m", "N m or N") if tree.slides.any() else ("rad", "N m")
+    heading = ["joint", "kind", "axis at home", f"low, {angle}", "high", "home", f"torque limit, {torque}"]
+    print_table(
+        f"{arm.name}: {settings.description}",
+        heading,
+        rows,
+        f"{settings.kind} {Path(settings.file).name}; gravity {_three(tree.gravity)} m/s², timestep {arm.timestep} s"
+        + "".join(f"; {name} {value}" for name, value in settings.faults.named.items()),
+        words=["kind"],
+    )
+    heading = ["link of joint", "mass, kg", "centre of mass, m", "principal inertias, kg m²", "rotor, kg m²"]
+    heading += ["damping, N m s", "dry friction, N m"]
+    rows = [
+        [
+            name,
+            number_text(tree.mass[i]),
+            _three(tree.com[i]),
+            _three(np.linalg.eigvalsh(tree.inertia[i])),
+            *(number_text(values[i]) for values in (tree.rotor, tree.damping, tree.coulomb)),
+        ]
+        for i, name in enumerate(tree.names)
+    ]
+    note = "In the frame of the link, whose origin is on the axis of its joint."
+    note += " Of a slide: kg, N s/m, N." if tree.slides.any() else ""
+    print_table("Links", heading, rows, note)
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _three(vector: np.ndarray[Any, np.dtype[np.float64]]) -> str:
+    """Three numbers in one cell."""
+    return " ".join(number_text(value, ".4g") for value in (vector.round(9) + 0.0).tolist())
