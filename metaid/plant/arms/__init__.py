@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from metaid.plant.arms.lean import arm_model, build_arm_spec, set_parameters
     from metaid.plant.arms.reading import Arm, read_arm
     from metaid.plant.arms.shapes import Surface, rod, surfaces
+    from metaid.plant.arms.starts import draw_starts
 
 __all__ = [
     "Arm",
@@ -25,12 +26,13 @@ __all__ = [
     "Surface",
     "arm_model",
     "build_arm_spec",
+    "draw_starts",
     "read_arm",
     "rod",
     "set_parameters",
     "surfaces",
 ]
-_LOADS_MUJOCO = {"Arm": "reading", "read_arm": "reading"}
+_LOADS_MUJOCO = {"Arm": "reading", "read_arm": "reading", "draw_starts": "starts"}
 _LOADS_MUJOCO |= dict.fromkeys(("Surface", "rod", "surfaces"), "shapes")
 _LOADS_MUJOCO |= dict.fromkeys(("arm_model", "build_arm_spec", "set_parameters"), "lean")
 
