@@ -144,7 +144,7 @@ def observables(links: int, seed: int) -> list[Row]:
         if name == "count at the end":
             used = [replace(trial, windows=_last(trial)) for trial in trials]
         found = replace(experiment, compared=compared).estimate(used)
-        explained = found is not None and replace(experiment, compared=compared).is_explained(found)
+        explained = found is not None and found.is_explained
         values = found.lumps.vector_of(experiment.unknowns.searched) if explained and found is not None else None
         rows.append(_row(links, name, "matched", len(used), values, problem))
     return rows

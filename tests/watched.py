@@ -57,10 +57,13 @@ def watched(
     faults: FaultSettings | None = None,
     longer: float = 1.0,
     stiffness: float = 0.0,
+    spring: float = 0.0,
 ) -> Watched:
-    """The chain of benchmarks/chains.py, its joints with this `damping`, watched for `longer` than a study would."""
+    """The chain of benchmarks/chains.py, its joints with this `damping` and `spring`, watched for `longer` than a study
+    would; `stiffness` is the law's.
+    """
     true, nominal = random_chain(nlink, seed)
-    links = tuple(link.model_copy(update={"damping": damping}) for link in true)
+    links = tuple(link.model_copy(update={"damping": damping, "stiffness": spring}) for link in true)
     settings = PlantSettings(links=links, timestep=TIMESTEP, faults=faults or FaultSettings())
     plant, believed = MujocoPlant("chain", settings), chain_of(nominal)
     steps = round(1.5 * natural_time(believed, GRAVITY) / TIMESTEP)

@@ -58,7 +58,7 @@ def _tried(shown: dict[str, Any]) -> list[str]:
 
 def _origin(shown: dict[str, Any]) -> str:
     """What the lumps are of, and what the estimate from all trials says beside them."""
-    from metaid.results import describe_known_from, describe_misfit, describe_trials, interval_name
+    from metaid.results import describe_known_from, describe_trials, interval_name
 
     estimate, total = shown["estimate"], shown["trials"]["total"]
     if estimate is None:
@@ -66,7 +66,7 @@ def _origin(shown: dict[str, Any]) -> str:
     text = f"estimate from {describe_trials(estimate, total)}"
     if shown["verdict"] == "found" and shown["source"] == "estimate":
         text += f"; {describe_known_from(estimate, total)}; low to high is the {interval_name(estimate['counts'])}"
-    return f"{text}; {describe_misfit(estimate['misfit'], estimate['explained_below'], estimate['counts'])}"
+    return f"{text}; {estimate['description']}"
 
 
 def describe_verdict(shown: dict[str, Any]) -> str:

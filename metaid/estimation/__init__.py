@@ -9,16 +9,14 @@ All trials are used, whichever sampler proposed their laws. A trial that ended i
 knows of files, studies or the truth.
 """
 
-from metaid.estimation.commanded import commanded_torques, filtered_speeds
-from metaid.estimation.experiment import EXPLAINED, Compared, Experiment, NoisyExperiment, SeenTrial, SilentExperiment
+from metaid.estimation.experiment import Compared, Experiment, NoisyExperiment, SeenTrial, SilentExperiment
 from metaid.estimation.fit import Estimate, fit
 from metaid.estimation.motions import Motions, Quantity
-from metaid.estimation.readings import Readings, ReadTrial
+from metaid.estimation.noisy import Readings, ReadTrial, Unmodelled, commanded_torques, filtered_speeds
 from metaid.estimation.trials import Replay, WatchedTrial
 from metaid.estimation.unknowns import FULL, Unknowns
 
 __all__ = [
-    "EXPLAINED",
     "FULL",
     "Compared",
     "Estimate",
@@ -32,6 +30,7 @@ __all__ = [
     "SeenTrial",
     "SilentExperiment",
     "Unknowns",
+    "Unmodelled",
     "WatchedTrial",
     "commanded_torques",
     "filtered_speeds",

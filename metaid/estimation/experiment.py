@@ -10,18 +10,22 @@ from typing import Any, Literal
 import numpy as np
 
 from metaid.episode import Outcome
-from metaid.estimation.commanded import centred, commanded_torques, filtered_speeds
 from metaid.estimation.counting import Counts, match_counts
 from metaid.estimation.fit import Comparison, Estimate, fit
 from metaid.estimation.motions import Motions, Quantity
-from metaid.estimation.readings import Readings, ReadTrial
+from metaid.estimation.noisy import (
+    Readings,
+    ReadTrial,
+    Unmodelled,
+    centred,
+    commanded_torques,
+    filtered_speeds,
+    unmodelled_forces,
+)
 from metaid.estimation.trials import Replay, WatchedTrial
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array, Lumps
 
-EXPLAINED = 3.0  # a misfit below this says that the model explains what was seen
-EXPLAINED_NOISE = 2.0  # the same of readings, of which there are so many that noise alone makes one
-RIGHT_COUNTS = 1.0  # fewer counts than this differ where the model shows what was counted
 PROBES = {"speed": 1, "both": 1, "frequency": 2, "count": 10}  # trials that over-compensate, by what is compared
 RESTARTS = 3  # of a fit that explains nothing, from elsewhere
 STILL_SHRINKS = 0.95  # of the widest interval before: a trial that leaves more of it is worth no other
@@ -59,15 +63,6 @@ class Experiment(ABC):
     def probes(self) -> int:
         """How many trials that over-compensate an estimate needs."""
 
-    @property
-    @abstractmethod
-    def explained_below(self) -> float:
-        """A misfit below this says that the model explains what was seen."""
-
-    def is_explained(self, estimate: Estimate) -> bool:
-        """Whether an `estimate` explains what was seen."""
-        return estimate.misfit < self.explained_below
-
     @abstractmethod
     def is_coasting(self, value: float) -> bool:
         """Whether a trial with this `value` of the measure coasts."""
@@ -88,7 +83,7 @@ class Experiment(ABC):
         A `start` that explained the trials before is where the fit begins. Where that explains nothing, a
         `thorough` fit begins elsewhere RESTARTS times.
         """
-        begin = start.log_factors if start is not None and self.is_explained(start) else None
+        begin = start.log_factors if start is not None and start.is_explained else None
         try:
             compared = self._comparison(trials)
             if isinstance(compared, Counts):
@@ -96,6 +91,12 @@ class Experiment(ABC):
             return fit(compared, begin, RESTARTS if thorough else 0)
         except ValueError:
             return None
+
+    def unmodelled(self, trials: Sequence[Any], estimate: Estimate) -> list[Unmodelled]:
+        """Forces that the model has not, as far as the `trials` show them beside an `estimate` of them. Without noise
+        there are none: the misfit says all.
+        """
+        return []
 
     def replay(self, trials: Sequence[SeenTrial], estimate: Estimate, number: int) -> Replay:
         """What was seen of one of the `trials` that an `estimate` is made of, and what the twin at the estimate shows
@@ -131,10 +132,6 @@ class SilentExperiment(Experiment):
     @property
     def probes(self) -> int:
         return PROBES[self.compared]
-
-    @property
-    def explained_below(self) -> float:
-        return RIGHT_COUNTS if self.compared == "count" else EXPLAINED
 
     def is_coasting(self, value: float) -> bool:
         return value <= self.resolution
@@ -193,15 +190,14 @@ class NoisyExperiment(Experiment):
     def probes(self) -> int:
         return 1
 
-    @property
-    def explained_below(self) -> float:
-        return EXPLAINED_NOISE
-
     def is_coasting(self, value: float) -> bool:
         return False  # noise hides how well it coasts: its intervals say how well the plant is known
 
     def is_settled(self, before: Estimate, after: Estimate) -> bool:
         return float(after.deviations.max()) > STILL_SHRINKS * float(before.deviations.max())
+
+    def unmodelled(self, trials: Sequence[ReadTrial], estimate: Estimate) -> list[Unmodelled]:
+        return list(unmodelled_forces(self._comparison(trials), estimate))
 
     def _comparison(self, trials: Sequence[ReadTrial]) -> Readings:
         return Readings(trials, self.unknowns, self.gravity)

@@ -17,7 +17,7 @@ from metaid.models import Array, Lumps
 
 ROUGHLY, EXACTLY = 1e-2, 1e-10  # the last step in a log factor: on windows that are to grow, and on all of them
 MOST_ROUGH, MOST_EXACT = 30, 100  # steps
-EXPLAINED = 3.0  # a misfit below this is not a wrong minimum
+IN_THE_VALLEY = 3.0  # a misfit below this, on windows that are to grow, is not that of a wrong minimum
 NARROWER = 0.7  # of the spread about a start that no chain can have, for the next start
 DRAWS = 20
 
@@ -32,6 +32,10 @@ class Comparison(Fitted, Protocol):
     @property
     def stride(self) -> int:
         """By how many windows the fit goes on at once, a power of two."""
+
+    @property
+    def explained_below(self) -> float:
+        """A misfit below this says that the model explains what was seen."""
 
     def by_joint(self, point: Array) -> tuple[Array, ...]:
         """Root mean square of the residuals of each trial (npush x njoint)."""
@@ -51,6 +55,7 @@ class Estimate:
         covariance: of the log factors (nunknown x nunknown), so of relative errors.
         cost: half the sum of squares of the residuals, with that of the prior.
         misfit: root mean square of the residuals, in units of what noise or rounding explains.
+        explained_below: a misfit below this says that the model explains what was seen.
         iterations: steps of all descents.
         starts: how many descents there were, each from another point.
         converged: whether the last steps changed nothing any more.
@@ -68,6 +73,7 @@ class Estimate:
     covariance: Array
     cost: float
     misfit: float
+    explained_below: float
     iterations: int
     starts: int
     converged: bool
@@ -75,6 +81,11 @@ class Estimate:
     extras: Array
     extent: Array | None = None
     counts: int | None = None
+
+    @property
+    def is_explained(self) -> bool:
+        """Whether the model explains what was seen."""
+        return self.misfit < self.explained_below
 
     @property
     def point(self) -> Array:
@@ -136,7 +147,7 @@ def fit(comparison: Comparison, start: Array | None = None, restarts: int = 3, s
         iterations += found.iterations
         if best is None or found.place.cost < best.place.cost:
             best = found
-        if misfit(best) < EXPLAINED:
+        if misfit(best) < comparison.explained_below:
             break
     if best is None:
         raise ValueError("no chain near the nominal one moves through any window: the nominal lumps are no chain's")
@@ -155,7 +166,7 @@ def grow(comparison: Comparison, point: Array) -> Descent | None:
         windows = min(reached + stride, comparison.stages) if reached else 1
         found, valley = _descent(comparison, point, windows), explained
         iterations += 0 if found is None else found.iterations
-        explained = found is not None and misfit(found) < EXPLAINED
+        explained = found is not None and misfit(found) < IN_THE_VALLEY
         if valley and not explained and reached and stride > 1:
             explained, stride = True, stride // 2
             continue
@@ -217,6 +228,7 @@ def _estimate(comparison: Comparison, found: Descent, iterations: int, starts: i
         covariance=inverse @ inverse.T,  # Eq. 27; R is the factor of what is inverted
         cost=place.cost,
         misfit=misfit(found),
+        explained_below=comparison.explained_below,
         iterations=iterations,
         starts=starts,
         converged=found.converged,

@@ -19,6 +19,7 @@ from metaid.models import Array
 Quantity = Literal["speed", "frequency", "both"]
 DRAWN = 400  # times at which a replay has the twin, which may oscillate
 TINY = 1e-100  # in place of a denominator that is 0
+EXPLAINED = 3.0  # a misfit below this is rounding
 RESOLUTION = 1e-9  # of the largest speed or frequency seen: what rounding leaves of agreement between two simulations
 
 
@@ -55,6 +56,11 @@ class Motions:
     def stride(self) -> int:
         """Windows grow one by one."""
         return 1
+
+    @property
+    def explained_below(self) -> float:
+        """A misfit below this is rounding."""
+        return EXPLAINED
 
     @property
     def extras(self) -> int:

@@ -9,7 +9,6 @@ from metaid.results.control import BANDWIDTH, smooth_sinusoids, track
 from metaid.results.estimates import (
     StudyEstimate,
     describe_known_from,
-    describe_misfit,
     describe_trials,
     growth,
     interval_name,
@@ -44,7 +43,6 @@ __all__ = [
     "best_trial_frame",
     "describe_bodies",
     "describe_known_from",
-    "describe_misfit",
     "describe_trials",
     "estimate_frame",
     "growth",

@@ -13,12 +13,13 @@ from threadpoolctl import threadpool_limits
 from metaid.episode import QUANTITIES, Episode, Outcome
 from metaid.models import Array
 from metaid.store import Trial
-from metaid.study import MOST_TRIALS, Problem
+from metaid.study import COARSEST, MOST_TRIALS, Problem
 
 if TYPE_CHECKING:
-    from metaid.estimation import Estimate, Experiment, Replay, SeenTrial
+    from metaid.estimation import Estimate, Experiment, Replay, SeenTrial, Unmodelled
 
 FIRST_TRIALS = 12  # of which it is looked for how early the estimate was there
+MOST_LEFT = 0.3  # of the squares of a misfit: a force that leaves more of it is not what is missing
 CLOSE = 1e-3  # of every lump: so near its last value an estimate was there
 
 
@@ -52,15 +53,56 @@ class StudyEstimate:
         """How many trials it was made of."""
         return len(self.watched)
 
+    @cached_property
+    def _forces(self) -> list[Unmodelled]:
+        with threadpool_limits(1):
+            return self.experiment.unmodelled(self.watched, self.estimate)
+
+    @property
+    def unmodelled(self) -> Unmodelled | None:
+        """The force that the model has not and that the trials show best; None where they show none."""
+        return min((each for each in self._forces if each.is_seen), key=lambda each: each.left, default=None)
+
+    @property
+    def provisos(self) -> list[str]:
+        """What must not be there for the lumps to be right, for the trials could not tell: sentences that name it."""
+        said = []
+        for force in self._forces:
+            names = [name for name, reach in zip(self.estimate.names, force.reach, strict=True) if reach > COARSEST]
+            if names:
+                said.append(
+                    f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} right only without {force.name}: "
+                    f"these trials do not show {force.unseen}; push harder, or longer"
+                )
+        return said
+
     @property
     def explains(self) -> bool:
-        """Whether the model explains what was seen."""
-        return self.experiment.is_explained(self.estimate)
+        """Whether the model explains what was seen, and no force that it has not is seen."""
+        return self.estimate.is_explained and self.unmodelled is None
 
     @property
     def description(self) -> str:
         """How well the model explains what was seen, in a sentence."""
-        return describe_misfit(self.estimate.misfit, self.experiment.explained_below, self.estimate.counts)
+        estimate = self.estimate
+        if estimate.counts is not None:
+            return _describe_counts(estimate.misfit, estimate.explained_below, estimate.counts)
+        found = f"misfit {estimate.misfit:.3g} (explained: below {estimate.explained_below:.3g})"
+        if self.explains:
+            return f"the model explains what was seen: {found}"
+        force = self.unmodelled
+        if force is None or (force.left > MOST_LEFT and not estimate.is_explained):
+            return (
+                "the model does not explain what was seen, be it for friction, play, late torques or wrong lengths: "
+                f"{found}"
+            )
+        moved = int(np.argmax(np.abs(force.shift)))
+        by = 100.0 * float(np.expm1(force.shift[moved]))
+        return (
+            f"the motion shows a force that the model has not, {force.description} or one like it: with it "
+            f"{estimate.names[moved]} would be {abs(by):.2g} % {'larger' if by > 0.0 else 'smaller'} "
+            f"({force.advice}); {found}"
+        )
 
     @property
     def interval_name(self) -> str:
@@ -131,7 +173,7 @@ def growth(found: StudyEstimate) -> tuple[list[int], list[Estimate]]:
         for count in numbers[numbers >= found.experiment.probes].tolist():
             whole = count == found.trials
             early = found.estimate if whole else found.experiment.estimate(found.watched[:count])
-            if early is not None and found.experiment.is_explained(early):
+            if early is not None and early.is_explained:
                 counts.append(count)
                 estimates.append(early)
     return counts, estimates
@@ -159,18 +201,11 @@ def interval_name(counts: int | None) -> str:
     return "95 % interval" if counts is None else "extent of the models that count the same"
 
 
-def describe_misfit(misfit: float, explained_below: float, counts: int | None = None) -> str:
-    """What the `misfit` of an estimate means, in a sentence; with `counts` it is how many of them differ."""
-    if counts is not None:
-        if misfit < explained_below:
-            return f"the model counts what was counted: all {counts:,} counts of half periods are the same"
-        return (
-            f"no model was found that counts what was counted: in the best, {misfit:,.0f} of {counts:,} counts differ"
-        )
-    found = f"misfit {misfit:.2g} (explained: below {explained_below:g})"
+def _describe_counts(misfit: float, explained_below: float, counts: int) -> str:
+    """What it means that so many of all `counts` differ, in a sentence."""
     if misfit < explained_below:
-        return f"the model explains what was seen: {found}"
-    return f"the model does not explain what was seen, be it for friction, play, late torques or wrong lengths: {found}"
+        return f"the model counts what was counted: all {counts:,} counts of half periods are the same"
+    return f"no model was found that counts what was counted: in the best, {misfit:,.0f} of {counts:,} counts differ"
 
 
 def describe_trials(shown: dict[str, Any], total: int) -> str:

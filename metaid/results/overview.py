@@ -58,8 +58,9 @@ def _estimate(snapshot: Snapshot) -> dict[str, Any]:
         return {"estimate": None, "why_no_estimate": why}
     estimate = {
         "misfit": found.estimate.misfit,
-        "explained_below": found.experiment.explained_below,
+        "explained_below": found.estimate.explained_below,
         "explains": found.explains,
+        "description": found.description,
         "trials": found.trials,
         "counts": found.estimate.counts,
         "known_from": found.known_from,

@@ -47,7 +47,8 @@ def judge(snapshot: Snapshot) -> Verdict:
     if estimate is not None and estimate.explains:
         lumps = estimate_table(problem, estimate)
         if lumps["determined"].any():
-            return Verdict("found", "estimate", tuple(_missed(lumps, "these trials do")), lumps)
+            reasons = (*_missed(lumps, "these trials do"), *estimate.provisos)
+            return Verdict("found", "estimate", reasons, lumps)
         reasons = (f"the trials show no lump to better than {COARSEST:.0%}: push more, or harder",)
         return _not_yet(snapshot, "estimate", reasons, lumps)
     if problem.goes_by_estimate:

@@ -164,7 +164,7 @@ class Newton:
             return None
         trials = [experiment.trial(factors, outcome) for factors, outcome in self._seen]
         estimate = experiment.estimate([trial for trial in trials if trial is not None])
-        if estimate is None or not experiment.is_explained(estimate):
+        if estimate is None or not estimate.is_explained:
             return None
         return np.clip(experiment.factors(estimate), self._coordinates.low, self._coordinates.high)
 

@@ -98,7 +98,7 @@ class OutputError:
 
     @property
     def _is_explained(self) -> bool:
-        return self._estimate is not None and self._experiment.is_explained(self._estimate)
+        return self._estimate is not None and self._estimate.is_explained
 
     @property
     def _is_due(self) -> bool:

@@ -21,7 +21,7 @@ import optuna
 import pandas as pd
 
 from metaid.errors import MetaidError, optional_packages, printable
-from metaid.results import Findings, describe_known_from, describe_misfit, describe_trials, interval_name, read_findings
+from metaid.results import Findings, describe_known_from, describe_trials, interval_name, read_findings
 from metaid.show.companions import MOST_TRIALS_SHOWN, companion_name, write_companion
 from metaid.show.figures import FALL, RANGE, SURVIVOR
 from metaid.show.loopback import loopback_only
@@ -165,8 +165,7 @@ def _estimate(shown: dict[str, Any]) -> str:
     estimate, total = shown["estimate"], shown["trials"]["total"]
     if estimate is None:
         return f"No estimate: {_escaped(shown['why_no_estimate'])}."
-    misfit = describe_misfit(estimate["misfit"], estimate["explained_below"], estimate["counts"])
-    text = f"Estimate from {describe_trials(estimate, total)}: {misfit}."
+    text = f"Estimate from {describe_trials(estimate, total)}: {estimate['description']}."
     if shown["verdict"] != "found" or shown["source"] != "estimate":
         return text
     interval = interval_name(estimate["counts"])

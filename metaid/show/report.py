@@ -25,7 +25,6 @@ from metaid.results import (
     Findings,
     describe_bodies,
     describe_known_from,
-    describe_misfit,
     describe_trials,
     interval_name,
 )
@@ -107,9 +106,8 @@ def estimate_texts(found: Findings) -> dict[str, str | None]:
     if shown is None:
         return {"worth": f"No estimate: {found.summary['why_no_estimate']}.", "known": None, "interval": None}
     known = describe_known_from(shown, total).capitalize() + "." if shown["explains"] else None
-    misfit = describe_misfit(shown["misfit"], shown["explained_below"], shown["counts"])
     return {
-        "worth": f"Estimate from {describe_trials(shown, total)}: {misfit}.",
+        "worth": f"Estimate from {describe_trials(shown, total)}: {shown['description']}.",
         "known": known,
         "interval": interval_name(shown["counts"]),
     }

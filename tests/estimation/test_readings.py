@@ -9,7 +9,7 @@ import pytest
 from watched import GRAVITY, NOISE, TIMESTEP, raised, watched
 
 from metaid.estimation import Readings, Unknowns, commanded_torques, fit
-from metaid.estimation.readings import _eliminate
+from metaid.estimation.noisy.readings import _eliminate
 from metaid.models import compensation_torque
 from metaid.plant import FaultSettings
 

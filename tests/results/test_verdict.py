@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from metaid.store.database import Store
 from metaid.study.create import create_study
 from metaid.study.problem import load_study
 from metaid.study.run import run_study
+from soak.confident import try_case
 
 NO_ESTIMATE = {"estimate.enabled": False}
 TIGHT = {"sampler": "newton", "search.low": 0.9, "search.high": 1.1, "search.widen": False}
@@ -214,3 +216,13 @@ def test_counts_are_not_compared_on_a_noisy_plant() -> None:
     """One line says so, and what to do."""
     with pytest.raises(StudyError, match="compare: 'count' needs a plant without noise"):
         load_study("noisy-three-link", {"estimate.compare": "count"})
+
+
+def test_force_that_the_model_has_not_is_named_with_its_size_and_what_to_do() -> None:
+    """A spring of 0.5 N m/rad in one link, of which the misfit says nothing: it passes for noise."""
+    judged = try_case(396)
+    assert judged.verdict == "not found"
+    assert "the motion shows a force that the model has not, a spring, 0.51 N m/rad or one like it" in judged.reasons
+    assert "take it off" in judged.reasons
+    misfit, least = re.findall(r"misfit ([\d.]+) \(explained: below ([\d.]+)\)", judged.reasons)[0]
+    assert float(misfit) < float(least)

@@ -20,6 +20,7 @@ MARGIN = 1e-4  # by which inequalities are to hold, so that rounding does not ma
 PROGRAMMES = 30
 POOR, GOOD = 0.3, 0.7  # shares of the promised gain, below and above which the next programme reaches less or more
 SHARES = 1.0, 0.5, 0.25, 0.1  # of the way to the centre of the set, until the counts there are right
+RIGHT_COUNTS = 1.0  # fewer counts than this differ where the model shows what was counted
 DEVIATIONS = 1.96  # of a normal distribution that half an extent is said to be
 
 
@@ -139,6 +140,7 @@ def _estimate(counts: Counts, model: Model, steps: int, starts: int) -> Estimate
         covariance=covariance,
         cost=model.wrong,
         misfit=float(model.counted.differing),
+        explained_below=RIGHT_COUNTS,
         iterations=steps,
         starts=starts,
         converged=not model.counted.differing,

@@ -83,8 +83,8 @@ def plot_residuals(found: StudyEstimate, axes: Axes | None = None) -> Axes:
     counts = np.maximum((~np.isnan(tables)).sum(axis=0), 1)
     shown: Array = np.maximum(np.sqrt(np.nansum(tables**2, axis=0) / counts), LEAST).T
     image = axes.imshow(shown, norm=LogNorm(), cmap=VALUES, aspect="auto")
-    limit = found.experiment.explained_below
-    axes.figure.colorbar(image, ax=axes, label=f"rms residual (explained: below {limit:g})")
+    limit = found.estimate.explained_below
+    axes.figure.colorbar(image, ax=axes, label=f"rms residual (explained: below {limit:.3g})")
     width, height = size_of(axes)
     for along, count, room in ((axes.xaxis, shown.shape[1], width), (axes.yaxis, shown.shape[0], height)):
         named = every(count, NUMBERS * room)

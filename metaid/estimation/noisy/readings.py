@@ -4,7 +4,7 @@ and whose start speeds are unknown within what pushes differ by.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -22,6 +22,10 @@ from metaid.models import Array
 POLYNOMIALS = 6  # of a joint's angles in a window: what a chain that nearly coasts shows in it
 DRAWN = 100  # readings of a push that a replay keeps
 SHORTEST = 1 / 8  # of the horizon; a shorter window tells little above the noise
+DIFFERENCE, TINY = 1e-3, 1e-12  # of a further torque, as a share of the largest commanded; and no torque, in N m
+# A misfit is explained by so much of the noise, for its size is known to some hundredths only, and so many standard
+# deviations of chance.
+ROUGH_NOISE, CHANCE = 1.1, 4.0
 STRIDE = 4  # windows are twice as long as those so many before
 
 
@@ -72,7 +76,7 @@ class Readings:
     shortest: float = SHORTEST
 
     def __post_init__(self) -> None:
-        if not any((trial.steps >= ends[0]).any() for trial, (ends, _) in zip(self.trials, self._windows, strict=True)):
+        if not any((trial.steps >= ends[0]).any() for trial, (ends, _) in self._each):
             raise ValueError("no push of any trial was seen to the end of its shortest window: nothing to compare")
 
     @property
@@ -91,9 +95,21 @@ class Readings:
         return STRIDE
 
     @property
+    def explained_below(self) -> float:
+        """The misfit of n residuals that are nothing but noise is about 1, with a standard deviation of 1/√(2n)."""
+        seen = sum(int(np.count_nonzero(trial.steps >= ends[0])) for trial, (ends, _) in self._each) * self.polynomials
+        joints = self.trials[0].start_speeds.shape[1]
+        return ROUGH_NOISE + CHANCE / float(np.sqrt(2.0 * max(seen * joints, 1)))
+
+    @property
     def extras(self) -> int:
         """How many start speeds are unknown."""
         return sum(trial.extras for trial in self.trials)
+
+    @property
+    def _each(self) -> Iterator[tuple[ReadTrial, tuple[NDArray[np.int64], Array]]]:
+        """Each trial with its windows."""
+        return zip(self.trials, self._windows, strict=True)
 
     @cached_property
     def _windows(self) -> list[tuple[NDArray[np.int64], Array]]:
@@ -110,8 +126,11 @@ class Readings:
             windows.append((ends, basis))
         return windows
 
-    def residuals(self, point: Array, windows: int) -> Residuals | None:
-        """Those of the longest of the first `windows` windows, start speeds eliminated push by push."""
+    def residuals(self, point: Array, windows: int, torques: Sequence[Array] | None = None) -> Residuals | None:
+        """Those of the longest of the first `windows` windows, start speeds eliminated push by push. Given further
+        joint `torques` of each trial (ntorque x npush x nstep x njoint), in N m, their sizes are unknowns, too, behind
+        the others.
+        """
         count = len(self.unknowns.names)
         parts, cost, seen, first = [], 0.0, 0, count
         for number, trial in enumerate(self.trials):
@@ -121,9 +140,14 @@ class Readings:
             if compared is None:
                 return None
             values, slopes = compared
+            if torques is not None:
+                further = self._compare_driven(number, point[:count], whitened, values, torques[number])
+                if further is None:
+                    return None
+                slopes = np.concatenate([slopes[..., :count], further, slopes[..., count:]], axis=-1)
             cost += 0.5 * float((values**2).sum() + (whitened**2).sum())
             seen += int(np.count_nonzero(trial.steps >= self._windows[number][0][0])) * values.shape[1]
-            parts.append(_eliminate(values, slopes, whitened, count))
+            parts.append(_eliminate(values, slopes, whitened, count + (0 if torques is None else len(torques[number]))))
         values, slopes, following = (np.concatenate([part[number] for part in parts]) for number in range(3))
         return Residuals(values, slopes, cost, seen, following)
 
@@ -164,11 +188,16 @@ class Readings:
             simulated[shown] = motion.values.swapaxes(1, 2)[shown]
         return Replay(trial.timestep * trial.substeps * kept, seen, simulated, trial.noise)
 
-    def _compare(self, number: int, log_factors: Array, whitened: Array, windows: int) -> tuple[Array, Array] | None:
+    def _compare(
+        self, number: int, log_factors: Array, whitened: Array, windows: int, added: Array | None = None
+    ) -> tuple[Array, Array] | None:
         """Residuals of a trial (npush x nvalue) in units of the noise, and their derivatives (npush x nvalue x
         nunknown + njoint), those by the `whitened` start speeds last; zeros where a push was not seen.
+        The torques `added` (npush x nstep x njoint), in N m, act beside what was commanded.
         """
         trial, (ends, basis) = self.trials[number], self._windows[number]
+        if added is not None:
+            trial = replace(trial, torques=trial.torques + added)
         chosen = np.minimum((ends[None] <= trial.steps[:, None]).sum(axis=1), windows) - 1
         steps = np.where(chosen >= 0, ends[chosen], 0)
         spread, starts = trial.start_spread, _starts(trial, whitened)
@@ -183,6 +212,22 @@ class Readings:
             count = len(log_factors)
             slopes[..., count:] = slopes[..., count:] @ spread
         return (unit * (twin.values - plants)).reshape(npush, -1), slopes
+
+    def _compare_driven(
+        self, number: int, log_factors: Array, whitened: Array, values: Array, torques: Array
+    ) -> Array | None:
+        """The derivatives (npush x nvalue x ntorque) of the `values` of a trial on its longest windows by the sizes of
+        further `torques` (ntorque x npush x nstep x njoint), by differences. None where the twin cannot follow.
+        """
+        largest, alone = np.abs(self.trials[number].torques).max(), known_alone(self.unknowns, log_factors)
+        slopes = np.zeros((*values.shape, len(torques)))
+        for column, torque in enumerate(torques):
+            size = DIFFERENCE * largest / max(float(np.abs(torque).max()), TINY)
+            compared = replace(self, unknowns=alone)._compare(number, np.empty(0), whitened, self.stages, size * torque)
+            if compared is None:
+                return None
+            slopes[..., column] = (compared[0] - values) / size
+        return slopes
 
 
 def _starts(trial: ReadTrial, whitened: Array) -> Array:

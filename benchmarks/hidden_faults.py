@@ -1,0 +1,127 @@
+"""What a study says of a plant with a fault that the model has not, however small the fault is.
+
+    python -m benchmarks.hidden_faults
+    python -m benchmarks.hidden_faults --studies 60 --first 1000
+
+Chains of one to four links (`benchmarks/chains.py`) with a milliradian of noise are matched in three trials. Most have
+a fault of random size: friction, a spring, a tilt, a torque limit, late torques. The table has, for clean plants and
+for each fault, how many studies are `found`; how many of those are confidently wrong, with a lump further from the
+truth than three half-widths of its interval and 0.1 %; and how many of those that are not found would be confidently
+wrong, if their intervals were given after all, widened by the misfit.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import tempfile
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from benchmarks.chains import random_chain
+from metaid.models import Array
+from metaid.plant import FaultSettings, PlantSettings
+from metaid.results import judge, read_snapshot
+from metaid.store import Store
+from metaid.study import EpisodeSettings, StudySettings, StudySpec, create_study, run_study
+
+# The largest size of each fault, and over how many powers of ten below it sizes are drawn.
+OF_LINKS = {"damping": (0.02, 3.0), "frictionloss": (0.02, 3.0), "stiffness": (0.3, 3.0)}
+OF_PLANT = {"tilt": (0.03, 2.5), "torque_limit": (16.0, 1.5)}
+KINDS = (*OF_LINKS, *OF_PLANT, "delay", "none")
+HALF_WIDTHS, SLACK = 3.0, 1e-3
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What became of one study: `wrong` by how many times what is allowed, as it is said and with widened intervals."""
+
+    seed: int
+    links: int
+    fault: str
+    misfit: float
+    found: bool
+    wrong: float
+    widened: float
+
+
+def drawn(seed: int) -> tuple[StudySpec, str]:
+    """The study of that seed, and its fault."""
+    random = np.random.default_rng([77, seed])
+    true, nominal = random_chain(int(random.integers(1, 5)), int(random.integers(1000, 1_000_000)))
+    fault = str(random.choice(KINDS))
+    changes: dict[str, Any] = {}
+    faults: dict[str, Any] = {"angle_noise": 1e-3, "speed_sensor": False, "push_noise": float(random.choice([0, 0.02]))}
+    if fault == "delay":
+        faults[fault] = int(random.integers(1, 4))
+    elif fault != "none":
+        largest, powers = (OF_LINKS | OF_PLANT)[fault]
+        (changes if fault in OF_LINKS else faults)[fault] = largest * 10.0 ** -random.uniform(0.0, powers)
+    links = tuple(link.model_copy(update=changes) for link in true)
+    study = StudySettings(
+        plant="drawn",
+        nominal="drawn",
+        sampler="output-error",
+        trials=3,
+        seed=seed,
+        episode=EpisodeSettings(measure="smoothed"),
+    )
+    plant = PlantSettings(links=links, faults=FaultSettings(**faults))
+    return StudySpec(name="drawn", plant_name="drawn", plant=plant, nominal=nominal, study=study), fault
+
+
+def try_study(seed: int) -> Judged | None:
+    """Runs the study of that seed; None where its trials show too little for an estimate."""
+    spec, fault = drawn(seed)
+    with tempfile.TemporaryDirectory() as folder, closing(Store(str(Path(folder) / "m.db"), create=True)) as store:
+        create_study(store, spec)
+        run_study(store, spec.name)
+        snapshot = read_snapshot(store, spec.name)
+        verdict, found = judge(snapshot), snapshot.estimate
+    truth = snapshot.first.open_plant().true_lumps()
+    if found is None or truth is None:
+        return None
+    estimate = found.estimate
+    error = estimate.log_factors - found.experiment.unknowns.log_factors(truth)
+
+    def wrong(deviations: Array) -> float:
+        return float((np.abs(error) / (HALF_WIDTHS * 1.96 * deviations + SLACK)).max())
+
+    widened = max(estimate.misfit, 1.0) * estimate.deviations
+    said = wrong(estimate.deviations)
+    return Judged(seed, len(spec.nominal), fault, estimate.misfit, verdict.is_found, said, wrong(widened))
+
+
+def table(rows: list[Judged]) -> str:
+    """The results as a Markdown table."""
+    lines = ["| hidden | studies | found | of these wrong | not found | wrong, were they widened |", "| --- " * 6 + "|"]
+    for fault in KINDS:
+        own = [row for row in rows if row.fault == fault]
+        found, refused = [row for row in own if row.found], [row for row in own if not row.found]
+        wrong = sum(row.wrong > 1.0 for row in found), sum(row.widened > 1.0 for row in refused)
+        lines.append(f"| {fault} | {len(own)} | {len(found)} | {wrong[0]} | {len(refused)} | {wrong[1]} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Runs what is asked for and prints the table or JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--studies", type=int, default=200)
+    parser.add_argument("--first", type=int, default=0, help="seed")
+    parser.add_argument("--json", action="store_true")
+    given = parser.parse_args()
+    logging.disable()
+    with threadpool_limits(1):
+        judged = [try_study(seed) for seed in range(given.first, given.first + given.studies)]
+    rows = [row for row in judged if row is not None]
+    print(json.dumps([asdict(row) for row in rows], indent=2) if given.json else table(rows))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,20 @@
+"""A plant with noise: what its sensors read is compared with a twin that is driven by what was commanded.
+
+    estimate = fit(Readings([ReadTrial(...), ...], Unknowns(nominal), gravity))
+
+`unmodelled_forces` looks in what is left of the readings for a force that the model has not.
+"""
+
+from metaid.estimation.noisy.commanded import centred, commanded_torques, filtered_speeds
+from metaid.estimation.noisy.readings import Readings, ReadTrial
+from metaid.estimation.noisy.unmodelled import Unmodelled, unmodelled_forces
+
+__all__ = [
+    "ReadTrial",
+    "Readings",
+    "Unmodelled",
+    "centred",
+    "commanded_torques",
+    "filtered_speeds",
+    "unmodelled_forces",
+]

@@ -1,0 +1,157 @@
+"""A force that the model has not, looked for in what an estimate leaves of the readings.
+
+Wrong lumps can make up for a spring or for friction so well that the misfit hardly says so. So the torque that each
+such force would add is taken for one unknown more a joint. Where that lowers the sum of squares by far more than noise
+would, the force is there, or something like it (Eq. 43). Where the readings cannot tell the force from a lump, the lump
+is known only if there is no such force.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from metaid.estimation.fit import Estimate
+from metaid.estimation.noisy.readings import Readings, ReadTrial
+from metaid.models import SLIDING, Array
+
+DEGREE = 9  # of the polynomials that smooth the angles of a push
+CHANCE = 6.0  # standard deviations above what noise alone gains: it does not gain as much by chance
+LEAST_GAIN = 15.0  # for the tails of so many forces and joints
+TRIFLE = 1e-3  # of a lump: a force that moves none by more does no harm
+UNSEEN = 3.0  # standard deviations of a force that readings may hide
+RANK = 1e-12  # of the largest singular value; a smaller one is rounding
+# What each is, its unit, and what to do about it.
+KINDS = {
+    "spring": ("a spring", "N m/rad", "no law of metaid has one: take it off"),
+    "damping": ("viscous friction", "N m s", "add 'damping' to search.lumps"),
+    "coulomb": ("dry friction", "N m", "add 'coulomb' to search.lumps"),
+    "delay": ("torques that come late", "s", "say so in the plant file, or see episode.lead"),
+}
+
+
+@dataclass(frozen=True)
+class Unmodelled:
+    """A force that the model has not.
+
+    Attributes:
+        kind: "spring", "damping", "coulomb" or "delay".
+        sizes: of each joint (njoint), or of all (1), in the unit of its kind.
+        deviations: standard deviations of these.
+        left: what share of the sum of the squared residuals it leaves.
+        shift: by how much log factors (nunknown) would change.
+        reach: by how much they could (nunknown), with a force so small that the readings do not show it.
+        is_seen: whether it is there: it lowers the squares by more than noise would, and moves a lump out of its 95 %
+            interval, and that by more than TRIFLE.
+    """
+
+    kind: str
+    sizes: Array
+    deviations: Array
+    left: float
+    shift: Array
+    reach: Array
+    is_seen: bool
+
+    @property
+    def description(self) -> str:
+        """What it is, and where it is largest: `a spring in joint 1, 0.5 N m/rad`."""
+        name, unit, _ = KINDS[self.kind]
+        largest = int(np.argmax(np.abs(self.sizes)))
+        where = f" in joint {largest + 1}" if len(self.sizes) > 1 else ""
+        return f"{name}{where}, {self.sizes[largest]:.2g} {unit}"
+
+    @property
+    def name(self) -> str:
+        """What it is."""
+        return KINDS[self.kind][0]
+
+    @property
+    def unseen(self) -> str:
+        """How much of it readings may hide: `up to 0.5 N m/rad of it`."""
+        return f"up to {UNSEEN * float(self.deviations.max()):.2g} {KINDS[self.kind][1]} of it"
+
+    @property
+    def advice(self) -> str:
+        """What to do about it."""
+        return KINDS[self.kind][2]
+
+
+def unmodelled_forces(readings: Readings, estimate: Estimate) -> Iterator[Unmodelled]:
+    """What each kind of force would be, beside unknowns that may change with it.  Eq. 43.
+
+    Kinds of friction that are among the unknowns are not looked for.
+    """
+    torques = [_torques(trial) for trial in readings.trials]
+    kinds = [kind for kind in KINDS if kind not in readings.unknowns.kinds]
+    columns = [np.concatenate([each[kind] for kind in kinds]) for each in torques]
+    residuals = readings.residuals(estimate.point, readings.stages, columns)
+    if residuals is None:
+        return
+    count = len(estimate.names)
+    prior = np.zeros((count, residuals.slopes.shape[1]))
+    prior[:, :count] = np.diag(1.0 / readings.spreads)
+    slopes = np.vstack([residuals.slopes, prior])
+    values = np.append(residuals.values, estimate.log_factors / readings.spreads)
+    before, _, alone = _least(slopes[:, :count], values)
+    first = count
+    for kind in kinds:
+        last = first + len(torques[0][kind])
+        after, step, covariance = _least(np.column_stack([slopes[:, :count], slopes[:, first:last]]), values)
+        more = np.maximum(np.diag(covariance)[:count] - np.diag(alone), 0.0)
+        by_chance = (last - first) + CHANCE * np.sqrt(2.0 * (last - first)) + LEAST_GAIN
+        yield Unmodelled(
+            kind=kind,
+            sizes=step[count:],
+            deviations=np.sqrt(np.diag(covariance)[count:]),
+            left=after / before,
+            shift=step[:count],
+            reach=UNSEEN * np.sqrt(more),
+            is_seen=before - after > by_chance
+            and bool((np.abs(step[:count]) > 1.96 * estimate.deviations + TRIFLE).any()),
+        )
+        first = last
+
+
+def _least(slopes: Array, values: Array) -> tuple[float, Array, Array]:
+    """The least sum of squares of values + slopes @ step, the step there, and the covariance of its parts."""
+    left, singular, right = np.linalg.svd(slopes, full_matrices=False)
+    kept = singular > RANK * singular[0]
+    inverse = right[kept].T / singular[kept]
+    step: Array = -inverse @ (left[:, kept].T @ values)
+    remaining = values + slopes @ step
+    return float(remaining @ remaining), step, inverse @ inverse.T
+
+
+def _torques(trial: ReadTrial) -> dict[str, Array]:
+    """The joint torques that forces of one unit would add to those commanded: by kind (nsize x npush x nstep x
+    njoint), in N m.
+    """
+    timestep, joints = trial.timestep * trial.substeps, np.eye(trial.start_speeds.shape[1])
+    angles, speeds = _smoothed(trial, timestep)
+    earlier = np.zeros_like(trial.torques)
+    earlier[:, 1:] = trial.torques[:, :-1]
+    return {
+        "spring": -angles * joints[:, None, None],
+        "damping": -speeds * joints[:, None, None],
+        "coulomb": -np.clip(speeds / SLIDING, -1.0, 1.0) * joints[:, None, None],
+        "delay": ((earlier - trial.torques) / timestep)[None],
+    }
+
+
+def _smoothed(trial: ReadTrial, timestep: float) -> tuple[Array, Array]:
+    """Angles and speeds of the joints at each step (npush x nstep x njoint), by a polynomial of each push; `timestep`
+    between readings in s. Zeros after a fall.
+    """
+    angles, speeds = np.zeros_like(trial.torques), np.zeros_like(trial.torques)
+    for push, steps in enumerate(trial.steps.tolist()):
+        if steps < 2:
+            continue
+        times = np.linspace(-1.0, 1.0, steps + 1)
+        fitted = legendre.legfit(times, trial.readings[push, : steps + 1], min(DEGREE, steps // 2))
+        angles[push, :steps] = legendre.legval(times[:-1], fitted).T
+        speeds[push, :steps] = legendre.legval(times[:-1], legendre.legder(fitted)).T * (2.0 / (steps * timestep))
+    return angles, speeds

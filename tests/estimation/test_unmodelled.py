@@ -1,0 +1,92 @@
+"""Forces that the model has not are found in what an estimate leaves of the readings, though it may explain them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from watched import GRAVITY, NOISE, TIMESTEP, Watched, raised, watched
+
+from metaid.estimation import Estimate, Readings, Unknowns, Unmodelled, fit
+from metaid.estimation.noisy import unmodelled_forces
+from metaid.models import Array
+from metaid.plant import FaultSettings
+
+NOISY = FaultSettings(angle_noise=NOISE, speed_sensor=False)
+DIFFERING = FaultSettings(angle_noise=NOISE, speed_sensor=False, push_noise=0.02)
+LAWS = (1.2, 1.5, 2.0)  # factors of the nominal gravity lumps
+
+
+def left_of(seen: Watched, kinds: tuple[str, ...] = ("gravity", "coriolis", "inertia")) -> tuple[Estimate, Array]:
+    """The estimate from a trial of each of LAWS, and its errors (nunknown)."""
+    unknowns = Unknowns(seen.nominal.lumps_of(kinds), kinds)
+    estimate = fit(readings_of(seen, unknowns), restarts=0)
+    return estimate, estimate.log_factors - unknowns.log_factors(seen.plant.chain.lumps_of(kinds))
+
+
+def readings_of(seen: Watched, unknowns: Unknowns) -> Readings:
+    """What the sensors read in a trial of each of LAWS."""
+    laws = [raised(seen.nominal.lumps, factor) for factor in LAWS]
+    return Readings([seen.read_trial(law) for law in laws], unknowns, GRAVITY)
+
+
+def strongest(seen: Watched) -> Unmodelled | None:
+    """What is found in the readings of a trial of each of LAWS."""
+    readings = readings_of(seen, Unknowns(seen.nominal.lumps))
+    seen = [force for force in unmodelled_forces(readings, fit(readings, restarts=0)) if force.is_seen]
+    return min(seen, key=lambda force: force.left, default=None)
+
+
+def test_spring_that_a_wrong_gravity_lump_makes_up_for_is_found() -> None:
+    """One link: the misfit passes for noise while the lump is off by hundreds of its deviations."""
+    seen = watched(1, 1, faults=DIFFERING, longer=2.0, spring=0.2)
+    estimate, error = left_of(seen)
+    assert estimate.is_explained
+    assert abs(error[0]) > 100.0 * estimate.deviations[0]
+    force = strongest(seen)
+    assert force is not None
+    assert force.kind == "spring"
+    assert force.sizes[0] == pytest.approx(0.2, rel=0.3)
+    assert abs(error[0] + force.shift[0]) < 0.3 * abs(error[0]), "it would bring the lump back"
+
+
+def test_spring_that_short_pushes_do_not_show_is_named() -> None:
+    """Gravity of one link is right only without it, for the readings may hide as much as there is."""
+    seen = watched(1, 1, faults=DIFFERING, spring=0.2)
+    unknowns = Unknowns(seen.nominal.lumps)
+    readings = readings_of(seen, unknowns)
+    spring = next(force for force in unmodelled_forces(readings, fit(readings, restarts=0)) if force.kind == "spring")
+    assert not spring.is_seen
+    assert 3.0 * spring.deviations[0] > 0.2
+    assert spring.reach[0] > np.abs(left_of(seen)[1][0]) > 0.1
+
+
+def test_friction_and_late_torques_are_found() -> None:
+    """Each by its own name, of the size that it has."""
+    rubbing = strongest(watched(1, 1, damping=0.005, faults=DIFFERING, longer=2.0))
+    assert rubbing is not None
+    assert rubbing.kind == "damping"
+    assert rubbing.sizes[0] == pytest.approx(0.005, rel=0.2)
+    late = strongest(watched(1, 1, faults=FaultSettings(angle_noise=NOISE, delay=2)))
+    assert late is not None
+    assert late.kind == "delay"
+    assert late.sizes[0] == pytest.approx(2 * TIMESTEP, rel=0.2)
+
+
+@pytest.mark.parametrize("nlink", [1, 2, 3])
+@pytest.mark.parametrize("faults", [NOISY, DIFFERING])
+def test_clean_chain_shows_no_other_force(nlink: int, faults: FaultSettings) -> None:
+    """What noise leaves looks like none."""
+    assert all(strongest(watched(nlink, seed, faults=faults)) is None for seed in range(4))
+
+
+def test_friction_that_is_searched_is_not_looked_for() -> None:
+    """It is no force that the model has not."""
+    seen = watched(2, 3, damping=0.02, faults=NOISY)
+    kinds = ("gravity", "coriolis", "inertia", "damping")
+    unknowns = Unknowns(replace(seen.nominal.lumps_of(kinds[:3]), damping=np.full(2, 0.01)), kinds)
+    readings = readings_of(seen, unknowns)
+    forces = list(unmodelled_forces(readings, fit(readings, restarts=0)))
+    assert [force.kind for force in forces] == ["spring", "coulomb", "delay"]
+    assert not any(force.is_seen for force in forces)
