@@ -1,10 +1,10 @@
-"""One step of a hinge chain by MuJoCo, in two halves: first where the links are, then where a torque takes them.
+"""One step of a chain of hinges and slides by MuJoCo, in two halves: where links are, and where a torque takes them.
 
-In between, the law reads cosines and sines off the rotation matrices that MuJoCo has just worked out. MuJoCo cuts
-`mj_step` in two for this, `mj_step1` and `mj_step2`. They also look for contacts, constraints, tendons, actuators,
-sensors and bad numbers; the rest of their work is the seven calls that a `DirectStep` is made of. These are the same
-machine code on the same numbers, so the result is the same to the last bit. `agrees_with_mj_step` checks this on the
-very model that is to be stepped.
+In between, the law of a planar chain reads cosines and sines off the rotation matrices that MuJoCo has just worked out.
+MuJoCo cuts `mj_step` in two for this, `mj_step1` and `mj_step2`. They also look for contacts, constraints, tendons,
+actuators, sensors and bad numbers; the rest of their work is the seven calls that a `DirectStep` is made of. These are
+the same machine code on the same numbers, so the result is the same to the last bit. `agrees_with_mj_step` checks this
+on the very model that is to be stepped.
 """
 
 from __future__ import annotations
@@ -145,10 +145,23 @@ def advance_directly(chain):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def step_with_mujoco(chain):  # type: ignore[no-untyped-def]
+    """A whole timestep of a `MujocoStep`."""
+    _mj_step1(chain.model, chain.data)
+    _mj_step2(chain.model, chain.data)
+
+
+@compiled
+def step_directly(chain):  # type: ignore[no-untyped-def]
+    """A whole timestep of a `DirectStep`."""
+    _mj_kinematics(chain.model, chain.data)
+    advance_directly(chain)
+
+
+@compiled
 def _advance_many(chain, steps):  # type: ignore[no-untyped-def]
     for _ in range(steps):
-        _mj_kinematics(chain.model, chain.data)
-        advance_directly(chain)
+        step_directly(chain)
 
 
 def agrees_with_mj_step(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
@@ -156,7 +169,8 @@ def agrees_with_mj_step(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
 
     Compared after a number of steps from random states with random torques, fast and large ones among them.
     """
-    if model.nv == 0 or (model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any():
+    single = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
+    if model.nv == 0 or not np.isin(model.jnt_type, [int(kind) for kind in single]).all():
         return False
     random, chain, same = np.random.default_rng(0), direct_step(model, data), True
     for size in (0.1, 1.0, 5.0):

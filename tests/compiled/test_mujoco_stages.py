@@ -59,14 +59,13 @@ def test_a_chain_with_dry_friction_is_left_to_mj_step() -> None:
 @pytest.mark.parametrize(
     "joint",
     [
-        '<joint type="slide" axis="1 0 0"/>',
         "<freejoint/>",
         '<joint type="ball"/>',
         '<joint type="hinge" axis="0 1 0" frictionloss="0.1"/>',
         "",
     ],
 )
-def test_models_that_are_no_chain_of_hinges_are_not_accepted(joint: str) -> None:
+def test_models_that_are_no_chain_of_hinges_and_slides_are_not_accepted(joint: str) -> None:
     """Other joints and dry friction are noticed, before or by the comparison."""
     inertial = '<inertial pos="0 0 0.2" mass="1" diaginertia="0.01 0.01 0.01"/>'
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody><body>{joint}{inertial}</body></worldbody></mujoco>")

@@ -14,6 +14,7 @@ from metaid.models.tree import Tree
 with usable_mujoco():
     import mujoco
 
+SOLVED = 1e-15  # MuJoCo's own 1e-8 leaves as much of dry friction's acceleration wrong
 LEAST = 1e-14  # kg m² or kg: MuJoCo compiles no moving body of less than 1e-15
 
 
@@ -31,6 +32,7 @@ def build_arm_spec(tree: Tree, timestep: float) -> mujoco.MjSpec:
     spec.option.timestep = timestep
     spec.option.gravity = tree.gravity
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    spec.option.tolerance = SOLVED
     spec.option.disableflags = _disabled(tree)
     spec.compiler.degree = False
     spec.compiler.autolimits = False

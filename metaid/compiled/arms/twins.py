@@ -1,0 +1,211 @@
+"""Twins of an arm: candidates that are simulated under the laws or the torques that the plant was sent.
+
+All candidates of a call have the same pushes, and are shared among threads. A twin takes the plant's own steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.compiled.arms.dynamics import Frames, fill_mass_matrix, joint_torques, move_links, new_space
+from metaid.compiled.arms.friction import (
+    accelerate_freely,
+    accelerate_with_friction,
+    new_motion,
+    soften,
+)
+from metaid.compiled.decorator import compiled
+from metaid.models import SLIDING, Array
+
+TOO_FAST = 1e3  # rad/s or m/s: no arm that is simulated gets there
+
+
+@dataclass(frozen=True)
+class Followed:
+    """Twins that followed the pushes: `values` (ncandidate x npush x nvalue x njoint), and which of them did
+    (ncandidate x npush).
+    """
+
+    values: Array
+    arrived: NDArray[np.bool_]
+
+
+def follow_laws(
+    frames: Frames,
+    law: Array,
+    candidates: Array,
+    pushes: tuple[Array, Array],
+    windows: tuple[NDArray[np.int64], NDArray[np.int64]],
+    timestep: float,
+    threads: int = 2,
+) -> Followed:
+    """Joint speeds at the ends of windows (ncandidate x npush x nwindow x njoint) of twins under the law that was sent.
+
+    Args:
+        frames: of the arm.
+        law: parameters of the candidate that was sent (njoint x 13).
+        candidates: parameters of the twins (ncandidate x njoint x 13).
+        pushes: joint coordinates and speeds at the starts (npush x 2 x njoint), and k (npush), in 1/s².
+        windows: the steps at which they end (nwindow), and how many of them are wanted of each push (npush).
+        timestep: in s.
+        threads: that share the candidates.
+    """
+    shape = len(candidates), len(pushes[0]), len(windows[0]), law.shape[0]
+
+    def share(*rest: Any) -> None:
+        _follow_law(frames, law, candidates, pushes, windows, timestep, *rest)
+
+    return _shared(share, shape, threads)
+
+
+def follow_torques(
+    frames: Frames,
+    candidates: Array,
+    starts: Array,
+    torques: Array,
+    seen: tuple[Array, NDArray[np.int64], NDArray[np.int64]],
+    timestep: float,
+    threads: int = 2,
+) -> Followed:
+    """Coefficients of the joint coordinates (ncandidate x npush x ncoefficient x njoint) of twins that are driven by
+    the torques that were commanded.  Eq. 28.
+
+    Args:
+        frames: of the arm.
+        candidates: parameters of the twins (ncandidate x njoint x 13).
+        starts: joint coordinates and speeds at the starts (ncandidate x npush x 2 x njoint).
+        torques: as they were commanded (npush x nstep x njoint), in N m or N.
+        seen: polynomials at every reading (nbasis x nstep + 1 x ncoefficient), which of them is for each push (npush),
+            and for how many steps it is followed (npush).
+        timestep: in s.
+        threads: that share the candidates.
+    """
+    shape = len(candidates), len(torques), seen[0].shape[2], torques.shape[2]
+
+    def share(*rest: Any) -> None:
+        _follow_torque(frames, candidates, starts, torques, seen, timestep, *rest)
+
+    return _shared(share, shape, threads)
+
+
+def _shared(work: Callable[..., None], shape: tuple[int, int, int, int], threads: int) -> Followed:
+    """What `work` fills in, on that many threads, each with every so manyeth candidate."""
+    values, arrived = np.zeros(shape), np.zeros(shape[:2], dtype=np.bool_)
+    threads = min(threads, shape[0])
+
+    def run(first: int) -> None:
+        rooms = np.zeros((shape[3], 13)), new_motion(shape[3]), new_space(shape[3])
+        work((first, threads), rooms, values, arrived)
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(run, range(threads)))
+    return Followed(values, arrived)
+
+
+@compiled
+def _follow_law(frames, law, candidates, pushes, windows, timestep, share, rooms, speeds, arrived):  # type: ignore[no-untyped-def]
+    """Runs a share of the candidates: from which on, and every so manyeth."""
+    (starts, stiffness), (ends, wanted), (first, stride), (difference, motion, space) = pushes, windows, share, rooms
+    n = law.shape[0]
+    for candidate in range(first, candidates.shape[0], stride):
+        parameters = candidates[candidate]
+        for i in range(n):
+            for j in range(13):
+                difference[i, j] = law[i, j] - parameters[i, j]
+        for push in range(starts.shape[0]):
+            follows = _set_off(frames, parameters, starts[push], motion, space)
+            step = 0
+            for window in range(wanted[push]):
+                while follows and step < ends[window]:
+                    _push_by_law(frames, law, difference, starts[push], stiffness[push], motion, space)
+                    follows = _advance(frames, parameters, timestep, motion, space)
+                    step += 1
+                for i in range(n):
+                    speeds[candidate, push, window, i] = motion.speed[i]
+            arrived[candidate, push] = follows
+
+
+@compiled
+def _follow_torque(frames, candidates, starts, torques, seen, timestep, share, rooms, coefficients, arrived):  # type: ignore[no-untyped-def]
+    """The same, driven."""
+    (basis, chosen, steps), (first, stride), (_, motion, space) = seen, share, rooms
+    for candidate in range(first, candidates.shape[0], stride):
+        parameters = candidates[candidate]
+        for push in range(torques.shape[0]):
+            follows = _set_off(frames, parameters, starts[candidate, push], motion, space)
+            step, polynomials, filled = 0, basis[chosen[push]], coefficients[candidate, push]
+            if steps[push] > 0:
+                _add_reading(polynomials[0], motion, filled)
+            while follows and step < steps[push]:
+                _push_by_torque(frames, parameters, torques[push, step], motion, space)
+                follows = _advance(frames, parameters, timestep, motion, space)
+                step += 1
+                _add_reading(polynomials[step], motion, filled)
+            arrived[candidate, push] = follows
+
+
+@compiled
+def _add_reading(polynomials, motion, coefficients):  # type: ignore[no-untyped-def]
+    """Adds what the reading at a step has of the coefficients."""
+    for k in range(coefficients.shape[0]):
+        for i in range(coefficients.shape[1]):
+            coefficients[k, i] += polynomials[k] * motion.position[i]
+
+
+@compiled
+def _set_off(frames, parameters, start, motion, space):  # type: ignore[no-untyped-def]
+    """Begins a push; whether a twin with these parameters can."""
+    is_dry = False
+    for i in range(motion.position.shape[0]):
+        motion.position[i], motion.speed[i] = start[0, i], start[1, i]
+        motion.pull[i] = 0.0
+        motion.side[i] = np.sign(start[1, i]) * np.sign(parameters[i, 12])
+        is_dry = is_dry or parameters[i, 12] != 0.0
+    return not is_dry or soften(frames, parameters, motion, space)
+
+
+@compiled
+def _push_by_law(frames, law, difference, start, stiffness, motion, space):  # type: ignore[no-untyped-def]
+    """The force that the law leaves, dry friction of the arm apart: that of the difference of the two.  Eq. 45."""
+    position, speed, pull, force = motion.position, motion.speed, motion.pull, motion.force
+    for i in range(pull.shape[0]):
+        pull[i] = -stiffness * (position[i] - start[0, i])
+    move_links(frames, position, speed, pull, space)
+    joint_torques(frames, difference, space, force)
+    for i in range(pull.shape[0]):
+        force[i] += difference[i, 10] * pull[i] + difference[i, 11] * speed[i]
+        force[i] += law[i, 12] * min(max(speed[i] * (1.0 / SLIDING), -1.0), 1.0)  # Eq. 15
+
+
+@compiled
+def _push_by_torque(frames, parameters, torque, motion, space):  # type: ignore[no-untyped-def]
+    """The force that a torque leaves beside the bias, dry friction apart."""
+    force = motion.force
+    move_links(frames, motion.position, motion.speed, motion.zero, space)
+    joint_torques(frames, parameters, space, force)
+    for i in range(force.shape[0]):
+        force[i] = torque[i] - force[i] - parameters[i, 11] * motion.speed[i]
+
+
+@compiled
+def _advance(frames, parameters, timestep, motion, space):  # type: ignore[no-untyped-def]
+    """One step of Euler's, as MuJoCo takes it; whether the twin could."""
+    fill_mass_matrix(frames, parameters, space)
+    is_dry = False
+    for i in range(motion.force.shape[0]):
+        is_dry = is_dry or parameters[i, 12] != 0.0
+    moves = accelerate_with_friction(parameters, motion, space) if is_dry else accelerate_freely(motion, space)
+    if not moves:
+        return False
+    for i in range(motion.force.shape[0]):
+        motion.speed[i] += timestep * (motion.beyond[i] + motion.pull[i])
+        motion.position[i] += timestep * motion.speed[i]
+        if not abs(motion.speed[i]) <= TOO_FAST:
+            return False
+    return True

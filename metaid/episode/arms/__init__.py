@@ -1,0 +1,10 @@
+"""The episode of an arm: pushes from poses all over the joint ranges, and what they show.
+
+`ArmEpisode` says what is done, `run_arm_stepwise` does it in plain Python, and `ArmRecord` is what was seen.
+"""
+
+from metaid.episode.arms.arm_episode import RUNAWAY, ArmEpisode
+from metaid.episode.arms.arm_record import ArmRecord, same_arm_record
+from metaid.episode.arms.stepwise import run_arm_stepwise, sensor_noise
+
+__all__ = ["RUNAWAY", "ArmEpisode", "ArmRecord", "run_arm_stepwise", "same_arm_record", "sensor_noise"]

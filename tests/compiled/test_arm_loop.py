@@ -1,0 +1,160 @@
+"""Arms at full speed: the compiled episode against plain Python, and twins against MuJoCo."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from random_arm import random_arm
+
+from metaid.compiled.arms import ArmLoop, commanded_arm_torques, follow_laws, follow_torques, frames_of
+from metaid.compiled.stages import agrees_with_mj_step
+from metaid.episode import window_ends
+from metaid.episode.arms import ArmEpisode, run_arm_stepwise, same_arm_record
+from metaid.models.tree import Tree, joint_torque
+from metaid.plant import slope_weights
+from metaid.plant.arms import ArmFaults, ArmPlant, ArmSettings, ArmStart, arm_model
+
+STEPS = 40
+
+
+def plant_of(tree: Tree, **faults: object) -> ArmPlant:
+    """A plant that is this arm."""
+    plant = ArmPlant("arm", ArmSettings(urdf="arm.urdf", faults=ArmFaults(**faults)))
+    plant.__dict__["arm"] = SimpleNamespace(tree=tree)
+    return plant
+
+
+def episode_of(tree: Tree, pushes: int = 4, steps: int = STEPS, **more: object) -> ArmEpisode:
+    """Pushes from random states, half of them on springs."""
+    random = np.random.default_rng(1)
+    states = [
+        ArmStart(random.uniform(-1.0, 1.0, tree.njoint), random.uniform(-2.0, 2.0, tree.njoint)) for _ in range(pushes)
+    ]
+    stiffness = np.where(np.arange(pushes) % 2 == 1, 30.0, 0.0)
+    return ArmEpisode(tuple(states), stiffness, steps, window_ends(steps), **more)
+
+
+def wrong(tree: Tree) -> Tree:
+    """A candidate that is not the arm."""
+    return replace(tree, mass=1.2 * tree.mass, coulomb=0.5 * tree.coulomb, rotor=0.8 * tree.rotor)
+
+
+ARMS = [random_arm(4, 1, friction=False), random_arm(4, 2), random_arm(3, 3, (1,)), random_arm(3, 4, (0,), False)]
+
+
+@pytest.mark.parametrize("tree", ARMS, ids=["hinges", "rubbed", "rubbed-slide", "slide"])
+def test_compiled_episode_is_the_plain_one(tree: Tree) -> None:
+    """With hinges and slides, springs, with and without dry friction, all that is seen is the same to rounding."""
+    plant, episode, law = plant_of(tree), episode_of(tree), wrong(tree)
+    loop = ArmLoop(plant, tree, episode)
+    assert loop.is_compiled
+    fast, slow = loop.run(law.parameters), run_arm_stepwise(plant, law, tree, episode)
+    assert same_arm_record(fast, slow)
+    assert fast.windows.motion.any()
+    np.testing.assert_allclose(fast.frequency, slow.frequency, rtol=1e-9)
+
+
+def test_compiled_episode_on_noisy_sensors_is_the_plain_one() -> None:
+    """Noise is that of the trial, and the law acts on speeds from angle readings."""
+    tree = ARMS[1]
+    plant, episode = plant_of(tree, angle_noise=1e-4, speed_sensor=False), episode_of(tree, seed=5)
+    loop = ArmLoop(plant, tree, episode)
+    assert loop.is_compiled
+    fast, slow = loop.run(tree.parameters, 3), run_arm_stepwise(plant, tree, tree, episode, 3)
+    assert same_arm_record(fast, slow)
+    assert not same_arm_record(fast, loop.run(tree.parameters, 4))
+
+
+def test_exact_law_leaves_an_arm_to_coast_or_to_swing() -> None:
+    """Without dry friction nothing accelerates it beyond what the law asks for; a wrong law does."""
+    tree = ARMS[0]
+    loop = ArmLoop(plant_of(tree), tree, episode_of(tree))
+    assert loop.run(tree.parameters).frequency < 1e-9
+    assert loop.run(wrong(tree).parameters).frequency > 1e-2
+
+
+def test_push_that_falls_leaves_the_others_whole() -> None:
+    """A push ends where a joint runs away; its windows up to there are kept, and other pushes go on."""
+    tree = ARMS[0]
+    episode = episode_of(tree, steps=150)
+    calm = tuple(replace(start, speeds=0.1 * start.speeds) for start in episode.starts[:-1])
+    episode = replace(episode, starts=(*calm, episode.starts[-1]), stiffness=np.zeros(4), runaway=1.5)
+    law = replace(tree, mass=1.6 * tree.mass)
+    record = ArmLoop(plant_of(tree), tree, episode).run(law.parameters)
+    assert record.fell.any()
+    assert not record.fell.all()
+    for push in np.flatnonzero(record.fell):
+        ended = (record.windows.ends < record.steps[push]).sum()
+        assert record.windows.seen[push] == ended
+        assert not record.windows.motion[push, ended:].any()
+    assert (record.steps[~record.fell] == 150).all()
+    assert np.isfinite(record.frequency)
+
+
+def test_joint_beyond_its_range_has_fallen() -> None:
+    """A coast that leaves the range of a joint is a fall."""
+    tree = replace(ARMS[0], high=np.full(4, 1.02))
+    start = ArmStart(np.full(4, 1.0), np.full(4, 1.0))
+    record = ArmLoop(plant_of(tree), tree, ArmEpisode((start,), np.zeros(1), 50)).run(tree.parameters)
+    assert record.fell.all()
+    assert record.steps[0] == 11, "0.02 rad at 1 rad/s, in steps of 2 ms"
+
+
+@pytest.mark.parametrize("tree", ARMS, ids=["hinges", "rubbed", "rubbed-slide", "slide"])
+def test_twin_with_the_truth_moves_as_mujoco_does(tree: Tree) -> None:
+    """Under a wrong law the twin shows the plant's speeds, joints that stick or reverse included."""
+    episode, law = episode_of(tree, steps=100), wrong(tree)
+    episode = replace(episode, starts=tuple(replace(start, speeds=0.2 * start.speeds) for start in episode.starts))
+    record = ArmLoop(plant_of(tree), tree, replace(episode, runaway=100.0)).run(law.parameters)
+    truth = np.stack([tree.parameters, 1.1 * tree.parameters])
+    windows = record.windows.ends, record.windows.seen
+    followed = follow_laws(frames_of(tree), law.parameters, truth, (episode.states, episode.stiffness), windows, 0.002)
+    assert followed.arrived.all()
+    scale = np.abs(record.windows.speeds).max()
+    np.testing.assert_allclose(followed.values[0], record.windows.speeds, atol=1e-11 * scale)
+    assert np.abs(followed.values[1] - record.windows.speeds).max() > 1e-4 * scale
+
+
+def test_driven_twin_shows_what_the_sensors_read() -> None:
+    """With the torques that were commanded it moves as the plant did, which acted on noisy readings."""
+    tree, law = ARMS[1], wrong(ARMS[1])
+    plant, episode = plant_of(tree, angle_noise=1e-4, speed_sensor=False), episode_of(tree)
+    record = ArmLoop(plant, tree, episode).run(law.parameters)
+    assert record.readings is not None
+    readings, weights = record.readings.angles, slope_weights(0.002)
+    speeds = np.repeat(episode.states[:, 1][:, None], STEPS + 1, axis=1)
+    for step in range(len(weights) - 1, STEPS + 1):
+        speeds[:, step] = np.einsum("k,pki->pi", weights, readings[:, step + 1 - len(weights) : step + 1])
+    torques = commanded_arm_torques(frames_of(tree), law.parameters, episode, readings, speeds)
+    pull = -episode.stiffness[:, None] * (readings[:, 20] - episode.states[:, 0])
+    np.testing.assert_allclose(torques[:, 20], joint_torque(law, readings[:, 20], speeds[:, 20], pull), rtol=1e-9)
+    basis = np.eye(STEPS + 1)[None]  # each coefficient is the angle at one reading
+    seen = basis, np.zeros(episode.npush, dtype=np.int64), np.full(episode.npush, STEPS)
+    twin = follow_torques(frames_of(tree), tree.parameters[None], episode.states[None], torques, seen, 0.002)
+    assert twin.arrived.all()
+    difference = twin.values[0] - readings
+    assert 0.8e-4 < difference.std() < 1.2e-4
+
+
+def test_twin_without_a_mass_matrix_is_refused() -> None:
+    """A candidate whose mass matrix is not positive definite does not arrive."""
+    tree = ARMS[0]
+    episode = episode_of(tree)
+    candidates = np.stack([tree.parameters, -tree.parameters])
+    windows = np.array(episode.window_ends), np.full(4, len(episode.window_ends))
+    pushes = episode.states, episode.stiffness
+    followed = follow_laws(frames_of(tree), tree.parameters, candidates, pushes, windows, 0.002)
+    assert followed.arrived[0].all()
+    assert not followed.arrived[1].any()
+
+
+@pytest.mark.parametrize("slides", [(), (1,)])
+def test_stages_of_mujoco_are_its_step_on_an_arm(slides: tuple[int, ...]) -> None:
+    """Called one by one they move an arm in space, with slides too, to the last bit as `mj_step` does."""
+    import mujoco
+
+    model = arm_model(random_arm(4, 1, slides, friction=False), 0.002)
+    assert agrees_with_mj_step(model, mujoco.MjData(model))
