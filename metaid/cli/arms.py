@@ -15,7 +15,7 @@ from metaid.plant.arms import ArmPlant
 
 def show_arm(arm: ArmPlant, as_json: bool) -> None:
     """Its joints with their axes and limits, and the parameters of its links."""
-    tree, settings = arm.tree, arm.settings
+    tree, settings, lost = arm.tree, arm.settings, arm.arm.whole.lost_meshes
     _, axes = arm.arm.whole.joints_at(arm.home)
     joints = [
         {
@@ -29,7 +29,7 @@ def show_arm(arm: ArmPlant, as_json: bool) -> None:
         for i, name in enumerate(tree.names)
     ]
     if as_json:
-        common: dict[str, Any] = {settings.kind: settings.file, "gravity": tree.gravity.tolist()}
+        common: dict[str, Any] = {settings.kind: settings.file, "lost_meshes": lost, "gravity": tree.gravity.tolist()}
         links = [dict(zip(PARAMETERS, row, strict=True)) for row in tree.parameters.tolist()]
         faults = settings.faults.model_dump(mode="json")
         print_json(
@@ -52,7 +52,8 @@ def show_arm(arm: ArmPlant, as_json: bool) -> None:
         heading,
         rows,
         f"{settings.kind} {Path(settings.file).name}; gravity {_three(tree.gravity)} m/s², timestep {arm.timestep} s"
-        + "".join(f"; {name} {value}" for name, value in settings.faults.named.items()),
+        + "".join(f"; {name} {value}" for name, value in settings.faults.named.items())
+        + (f"; meshes that cannot be loaded, so that nothing keeps clear of them: {len(lost)}" if lost else ""),
         words=["kind"],
     )
     heading = ["link of joint", "mass, kg", "centre of mass, m", "principal inertias, kg m²", "rotor, kg m²"]

@@ -10,6 +10,7 @@ import pytest
 
 from metaid.errors import PlantError
 from metaid.models.tree import Tree
+from metaid.plant import build_spec, load_chain
 from metaid.plant.arms import ArmPlant, ArmSettings, ArmStart, arm_model, build_arm_spec, read_arm, set_parameters
 from metaid.plant.arms.compiling import compile_file
 from metaid.plant.arms.fusing import Whole, fuse
@@ -219,6 +220,7 @@ REFUSED = {
         {"joint": "damping='0.1 0.2'"},
         "joint 'shoulder' has viscous friction that is no multiple of its speed",
     ),
+    "friction that drives": ({"joint": "damping='-0.1'"}, "joint 'shoulder' has damping -0.1 (allowed: 0 or more)"),
     "weightless": (
         {"upper": "gravcomp='1'"},
         "body 'upper' is relieved of its weight by gravcomp (allowed: gravcomp 0)",
@@ -265,7 +267,7 @@ def test_what_is_held_may_be_anything(tmp_path: Path) -> None:
 def test_force_that_nobody_thought_of_is_refused(tmp_path: Path) -> None:
     """Where the lean model does not move as the file does, the joint and the force are named."""
     (tmp_path / "arm.xml").write_text(two(joint="stiffness='3'"), encoding="utf-8")
-    model = compile_file(tmp_path / "arm.xml", is_urdf=False)
+    model, _ = compile_file(tmp_path / "arm.xml", is_urdf=False)
     whole = Whole(model, moving_joints("arm.xml", model, None), model.qpos0)
     tree = fuse(whole)
     for other, what in ((tree, "passive force"), (replace(tree, rotor=tree.rotor + 1.0), "inertia")):
@@ -301,6 +303,11 @@ FILES = {
     "empty": ("", "not valid XML"),
     "a URDF": (URDF, "no MJCF: it begins with <robot> (allowed: <mujoco>)"),
     "not MJCF": ("<mujoco><bodies/></mujoco>", "MuJoCo cannot read it: "),
+    "NaN": (two(joint="damping='nan'"), "a number in it is NaN (allowed: finite numbers)"),
+    "too many joints": (
+        "<mujoco><worldbody>" + 65 * "<body><joint/><geom size='.1'/>" + 65 * "</body>" + "</worldbody></mujoco>",
+        "65 joints move (allowed: at most 64; or joints = [names]",
+    ),
     "no joints": ("<mujoco/>", "no joint moves (allowed: hinges and slides in series)"),
     "impossible body": (
         two(within='<inertial pos="0 0 0" mass="1" diaginertia="1 1 3"/>'),
@@ -314,16 +321,35 @@ FILES = {
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_file_that_does_not_compile_is_refused(tmp_path: Path, name: str) -> None:
-    """One line names the file, and what MuJoCo says of it."""
+def test_file_that_does_not_compile_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """One line names the file, and what MuJoCo says of it, which leaves no log behind."""
+    monkeypatch.chdir(tmp_path)
     text, message = FILES[name]
     path = tmp_path / "arm.xml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(PlantError) as refused:
         read_arm(ArmSettings(mjcf=str(path)), "arm.toml")
     assert message in str(refused.value)
-    with pytest.raises(PlantError, match=r"no MJCF or URDF file at|No such file"):
-        read_arm(ArmSettings(mjcf=str(tmp_path / "none.xml")), "arm.toml")
+    assert [each.name for each in tmp_path.iterdir()] == ["arm.xml"]
+
+
+def test_textures_that_are_not_there_cost_nothing(tmp_path: Path) -> None:
+    """Neither do MuJoCo's warnings: they are not printed."""
+    looks = "<asset><texture name='t' type='2d' file='no.png'/><material name='m' texture='t'/></asset>"
+    text = two(within="<geom size='0.1' material='m'/>", after=looks + "<compiler settotalmass='3'/>")
+    assert read(tmp_path, text).tree.mass.sum() < 3.0
+
+
+def test_planar_chain_given_as_mjcf_moves_as_from_its_plant_file(tmp_path: Path) -> None:
+    """Mass matrix and weight of the chain are those of the arm."""
+    chain = load_chain("three-link")
+    spec = build_spec(chain.chain, chain.gravity, chain.timestep)
+    arm = read(tmp_path, spec.to_xml())
+    lean, angles, speeds = arm_model(arm.tree, chain.timestep), np.array([0.3, -0.5, 0.9]), np.array([1.0, -2.0, 0.5])
+    for mine, theirs in zip(
+        forces_of_lean(lean, angles, speeds), forces_of_lean(chain.model, angles, speeds), strict=True
+    ):
+        assert mine == pytest.approx(theirs, rel=1e-9, abs=1e-12)
 
 
 def test_mesh_of_a_package_is_found_in_a_folder_above(tmp_path: Path) -> None:
@@ -337,4 +363,5 @@ def test_mesh_of_a_package_is_found_in_a_folder_above(tmp_path: Path) -> None:
     (tmp_path / "nowhere" / "upper.stl").write_bytes(binary)
     arm = read(tmp_path / "robots", URDF)
     assert arm.whole.model.nmesh == 1
+    assert arm.whole.lost_meshes == ("package://nowhere/base.stl",)
     assert arm.tree.mass.tolist() == [2.0, 1.0]

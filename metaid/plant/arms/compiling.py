@@ -1,9 +1,12 @@
-"""MuJoCo compiles the user's whole MJCF or URDF, without the meshes that cannot be loaded."""
+"""MuJoCo compiles the user's whole MJCF or URDF, without the meshes and textures that cannot be loaded."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
 from xml.etree import ElementTree
 
 from metaid.errors import PlantError, usable_mujoco
@@ -13,10 +16,12 @@ with usable_mujoco():
 
 SCHEME = "://"  # of a mesh's address: package://NAME/PATH, file:///PATH
 _BROKEN = (ValueError, mujoco.FatalError)
+T = TypeVar("T")
 
 
-def compile_file(path: Path, is_urdf: bool) -> mujoco.MjModel:
-    """The compiled whole of an MJCF or URDF. Meshes that cannot be loaded are left out where only shapes are lost.
+def compile_file(path: Path, is_urdf: bool) -> tuple[mujoco.MjModel, tuple[str, ...]]:
+    """The compiled whole of an MJCF or URDF, and the meshes that cannot be loaded: these are left out where only shapes
+    are lost. Textures that cannot be loaded are left out, too.
 
     Args:
         path: of the file.
@@ -29,29 +34,49 @@ def compile_file(path: Path, is_urdf: bool) -> mujoco.MjModel:
     found = _root(path, kind)
     if found != root:
         raise PlantError(f"{path}: no {kind}: it begins with <{found}> (allowed: <{root}>)")
+    with _warnings() as warned:
+        spec = _attempt(path, "read", lambda: mujoco.MjSpec.from_file(str(path)))
+        if any("NaN" in warning for warning in warned):
+            raise PlantError(f"{path}: a number in it is NaN (allowed: finite numbers)")
+        if is_urdf:
+            for body in spec.bodies:
+                for geom in () if _weighs_as_said(spec, body) else body.geoms:
+                    geom.density = 0.0
+        for mesh in spec.meshes:
+            mesh.file = _found(mesh.file, path)
+        try:
+            return spec.copy().compile(), ()
+        except _BROKEN:
+            lost = _leave_out_lost_meshes(spec, path)
+            _leave_out_textures(spec)
+        return _attempt(path, "compile", spec.compile), lost
+
+
+def _attempt(path: Path, what: str, do: Callable[[], T]) -> T:
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
+        return do()
     except _BROKEN as problem:
-        raise PlantError(f"{path}: MuJoCo cannot read it: {problem}") from None
-    if is_urdf:
-        for body in spec.bodies:
-            for geom in () if _weighs_as_said(spec, body) else body.geoms:
-                geom.density = 0.0
-    for mesh in spec.meshes:
-        mesh.file = _found(mesh.file, path)
+        raise PlantError(f"{path}: MuJoCo cannot {what} it: {problem}") from None
+
+
+@contextmanager
+def _warnings() -> Iterator[list[str]]:
+    """Within it what MuJoCo warns of is gathered, where it would be printed and written into a log file."""
+    gathered: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(gathered.append)
     try:
-        return spec.copy().compile()
-    except _BROKEN as problem:
-        if not _leave_out_lost_meshes(spec, path):
-            raise PlantError(f"{path}: MuJoCo cannot compile it: {problem}") from None
-    try:
-        return spec.compile()
-    except _BROKEN as problem:
-        raise PlantError(f"{path}: MuJoCo cannot compile it: {problem}") from None
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            yield gathered
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def _root(path: Path, kind: str) -> str:
     """The name of the first element of an XML file."""
+    if path.exists() and not path.is_file():
+        raise PlantError(f"{path}: not a file (allowed: the path of an {kind} file)")
     try:
         with path.open("rb") as file:
             for _, element in ElementTree.iterparse(file, events=("start",)):
@@ -86,8 +111,8 @@ def _places(parts: tuple[str, ...], path: Path) -> Iterator[Path]:
             yield folder.joinpath(*parts[1:])
 
 
-def _leave_out_lost_meshes(spec: mujoco.MjSpec, path: Path) -> bool:
-    """Takes the meshes away that cannot be loaded, and the shapes that they are; whether there were any."""
+def _leave_out_lost_meshes(spec: mujoco.MjSpec, path: Path) -> tuple[str, ...]:
+    """Takes the meshes away that cannot be loaded, and the shapes that they are; which these were."""
     lost = {mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes if not _loads(spec, mesh)}
     low, high = spec.compiler.inertiagrouprange
     for geom in [geom for geom in spec.geoms if geom.meshname in lost]:
@@ -98,9 +123,17 @@ def _leave_out_lost_meshes(spec: mujoco.MjSpec, path: Path) -> bool:
                 f"cannot be loaded (allowed: a mesh that can, or an <inertial>)"
             )
         spec.delete(geom)
+    files = tuple(mesh.file for mesh in lost.values())
     for mesh in lost.values():
         spec.delete(mesh)
-    return bool(lost)
+    return files
+
+
+def _leave_out_textures(spec: mujoco.MjSpec) -> None:
+    for texture in list(spec.textures):
+        spec.delete(texture)
+    for material in spec.materials:
+        material.textures = [""] * len(list(material.textures))
 
 
 def _loads(spec: mujoco.MjSpec, mesh: mujoco.MjsMesh) -> bool:

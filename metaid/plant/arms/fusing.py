@@ -27,11 +27,13 @@ class Whole:
         model: of the whole file.
         joints: numbers of the joints that move (njoint), from the base on.
         pose: coordinates of all joints of the model (nq), with which the others are held.
+        lost_meshes: that could not be loaded, so that their shapes are not there.
     """
 
     model: mujoco.MjModel
     joints: tuple[int, ...]
     pose: Array
+    lost_meshes: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -81,6 +83,11 @@ class Whole:
         pose = self.pose.copy()
         pose[self.addresses] = coordinates
         return pose
+
+
+def body_name(model: mujoco.MjModel, body: int) -> str:
+    """The name of a body; where it has none, its number."""
+    return model.body(body).name or f"body_{body}"
 
 
 def joint_name(model: mujoco.MjModel, joint: int) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -45,10 +46,10 @@ def read_arm(settings: ArmSettings, source: str) -> Arm:
         PlantError: the file is missing, does not compile, or is no serial arm.
     """
     path = Path(settings.file)
-    model = compile_file(path, is_urdf=settings.kind == "urdf")
+    model, lost = compile_file(path, is_urdf=settings.kind == "urdf")
     named = f"{source}: {path.name}"
     joints = moving_joints(named, model, settings.joints)
-    whole = Whole(model, joints, _pose(model, settings, source))
+    whole = Whole(model, joints, _pose(model, settings, source), lost)
     refuse_what_is_no_arm(named, whole)
     tree = fuse(whole)
     refuse_another_motion(named, whole, tree, settings.timestep)
@@ -134,10 +135,12 @@ def forces_of_lean(model: mujoco.MjModel, coordinates: Array, speeds: Array) -> 
 
 def forces_of_whole(whole: Whole, coordinates: Array, speeds: Array) -> tuple[Array, Array, Array]:
     """The same of the whole file, of the joints that move while the others are held."""
-    data = mujoco.MjData(whole.model)
+    model = copy(whole.model)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT  # what touches in such a pose does not matter
+    data = mujoco.MjData(model)
     data.qpos[:] = whole.at(coordinates)
     data.qvel[whole.degrees] = speeds
-    return _forces(whole.model, data, whole.degrees)
+    return _forces(model, data, whole.degrees)
 
 
 def _forces(model: mujoco.MjModel, data: mujoco.MjData, degrees: list[int]) -> tuple[Array, Array, Array]:

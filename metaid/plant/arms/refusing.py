@@ -8,11 +8,12 @@ from itertools import pairwise
 import numpy as np
 
 from metaid.errors import PlantError, unknown, usable_mujoco
-from metaid.plant.arms.fusing import Whole, joint_name
+from metaid.plant.arms.fusing import Whole, body_name, joint_name
 
 with usable_mujoco():
     import mujoco
 
+MOST = 64  # joints, as many as a planar chain may have
 LEAVE_OUT = "joints = [names] of those that move, the others are held"
 
 
@@ -45,6 +46,8 @@ def moving_joints(source: str, model: mujoco.MjModel, wanted: Sequence[str] | No
             raise PlantError(f"{source}: joint '{names[joint]}' is {kind} (allowed: hinges and slides; or {LEAVE_OUT})")
     if not joints:
         raise PlantError(f"{source}: no joint moves (allowed: hinges and slides in series)")
+    if len(joints) > MOST:
+        raise PlantError(f"{source}: {len(joints)} joints move (allowed: at most {MOST}; or {LEAVE_OUT})")
     for before, after in pairwise(joints):
         if int(model.jnt_bodyid[before]) not in _to_base(model, int(model.jnt_bodyid[after])):
             raise PlantError(
@@ -88,15 +91,19 @@ def _of_joints(whole: Whole) -> Iterator[tuple[str, str]]:
             yield f"joint '{name}' has a spring, stiffness {model.jnt_stiffness[joint]:g}", "no stiffness"
         if model.dof_dampingpoly[degree].any():
             yield f"joint '{name}' has viscous friction that is no multiple of its speed", "one number as damping"
+        for key in ("armature", "damping", "frictionloss"):
+            value = getattr(model, f"dof_{key}")[degree]
+            if value < 0.0:
+                yield f"joint '{name}' has {key} {value:g}", "0 or more"
 
 
 def _of_the_whole(model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
     if model.nflex:
         yield "there are flexible bodies", "rigid ones"
     for body in np.flatnonzero(model.body_gravcomp):
-        yield f"body '{model.body(body).name}' is relieved of its weight by gravcomp", "gravcomp 0"
+        yield f"body '{body_name(model, int(body))}' is relieved of its weight by gravcomp", "gravcomp 0"
     for body in np.flatnonzero(model.body_plugin >= 0):
-        yield f"a plugin acts on body '{model.body(body).name}'", "no plugins"
+        yield f"a plugin acts on body '{body_name(model, int(body))}'", "no plugins"
     if model.opt.density or model.opt.viscosity:
         yield "the arm moves in a fluid", "density 0 and viscosity 0"
 

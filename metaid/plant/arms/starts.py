@@ -17,7 +17,7 @@ from metaid.errors import PlantError, usable_mujoco
 from metaid.models import Array
 from metaid.models.tree import Tree
 from metaid.plant.arms.arm_plant import ArmPlant, ArmStart
-from metaid.plant.arms.fusing import Whole
+from metaid.plant.arms.fusing import Whole, body_name
 
 with usable_mujoco():
     import mujoco
@@ -114,5 +114,5 @@ class Clearance:
     def _name(self, geom: int) -> str:
         """Of a shape; where it has none, that of its body."""
         own = self._model.geom(geom).name
-        body = self._model.body(int(self._model.geom_bodyid[geom])).name
+        body = body_name(self._model, int(self._model.geom_bodyid[geom]))
         return f"'{own}'" if own else f"a shape of body '{body}'"
