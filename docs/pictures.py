@@ -26,9 +26,10 @@ sys.path.insert(0, str(ROOT / "tests"))
 from browser import Browser, open_browser  # noqa: E402
 
 from metaid.cli.live import Live  # noqa: E402
+from metaid.plant import load_plant  # noqa: E402
 from metaid.results import read_findings  # noqa: E402
 from metaid.show import make_dashboard  # noqa: E402
-from metaid.show.figures import Gallery, plant_figure, save  # noqa: E402
+from metaid.show.figures import Gallery, arm_figure, plant_figure, save  # noqa: E402
 from metaid.store import Store  # noqa: E402
 from metaid.study import Progress, run_study  # noqa: E402
 
@@ -103,6 +104,8 @@ def figures(store: Store) -> None:
         if study == "from-afar":
             save(plant_figure(gallery.found.problem.make_plant()), IMAGES / "plant.png")
             shrink(IMAGES / "plant.png")
+    save(arm_figure(load_plant("pa10")), IMAGES / "arm.png")
+    shrink(IMAGES / "arm.png")
 
 
 def dashboard(store: Store, browser: Browser) -> None:

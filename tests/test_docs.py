@@ -100,6 +100,10 @@ def test_every_block_runs(
             name = re.match(r"# (\S+\.toml)\n", text)
             assert name, f"a TOML block begins with '# FILE.toml': {text[:60]}"
             Path(name[1]).write_text(text)
+        elif language == "xml":
+            name = re.match(r"<!-- (\S+\.(?:xml|urdf)) -->\n", text)
+            assert name, f"an XML block begins with '<!-- FILE.xml -->': {text[:60]}"
+            Path(name[1]).write_text(text)
         elif language == "console":
             for line in text.splitlines():
                 assert line.startswith("$ "), f"a console block holds commands alone: {line}"

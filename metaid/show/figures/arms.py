@@ -90,5 +90,6 @@ def _label(arm: ArmPlant, i: int) -> str:
         reach = "without limits" if unlimited else f"{low:g} to {high:g} m"
     else:
         reach = "without limits" if unlimited else f"{np.degrees(low):.0f}° to {np.degrees(high):.0f}°"
+    reach = reach.replace("-", "−")
     kind = "slide" if tree.slides[i] else "hinge"
     return f"{i + 1}  {verbatim(tree.names[i])}, link of {tree.mass[i]:.3g} kg\n     {kind}, {reach}"
