@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from metaid.api import (
+        bodies,
         estimate,
         evaluate,
         load_findings,
@@ -38,6 +39,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "metaid.api": (
+        "bodies",
         "estimate",
         "evaluate",
         "load_findings",
@@ -69,6 +71,7 @@ __all__ = [
     "RenderError",
     "StorageError",
     "StudyError",
+    "bodies",
     "estimate",
     "evaluate",
     "figures",

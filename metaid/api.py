@@ -197,6 +197,15 @@ def estimate(study: str | optuna.Study, storage: str | None = None) -> pd.DataFr
         return results.estimate_frame(store, study)
 
 
+def bodies(name: str, storage: str | None = None) -> pd.DataFrame:
+    """What the estimate of a study says of each link: the least and the largest mass, centre of mass and inertia, and
+    length where none is assumed, of all possible bodies whose lumps are within the ellipsoid of the 95 % intervals.
+    Raises StorageError, and StudyError where no estimate found lumps.
+    """
+    with closing(Store(storage or default_storage())) as store:
+        return results.bodies_frame(store, name)
+
+
 def parameters(name: str, storage: str | None = None) -> pd.DataFrame:
     """The individual parameters of a study that searches them: nominal, range over the bodies as good as the best, and
     truth where the plant knows it.  Raises StorageError, and StudyError of a study that searches lumps.

@@ -15,14 +15,14 @@ NUMBERED = "numbered as Optuna numbers them"
 SMALL = 5e-6  # as a share: below this a percentage with three digits behind the point says nothing
 
 
-def print_study(store: Any, name: str) -> dict[str, Any]:
-    """Every lump beside its nominal value, and the truth where the plant knows it; what was tried, and the best; last
-    of all the verdict. Returns the summary that this is of.
+def print_study(store: Any, name: str, with_bodies: bool = False) -> dict[str, Any]:
+    """Every lump beside its nominal value, and the truth where the plant knows it; what was tried, and the best; what
+    that says of each link, where this is to be said; last of all the verdict. Returns the summary that this is of.
     """
     from metaid.episode import MEASURES
     from metaid.results import summary
 
-    shown = summary(store, name)
+    shown = summary(store, name, with_bodies)
     title = f"{shown['name']}: {shown['plant']}, {shown['sampler']}, {shown['measure']}, seed {shown['seed']}"
     _print_lumps(title, shown["lumps"], "; ".join(_tried(shown)))
     _say_foreign(shown.get("foreign_trials", []), MEASURES[shown["measure"]].unit)
@@ -30,6 +30,8 @@ def print_study(store: Any, name: str) -> dict[str, Any]:
         _show_parameters(shown)
     if shown["trials"]["total"] or shown["estimate"]:
         say(_origin(shown))
+    if with_bodies:
+        _show_bodies(shown)
     say(describe_verdict(shown))
     return shown
 
@@ -124,6 +126,22 @@ def _error_text(error: float | None, sign: str = "+") -> str:
     if error is not None and 0.0 < abs(error) < SMALL:
         return f"{100.0 * error:{sign}.1g}%"
     return number_text(error, f"{sign}.3%")
+
+
+def _show_bodies(shown: dict[str, Any]) -> None:
+    from metaid.results import describe_possible_bodies
+
+    if shown["bodies"] is None:
+        say(shown["why_no_bodies"])
+        return
+    rows = []
+    for row in shown["bodies"]:
+        cells = {key: number_text(row[key]) for key in PARAMETER_COLUMNS}
+        if not row["bounded"]:
+            cells["high"] = "unbounded"
+        rows.append([row["name"], *cells.values(), row["unit"]])
+    print_table("All possible bodies with these lumps", ["parameter", *PARAMETER_COLUMNS, "unit"], rows, words=["unit"])
+    say(describe_possible_bodies(shown["bodies"]))
 
 
 def _show_parameters(shown: dict[str, Any]) -> None:

@@ -26,15 +26,16 @@ from metaid.errors import optional_packages
 @name_argument
 @storage_option
 @json_option
-def show(name: str, storage: str, as_json: bool) -> None:
+@click.option("--bodies", is_flag=True, help="Also what the lumps say of each link: mass, centre of mass, inertia.")
+def show(name: str, storage: str, as_json: bool, bodies: bool) -> None:
     """What a study found: every lump beside its nominal value, and the truth where the plant knows it."""
     from metaid.results import summary
 
     with open_store(storage) as store:
         if as_json:
-            print_json(summary(store, name))
+            print_json(summary(store, name, bodies))
         else:
-            print_study(store, name)
+            print_study(store, name, bodies)
 
 
 @click.command(epilog="\b\nExample:\n  metaid study validate three-link -o tracking.png")

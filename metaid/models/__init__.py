@@ -2,16 +2,19 @@
 
 A planar chain has lumped parameters (`Lumps`), which make the compensation torque, its regressor and the mass matrix.
 `Chain` holds the physical parameters that lumps follow from, `Bodies` those that a study may search in their place.
-`Model` is the one face of every kind of model, `Space` what a search moves in.
+`body_extents` says which bodies lumps leave possible. `Model` is the one face of every kind of model, `Space` what a
+search moves in.
 Pure functions of arrays: nothing here knows MuJoCo, Optuna or files.
 """
 
 from metaid.models.bodies import Bodies, bodies_of
 from metaid.models.chain import Chain, speeds_after
+from metaid.models.known_lumps import KnownLumps, known_lumps
 from metaid.models.law import SLIDING, compensation_basis, compensation_torque, mass_matrix
 from metaid.models.lumps import FRICTION, IDEAL, UNITS, Array, Lumps, factors_from_names, kind_of, lump_names, lump_unit
 from metaid.models.model import ChainModel, Model
 from metaid.models.possible import least_inertia, question_of_units, refuse_impossible, refuse_too_long_a_step
+from metaid.models.possible_bodies import body_extents
 from metaid.models.same_motion import SameMotion
 from metaid.models.space import SearchSpace, Space, factor_space
 
@@ -24,17 +27,20 @@ __all__ = [
     "Bodies",
     "Chain",
     "ChainModel",
+    "KnownLumps",
     "Lumps",
     "Model",
     "SameMotion",
     "SearchSpace",
     "Space",
     "bodies_of",
+    "body_extents",
     "compensation_basis",
     "compensation_torque",
     "factor_space",
     "factors_from_names",
     "kind_of",
+    "known_lumps",
     "least_inertia",
     "lump_names",
     "lump_unit",

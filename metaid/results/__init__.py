@@ -4,7 +4,7 @@ Only here are results compared with the true lumps. Neither MuJoCo nor numba is 
 """
 
 from metaid.results.best import best_rows, identified_factors
-from metaid.results.body_tables import describe_bodies
+from metaid.results.body_tables import body_rows, describe_bodies, describe_possible_bodies
 from metaid.results.control import BANDWIDTH, smooth_sinusoids, track
 from metaid.results.estimates import (
     StudyEstimate,
@@ -19,6 +19,7 @@ from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.results.sweeps import Plane, Sweep, plane, sweep
 from metaid.results.tables import (
     best_trial_frame,
+    bodies_frame,
     estimate_frame,
     lumps_frame,
     optuna_estimate_frame,
@@ -41,8 +42,11 @@ __all__ = [
     "Verdict",
     "best_rows",
     "best_trial_frame",
+    "bodies_frame",
+    "body_rows",
     "describe_bodies",
     "describe_known_from",
+    "describe_possible_bodies",
     "describe_trials",
     "estimate_frame",
     "growth",

@@ -1,4 +1,6 @@
-"""What a search for individual parameters found: the set of bodies that are as good as the best one."""
+"""What is known of individual parameters: the set of bodies that are as good as the best one where a study searches
+them, and the set of all possible bodies with the lumps of an estimate.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +8,15 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from threadpoolctl import threadpool_limits
 
-from metaid.models import bodies_of
+from metaid.errors import StudyError
+from metaid.models import Array, Chain, bodies_of, body_extents, known_lumps
 from metaid.plant import MujocoPlant
+from metaid.results.estimates import StudyEstimate
+from metaid.results.lump_tables import DEVIATIONS, without_nan
 from metaid.results.snapshot import surviving
+from metaid.results.verdict import Verdict
 from metaid.store import Trial
 from metaid.study import COARSEST, Problem
 
@@ -40,6 +47,71 @@ def parameters_table(problem: Problem, trials: list[Trial]) -> pd.DataFrame:
         "bodies": len(equal),
     }
     return pd.DataFrame(columns)
+
+
+def bodies_table(problem: Problem, found: StudyEstimate | None, verdict: Verdict) -> pd.DataFrame:
+    """One row a parameter of the links: what `metaid.bodies` gives.
+
+    Args:
+        problem: the first stage of a study.
+        found: its estimate.
+        verdict: on the study.
+
+    Raises:
+        StudyError: the verdict is not that the estimate found lumps, or no body has such lumps.
+    """
+    if not verdict.is_found:
+        raise StudyError(f"no bodies: the verdict is '{verdict.word}': {'; '.join(verdict.reasons)}")
+    if found is None or verdict.source != "estimate":
+        raise StudyError("no bodies: the lumps are those of the best trial, without intervals (allowed: an estimate)")
+    estimate, nominal = found.estimate, problem.nominal
+    is_given = problem.spec.study.estimate.lengths == "exact" or "coriolis" not in problem.estimated_kinds
+    length = nominal.length if is_given else None
+    lumps = known_lumps(estimate.names, found.lumps_of(estimate), estimate.covariance, DEVIATIONS, length)
+    with threadpool_limits(1):
+        extents = body_extents(lumps)
+    if extents is None:
+        raise StudyError("no bodies: no possible body has the lumps of the estimate: are the lengths right?")
+
+    def of(chain: Chain) -> Array:
+        return np.concatenate([chain.mass, chain.com, chain.inertia, chain.length])[: len(lumps.names)]
+
+    plant, true = problem.open_plant(), np.full(len(lumps.names), np.nan)
+    if isinstance(plant, MujocoPlant) and plant.settings.truth_known:
+        true = of(plant.chain)
+    columns = {
+        "name": lumps.names,
+        "unit": lumps.units,
+        "nominal": of(nominal),
+        "low": extents[0],
+        "high": extents[1],
+        "bounded": np.isfinite(extents[1]),
+        "true": true,
+    }
+    return pd.DataFrame(columns)
+
+
+def body_rows(problem: Problem, found: StudyEstimate | None, verdict: Verdict) -> dict[str, Any]:
+    """The same for a `summary`: `bodies`, None where there are none, and `why_no_bodies`."""
+    try:
+        frame = bodies_table(problem, found, verdict)
+    except StudyError as why:
+        return {"bodies": None, "why_no_bodies": str(why)}
+    rows = frame.replace({"high": {np.inf: np.nan}}).to_dict("records")
+    return {"bodies": [without_nan(row) for row in rows], "why_no_bodies": None}
+
+
+def describe_possible_bodies(rows: list[dict[str, Any]]) -> str:
+    """What the ranges of all possible bodies in a `summary` mean, in a sentence or two."""
+    known = [
+        row["name"]
+        for row in rows
+        if row["bounded"] and row["high"] - row["low"] <= COARSEST * (row["high"] + row["low"])
+    ]
+    text = "low to high is over all possible bodies whose lumps are within the ellipsoid of the intervals"
+    if any(row["name"] == "length_1" for row in rows):
+        text += "; no length is assumed"
+    return f"{text}; known to a tenth: {', '.join(known) or 'none'}"
 
 
 def describe_bodies(shown: dict[str, Any]) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -106,3 +108,8 @@ def largest_error(lumps: pd.DataFrame) -> float | None:
     """
     errors = lumps["error"][lumps["determined"]].abs()
     return None if errors.empty or errors.isna().any() else float(errors.max())
+
+
+def without_nan(row: dict[Any, Any]) -> dict[str, Any]:
+    """A row of a frame as JSON has it: None for what is not known."""
+    return {str(key): None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()}

@@ -7,19 +7,23 @@ from typing import Any
 import numpy as np
 
 from metaid.results.best import best_trial
-from metaid.results.body_tables import parameters_table
+from metaid.results.body_tables import body_rows, parameters_table
 from metaid.results.estimates import why_no_estimate
-from metaid.results.lump_tables import largest_error
+from metaid.results.lump_tables import largest_error, without_nan
 from metaid.results.snapshot import STATES, Snapshot, Stage, read_snapshot, surviving
 from metaid.results.verdict import Verdict, judge
 from metaid.store import ForeignTrial, Store, Trial
 from metaid.study import Problem
 
 
-def summary(store: Store, name: str) -> dict[str, Any]:
-    """A study as `metaid study show --json` prints it; None where something is not known."""
+def summary(store: Store, name: str, with_bodies: bool = False) -> dict[str, Any]:
+    """A study as `metaid study show --json` prints it, and `with_bodies` as with `--bodies`; None where something is
+    not known.
+    """
     snapshot = read_snapshot(store, name)
-    return summarized(snapshot, judge(snapshot))
+    verdict = judge(snapshot)
+    bodies = body_rows(snapshot.first, snapshot.estimate, verdict) if with_bodies else {}
+    return {**summarized(snapshot, verdict), **bodies}
 
 
 def summarized(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
@@ -125,8 +129,3 @@ def _verified(problem: Problem, best: Trial) -> dict[str, Any]:
     outcome = problem.verify(best.factors, best.number)
     agrees = not outcome.fell and abs(outcome.value - best.outcome.value) <= problem.resolution
     return {"mujoco": {"value": outcome.value, "fell": outcome.fell, "agrees": agrees}}
-
-
-def without_nan(row: dict[Any, Any]) -> dict[str, Any]:
-    """A row of a frame as JSON has it: None for what is not known."""
-    return {str(key): None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()}

@@ -10,7 +10,7 @@ import pandas as pd
 
 from metaid.errors import StudyError
 from metaid.results.best import best_trial
-from metaid.results.body_tables import parameters_table
+from metaid.results.body_tables import bodies_table, parameters_table
 from metaid.results.estimates import why_no_estimate
 from metaid.results.lump_tables import best_table, estimate_table, largest_error
 from metaid.results.snapshot import STATES, Snapshot, read_snapshot, snapshot_of, trials_by_stage
@@ -65,6 +65,17 @@ def _estimated(snapshot: Snapshot) -> pd.DataFrame:
 def optuna_estimate_frame(study: optuna.Study) -> pd.DataFrame:
     """The same of an Optuna study in any storage, in memory too, whose trials `metaid.objective` evaluated."""
     return _estimated(snapshot_of(study))
+
+
+def bodies_frame(store: Store, name: str) -> pd.DataFrame:
+    """One row a mass, centre of mass and inertia of a link, and, where no length is assumed, a length: `name`, `unit`,
+    `nominal`, `low` to `high` over all possible bodies whose lumps are within the ellipsoid of the estimate's 95 %
+    intervals, `bounded`, `true` where the plant knows it. Where a parameter is not `bounded`, `high` is infinite.
+
+    Raises StudyError where no estimate found lumps, or no body has such lumps.
+    """
+    snapshot = read_snapshot(store, name)
+    return bodies_table(snapshot.first, snapshot.estimate, judge(snapshot))
 
 
 def parameters_frame(store: Store, name: str) -> pd.DataFrame:

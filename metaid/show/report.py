@@ -23,8 +23,10 @@ from matplotlib.figure import Figure
 import metaid
 from metaid.results import (
     Findings,
+    body_rows,
     describe_bodies,
     describe_known_from,
+    describe_possible_bodies,
     describe_trials,
     interval_name,
 )
@@ -47,6 +49,7 @@ class PageFigure:
 def render(found: Findings) -> str:
     """The page.  Raises StorageError where there is no survivor yet."""
     gallery = Gallery(found)
+    bodies = body_rows(found.problem, found.estimate, found.verdict)["bodies"]
     shown = [
         PageFigure(
             wide.name,
@@ -80,6 +83,8 @@ def render(found: Findings) -> str:
         unidentified=unidentified(found),
         estimate=estimate_texts(found),
         describe_bodies=describe_bodies(found.summary) if "parameters" in found.summary else None,
+        bodies=bodies,
+        describe_possible_bodies=describe_possible_bodies(bodies) if bodies else None,
         versions={"metaid": metaid.__version__, "Python": platform.python_version(), **_versions()},
         files=files(found),
         quoted_name=shlex.quote(found.name),

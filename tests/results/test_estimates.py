@@ -67,6 +67,46 @@ def test_model_that_explains_nothing_leaves_no_number(metaid: Metaid, estimated:
         assert row[7] == "–"
 
 
+@pytest.mark.parametrize("name", ["matched", "searched", "noisy"])
+def test_bodies_of_an_estimate_hold_the_true_links(estimated: Path, name: str) -> None:
+    """Masses, centres of mass and inertias are sets; lengths follow from the lumps, but for the last."""
+    frame = package.bodies(name, str(estimated)).set_index("name")
+    assert len(frame) == 12
+    assert ((frame["low"] <= frame["true"]) & (frame["true"] <= frame["high"])).all()
+    assert frame.index[~frame["bounded"]].tolist() == ["mass_1", "length_3"]
+    widths = (frame["high"] / frame["low"])[["mass_2", "com_2", "length_2"]]
+    assert (widths > [2.0, 2.0, 1.0]).all()
+    assert widths["length_2"] < 1.01
+
+
+def test_bodies_are_shown_where_they_are_asked_for(metaid: Metaid, estimated: Path) -> None:
+    """A table below that of the lumps, and a key of the JSON; what has no largest value is called unbounded, in JSON it
+    is null and not `bounded`.
+    """
+    asked = ("study", "show", "matched", "--storage", str(estimated))
+    out = metaid(*asked, "--bodies").out
+    rows = {line.split()[0]: line.split() for line in out.splitlines() if "_" in line}
+    assert rows["mass_1"][3] == rows["length_3"][3] == "unbounded"
+    assert "known to a tenth: length_1, length_2" in " ".join(out.split())
+    assert out.splitlines()[-1].startswith("FOUND: ")
+    assert "mass_1" not in metaid(*asked).out
+    shown = json.loads(metaid(*asked, "--bodies", "--json").out)
+    assert shown["why_no_bodies"] is None
+    bodies = {row["name"]: row for row in shown["bodies"]}
+    assert set(bodies["mass_2"]) == {"name", "unit", "nominal", "low", "high", "bounded", "true"}
+    assert bodies["mass_1"]["high"] is None
+    assert not bodies["mass_1"]["bounded"]
+    assert "bodies" not in json.loads(metaid(*asked, "--json").out)
+
+
+def test_no_bodies_are_shown_where_no_lumps_were_found(metaid: Metaid, estimated: Path) -> None:
+    """The line says why; Python says it as an error."""
+    out = metaid("study", "show", "hidden", "--storage", str(estimated), "--bodies").out
+    assert "no bodies: the verdict is 'not found': the model does not explain what was seen" in " ".join(out.split())
+    with pytest.raises(StudyError, match="no bodies: the verdict is 'not found'"):
+        package.bodies("hidden", str(estimated))
+
+
 @pytest.mark.parametrize("name", ["hidden", "hidden-searched"])
 def test_json_of_a_model_that_explains_nothing_has_nulls(metaid: Metaid, estimated: Path, name: str) -> None:
     """It is JSON all the same: no lump has a number or is determined, nor is there a largest error."""

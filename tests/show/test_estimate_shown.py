@@ -38,6 +38,15 @@ def test_report_and_note_show_the_estimate_with_its_intervals(name: str, estimat
             assert f"{lump['identified']:.5g}" in text
 
 
+def test_report_says_what_the_lumps_leave_open_of_the_links(estimated: Path) -> None:
+    """A table of masses, centres of mass, inertias and lengths where an estimate found lumps, and else none."""
+    page, _ = words("matched", estimated)
+    assert "What the lumps say of the links" in page
+    assert re.search(r"mass_1 [\d.]+ [\d.]+ unbounded [\d.]+ kg", page)
+    assert "known to a tenth: length_1, length_2." in page
+    assert "What the lumps say of the links" not in words("hidden", estimated)[0]
+
+
 @pytest.mark.parametrize("name", ["hidden", "hidden-searched"])
 def test_report_and_note_show_no_lump_of_an_estimate_that_explains_nothing(name: str, estimated: Path) -> None:
     """The verdict comes first and says why; no interval, no number of any lump, no error."""
