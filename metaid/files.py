@@ -166,7 +166,7 @@ def _path(data: Any, problem: ErrorDetails) -> list[int | str]:
     """Keys and indices that lead to a problem in `data`, without pydantic's own names for the sides of a union."""
     path = []
     for part in problem["loc"]:
-        here = part in data if isinstance(data, Mapping) else isinstance(data, list) and isinstance(part, int)
+        here = part in (data if isinstance(data, Mapping) else range(len(data)) if isinstance(data, list) else ())
         if here or (problem["type"] == "missing" and part == problem["loc"][-1]):
             path.append(part)
             data = data[part] if here else None

@@ -38,6 +38,7 @@ TOKENS = (
     *(b"\x00", b"\xff\xfe", b"\xef\xbb\xbf", b"\x1b[2J", b"\xed\xa0\x80", b"\xc3", b"\r", b"\n", b"=", b"[[links]]\n"),
     *(b"[links]\n", b"[search]\n", b"[episode]\n", b"#", b'"', b"\\", b'"\\ud800"', b'"\\u0000"', b"links = 3\n"),
 )
+_ATTRIBUTE = re.compile(rb'\b(\w+)="([^"]*)"')
 _NUMERAL = re.compile(rb"-?\b\d+(?:\.\d+)?\b")
 _WORD = re.compile(rb"\b[a-z_]+\b")
 
@@ -85,6 +86,21 @@ def toml(random: Random, sources: list[bytes]) -> bytes:
     if kind > 0.55:
         text = _with_other_text(random, text, sources)
     return text
+
+
+def xml(random: Random, sources: list[bytes]) -> bytes:
+    """A file like one of `sources`, with other attributes, now and then with other text."""
+    text = random.choice(sources)
+    for _ in range(random.choice((0, 1, 1, 1, 2, 4))):
+        given = random.choice(list(_ATTRIBUTE.finditer(text)))
+        words = given[2].split()
+        if words and random.random() < 0.7:
+            words[random.randrange(len(words))] = str(number(random)).encode()
+        else:
+            words = [random.choice(TEXTS).encode()] if random.random() < 0.5 else words[1:]
+        attribute = given[1] + b'="' + b" ".join(words) + b'"'
+        text = text[: given.start()] + (attribute if random.random() < 0.9 else b"") + text[given.end() :]
+    return _with_other_text(random, text, sources) if random.random() < 0.2 else text
 
 
 def _with_other_values(random: Random, text: bytes) -> bytes:

@@ -26,7 +26,8 @@ from metaid.compiled import Objective
 from metaid.episode import Episode, Outcome, run_stepwise, tip_push
 from metaid.files import shipped_folder, shipped_names
 from metaid.models import lump_names
-from metaid.plant import MujocoPlant, load_chain, read_plant
+from metaid.plant import ArmPlant, MujocoPlant, load_chain, load_plant, read_plant
+from metaid.plant.arms import draw_starts
 from metaid.store import Store
 from metaid.study import Problem, create_study, load_study, run_study
 from soak import cases
@@ -35,9 +36,10 @@ from soak.common import SoakResult, soaked
 from soak.judge import BrokenPromiseError, command, promised
 
 SEED = 7
-CASES = {"plants": 42_000, "studies": 31_000, "factors": 22_000, "arguments": 4_000, "databases": 1_000}
+CASES = {"plants": 40_000, "arms": 2_000, "studies": 31_000, "factors": 22_000, "arguments": 4_000, "databases": 1_000}
 LONGEST_EPISODE = 20_000  # steps of an accepted study that are run
 PROCESSES = 2
+ARM = b'mjcf = "arm.xml"\n'
 UNSET = "DISPLAY", "WAYLAND_DISPLAY", "METAID_STORAGE"  # no window opens, no other DB is meant
 
 
@@ -52,6 +54,7 @@ class Workshop:
             [(shipped_folder(kind) / f"{name}.toml").read_bytes() for name in shipped_names(kind) if "ten-" not in name]
             for kind in ("plants", "studies")
         )
+        self.arms = [path.read_bytes() for path in sorted((shipped_folder("plants") / "arms").glob("*.xml"))]
         self.names = ("small", "plain")
         self.template = folder / "template.db"
         with closing(Store(str(self.template), create=True)) as store:
@@ -91,6 +94,23 @@ def plants(random: Random, shop: Workshop) -> None:
         record, trajectory = run_stepwise(plant, plant.chain.lumps, Episode(tip_push(plant, 0.1), 5))
         if record.fall_step is None and not np.isfinite(trajectory.speeds).all():
             raise BrokenPromiseError("a state that is not finite, and no fall")
+
+
+def arms(random: Random, shop: Workshop) -> None:
+    """An arm's plant file and its MJCF are refused or shown; an accepted arm moves from a start by finite numbers."""
+    Path("arm.xml").write_bytes(cases.xml(random, shop.arms))
+    Path("arm.toml").write_bytes(cases.toml(random, [ARM]) if random.random() < 0.2 else ARM)
+    if random.random() < 0.1:
+        command(["plant", "show", "arm.toml", *random.choice(([], ["--json"]))])
+        return
+    with promised():
+        plant = load_plant("./arm.toml")
+        if isinstance(plant, ArmPlant):
+            (start,) = draw_starts(plant, 1, 0.3, 1)
+            plant.push(start)
+            plant.step()
+            if not np.isfinite([start.pose, start.speeds, *plant.states()]).all():
+                raise BrokenPromiseError(f"a state that is not finite: {plant.states()}")
 
 
 def studies(random: Random, shop: Workshop) -> None:
@@ -191,6 +211,7 @@ def _whole_db(path: Path) -> None:
 
 FAMILIES: dict[str, Callable[[Random, Workshop], None]] = {
     "plants": plants,
+    "arms": arms,
     "studies": studies,
     "factors": factors,
     "arguments": some_arguments,

@@ -111,6 +111,7 @@ MISTAKES = {
         "unknown joint 'swng'; did you mean 'swing'? (allowed: sw",
     ),
     "joint twice": ('mjcf = "swing.xml"\njoints = ["swing", "swing"]', "joints: 'swing' is named twice"),
+    "too few numbers": ('mjcf = "swing.xml"\ngravity = [0, 0]', "gravity: entry 3: Field required"),
     "home beyond the range": (
         'mjcf = "swing.xml"\nhome = { swing = 2 }',
         "swing: 2 is beyond its range (allowed: -1.5708",

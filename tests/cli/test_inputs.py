@@ -9,7 +9,7 @@ import pytest
 from soak.inputs import SEED, Workshop, check, workshop
 
 FIRST = 1_000_000  # other cases than the soak's
-COUNTS = {"plants": 1000, "studies": 500, "factors": 400, "arguments": 80, "databases": 40}
+COUNTS = {"plants": 1000, "arms": 200, "studies": 500, "factors": 400, "arguments": 80, "databases": 40}
 
 
 @pytest.fixture(scope="module")

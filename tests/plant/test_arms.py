@@ -304,6 +304,18 @@ FILES = {
     "a URDF": (URDF, "no MJCF: it begins with <robot> (allowed: <mujoco>)"),
     "not MJCF": ("<mujoco><bodies/></mujoco>", "MuJoCo cannot read it: "),
     "NaN": (two(joint="damping='nan'"), "a number in it is NaN (allowed: finite numbers)"),
+    "too large a number": (
+        two(joint="armature='1e7'"),
+        "joint 'shoulder' has armature 1e+07 (allowed: numbers up to 1e+06)",
+    ),
+    "no UTF-8": (two().replace("fore", "for\udce2"), "not UTF-8"),
+    "no inertia": (
+        two(
+            beside="<inertial pos='0 0 0' mass='1e-14' diaginertia='2e-15 2e-15 2e-15'/>",
+            within="<inertial pos='0.2 0 0' mass='1e5' diaginertia='2e-15 2e-15 2e-15'/>",
+        ),
+        "MuJoCo cannot compute its motion: Inertia matrix is too close to singular",
+    ),
     "too many joints": (
         "<mujoco><worldbody>" + 65 * "<body><joint/><geom size='.1'/>" + 65 * "</body>" + "</worldbody></mujoco>",
         "65 joints move (allowed: at most 64; or joints = [names]",
@@ -326,7 +338,7 @@ def test_file_that_does_not_compile_is_refused(tmp_path: Path, monkeypatch: pyte
     monkeypatch.chdir(tmp_path)
     text, message = FILES[name]
     path = tmp_path / "arm.xml"
-    path.write_text(text, encoding="utf-8")
+    path.write_text(text, encoding="utf-8", errors="surrogateescape")
     with pytest.raises(PlantError) as refused:
         read_arm(ArmSettings(mjcf=str(path)), "arm.toml")
     assert message in str(refused.value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,6 +17,7 @@ with usable_mujoco():
 
 SCHEME = "://"  # of a mesh's address: package://NAME/PATH, file:///PATH
 _BROKEN = (ValueError, mujoco.FatalError)
+_warning_lock = threading.RLock()
 T = TypeVar("T")
 
 
@@ -34,22 +36,35 @@ def compile_file(path: Path, is_urdf: bool) -> tuple[mujoco.MjModel, tuple[str, 
     found = _root(path, kind)
     if found != root:
         raise PlantError(f"{path}: no {kind}: it begins with <{found}> (allowed: <{root}>)")
-    with _warnings() as warned:
+    with gathered_warnings() as warned:
         spec = _attempt(path, "read", lambda: mujoco.MjSpec.from_file(str(path)))
         if any("NaN" in warning for warning in warned):
             raise PlantError(f"{path}: a number in it is NaN (allowed: finite numbers)")
-        if is_urdf:
-            for body in spec.bodies:
-                for geom in () if _weighs_as_said(spec, body) else body.geoms:
-                    geom.density = 0.0
-        for mesh in spec.meshes:
-            mesh.file = _found(mesh.file, path)
-        try:
-            return spec.copy().compile(), ()
-        except _BROKEN:
-            lost = _leave_out_lost_meshes(spec, path)
-            _leave_out_textures(spec)
-        return _attempt(path, "compile", spec.compile), lost
+        _attempt(path, "read", lambda: _prepare(spec, path, is_urdf))
+        model, lost = _attempt(path, "compile", lambda: _compile(spec, path))
+    try:
+        model.names.decode()
+    except UnicodeDecodeError:
+        raise PlantError(f"{path}: a name in it is not UTF-8 (allowed: names that are)") from None
+    return model, lost
+
+
+def _prepare(spec: mujoco.MjSpec, path: Path, is_urdf: bool) -> None:
+    """Says where meshes are, and that links without an inertial weigh nothing in a URDF."""
+    for body in spec.bodies if is_urdf else ():
+        for geom in () if _weighs_as_said(spec, body) else body.geoms:
+            geom.density = 0.0
+    for mesh in spec.meshes:
+        mesh.file = _found(mesh.file, path)
+
+
+def _compile(spec: mujoco.MjSpec, path: Path) -> tuple[mujoco.MjModel, tuple[str, ...]]:
+    try:
+        return spec.copy().compile(), ()
+    except _BROKEN:
+        lost = _leave_out_lost_meshes(spec, path)
+        _leave_out_textures(spec)
+    return spec.compile(), lost
 
 
 def _attempt(path: Path, what: str, do: Callable[[], T]) -> T:
@@ -60,24 +75,27 @@ def _attempt(path: Path, what: str, do: Callable[[], T]) -> T:
 
 
 @contextmanager
-def _warnings() -> Iterator[list[str]]:
-    """Within it what MuJoCo warns of is gathered, where it would be printed and written into a log file."""
+def gathered_warnings() -> Iterator[list[str]]:
+    """Within it what MuJoCo warns of is gathered, where it would be printed and written into a log file.
+
+    The callback is a variable of MuJoCo's library, so one thread at a time is within it.
+    """
     gathered: list[str] = []
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(gathered.append)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)
+    with _warning_lock, warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # the same, of Python's binding
+        before = mujoco.get_mju_user_warning()
+        mujoco.set_mju_user_warning(gathered.append)
+        try:
             yield gathered
-    finally:
-        mujoco.set_mju_user_warning(before)
+        finally:
+            mujoco.set_mju_user_warning(before)
 
 
 def _root(path: Path, kind: str) -> str:
     """The name of the first element of an XML file."""
-    if path.exists() and not path.is_file():
-        raise PlantError(f"{path}: not a file (allowed: the path of an {kind} file)")
     try:
+        if path.exists() and not path.is_file():
+            raise PlantError(f"{path}: not a file (allowed: the path of an {kind} file)")
         with path.open("rb") as file:
             for _, element in ElementTree.iterparse(file, events=("start",)):
                 return str(element.tag)

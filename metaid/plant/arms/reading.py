@@ -12,7 +12,7 @@ import numpy as np
 from metaid.errors import PlantError, unknown, usable_mujoco
 from metaid.models import Array
 from metaid.models.tree import Tree
-from metaid.plant.arms.compiling import compile_file
+from metaid.plant.arms.compiling import compile_file, gathered_warnings
 from metaid.plant.arms.fusing import Whole, fuse, joint_name
 from metaid.plant.arms.lean import arm_model
 from metaid.plant.arms.refusing import moving_joints, refuse_what_is_no_arm
@@ -107,10 +107,17 @@ def refuse_another_motion(source: str, whole: Whole, tree: Tree, timestep: float
     Raises:
         PlantError: they do not move alike.
     """
-    try:
-        lean = arm_model(tree, timestep)
-    except (ValueError, mujoco.FatalError) as problem:
-        raise PlantError(f"{source}: MuJoCo cannot build its joints and links alone: {problem}") from None
+    with gathered_warnings() as warned:
+        try:
+            lean = arm_model(tree, timestep)
+        except (ValueError, mujoco.FatalError) as problem:
+            raise PlantError(f"{source}: MuJoCo cannot build its joints and links alone: {problem}") from None
+        _compare(source, whole, tree, lean)
+    if warned:
+        raise PlantError(f"{source}: MuJoCo cannot compute its motion: {warned[0]}")
+
+
+def _compare(source: str, whole: Whole, tree: Tree, lean: mujoco.MjModel) -> None:
     random = np.random.default_rng(0)
     low, high = np.maximum(tree.low, -np.pi), np.minimum(tree.high, np.pi)
     for _ in range(3):

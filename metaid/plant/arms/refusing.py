@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -14,6 +14,7 @@ with usable_mujoco():
     import mujoco
 
 MOST = 64  # joints, as many as a planar chain may have
+LARGEST = 1e6  # of every number in SI units: nobody has an arm that needs more
 LEAVE_OUT = "joints = [names] of those that move, the others are held"
 
 
@@ -73,6 +74,7 @@ def refuse_what_is_no_arm(source: str, whole: Whole) -> None:
         whole: the file, compiled, and the joints that move.
     """
     for met, allowed in (
+        *_too_large(whole.model),
         *_of_joints(whole),
         *_of_the_whole(whole.model),
         *_equalities(whole),
@@ -80,6 +82,34 @@ def refuse_what_is_no_arm(source: str, whole: Whole) -> None:
         *_actuators(whole),
     ):
         raise PlantError(f"{source}: {met} (allowed: {allowed})")
+
+
+def _too_large(model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
+    """Numbers with which nothing can be computed."""
+    names: dict[str, Callable[[int], str]] = {
+        "body": lambda body: f"body '{body_name(model, body)}'",
+        "jnt": lambda joint: f"joint '{joint_name(model, joint)}'",
+        "dof": lambda degree: f"joint '{joint_name(model, int(model.dof_jntid[degree]))}'",
+        "actuator": lambda actuator: f"actuator '{model.actuator(actuator).name or actuator + 1}'",
+        "geom": lambda geom: f"a shape of body '{body_name(model, int(model.geom_bodyid[geom]))}'",
+    }
+    numbers = {
+        "body": ("pos", "ipos", "mass", "inertia"),
+        "jnt": ("pos", "range"),
+        "dof": ("armature", "damping", "frictionloss"),
+        "geom": ("pos", "size"),
+        "actuator": ("armature", "damping"),
+    }
+    for kind, keys in numbers.items():
+        for key in keys:
+            for index, value in enumerate(getattr(model, f"{kind}_{key}")):
+                if (np.abs(value) <= LARGEST).all():
+                    continue
+                met = f"{names[kind](index)} has {'pos' if key == 'ipos' else key} {np.abs(value).max():g}"
+                yield met, f"numbers up to {LARGEST:g}"
+    for what, values in (("gravity", model.opt.gravity), ("ref", model.qpos0), ("gear", model.actuator_gear)):
+        if not (np.abs(values) <= LARGEST).all():
+            yield f"{what} {np.abs(values).max():g} is met", f"numbers up to {LARGEST:g}"
 
 
 def _of_joints(whole: Whole) -> Iterator[tuple[str, str]]:

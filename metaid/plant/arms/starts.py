@@ -17,6 +17,7 @@ from metaid.errors import PlantError, usable_mujoco
 from metaid.models import Array
 from metaid.models.tree import Tree
 from metaid.plant.arms.arm_plant import ArmPlant, ArmStart
+from metaid.plant.arms.compiling import gathered_warnings
 from metaid.plant.arms.fusing import Whole, body_name
 
 with usable_mujoco():
@@ -46,8 +47,13 @@ def draw_starts(plant: ArmPlant, count: int, horizon: float, seed: int, speed: f
         PlantError: nowhere was the arm seen to stay clear.
     """
     random = np.random.Generator(np.random.SFC64([seed]))
-    ranges, clear = _ranges(plant.tree, plant.home), Clearance(plant.arm.whole, plant.home)
-    return tuple(_draw(plant, clear, ranges, horizon, speed, random) for _ in range(count))
+    ranges = _ranges(plant.tree, plant.home)
+    with gathered_warnings():
+        try:
+            clear = Clearance(plant.arm.whole, plant.home)
+            return tuple(_draw(plant, clear, ranges, horizon, speed, random) for _ in range(count))
+        except mujoco.FatalError as problem:
+            raise PlantError(f"plant {plant.name}: MuJoCo cannot tell what touches what: {problem}") from None
 
 
 def _ranges(tree: Tree, home: Array) -> Array:
