@@ -16,6 +16,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from metaid.errors import MetaidError, unknown
 
 PACKAGE = Path(__file__).resolve().parent
+ENDINGS = (".toml", ".xml", ".urdf")  # of what is a path, and no shipped name
 LARGEST_FILE = 1_000_000  # bytes; what a person writes of 64 links is a hundredth of it
 
 
@@ -81,7 +82,7 @@ def find_file_beside(kind: str, name: str, source: Path, error: type[MetaidError
 
 
 def _is_path(name: str) -> bool:
-    return name.endswith(".toml") or "/" in name or "\\" in name
+    return name.endswith(ENDINGS) or "/" in name or "\\" in name
 
 
 def _existing(kind: str, path: Path, error: type[MetaidError]) -> Path:

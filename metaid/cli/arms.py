@@ -21,7 +21,7 @@ def show_arm(arm: ArmPlant, as_json: bool) -> None:
         {
             "name": name,
             "kind": "slide" if tree.slides[i] else "hinge",
-            "axis": axes[i].round(12).tolist(),
+            "axis": (axes[i].round(12) + 0.0).tolist(),
             **{key: _finite(getattr(tree, key)[i]) for key in ("low", "high")},
             "home": float(arm.home[i]),
             "torque_limit": _finite(tree.torque_limit[i]),

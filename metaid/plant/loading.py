@@ -12,11 +12,12 @@ from metaid.plant.settings import PlantSettings
 from metaid.plant.socket_plant import SocketPlant, SocketSettings
 from metaid.plant.wire import FORMS
 
+ARM_FILES = {".xml": "mjcf", ".urdf": "urdf"}  # endings of what describes an arm, and the key that names it
 AnySettings = PlantSettings | SocketSettings | ArmSettings
 
 
 def load_plant(name: str | Path) -> MujocoPlant | ArmPlant:
-    """The shipped plant of that name, or the plant file at that path, a chain or an arm.  Raises PlantError."""
+    """The shipped plant of that name, or what is at that path: a plant file, an MJCF or a URDF.  Raises PlantError."""
     path = find_file("plants", str(name), PlantError)
     settings = read_any_plant(path)
     if isinstance(settings, ArmSettings):
@@ -54,7 +55,11 @@ def _of_chain(path: Path, settings: AnySettings) -> PlantSettings:
 
 
 def read_any_plant(path: Path) -> AnySettings:
-    """The checked contents of a plant file of any kind; an arm's file is found from here.  Raises PlantError."""
+    """The checked contents of a plant file of any kind; an arm's file is found from here. An MJCF (`.xml`) or URDF
+    alone is an arm, too.  Raises PlantError.
+    """
+    if path.suffix in ARM_FILES:
+        return check(ArmSettings, {ARM_FILES[path.suffix]: str(path)}, str(path), PlantError)
     tables = read_toml(path, PlantError)
     if "socket" in tables:
         return check(SocketSettings, tables, str(path), PlantError)

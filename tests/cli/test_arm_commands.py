@@ -16,6 +16,7 @@ from metaid.files import shipped_names
 from metaid.models.tree import PARAMETERS
 from metaid.plant import ArmPlant, load_plant
 from metaid.plant.arms import ArmStart
+from metaid.show.scene import viewer_model
 
 Metaid = Callable[..., Finished]
 ARMS = {"puma560": 6, "pa10": 7, "crs-a465": 6, "scara": 4, "spatial-three-link": 3}
@@ -98,6 +99,22 @@ def test_arm_is_drawn_from_its_shapes_or_from_its_joints(metaid: Metaid, name: s
     assert metaid("plant", "draw", name, "-o", "arm.png").status == 0
     low, high = Image.open("arm.png").convert("L").getextrema()
     assert low < 60 < 240 < high
+
+
+def test_mjcf_or_urdf_alone_is_a_plant(metaid: Metaid) -> None:
+    """With all its joints, and what the file says of them."""
+    write("bare.toml", 'urdf = "bare.urdf"', bare_urdf=BARE, swing_xml=SWING)
+    shown, alone = (json.loads(metaid("plant", "show", name, "--json").out) for name in ("bare.toml", "bare.urdf"))
+    assert shown == alone
+    assert json.loads(metaid("plant", "show", "swing.xml", "--json").out)["joints"][0]["name"] == "swing"
+    assert "no plant file at none.urdf" in metaid("plant", "show", "none.urdf").err
+
+
+def test_viewer_shows_the_shapes_of_the_file_or_rods(metaid: Metaid) -> None:
+    """In the model that MuJoCo's viewer moves."""
+    write("bare.toml", 'urdf = "bare.urdf"', bare_urdf=BARE)
+    for name, shapes in (("scara", 7), ("./bare.toml", 1)):
+        assert viewer_model(load_plant(name)).ngeom == shapes
 
 
 MISTAKES = {
