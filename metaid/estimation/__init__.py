@@ -9,8 +9,8 @@ All trials are used, whichever sampler proposed their laws. A trial that ended i
 knows of files, studies or the truth.
 """
 
+from metaid.estimation.estimate import Estimate, fit
 from metaid.estimation.experiment import Compared, Experiment, NoisyExperiment, SeenTrial, SilentExperiment
-from metaid.estimation.fit import Estimate, fit
 from metaid.estimation.motions import Motions, Quantity
 from metaid.estimation.noisy import Readings, ReadTrial, Unmodelled, commanded_torques, filtered_speeds
 from metaid.estimation.trials import Replay, WatchedTrial

@@ -11,7 +11,7 @@ import numpy as np
 
 from metaid.episode import Outcome
 from metaid.estimation.counting import Counts, match_counts
-from metaid.estimation.fit import Comparison, Estimate, fit
+from metaid.estimation.estimate import Comparison, Estimate, fit
 from metaid.estimation.motions import Motions, Quantity
 from metaid.estimation.noisy import (
     Readings,

@@ -4,30 +4,36 @@ from elsewhere where it ends in a wrong minimum.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from metaid.estimation.descent import Descent, Fitted, descend, place_at, triangle
-from metaid.estimation.trials import Replay
-from metaid.estimation.unknowns import Unknowns
-from metaid.models import Array, Lumps
+from metaid.models import Array
 
-ROUGHLY, EXACTLY = 1e-2, 1e-10  # the last step in a log factor: on windows that are to grow, and on all of them
+ROUGHLY, EXACTLY = 1e-2, 1e-10  # the last step in an unknown: on windows that are to grow, and on all of them
 MOST_ROUGH, MOST_EXACT = 30, 100  # steps
 IN_THE_VALLEY = 3.0  # a misfit below this, on windows that are to grow, is not that of a wrong minimum
 NARROWER = 0.7  # of the spread about a start that no chain can have, for the next start
 DRAWS = 20
 
 
-class Comparison(Fitted, Protocol):
-    """What is compared: `Motions` of a plant without noise, or `Readings` of noisy sensors."""
+class Named(Protocol):
+    """What is unknown."""
 
     @property
-    def unknowns(self) -> Unknowns:
-        """The lumps that are unknown."""
+    def names(self) -> list[str]:
+        """Of the unknowns (nunknown)."""
+
+
+class Growing(Fitted, Protocol):
+    """What is compared with a twin, on windows that grow."""
+
+    @property
+    def unknowns(self) -> Named:
+        """What is unknown."""
 
     @property
     def stride(self) -> int:
@@ -40,19 +46,15 @@ class Comparison(Fitted, Protocol):
     def by_joint(self, point: Array) -> tuple[Array, ...]:
         """Root mean square of the residuals of each trial (npush x njoint)."""
 
-    def replay(self, number: int, point: Array) -> Replay:
-        """The trial of that `number`, and the twin at a `point` in its place."""
-
 
 @dataclass(frozen=True)
-class Estimate:
-    """What all trials say of a chain.
+class Fit:
+    """What all trials say.
 
     Attributes:
-        names: the lumps that were unknown (nunknown).
-        lumps: the chain's lumps; those that were known are the nominal's.
-        log_factors: z (nunknown); a lump is e^z times the nominal's.
-        covariance: of the log factors (nunknown x nunknown), so of relative errors.
+        names: of what was unknown (nunknown).
+        unknowns: z (nunknown), the changes of the nominal model that show what was seen.
+        covariance: of the unknowns (nunknown x nunknown).
         cost: half the sum of squares of the residuals, with that of the prior.
         misfit: root mean square of the residuals, in units of what noise or rounding explains.
         explained_below: a misfit below this says that the model explains what was seen.
@@ -62,14 +64,10 @@ class Estimate:
         residuals: of each trial by push and joint (npush x njoint), root mean square over the windows.
         extras: the unknowns that concern one push alone (nextra): start speeds in units of what pushes differ by, or
             none where these are read.
-        extent: least and largest log factor (2 x nunknown) of the models that show exactly the counts that were seen;
-            None where no counts were compared, or no model shows them. Half of it is 1.96 times the deviation.
-        counts: how many counts were compared, of which the misfit is the number that differs; None where none were.
     """
 
     names: tuple[str, ...]
-    lumps: Lumps
-    log_factors: Array
+    unknowns: Array
     covariance: Array
     cost: float
     misfit: float
@@ -79,8 +77,6 @@ class Estimate:
     converged: bool
     residuals: tuple[Array, ...]
     extras: Array
-    extent: Array | None = None
-    counts: int | None = None
 
     @property
     def is_explained(self) -> bool:
@@ -90,52 +86,23 @@ class Estimate:
     @property
     def point(self) -> Array:
         """All unknowns (nunknown + nextra) of the fit."""
-        return np.append(self.log_factors, self.extras)
+        return np.append(self.unknowns, self.extras)
 
     @property
     def deviations(self) -> Array:
-        """Standard deviation of each log factor (nunknown)."""
+        """Standard deviation of each unknown (nunknown)."""
         return np.sqrt(np.diag(self.covariance))
 
-    def deviations_of(self, names: Sequence[str]) -> Array:
-        """The standard deviation of each of these lumps (nlump), as a share of it.
 
-        With exact lengths a_ij = l_i μ_j is as well known as μ_j.
-        """
-        return self._by_name(self.deviations, names)
-
-    def extent_of(self, names: Sequence[str]) -> tuple[Array, Array] | None:
-        """The least and the largest log factor of each of these lumps (nlump), or None where no extent is known."""
-        if self.extent is None:
-            return None
-        return self._by_name(self.extent[0], names), self._by_name(self.extent[1], names)
-
-    def _by_name(self, values: Array, names: Sequence[str]) -> Array:
-        """The `values` (nunknown) of the lumps of these names (nlump)."""
-        known = dict(zip(self.names, values.tolist(), strict=True))
-        return np.array([known.get(name, known.get(f"gravity_{name.rpartition('_')[2]}", np.nan)) for name in names])
-
-    def interval(self, deviations: float = 1.96) -> tuple[Array, Array]:
-        """Least and largest factor (nunknown) within so many standard `deviations`: 95 % of them by default.
-
-        Eq. 27.
-        """
-        reach = deviations * self.deviations
-        return np.exp(self.log_factors - reach), np.exp(self.log_factors + reach)
-
-
-def fit(comparison: Comparison, start: Array | None = None, restarts: int = 3, seed: int = 0) -> Estimate:
-    """The estimate that all trials of a `comparison` lead to.
+def find(comparison: Growing, start: Array | None = None, restarts: int = 3, seed: int = 0) -> Fit | None:
+    """What all trials of a `comparison` lead to; None where the twin cannot follow them from any start.
 
     Args:
         comparison: what is compared with the twin.
-        start: log factors (nunknown) to try before the nominal model, such as those of the estimate before.
+        start: unknowns (nunknown) to try before the nominal model, such as those of the estimate before.
         restarts: how often the fit may begin at a random point of the prior, where the misfit says that it ended in a
             wrong minimum.
         seed: of these points; the same seed gives the same estimate.
-
-    Raises:
-        ValueError: the twin cannot follow the trials from any start.
     """
     best: Descent | None = None
     iterations = starts = 0
@@ -150,11 +117,22 @@ def fit(comparison: Comparison, start: Array | None = None, restarts: int = 3, s
         if misfit(best) < comparison.explained_below:
             break
     if best is None:
-        raise ValueError("no chain near the nominal one moves through any window: the nominal lumps are no chain's")
-    return _estimate(comparison, best, iterations, starts)
+        return None
+    return _fit(comparison, best, iterations, starts)
 
 
-def grow(comparison: Comparison, point: Array) -> Descent | None:
+def refine(comparison: Growing, start: Array) -> Fit | None:
+    """The fit on all windows at once from a `start` (nunknown) in the valley of the truth; None where it is not there.
+
+    The estimate from the trials before is such a start, where these were explained: windows need not grow again.
+    """
+    found = _descent(comparison, np.append(start, np.zeros(comparison.extras)), comparison.stages)
+    if found is None or not misfit(found) < comparison.explained_below:
+        return None
+    return _fit(comparison, found, found.iterations, 1)
+
+
+def grow(comparison: Growing, point: Array) -> Descent | None:
     """The descent from a `point`, on the shortest windows first; None where the twin cannot follow from there.
 
     From one stage to the next, windows grow by `comparison.stride`. A descent that does not explain what it was led to
@@ -178,7 +156,7 @@ def grow(comparison: Comparison, point: Array) -> Descent | None:
     return Descent(found.place, iterations, found.converged)
 
 
-def _descent(comparison: Comparison, point: Array, windows: int) -> Descent | None:
+def _descent(comparison: Growing, point: Array, windows: int) -> Descent | None:
     """That from a `point` on the first `windows` windows; None where the twin cannot follow from there."""
     place = place_at(comparison, point, windows)
     if place is None:
@@ -198,7 +176,7 @@ def starting_points(comparison: Fitted, start: Array | None, restarts: int, seed
 
     Args:
         comparison: what is fitted, with the prior of its unknowns.
-        start: log factors (nunknown) to try first.
+        start: unknowns (nunknown) to try first.
         restarts: how many random points.
         seed: of these.
     """
@@ -216,15 +194,13 @@ def starting_points(comparison: Fitted, start: Array | None, restarts: int, seed
             point = NARROWER * point
 
 
-def _estimate(comparison: Comparison, found: Descent, iterations: int, starts: int) -> Estimate:
-    place, unknowns = found.place, comparison.unknowns
+def _fit(comparison: Growing, found: Descent, iterations: int, starts: int) -> Fit:
+    place, names = found.place, comparison.unknowns.names
     factor, _ = triangle(place, comparison.spreads)
     inverse = np.linalg.inv(factor)
-    log_factors = place.point[: len(unknowns.names)]
-    return Estimate(
-        names=tuple(unknowns.names),
-        lumps=unknowns.lumps(log_factors),
-        log_factors=log_factors,
+    return Fit(
+        names=tuple(names),
+        unknowns=place.point[: len(names)],
         covariance=inverse @ inverse.T,  # Eq. 27; R is the factor of what is inverted
         cost=place.cost,
         misfit=misfit(found),
@@ -233,5 +209,5 @@ def _estimate(comparison: Comparison, found: Descent, iterations: int, starts: i
         starts=starts,
         converged=found.converged,
         residuals=comparison.by_joint(place.point),
-        extras=place.point[len(log_factors) :],
+        extras=place.point[len(names) :],
     )

@@ -9,7 +9,7 @@ import pytest
 from watched import GRAVITY, NOISE, TIMESTEP, raised, watched
 
 from metaid.estimation import Readings, Unknowns, commanded_torques, fit
-from metaid.estimation.noisy.readings import _eliminate
+from metaid.estimation.noisy.polynomials import eliminate
 from metaid.models import compensation_torque
 from metaid.plant import FaultSettings
 
@@ -106,7 +106,7 @@ def test_eliminating_start_speeds_is_the_same_as_searching_them() -> None:
     npush, nvalue, count, speeds = 3, 8, 4, 2
     values, whitened = random.normal(size=(npush, nvalue)), random.normal(size=(npush, speeds))
     slopes = random.normal(size=(npush, nvalue, count + speeds))
-    reduced, reduced_slopes, following = _eliminate(values, slopes, whitened, count)
+    reduced, reduced_slopes, following = eliminate(values, slopes, whitened, count)
     step = np.linalg.lstsq(reduced_slopes, -reduced)[0]
 
     whole = np.zeros((npush * (nvalue + speeds), count + npush * speeds))

@@ -87,12 +87,15 @@ def accelerate_with_friction(parameters, motion, space):  # type: ignore[no-unty
     """
     n = motion.force.shape[0]
     beyond, side, softness = motion.beyond, motion.side, motion.softness
+    for i in range(n):
+        if parameters[i, 12] < 0.0:
+            side[i] = np.sign(motion.speed[i])
     for attempt in range(MOST):
         for i in range(n):
             dry = parameters[i, 12]
             motion.held[i] = 0.0
             beyond[i] = motion.force[i] - side[i] * dry
-            if side[i] == 0.0 and dry != 0.0:
+            if side[i] == 0.0 and dry > 0.0:
                 motion.held[i] = 1.0 / softness[i]
                 beyond[i] -= (motion.pull[i] + STOPPING * motion.speed[i]) / softness[i]
         if not factorise(space.mass_matrix, motion.held, space.factor):
@@ -102,9 +105,9 @@ def accelerate_with_friction(parameters, motion, space):  # type: ignore[no-unty
         for j in range(n):
             i = n - 1 - j
             dry = parameters[i, 12]
-            if dry != 0.0 and (settled or attempt < ALL_AT_ONCE):
+            if dry > 0.0 and (settled or attempt < ALL_AT_ONCE):
                 drag = (beyond[i] + motion.pull[i] + STOPPING * motion.speed[i]) / softness[i]
-                would = 0.0 if abs(drag) <= abs(dry) else np.sign(drag) * np.sign(dry)
+                would = 0.0 if abs(drag) <= dry else np.sign(drag)
                 if would * side[i] < 0.0:
                     would = 0.0
                 if would != side[i]:

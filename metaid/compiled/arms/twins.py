@@ -165,7 +165,7 @@ def _set_off(frames, parameters, start, motion, space):  # type: ignore[no-untyp
     for i in range(motion.position.shape[0]):
         motion.position[i], motion.speed[i] = start[0, i], start[1, i]
         motion.pull[i] = 0.0
-        motion.side[i] = np.sign(start[1, i]) * np.sign(parameters[i, 12])
+        motion.side[i] = np.sign(start[1, i])
         is_dry = is_dry or parameters[i, 12] != 0.0
     return not is_dry or soften(frames, parameters, motion, space)
 

@@ -9,7 +9,8 @@ import numpy as np
 from metaid.estimation.counting.counts import Counted, Counts
 from metaid.estimation.counting.programme import pairs, sides
 from metaid.estimation.descent import FARTHEST, descend, place_at
-from metaid.estimation.fit import Estimate, starting_points
+from metaid.estimation.estimate import Estimate
+from metaid.estimation.fit import starting_points
 from metaid.models import Array
 
 STAGES = 9  # growing horizons of the first descent
@@ -136,7 +137,7 @@ def _estimate(counts: Counts, model: Model, steps: int, starts: int) -> Estimate
     return Estimate(
         names=tuple(unknowns.names),
         lumps=unknowns.lumps(log_factors),
-        log_factors=log_factors,
+        unknowns=log_factors,
         covariance=covariance,
         cost=model.wrong,
         misfit=float(model.counted.differing),

@@ -9,24 +9,25 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from metaid.episode import window_ends
 from metaid.estimation.descent import Residuals
+from metaid.estimation.noisy.polynomials import (
+    POLYNOMIALS,
+    SHORTEST,
+    STRIDE,
+    before,
+    eliminate,
+    explained_by_noise,
+    polynomial_windows,
+)
 from metaid.estimation.trials import Replay
 from metaid.estimation.twin import drive
 from metaid.estimation.unknowns import Unknowns, known_alone
 from metaid.models import Array
 
-POLYNOMIALS = 6  # of a joint's angles in a window: what a chain that nearly coasts shows in it
 DRAWN = 100  # readings of a push that a replay keeps
-SHORTEST = 1 / 8  # of the horizon; a shorter window tells little above the noise
 DIFFERENCE, TINY = 1e-3, 1e-12  # of a further torque, as a share of the largest commanded; and no torque, in N m
-# A misfit is explained by so much of the noise, for its size is known to some hundredths only, and so many standard
-# deviations of chance.
-ROUGH_NOISE, CHANCE = 1.1, 4.0
-STRIDE = 4  # windows are twice as long as those so many before
 
 
 @dataclass(frozen=True)
@@ -96,10 +97,9 @@ class Readings:
 
     @property
     def explained_below(self) -> float:
-        """The misfit of n residuals that are nothing but noise is about 1, with a standard deviation of 1/√(2n)."""
+        """A misfit below this is explained by noise."""
         seen = sum(int(np.count_nonzero(trial.steps >= ends[0])) for trial, (ends, _) in self._each) * self.polynomials
-        joints = self.trials[0].start_speeds.shape[1]
-        return ROUGH_NOISE + CHANCE / float(np.sqrt(2.0 * max(seen * joints, 1)))
+        return explained_by_noise(seen * self.trials[0].start_speeds.shape[1])
 
     @property
     def extras(self) -> int:
@@ -114,17 +114,7 @@ class Readings:
     @cached_property
     def _windows(self) -> list[tuple[NDArray[np.int64], Array]]:
         """Of each trial the ends of its windows, and the polynomials on each (nwindow x nstep + 1 x ncoefficient)."""
-        windows = []
-        for trial in self.trials:
-            count = 1 + round(-STRIDE * np.log2(self.shortest))
-            ends = np.array(window_ends(trial.torques.shape[1], count, self.shortest))
-            ends = ends[ends >= min(self.polynomials, ends[-1])]
-            basis = np.zeros((len(ends), ends[-1] + 1, min(self.polynomials, ends[0] + 1)))
-            for window, end in enumerate(ends):
-                times = np.linspace(-1.0, 1.0, end + 1)
-                basis[window, : end + 1] = np.linalg.qr(legendre.legvander(times, basis.shape[2] - 1))[0]
-            windows.append((ends, basis))
-        return windows
+        return [polynomial_windows(trial.torques.shape[1], self.polynomials, self.shortest) for trial in self.trials]
 
     def residuals(self, point: Array, windows: int, torques: Sequence[Array] | None = None) -> Residuals | None:
         """Those of the longest of the first `windows` windows, start speeds eliminated push by push. Given further
@@ -147,7 +137,7 @@ class Readings:
                 slopes = np.concatenate([slopes[..., :count], further, slopes[..., count:]], axis=-1)
             cost += 0.5 * float((values**2).sum() + (whitened**2).sum())
             seen += int(np.count_nonzero(trial.steps >= self._windows[number][0][0])) * values.shape[1]
-            parts.append(_eliminate(values, slopes, whitened, count + (0 if torques is None else len(torques[number]))))
+            parts.append(eliminate(values, slopes, whitened, count + (0 if torques is None else len(torques[number]))))
         values, slopes, following = (np.concatenate([part[number] for part in parts]) for number in range(3))
         return Residuals(values, slopes, cost, seen, following)
 
@@ -204,7 +194,7 @@ class Readings:
         twin = drive(trial, starts, steps, basis[chosen], self.unknowns, log_factors, self.gravity)
         if twin is None:
             return None
-        plants = np.einsum("ptk,ptj->pjk", basis[chosen], trial.readings * _before(steps, trial.readings.shape[1]))
+        plants = np.einsum("ptk,ptj->pjk", basis[chosen], trial.readings * before(steps, trial.readings.shape[1]))
         unit = 1.0 / trial.noise[None, :, None]
         npush = len(steps)
         slopes = (unit[..., None] * twin.slopes).reshape(npush, plants[0].size, -1)
@@ -235,31 +225,3 @@ def _starts(trial: ReadTrial, whitened: Array) -> Array:
     if trial.start_spread is None:
         return trial.start_speeds
     return np.asarray(trial.start_speeds + np.einsum("pij,pj->pi", trial.start_spread, whitened), dtype=np.float64)
-
-
-def _before(steps: NDArray[np.int64], readings: int) -> NDArray[np.bool_]:
-    """Which readings belong to the first `steps` steps of each push (npush x nreading x 1): none of no steps."""
-    return ((np.arange(readings)[None] <= steps[:, None]) & (steps[:, None] > 0))[..., None]
-
-
-def _eliminate(values: Array, slopes: Array, whitened: Array, count: int) -> tuple[Array, Array, Array]:
-    """Residuals, their derivatives by the `count` unknowns of all pushes, and the rows of `Residuals.following`, with
-    the start speeds of each push where they serve best.
-
-    With r the residuals of a push, J and S their derivatives by those unknowns and by its whitened start speeds u, an
-    orthogonal transformation turns the rows [S J r] and [1 0 u] so that S is triangular and zero below: there the rest
-    is free of it, and above it says what u follows.  Eq. 29.
-    """
-    npush, nvalue, width = slopes.shape
-    speeds = width - count
-    if speeds == 0:
-        return values.ravel(), slopes.reshape(-1, count), np.empty((0, 1 + count))
-    rows = np.zeros((npush, nvalue + speeds, width + 1))
-    rows[:, :nvalue, :speeds], rows[:, :nvalue, speeds:-1] = slopes[..., count:], slopes[..., :count]
-    rows[:, nvalue:, :speeds] = np.eye(speeds)
-    rows[:, :nvalue, -1], rows[:, nvalue:, -1] = values, whitened
-    reduced: Array = np.asarray(np.linalg.qr(rows, mode="r"))
-    above = np.linalg.solve(reduced[:, :speeds, :speeds], reduced[:, :speeds, speeds:])
-    following = -np.concatenate([above[..., -1:], above[..., :-1]], axis=-1)
-    below = reduced[:, speeds:, speeds:].reshape(-1, count + 1)
-    return below[:, -1], below[:, :-1], following.reshape(-1, 1 + count)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import legendre
 
-from metaid.estimation.fit import Estimate
+from metaid.estimation.estimate import Estimate
 from metaid.estimation.noisy.readings import Readings, ReadTrial
 from metaid.models import SLIDING, Array
 

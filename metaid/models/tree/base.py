@@ -17,6 +17,7 @@ from metaid.models.tree.regressor import torque_regressor
 from metaid.models.tree.tree import PARAMETERS, Tree
 
 STATES = 200  # random ones, of which torques are compared
+FAST = 10.0  # rad/s² or m/s², of random accelerations
 NOTHING = 1e-9  # of the largest singular value: what rounding leaves of a combination that no torque shows
 RARELY_FIRST = 1e-3  # by which masses are chosen after what they can be added to
 _KINDS = {"m": "kg", "rotor": "kg m²", "damping": "N m s", "coulomb": "N m"}
@@ -71,7 +72,7 @@ def random_states(tree: Tree, count: int, random: np.random.Generator) -> tuple[
     widest = np.where(tree.slides, 1.0, np.pi)
     low, high = np.maximum(tree.low, -widest), np.minimum(tree.high, widest)
     speeds, accelerations = random.standard_normal((2, count, tree.njoint))
-    return random.uniform(low, np.maximum(low, high), (count, tree.njoint)), speeds, 3.0 * accelerations
+    return random.uniform(low, np.maximum(low, high), (count, tree.njoint)), speeds, FAST * accelerations
 
 
 def base_parameters(tree: Tree) -> BaseParameters:

@@ -1,0 +1,28 @@
+"""What all trials of a study say of an arm: the arm that, simulated under the very laws that were sent, shows what was
+seen.
+
+    loop = ArmLoop(plant, nominal, episode)                      # metaid.compiled.arms
+    trial = watched_arm_trial(law, episode, loop.run(law))       # law: parameters (njoint x 13)
+    estimate = estimate_arm([trial, ...], ArmUnknowns(Belief(nominal)))
+    law = estimate.parameters                                    # what the next trial sends
+
+`ArmMotions` compares windows of arms without noise, `ArmReadings` what the sensors of a noisy one read.
+"""
+
+from metaid.estimation.arms.arm_estimate import ArmEstimate, estimate_arm
+from metaid.estimation.arms.motions import ArmMotions
+from metaid.estimation.arms.readings import ArmReadings
+from metaid.estimation.arms.trials import ArmReadTrial, WatchedArmTrial, read_arm_trial, watched_arm_trial
+from metaid.estimation.arms.unknowns import ArmUnknowns
+
+__all__ = [
+    "ArmEstimate",
+    "ArmMotions",
+    "ArmReadTrial",
+    "ArmReadings",
+    "ArmUnknowns",
+    "WatchedArmTrial",
+    "estimate_arm",
+    "read_arm_trial",
+    "watched_arm_trial",
+]

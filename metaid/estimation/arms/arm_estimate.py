@@ -1,0 +1,88 @@
+"""What all trials of a study say of an arm."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from metaid.estimation.arms.motions import ArmMotions
+from metaid.estimation.arms.readings import ArmReadings
+from metaid.estimation.arms.trials import ArmReadTrial, WatchedArmTrial
+from metaid.estimation.arms.unknowns import ArmUnknowns
+from metaid.estimation.fit import Fit, find, refine
+from metaid.models import Array
+from metaid.models.tree import TreeModel
+
+RESTARTS = 3  # of a fit that explains nothing, from elsewhere
+
+
+@dataclass(frozen=True)
+class ArmEstimate(Fit):
+    """What all trials say of an arm, whose base parameters are those of what was `searched`.
+
+    `names` are the base parameters'; `unknowns` and `covariance` are of the z of Eq. 51.
+    """
+
+    searched: ArmUnknowns
+
+    @property
+    def values(self) -> Array:
+        """The base parameters (nbase)."""
+        return self.searched.values(self.unknowns)
+
+    @property
+    def parameters(self) -> Array:
+        """The most probable parameters of every joint and its link (njoint x 13): the law that is to be sent next."""
+        return self.searched.parameters(self.unknowns)
+
+    @property
+    def model(self) -> TreeModel:
+        """The arm."""
+        return TreeModel(self.searched.belief, self.values)
+
+    @cached_property
+    def value_covariance(self) -> Array:
+        """Of the base parameters (nbase x nbase)."""
+        return np.asarray(self.searched.root @ self.covariance @ self.searched.root.T, dtype=np.float64)
+
+    @property
+    def value_deviations(self) -> Array:
+        """Standard deviation of each base parameter (nbase), in its unit."""
+        return np.sqrt(np.diag(self.value_covariance))
+
+    def interval(self, deviations: float = 1.96) -> tuple[Array, Array]:
+        """Least and largest base parameters (nbase) within so many standard `deviations`: 95 % of them by default."""
+        reach = deviations * self.value_deviations
+        return self.values - reach, self.values + reach
+
+
+def estimate_arm(
+    trials: Sequence[WatchedArmTrial] | Sequence[ArmReadTrial],
+    searched: ArmUnknowns,
+    start: ArmEstimate | None = None,
+    thorough: bool = True,
+) -> ArmEstimate | None:
+    """What all `trials` say; None where they showed nothing, or no arm shows what they did.
+
+    Args:
+        trials: all of one kind.
+        searched: what is unknown.
+        start: where the fit begins, where it explained the trials before.
+        thorough: whether a fit that explains nothing begins elsewhere.
+    """
+    begin = start.unknowns if start is not None and start.is_explained else None
+    try:
+        compared: ArmMotions | ArmReadings
+        if isinstance(trials[0], WatchedArmTrial):
+            compared = ArmMotions([trial for trial in trials if isinstance(trial, WatchedArmTrial)], searched)
+        else:
+            compared = ArmReadings([trial for trial in trials if isinstance(trial, ArmReadTrial)], searched)
+    except ValueError:
+        return None
+    found = None if begin is None else refine(compared, begin)
+    if found is None:
+        found = find(compared, begin, RESTARTS if thorough else 0)
+    return None if found is None else ArmEstimate(**vars(found), searched=searched)

@@ -1,0 +1,113 @@
+"""What a fit compares on an arm without noise: the windows of each push, against twins under the same laws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.compiled.arms import follow_laws
+from metaid.estimation.arms.trials import WatchedArmTrial
+from metaid.estimation.arms.unknowns import ArmUnknowns
+from metaid.estimation.descent import Residuals
+from metaid.models import Array
+
+RESOLUTION = 1e-9  # of the largest speed at a start: what rounding leaves of agreement between two simulations
+EXPLAINED = 3.0
+STEP = 3e-8  # of an unknown: to so much a difference of two motions is its derivative
+THREADS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class ArmMotions:
+    """All `trials` of a study. Compared is the signed change of each joint's speed from the start to the end of each
+    window (Eq. 52), in units of the `resolution`, a share of the fastest start.
+    """
+
+    trials: Sequence[WatchedArmTrial]
+    unknowns: ArmUnknowns
+    resolution: float = RESOLUTION
+
+    def __post_init__(self) -> None:
+        if not any(trial.windows.seen.any() for trial in self.trials):
+            raise ValueError("no push of any trial was seen to the end of its shortest window: nothing to compare")
+
+    @property
+    def spreads(self) -> Array:
+        """Of the unknowns (nbase), beforehand."""
+        return np.full(len(self.unknowns.names), self.unknowns.spread)
+
+    @property
+    def stages(self) -> int:
+        """How many windows the longest trial has."""
+        return max(len(trial.windows.ends) for trial in self.trials)
+
+    @property
+    def stride(self) -> int:
+        """Windows grow one by one."""
+        return 1
+
+    @property
+    def explained_below(self) -> float:
+        """A misfit below this says that the model explains what was seen."""
+        return EXPLAINED
+
+    @property
+    def extras(self) -> int:
+        """None: where a push began is known."""
+        return 0
+
+    def residuals(self, point: Array, windows: int) -> Residuals | None:
+        """Those of the first `windows` windows, or None where no arm has such parameters or it does not get there."""
+        count = len(point)
+        candidates = self.unknowns.parameters(np.vstack([point, point + STEP * np.eye(count)]))
+        values, slopes = [], []
+        for trial in self.trials:
+            speeds = self._speeds(trial, candidates, windows)
+            if speeds is None:
+                return None
+            unit, seen = self._unit(trial), _seen(trial, windows)
+            values.append(unit * (speeds[0] - trial.windows.speeds[seen]).ravel())
+            slopes.append((unit / STEP) * (speeds[1:] - speeds[0]).reshape(count, -1).T)
+        together = np.concatenate(values)
+        cost = 0.5 * float(together @ together)
+        return Residuals(together, np.vstack(slopes), cost, len(together), np.empty((0, 1 + count)))
+
+    def by_joint(self, point: Array) -> tuple[Array, ...]:
+        """Root mean square of the residuals of each trial (npush x njoint) over all windows, in units of the
+        resolution; NaN where a push was not seen.
+        """
+        tables = []
+        for trial in self.trials:
+            seen, table = _seen(trial, self.stages), np.full(trial.starts.shape[::2], np.nan)
+            speeds = self._speeds(trial, self.unknowns.parameters(point[None]), self.stages)
+            if speeds is not None:
+                squares = np.zeros((*seen.shape, trial.law.shape[0]))
+                squares[seen] = (self._unit(trial) * (speeds[0] - trial.windows.speeds[seen])) ** 2
+                count = trial.windows.seen[:, None]
+                table = np.sqrt(np.divide(squares.sum(axis=1), count, out=table, where=count > 0))
+            tables.append(table)
+        return tuple(tables)
+
+    def _unit(self, trial: WatchedArmTrial) -> float:
+        return 1.0 / (self.resolution * float(np.abs(trial.starts[:, 1]).max()))
+
+    def _speeds(self, trial: WatchedArmTrial, candidates: Array, windows: int) -> Array | None:
+        """Joint speeds of twins (ncandidate x nseen x njoint) at the windows that were seen."""
+        wanted = np.minimum(trial.windows.seen, windows)
+        pushes, frames = (trial.starts, trial.stiffness), self.unknowns.frames
+        found = follow_laws(
+            frames, trial.law, candidates, pushes, (trial.windows.ends, wanted), trial.timestep, THREADS
+        )
+        if not found.arrived[:, wanted > 0].all():
+            return None
+        speeds: Array = found.values[:, _seen(trial, windows)]
+        return speeds
+
+
+def _seen(trial: WatchedArmTrial, windows: int) -> NDArray[np.bool_]:
+    """Which of the first `windows` windows of each push were seen (npush x nwindow)."""
+    window = np.arange(len(trial.windows.ends))
+    return np.asarray((window < trial.windows.seen[:, None]) & (window < windows))

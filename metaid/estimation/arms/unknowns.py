@@ -1,0 +1,51 @@
+"""What is unknown of an arm: its base parameters, as steps along what is believed of them (Eq. 51)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from metaid.compiled.arms import Frames, frames_of
+from metaid.models import Array
+from metaid.models.tree import Belief
+
+SPREAD = 0.3  # of an unknown: a descent takes steps of as much as of a chain's log factors
+
+
+@dataclass(frozen=True, eq=False)
+class ArmUnknowns:
+    """The unknowns z (nbase) of an arm: its base parameters are β₀ + S z, of which `belief` has β₀ and S."""
+
+    belief: Belief
+    spread: float = SPREAD
+
+    @property
+    def names(self) -> list[str]:
+        """Of the base parameters (nbase), of which there are as many as unknowns."""
+        return list(self.belief.base.names)
+
+    @cached_property
+    def frames(self) -> Frames:
+        """Where the joints are."""
+        return frames_of(self.belief.nominal)
+
+    @cached_property
+    def root(self) -> Array:
+        """S (nbase x nbase): unknowns that are independent, of standard deviation `spread`, make what is believed.
+
+        Eq. 51.
+        """
+        covariance = self.belief.covariance
+        scale = np.sqrt(np.diag(covariance))
+        correlation, turned = np.linalg.eigh(covariance / np.outer(scale, scale))
+        return np.asarray(scale[:, None] * turned * np.sqrt(np.maximum(correlation, 0.0)) / self.spread)
+
+    def values(self, unknowns: Array) -> Array:
+        """The base parameters (... x nbase)."""
+        return np.asarray(self.belief.values + unknowns @ self.root.T, dtype=np.float64)
+
+    def parameters(self, unknowns: Array) -> Array:
+        """The most probable parameters of every joint and its link (... x njoint x 13)."""
+        return np.ascontiguousarray(self.belief.parameters_at(self.values(unknowns)))

@@ -1,0 +1,91 @@
+"""What all trials of a study say of a chain."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from metaid.estimation.fit import Fit, Growing, find
+from metaid.estimation.trials import Replay
+from metaid.estimation.unknowns import Unknowns
+from metaid.models import Array, Lumps
+
+
+class Comparison(Growing, Protocol):
+    """What is compared: `Motions` of a plant without noise, or `Readings` of noisy sensors."""
+
+    @property
+    def unknowns(self) -> Unknowns:
+        """The lumps that are unknown."""
+
+    def replay(self, number: int, point: Array) -> Replay:
+        """The trial of that `number`, and the twin at a `point` in its place."""
+
+
+@dataclass(frozen=True)
+class Estimate(Fit):
+    """What all trials say of a chain, whose unknowns are log factors z: a lump is e^z times the nominal's.
+
+    Attributes:
+        lumps: the chain's lumps; those that were known are the nominal's.
+        extent: least and largest log factor (2 x nunknown) of the models that show exactly the counts that were seen;
+            None where no counts were compared, or no model shows them. Half of it is 1.96 times the deviation.
+        counts: how many counts were compared, of which the misfit is the number that differs; None where none were.
+    """
+
+    lumps: Lumps
+    extent: Array | None = None
+    counts: int | None = None
+
+    @property
+    def log_factors(self) -> Array:
+        """z (nunknown)."""
+        return self.unknowns
+
+    def deviations_of(self, names: Sequence[str]) -> Array:
+        """The standard deviation of each of these lumps (nlump), as a share of it.
+
+        With exact lengths a_ij = l_i μ_j is as well known as μ_j.
+        """
+        return self._by_name(self.deviations, names)
+
+    def extent_of(self, names: Sequence[str]) -> tuple[Array, Array] | None:
+        """The least and the largest log factor of each of these lumps (nlump), or None where no extent is known."""
+        if self.extent is None:
+            return None
+        return self._by_name(self.extent[0], names), self._by_name(self.extent[1], names)
+
+    def _by_name(self, values: Array, names: Sequence[str]) -> Array:
+        """The `values` (nunknown) of the lumps of these names (nlump)."""
+        known = dict(zip(self.names, values.tolist(), strict=True))
+        return np.array([known.get(name, known.get(f"gravity_{name.rpartition('_')[2]}", np.nan)) for name in names])
+
+    def interval(self, deviations: float = 1.96) -> tuple[Array, Array]:
+        """Least and largest factor (nunknown) within so many standard `deviations`: 95 % of them by default.
+
+        Eq. 27.
+        """
+        reach = deviations * self.deviations
+        return np.exp(self.log_factors - reach), np.exp(self.log_factors + reach)
+
+
+def fit(comparison: Comparison, start: Array | None = None, restarts: int = 3, seed: int = 0) -> Estimate:
+    """The chain that all trials of a `comparison` lead to.
+
+    Args:
+        comparison: what is compared with the twin.
+        start: log factors (nunknown) to try before the nominal model, such as those of the estimate before.
+        restarts: how often the fit may begin at a random point of the prior, where the misfit says that it ended in a
+            wrong minimum.
+        seed: of these points; the same seed gives the same estimate.
+
+    Raises:
+        ValueError: the twin cannot follow the trials from any start.
+    """
+    found = find(comparison, start, restarts, seed)
+    if found is None:
+        raise ValueError("no chain near the nominal one moves through any window: the nominal lumps are no chain's")
+    return Estimate(**vars(found), lumps=comparison.unknowns.lumps(found.unknowns))

@@ -1,0 +1,226 @@
+"""What trials say of an arm."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from random_arm import random_arm
+
+from metaid.compiled.arms import ArmLoop
+from metaid.episode import window_ends
+from metaid.episode.arms import ArmEpisode
+from metaid.estimation.arms import (
+    ArmMotions,
+    ArmReadings,
+    ArmUnknowns,
+    estimate_arm,
+    read_arm_trial,
+    watched_arm_trial,
+)
+from metaid.estimation.arms.trials import ArmReadTrial
+from metaid.models import Array
+from metaid.models.tree import Belief, Tree
+from metaid.plant.arms import ArmFaults, ArmPlant, ArmSettings, ArmStart
+
+NOISE = 1e-4
+STEPS = 100
+
+
+def plant_of(tree: Tree, noise: float = 0.0) -> ArmPlant:
+    """A plant that is this arm; with noise it has no sensor of speeds."""
+    plant = ArmPlant("arm", ArmSettings(urdf="arm.urdf", faults=ArmFaults(angle_noise=noise, speed_sensor=not noise)))
+    plant.__dict__["arm"] = SimpleNamespace(tree=tree)
+    return plant
+
+
+def nominal_of(tree: Tree, seed: int = 3) -> Tree:
+    """What is believed of it: bodies wrong, rotors and friction unknown."""
+    random, n = np.random.default_rng(seed), tree.njoint
+    return replace(
+        tree,
+        mass=tree.mass * random.uniform(0.7, 1.3, n),
+        com=tree.com * random.uniform(0.85, 1.15, (n, 3)),
+        inertia=tree.inertia * random.uniform(0.7, 1.3, (n, 1, 1)),
+        rotor=np.zeros(n),
+        damping=np.zeros(n),
+        coulomb=np.zeros(n),
+    )
+
+
+def episode_of(tree: Tree, pushes: int, seed: int = 1) -> ArmEpisode:
+    """Two coasts for each push on springs."""
+    random = np.random.default_rng(seed)
+    states = random.uniform(-1.5, 1.5, (pushes, 2, tree.njoint)) * [[1.0], [1.5]]
+    stiffness = np.where(np.arange(pushes) % 3 == 2, 30.0, 0.0)
+    return ArmEpisode(tuple(ArmStart(*state) for state in states), stiffness, STEPS, window_ends(STEPS))
+
+
+def read(plant: ArmPlant, searched: ArmUnknowns, law: Array, episode: ArmEpisode, number: int) -> ArmReadTrial:
+    """A trial on noisy sensors."""
+    record = ArmLoop(plant, searched.belief.nominal, episode).run(law, number)
+    return read_arm_trial(searched.frames, law, episode, record, np.full(plant.njoint, NOISE))
+
+
+def share_wrong(searched: ArmUnknowns, tree: Tree, values: Array) -> float:
+    """By which share of what was not known the base parameters are wrong, the worst of them."""
+    known = np.sqrt(np.diag(searched.belief.covariance))
+    return float(np.abs((values - searched.belief.base.of(tree.parameters)) / known).max())
+
+
+@pytest.mark.parametrize(("njoint", "slides"), [(3, ()), (3, (1,))])
+def test_one_trial_tells_all_base_parameters(njoint: int, slides: tuple[int, ...]) -> None:
+    """Rotors, viscous and dry friction and what the mass matrix alone shows included, with the nominal law."""
+    tree = random_arm(njoint, 2, slides)
+    searched = ArmUnknowns(Belief(nominal_of(tree)))
+    episode = episode_of(tree, 9)
+    record = ArmLoop(plant_of(tree), searched.belief.nominal, episode).run(searched.belief.nominal.parameters)
+    trial = watched_arm_trial(searched.belief.nominal.parameters, episode, record)
+    estimate = estimate_arm([trial], searched)
+    assert estimate is not None
+    assert estimate.is_explained
+    assert share_wrong(searched, tree, searched.belief.values) > 0.3
+    assert share_wrong(searched, tree, estimate.values) < 1e-8
+    assert estimate.names == searched.belief.base.names
+    assert [table.shape for table in estimate.residuals] == [(9, njoint)]
+    np.testing.assert_allclose(searched.belief.base.of(estimate.parameters), estimate.values, atol=1e-12)
+    np.testing.assert_array_equal(estimate.model.parameters, estimate.values)
+    again = estimate_arm([trial], searched, estimate)
+    assert again is not None
+    assert (again.iterations, again.starts) == (0, 1), "an estimate that explains its trials is where the fit begins"
+
+
+def test_less_than_no_friction_is_not_the_mirror_image_of_friction() -> None:
+    """A twin with negative dry friction is driven on, so that a descent from there leads to the friction there is."""
+    tree = random_arm(2, 5)
+    mirrored = tree.parameters.copy()
+    mirrored[:, 12] *= -1.0
+    searched = ArmUnknowns(Belief(tree))
+    episode = episode_of(tree, 3)
+    trial = watched_arm_trial(tree.parameters, episode, ArmLoop(plant_of(tree), tree, episode).run(tree.parameters))
+    point = np.linalg.solve(searched.root, searched.belief.base.of(mirrored) - searched.belief.values)
+    there = ArmMotions([trial], searched).residuals(point, 5)
+    assert there is not None
+    assert np.abs(there.values).max() > 1e6
+    estimate = estimate_arm([trial], ArmUnknowns(Belief(tree.with_parameters(mirrored))))
+    assert estimate is not None
+    np.testing.assert_allclose(estimate.values, searched.belief.values, rtol=1e-6, atol=1e-9)
+
+
+def test_what_a_push_showed_before_it_fell_is_used() -> None:
+    """A trial whose pushes all ended early still tells."""
+    tree = random_arm(3, 2)
+    narrow = replace(nominal_of(tree), low=np.full(3, -1.5), high=np.full(3, 1.5))  # a coast leaves it
+    searched, law, episode = ArmUnknowns(Belief(narrow)), narrow.parameters, episode_of(tree, 9)
+    record = ArmLoop(plant_of(tree), narrow, episode).run(law)
+    assert record.fell.any()
+    estimate = estimate_arm([watched_arm_trial(law, episode, record)], searched)
+    assert estimate is not None
+    assert estimate.is_explained
+    assert share_wrong(searched, tree, estimate.values) < 1e-6
+
+
+def test_an_arm_that_is_built_otherwise_is_not_explained() -> None:
+    """Where a joint is not where it is believed to be, the misfit says so."""
+    tree = random_arm(3, 2)
+    moved = tree.position.copy()
+    moved[1] += [0.02, 0.0, 0.0]
+    nominal = nominal_of(replace(tree, position=moved))
+    episode = episode_of(tree, 9)
+    record = ArmLoop(plant_of(tree), nominal, episode).run(nominal.parameters)
+    trial = watched_arm_trial(nominal.parameters, episode, record)
+    estimate = estimate_arm([trial], ArmUnknowns(Belief(nominal)), thorough=False)
+    assert estimate is not None
+    assert not estimate.is_explained
+
+
+def test_noisy_readings_tell_base_parameters_within_their_intervals() -> None:
+    """With 0.1 mrad and no sensor of speeds, errors are as large as they are said to be."""
+    tree = random_arm(3, 2)
+    searched = ArmUnknowns(Belief(nominal_of(tree)))
+    plant, law, trials, estimate = plant_of(tree, NOISE), searched.belief.nominal.parameters, [], None
+    for number in range(2):
+        trials.append(read(plant, searched, law, episode_of(tree, 9), number))
+        estimate = estimate_arm(trials, searched, estimate)
+        assert estimate is not None
+        assert estimate.is_explained
+        law = estimate.parameters
+    assert estimate is not None
+    away = (estimate.values - searched.belief.base.of(tree.parameters)) / estimate.value_deviations
+    assert np.abs(away).max() < 4.0
+    assert 0.6 < np.sqrt((away**2).mean()) < 1.4
+    assert share_wrong(searched, tree, estimate.values) < 0.1
+    low, high = estimate.interval()
+    np.testing.assert_allclose(high - low, 2.0 * 1.96 * estimate.value_deviations)
+
+
+def test_starts_that_are_not_exact_are_found_with_the_rest() -> None:
+    """Where poses and speeds at the start differ from what they were to be, their spread is all that need be known."""
+    tree, random = random_arm(3, 2, friction=False), np.random.default_rng(5)
+    searched = ArmUnknowns(Belief(nominal_of(tree)))
+    law, spread = searched.belief.nominal.parameters, np.array([[1e-3] * 3, [1e-2] * 3])
+    episode = episode_of(tree, 9)
+    states = episode.states + spread * random.standard_normal(episode.states.shape)
+    moved = replace(episode, starts=tuple(ArmStart(*state) for state in states))
+    record = ArmLoop(plant_of(tree, NOISE), searched.belief.nominal, moved).run(law)
+    # The law acts on the pose that the arm was to have; here that is where its springs are.
+    trial = read_arm_trial(searched.frames, law, moved, record, np.full(3, NOISE))
+    trial = replace(trial, starts=episode.states)
+    wrong, right = (estimate_arm([replace(trial, start_spread=each)], searched, None, False) for each in (None, spread))
+    assert wrong is not None
+    assert not wrong.is_explained
+    assert right is not None
+    assert right.is_explained
+    assert len(right.extras) == 9 * 6
+    away = (right.values - searched.belief.base.of(tree.parameters)) / right.value_deviations
+    assert np.abs(away).max() < 4.5
+
+
+def compared_of(tree: Tree, noise: float) -> Sequence[ArmMotions | ArmReadings]:
+    """What is compared of one trial."""
+    searched = ArmUnknowns(Belief(nominal_of(tree)))
+    nominal, episode, plant = searched.belief.nominal, episode_of(tree, 3), plant_of(tree, noise)
+    if noise:
+        trial = read(plant, searched, nominal.parameters, episode, 0)
+        spread = np.array([[0.0] * tree.njoint, [1e-2] * tree.njoint])
+        return [ArmReadings([replace(trial, start_spread=spread)], searched)]
+    record = ArmLoop(plant, nominal, episode).run(nominal.parameters)
+    return [ArmMotions([watched_arm_trial(nominal.parameters, episode, record)], searched)]
+
+
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+def test_derivatives_are_those_of_the_residuals(noise: float) -> None:
+    """By central differences, on all windows; starts follow where they serve best."""
+    tree = random_arm(2, 4, friction=False)
+    (compared,) = compared_of(tree, noise)
+    searched = compared.unknowns
+    count = len(searched.names)
+    truth = np.linalg.solve(searched.root, searched.belief.base.of(tree.parameters) - searched.belief.values)
+    point = np.append(truth + 0.01 * np.random.default_rng(0).standard_normal(count), np.zeros(compared.extras))
+    here = compared.residuals(point, compared.stages)
+    assert here is not None
+    for column in range(0, count, 3):
+        step = 1e-4 * np.eye(count)[column]
+        costs = []
+        for sign in (1.0, -1.0):
+            following = here.following @ np.append(1.0, sign * step)
+            there = compared.residuals(point + np.append(sign * step, following), compared.stages)
+            assert there is not None
+            costs.append(there.cost)
+        slope = (costs[0] - costs[1]) / 2e-4
+        scale = float(np.linalg.norm(here.values) * np.linalg.norm(here.slopes[:, column]))
+        assert abs(slope - here.values @ here.slopes[:, column]) < (1e-2 if noise else 1e-4) * scale, (
+            "what follows is linear"
+        )
+
+
+def test_arms_without_a_mass_matrix_are_refused() -> None:
+    """A point at which the mass matrix is not positive definite has no residuals, so no step leads there."""
+    (compared,) = compared_of(random_arm(2, 4), 0.0)
+    searched = compared.unknowns
+    negative = np.linalg.solve(searched.root, -3.0 * searched.belief.values)
+    assert compared.residuals(negative, 1) is None
+    assert np.isnan(compared.by_joint(negative)[0]).all()
