@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from functools import cached_property
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +18,23 @@ from metaid.search.searcher import StepOptions
 if TYPE_CHECKING:
     from cmaes import CMA
 
+SCIPY_STATS = "scipy.stats"
 RESAMPLINGS = 100  # of a candidate that leaves the bounds, before it is moved to the nearest one
+
+
+def load_cmaes() -> None:
+    """Loads the cmaes package. Its CMA-ES does without scipy.stats, which takes longer to load than the rest of the
+    package. Only its variant with margins uses it, and where it is not installed it has functions of its own. So where
+    nothing has loaded scipy.stats before, it is out of sight while the package is loaded.
+    """
+    is_hidden = SCIPY_STATS not in sys.modules
+    if is_hidden:
+        sys.modules[SCIPY_STATS] = None  # type: ignore[assignment]  # Python's word for: not to be found
+    try:
+        import_module("cmaes")
+    finally:
+        if is_hidden:
+            del sys.modules[SCIPY_STATS]
 
 
 class Cmaes:
@@ -31,7 +49,8 @@ class Cmaes:
 
     @cached_property
     def _optimizer(self) -> CMA:
-        """Made for the first candidate: cmaes is slow to load, with all of scipy.stats, and only a run needs it."""
+        """Made for the first candidate: only a run needs the cmaes package."""
+        load_cmaes()
         import cmaes
 
         mean = np.zeros(len(self._coordinates.origin))

@@ -25,8 +25,13 @@ def open_storage(url: sa.URL, create: bool) -> RDBStorage:
     """
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     options = sqlite_options(url) if url.get_backend_name() == "sqlite" else server_options(url)
-    with _tables(url, create) as made:
-        storage = RDBStorage(url.render_as_string(hide_password=False), engine_kwargs=options, skip_table_creation=made)
+    with _tables(url, create) as (made, checked):
+        storage = RDBStorage(
+            url.render_as_string(hide_password=False),
+            engine_kwargs=options,
+            skip_compatibility_check=checked,
+            skip_table_creation=made,
+        )
     _prepare(storage.engine)
     return storage
 
@@ -44,20 +49,20 @@ def _prepare(engine: sa.Engine) -> None:
 
 
 @contextmanager
-def _tables(url: sa.URL, create: bool) -> Iterator[bool]:
-    """Whether the tables are there: a DB that is there is not changed before its schema is known."""
+def _tables(url: sa.URL, create: bool) -> Iterator[tuple[bool, bool]]:
+    """Whether the tables are there, and whether their schema is known to be Optuna's own: a DB that is there is not
+    changed before it is.
+    """
     if url.get_backend_name() == "sqlite":
         path = file_of(url)
         made = has_tables(path, create)
-        if not path.exists():
-            make_file(path, _new_tables())
-            made = True
-        yield made
+        is_there = path.exists()
+        yield made or not is_there, not is_there and make_file(path, _new_tables())
     elif url.get_backend_name() == "postgresql":
         with checked_tables(url, create) as made:
-            yield made
+            yield made, False
     else:
-        yield False
+        yield False, False
 
 
 def _new_tables() -> bytes:

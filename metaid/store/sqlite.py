@@ -109,9 +109,9 @@ def _check_version(connection: sqlite3.Connection, path: Path) -> None:
         )
 
 
-def make_file(path: Path, content: bytes) -> None:
-    """A new file at `path` with this `content`, written under another name first: one that is there is whole. One that
-    another program has made meanwhile is left alone.  Raises StorageError.
+def make_file(path: Path, content: bytes) -> bool:
+    """Makes a new file at `path` with this `content`, written under another name first: one that is there is whole.
+    Returns whether it did; a file that another program has made meanwhile is left alone.  Raises StorageError.
     """
     for companion in (path.with_name(path.name + ending) for ending in (*COMPANIONS, "-journal")):
         if companion.exists():  # SQLite would take what is in it for the new file's
@@ -128,12 +128,13 @@ def make_file(path: Path, content: bytes) -> None:
             os.fsync(file.fileno())
         os.link(partial, path)
     except FileExistsError:
-        return
+        return False
     except OSError as problem:
         why = "the disk is full: make room" if problem.errno == errno.ENOSPC else problem.strerror
         raise StorageError(f"{path}: cannot be made: {why}") from None
     finally:
         partial.unlink(missing_ok=True)
+    return True
 
 
 def _remove_litter(path: Path) -> None:

@@ -5,7 +5,6 @@ how much the same push differs from one time to the next.
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import stdtrit
 
 from metaid.episode import Calibration, natural_time, pushed_speeds
 from metaid.errors import PlantError
@@ -149,6 +148,8 @@ def calibration_of(pushed: PushedSettings, nominal: Chain, gravity: float, repea
         gravity: in m/s².
         repeats: of every push.
     """
+    from scipy.special import stdtrit  # slow to load, and only rigs need it
+
     start_speeds, speed_noise = _joints(np.array(pushed.speeds)), np.array(pushed.speed_noise)
     share = pushed.push_noise * _per_share(np.array(pushed.impulses), start_speeds)
     variance = (1.0 + 1.0 / REPEATS) * ((share**2).sum(axis=-1) + speed_noise**2)

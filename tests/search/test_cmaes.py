@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -96,3 +99,16 @@ def test_candidates_do_not_hang_on_which_eigenvectors_are_chosen(monkeypatch: py
 
     monkeypatch.setattr(np.linalg, "eigh", other_eigh)
     assert np.allclose(tried(), before, rtol=0.0, atol=1e-9)
+
+
+def test_search_by_cma_es_loads_cmaes_without_scipy_stats_and_leaves_that_to_others() -> None:
+    """scipy.stats would be a good part of a short run; afterwards whoever wants it has it, and all of cmaes works."""
+    code = (
+        "import sys, numpy as np; from metaid.search.cmaes import load_cmaes; load_cmaes(); "
+        "print('scipy.stats' in sys.modules); "
+        "import cmaes, scipy.stats; print(round(scipy.stats.norm.cdf(0.0), 3)); "
+        "print(cmaes.CMAwM(mean=np.zeros(2), sigma=1.0, bounds=np.array([[-5, 5], [-5, 5]]), "
+        "steps=np.array([1.0, 0.0])).ask()[0].shape)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split("\n") == ["False", "0.5", "(2,)", ""]

@@ -6,11 +6,11 @@ the plant. To first order in the unknowns both are linear inequalities.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.optimize import linprog
-from scipy.sparse import csc_matrix, hstack, identity
 
 from metaid.estimation.counting.counts import Counted
 from metaid.estimation.counting.crossings import MISS, TOP
@@ -33,13 +33,15 @@ class Inequalities:
 
     def nearest(self, reach: float) -> tuple[Array, float] | None:
         """The change of at most `reach` in each unknown that violates them least in all, and by how much."""
+        from scipy.sparse import csc_matrix, hstack, identity  # slow to load, and only counts need it
+
         near = self.right < reach * np.abs(self.left).sum(axis=1)
         left, right = self.left[near], self.right[near]
         unknowns, rows = left.shape[1], len(right)
         cost = np.concatenate([np.zeros(unknowns), np.ones(rows)])
         system = hstack([csc_matrix(left), -identity(rows, format="csc")], format="csc")
         bounds = [(-reach, reach)] * unknowns + [(0.0, None)] * rows
-        found = linprog(cost, A_ub=system, b_ub=right, bounds=bounds, method="highs")
+        found = _least(cost, system, right, bounds)
         return None if found.x is None else (found.x[:unknowns], float(found.fun))
 
     def deepest(self) -> Array | None:
@@ -48,7 +50,7 @@ class Inequalities:
         system = np.column_stack([self.left, np.ones(rows)])
         bounds = [(-FARTHEST, FARTHEST)] * unknowns + [(0.0, None)]
         cost = np.append(np.zeros(unknowns), -1.0)
-        found = linprog(cost, A_ub=system, b_ub=self.right, bounds=bounds, method="highs")
+        found = _least(cost, system, self.right, bounds)
         return None if found.x is None else np.asarray(found.x[:unknowns])
 
     def extremes(self) -> Array | None:
@@ -61,11 +63,25 @@ class Inequalities:
         for end, sign in enumerate((1.0, -1.0)):
             for k in range(unknowns):
                 cost = sign * np.eye(unknowns)[k]
-                vertex = linprog(cost, A_ub=self.left, b_ub=self.right, bounds=bounds, method="highs").x
+                vertex = _least(cost, self.left, self.right, bounds).x
                 if vertex is None:
                     return None
                 found[end, k] = vertex
         return found
+
+
+def _least(cost: Array, left: Any, right: Array, bounds: Sequence[tuple[float | None, float | None]]) -> Any:
+    """SciPy's result of the linear programme that makes `cost` · x least, subject to `left` x ≤ `right`.
+
+    Args:
+        cost: of each variable (nvariable).
+        left: a matrix (nrow x nvariable), dense or sparse.
+        right: (nrow).
+        bounds: of each variable.
+    """
+    from scipy.optimize import linprog  # slow to load, and only counts need it
+
+    return linprog(cost, A_ub=left, b_ub=right, bounds=bounds, method="highs")
 
 
 def sides(counted: Counted, margin: float = 0.0) -> Inequalities:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
 
 from metaid.models.lumps import Array
 from metaid.models.tree.regressor import torque_regressor
@@ -77,6 +76,8 @@ def random_states(tree: Tree, count: int, random: np.random.Generator) -> tuple[
 
 def base_parameters(tree: Tree) -> BaseParameters:
     """Those of an arm, from its kinematics alone.  Eq. 40."""
+    from scipy.linalg import qr  # slow to load, and only arms need it
+
     coordinates, speeds, accelerations = random_states(tree, STATES, np.random.default_rng(0))
     rows = torque_regressor(tree, coordinates, speeds, accelerations).reshape(STATES * tree.njoint, -1)
     singular = np.linalg.svd(rows, compute_uv=False)
