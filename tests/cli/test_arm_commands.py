@@ -14,12 +14,13 @@ from PIL import Image
 
 from metaid.files import shipped_names
 from metaid.models.tree import PARAMETERS
-from metaid.plant import ArmPlant, load_plant
+from metaid.plant import ArmPlant, load_chain, load_plant
 from metaid.plant.arms import ArmStart
+from metaid.plant.arms.reading import forces_of_lean
 from metaid.show.scene import viewer_model
 
 Metaid = Callable[..., Finished]
-ARMS = {"puma560": 6, "pa10": 7, "crs-a465": 6, "scara": 4, "spatial-three-link": 3}
+ARMS = {"puma560": 6, "pa10": 7, "crs-a465": 6, "scara": 4, "spatial-three-link": 3, "horizontal-five-link": 5}
 SWING = """<mujoco><worldbody><body pos="0 0 1"><joint name="swing" axis="0 1 0" range="-90 60" limited="true"/>
 <geom type="capsule" fromto="0 0 0 0 0 -0.5" size="0.03" mass="2"/></body></worldbody></mujoco>"""
 FORK = """<mujoco><worldbody><body name="a"><joint name="a"/><geom size="0.1"/><body name="b"><joint name="b"/>
@@ -62,6 +63,16 @@ def test_gravity_loads_the_slide_of_the_scara_alone() -> None:
     for rotation, axis in zip(tree.rotation, tree.axis, strict=True):
         turned = turned @ rotation
         assert turned @ axis == pytest.approx([0.0, 0.0, 1.0])
+
+
+def test_horizontal_five_link_is_the_five_link_on_its_side() -> None:
+    """The mass matrix is that of the chain, but for the rotors, and no joint feels gravity."""
+    arm, chain = load_plant("horizontal-five-link"), load_chain("five-link")
+    assert isinstance(arm, ArmPlant)
+    angles = np.array([0.3, -0.8, 1.1, 0.5, -0.9])
+    matrix, weight, _ = forces_of_lean(arm.model, angles, np.zeros(5))
+    assert matrix - np.diag(arm.tree.rotor) == pytest.approx(forces_of_lean(chain.model, angles, np.zeros(5))[0])
+    assert weight == pytest.approx(np.zeros(5), abs=1e-12)
 
 
 def test_weight_of_the_puma_is_what_its_reference_prints() -> None:
