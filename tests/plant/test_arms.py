@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -167,6 +168,53 @@ def test_parameters_of_a_candidate_are_written_exactly(arm: Arm) -> None:
         assert np.abs(2.5 * of_tree - 1.5 * of_other - of_beyond).max() < 1e-9 * np.abs(of_beyond).max()
 
 
+SWING = """<mujoco><worldbody><body><joint name="swing" axis="0 1 0"/>
+<inertial pos="0 0 0" mass="2" diaginertia="0.1 0.1 0.1"/></body></worldbody></mujoco>"""
+
+
+def test_candidate_of_one_joint_may_hang_on_it_though_the_nominal_does_not(tmp_path: Path) -> None:
+    """MuJoCo's short cuts for a body that is balanced on its joint are off."""
+    tree = read(tmp_path, SWING).tree
+    model = build_arm_spec(tree, 0.002).compile()
+    set_parameters(model, replace(tree, com=np.array([[0.3, 0.0, 0.0]])))
+    matrix, weight, _ = forces_of_lean(model, np.zeros(1), np.zeros(1))
+    assert matrix[0, 0] == pytest.approx(0.1 + 2.0 * 0.3**2)
+    assert weight[0] == pytest.approx(-2.0 * 9.81 * 0.3)
+
+
+def test_flat_links_compile(tmp_path: Path) -> None:
+    """The largest moment of inertia of a plate is the sum of the others, and in any frame off by rounding."""
+    tree, random = read(tmp_path, SWING).tree, np.random.default_rng(0)
+    for _ in range(20):
+        axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
+        plate = (axes * [0.1, 0.2, 0.3]) @ axes.T
+        model = arm_model(replace(tree, inertia=plate[None]), 0.002)
+        assert np.sort(model.body_inertia[1]) == pytest.approx([0.1, 0.2, 0.3])
+
+
+def test_friction_acts_at_the_speed_that_a_step_begins_with(tmp_path: Path) -> None:
+    """Viscous friction and dry friction, of a candidate whose nominal has none, too."""
+    tree = replace(read(tmp_path, SWING).tree, gravity=np.zeros(3))
+    model = build_arm_spec(tree, 0.01).compile()
+    set_parameters(model, replace(tree, damping=np.array([2.0]), coulomb=np.array([0.5])))
+    data = mujoco.MjData(model)
+    data.qvel[:] = 3.0
+    mujoco.mj_step(model, data)
+    assert data.qvel[0] == pytest.approx(3.0 - 0.01 * (2.0 * 3.0 + 0.5) / 0.1, rel=1e-6)
+
+
+def test_forces_that_a_file_switches_off_are_off(tmp_path: Path) -> None:
+    """Gravity, viscous and dry friction, by the flags of its options."""
+    flags = "<option><flag gravity='disable' damper='disable' frictionloss='disable'/></option>"
+    tree = read(tmp_path, two(joint="damping='1' frictionloss='1'", after=flags)).tree
+    assert not any([*tree.gravity, *tree.damping, *tree.coulomb])
+
+
+def test_home_is_the_nearest_to_the_reference_pose_in_the_ranges(tmp_path: Path) -> None:
+    """Where the plant file does not say it."""
+    assert read(tmp_path, two(joint="range='0.2 2' limited='true'")).home.tolist() == [0.2, 0.0]
+
+
 def test_plant_coasts_under_its_own_bias_force(tmp_path: Path) -> None:
     """Under the torque that cancels the bias force and friction, joint speeds stay what they were."""
     (tmp_path / "arm.xml").write_text(URDF.replace('friction="0.2"', ""), encoding="utf-8")
@@ -304,6 +352,13 @@ FILES = {
     "a URDF": (URDF, "no MJCF: it begins with <robot> (allowed: <mujoco>)"),
     "not MJCF": ("<mujoco><bodies/></mujoco>", "MuJoCo cannot read it: "),
     "NaN": (two(joint="damping='nan'"), "a number in it is NaN (allowed: finite numbers)"),
+    "mass of a mesh after all": (
+        two(
+            within="<inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/><geom type='mesh' mesh='m'/>",
+            after="<compiler inertiafromgeom='true'/><asset><mesh name='m' file='m.stl'/></asset>",
+        ),
+        "the mass of body 'fore' is that of the mesh m.stl, which cannot be loaded (allowed: a mesh that can",
+    ),
     "too large a number": (
         two(joint="armature='1e7'"),
         "joint 'shoulder' has armature 1e+07 (allowed: numbers up to 1e+06)",
@@ -343,6 +398,13 @@ def test_file_that_does_not_compile_is_refused(tmp_path: Path, monkeypatch: pyte
         read_arm(ArmSettings(mjcf=str(path)), "arm.toml")
     assert message in str(refused.value)
     assert [each.name for each in tmp_path.iterdir()] == ["arm.xml"]
+
+
+def test_mesh_of_a_group_that_weighs_nothing_may_be_missing(tmp_path: Path) -> None:
+    """Masses follow from the shapes of the other groups."""
+    mesh = "<compiler inertiagrouprange='0 2'/><asset><mesh name='m' file='m.stl'/></asset>"
+    arm = read(tmp_path, two(within="<geom type='mesh' mesh='m' group='3'/>", after=mesh))
+    assert arm.tree.mass == pytest.approx(read(tmp_path, two()).tree.mass)
 
 
 def test_textures_that_are_not_there_cost_nothing(tmp_path: Path) -> None:

@@ -86,7 +86,6 @@ def set_parameters(model: mujoco.MjModel, tree: Tree) -> None:
         model: compiled from `build_arm_spec` of a tree with the same kinematics.
         tree: whose parameters it gets.
     """
-    model.body_sameframe[1:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # centres of mass move away from the joint
     model.body_mass[1:], model.body_ipos[1:] = tree.mass, tree.com
     for i in range(tree.njoint):
         model.body_inertia[i + 1], model.body_iquat[i + 1] = _principal(tree.inertia[i])
