@@ -7,13 +7,15 @@ import json
 import os
 import platform
 import statistics
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 
@@ -28,6 +30,7 @@ PEAK_SPEED = 1.0  # rad/s of the fastest link after a push
 START = 1.3  # factor of the nominal lumps, to search from
 NO_LIMIT = 1000.0  # rad: nothing falls, so that all episodes are of the same length
 Row = dict[str, Any]
+Run = TypeVar("Run", bound="Resumable")
 
 
 def make_spec(nlink: int, steps: int = STEPS, trials: int = 100, sampler: str = "cmaes") -> StudySpec:
@@ -60,6 +63,52 @@ def made(spec: StudySpec) -> Iterator[tuple[Store, str]]:
     """A study made from `spec` in a new SQLite DB, which is deleted afterwards."""
     with tempfile.TemporaryDirectory() as folder, closing(Store(f"{folder}/metaid.db", create=True)) as store:
         yield store, create_study(store, spec)
+
+
+class Resumable(Protocol):
+    """A row of results that is one run's: a dataclass whose fields are numbers and words."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @property
+    def sampler(self) -> str: ...
+
+    @property
+    def links(self) -> int: ...
+
+    @property
+    def seed(self) -> int: ...
+
+
+def resumed(
+    kind: Callable[..., Run],
+    wanted: Sequence[tuple[str, int, int]],
+    measure: Callable[[str, int, int], Run],
+    describe: Callable[[Run], str],
+    results: Path | None,
+) -> list[Run]:
+    """The rows of all `wanted` runs, with a line on stderr for each that is measured.
+
+    Args:
+        kind: makes a row of its fields.
+        wanted: sampler, number of links and seed of each run.
+        measure: does one run.
+        describe: what it found, for the line.
+        results: a file of finished runs, one JSON object a line: what is in it is not run again, what is run is added.
+    """
+    done: dict[tuple[str, int, int], Run] = {}
+    if results is not None and results.exists():
+        rows = (kind(**json.loads(line)) for line in results.read_text().splitlines())
+        done = {(row.sampler, row.links, row.seed): row for row in rows}
+    for number, key in enumerate(wanted, 1):
+        if key in done:
+            continue
+        done[key] = row = measure(*key)
+        print(f"{number}/{len(wanted)} {key}: {describe(row)}", file=sys.stderr, flush=True)
+        if results is not None:
+            with results.open("a") as file:
+                file.write(json.dumps(asdict(row)) + "\n")
+    return [done[key] for key in wanted]
 
 
 def seconds(work: Callable[[], object]) -> float:

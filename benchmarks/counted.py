@@ -12,14 +12,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
 
 from benchmarks.chains import random_chain
-from benchmarks.common import Row, made
+from benchmarks.common import Row, made, resumed
 from benchmarks.common import table as markdown
 from metaid import results
 from metaid.plant import PlantSettings
@@ -132,22 +131,15 @@ def main() -> None:
     parser.add_argument("--results", type=Path, help="a file of finished runs, one JSON object a line")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
-    done: dict[tuple[str, int, int], Searched] = {}
-    if given.results is not None and given.results.exists():
-        for line in given.results.read_text().splitlines():
-            row = Searched(**json.loads(line))
-            done[row.sampler, row.links, row.seed] = row
     wanted = [(sampler, links, seed) for sampler in given.samplers for links in given.links for seed in given.seeds]
-    for number, key in enumerate(wanted, 1):
-        if key in done:
-            continue
-        done[key] = row = search(*key, given.trials)
-        error = "–" if row.error is None else f"{row.error:.0e}"
-        print(f"{number}/{len(wanted)} {key}: {row.verdict}, {error}, {row.seconds:.1f} s", file=sys.stderr)
-        if given.results is not None:
-            with given.results.open("a") as file:
-                file.write(json.dumps(asdict(row)) + "\n")
-    rows = [done[key] for key in wanted]
+
+    def describe(row: Searched) -> str:
+        return f"{row.verdict}, {'–' if row.error is None else f'{row.error:.0e}'}, {row.seconds:.1f} s"
+
+    def measure(sampler: str, links: int, seed: int) -> Searched:
+        return search(sampler, links, seed, given.trials)
+
+    rows = resumed(Searched, wanted, measure, describe, given.results)
     print(json.dumps([asdict(row) for row in rows], indent=2) if given.json else table(rows))
 
 

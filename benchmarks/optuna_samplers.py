@@ -10,7 +10,6 @@ needs torch, and is left out where that is missing.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import warnings
@@ -25,7 +24,7 @@ from threadpoolctl import threadpool_limits
 
 import metaid
 from benchmarks.chains import random_chain
-from benchmarks.samplers import trials_to
+from benchmarks.samplers import options, trials_to
 from metaid.plant import PlantSettings, chain_of
 from metaid.study import StudySettings, StudySpec
 
@@ -80,12 +79,7 @@ def table(results: dict[tuple[int, str, bool], list[list[float]]]) -> str:
 
 def main() -> None:
     """Runs the comparison and prints its table or JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--links", type=int, nargs="+", choices=BUDGETS, default=list(BUDGETS))
-    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2, 3, 4])
-    parser.add_argument("--samplers", nargs="+", choices=SAMPLERS, default=list(SAMPLERS))
-    parser.add_argument("--json", action="store_true")
-    given = parser.parse_args()
+    given = options(__doc__, BUDGETS, SAMPLERS).parse_args()
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
     results = {}

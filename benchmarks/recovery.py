@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -24,6 +23,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchmarks.chains import random_chain
+from benchmarks.common import resumed
 from metaid.plant import LinkSettings, PlantSettings, chain_of
 from metaid.study import Problem, StudySettings, StudySpec
 from metaid.study.evaluation import ThreadEvaluator
@@ -178,34 +178,23 @@ def main() -> None:
     parser.add_argument("--results", type=Path, help="a file of finished runs, one JSON object a line")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
-    done: dict[tuple[str, int, int], Recovery] = {}
-    if given.results is not None and given.results.exists():
-        for line in given.results.read_text().splitlines():
-            row = Recovery(**json.loads(line))
-            done[row.sampler, row.links, row.seed] = row
     wanted = [
         (sampler, links, seed)
         for sampler in given.samplers
         for links in given.links
         for seed in (given.seeds[:1] if links in ONCE else given.seeds)
     ]
+
+    def measure(sampler: str, links: int, seed: int) -> Recovery:
+        return recover(links, seed, sampler, given.workers, pushes=given.pushes)
+
+    def describe(row: Recovery) -> str:
+        is_near = row.trials_1 is not None
+        reached = f"1 % after {row.trials_1} trials, {row.seconds_1:.2f} s" if is_near else "not within 1 %"
+        return f"{reached}; at last {row.final_error:.2%}"
+
     with threadpool_limits(1):
-        for number, key in enumerate(wanted, 1):
-            if key in done:
-                continue
-            sampler, links, seed = key
-            done[key] = row = recover(links, seed, sampler, given.workers, pushes=given.pushes)
-            reached = (
-                "not within 1 %" if row.trials_1 is None else f"1 % after {row.trials_1} trials, {row.seconds_1:.2f} s"
-            )
-            print(
-                f"{number}/{len(wanted)} {sampler} N={links} seed {seed}: {reached}; at last {row.final_error:.2%}",
-                file=sys.stderr,
-            )
-            if given.results is not None:
-                with given.results.open("a") as file:
-                    file.write(json.dumps(asdict(row)) + "\n")
-    rows = [done[key] for key in wanted]
+        rows = resumed(Recovery, wanted, measure, describe, given.results)
     print(json.dumps([asdict(row) for row in rows], indent=2) if given.json else table(rows))
 
 

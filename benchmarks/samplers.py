@@ -15,7 +15,7 @@ import argparse
 import contextlib
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from statistics import median
 
@@ -133,13 +133,19 @@ def draw(results: dict[tuple[int, str], list[list[float]]], path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
+def options(description: str | None, links: Iterable[int], samplers: Iterable[str]) -> argparse.ArgumentParser:
+    """The command line of a comparison of `samplers` on chains of so many `links`, by default all of them."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--links", type=int, nargs="+", choices=list(links), default=list(links))
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2, 3, 4])
+    parser.add_argument("--samplers", nargs="+", choices=list(samplers), default=list(samplers))
+    parser.add_argument("--json", action="store_true")
+    return parser
+
+
 def main() -> None:
     """Runs the comparison and prints its table or JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--links", type=int, nargs="+", choices=BUDGETS, default=list(BUDGETS))
-    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2, 3, 4])
-    parser.add_argument("--samplers", nargs="+", choices=SAMPLERS, default=list(SAMPLERS))
-    parser.add_argument("--json", action="store_true")
+    parser = options(__doc__, BUDGETS, SAMPLERS)
     parser.add_argument("-o", dest="output", type=Path, help="draw errors against trials (.png, .svg, .pdf)")
     given = parser.parse_args()
     results = {}

@@ -24,23 +24,12 @@ RESOLUTION = 1e-9  # of the largest speed or frequency seen: what rounding leave
 
 
 @dataclass(frozen=True)
-class Motions:
-    """All `trials` of a study, what of them is `compared` with the twin, and in which units.
-
-    `speed`: the signed change of joint speed from the push to the end of a window. `frequency`: Rice's,
-    √(∫ q̈² dt / ∫ q̇² dt) of that joint up to there, which has no sign (Eq. 25). `resolution` is a share of the largest.
-    `gravity` in m/s².
-    """
+class WatchedTrials:
+    """All `trials` of a study whose windows are compared with a twin, what is unknown of it, and `gravity` in m/s²."""
 
     trials: Sequence[WatchedTrial]
     unknowns: Unknowns
     gravity: float
-    compared: Quantity = "speed"
-    resolution: float = RESOLUTION
-
-    def __post_init__(self) -> None:
-        if not self.trials or not any(trial.windows.seen.any() for trial in self.trials):
-            raise ValueError("no push of any trial was seen to the end of its shortest window: nothing to compare")
 
     @property
     def spreads(self) -> Array:
@@ -53,6 +42,27 @@ class Motions:
         return max(len(trial.ends) for trial in self.trials)
 
     @property
+    def extras(self) -> int:
+        """None: what the speeds were right after a push is read."""
+        return 0
+
+
+@dataclass(frozen=True)
+class Motions(WatchedTrials):
+    """What of all trials is `compared` with the twin, and in which units.
+
+    `speed`: the signed change of joint speed from the push to the end of a window. `frequency`: Rice's,
+    √(∫ q̈² dt / ∫ q̇² dt) of that joint up to there, which has no sign (Eq. 25). `resolution` is a share of the largest.
+    """
+
+    compared: Quantity = "speed"
+    resolution: float = RESOLUTION
+
+    def __post_init__(self) -> None:
+        if not self.trials or not any(trial.windows.seen.any() for trial in self.trials):
+            raise ValueError("no push of any trial was seen to the end of its shortest window: nothing to compare")
+
+    @property
     def stride(self) -> int:
         """Windows grow one by one."""
         return 1
@@ -61,11 +71,6 @@ class Motions:
     def explained_below(self) -> float:
         """A misfit below this is rounding."""
         return EXPLAINED
-
-    @property
-    def extras(self) -> int:
-        """None: what the speeds were right after a push is read."""
-        return 0
 
     def residuals(self, log_factors: Array, windows: int) -> Residuals | None:
         """Those of the first `windows` windows, or None where the twin did not get through them."""

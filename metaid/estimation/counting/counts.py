@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +9,9 @@ from numpy.typing import NDArray
 
 from metaid.estimation.counting.crossings import Counters, count_pushes, counters, hands
 from metaid.estimation.descent import Residuals
-from metaid.estimation.motions import Motions
+from metaid.estimation.motions import Motions, WatchedTrials
 from metaid.estimation.trials import Replay, WatchedTrial
 from metaid.estimation.twin import share_out
-from metaid.estimation.unknowns import Unknowns
 from metaid.estimation.workspace import balance, derivatives, workspace
 from metaid.models import Array
 
@@ -58,35 +56,17 @@ class Counted:
 
 
 @dataclass(frozen=True)
-class Counts:
+class Counts(WatchedTrials):
     """The counts of all `trials` beside those of a twin. As something that is fitted, the residuals are phases in units
     of what rounding to a whole count leaves open, with less weight for outliers. `by_side`: see `Counted.deviations`.
-    `gravity` in m/s². A joint at rest right after a push is left out for that push.
+    A joint at rest right after a push is left out for that push.
     """
 
-    trials: Sequence[WatchedTrial]
-    unknowns: Unknowns
-    gravity: float
     by_side: bool = False
 
     def __post_init__(self) -> None:
         if not any(trial.windows.seen.any() for trial in self.trials):
             raise ValueError("no push of any trial was seen to the end of its shortest window: nothing is counted")
-
-    @property
-    def spreads(self) -> Array:
-        """Of the log factors (nunknown), beforehand."""
-        return np.full(len(self.unknowns.names), self.unknowns.spread)
-
-    @property
-    def stages(self) -> int:
-        """How many windows the longest trial has."""
-        return max(len(trial.ends) for trial in self.trials)
-
-    @property
-    def extras(self) -> int:
-        """None: what the speeds were right after a push is read."""
-        return 0
 
     def counted(self, log_factors: Array, windows: int, slopes: bool = True) -> Counted | None:
         """The counts of the first `windows` windows, with or without `slopes`; None where the twin did not get through
