@@ -1,7 +1,7 @@
 """What counting whole half periods determines: random chains by the settings of the study `two-link-counted`.
 
     python -m benchmarks.counting                                    # twenty chains each of two and three links
-    python -m benchmarks.counting --links 2 3 --observables          # what each observable tells, minimised and matched
+    python -m benchmarks.counting --links 2 3 5 --observables        # what each observable tells, minimised and matched
     python -m benchmarks.counting --links 2 --cmaes 4000             # the counts matched by CMA-ES over models alone
 
 Chains are those of benchmarks/chains.py; the plant is MuJoCo; only this script looks at the truth. `exact`: a model
@@ -14,6 +14,7 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -36,7 +37,16 @@ MATCHED: dict[str, Compared] = {
     "Rice frequency": "frequency",
 }
 MINIMISED = {"count": "count", "crossings": "crossing", "Rice frequency": "spectral"}
-MINIMISING = 60  # trials of CMA-ES from a start at 1.4
+OBSERVED = 3  # chains of each number of links that all observables are tried on
+MINIMISING = 600  # trials of CMA-ES, that search and fall as in the study `three-link`
+LIKE_THREE_LINK = {
+    "sampler": "cmaes",
+    "search.coordinates": "plain",
+    "search.start": 1.4,
+    "search.sigma": 0.2,
+    "episode.fall_limit": 1.5708,
+    "episode.fall_runaway": 5.0,
+}
 
 
 @dataclass(frozen=True)
@@ -130,24 +140,37 @@ def summary(rows: list[Match]) -> list[Row]:
     return shown
 
 
-def observables(links: int, seed: int) -> list[Row]:
+def observables(links: int, seed: int) -> Iterator[Row]:
     """What each observable tells of one chain: the worst error of gravity, Coriolis and inertia lumps, in %."""
-    rows = []
     for name, measure in MINIMISED.items():
-        changes = {"sampler": "cmaes", "episode.measure": measure, "search.start": 1.4, "search.sigma": 0.2}
-        problem = problem_of(links, seed, **{**changes, "trials": MINIMISING, "estimate.compare": "frequency"})
-        rows.append(_row(links, name, "minimised", MINIMISING, _minimised(problem), problem))
+        changes = {"trials": MINIMISING, "episode.measure": measure, "estimate.compare": "frequency"}
+        problem = problem_of(links, seed, **LIKE_THREE_LINK, **changes)
+        yield _row(links, name, "minimised", MINIMISING, _minimised(problem), problem)
     problem = problem_of(links, seed)
     experiment, trials = watch(problem)
     for name, compared in MATCHED.items():
         used = trials
         if name == "count at the end":
             used = [replace(trial, windows=_last(trial)) for trial in trials]
-        found = replace(experiment, compared=compared).estimate(used)
+        found = replace(experiment, compared=compared).estimate(used, thorough=False)
         explained = found is not None and found.is_explained
         values = found.lumps.vector_of(experiment.unknowns.searched) if explained and found is not None else None
-        rows.append(_row(links, name, "matched", len(used), values, problem))
-    return rows
+        yield _row(links, name, "matched", len(used), values, problem)
+
+
+def observed(rows: list[Row]) -> list[Row]:
+    """One row an observable and a number of links: in how many chains there is a result, and median errors of these."""
+    heads = ("links", "observable", "how", "trials")
+    shown = []
+    for key in dict.fromkeys(tuple(row[head] for head in heads) for row in rows):
+        runs = [row for row in rows if tuple(row[head] for head in heads) == key]
+        found = [row for row in runs if row["gravity, %"] is not None]
+        row = dict(zip(heads, key, strict=True)) | {"result": f"{len(found)} of {len(runs)}"}
+        for name in ("gravity, %", "coriolis, %", "inertia, %"):
+            errors = [each[name] for each in found if each[name] is not None]
+            row[name] = float(np.median(errors)) if errors else None
+        shown.append(row)
+    return shown
 
 
 def _last(trial: WatchedTrial) -> Windows:
@@ -231,7 +254,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--links", type=int, nargs="+", default=[2, 3], help="numbers of links")
     parser.add_argument("--seeds", type=int, nargs="+", default=list(range(20)), help="of the chains")
-    parser.add_argument("--observables", action="store_true", help="what each observable tells, of the first seed")
+    parser.add_argument("--observables", action="store_true", help="what each observable tells, first three seeds")
     parser.add_argument("--cmaes", type=int, default=0, help="match by CMA-ES alone, with so many models at most")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
@@ -241,7 +264,10 @@ def main() -> None:
         compile_once()
         for links in given.links:
             if given.observables:
-                rows += observables(links, given.seeds[0])
+                for seed in given.seeds[:OBSERVED]:
+                    for row in observables(links, seed):
+                        print(row, file=sys.stderr, flush=True)
+                        rows.append(row)
                 continue
             for seed in given.seeds:
                 if given.cmaes:
@@ -250,7 +276,8 @@ def main() -> None:
                     matches.append(match(links, seed))
                     rows.append(asdict(matches[-1]))
                 print(rows[-1], file=sys.stderr, flush=True)
-    print(json.dumps(rows, indent=2) if given.json else table(summary(matches) if matches else rows))
+    shown = summary(matches) if matches else observed(rows) if given.observables else rows
+    print(json.dumps(rows, indent=2) if given.json else table(shown))
 
 
 def compile_once() -> None:

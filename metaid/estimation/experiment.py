@@ -87,7 +87,7 @@ class Experiment(ABC):
         try:
             compared = self._comparison(trials)
             if isinstance(compared, Counts):
-                return match_counts(compared, begin)
+                return match_counts(compared, begin, RESTARTS if thorough else 0)
             return fit(compared, begin, RESTARTS if thorough else 0)
         except ValueError:
             return None
