@@ -17,6 +17,7 @@ from metaid.models.tree import (
     base_parameters,
     joint_mass_matrix,
     joint_torque,
+    model_error,
     nominal_model,
     random_states,
     torque_regressor,
@@ -176,3 +177,16 @@ def test_tree_model_has_the_face_of_every_model() -> None:
     assert len(face.names) == len(face.units) == len(model.expressions) == len(face.parameters)
     np.testing.assert_array_equal(face.with_parameters(2.0 * face.parameters).parameters, 2.0 * face.parameters)
     np.testing.assert_allclose(model.standard_parameters, tree.parameters, atol=1e-12)
+
+
+def test_model_error_is_that_of_what_moves_the_arm() -> None:
+    """Nothing where base parameters are right whatever the others are, and of the size of what is wrong with a body."""
+    tree = random_arm(3, 2)
+    belief = Belief(replace(tree, mass=1.2 * tree.mass))
+    same = belief.parameters_at(belief.base.of(tree.parameters))
+    assert np.abs(same - tree.parameters).max() > 0.01
+    assert model_error(tree, same).largest < 1e-9
+    heavier = model_error(tree, replace(tree, mass=1.1 * tree.mass).parameters)
+    assert heavier.gravity == pytest.approx(0.1)
+    assert 0.0 < heavier.mass_matrix < 0.1
+    assert heavier.largest == heavier.gravity

@@ -60,7 +60,7 @@ class ArmEstimate(Fit):
 
 
 def estimate_arm(
-    trials: Sequence[WatchedArmTrial] | Sequence[ArmReadTrial],
+    trials: Sequence[WatchedArmTrial | ArmReadTrial],
     searched: ArmUnknowns,
     start: ArmEstimate | None = None,
     thorough: bool = True,

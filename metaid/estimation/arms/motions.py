@@ -14,9 +14,9 @@ from metaid.estimation.arms.unknowns import ArmUnknowns
 from metaid.estimation.descent import Residuals
 from metaid.models import Array
 
-RESOLUTION = 1e-9  # of the largest speed at a start: what rounding leaves of agreement between two simulations
+RESOLUTION = 1e-8  # of the largest speed at a start: more than rounding leaves between two simulations
 EXPLAINED = 3.0
-STEP = 3e-8  # of an unknown: to so much a difference of two motions is its derivative
+STEP = 1e-6  # of an unknown, to and fro: curvature and rounding then leave some 1e-10 of a derivative wrong
 THREADS = 2
 
 
@@ -62,7 +62,7 @@ class ArmMotions:
     def residuals(self, point: Array, windows: int) -> Residuals | None:
         """Those of the first `windows` windows, or None where no arm has such parameters or it does not get there."""
         count = len(point)
-        candidates = self.unknowns.parameters(np.vstack([point, point + STEP * np.eye(count)]))
+        candidates = self.unknowns.parameters(np.vstack([point, *to_and_fro(point)]))
         values, slopes = [], []
         for trial in self.trials:
             speeds = self._speeds(trial, candidates, windows)
@@ -70,7 +70,8 @@ class ArmMotions:
                 return None
             unit, seen = self._unit(trial), _seen(trial, windows)
             values.append(unit * (speeds[0] - trial.windows.speeds[seen]).ravel())
-            slopes.append((unit / STEP) * (speeds[1:] - speeds[0]).reshape(count, -1).T)
+            there, back = speeds[1 : 1 + count], speeds[1 + count :]
+            slopes.append((unit / (2.0 * STEP)) * (there - back).reshape(count, -1).T)
         together = np.concatenate(values)
         cost = 0.5 * float(together @ together)
         return Residuals(together, np.vstack(slopes), cost, len(together), np.empty((0, 1 + count)))
@@ -105,6 +106,12 @@ class ArmMotions:
             return None
         speeds: Array = found.values[:, _seen(trial, windows)]
         return speeds
+
+
+def to_and_fro(point: Array) -> tuple[Array, Array]:
+    """Points (nunknown x nunknown each) a STEP to either side of a `point` (nunknown), along each unknown."""
+    steps = STEP * np.eye(len(point))
+    return point + steps, point - steps
 
 
 def _seen(trial: WatchedArmTrial, windows: int) -> NDArray[np.bool_]:

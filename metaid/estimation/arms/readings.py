@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.compiled.arms import follow_torques
-from metaid.estimation.arms.motions import STEP, THREADS
+from metaid.estimation.arms.motions import STEP, THREADS, to_and_fro
 from metaid.estimation.arms.trials import ArmReadTrial
 from metaid.estimation.arms.unknowns import ArmUnknowns
 from metaid.estimation.descent import Residuals
@@ -125,13 +125,15 @@ class ArmReadings:
         trial, (ends, basis) = self.trials[number], self._windows[number]
         chosen = np.minimum((ends[None] <= trial.steps[:, None]).sum(axis=1), windows) - 1
         steps = np.where(chosen >= 0, ends[chosen], 0)
-        count, further = len(point), whitened.shape[1]
         # A start of one push has no influence on another, so those of all pushes are changed at once.
-        candidates = self.unknowns.parameters(np.vstack([point, point + STEP * np.eye(count)]))
-        candidates = np.concatenate([candidates, np.repeat(candidates[:1], further, axis=0)])
-        starts = np.repeat(_starts(trial, whitened)[None], 1 + count, axis=0)
-        moved = [_starts(trial, whitened + STEP * unit) for unit in np.eye(further)]
-        starts = np.concatenate([starts, np.array(moved).reshape(further, *starts.shape[1:])])
+        count, further = len(point), whitened.shape[1]
+        here, (there, back) = point[None], to_and_fro(point)
+        still = np.repeat(here, further, axis=0)
+        candidates = self.unknowns.parameters(np.concatenate([here, there, still, back, still]))
+        steady = np.repeat(_starts(trial, whitened)[None], 1 + count, axis=0)
+        moved = [[_starts(trial, whitened + sign * step) for step in STEP * np.eye(further)] for sign in (1.0, -1.0)]
+        ahead, behind = (np.array(each).reshape(further, *steady.shape[1:]) for each in moved)
+        starts = np.concatenate([steady, ahead, steady[1:], behind])
         seen = basis, np.maximum(chosen, 0), steps
         twin = follow_torques(self.unknowns.frames, candidates, starts, trial.torques, seen, trial.timestep, THREADS)
         if not twin.arrived[:, steps > 0].all():
@@ -139,7 +141,8 @@ class ArmReadings:
         plants = np.einsum("ptk,ptj->pkj", basis[chosen], trial.readings * before(steps, trial.readings.shape[1]))
         is_seen = (steps > 0)[:, None, None]
         values = np.where(is_seen, (twin.values[0] - plants) / trial.noise, 0.0)
-        slopes = np.where(is_seen, (twin.values[1:] - twin.values[0]) / (STEP * trial.noise), 0.0)
+        half = 1 + count + further
+        slopes = np.where(is_seen, (twin.values[1:half] - twin.values[half:]) / (2.0 * STEP * trial.noise), 0.0)
         npush = len(steps)
         return values.reshape(npush, -1), np.moveaxis(slopes.reshape(count + further, npush, -1), 0, -1)
 

@@ -7,6 +7,7 @@ and depends on some combinations alone, the `BaseParameters`. A `Belief` says ho
 
 from metaid.models.tree.base import BaseParameters, base_parameters, random_states
 from metaid.models.tree.belief import Belief, Prior
+from metaid.models.tree.model_error import ModelError, model_error
 from metaid.models.tree.regressor import joint_mass_matrix, joint_torque, torque_regressor
 from metaid.models.tree.tree import PARAMETERS, Tree
 from metaid.models.tree.tree_model import TreeModel, nominal_model
@@ -15,12 +16,14 @@ __all__ = [
     "PARAMETERS",
     "BaseParameters",
     "Belief",
+    "ModelError",
     "Prior",
     "Tree",
     "TreeModel",
     "base_parameters",
     "joint_mass_matrix",
     "joint_torque",
+    "model_error",
     "nominal_model",
     "random_states",
     "torque_regressor",

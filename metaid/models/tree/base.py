@@ -68,8 +68,8 @@ def parameter_unit(kind: str, is_slide: bool) -> str:
 
 def random_states(tree: Tree, count: int, random: np.random.Generator) -> tuple[Array, Array, Array]:
     """Joint coordinates in their ranges, speeds and accelerations (count x njoint each)."""
-    widest = np.where(tree.slides, 1.0, np.pi)
-    low, high = np.maximum(tree.low, -widest), np.minimum(tree.high, widest)
+    widest = np.where(tree.slides, 1.0, np.pi)  # of a joint without limits
+    low, high = np.where(np.isfinite(tree.low), tree.low, -widest), np.where(np.isfinite(tree.high), tree.high, widest)
     speeds, accelerations = random.standard_normal((2, count, tree.njoint))
     return random.uniform(low, np.maximum(low, high), (count, tree.njoint)), speeds, FAST * accelerations
 

@@ -1,0 +1,258 @@
+"""How many trials it takes to identify an arm, how exactly, and how long: seven arms, nominals that are far off.
+
+    python -m benchmarks.arms                          # seven arms, ten seeds each
+    python -m benchmarks.arms --noise 1e-4             # rad on the angles, and no sensor of speeds
+    python -m benchmarks.arms --arms puma560 panda --seeds 0 1 2 --json
+
+Shipped arms are as they are. UR5, Panda, xArm7 and Kinova are the URDFs of `example-robot-data`, which must be
+installed. A URDF states no rotors, and most of these no friction: they get some, by their torque limits and the seed.
+Masses and inertias of the nominal arm are wrong by up to 30 %, centres of mass by up to 15 %, rotors and friction are
+believed to be nothing. A trial is 2 njoint coasts and njoint pushes on springs, 0.3 s each, from poses and speeds in
+the joint ranges. The first has the law of the nominal arm, each other one that of the estimate from all before. Errors
+are those of gravity torque, Coriolis torque and mass matrix (`metaid.models.tree.model_error`); in brackets the largest
+after each trial.
+Seconds are those of trials and fits, without compilation.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from metaid.compiled.arms import ArmLoop
+from metaid.episode import window_ends
+from metaid.episode.arms import ArmEpisode
+from metaid.estimation.arms import (
+    ArmEstimate,
+    ArmReadTrial,
+    ArmUnknowns,
+    WatchedArmTrial,
+    estimate_arm,
+    read_arm_trial,
+    watched_arm_trial,
+)
+from metaid.models import Array
+from metaid.models.tree import Belief, ModelError, Tree, model_error
+from metaid.plant import load_plant
+from metaid.plant.arms import ArmFaults, ArmPlant, ArmSettings, draw_starts
+
+SHIPPED = ("pa10", "crs-a465", "puma560")
+URDFS = {
+    "ur5": "ur_description/urdf/ur5_robot.urdf",
+    "panda": "panda_description/urdf/panda.urdf",
+    "xarm7": "xarm_description/urdf/xarm7.urdf",
+    "kinova": "kinova_description/robots/kinova.urdf",
+}
+JOINTS = {"panda": tuple(f"panda_joint{i}" for i in range(1, 8))}  # of the others all move
+HORIZON, WINDOWS, STIFFNESS = 0.3, 6, 30.0  # s, their number, 1/s²
+# Of the torque limit: a rotor's inertia per rad/s², viscous friction per rad/s, dry friction.
+ROTOR, DAMPING, COULOMB = 0.004, 0.01, 0.02
+WITHIN, EXACTLY = 0.01, 0.001
+
+
+@dataclass(frozen=True)
+class Identified:
+    """One arm and seed: errors of the nominal model and after each trial, the misfits and whether they are explained,
+    how many of the base parameters were inside their 95 % intervals after the last trial, pushes that fell, seconds.
+    """
+
+    arm: str
+    seed: int
+    joints: int
+    unknowns: int
+    nominal: ModelError
+    errors: list[ModelError]
+    misfits: list[float]
+    explained: list[bool]
+    inside: int
+    falls: int
+    seconds: float
+
+    @property
+    def trials_needed(self) -> int | None:
+        """After how many trials all errors were within 1 %; None where they were not."""
+        within = [number for number, error in enumerate(self.errors, 1) if error.largest <= WITHIN]
+        return within[0] if within else None
+
+
+def plant_of(name: str, seed: int, noise: float) -> ArmPlant:
+    """The plant of that name."""
+    if name in SHIPPED:
+        found = load_plant(name)
+        assert isinstance(found, ArmPlant), name
+        plant = found
+    else:
+        plant = ArmPlant(name, _settings(name, seed))
+    faults = ArmFaults(angle_noise=noise, speed_sensor=not noise)
+    return ArmPlant(plant.name, plant.settings.model_copy(update={"faults": faults}))
+
+
+def _settings(name: str, seed: int) -> ArmSettings:
+    path = _robots() / URDFS[name]
+    plain = ArmSettings(urdf=str(path), joints=JOINTS.get(name))
+    tree, random = ArmPlant(name, plain).tree, np.random.default_rng(1000 + seed)
+    factors = random.uniform(0.5, 1.5, (3, tree.njoint)) * tree.torque_limit
+
+    def said(share: float, row: int, present: Array) -> dict[str, float]:
+        values = np.where(present > 0.0, present, share * factors[row])
+        return dict(zip(tree.names, values.tolist(), strict=True))
+
+    rotor, damping, coulomb = (
+        said(share, row, present)
+        for row, (share, present) in enumerate(((ROTOR, tree.rotor), (DAMPING, tree.damping), (COULOMB, tree.coulomb)))
+    )
+    return plain.model_copy(update={"rotor": rotor, "damping": damping, "frictionloss": coulomb})
+
+
+def _robots() -> Path:
+    for place in map(Path, sys.path):
+        for found in place.glob("cmeel.prefix/share/example-robot-data/robots"):
+            return found
+    raise SystemExit("the URDFs are those of example-robot-data: pip install example-robot-data")
+
+
+def spoil(tree: Tree, seed: int) -> Tree:
+    """What is believed of an arm."""
+    random, n = np.random.default_rng(seed), tree.njoint
+    nothing = np.zeros(n)
+    return replace(
+        tree,
+        mass=tree.mass / random.uniform(0.7, 1.3, n),
+        inertia=tree.inertia / random.uniform(0.7, 1.3, (n, 1, 1)),
+        com=tree.com / random.uniform(0.85, 1.15, (n, 3)),
+        rotor=nothing,
+        damping=nothing,
+        coulomb=nothing,
+    )
+
+
+def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
+    """Identifies an arm from a nominal that is far off.
+
+    Args:
+        name: of the arm.
+        seed: of what is wrong, of the starts and of the noise.
+        noise: of the angles, in rad.
+        trials: at most; without noise one that coasts as an explained estimate says is the last.
+    """
+    plant = plant_of(name, seed, noise)
+    true, n = plant.tree, plant.njoint
+    nominal = spoil(true, seed)
+    starts = draw_starts(plant, 3 * n, HORIZON, seed)
+    stiffness = np.where(np.arange(3 * n) < 2 * n, 0.0, STIFFNESS)
+    steps = round(HORIZON / plant.timestep)
+    episode = ArmEpisode(starts, stiffness, steps, window_ends(steps, WINDOWS), seed=seed)
+    began = time.perf_counter()
+    searched = ArmUnknowns(Belief(nominal))
+    loop, law = ArmLoop(plant, nominal, episode), nominal.parameters
+    estimate: ArmEstimate | None = None
+    watched: list[WatchedArmTrial | ArmReadTrial] = []
+    errors: list[ModelError] = []
+    misfits: list[float] = []
+    explained: list[bool] = []
+    falls = 0
+    spent = time.perf_counter() - began
+    for number in range(trials):
+        began = time.perf_counter()
+        record = loop.run(law, number)
+        falls += int(record.fell.sum())
+        if noise:
+            watched.append(read_arm_trial(searched.frames, law, episode, record, np.full(n, noise)))
+        else:
+            watched.append(watched_arm_trial(law, episode, record))
+        before, estimate = estimate, estimate_arm(watched, searched, estimate)
+        spent += time.perf_counter() - began
+        if estimate is None:
+            break
+        law = estimate.parameters
+        errors.append(model_error(true, law))
+        misfits.append(estimate.misfit)
+        explained.append(estimate.is_explained)
+        if not noise and before is not None and before.is_explained and estimate.is_explained:
+            break
+    return Identified(
+        arm=name,
+        seed=seed,
+        joints=n,
+        unknowns=len(searched.names),
+        nominal=model_error(true, nominal.parameters),
+        errors=errors,
+        misfits=misfits,
+        explained=explained,
+        inside=0 if estimate is None else _inside(estimate, true),
+        falls=falls,
+        seconds=spent,
+    )
+
+
+def _inside(estimate: ArmEstimate, true: Tree) -> int:
+    """How many base parameters are inside their intervals."""
+    low, high = estimate.interval()
+    values = estimate.searched.belief.base.of(true.parameters)
+    return int(((low <= values) & (values <= high)).sum())
+
+
+def line(found: Identified) -> str:
+    """A row of the table."""
+    last = found.errors[-1] if found.errors else None
+    shown = f"{last.gravity:.1e} {last.coriolis:.1e} {last.mass_matrix:.1e}" if last else "none"
+    after = " ".join(f"{error.largest:.1e}" for error in found.errors)
+    verdict = "found" if found.explained and found.explained[-1] else "not found"
+    return (
+        f"{found.arm:9} {found.seed:3} {found.unknowns:3} unknown  nominal {found.nominal.largest:.2f}  {shown}  "
+        f"({after})  misfit {found.misfits[-1] if found.misfits else np.nan:.2g}  {verdict}  "
+        f"falls {found.falls}  {found.seconds:.1f} s"
+    )
+
+
+def summary(runs: list[Identified], noise: float) -> str:
+    """What all runs say together."""
+    needed = [run.trials_needed for run in runs]
+    within = [number for number in needed if number is not None]
+    sure = [run for run in runs if run.explained and run.explained[-1]]
+    exact = [run for run in sure if run.errors[-1].largest <= EXACTLY]
+    lines = [
+        f"within 1 % after at most 4 trials: {len(within)} of {len(runs)}; after one: {within.count(1)}",
+        f"found: {len(sure)}, of these within 0.1 %: {len(exact)}",
+        f"seconds: median {median(run.seconds for run in runs):.1f}, most {max(run.seconds for run in runs):.1f}",
+    ]
+    if noise and sure:
+        for name in ("gravity", "coriolis", "mass_matrix"):
+            middle = median(getattr(run.errors[-1], name) for run in sure)
+            lines.append(f"median error, {name}: {100 * middle:.4f} %")
+        covered = sum(run.inside for run in sure) / sum(run.unknowns for run in sure)
+        lines.append(f"95 % intervals cover {100 * covered:.1f} %")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--arms", nargs="+", default=[*SHIPPED, *URDFS], choices=[*SHIPPED, *URDFS])
+    parser.add_argument("--seeds", nargs="+", type=int, default=list(range(10)))
+    parser.add_argument("--noise", type=float, default=0.0, help="of the angles, in rad; then without speed sensors")
+    parser.add_argument("--trials", type=int, default=4, help="at most")
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    runs = []
+    with threadpool_limits(1):  # threads of the linear algebra would only be in the way of the twins'
+        identify(options.arms[0], options.seeds[0], options.noise, 1)  # compiles
+        for name in options.arms:
+            for seed in options.seeds:
+                runs.append(identify(name, seed, options.noise, options.trials))
+                print(line(runs[-1]), file=sys.stderr if options.json else sys.stdout, flush=True)
+    if options.json:
+        print(json.dumps([asdict(run) | {"trials_needed": run.trials_needed} for run in runs], indent=1))
+    else:
+        print(summary(runs, options.noise))
+
+
+if __name__ == "__main__":
+    main()

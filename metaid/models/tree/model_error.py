@@ -1,0 +1,49 @@
+"""How wrong an arm's model is where the truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from metaid.models.lumps import Array
+from metaid.models.tree.base import STATES, random_states
+from metaid.models.tree.regressor import joint_mass_matrix, joint_torque
+from metaid.models.tree.tree import Tree
+
+HELD_OUT = 2  # the seed of states that nothing else is computed from
+
+
+@dataclass(frozen=True)
+class ModelError:
+    """Root mean square errors over random states in the joint ranges, as shares of the root mean square of what is
+    right: of the gravity torque, of the Coriolis and centrifugal torque, and of the mass matrix, all joints together.
+    """
+
+    gravity: float
+    coriolis: float
+    mass_matrix: float
+
+    @property
+    def largest(self) -> float:
+        return max(self.gravity, self.coriolis, self.mass_matrix)
+
+
+def model_error(true: Tree, parameters: Array) -> ModelError:
+    """How wrong a model with these `parameters` (njoint x 13) of the `true` arm is. Friction is no part of it."""
+    coordinates, speeds, _ = random_states(true, STATES, np.random.default_rng(HELD_OUT))
+    still = np.zeros_like(speeds)
+    parts: list[tuple[Array, Array, Array]] = []
+    for arm in (true, true.with_parameters(parameters)):
+        smooth = replace(arm, damping=np.zeros(arm.njoint), coulomb=np.zeros(arm.njoint))
+        gravity = joint_torque(smooth, coordinates, still, still)
+        bias = joint_torque(smooth, coordinates, speeds, still)
+        parts.append((gravity, bias - gravity, joint_mass_matrix(arm, coordinates)))
+    shares = (_share(right, wrong) for right, wrong in zip(*parts, strict=True))
+    return ModelError(*shares)
+
+
+def _share(right: Array, wrong: Array) -> float:
+    """The error as a share; 0 of nothing that is right as nothing."""
+    scale, off = float((right**2).sum()), float(((wrong - right) ** 2).sum())
+    return float(np.sqrt(off / scale)) if off else 0.0
