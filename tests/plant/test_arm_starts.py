@@ -77,6 +77,8 @@ def test_no_coast_of_a_slide_without_limits_ends_near_the_wall(tmp_path: Path) -
     )
     assert max(near) <= 0.5 - 0.1 - 0.1 - CLEARANCE
     assert max(far) > 0.35
+    (away,) = draw_starts(cart(tmp_path, 0.5, home={"rail": 5.0}), 1, HORIZON, seed=1)
+    assert abs(away.pose[0] - 5.0) < 0.5
 
 
 def test_arm_that_is_never_clear_is_refused(tmp_path: Path) -> None:

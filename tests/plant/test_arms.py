@@ -12,7 +12,16 @@ import pytest
 from metaid.errors import PlantError
 from metaid.models.tree import Tree
 from metaid.plant import build_spec, load_chain
-from metaid.plant.arms import ArmPlant, ArmSettings, ArmStart, arm_model, build_arm_spec, read_arm, set_parameters
+from metaid.plant.arms import (
+    ArmPlant,
+    ArmSettings,
+    ArmStart,
+    arm_model,
+    build_arm_spec,
+    read_arm,
+    set_parameters,
+    surfaces,
+)
 from metaid.plant.arms.compiling import compile_file
 from metaid.plant.arms.fusing import Whole, fuse
 from metaid.plant.arms.reading import Arm, forces_of_lean, forces_of_whole, refuse_another_motion
@@ -286,6 +295,33 @@ REFUSED = {
         {"after": "<tendon><fixed name='t' damping='1'><joint joint='elbow' coef='1'/></fixed></tendon>"},
         "tendon 't' has a damping of its own (allowed: joints in series, without tendons)",
     ),
+    "loop of sites": (
+        {
+            "within": "<site name='one'/>",
+            "beside": "<site name='two'/>",
+            "after": "<equality><weld name='loop' site1='one' site2='two'/></equality>",
+        },
+        "equality constraint 'loop' closes a loop (allowed: joints in series, without loops)",
+    ),
+    "tendon across": (
+        {
+            "within": "<site name='one'/>",
+            "beside": "<site name='two'/>",
+            "after": "<tendon><spatial name='t' stiffness='1'><site site='one'/><site site='two'/></spatial></tendon>",
+        },
+        "tendon 't' has a stiffness of its own (allowed: joints in series, without tendons)",
+    ),
+    "friction of an actuator": (
+        {"after": "<actuator><motor name='m' joint='elbow' damping='1 2'/></actuator>"},
+        "actuator 'm' has viscous friction that is no multiple of the speed (allowed: one number as damping)",
+    ),
+    "actuator of a tendon": (
+        {
+            "after": "<tendon><fixed name='t'><joint joint='elbow' coef='1'/></fixed></tendon>"
+            "<actuator><motor name='m' tendon='t' armature='1'/></actuator>"
+        },
+        "actuator 'm' has damping or armature, and is on no joint (allowed: give them to the joints)",
+    ),
     "activation": (
         {"after": "<actuator><intvelocity name='m' joint='elbow' kp='1' actrange='-1 1'/></actuator>"},
         "actuator 'm' has dynamics of its own, an activation state (allowed: actuators without one, or none)",
@@ -310,6 +346,42 @@ def test_what_is_held_may_be_anything(tmp_path: Path) -> None:
     arm = read(tmp_path, text, joints=["elbow"])
     assert arm.tree.names == ("elbow",)
     assert arm.tree.mass == pytest.approx(4.0 / 3.0 * np.pi * 0.1**3 * 1000.0)
+
+
+def test_what_does_not_move_the_joints_may_be_there(tmp_path: Path) -> None:
+    """Springs that are switched off, constraints and tendons within one link."""
+    within = "<site name='one'/><site name='two' pos='0 0 0.1'/><body name='cover'><geom size='0.01'/></body>"
+    bands = "<tendon><spatial stiffness='1'><site site='one'/><site site='two'/></spatial></tendon>"
+    welds = "<equality><weld body1='fore' body2='cover'/><connect site1='one' site2='two'/></equality>"
+    off = "<option><flag spring='disable'/></option>"
+    arm = read(tmp_path, two(joint="stiffness='3'", within=within, after=bands + welds + off))
+    assert arm.tree.names == ("shoulder", "elbow")
+
+
+def test_torque_limit_is_the_least_that_is_said(tmp_path: Path) -> None:
+    """Of controls, forces and joints; what a file has but switches off does not count."""
+    motor = (
+        "<motor joint='shoulder' gear='2' ctrlrange='-10 4' ctrllimited='true' forcerange='{}' forcelimited='true'/>"
+    )
+    limits = []
+    for force, joint in (("-3 5", ""), ("-9 9", ""), ("-9 9", "-7 7' actuatorfrclimited='false"), ("-9 9", "-7 7")):
+        said = f"actuatorfrcrange='{joint}'" if joint else ""
+        text = two(joint=said, after=f"<actuator>{motor.format(force)}</actuator>")
+        limits.append(read(tmp_path, text).tree.torque_limit[0])
+    assert limits == [6.0, 8.0, 8.0, 7.0]
+
+
+def test_surfaces_are_where_the_shapes_are(arm: Arm) -> None:
+    """Of the base and of every link, at home: about their middles, and a ball at its radius."""
+    shown = surfaces(arm.whole, arm.home)
+    assert [surface.link for surface in shown] == [-1, 1, 1, 3, 3, 3]  # the link of the elbow has an inertial alone
+    data = mujoco.MjData(arm.whole.model)
+    data.qpos[:] = arm.whole.at(arm.home)
+    mujoco.mj_kinematics(arm.whole.model, data)
+    centres = [surface.triangles.reshape(-1, 3).mean(axis=0) for surface in shown]
+    assert np.array(centres) == pytest.approx(data.geom_xpos[1:], abs=1e-6)
+    ball = np.linalg.norm(shown[3].triangles - data.geom_xpos[4], axis=2)
+    assert ball == pytest.approx(np.full(ball.shape, 0.05))
 
 
 def test_force_that_nobody_thought_of_is_refused(tmp_path: Path) -> None:

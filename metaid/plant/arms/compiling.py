@@ -118,15 +118,9 @@ def _found(file: str, path: Path) -> str:
     """Where the file of a mesh is: one that is said to be in a package is searched in the folders above."""
     if SCHEME not in file:
         return file
-    parts = Path(file.partition(SCHEME)[2]).parts
-    return next((str(place) for place in _places(parts, path) if place.is_file()), file)
-
-
-def _places(parts: tuple[str, ...], path: Path) -> Iterator[Path]:
-    for folder in path.resolve().parents:
-        yield folder.joinpath(*parts)
-        if parts and folder.name == parts[0]:
-            yield folder.joinpath(*parts[1:])
+    named = file.partition(SCHEME)[2]
+    places = (folder / named.lstrip("/") for folder in path.resolve().parents)
+    return next((str(place) for place in places if place.is_file()), file)
 
 
 def _leave_out_lost_meshes(spec: mujoco.MjSpec, path: Path) -> tuple[str, ...]:

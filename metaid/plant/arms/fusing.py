@@ -196,6 +196,6 @@ def _torque_limits(whole: Whole) -> Array:
             largest = min(largest, gain * np.abs(model.actuator_ctrlrange[control]).min())
         given[i] += abs(gear) * largest
     of_joints = np.abs(model.jnt_actfrcrange[list(whole.joints)]).min(axis=1)
-    of_joints[model.jnt_actfrclimited[list(whole.joints)] == 0] = np.inf
-    limits = np.minimum(np.where(given > 0, given, np.inf), np.where(of_joints > 0, of_joints, np.inf))
-    return np.asarray(limits)
+    said = (of_joints > 0) & (model.jnt_actfrclimited[list(whole.joints)] > 0)
+    limits: Array = np.minimum(np.where(given > 0, given, np.inf), np.where(said, of_joints, np.inf))
+    return limits

@@ -128,12 +128,8 @@ def _of_joints(whole: Whole) -> Iterator[tuple[str, str]]:
 
 
 def _of_the_whole(model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
-    if model.nflex:
-        yield "there are flexible bodies", "rigid ones"
     for body in np.flatnonzero(model.body_gravcomp):
         yield f"body '{body_name(model, int(body))}' is relieved of its weight by gravcomp", "gravcomp 0"
-    for body in np.flatnonzero(model.body_plugin >= 0):
-        yield f"a plugin acts on body '{body_name(model, int(body))}'", "no plugins"
     if model.opt.density or model.opt.viscosity:
         yield "the arm moves in a fluid", "density 0 and viscosity 0"
 
