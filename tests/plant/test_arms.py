@@ -220,8 +220,12 @@ def test_forces_that_a_file_switches_off_are_off(tmp_path: Path) -> None:
 
 
 def test_home_is_the_nearest_to_the_reference_pose_in_the_ranges(tmp_path: Path) -> None:
-    """Where the plant file does not say it."""
-    assert read(tmp_path, two(joint="range='0.2 2' limited='true'")).home.tolist() == [0.2, 0.0]
+    """Where the plant file does not say it; or to the file's keyframe `home`."""
+    joint = "range='0.2 2' limited='true'"
+    assert read(tmp_path, two(joint=joint)).home.tolist() == [0.2, 0.0]
+    keys = "<keyframe><key name='away' qpos='1 1'/><key name='home' qpos='3 0.7'/></keyframe>"
+    assert read(tmp_path, two(joint=joint, after=keys)).home.tolist() == [2.0, 0.7]
+    assert read(tmp_path, two(joint=joint, after=keys), home={"shoulder": 1.0}).home.tolist() == [1.0, 0.7]
 
 
 def test_plant_coasts_under_its_own_bias_force(tmp_path: Path) -> None:

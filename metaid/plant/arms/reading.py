@@ -77,12 +77,15 @@ def _instead(values: Array, given: Mapping[str, float], names: tuple[str, ...]) 
 
 
 def _pose(model: mujoco.MjModel, settings: ArmSettings, source: str) -> Array:
-    """Coordinates of all joints of the model (nq): those of `home`, else those of the file, within their ranges."""
+    """Coordinates of all joints of the model (nq): those of `home`, else those of the file's keyframe of that name,
+    else those of its reference pose, within their ranges.
+    """
     kinds = model.jnt_type
     single = np.flatnonzero((kinds == mujoco.mjtJoint.mjJNT_HINGE) | (kinds == mujoco.mjtJoint.mjJNT_SLIDE))
     names = {joint_name(model, int(joint)): int(joint) for joint in single}
     _known(source, "home", settings.home, tuple(names))
-    pose: Array = model.qpos0.copy()
+    keys = [key for key in range(model.nkey) if model.key(key).name == "home"]
+    pose: Array = model.key_qpos[keys[0]].copy() if keys else model.qpos0.copy()
     for name, joint in names.items():
         address, limited = model.jnt_qposadr[joint], model.jnt_limited[joint]
         low, high = model.jnt_range[joint] if limited else (-np.inf, np.inf)

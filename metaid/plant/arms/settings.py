@@ -30,11 +30,11 @@ class ArmSettings(Settings):
     """A plant file of an arm: `mjcf` or `urdf`, the file that describes it, relative to the plant file.
 
     `joints`: those that move; the others are held, and what they carry is one body. Without it all move. `home`: joint
-    coordinates in rad or m, of held joints where they are held (default: the reference pose of the file, or the nearest
-    in the joint's range). `gravity`: three numbers in m/s², in the frame of the base, instead of the file's; `timestep`
-    in s. By the name of the joint, instead of what the file says: inertia of the rotor as the joint feels it, `rotor`,
-    in kg m² (of a slide in kg), viscous friction `damping` in N m s (N s/m), dry friction `frictionloss` and
-    `torque_limit` in N m (N). `truth_known = false` keeps the truth from reports.
+    coordinates in rad or m, of held joints where they are held (default: those of the file's keyframe `home`, or else
+    of its reference pose, or the nearest in the joint's range). `gravity`: three numbers in m/s², in the frame of the
+    base, instead of the file's; `timestep` in s. By the name of the joint, instead of what the file says: inertia of
+    the rotor as the joint feels it, `rotor`, in kg m² (of a slide in kg), viscous friction `damping` in N m s (N s/m),
+    dry friction `frictionloss` and `torque_limit` in N m (N). `truth_known = false` keeps the truth from reports.
     """
 
     description: str = ""
