@@ -6,6 +6,7 @@ import fcntl
 import os
 import shutil
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from postgres import Postgres, run_postgres
 from rig import Serve, serving
 
 from metaid.cli import main
+from metaid.models.chain import Chain
 from metaid.plant.faults import FaultSettings
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.settings import LinkSettings, PlantSettings
@@ -48,6 +50,14 @@ def random_links(nlink: int, seed: int) -> tuple[LinkSettings, ...]:
 def random_plant(nlink: int, seed: int = 1) -> MujocoPlant:
     """A heterogeneous chain."""
     return MujocoPlant(f"random-{nlink}", PlantSettings(links=random_links(nlink, seed)))
+
+
+def wrong_chain(chain: Chain, seed: int) -> Chain:
+    """A chain that another is believed to be: masses, lengths and the rest wrong by up to 30 %."""
+    random = np.random.default_rng(seed)
+    wrong = {key: getattr(chain, key) * random.uniform(0.7, 1.3, chain.nlink) for key in ("mass", "length", "inertia")}
+    com = np.minimum(chain.com * random.uniform(0.85, 1.15, chain.nlink), wrong["length"])
+    return replace(chain, **wrong, com=com)
 
 
 def matching_spec(noisy: bool) -> StudySpec:

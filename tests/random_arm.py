@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.random import Generator
 
 from metaid.models import Array
 from metaid.models.tree import Tree
+from metaid.plant import load_plant
+from metaid.plant.arms import ArmPlant
 
 
 def random_arm(njoint: int, seed: int, slides: tuple[int, ...] = (), friction: bool = True) -> Tree:
@@ -42,6 +46,20 @@ def random_arm(njoint: int, seed: int, slides: tuple[int, ...] = (), friction: b
     )
 
 
+def wrong_tree(tree: Tree, seed: int) -> Tree:
+    """An arm that another is believed to be: links wrong by up to 30 %, rotors and friction unknown."""
+    random, n = np.random.default_rng(seed), tree.njoint
+    return replace(
+        tree,
+        mass=tree.mass * random.uniform(0.7, 1.3, n),
+        com=tree.com * random.uniform(0.85, 1.15, (n, 3)),
+        inertia=tree.inertia * random.uniform(0.7, 1.3, (n, 1, 1)),
+        rotor=np.zeros(n),
+        damping=np.zeros(n),
+        coulomb=np.zeros(n),
+    )
+
+
 def _rotation(random: Generator) -> Array:
     matrix, _ = np.linalg.qr(random.standard_normal((3, 3)))
     return np.asarray(matrix * np.sign(np.linalg.det(matrix)), dtype=np.float64)
@@ -50,3 +68,18 @@ def _rotation(random: Generator) -> Array:
 def _inertia(mass: float, points: Array) -> Array:
     second = 0.01 * mass * (points.T @ points) / len(points)
     return np.asarray(np.trace(second) * np.eye(3) - second, dtype=np.float64)
+
+
+def arm_named(name: str) -> Tree:
+    """A shipped arm."""
+    plant = load_plant(name)
+    assert isinstance(plant, ArmPlant)
+    return plant.tree
+
+
+ARMS = {
+    "one": random_arm(1, 1),
+    "four": random_arm(4, 3, slides=(2,)),
+    "pa10": arm_named("pa10"),
+    "puma560": arm_named("puma560"),
+}

@@ -9,6 +9,7 @@ Pure functions of arrays: nothing here knows MuJoCo, Optuna or files.
 
 from metaid.models.bodies import Bodies, bodies_of
 from metaid.models.chain import Chain, speeds_after
+from metaid.models.chain_of_lumps import ChainOfLumps, chain_of_lumps
 from metaid.models.known_lumps import KnownLumps, known_lumps
 from metaid.models.law import SLIDING, compensation_basis, compensation_torque, mass_matrix
 from metaid.models.lumps import FRICTION, IDEAL, UNITS, Array, Lumps, factors_from_names, kind_of, lump_names, lump_unit
@@ -27,6 +28,7 @@ __all__ = [
     "Bodies",
     "Chain",
     "ChainModel",
+    "ChainOfLumps",
     "KnownLumps",
     "Lumps",
     "Model",
@@ -35,6 +37,7 @@ __all__ = [
     "Space",
     "bodies_of",
     "body_extents",
+    "chain_of_lumps",
     "compensation_basis",
     "compensation_torque",
     "factor_space",

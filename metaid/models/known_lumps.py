@@ -75,11 +75,16 @@ def known_lumps(
         known = np.append(known, [np.mean([ratio[i, j] for j in links if i < j]) for i in links[:-1]])
     # Generalised least squares: with three links and more, not all Coriolis lumps are those of some lengths.
     system = np.array(rows)
-    deviations = np.sqrt(np.diag(covariance)[used])
-    own, axes = np.linalg.eigh(covariance[np.ix_(used, used)] / np.outer(deviations, deviations))
-    whiten = (axes / np.sqrt(np.maximum(own, SINGULAR * own[-1]))).T / deviations
+    whiten = whitening(covariance[np.ix_(used, used)])
     q, r = np.linalg.qr(whiten @ system)
     known = known + np.linalg.solve(r, q.T @ whiten @ (logs[used] - system @ known))
     found = np.exp(known)
     lengths = np.append(found[2 * n :], np.nan) if length is None else length
     return KnownLumps(found[:n], found[n : 2 * n], lengths, reach * np.linalg.inv(r))
+
+
+def whitening(covariance: Array) -> Array:
+    """The matrix (n x n) that makes errors with this `covariance` (n x n) independent and of size 1."""
+    deviations = np.sqrt(np.diag(covariance))
+    own, axes = np.linalg.eigh(covariance / np.outer(deviations, deviations))
+    return np.asarray((axes / np.sqrt(np.maximum(own, SINGULAR * own[-1]))).T / deviations, dtype=np.float64)

@@ -1,0 +1,90 @@
+"""Links that can be, with given base parameters, closest to the nominal arm's.
+
+The masses among them are not identified: any other bodies with these base parameters move alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import null_space
+
+from metaid.models.closest_bodies import Matrices, closest
+from metaid.models.lumps import Array
+from metaid.models.tree.belief import LEAST_LEVER, Belief
+from metaid.models.tree.regressor import BODY
+from metaid.models.tree.tree import PARAMETERS, Tree
+
+FLAT = 1e-3  # of a body's size: a nominal body that is thinner counts as this thick
+ROTOR, DAMPING, COULOMB = range(BODY, len(PARAMETERS))
+USED = 1e-9  # of a direction that leaves the base parameters alone: what a parameter has at least, to be free in it
+
+
+@dataclass(frozen=True)
+class PossibleBodies:
+    """A `tree` whose links can be, and what of its friction and rotors is not as identified: `cut` (njoint x 3), the
+    negative values of rotors, viscous and dry friction that are 0 in the tree, and 0 elsewhere.
+    """
+
+    tree: Tree
+    cut: Array
+
+
+def possible_bodies(belief: Belief, values: Array) -> PossibleBodies | None:
+    """The possible bodies with base parameters `values` (nbase) that are closest to the nominal arm's.  Eq. 54.
+
+    Rotors and friction that no other parameter can make up for are as identified, unless that is negative.
+
+    Returns:
+        The arm; None where no possible bodies have these base parameters.
+    """
+    nominal, base = belief.nominal, belief.base
+    njoint, size = nominal.njoint, len(PARAMETERS)
+    spread = np.sqrt(np.diag(belief.parameter_covariance))
+    scale = np.where(spread > 0.0, spread, 1.0)
+    directions = scale[:, None] * null_space(base.matrix * scale)
+    start = belief.parameters_at(values)
+    slope = directions.reshape(njoint, size, -1)
+    nominal_bodies = np.array([_thick(_pseudo_inertia(each)) for each in nominal.parameters])
+    groups = [
+        Matrices(
+            np.array([_pseudo_inertia(each) for each in start]),
+            np.array([[_pseudo_inertia(column) for column in each.T] for each in slope]).transpose(0, 2, 3, 1),
+            nominal_bodies,
+        )
+    ]
+    free = np.flatnonzero((np.abs(slope[:, ROTOR] / scale.reshape(njoint, size)[:, ROTOR, None]) > USED).any(axis=1))
+    usual = np.maximum(nominal.rotor, 0.1 * spread.reshape(njoint, size)[:, ROTOR])
+    groups.append(Matrices(*(each[free][:, None, None] for each in (start[:, ROTOR], slope[:, ROTOR], usual))))
+    found = closest(groups, np.zeros(directions.shape[1]))
+    if not found.is_possible:
+        return None
+    parameters = (start.ravel() + directions @ found.x)[None]
+    parameters[:, base.columns] += values - parameters @ base.matrix.T  # what rounding left
+    parameters = parameters.reshape(njoint, size)
+    cut = np.minimum(parameters[:, BODY:], 0.0)
+    parameters[:, BODY:] -= cut
+    return PossibleBodies(nominal.with_parameters(parameters), cut)
+
+
+def _pseudo_inertia(parameters: Array) -> Array:
+    """[[Σ, s], [sᵀ, m]] (4 x 4) of a link, linear in its `parameters` (13).  Eq. 53."""
+    mass, moment, (xx, xy, xz, yy, yz, zz) = parameters[0], parameters[1:4], parameters[4:BODY]
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    matrix = np.empty((4, 4))
+    matrix[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    matrix[:3, 3] = matrix[3, :3] = moment
+    matrix[3, 3] = mass
+    return matrix
+
+
+def _thick(pseudo_inertia: Array) -> Array:
+    """A nominal `pseudo_inertia` (4 x 4) that is positive definite: rods, plates and points are given a thickness."""
+    mass, moment = pseudo_inertia[3, 3], pseudo_inertia[:3, 3]
+    offset = np.outer(moment, moment) / mass
+    extents, axes = np.linalg.eigh(pseudo_inertia[:3, :3] - offset)
+    size = max(float(extents.max()), mass * LEAST_LEVER**2)
+    thick = pseudo_inertia.copy()
+    thick[:3, :3] = (axes * np.maximum(extents, FLAT * size)) @ axes.T + offset
+    return thick
