@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     import optuna
 
     from metaid.compiled import Objective  # loads MuJoCo and numba, which a reader of a DB does without
+    from metaid.results.exporting import IdentifiedModel
 
 
 def default_storage() -> str:
@@ -252,6 +253,16 @@ def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: 
     inertia = factors[[lump for lump in found.index if kind_of(lump) == "inertia"]]
     values = (inertia * found["nominal"][inertia.index]).to_numpy() if len(inertia) else None
     return validate_factors(problem, factors[problem.names].to_numpy(), pushes, seed, values)
+
+
+def model(name: str, storage: str | None = None) -> IdentifiedModel:
+    """The identified model of a study, which `write(path)` writes as a plant file, MJCF, URDF, Python, C or JSON, by
+    the ending of the path.  Raises StorageError, and StudyError where the study has found none.
+    """
+    from metaid.results.exporting import identified_model
+
+    with closing(Store(storage or default_storage())) as store:
+        return identified_model(read_snapshot(store, name))
 
 
 def load_findings(name: str, storage: str | None = None) -> Findings:

@@ -82,7 +82,7 @@ app.add_command(studies.study)
 app.add_command(paper.paper)
 plants.plant.add_command(pictures.draw)
 plants.plant.add_command(pictures.view)
-for command in (results.show, results.validate, results.export):
+for command in (results.show, results.validate, results.export, results.model):
     studies.study.add_command(command)
 studies.study.add_command(pictures.plot)
 studies.study.add_command(pictures.report)

@@ -1,4 +1,4 @@
-"""`metaid study show`, `validate` and `export`: what a study has found."""
+"""`metaid study show`, `validate`, `export` and `model`: what a study has found."""
 
 from __future__ import annotations
 
@@ -109,3 +109,27 @@ def export(name: str, storage: str, output: Path) -> None:
         else:
             frame.to_parquet(partial, index=False)
     say(f"{len(frame)} trials are in {output}")
+
+
+MODEL_HELP = "FILE.toml, .xml (MJCF), .urdf, .py, .h or .json."
+
+
+@click.command(epilog="\b\nExample:\n  metaid study model three-link -o three-link.xml")
+@name_argument
+@storage_option
+@click.option("-o", "output", type=click.Path(path_type=Path), required=True, help=MODEL_HELP)
+def model(name: str, storage: str, output: Path) -> None:
+    """Write the identified model to a file, to use it elsewhere.
+
+    A plant file, MJCF and URDF have bodies with the identified lumps; their masses are not identified. Python and C
+    have the compensation law as a function that needs nothing else.
+    """
+    from metaid import api
+    from metaid.results.exporting import SUFFIXES
+
+    with whole_file(output, tuple(SUFFIXES)) as partial:
+        found = api.model(name, storage)
+        found.write(partial)
+    say(f"the identified model of '{name}' is in {output}")
+    for note in found.notes(output.suffix):
+        say(f"{note}.")

@@ -17,7 +17,8 @@ from metaid.models.tree.regressor import BODY
 from metaid.models.tree.tree import PARAMETERS, Tree
 
 FLAT = 1e-3  # of a body's size: a nominal body that is thinner counts as this thick
-ROTOR, DAMPING, COULOMB = range(BODY, len(PARAMETERS))
+SMALL = 0.1  # of the deviation of a rotor's inertia: a nominal rotor of 0 counts as this
+ROTOR = BODY
 USED = 1e-9  # of a direction that leaves the base parameters alone: what a parameter has at least, to be free in it
 
 
@@ -55,7 +56,7 @@ def possible_bodies(belief: Belief, values: Array) -> PossibleBodies | None:
         )
     ]
     free = np.flatnonzero((np.abs(slope[:, ROTOR] / scale.reshape(njoint, size)[:, ROTOR, None]) > USED).any(axis=1))
-    usual = np.maximum(nominal.rotor, 0.1 * spread.reshape(njoint, size)[:, ROTOR])
+    usual = np.where(nominal.rotor > 0.0, nominal.rotor, SMALL * spread.reshape(njoint, size)[:, ROTOR])
     groups.append(Matrices(*(each[free][:, None, None] for each in (start[:, ROTOR], slope[:, ROTOR], usual))))
     found = closest(groups, np.zeros(directions.shape[1]))
     if not found.is_possible:

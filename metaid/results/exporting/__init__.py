@@ -1,0 +1,18 @@
+"""The identified model of a study as files to use elsewhere: plant file, MJCF, URDF, the law in Python and C, JSON.
+
+`identified_model` reads it from a study; `chain_dynamics` and `arm_dynamics` make what is written of lumps or base
+parameters alone.
+"""
+
+from metaid.results.exporting.chain_studies import identified_model
+from metaid.results.exporting.dynamics import Dynamics, arm_dynamics, chain_dynamics
+from metaid.results.exporting.identified import SUFFIXES, IdentifiedModel
+
+__all__ = [
+    "SUFFIXES",
+    "Dynamics",
+    "IdentifiedModel",
+    "arm_dynamics",
+    "chain_dynamics",
+    "identified_model",
+]

@@ -1,0 +1,193 @@
+"""The identified model of a study, and the files that it is written to.
+
+What a file says of itself is at its top: of which study it is, what that found, and in which units.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from metaid.errors import StudyError, printable
+from metaid.models import Array
+from metaid.models.tree import Tree
+from metaid.results.exporting.dynamics import Dynamics
+from metaid.results.exporting.laws import c_name
+from metaid.results.exporting.xml_files import mjcf, not_in_urdf, urdf
+
+_BODIES = (".toml", ".xml", ".urdf")
+_COLUMNS = ["name", "unit", "nominal", "factor", "identified", "sd", "low", "high", "determined"]
+
+
+@dataclass(frozen=True)
+class IdentifiedModel:
+    """What a study identified, to be used elsewhere.
+
+    Attributes:
+        name: of the study.
+        about: what is known of the study: `plant`, `sampler`, `seed`, `verdict`, `reasons`, `source`, `misfit`,
+            `trials`, `written` (the date) and `metaid` (its version).
+        lumps: one row a lump, or a base parameter of an arm, as `metaid.lumps` has them, with its `value` in the law: a
+            lump that is not determined has the nominal one.
+        covariance: of the determined lumps that an estimate knows, by name, in their units; None where it is not known.
+        dynamics: how it moves.
+        gravity: in m/s²; of an arm in the frame of its base (3).
+        timestep: of the plant, in s.
+    """
+
+    name: str
+    about: dict[str, Any]
+    lumps: pd.DataFrame
+    covariance: pd.DataFrame | None
+    dynamics: Dynamics
+    gravity: float | tuple[float, ...]
+    timestep: float
+
+    @property
+    def kept(self) -> list[str]:
+        """The lumps that keep their nominal value, for they are not determined."""
+        names: list[str] = self.lumps["name"][~self.lumps["determined"]].tolist()
+        return names
+
+    def notes(self, suffix: str) -> list[str]:
+        """What to know of a file with that `suffix`, in sentences without a full stop."""
+        said = list(self.about["reasons"])
+        if self.kept:
+            names = ", ".join(self.kept)
+            said.append(f"{names} {'has the nominal value' if len(self.kept) == 1 else 'have the nominal values'}")
+        if suffix in _BODIES:
+            said += self.dynamics.notes
+            if suffix == ".urdf" and self.dynamics.tree is not None:
+                said += not_in_urdf(self.dynamics.tree)
+        return said
+
+    def write(self, path: str | Path) -> None:
+        """Writes a file: its ending says which of SUFFIXES.  Raises StudyError where there is no such file of it."""
+        path = Path(path)
+        path.write_text(self.text(path.suffix), encoding="utf-8")
+
+    def text(self, suffix: str) -> str:
+        """What a file with that `suffix` says.  Raises StudyError where there is no such file of it."""
+        if suffix not in SUFFIXES:
+            raise StudyError(f"no model is written as '{suffix}' (allowed: {', '.join(SUFFIXES)})")
+        return SUFFIXES[suffix](self)
+
+    @property
+    def tree(self) -> Tree:
+        """The bodies.  Raises StudyError where there are none."""
+        if self.dynamics.tree is None:
+            what = "lumps" if self.dynamics.is_chain else "base parameters"
+            raise StudyError(
+                f"study '{self.name}': no possible bodies have the {what} that were found "
+                f"(allowed: {', '.join(suffix for suffix in SUFFIXES if suffix not in _BODIES)})"
+            )
+        return self.dynamics.tree
+
+    def heading(self, suffix: str) -> list[str]:
+        """The lines at the top of a file with that `suffix`."""
+        about, misfit = self.about, self.about["misfit"]
+        what = "lumps" if self.dynamics.is_chain else "base parameters"
+        lines = [
+            f"The model that metaid {about['metaid']} identified in the study '{self.name}'.",
+            f"Written {about['written']}. Plant {about['plant']}, sampler {about['sampler']}, seed {about['seed']}.",
+            f"Verdict: {about['verdict']}, by the {about['source']}" + (f"; misfit {misfit:.3g}." if misfit else "."),
+            "Units: m, kg, s, rad, N m and products of these.",
+        ]
+        if suffix in _BODIES:
+            lines += [
+                "The masses, centres of mass and moments of inertia here are not identified: combinations of them are,",
+                f"the {what}. Of all possible bodies with these {what} they are closest to the nominal ones.",
+            ]
+        return [printable(line) for line in (*lines, *(f"{note}." for note in self.notes(suffix)))]
+
+
+def _mjcf(model: IdentifiedModel) -> str:
+    return mjcf(model.tree, printable(model.name), model.timestep, model.heading(".xml"))
+
+
+def _urdf(model: IdentifiedModel) -> str:
+    return urdf(model.tree, printable(model.name), model.heading(".urdf"))
+
+
+def _toml(model: IdentifiedModel) -> str:
+    if not model.dynamics.is_chain:
+        raise StudyError(
+            f"study '{model.name}' is of an arm, whose plant file names an MJCF or a URDF "
+            f"(allowed: {', '.join(suffix for suffix in SUFFIXES if suffix != '.toml')})"
+        )
+    _ = model.tree
+    chain = model.dynamics.chain
+    assert chain is not None
+    import tomli_w
+
+    columns = {"length": chain.length, "mass": chain.mass, "com": chain.com, "inertia": chain.inertia}
+    columns |= {
+        key: values for key, values in (("damping", chain.damping), ("frictionloss", chain.coulomb)) if values.any()
+    }
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+    links = [dict(zip(columns, row, strict=True)) for row in rows]
+    common = {"gravity": model.gravity, "timestep": model.timestep}
+    description = f"What the study {printable(model.name)} identified."
+    return _comment(model.heading(".toml")) + tomli_w.dumps({"description": description, **common, "links": links})
+
+
+def _python(model: IdentifiedModel) -> str:
+    return _comment(model.heading(".py")) + model.dynamics.law.python()
+
+
+def _c(model: IdentifiedModel) -> str:
+    lines = "\n".join(f"   {line}" for line in model.heading(".h")).replace("*/", "* /").replace("/*", "/ *")
+    return f"/*\n{lines}\n*/" + model.dynamics.law.c(c_name(model.name))
+
+
+def _json(model: IdentifiedModel) -> str:
+    rows = model.lumps[[*_COLUMNS, "value", *(["expression"] if "expression" in model.lumps else [])]]
+    covariance = model.covariance
+    shown = {
+        "name": model.name,
+        **model.about,
+        "units": "SI",
+        "gravity": model.gravity,
+        "timestep": model.timestep,
+        "lumps": [_without_nan(row) for row in rows.to_dict("records")],
+        "covariance": None
+        if covariance is None
+        else {"names": covariance.columns.tolist(), "values": covariance.to_numpy().tolist()},
+        "notes": model.notes(".json"),
+    }
+    return json.dumps(shown, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _comment(lines: list[str]) -> str:
+    return "".join(f"# {line}\n" for line in lines)
+
+
+def _without_nan(row: dict[Any, Any]) -> dict[str, Any]:
+    return {str(key): None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()}
+
+
+def covariance_frame(names: list[str], values: Array, relative: Array) -> pd.DataFrame:
+    """The covariance of lumps in their units.
+
+    Args:
+        names: of the lumps (nlump).
+        values: of them (nlump).
+        relative: the covariance of their relative errors (nlump x nlump).
+    """
+    return pd.DataFrame(relative * np.outer(values, values), index=names, columns=names)
+
+
+SUFFIXES: dict[str, Callable[[IdentifiedModel], str]] = {
+    ".toml": _toml,
+    ".xml": _mjcf,
+    ".urdf": _urdf,
+    ".py": _python,
+    ".h": _c,
+    ".json": _json,
+}

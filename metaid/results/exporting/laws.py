@@ -1,0 +1,105 @@
+"""The compensation law of an identified model as source text, in Python and in C, that needs nothing but a sine.
+
+Both are the equations of docs/method.md written once more: 5, 6 and 15 for a chain, 36 to 38 for an arm.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from string import Template
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.models import FRICTION, SLIDING, Array, Lumps
+from metaid.models.tree import Tree
+from metaid.results.exporting.law_texts import ARM_C, ARM_PYTHON, CHAIN_C, CHAIN_PYTHON
+
+Constants = Mapping[str, Array | NDArray[np.bool_]]
+
+
+class Law(Protocol):
+    """A law, which can be written in two languages."""
+
+    def python(self) -> str:
+        """A Python module with a function `torque(q, qd)`."""
+
+    def c(self, name: str) -> str:
+        """A C99 header with a function `NAME_torque(q, qd, torque)`."""
+
+
+@dataclass(frozen=True)
+class ChainLaw:
+    """The law of a chain's `lumps` in `gravity` (m/s²).  Eqs. 5, 6 and 15."""
+
+    lumps: Lumps
+    gravity: float
+
+    @property
+    def _constants(self) -> Constants:
+        friction = {kind: self.lumps.of(kind) for kind in FRICTION}
+        return {"gravity": self.gravity * self.lumps.gravity, "coriolis": self.lumps.coriolis, **friction}
+
+    def python(self) -> str:
+        return _python(CHAIN_PYTHON, self._constants)
+
+    def c(self, name: str) -> str:
+        return _c(CHAIN_C, name, self.lumps.nlink, self._constants)
+
+
+@dataclass(frozen=True)
+class ArmLaw:
+    """The bias force and the friction of a `tree`, whose links need not be possible bodies.  Eqs. 36 to 38."""
+
+    tree: Tree
+
+    @property
+    def _constants(self) -> Constants:
+        tree, parameters = self.tree, self.tree.parameters
+        return {
+            "gravity": tree.gravity,
+            "position": tree.position,
+            "rotation": tree.rotation,
+            "axis": tree.axis,
+            "slides": tree.slides,
+            "mass": parameters[:, 0],
+            "moment": parameters[:, 1:4],
+            "inertia": parameters[:, [4, 5, 6, 5, 7, 8, 6, 8, 9]].reshape(-1, 3, 3),
+            "damping": tree.damping,
+            "coulomb": tree.coulomb,
+        }
+
+    def python(self) -> str:
+        return _python(ARM_PYTHON, self._constants)
+
+    def c(self, name: str) -> str:
+        return _c(ARM_C, name, self.tree.njoint, self._constants)
+
+
+def c_name(name: str) -> str:
+    """A word of C for a study of that `name`."""
+    word = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")
+    return word if re.match(r"[A-Za-z]", word) else f"study_{word}".rstrip("_")
+
+
+def _python(template: str, constants: Constants) -> str:
+    texts = {key: _numbers(value, "[]", "    ") for key, value in constants.items()}
+    return Template(template).substitute(texts, sliding=repr(SLIDING))
+
+
+def _c(template: str, name: str, njoint: int, constants: Constants) -> str:
+    texts = {key: _numbers(value, "{}", "        ") for key, value in constants.items()}
+    words = {"name": name, "guard": f"{name.upper()}_TORQUE_H", "njoint": str(njoint)}
+    return Template(template).substitute(texts, **words, sliding=repr(SLIDING))
+
+
+def _numbers(values: Array | NDArray[np.bool_], brackets: str, indent: str) -> str:
+    """Numbers as a literal, one row a line."""
+    if values.ndim == 1:
+        kind = int if values.dtype == np.bool_ else float
+        return brackets[0] + ", ".join(repr(kind(each)) for each in values) + brackets[1]
+    rows = f",\n{indent}".join(_numbers(row, brackets, indent + "    ") for row in values)
+    return f"{brackets[0]}\n{indent}{rows}\n{indent[4:]}{brackets[1]}"

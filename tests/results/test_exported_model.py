@@ -1,0 +1,352 @@
+"""The identified model as files: they load elsewhere and move as what was identified."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import subprocess
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import Finished, matching_spec, random_plant, wrong_chain
+from random_arm import ARMS, wrong_tree
+
+from metaid.models import Array, ChainModel
+from metaid.models.law import sliding
+from metaid.models.tree import Belief, Tree, joint_mass_matrix, joint_torque
+from metaid.plant.arms import ArmSettings, read_arm
+from metaid.results.exporting import Dynamics, IdentifiedModel, arm_dynamics, chain_dynamics
+from metaid.study.settings import StudySpec
+
+FULL = ("gravity", "coriolis", "inertia")
+ABOUT = dict.fromkeys(("plant", "sampler", "measure", "source", "written", "metaid"), "so")
+ABOUT |= {"seed": 0, "trials": 1, "verdict": "found", "reasons": [], "misfit": 0.5}  # type: ignore[dict-item]
+TOLERANCE = 1e-9
+
+Metaid = Callable[..., Finished]
+
+
+@dataclass(frozen=True)
+class Identified:
+    """A model to be written, and what it is to do: its torque less friction, its mass matrix, its friction."""
+
+    model: IdentifiedModel
+    bias: Callable[[Array, Array], Array]
+    mass_matrix: Callable[[Array], Array]
+    damping: Array
+    coulomb: Array
+
+    @property
+    def njoint(self) -> int:
+        return len(self.damping)
+
+    def torque(self, angles: Array, speeds: Array) -> Array:
+        """That of the law."""
+        torque: Array = self.bias(angles, speeds) + self.damping * speeds + self.coulomb * sliding(speeds)
+        return torque
+
+
+def model_of(dynamics: Dynamics, name: str, gravity: float | tuple[float, ...] = 9.81) -> IdentifiedModel:
+    """A model that is written, of a study that was not run."""
+    columns = ["name", "unit", "nominal", "factor", "identified", "sd", "low", "high", "determined", "value"]
+    lumps = pd.DataFrame({column: [] for column in columns}).astype({"determined": bool})
+    return IdentifiedModel(name, dict(ABOUT), lumps, None, dynamics, gravity, 0.002)
+
+
+def chain_of(nlink: int) -> Identified:
+    """A random chain with friction, its lumps as they are."""
+    random = np.random.default_rng(nlink)
+    damping, coulomb = random.uniform(0.05, 0.2, (2, nlink))
+    chain = replace(random_plant(nlink).chain, damping=damping, coulomb=coulomb)
+    lumps, count = chain.lumps_of((*FULL, "damping", "coulomb")), len(chain.lumps_of(FULL).vector)
+    known = np.ones(count, dtype=np.bool_)
+    dynamics = chain_dynamics(lumps, 9.81, wrong_chain(chain, nlink), known, np.eye(count))
+    ideal = ChainModel(chain.lumps_of(FULL), 9.81)
+    return Identified(model_of(dynamics, f"chain {nlink}"), ideal.torque, ideal.mass_matrix, damping, coulomb)
+
+
+def arm_of(name: str, true: Tree) -> Identified:
+    """An arm, its base parameters as they are."""
+    belief = Belief(wrong_tree(true, 0))
+    dynamics = arm_dynamics(belief, belief.base.of(true.parameters))
+    ideal = replace(true, damping=np.zeros(true.njoint), coulomb=np.zeros(true.njoint))
+
+    def bias(angles: Array, speeds: Array) -> Array:
+        return joint_torque(ideal, angles, speeds, np.zeros(true.njoint))
+
+    def mass_matrix(angles: Array) -> Array:
+        return joint_mass_matrix(ideal, angles)
+
+    model = model_of(dynamics, name, tuple(true.gravity.tolist()))
+    return Identified(model, bias, mass_matrix, true.damping, true.coulomb)
+
+
+MODELS = {f"chain-{n}": chain_of(n) for n in range(1, 6)} | {name: arm_of(name, tree) for name, tree in ARMS.items()}
+
+
+def states_of(identified: Identified, count: int = 5) -> Array:
+    """Joint coordinates and speeds (count x 2 x njoint); a few speeds are slow."""
+    states = np.random.default_rng(0).uniform(-2.0, 2.0, (count, 2, identified.njoint))
+    states[0, 1] *= 0.01
+    return states
+
+
+def assert_moves_as(identified: Identified, model: mujoco.MjModel, lacks: Array, gravity: Array | None = None) -> None:
+    """MuJoCo's bias force, mass matrix and friction are those that were identified; of rotors it `lacks` some."""
+    assert model.nv == identified.njoint
+    if gravity is not None:
+        model.opt.gravity[:] = gravity
+    data = mujoco.MjData(model)
+    for angles, speeds in states_of(identified):
+        data.qpos[:], data.qvel[:] = angles, speeds
+        mujoco.mj_forward(model, data)
+        wanted, matrix = identified.bias(angles, speeds), np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, matrix)
+        assert np.abs(data.qfrc_bias - wanted).max() <= TOLERANCE * np.abs(wanted).max()
+        full = identified.mass_matrix(angles)
+        assert np.abs(matrix + np.diag(lacks) - full).max() <= TOLERANCE * np.abs(full).max()
+        assert data.qfrc_passive == pytest.approx(-identified.damping * speeds)
+    assert model.dof_frictionloss == pytest.approx(identified.coulomb)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_mjcf_moves_as_what_was_identified(tmp_path: Path, name: str) -> None:
+    """MuJoCo loads it as it is, ranges of the joints included."""
+    identified = MODELS[name]
+    identified.model.write(tmp_path / "model.xml")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml"))
+    assert_moves_as(identified, model, np.zeros(identified.njoint))
+    tree = identified.model.tree
+    assert model.jnt_limited.tolist() == np.isfinite(tree.low).tolist()
+    assert model.jnt_range[np.isfinite(tree.low)] == pytest.approx(
+        np.stack([tree.low, tree.high], axis=1)[np.isfinite(tree.low)]
+    )
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_urdf_moves_as_what_was_identified(tmp_path: Path, name: str) -> None:
+    """But for rotors, which a URDF has not; the file names them, and gravity where it is not the usual one."""
+    identified = MODELS[name]
+    path = tmp_path / "model.urdf"
+    identified.model.write(path)
+    tree = identified.model.tree
+    assert_moves_as(identified, mujoco.MjModel.from_xml_path(str(path)), tree.rotor, tree.gravity)
+    comment = path.read_text(encoding="utf-8").partition("-->")[0]
+    for joint, rotor in zip(tree.names, tree.rotor.tolist(), strict=True):
+        assert (f"{joint} {rotor:.6g} kg" in comment) == (rotor > 0.0)
+    assert ("gravity; it is" in comment) == (tree.gravity.tolist() != [0.0, 0.0, -9.81])
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_pinocchio_moves_the_urdf_alike(tmp_path: Path, name: str) -> None:
+    """Where pinocchio is installed."""
+    pinocchio = pytest.importorskip("pinocchio")
+    identified = MODELS[name]
+    identified.model.write(tmp_path / "model.urdf")
+    model, tree = pinocchio.buildModelFromUrdf(str(tmp_path / "model.urdf")), identified.model.tree
+    model.gravity.linear = tree.gravity
+    data = model.createData()
+    for angles, speeds in states_of(identified):
+        pairs = zip(angles, model.joints[1:], strict=True)
+        q = np.concatenate([[each] if joint.nq == 1 else [math.cos(each), math.sin(each)] for each, joint in pairs])
+        wanted, full = identified.bias(angles, speeds), identified.mass_matrix(angles)
+        bias = pinocchio.nonLinearEffects(model, data, q, speeds)
+        assert np.abs(bias - wanted).max() <= TOLERANCE * np.abs(wanted).max()
+        upper = np.triu(pinocchio.crba(model, data, q))
+        matrix = upper + np.triu(upper, 1).T + np.diag(tree.rotor)
+        assert np.abs(matrix - full).max() <= TOLERANCE * np.abs(full).max()
+
+
+def test_plant_reads_the_files_of_an_arm_as_the_same_arm(tmp_path: Path) -> None:
+    """MJCF and URDF are plants again, with the same names, ranges, links and friction."""
+    tree = MODELS["four"].model.tree
+    for suffix in (".xml", ".urdf"):
+        MODELS["four"].model.write(tmp_path / f"arm{suffix}")
+        kind = "mjcf" if suffix == ".xml" else "urdf"
+        read = read_arm(ArmSettings.model_validate({kind: str(tmp_path / f"arm{suffix}")}), "arm.toml").tree
+        assert read.names == tree.names
+        assert read.low == pytest.approx(tree.low)
+        links = slice(None) if suffix == ".xml" else [*range(10), 11, 12]
+        assert read.parameters[:, links] == pytest.approx(tree.parameters[:, links], rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_law_in_python_gives_the_same_torque(name: str) -> None:
+    """Its function takes lists and needs nothing but a sine."""
+    identified = MODELS[name]
+    names: dict[str, Any] = {}
+    exec(identified.model.text(".py"), names)
+    for angles, speeds in states_of(identified):
+        wanted = identified.torque(angles, speeds)
+        assert names["torque"](angles.tolist(), speeds.tolist()) == pytest.approx(
+            wanted, rel=TOLERANCE, abs=TOLERANCE * np.abs(wanted).max()
+        )
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+def test_law_in_c_gives_the_same_torque(tmp_path: Path) -> None:
+    """All headers in one C99 program, without a warning."""
+    source = ["#include <stdio.h>"]
+    calls, wanted = [], []
+    for name, identified in MODELS.items():
+        identified.model.write(tmp_path / f"{name}.h")
+        source.append(f'#include "{name}.h"')
+        for angles, speeds in states_of(identified):
+            q, qd = (", ".join(map(repr, each.tolist())) for each in (angles, speeds))
+            function = identified.model.name.replace(" ", "_")
+            calls.append(f"{{ const double q[] = {{{q}}}, qd[] = {{{qd}}}; double t[{identified.njoint}];")
+            calls.append(f"{function}_torque(q, qd, t);")
+            calls.append(f'for (int i = 0; i < {identified.njoint}; i++) printf("%.17g\\n", t[i]); }}')
+            wanted.append(identified.torque(angles, speeds))
+    body = "\n".join([*source, "int main(void) {", *calls, "return 0; }"])
+    (tmp_path / "main.c").write_text(body, encoding="utf-8")
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O0"]
+    subprocess.run(["cc", *flags, "main.c", "-o", "main", "-lm"], cwd=tmp_path, check=True)
+    done = subprocess.run([str(tmp_path / "main")], capture_output=True, text=True, check=True)
+    torques = np.array(done.stdout.split(), dtype=np.float64)
+    first = 0
+    for each in wanted:
+        mine, first = torques[first : first + len(each)], first + len(each)
+        assert np.abs(mine - each).max() <= TOLERANCE * np.abs(each).max()
+    assert first == len(torques)
+
+
+def test_name_of_a_study_cannot_break_a_file() -> None:
+    """Ends of comments, of strings and of lines in it are no ends."""
+    name = '1 */ --> """ \\\n' + "\x1b[31m ö # ]]>"
+    model = replace(MODELS["chain-2"].model, name=name)
+    names: dict[str, Any] = {}
+    exec(model.text(".py"), names)
+    assert len(names["torque"]([0.1, 0.2], [0.0, 0.0])) == 2
+    assert mujoco.MjModel.from_xml_string(model.text(".xml")).nv == 2
+    assert mujoco.MjModel.from_xml_string(model.text(".urdf")).nv == 2
+    text = model.text(".h")
+    assert text.count("*/") == text.count("/*")
+    assert "static inline void study_1_31m_torque(" in text
+    assert json.loads(model.text(".json"))["name"] == name
+
+
+def test_model_without_possible_bodies_has_its_law() -> None:
+    """Plant file, MJCF and URDF are refused, the law is as it was identified."""
+    from metaid.errors import StudyError
+
+    identified = MODELS["chain-2"]
+    model = replace(identified.model, dynamics=replace(identified.model.dynamics, tree=None, chain=None))
+    for suffix in (".toml", ".xml", ".urdf"):
+        with pytest.raises(StudyError, match=r"no possible bodies have the lumps .* \(allowed: \.py, \.h, \.json\)"):
+            model.text(suffix)
+    assert model.text(".py") == identified.model.text(".py")
+    with pytest.raises(StudyError, match=r"whose plant file names an MJCF or a URDF \(allowed: \.xml, \.urdf, \.py"):
+        MODELS["four"].model.text(".toml")
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A DB with the studies `exact`, `noisy`, `coasting`, without an estimate, `hidden`, of a plant with friction that
+    the model has not, and `new`, that was not run.
+    """
+    from metaid.plant import PlantSettings
+    from metaid.store import Store
+    from metaid.study import create_study, load_study, run_study
+
+    exact = matching_spec(noisy=False)
+    assert isinstance(exact.plant, PlantSettings)
+    links = tuple(link.model_copy(update={"damping": 0.05}) for link in exact.plant.links)
+    hidden = exact.model_copy(update={"plant": exact.plant.model_copy(update={"links": links})})
+    coasting = {"sampler": "newton", "estimate.enabled": False, "trials": 60}
+    specs: dict[str, StudySpec] = {
+        "exact": exact,
+        "noisy": matching_spec(noisy=True),
+        "coasting": load_study("two-link-tpe", coasting),
+        "hidden": hidden,
+        "new": exact,
+    }
+    path = tmp_path_factory.mktemp("found") / "metaid.db"
+    store = Store(str(path), create=True)
+    for name, spec in specs.items():
+        create_study(store, spec, name)
+        if name != "new":
+            run_study(store, name)
+    store.close()
+    return path
+
+
+def test_plant_file_of_a_model_is_a_plant_and_a_nominal_model(metaid: Metaid, found: Path) -> None:
+    """`plant show` shows the identified lumps, and a study takes it as what it believes."""
+    import metaid as package
+
+    written = metaid("study", "model", "exact", "-o", "mine.toml", "--storage", str(found))
+    assert (written.status, written.out) == (0, "the identified model of 'exact' is in mine.toml\n")
+    shown = json.loads(metaid("plant", "show", "mine.toml", "--json").out)
+    lumps = package.lumps("exact", str(found)).set_index("name")["identified"]
+    for row in shown["lumps"]:
+        assert row["true"] == pytest.approx(lumps[row["name"]], rel=1e-8)
+    Path("again.toml").write_text('plant = "two-link"\nnominal = "mine.toml"\ntrials = 4\n', encoding="utf-8")
+    assert metaid("study", "create", "again.toml").status == 0
+    gravity = package.lumps("again").set_index("name")["nominal"]["gravity_1"]
+    assert gravity == pytest.approx(lumps["gravity_1"], rel=1e-8)
+
+
+def test_json_has_lumps_with_their_covariance(metaid: Metaid, found: Path) -> None:
+    """In the units of the lumps; the square roots of its diagonal are the standard deviations."""
+    assert metaid("study", "model", "noisy", "-o", "m.json", "--storage", str(found)).status == 0
+    model = json.loads(Path("m.json").read_text(encoding="utf-8"))
+    assert (model["verdict"], model["source"], model["units"]) == ("found", "estimate", "SI")
+    rows = {row["name"]: row for row in model["lumps"]}
+    assert model["covariance"]["names"] == list(rows)
+    deviations = np.sqrt(np.diag(model["covariance"]["values"]))
+    assert deviations == pytest.approx([row["sd"] for row in rows.values()])
+    assert all(row["low"] < row["value"] < row["high"] for row in rows.values())
+
+
+def test_every_file_says_what_it_is(metaid: Metaid, found: Path) -> None:
+    """Of which study and plant, with which verdict, and in which units; bodies are said not to be identified."""
+    for suffix in (".toml", ".xml", ".urdf", ".py", ".h"):
+        assert metaid("study", "model", "noisy", "-o", f"m{suffix}", "--storage", str(found)).status == 0
+        text = Path(f"m{suffix}").read_text(encoding="utf-8")
+        for said in ("in the study 'noisy'", "Verdict: found, by the estimate; misfit", "Units: m, kg, s, rad"):
+            assert said in text
+        assert ("are not identified: combinations of them are" in text) == (suffix in (".toml", ".xml", ".urdf"))
+
+
+def test_model_of_a_best_trial_leaves_inertias_to_the_nominal_model(metaid: Metaid, found: Path) -> None:
+    """Gravity and Coriolis lumps are those of the best trial; there is no covariance."""
+    import metaid as package
+
+    model = package.model("coasting", str(found))
+    assert model.about["source"] == "best trial"
+    assert model.covariance is None
+    assert model.dynamics.chain is not None
+    lumps = package.lumps("coasting", str(found))["identified"].to_numpy()
+    assert model.dynamics.chain.lumps.vector == pytest.approx(lumps, rel=1e-9)
+
+
+REFUSED = {
+    "hidden": "study 'hidden' has no model to write: its verdict is 'not found': the model does not explain",
+    "new": "study 'new' has no model to write: its verdict is 'unfinished': 0 of 8 trials are done",
+    "none": "unknown study 'none'",
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_study_that_found_nothing_has_no_model(metaid: Metaid, found: Path, name: str) -> None:
+    """One line says why, and nothing is written."""
+    done = metaid("study", "model", name, "-o", "model.xml", "--storage", str(found))
+    assert done.status == 2
+    assert REFUSED[name] in done.err
+    assert done.err.count("\n") == 1
+    assert list(Path().iterdir()) == []
+
+
+def test_unknown_ending_is_refused(metaid: Metaid, found: Path) -> None:
+    """With those that are allowed."""
+    done = metaid("study", "model", "exact", "-o", "model.step", "--storage", str(found))
+    assert done.status == 2
+    assert "(allowed: .toml, .xml, .urdf, .py, .h, .json)" in done.err
