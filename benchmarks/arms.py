@@ -45,6 +45,7 @@ from metaid.plant import load_plant
 from metaid.plant.arms import ArmFaults, ArmPlant, ArmSettings, draw_starts
 
 SHIPPED = ("pa10", "crs-a465", "puma560")
+OTHERS = ("scara", "spatial-three-link")  # shipped, too
 URDFS = {
     "ur5": "ur_description/urdf/ur5_robot.urdf",
     "panda": "panda_description/urdf/panda.urdf",
@@ -85,7 +86,7 @@ class Identified:
 
 def plant_of(name: str, seed: int, noise: float) -> ArmPlant:
     """The plant of that name."""
-    if name in SHIPPED:
+    if name in (*SHIPPED, *OTHERS):
         found = load_plant(name)
         assert isinstance(found, ArmPlant), name
         plant = found
@@ -235,7 +236,7 @@ def summary(runs: list[Identified], noise: float) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--arms", nargs="+", default=[*SHIPPED, *URDFS], choices=[*SHIPPED, *URDFS])
+    parser.add_argument("--arms", nargs="+", default=[*SHIPPED, *URDFS], choices=[*SHIPPED, *OTHERS, *URDFS])
     parser.add_argument("--seeds", nargs="+", type=int, default=list(range(10)))
     parser.add_argument("--noise", type=float, default=0.0, help="of the angles, in rad; then without speed sensors")
     parser.add_argument("--trials", type=int, default=4, help="at most")

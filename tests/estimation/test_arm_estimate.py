@@ -83,7 +83,7 @@ def test_one_trial_tells_all_base_parameters(njoint: int, slides: tuple[int, ...
     assert estimate is not None
     assert estimate.is_explained
     assert share_wrong(searched, tree, searched.belief.values) > 0.3
-    assert share_wrong(searched, tree, estimate.values) < 1e-8
+    assert share_wrong(searched, tree, estimate.values) < 1e-6
     assert estimate.names == searched.belief.base.names
     assert [table.shape for table in estimate.residuals] == [(9, njoint)]
     np.testing.assert_allclose(searched.belief.base.of(estimate.parameters), estimate.values, atol=1e-12)
@@ -107,7 +107,7 @@ def test_less_than_no_friction_is_not_the_mirror_image_of_friction() -> None:
     assert np.abs(there.values).max() > 1e6
     estimate = estimate_arm([trial], ArmUnknowns(Belief(tree.with_parameters(mirrored))))
     assert estimate is not None
-    np.testing.assert_allclose(estimate.values, searched.belief.values, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(estimate.values, searched.belief.values, rtol=1e-6, atol=1e-7)
 
 
 def test_what_a_push_showed_before_it_fell_is_used() -> None:
@@ -120,7 +120,7 @@ def test_what_a_push_showed_before_it_fell_is_used() -> None:
     estimate = estimate_arm([watched_arm_trial(law, episode, record)], searched)
     assert estimate is not None
     assert estimate.is_explained
-    assert share_wrong(searched, tree, estimate.values) < 1e-6
+    assert share_wrong(searched, tree, estimate.values) < 1e-5
 
 
 def test_an_arm_that_is_built_otherwise_is_not_explained() -> None:

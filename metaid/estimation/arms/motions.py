@@ -14,9 +14,10 @@ from metaid.estimation.arms.unknowns import ArmUnknowns
 from metaid.estimation.descent import Residuals
 from metaid.models import Array
 
-RESOLUTION = 1e-8  # of the largest speed at a start: more than rounding leaves between two simulations
+RESOLUTION = 1e-7  # of the largest speed at a start: more than rounding leaves between two simulations
 EXPLAINED = 3.0
-STEP = 1e-6  # of an unknown, to and fro: curvature and rounding then leave some 1e-10 of a derivative wrong
+# A longer step of an unknown is more often past where a joint begins to stick, a shorter one leaves rounding.
+STEP = 1e-7
 THREADS = 2
 
 
