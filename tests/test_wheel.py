@@ -155,9 +155,9 @@ def bare(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Bare:
 def test_wheel_carries_plants_and_studies(wheel: Path) -> None:
     """All that are shipped, and no other."""
     shipped = {Path(name) for name in zipfile.ZipFile(wheel).namelist()}
-    for kind in ("plants", "studies"):
-        there = {path.name for path in shipped if path.parent.name == kind}
-        assert there == {path.name for path in (ROOT / kind).glob("*.toml")}
+    for kind, files in (("plants", "*.toml"), ("studies", "*.toml"), ("plants/arms", "*.xml")):
+        there = {path.name for path in shipped if path.parent == Path("metaid", kind)}
+        assert there == {path.name for path in (ROOT / kind).glob(files)}
 
 
 def test_bare_environment_lacks_what_only_extras_bring() -> None:
