@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conftest import random_plant, wrong_chain
-from random_arm import ARMS, wrong_tree
+from random_arm import SOME, arm_named, wrong_tree
 
 from metaid.models import Array, Chain, ChainModel, Lumps, chain_of_lumps
 from metaid.models.closest_bodies import LEAST_SHARE, Matrices, closest
@@ -114,10 +114,10 @@ def test_closest_bodies_are_the_closest() -> None:
     assert all(divergence(found.x + 1e-3 * step) > divergence(found.x) for step in steps)
 
 
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("name", SOME)
 def test_arm_has_exactly_the_base_parameters_that_it_is_made_of(name: str) -> None:
     """It moves as the true one, rotors and friction included, and its links are possible bodies."""
-    true = ARMS[name]
+    true = arm_named(name)
     belief = Belief(wrong_tree(true, 0))
     values = belief.base.of(true.parameters)
     found = possible_bodies(belief, values)
@@ -135,7 +135,7 @@ def test_arm_has_exactly_the_base_parameters_that_it_is_made_of(name: str) -> No
 
 def test_closest_arm_to_a_nominal_one_with_its_base_parameters_is_itself() -> None:
     """Where nothing was learned, the bodies are those that were believed."""
-    nominal = ARMS["four"]
+    nominal = arm_named("four")
     belief = Belief(nominal)
     found = possible_bodies(belief, belief.values)
     assert found is not None
@@ -144,7 +144,7 @@ def test_closest_arm_to_a_nominal_one_with_its_base_parameters_is_itself() -> No
 
 def test_friction_below_zero_is_cut_and_said() -> None:
     """No simulator takes it; the rest is as it was identified."""
-    belief = Belief(ARMS["four"])
+    belief = Belief(arm_named("four"))
     values = belief.values.copy()
     values[list(belief.base.names).index("damping2")] = -0.01
     found = possible_bodies(belief, values)
@@ -157,7 +157,7 @@ def test_friction_below_zero_is_cut_and_said() -> None:
 
 def test_base_parameters_of_no_possible_arm_give_none() -> None:
     """The last link cannot turn with less than no inertia."""
-    belief = Belief(ARMS["pa10"])
+    belief = Belief(arm_named("pa10"))
     values = belief.values.copy()
     values[list(belief.base.names).index("zz7")] = -1.0
     assert possible_bodies(belief, values) is None

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import Finished, matching_spec, random_plant, wrong_chain
-from random_arm import ARMS, wrong_tree
+from random_arm import SOME, arm_named, wrong_tree
 
 from metaid.models import Array, ChainModel
 from metaid.models.law import sliding
@@ -88,7 +89,14 @@ def arm_of(name: str, true: Tree) -> Identified:
     return Identified(model, bias, mass_matrix, true.damping, true.coulomb)
 
 
-MODELS = {f"chain-{n}": chain_of(n) for n in range(1, 6)} | {name: arm_of(name, tree) for name, tree in ARMS.items()}
+CHAINS = {f"chain-{nlink}": nlink for nlink in range(1, 6)}
+MODELS = (*CHAINS, *SOME)
+
+
+@cache
+def identified_as(name: str) -> Identified:
+    """One of MODELS."""
+    return chain_of(CHAINS[name]) if name in CHAINS else arm_of(name, arm_named(name))
 
 
 def states_of(identified: Identified, count: int = 5) -> Array:
@@ -119,7 +127,7 @@ def assert_moves_as(identified: Identified, model: mujoco.MjModel, lacks: Array,
 @pytest.mark.parametrize("name", MODELS)
 def test_mjcf_moves_as_what_was_identified(tmp_path: Path, name: str) -> None:
     """MuJoCo loads it as it is, ranges of the joints included."""
-    identified = MODELS[name]
+    identified = identified_as(name)
     identified.model.write(tmp_path / "model.xml")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml"))
     assert_moves_as(identified, model, np.zeros(identified.njoint))
@@ -133,7 +141,7 @@ def test_mjcf_moves_as_what_was_identified(tmp_path: Path, name: str) -> None:
 @pytest.mark.parametrize("name", MODELS)
 def test_urdf_moves_as_what_was_identified(tmp_path: Path, name: str) -> None:
     """But for rotors, which a URDF has not; the file names them, and gravity where it is not the usual one."""
-    identified = MODELS[name]
+    identified = identified_as(name)
     path = tmp_path / "model.urdf"
     identified.model.write(path)
     tree = identified.model.tree
@@ -148,7 +156,7 @@ def test_urdf_moves_as_what_was_identified(tmp_path: Path, name: str) -> None:
 def test_pinocchio_moves_the_urdf_alike(tmp_path: Path, name: str) -> None:
     """Where pinocchio is installed."""
     pinocchio = pytest.importorskip("pinocchio")
-    identified = MODELS[name]
+    identified = identified_as(name)
     identified.model.write(tmp_path / "model.urdf")
     model, tree = pinocchio.buildModelFromUrdf(str(tmp_path / "model.urdf")), identified.model.tree
     model.gravity.linear = tree.gravity
@@ -166,9 +174,9 @@ def test_pinocchio_moves_the_urdf_alike(tmp_path: Path, name: str) -> None:
 
 def test_plant_reads_the_files_of_an_arm_as_the_same_arm(tmp_path: Path) -> None:
     """MJCF and URDF are plants again, with the same names, ranges, links and friction."""
-    tree = MODELS["four"].model.tree
+    tree = identified_as("four").model.tree
     for suffix in (".xml", ".urdf"):
-        MODELS["four"].model.write(tmp_path / f"arm{suffix}")
+        identified_as("four").model.write(tmp_path / f"arm{suffix}")
         kind = "mjcf" if suffix == ".xml" else "urdf"
         read = read_arm(ArmSettings.model_validate({kind: str(tmp_path / f"arm{suffix}")}), "arm.toml").tree
         assert read.names == tree.names
@@ -180,7 +188,7 @@ def test_plant_reads_the_files_of_an_arm_as_the_same_arm(tmp_path: Path) -> None
 @pytest.mark.parametrize("name", MODELS)
 def test_law_in_python_gives_the_same_torque(name: str) -> None:
     """Its function takes lists and needs nothing but a sine."""
-    identified = MODELS[name]
+    identified = identified_as(name)
     names: dict[str, Any] = {}
     exec(identified.model.text(".py"), names)
     for angles, speeds in states_of(identified):
@@ -195,7 +203,8 @@ def test_law_in_c_gives_the_same_torque(tmp_path: Path) -> None:
     """All headers in one C99 program, without a warning."""
     source = ["#include <stdio.h>"]
     calls, wanted = [], []
-    for name, identified in MODELS.items():
+    for name in MODELS:
+        identified = identified_as(name)
         identified.model.write(tmp_path / f"{name}.h")
         source.append(f'#include "{name}.h"')
         for angles, speeds in states_of(identified):
@@ -221,7 +230,7 @@ def test_law_in_c_gives_the_same_torque(tmp_path: Path) -> None:
 def test_name_of_a_study_cannot_break_a_file() -> None:
     """Ends of comments, of strings and of lines in it are no ends."""
     name = '1 */ --> """ \\\n' + "\x1b[31m ö # ]]>"
-    model = replace(MODELS["chain-2"].model, name=name)
+    model = replace(identified_as("chain-2").model, name=name)
     names: dict[str, Any] = {}
     exec(model.text(".py"), names)
     assert len(names["torque"]([0.1, 0.2], [0.0, 0.0])) == 2
@@ -233,18 +242,29 @@ def test_name_of_a_study_cannot_break_a_file() -> None:
     assert json.loads(model.text(".json"))["name"] == name
 
 
+def test_lumps_that_are_not_determined_are_named() -> None:
+    """In what a command prints and at the top of every file, with the reasons of the verdict."""
+    model = identified_as("chain-2").model
+    lumps = pd.DataFrame({"name": ["gravity_1", "inertia_2"], "determined": [True, False]})
+    about = {**model.about, "reasons": ["inertia_2 is not found: these trials do not determine it"]}
+    model = replace(model, lumps=lumps, about=about)
+    assert model.notes(".h") == [*about["reasons"], "inertia_2 has the nominal value"]
+    for suffix in (".toml", ".xml", ".urdf", ".py", ".h"):
+        assert "inertia_2 has the nominal value." in model.text(suffix)
+
+
 def test_model_without_possible_bodies_has_its_law() -> None:
     """Plant file, MJCF and URDF are refused, the law is as it was identified."""
     from metaid.errors import StudyError
 
-    identified = MODELS["chain-2"]
+    identified = identified_as("chain-2")
     model = replace(identified.model, dynamics=replace(identified.model.dynamics, tree=None, chain=None))
     for suffix in (".toml", ".xml", ".urdf"):
         with pytest.raises(StudyError, match=r"no possible bodies have the lumps .* \(allowed: \.py, \.h, \.json\)"):
             model.text(suffix)
     assert model.text(".py") == identified.model.text(".py")
     with pytest.raises(StudyError, match=r"whose plant file names an MJCF or a URDF \(allowed: \.xml, \.urdf, \.py"):
-        MODELS["four"].model.text(".toml")
+        identified_as("four").model.text(".toml")
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ parameters alone.
 
 from metaid.results.exporting.chain_studies import identified_model
 from metaid.results.exporting.dynamics import Dynamics, arm_dynamics, chain_dynamics
-from metaid.results.exporting.identified import SUFFIXES, IdentifiedModel
+from metaid.results.exporting.identified import SUFFIXES, IdentifiedModel, covariance_frame
 
 __all__ = [
     "SUFFIXES",
@@ -14,5 +14,6 @@ __all__ = [
     "IdentifiedModel",
     "arm_dynamics",
     "chain_dynamics",
+    "covariance_frame",
     "identified_model",
 ]
