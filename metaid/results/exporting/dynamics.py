@@ -75,7 +75,7 @@ def chain_dynamics(
 def arm_dynamics(belief: Belief, values: Array) -> Dynamics:
     """That of an arm with base parameters `values` (nbase), its bodies close to the nominal ones of a `belief`."""
     found = possible_bodies(belief, values)
-    law = ArmLaw(belief.tree_at(values))
+    law = ArmLaw(belief.nominal, belief.parameters_at(values))
     if found is None:
         return Dynamics(law, None, None, (), is_chain=False)
     notes = tuple(

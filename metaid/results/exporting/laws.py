@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import FRICTION, SLIDING, Array, Lumps
-from metaid.models.tree import Tree
+from metaid.models.tree import PARAMETERS, Tree
 from metaid.results.exporting.law_texts import ARM_C, ARM_PYTHON, CHAIN_C, CHAIN_PYTHON
 
 Constants = Mapping[str, Array | NDArray[np.bool_]]
@@ -52,13 +52,16 @@ class ChainLaw:
 
 @dataclass(frozen=True)
 class ArmLaw:
-    """The bias force and the friction of a `tree`, whose links need not be possible bodies.  Eqs. 36 to 38."""
+    """The bias force and the friction of an arm with the joints of a `tree` and these `parameters` (njoint x 13), which
+    need not be those of possible bodies.  Eqs. 36 to 38.
+    """
 
     tree: Tree
+    parameters: Array
 
     @property
     def _constants(self) -> Constants:
-        tree, parameters = self.tree, self.tree.parameters
+        tree, parameters = self.tree, self.parameters
         return {
             "gravity": tree.gravity,
             "position": tree.position,
@@ -68,8 +71,8 @@ class ArmLaw:
             "mass": parameters[:, 0],
             "moment": parameters[:, 1:4],
             "inertia": parameters[:, [4, 5, 6, 5, 7, 8, 6, 8, 9]].reshape(-1, 3, 3),
-            "damping": tree.damping,
-            "coulomb": tree.coulomb,
+            "damping": parameters[:, PARAMETERS.index("damping")],
+            "coulomb": parameters[:, PARAMETERS.index("coulomb")],
         }
 
     def python(self) -> str:
