@@ -12,7 +12,7 @@ from random_arm import random_arm
 from metaid.compiled.arms import ArmLoop, commanded_arm_torques, follow_laws, follow_torques, frames_of
 from metaid.compiled.stages import agrees_with_mj_step
 from metaid.episode import window_ends
-from metaid.episode.arms import ArmEpisode, run_arm_stepwise, same_arm_record
+from metaid.episode.arms import ArmEpisode, run_arm_stepwise, same_arm_record, smoothed_arm_frequency
 from metaid.models.tree import Tree, joint_torque
 from metaid.plant import slope_weights
 from metaid.plant.arms import ArmFaults, ArmPlant, ArmSettings, ArmStart, arm_model
@@ -74,6 +74,17 @@ def test_exact_law_leaves_an_arm_to_coast_or_to_swing() -> None:
     loop = ArmLoop(plant_of(tree), tree, episode_of(tree))
     assert loop.run(tree.parameters).frequency < 1e-9
     assert loop.run(wrong(tree).parameters).frequency > 1e-2
+
+
+def test_measure_from_noisy_readings_is_nearly_that_of_the_motion() -> None:
+    """Curves through readings with 0.1 mrad of noise show what a wrong law accelerates, and little at the exact one."""
+    tree = ARMS[0]
+    plant, episode = plant_of(tree, angle_noise=1e-4, speed_sensor=False), episode_of(tree, steps=150)
+    noisy, silent = ArmLoop(plant, tree, episode), ArmLoop(plant_of(tree), tree, episode)
+    law = wrong(tree).parameters
+    seen = smoothed_arm_frequency(noisy.run(law), episode, tree)
+    assert seen == pytest.approx(silent.run(law).frequency, rel=0.05)
+    assert smoothed_arm_frequency(noisy.run(tree.parameters), episode, tree) < 0.1 * seen
 
 
 def test_push_that_falls_leaves_the_others_whole() -> None:

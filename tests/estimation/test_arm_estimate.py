@@ -93,6 +93,16 @@ def test_one_trial_tells_all_base_parameters(njoint: int, slides: tuple[int, ...
     assert (again.iterations, again.starts) == (0, 1), "an estimate that explains its trials is where the fit begins"
 
 
+def test_fit_begins_at_an_arm_with_heavier_rotors() -> None:
+    """Nothing else of it differs from the nominal arm, so its mass matrix is farther from singular."""
+    searched = ArmUnknowns(Belief(random_arm(3, 2)))
+    base = searched.belief.base
+    change = searched.values(searched.geared) - searched.belief.values
+    rotors = np.array(["rotor" in expression for expression in base.expressions])
+    assert (change[rotors] > 0.0).all()
+    np.testing.assert_allclose(change[~rotors], 0.0, atol=1e-9)
+
+
 def test_less_than_no_friction_is_not_the_mirror_image_of_friction() -> None:
     """A twin with negative dry friction is driven on, so that a descent from there leads to the friction there is."""
     tree = random_arm(2, 5)
@@ -155,6 +165,7 @@ def test_noisy_readings_tell_base_parameters_within_their_intervals() -> None:
     assert share_wrong(searched, tree, estimate.values) < 0.1
     low, high = estimate.interval()
     np.testing.assert_allclose(high - low, 2.0 * 1.96 * estimate.value_deviations)
+    assert 0.0 < estimate.left_unknown.min() < estimate.left_unknown.max() < 0.1
 
 
 def test_starts_that_are_not_exact_are_found_with_the_rest() -> None:

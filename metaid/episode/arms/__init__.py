@@ -5,6 +5,15 @@
 
 from metaid.episode.arms.arm_episode import RUNAWAY, ArmEpisode
 from metaid.episode.arms.arm_record import ArmRecord, same_arm_record
+from metaid.episode.arms.smoothed import smoothed_arm_frequency
 from metaid.episode.arms.stepwise import run_arm_stepwise, sensor_noise
 
-__all__ = ["RUNAWAY", "ArmEpisode", "ArmRecord", "run_arm_stepwise", "same_arm_record", "sensor_noise"]
+__all__ = [
+    "RUNAWAY",
+    "ArmEpisode",
+    "ArmRecord",
+    "run_arm_stepwise",
+    "same_arm_record",
+    "sensor_noise",
+    "smoothed_arm_frequency",
+]

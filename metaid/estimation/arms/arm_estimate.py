@@ -53,6 +53,13 @@ class ArmEstimate(Fit):
         """Standard deviation of each base parameter (nbase), in its unit."""
         return np.sqrt(np.diag(self.value_covariance))
 
+    @property
+    def left_unknown(self) -> Array:
+        """Which share of what was not known beforehand of each base parameter the trials left unknown (nbase): 1 where
+        they tell nothing.
+        """
+        return self.value_deviations / np.sqrt(np.diag(self.searched.belief.covariance))
+
     def interval(self, deviations: float = 1.96) -> tuple[Array, Array]:
         """Least and largest base parameters (nbase) within so many standard `deviations`: 95 % of them by default."""
         reach = deviations * self.value_deviations
@@ -84,5 +91,5 @@ def estimate_arm(
         return None
     found = None if begin is None else refine(compared, begin)
     if found is None:
-        found = find(compared, begin, RESTARTS if thorough else 0)
+        found = find(compared, searched.geared if begin is None else begin, RESTARTS if thorough else 0)
     return None if found is None else ArmEstimate(**vars(found), searched=searched)

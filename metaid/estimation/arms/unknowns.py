@@ -9,8 +9,10 @@ import numpy as np
 
 from metaid.compiled.arms import Frames, frames_of
 from metaid.models import Array
-from metaid.models.tree import Belief
+from metaid.models.tree import PARAMETERS, Belief
 
+ROTOR = PARAMETERS.index("rotor")
+GEARED = 0.1  # standard deviations of a rotor's inertia
 SPREAD = 0.3  # of an unknown: a descent takes steps of as much as of a chain's log factors
 
 
@@ -41,6 +43,18 @@ class ArmUnknowns:
         scale = np.sqrt(np.diag(covariance))
         correlation, turned = np.linalg.eigh(covariance / np.outer(scale, scale))
         return np.asarray(scale[:, None] * turned * np.sqrt(np.maximum(correlation, 0.0)) / self.spread)
+
+    @cached_property
+    def geared(self) -> Array:
+        """The unknowns (nbase) of the nominal arm with heavier rotors: a share of what their inertia may be more.
+
+        Its mass matrix is far from singular, so a descent that begins there is less often led to where it is.
+        """
+        parameters = self.belief.nominal.parameters.copy()
+        variances = np.diag(self.belief.parameter_covariance).reshape(parameters.shape)
+        parameters[:, ROTOR] += GEARED * np.sqrt(variances[:, ROTOR])
+        change = self.belief.base.of(parameters) - self.belief.values
+        return np.asarray(np.linalg.lstsq(self.root, change, rcond=None)[0], dtype=np.float64)
 
     def values(self, unknowns: Array) -> Array:
         """The base parameters (... x nbase)."""
