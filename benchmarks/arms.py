@@ -165,10 +165,11 @@ def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
         began = time.perf_counter()
         record = loop.run(law, number)
         falls += int(record.fell.sum())
-        if noise:
-            watched.append(read_arm_trial(searched.frames, law, episode, record, np.full(n, noise)))
+        if record.readings is not None:
+            read = plant.timestep, record.readings, np.full(n, noise)
+            watched.append(read_arm_trial(searched.frames, law, episode, *read))
         else:
-            watched.append(watched_arm_trial(law, episode, record))
+            watched.append(watched_arm_trial(law, episode, plant.timestep, record.windows))
         before, estimate = estimate, estimate_arm(watched, searched, estimate)
         spent += time.perf_counter() - began
         if estimate is None:

@@ -31,12 +31,13 @@ from metaid.store import DEFAULT_STORAGE, Store
 from metaid.study import (
     COUNTING_STEPS,
     TIP_SPEED,
+    AnySpec,
     OptunaObjective,
     Problem,
     Progress,
-    StudySpec,
     ensure_study,
     load_study,
+    of_chain,
     run_study,
     stored_spec,
 )
@@ -108,16 +109,16 @@ def perturb(
     return objective.summary(check_factors(factors or {}, objective.nominal))
 
 
-def evaluate(study: str | Path | StudySpec, factors: Mapping[str, float] | None = None) -> Outcome:
+def evaluate(study: str | Path | AnySpec, factors: Mapping[str, float] | None = None) -> Outcome:
     """One candidate of a study, `factors` of its nominal lumps by name, without any DB.  Raises StudyError,
     PlantError, EpisodeError.
     """
-    with closing(Problem(_spec(study)).make_lump_objective()) as objective:
+    with closing(Problem(of_chain(_spec(study))).make_lump_objective()) as objective:
         return objective.evaluate(check_factors(factors or {}, objective.nominal))
 
 
 def run(
-    study: str | Path | StudySpec,
+    study: str | Path | AnySpec,
     name: str | None = None,
     storage: str | None = None,
     trials: int | None = None,
@@ -155,7 +156,7 @@ def run(
         return results.lumps_frame(store, name)
 
 
-def objective(study: str | Path | StudySpec, storage: str | None = None) -> OptunaObjective:
+def objective(study: str | Path | AnySpec, storage: str | None = None) -> OptunaObjective:
     """A study as a plain Optuna objective, for `optuna.Study.optimize` with any sampler and any pruner.
 
     Args:
@@ -166,10 +167,10 @@ def objective(study: str | Path | StudySpec, storage: str | None = None) -> Optu
         StudyError: the study contradicts itself, or is of a rig and not in a DB.
         StorageError: the DB has no such study.
     """
-    if storage is None or isinstance(study, StudySpec):
-        return OptunaObjective(_spec(study))
+    if storage is None or not isinstance(study, str | Path):
+        return OptunaObjective(of_chain(_spec(study)))
     with closing(Store(storage)) as store:
-        return OptunaObjective(stored_spec(store, str(study)))
+        return OptunaObjective(of_chain(stored_spec(store, str(study))))
 
 
 def trials(name: str, storage: str | None = None) -> pd.DataFrame:
@@ -271,5 +272,5 @@ def load_findings(name: str, storage: str | None = None) -> Findings:
         return read_findings(store, name)
 
 
-def _spec(study: str | Path | StudySpec) -> StudySpec:
-    return study if isinstance(study, StudySpec) else load_study(study)
+def _spec(study: str | Path | AnySpec) -> AnySpec:
+    return load_study(study) if isinstance(study, str | Path) else study

@@ -62,14 +62,14 @@ def wrong_chain(chain: Chain, seed: int) -> Chain:
 
 def matching_spec(noisy: bool) -> StudySpec:
     """A study of two links by output-error that takes four trials, on an ideal or on a noisy plant."""
-    from metaid.study.problem import load_study
+    from metaid.study.kinds import load_chain_study
 
     if noisy:
-        spec = load_study("two-link-tpe", {"sampler": "output-error", "trials": 4, "episode.measure": "smoothed"})
+        spec = load_chain_study("two-link-tpe", {"sampler": "output-error", "trials": 4, "episode.measure": "smoothed"})
         faults = FaultSettings(angle_noise=1e-3, speed_sensor=False, push_noise=0.02)
         assert isinstance(spec.plant, PlantSettings)
         return spec.model_copy(update={"plant": spec.plant.model_copy(update={"faults": faults})})
-    return load_study("two-link-tpe", {"sampler": "output-error", "trials": 8, "search.probes": 3})
+    return load_chain_study("two-link-tpe", {"sampler": "output-error", "trials": 8, "search.probes": 3})
 
 
 def what_is_known(store: Store, name: str) -> tuple[str, ...]:
@@ -141,7 +141,7 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
     falls) and `counted` (one link, whole periods).
     """
     from metaid.study.create import create_study
-    from metaid.study.problem import load_study
+    from metaid.study.kinds import load_chain_study
     from metaid.study.run import run_study
 
     made: dict[str, tuple[str, dict[str, object]]] = {
@@ -158,7 +158,7 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("studied") / "studied.db"
     store = Store(str(path), create=True)
     for name, (source, changes) in made.items():
-        create_study(store, load_study(source, changes), name)
+        create_study(store, load_chain_study(source, changes), name)
         run_study(store, name)
     store.close()
     return path
@@ -172,14 +172,14 @@ def estimated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """
     from metaid.plant.settings import PlantSettings
     from metaid.study.create import create_study
-    from metaid.study.problem import load_study
+    from metaid.study.kinds import load_chain_study
     from metaid.study.run import run_study
 
     matched, searched = {"sampler": "output-error", "trials": 4}, {"sampler": "cmaes", "trials": 40}
     path = tmp_path_factory.mktemp("estimated") / "estimated.db"
     store = Store(str(path), create=True)
     for name, changes in (("matched", matched), ("searched", searched)):
-        spec = load_study("three-link-coast", changes)
+        spec = load_chain_study("three-link-coast", changes)
         assert isinstance(spec.plant, PlantSettings)
         links = tuple(link.model_copy(update={"damping": 0.05}) for link in spec.plant.links)
         rubbing = spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": links})})
@@ -187,7 +187,7 @@ def estimated(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for made, settings in ((name, spec), (hidden, rubbing)):
             create_study(store, settings, made)
             run_study(store, made)
-    create_study(store, load_study("noisy-three-link", {"trials": 2}), "noisy")
+    create_study(store, load_chain_study("noisy-three-link", {"trials": 2}), "noisy")
     run_study(store, "noisy")
     store.close()
     return path

@@ -19,7 +19,7 @@ from metaid.errors import printable
 from metaid.models import Array, lump_unit
 from metaid.search import SAMPLERS
 from metaid.store import Store
-from metaid.study import Problem, stored_spec
+from metaid.study import AnyProblem, ArmProblem, problem_of, stored_spec
 from metaid.study import Progress as RunProgress
 
 INTERVAL = 5.0  # s between plain lines
@@ -39,7 +39,7 @@ class Live:
 
     def __init__(self, store: Store, name: str, quiet: bool, console: Console | None = None) -> None:
         self._bests: deque[Array] = deque(maxlen=LOOK_BACK)
-        self._begin(Problem(stored_spec(store, name)))
+        self._begin(problem_of(stored_spec(store, name)))
         self._console = console or Console(stderr=True, markup=False, highlight=False)
         self._prints_lines = not quiet and not self._console.is_terminal
         self._name = printable(name)
@@ -49,17 +49,24 @@ class Live:
         self._last_line = time.monotonic()
         self.trials = 0
 
-    def _begin(self, problem: Problem) -> None:
+    def _begin(self, problem: AnyProblem) -> None:
         """Turns to a stage of the study."""
-        truth = problem.open_plant().true_lumps()
         self._problem = problem
-        self._nominal = problem.lumps.vector
         self._true_factors = None
+        self._bests.clear()
+        if isinstance(problem, ArmProblem):
+            self._units, self._nominal = list(problem.belief.base.units), np.ones(len(problem.names))
+            return
+        truth = problem.open_plant().true_lumps()
+        self._units, self._nominal = [lump_unit(name) for name in problem.names], problem.lumps.vector
         if truth is not None:
             true = truth.vector_of(problem.lumps.searched, np.nan)
             self._true_factors = np.where(true == 0.0, np.nan, true) / self._nominal
         self._determined = problem.measure.determined(problem.lumps)
-        self._bests.clear()
+
+    def _shown(self, values: Array) -> Array:
+        """What is shown of a candidate with these `values`: factors of lumps, or base parameters of an arm."""
+        return values if isinstance(self._problem, ArmProblem) else self._problem.lump_factors(values)
 
     def update(self, progress: RunProgress) -> None:
         """Shows how far the run is."""
@@ -70,7 +77,7 @@ class Live:
         self.trials = progress.trials
         state = self._state(progress, now)
         if progress.best is not None:
-            self._bests.append(self._problem.lump_factors(progress.best.factors))
+            self._bests.append(self._shown(progress.best.factors))
         self._bar.update(self._task, completed=progress.trials, total=progress.total, state=state)
         if self._prints_lines and now - self._last_line >= INTERVAL:
             self._last_line = now
@@ -90,7 +97,7 @@ class Live:
             name = SAMPLERS[self._problem.spec.study.sampler].spread_name
             parts.append(f"{name} {progress.spread:.2g}")
         if progress.best is not None and self._true_factors is not None:
-            factors = self._problem.lump_factors(progress.best.factors)
+            factors = self._shown(progress.best.factors)
             errors = np.abs(factors / self._true_factors - 1.0)[self._determined]
             parts.append(f"error {np.nanmax(errors):.2%}")
         return ", ".join(parts)
@@ -104,8 +111,8 @@ class Live:
         for title in ("lump", "identified", "", "moved lately"):
             table.add_column(title, justify="left" if title in ("lump", "") else "right")
         for i, lump in enumerate(self._problem.names[:MOST_LUMPS]):
-            moved = best[i] / earlier[i] - 1.0
-            table.add_row(lump, f"{best[i] * self._nominal[i]:.5g}", lump_unit(lump), f"{moved:+.2%}")
+            moved = best[i] / earlier[i] - 1.0 if earlier[i] else np.nan
+            table.add_row(lump, f"{best[i] * self._nominal[i]:.5g}", self._units[i], f"{moved:+.2%}")
         if len(best) > MOST_LUMPS:
             table.add_row(f"and {len(best) - MOST_LUMPS} more", "", "", "")
         return table

@@ -19,13 +19,12 @@ def print_study(store: Any, name: str, with_bodies: bool = False) -> dict[str, A
     """Every lump beside its nominal value, and the truth where the plant knows it; what was tried, and the best; what
     that says of each link, where this is to be said; last of all the verdict. Returns the summary that this is of.
     """
-    from metaid.episode import MEASURES
     from metaid.results import summary
 
     shown = summary(store, name, with_bodies)
     title = f"{shown['name']}: {shown['plant']}, {shown['sampler']}, {shown['measure']}, seed {shown['seed']}"
     _print_lumps(title, shown["lumps"], "; ".join(_tried(shown)))
-    _say_foreign(shown.get("foreign_trials", []), MEASURES[shown["measure"]].unit)
+    _say_foreign(shown.get("foreign_trials", []), _unit(shown["measure"]))
     if "parameters" in shown:
         _show_parameters(shown)
     if shown["trials"]["total"] or shown["estimate"]:
@@ -36,11 +35,17 @@ def print_study(store: Any, name: str, with_bodies: bool = False) -> dict[str, A
     return shown
 
 
+def _unit(measure: str) -> str:
+    """The unit of a measure, by its name."""
+    from metaid.episode import MEASURES
+    from metaid.episode.arms import KINETIC
+
+    return KINETIC.unit if measure == KINETIC.name else MEASURES[measure].unit
+
+
 def _tried(shown: dict[str, Any]) -> list[str]:
     """What was tried, and the best of it."""
-    from metaid.episode import MEASURES
-
-    trials, best, unit = shown["trials"], shown["best"], MEASURES[shown["measure"]].unit
+    trials, best, unit = shown["trials"], shown["best"], _unit(shown["measure"])
     failed = f", {trials['failed']} failed" if trials["failed"] else ""
     parts = [f"{trials['total']} trials, {trials['pruned']} of them falls{failed}"]
     if shown["periods"]:
@@ -74,13 +79,24 @@ def _origin(shown: dict[str, Any]) -> str:
 def describe_verdict(shown: dict[str, Any]) -> str:
     """The verdict in a `summary`: how well the lumps are known, the largest error where it is known, and reasons."""
     parts = list(shown["reasons"])
-    if shown["verdict"] == "found":
-        known = [lump for lump in shown["lumps"] if lump["determined"]]
+    known = [lump for lump in shown["lumps"] if lump["determined"]]
+    if shown["verdict"] == "found" and "expression" in known[0]:
+        parts = [f"{len(known)} base parameters", *_model_error(shown["model_error"]), *parts]
+    elif shown["verdict"] == "found":
         widest = max((lump["high"] - lump["low"]) / (2.0 * lump["identified"]) for lump in known)
         head = f"{len(known)} lumps, each to within {_error_text(widest, '')} or better"
         error = [] if shown["max_error"] is None else [f"largest error {_error_text(shown['max_error'], '')}"]
         parts = [head, *error, *parts]
     return f"{shown['verdict'].upper()}: {'; '.join(parts)}"
+
+
+def _model_error(errors: dict[str, float] | None) -> list[str]:
+    """How wrong an arm's dynamics are on states that no trial has seen, where the truth is known."""
+    if errors is None:
+        return []
+    named = {"gravity": "gravity torque", "coriolis": "Coriolis torque", "mass_matrix": "mass matrix"}
+    said = ", ".join(f"{name} {_error_text(errors[key], '')}" for key, name in named.items())
+    return [f"on states that no trial has seen wrong by: {said}"]
 
 
 def _say_foreign(trials: list[dict[str, Any]], unit: str) -> None:

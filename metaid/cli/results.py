@@ -55,7 +55,7 @@ def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, out
     The nominal model is tested likewise, and the true one where the plant knows it.
     """
     from metaid import api
-    from metaid.study import stored_spec
+    from metaid.study import of_chain, stored_spec
 
     validation = api.validate(name, storage, pushes, seed)
     if output is not None:
@@ -80,7 +80,7 @@ def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, out
     heading = ["model", "coasting, s", "coasting, √(l/g)", "pushes that coast throughout"]
     heading += ["rms tracking error, °", "largest, °"]
     with open_store(storage) as store:
-        finds_inertia = stored_spec(store, name).study.finds_inertia
+        finds_inertia = of_chain(stored_spec(store, name)).study.finds_inertia
     note = (
         f"Coasting is the median of {pushes} new pushes, each watched for {shown['horizon_s']:.3g} s. "
         "Tracking is by computed torque along smooth sinusoids."

@@ -28,7 +28,7 @@ from metaid.errors import printable
 NOT_FOUND = 3  # exit status of a run whose trials are spent without a result
 
 if TYPE_CHECKING:
-    from metaid.study import Progress, StudySpec
+    from metaid.study import AnySpec, Progress, StudySpec
 
 
 def _complete_study_file(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
@@ -70,10 +70,10 @@ def study() -> None:
 @click.option("--exist-ok", is_flag=True, help="Do nothing if the DB has a study with these settings already.")
 def create(source: str, name: str | None, storage: str, changes: tuple[str, ...], exist_ok: bool) -> None:
     """Make a study in the DB from STUDY, a shipped name or the path of a study file."""
-    from metaid.study import advice, create_study, ensure_study, question
+    from metaid.study import StudySpec, advice, create_study, ensure_study, question
 
     spec = load_study(source, changes)
-    warnings = [question(spec), advice(spec), _undetermined(spec)]
+    warnings = [question(spec), advice(spec), _undetermined(spec) if isinstance(spec, StudySpec) else None]
     with open_store(storage, create=True) as store:
         made = (ensure_study if exist_ok else create_study)(store, spec, name)
     for line in filter(None, warnings):
@@ -81,7 +81,7 @@ def create(source: str, name: str | None, storage: str, changes: tuple[str, ...]
     say(f"study '{made}' is in {store.shown}; run it with: metaid study run {shlex.quote(made)}")
 
 
-def load_study(source: str, changes: Sequence[str]) -> StudySpec:
+def load_study(source: str, changes: Sequence[str]) -> AnySpec:
     """A study file with `KEY=VALUE` changes."""
     from metaid.study import load_study as load
 
@@ -107,9 +107,9 @@ def _toml_value(text: str) -> Any:
 def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
     """What STUDY can determine, and how well, by its nominal model, before any trial."""
     from metaid.models import lump_unit
-    from metaid.study import Problem, identifiability, question
+    from metaid.study import Problem, identifiability, of_chain, question
 
-    spec = load_study(source, changes)
+    spec = of_chain(load_study(source, changes))
     if asked := question(spec):
         say(asked, err=True)
     stages = [identifiability(problem) for problem in Problem(spec).stages()]

@@ -27,6 +27,8 @@ from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array, Lumps
 
 PROBES = {"speed": 1, "both": 1, "frequency": 2, "count": 10}  # trials that over-compensate, by what is compared
+OVER_COMPENSATED = 1.5  # factor of the gravity lumps in the first law, of those that the search starts from
+PROBED = 1.6, 2.6  # factors of the gravity lumps in a probe, drawn at random
 RESTARTS = 3  # of a fit that explains nothing, from elsewhere
 STILL_SHRINKS = 0.95  # of the widest interval before: a trial that leaves more of it is worth no other
 
@@ -62,6 +64,16 @@ class Experiment(ABC):
     @abstractmethod
     def probes(self) -> int:
         """How many trials that over-compensate an estimate needs."""
+
+    def probe(self, start: Array, random: np.random.Generator | None) -> Array:
+        """Factors (nlump) of a law that over-compensates: those of the `start` with larger ones of gravity lumps, the
+        first time the same of all, then at `random`.
+        """
+        factors = start.copy()
+        factors[: self.nominal.nlink] *= (
+            OVER_COMPENSATED if random is None else random.uniform(*PROBED, self.nominal.nlink)
+        )
+        return factors
 
     @abstractmethod
     def is_coasting(self, value: float) -> bool:

@@ -6,12 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from metaid.errors import StudyError
+from metaid.results.arms import ArmSnapshot, arm_summary, judge_any, read_any_snapshot
 from metaid.results.best import best_trial
 from metaid.results.body_tables import body_rows, parameters_table
 from metaid.results.estimates import why_no_estimate
 from metaid.results.lump_tables import largest_error, without_nan
-from metaid.results.snapshot import STATES, Snapshot, Stage, read_snapshot, surviving
-from metaid.results.verdict import Verdict, judge
+from metaid.results.snapshot import Snapshot, Stage, counted_states, surviving
+from metaid.results.verdict import Verdict
 from metaid.store import ForeignTrial, Store, Trial
 from metaid.study import Problem
 
@@ -20,14 +22,18 @@ def summary(store: Store, name: str, with_bodies: bool = False) -> dict[str, Any
     """A study as `metaid study show --json` prints it, and `with_bodies` as with `--bodies`; None where something is
     not known.
     """
-    snapshot = read_snapshot(store, name)
-    verdict = judge(snapshot)
+    snapshot = read_any_snapshot(store, name)
+    verdict = judge_any(snapshot)
+    if isinstance(snapshot, ArmSnapshot):
+        if with_bodies:
+            raise StudyError(f"study '{name}' is of an arm: which bodies it may have is known of chains only")
+        return arm_summary(snapshot, verdict)
     bodies = body_rows(snapshot.first, snapshot.estimate, verdict) if with_bodies else {}
     return {**summarized(snapshot, verdict), **bodies}
 
 
 def summarized(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
-    """The same of a study that has been read, and the `verdict` on it."""
+    """The same of a study of a chain that has been read, and the `verdict` on it."""
     spec, first = snapshot.spec, snapshot.stages[0]
     several = len(snapshot.stages) > 1
     return {
@@ -40,7 +46,7 @@ def summarized(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
         "reasons": list(verdict.reasons),
         "source": verdict.source,
         "misfit": None if snapshot.estimate is None else snapshot.estimate.estimate.misfit,
-        "trials": _counts(snapshot.trials),
+        "trials": counted_states(snapshot.trials),
         "best": {**_best(first), **_error_of_best(first, verdict)},
         "lumps": [without_nan(row) for row in verdict.lumps.to_dict("records")],
         "max_error": largest_error(verdict.lumps),
@@ -105,13 +111,12 @@ def _parameters(snapshot: Snapshot) -> dict[str, Any]:
 
 def _stage_summary(stage: Stage) -> dict[str, Any]:
     searched = list(stage.problem.lumps.searched)
-    return {"stage": stage.problem.stage, "searched": searched, "trials": _counts(stage.trials), "best": _best(stage)}
-
-
-def _counts(trials: list[Trial]) -> dict[str, int]:
-    states = [trial.state.name for trial in trials]
-    counts = {kind: states.count(state) for kind, state in zip(("complete", "pruned", "failed"), STATES, strict=True)}
-    return {"total": len(trials), **counts}
+    return {
+        "stage": stage.problem.stage,
+        "searched": searched,
+        "trials": counted_states(stage.trials),
+        "best": _best(stage),
+    }
 
 
 def _best(stage: Stage) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from metaid.errors import StudyError
 from metaid.results.best import first_of_best
 from metaid.results.estimates import StudyEstimate, has_motion_of, study_estimate
 from metaid.store import EXPERIMENT, ForeignTrial, Store, Trial, shown_trial
-from metaid.study import ENDED_KEY, Problem, StudySpec, optuna_spec, stored_spec
+from metaid.study import ENDED_KEY, ArmSpec, Problem, StudySpec, optuna_spec, stored_spec
 
 if TYPE_CHECKING:
     import optuna
@@ -97,8 +97,15 @@ class Snapshot:
 
 
 def read_snapshot(store: Store, name: str) -> Snapshot:
-    """The study of that `name`, its trials read at once.  Raises StorageError."""
+    """The study of a chain of that `name`, its trials read at once.  Raises StorageError, and StudyError where it is of
+    an arm.
+    """
     spec = stored_spec(store, name)
+    if isinstance(spec, ArmSpec):
+        raise StudyError(
+            f"study '{name}' is of the arm {spec.plant_name} "
+            "(allowed of an arm: study run, show, list, export and delete; metaid.summary, lumps and trials)"
+        )
     stored = store.read(name, *spec.names)
     return Snapshot(name, spec, stored.own, stored.foreign, store.attribute(name, ENDED_KEY))
 
@@ -139,6 +146,13 @@ def _is_copy(one: Trial, other: Trial) -> bool:
 def trials_by_stage(spec: StudySpec, trials: list[Trial]) -> list[list[Trial]]:
     """The trials of each stage."""
     return [[trial for trial in trials if trial.stage in (None, i + 1)] for i in range(len(spec.names))]
+
+
+def counted_states(trials: Sequence[Trial]) -> dict[str, int]:
+    """How many trials there are in all, and how many survived, fell and failed."""
+    states = [trial.state.name for trial in trials]
+    counts = {kind: states.count(state) for kind, state in zip(("complete", "pruned", "failed"), STATES, strict=True)}
+    return {"total": len(trials), **counts}
 
 
 def surviving(trials: Sequence[Trial]) -> list[Trial]:

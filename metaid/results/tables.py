@@ -9,12 +9,21 @@ import numpy as np
 import pandas as pd
 
 from metaid.errors import StudyError
+from metaid.results.arms import ArmSnapshot, arm_trials_table, judge_any, read_any_snapshot
 from metaid.results.best import best_trial
 from metaid.results.body_tables import bodies_table, parameters_table
 from metaid.results.estimates import why_no_estimate
 from metaid.results.lump_tables import best_table, estimate_table, largest_error
-from metaid.results.snapshot import STATES, Snapshot, read_snapshot, snapshot_of, trials_by_stage
-from metaid.results.verdict import judge
+from metaid.results.snapshot import (
+    STATES,
+    Snapshot,
+    counted_states,
+    read_snapshot,
+    snapshot_of,
+    surviving,
+    trials_by_stage,
+)
+from metaid.results.verdict import Verdict, judge
 from metaid.store import Store, Trial
 
 if TYPE_CHECKING:
@@ -24,9 +33,11 @@ if TYPE_CHECKING:
 def trials_frame(store: Store, name: str) -> pd.DataFrame:
     """One row a trial: `number`, `state`, `value` (NaN where it failed), `generation`, `steps`, `periods_i`, `stage` if
     the study has two, then a factor per lump, under its name; NaN where the trial's stage does not search it. A search
-    of individual parameters has a factor per parameter before those of the lumps that follow from them.
+    of individual parameters has a factor per parameter before those of the lumps that follow from them. Of an arm there
+    are no periods, and base parameters in SI units in place of factors.
     """
-    return trials_table(read_snapshot(store, name))
+    snapshot = read_any_snapshot(store, name)
+    return arm_trials_table(snapshot) if isinstance(snapshot, ArmSnapshot) else trials_table(snapshot)
 
 
 def lumps_frame(store: Store, name: str) -> pd.DataFrame:
@@ -34,9 +45,10 @@ def lumps_frame(store: Store, name: str) -> pd.DataFrame:
     `error`, `determined`; NaN where not known. A lump that the trials cannot determine has no identified value, and
     none has one where the verdict is `not found`. `sd`, a standard deviation, and `low` to `high` as a 95 % interval
     are of an estimate; of a best trial `low` to `high` is the range of what cannot be told from it. The frame's `attrs`
-    are the `verdict`, its `reasons` and the `source` of the lumps.
+    are the `verdict`, its `reasons` and the `source` of the lumps. Of an arm a row is a base parameter, with its
+    `expression`.
     """
-    verdict = judge(read_snapshot(store, name))
+    verdict = judge_any(read_any_snapshot(store, name))
     verdict.lumps.attrs |= {"verdict": verdict.word, "reasons": list(verdict.reasons), "source": verdict.source}
     return verdict.lumps
 
@@ -98,25 +110,27 @@ def studies_frame(store: Store) -> pd.DataFrame:
 
 
 def _study_row(store: Store, name: str) -> dict[str, object]:
-    snapshot = read_snapshot(store, name)
-    spec = snapshot.spec
+    snapshot = read_any_snapshot(store, name)
+    spec, counts = snapshot.spec, counted_states(snapshot.trials)
+    known: dict[str, object] = {"name": name, "plant": spec.plant_name, "sampler": spec.study.sampler}
+    known |= {"trials": counts["total"], "pruned": counts["pruned"]}
+    if isinstance(snapshot, ArmSnapshot):
+        return {**known, **_judged(snapshot.problem.measure.name, surviving(snapshot.trials), judge_any(snapshot))}
     try:
         survivors = snapshot.stages[0].survivors
     except StudyError:  # too large to be computed: the others are listed all the same, and `show` says why
-        known = {"plant": spec.plant_name, "sampler": spec.study.sampler, "measure": spec.study.episode.measure}
-        return {"name": name, **known, "verdict": "", "trials": len(snapshot.trials), "pruned": 0}
-    verdict = judge(snapshot)
+        return {**known, "measure": snapshot.spec.study.episode.measure, "verdict": ""}
+    verdict = judge_any(snapshot)
     return {
-        "name": snapshot.name,
-        "plant": spec.plant_name,
-        "sampler": spec.study.sampler,
-        "measure": snapshot.first.measure.name,
-        "verdict": verdict.word,
-        "trials": len(snapshot.trials),
-        "pruned": sum(trial.state.name == "PRUNED" for trial in snapshot.trials),
-        "best": best_trial(survivors).outcome.value if survivors else None,
+        **known,
+        **_judged(snapshot.first.measure.name, survivors, verdict),
         "max_error": largest_error(verdict.lumps),
     }
+
+
+def _judged(measure: str, survivors: list[Trial], verdict: Verdict) -> dict[str, object]:
+    best = best_trial(survivors).outcome.value if survivors else None
+    return {"measure": measure, "verdict": verdict.word, "best": best}
 
 
 def trials_table(snapshot: Snapshot) -> pd.DataFrame:

@@ -47,7 +47,7 @@ def judge(snapshot: Snapshot) -> Verdict:
     if estimate is not None and estimate.explains:
         lumps = estimate_table(problem, estimate)
         if lumps["determined"].any():
-            reasons = (*_missed(lumps, "these trials do"), *estimate.provisos)
+            reasons = (*missed(lumps, "these trials do"), *estimate.provisos)
             return Verdict("found", "estimate", reasons, lumps)
         reasons = (f"the trials show no lump to better than {COARSEST:.0%}: push more, or harder",)
         return _not_yet(snapshot, "estimate", reasons, lumps)
@@ -57,12 +57,10 @@ def judge(snapshot: Snapshot) -> Verdict:
     lumps = best_table(snapshot)
     if against := tuple(_against_best(snapshot, lumps)):
         return _not_yet(snapshot, "best trial", against, lumps)
-    return Verdict(
-        "found", "best trial", tuple(_missed(lumps, f"{problem.measure.name} with these pushes does")), lumps
-    )
+    return Verdict("found", "best trial", tuple(missed(lumps, f"{problem.measure.name} with these pushes does")), lumps)
 
 
-def _missed(lumps: pd.DataFrame, who: str) -> Iterator[str]:
+def missed(lumps: pd.DataFrame, who: str) -> Iterator[str]:
     """Which lumps are not determined, though others are."""
     names = lumps["name"][~lumps["determined"]].tolist()
     if names:
@@ -72,12 +70,27 @@ def _missed(lumps: pd.DataFrame, who: str) -> Iterator[str]:
 
 
 def _not_yet(snapshot: Snapshot, source: Source, reasons: tuple[str, ...], lumps: pd.DataFrame) -> Verdict:
-    """Unfinished where trials are left, else not found; no number is given for a lump that was not found."""
+    done = len(snapshot.trials), snapshot.spec.study.total_trials
+    return not_yet(snapshot.is_finished, done, source, reasons, lumps)
+
+
+def not_yet(
+    is_finished: bool, done: tuple[int, int], source: Source, reasons: tuple[str, ...], lumps: pd.DataFrame
+) -> Verdict:
+    """Unfinished where trials are left, else not found; no number is given for a lump that was not found.
+
+    Args:
+        is_finished: whether nothing is left to do.
+        done: how many trials there are, and how many there are to be.
+        source: of the lumps.
+        reasons: why nothing is found.
+        lumps: the table of what was to be found.
+    """
     lumps = lumps.copy()
     lumps[["sd", "low", "high"]] = np.nan
-    if not snapshot.is_finished:
-        left = f"{len(snapshot.trials)} of {snapshot.spec.study.total_trials} trials are done"
-        return Verdict("unfinished", source, (left, *reasons) if snapshot.trials else (left,), lumps)
+    if not is_finished:
+        left = f"{done[0]} of {done[1]} trials are done"
+        return Verdict("unfinished", source, (left, *reasons) if done[0] else (left,), lumps)
     lumps[["factor", "identified", "error"]] = np.nan
     lumps["determined"] = False
     return Verdict("not found", source, reasons, lumps)

@@ -23,12 +23,12 @@ from metaid.episode import Outcome
 from metaid.errors import StudyError
 from metaid.models import Array
 from metaid.search.coordinates import Coordinates
+from metaid.search.output_error import Matching
 from metaid.search.searcher import StepOptions
 
 if TYPE_CHECKING:
     from scipy.optimize import BFGS
 
-    from metaid.estimation import Experiment
 
 STEP_LENGTHS = (1.0, 0.5, 0.25, 0.1)
 SLOPE_REACH = 0.05  # of the distance to the truth: how far candidates for the gradient are from the best one
@@ -60,7 +60,7 @@ class Newton:
         coordinates: Coordinates,
         seed: int,
         options: StepOptions,
-        find_experiment: Callable[[], Experiment | None] = lambda: None,
+        find_experiment: Callable[[], Matching | None] = lambda: None,
     ) -> None:
         if coordinates.curvature is None:
             raise StudyError("sampler 'newton' needs measure = 'spectral' and coordinates = 'nominal-metric'")

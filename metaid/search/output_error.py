@@ -11,7 +11,7 @@ until a trial's motion is not kept for the estimate any more.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 from pydantic import Field
@@ -22,11 +22,6 @@ from metaid.files import Settings
 from metaid.models import Array
 from metaid.search.coordinates import Coordinates
 
-if TYPE_CHECKING:
-    from metaid.estimation import Estimate, Experiment, SeenTrial
-
-OVER_COMPENSATED = 1.5  # factor of the gravity lumps in the first law, of those that the search starts from
-PROBED = 1.6, 2.6  # factors of the gravity lumps in a probe, drawn at random
 FEW = 4  # trials; so many are matched after each
 MANY = 8  # trials; where these were not explained from anywhere, a fit of more begins nowhere else
 MORE = 1.5  # times the trials that no model explained; with fewer none is looked for again: each fit costs more
@@ -37,6 +32,28 @@ class OutputErrorOptions(Settings):
     frequencies are)."""
 
     probes: Annotated[int, Field(ge=1, le=1000)] | None = None
+
+
+class Matched(Protocol):
+    """What all trials so far say: whether the model explains them, and the deviation of each unknown (nunknown)."""
+
+    @property
+    def is_explained(self) -> bool: ...
+    @property
+    def deviations(self) -> Array: ...
+
+
+class Matching(Protocol):
+    """An experiment whose trials are matched, of a chain or of an arm; see `metaid.estimation`."""
+
+    @property
+    def probes(self) -> int: ...
+    def probe(self, start: Array, random: np.random.Generator | None, /) -> Array: ...
+    def trial(self, factors: Array, outcome: Outcome, /) -> Any: ...
+    def estimate(self, trials: Any, start: Any = None, /, thorough: bool = True) -> Any: ...
+    def factors(self, estimate: Any, /) -> Array: ...
+    def is_coasting(self, value: float, /) -> bool: ...
+    def is_settled(self, before: Any, after: Any, /) -> bool: ...
 
 
 class OutputError:
@@ -53,7 +70,7 @@ class OutputError:
     """
 
     def __init__(
-        self, coordinates: Coordinates, seed: int, options: OutputErrorOptions, experiment: Experiment | None
+        self, coordinates: Coordinates, seed: int, options: OutputErrorOptions, experiment: Matching | None
     ) -> None:
         if experiment is None:
             raise StudyError("sampler 'output-error' needs an estimate: see [estimate] and 'metaid study check'")
@@ -61,9 +78,9 @@ class OutputError:
         self._experiment = experiment
         self._random = np.random.default_rng(seed)
         self._probes = options.probes or experiment.probes
-        self._next = self._over_compensated(OVER_COMPENSATED)
-        self._trials: list[SeenTrial] = []
-        self._estimate: Estimate | None = None
+        self._next = self._probe(None)
+        self._trials: list[Any] = []
+        self._estimate: Matched | None = None
         self._matched = 0  # trials that the last estimate is of
         self._coasts = self._settled = self._spent = False
         self._trial_count = 0
@@ -94,7 +111,7 @@ class OutputError:
             factors = self._experiment.factors(self._estimate)
             self._next = np.clip(factors, self._coordinates.low, self._coordinates.high)
         else:
-            self._next = self._over_compensated(self._random.uniform(*PROBED, self._experiment.nominal.nlink))
+            self._next = self._probe(self._random)
 
     @property
     def _is_explained(self) -> bool:
@@ -113,8 +130,7 @@ class OutputError:
         """Whether the plant coasts under the law of the estimate, or one more trial tells no more."""
         return self._coasts or self._settled or self._spent
 
-    def _over_compensated(self, gravity: float | Array) -> Array:
-        """The law of the start with its gravity lumps larger by these factors (nlink)."""
-        factors = self._coordinates.origin.copy()
-        factors[: self._experiment.nominal.nlink] *= gravity
+    def _probe(self, random: np.random.Generator | None) -> Array:
+        """A law that shows much."""
+        factors = self._experiment.probe(self._coordinates.origin, random)
         return np.clip(factors, self._coordinates.low, self._coordinates.high)

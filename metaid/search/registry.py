@@ -15,17 +15,17 @@ from metaid.search.coordinates import Coordinates
 from metaid.search.dinoip import Dinoip, DinoipOptions
 from metaid.search.newton import Newton
 from metaid.search.optuna_samplers import MetricSearcher, OptunaSampler, tpe_for_metric
-from metaid.search.output_error import OutputError, OutputErrorOptions
+from metaid.search.output_error import Matching, OutputError, OutputErrorOptions
 from metaid.search.searcher import Searcher, StepOptions
 
 if TYPE_CHECKING:
-    from metaid.estimation import Experiment
+    pass
 
 
 TPE_GENERATION = 4  # candidates that TPE proposes before it gets an outcome
 DISTANCE = "distance to the truth"  # of the best trial, by its value
 
-FindExperiment = Callable[[], "Experiment | None"]  # called only where one is needed: estimating loads numba
+FindExperiment = Callable[[], "Matching | None"]  # called only where one is needed: estimating loads numba
 
 
 class SamplerOptions(StepOptions, DinoipOptions, OutputErrorOptions):

@@ -3,11 +3,13 @@
 `StudySpec` is all that a run depends on, `Problem` what follows from it, `run_study` goes through the trials.
 """
 
+from metaid.study.arms import ArmProblem, ArmSpec
 from metaid.study.bounds import LumpAtBound, lumps_at_bounds
 from metaid.study.create import advice, create_study, delete_study, ensure_study, optuna_spec, question, stored_spec
 from metaid.study.evaluation import NominalMetricSampler, OptunaObjective
 from metaid.study.identifiability import COARSEST, identifiability, identifiability_by_measure
-from metaid.study.problem import MOST_TRIALS, Problem, load_study
+from metaid.study.kinds import AnyProblem, AnySpec, load_chain_study, load_study, of_chain, problem_of, spec_from
+from metaid.study.problem import MOST_TRIALS, Problem
 from metaid.study.progress import Progress
 from metaid.study.pushing import COUNTING_STEPS, HORIZON, TIP_SPEED
 from metaid.study.run import ARITHMETIC_KEY, ENDED_KEY, arithmetic, run_study
@@ -21,6 +23,10 @@ __all__ = [
     "HORIZON",
     "MOST_TRIALS",
     "TIP_SPEED",
+    "AnyProblem",
+    "AnySpec",
+    "ArmProblem",
+    "ArmSpec",
     "EpisodeSettings",
     "LumpAtBound",
     "NominalMetricSampler",
@@ -37,10 +43,14 @@ __all__ = [
     "ensure_study",
     "identifiability",
     "identifiability_by_measure",
+    "load_chain_study",
     "load_study",
     "lumps_at_bounds",
+    "of_chain",
     "optuna_spec",
+    "problem_of",
     "question",
     "run_study",
+    "spec_from",
     "stored_spec",
 ]

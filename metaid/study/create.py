@@ -11,7 +11,9 @@ from metaid.models import question_of_units
 from metaid.plant import PlantSettings, chain_of
 from metaid.search import SAMPLERS
 from metaid.store import SPEC_KEY, Store, refuse_if_run
+from metaid.study.arms import ArmSpec
 from metaid.study.calibration import calibrate
+from metaid.study.kinds import AnyProblem, AnySpec, problem_of, spec_from
 from metaid.study.problem import Problem
 from metaid.study.settings import StudySpec
 
@@ -22,40 +24,43 @@ if TYPE_CHECKING:
 OTHER_VERSION = "was made by another version of metaid"
 
 
-def create_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
+def create_study(store: Store, spec: AnySpec, name: str | None = None) -> str:
     """Puts a study without trials into the DB and returns its name.  Raises StorageError if the name is taken.
 
     A rig is pushed, to find what pushes it needs and what they do.  Raises LostPlant where it does not answer.
     """
-    problem = Problem(spec)
+    problem = problem_of(spec)
     _refuse_what_cannot_be_run(problem)
     name = spec.name if name is None else name
     if not name or len(name) > 200 or not name.isprintable():
         raise StudyError("a study's name has 1 to 200 printable characters")
-    if not problem.is_simulated:
+    if isinstance(problem, Problem) and not problem.is_simulated:
         if name in store.names():
             raise StorageError(f"{store.url} has a study '{name}' already (choose another with --name, or delete it)")
         spec = _pushed_spec(problem)
         _refuse_what_cannot_be_run(Problem(spec))
-    store.create(name, spec.model_dump_json(), problem.nominal.nlink)
+    store.create(name, spec.model_dump_json(), problem.counted_joints)
     return name
 
 
-def ensure_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
+def ensure_study(store: Store, spec: AnySpec, name: str | None = None) -> str:
     """Creates the study unless the DB has it, made from the same settings; returns its name.  Raises StorageError if
     from others.
     """
     name = spec.name if name is None else name
     if name not in store.names():
         return create_study(store, spec, name)
-    if stored_spec(store, name).model_copy(update={"pushed": None}) != spec:
+    stored = stored_spec(store, name)
+    if isinstance(stored, StudySpec):
+        stored = stored.model_copy(update={"pushed": None})
+    if stored != spec:
         raise StorageError(
             f"{store.url} has a study '{name}' made from other settings (choose another name, or delete it)"
         )
     return name
 
 
-def _refuse_what_cannot_be_run(problem: Problem) -> None:
+def _refuse_what_cannot_be_run(problem: AnyProblem) -> None:
     for stage in problem.stages():
         stage.make_searcher()
 
@@ -68,7 +73,7 @@ def _pushed_spec(problem: Problem) -> StudySpec:
     return problem.spec.model_copy(update={"pushed": pushed})
 
 
-def advice(spec: StudySpec) -> str | None:
+def advice(spec: AnySpec) -> str | None:
     """What to think over before the study is run, in one line; None if nothing."""
     sampler, trials = spec.study.sampler, spec.study.trials
     advised = SAMPLERS[sampler].advised_trials
@@ -80,8 +85,10 @@ def advice(spec: StudySpec) -> str | None:
     )
 
 
-def question(spec: StudySpec) -> str | None:
+def question(spec: AnySpec) -> str | None:
     """What to ask about the units of the study's plant or nominal model, in one line; None if nothing."""
+    if isinstance(spec, ArmSpec):
+        return None
     gravity = spec.plant.gravity
     asked = question_of_units("the nominal model", chain_of(spec.nominal), gravity)
     if isinstance(spec.plant, PlantSettings):
@@ -89,10 +96,10 @@ def question(spec: StudySpec) -> str | None:
     return asked and f"warning: {asked}"
 
 
-def stored_spec(store: Store, name: str) -> StudySpec:
+def stored_spec(store: Store, name: str) -> AnySpec:
     """The settings that a study in the DB was made from.  Raises StorageError."""
     try:
-        return StudySpec.model_validate_json(store.spec(name))
+        return spec_from(store.spec(name))
     except ValueError:
         raise StorageError(f"{store.url}: study '{name}' {OTHER_VERSION}") from None
 

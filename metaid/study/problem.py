@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -41,11 +40,10 @@ from metaid.search import (
     widened,
 )
 from metaid.study.calibration import calibration_of
-from metaid.study.contradictions import check_bounds, check_rig, check_settings
+from metaid.study.contradictions import check_bounds, check_rig, check_settings, lump_factors, parameter_factors
 from metaid.study.experiments import noisy_experiment, rig_experiment
-from metaid.study.factors import lump_factors, parameter_factors
 from metaid.study.pushing import make_episode, refuse_unseen_pushes, rest_noise
-from metaid.study.settings import EpisodeSettings, StudySpec, read_study
+from metaid.study.settings import EpisodeSettings, StudySpec
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective
@@ -55,15 +53,6 @@ WINDOW_BUDGET = 4_000_000  # bytes a study, before they are made a text
 READING_BUDGET = 16_000_000  # likewise
 MOST_TRIALS = 32  # that an estimate is made of
 MOST_READ = 12  # that keep readings where the sampler does without the estimate: it is to be there in seconds
-
-
-def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec:
-    """The shipped study of that name, or the study file at that path, with `changes` by dotted key, which can be run.
-    Raises StudyError, PlantError.
-    """
-    spec = read_study(name, changes)
-    Problem(spec)
-    return spec
 
 
 class Problem:
@@ -112,6 +101,11 @@ class Problem:
         refuse_unseen_pushes(self.start_speeds, plant.timestep)
         if self.measure.is_noisy and isinstance(plant, MujocoPlant):
             self.episode = replace(self.episode, noise_floor=rest_noise(plant, spec, self.episode, self.start_speeds))
+
+    @property
+    def counted_joints(self) -> int:
+        """How many joints have their periods counted in each trial."""
+        return self.nominal.nlink
 
     @property
     def is_simulated(self) -> bool:

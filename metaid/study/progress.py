@@ -16,7 +16,7 @@ from metaid.errors import StorageError
 from metaid.models import Array
 from metaid.search import WideningSearcher
 from metaid.store import Trial
-from metaid.study.problem import Problem
+from metaid.study.kinds import AnyProblem
 
 HELD_BACK = 0.25  # of a stage's trials, after which a search whose best trial is at a bound is held back by it
 REPLAY_TOLERANCE = 1e-6  # relative; another machine's linear algebra may round differently
@@ -34,7 +34,7 @@ class Progress:
     best: Trial | None
     spread: float | None
     generation: int
-    problem: Problem
+    problem: AnyProblem
     waiting: str | None = None
 
 
@@ -43,12 +43,12 @@ class Run:
     when its searcher is finished; the last goes on to the total.
     """
 
-    def __init__(self, problem: Problem, total: int) -> None:
+    def __init__(self, problem: AnyProblem, total: int) -> None:
         self.total = total
         self.number = self.falls = self.generation = 0
         self._begin(problem)
 
-    def _begin(self, problem: Problem) -> None:
+    def _begin(self, problem: AnyProblem) -> None:
         self.problem = problem
         self.best: Trial | None = None
         self._searcher = problem.make_searcher()

@@ -22,9 +22,8 @@ from metaid.plant import SocketSettings
 from metaid.store import Lease, Store, Trial
 from metaid.study.create import stored_spec
 from metaid.study.evaluation import Evaluator, make_evaluator
-from metaid.study.problem import Problem
+from metaid.study.kinds import AnyProblem, AnySpec, problem_of
 from metaid.study.progress import Progress, Run
-from metaid.study.settings import StudySpec
 from metaid.study.writer import Writer
 
 ARITHMETIC_KEY = "metaid:arithmetic"  # of a study: what its first trials were made with
@@ -106,9 +105,9 @@ def run_study(
     return run.progress
 
 
-def _replayed(store: Store, name: str, spec: StudySpec, total: int) -> Run:
+def _replayed(store: Store, name: str, spec: AnySpec, total: int) -> Run:
     stored = store.trials(name, *spec.names)
-    run, here = Run(Problem(spec), max(total, len(stored))), arithmetic()
+    run, here = Run(problem_of(spec), max(total, len(stored))), arithmetic()
     if not stored:
         store.set_attribute(name, ARITHMETIC_KEY, here)
         return run
@@ -160,7 +159,7 @@ def _run_stage(run: Run, evaluator: Evaluator, writer: Writer, watch: Callable[[
             _refuse_more_failures(failures, trials[-1], problem.spec.plant_name)
 
 
-def _moved_bounds(problem: Problem, low: Array, high: Array) -> str:
+def _moved_bounds(problem: AnyProblem, low: Array, high: Array) -> str:
     """Which bounds of a stage are no longer what they were, `low` and `high` (nlump each); empty where none is."""
     sides = ("low", low, problem.low), ("high", high, problem.high)
     return ", ".join(

@@ -18,6 +18,7 @@ from metaid.files import Settings, check, find_file, find_file_beside, read_toml
 from metaid.models import FRICTION, IDEAL, bodies_of, lump_names
 from metaid.plant import ArmSettings, LinkSettings, PlantSettings, SocketSettings, chain_of, read_any_plant, read_plant
 from metaid.search import SAMPLERS, SamplerOptions
+from metaid.study.arms import ArmSpec, arm_spec
 
 LARGEST_STEPS = 10_000_000  # after a push
 
@@ -197,7 +198,7 @@ class StudySpec(Settings):
         return tuple(lump_names(len(self.nominal), searched) for searched in kinds)
 
 
-def read_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec:
+def read_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec | ArmSpec:
     """The shipped study of that name, or the study file at that path, with `changes` by dotted key; it may
     still contradict itself.  Raises StudyError, PlantError.
 
@@ -208,19 +209,20 @@ def read_study(name: str | Path, changes: dict[str, Any] | None = None) -> Study
     changes = changes or {}
     for key, value in changes.items():
         _change(tables, key, value)
-    study = check(StudySettings, tables, str(path), StudyError)
 
     def named(key: str, value: str) -> Path:
         if key in changes:
             return find_file("plants", value, PlantError)
         return find_file_beside("plants", value, path, PlantError)
 
+    if isinstance(wanted := tables.get("plant"), str):
+        plant_path = named("plant", wanted)
+        if isinstance(arm := read_any_plant(plant_path), ArmSettings):
+            return arm_spec(path, tables, plant_path, arm, named)
+    study = check(StudySettings, tables, str(path), StudyError)
     plant_path = named("plant", study.plant)
     plant = read_any_plant(plant_path)
-    if isinstance(plant, ArmSettings):
-        raise StudyError(
-            f"{path}: plant: {study.plant} is an arm (allowed: a planar chain, or a plant behind a socket)"
-        )
+    assert not isinstance(plant, ArmSettings), "the plant of a study is a text, and one that names an arm is read above"
     if isinstance(plant, SocketSettings) and "workers" not in study.model_fields_set:
         study = study.model_copy(update={"workers": 1})
     if isinstance(study.nominal, NominalSettings):

@@ -12,7 +12,8 @@ import pytest
 
 from metaid.errors import StudyError
 from metaid.study.evaluation.ray_actors import RayEvaluator
-from metaid.study.problem import Problem, load_study
+from metaid.study.kinds import load_chain_study
+from metaid.study.problem import Problem
 from soak.common import METAID, ROOT
 
 FULL = Path("/dev/full")
@@ -98,4 +99,4 @@ def test_ray_address_where_nothing_listens_is_refused_and_not_waited_for(address
     """Ray by itself would try for minutes."""
     named = address.format(closed_port())
     with pytest.raises(StudyError, match=r"no Ray cluster at .*: nothing answers there"):
-        RayEvaluator(Problem(load_study("one-link-count")), 1, named)
+        RayEvaluator(Problem(load_chain_study("one-link-count")), 1, named)

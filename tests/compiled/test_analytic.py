@@ -19,7 +19,7 @@ from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.settings import PlantSettings
 from metaid.store.database import Store
 from metaid.study.create import create_study
-from metaid.study.problem import load_study
+from metaid.study.kinds import load_chain_study
 from metaid.study.run import run_study
 
 SCREENED = {"episode.physics": "analytic", "trials": 90}
@@ -57,7 +57,7 @@ def test_exact_compensation_coasts_in_the_analytic_equations_too() -> None:
 def screened(tmp_path: Path) -> Store:
     """A study DB with one study, `study`, that was screened with analytic physics."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    create_study(store, load_study("three-link-coast", SCREENED), "study")
+    create_study(store, load_chain_study("three-link-coast", SCREENED), "study")
     run_study(store, "study")
     return store
 
@@ -87,6 +87,6 @@ def test_what_mujoco_contradicts_is_reported_as_not_verified(screened: Store, me
 def test_mujocos_own_studies_are_reported_as_before(tmp_path: Path) -> None:
     """There is nothing to verify where MuJoCo was searched with."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    create_study(store, load_study("three-link-coast"), "study")
+    create_study(store, load_chain_study("three-link-coast"), "study")
     run_study(store, "study", trials=9)
     assert "mujoco" not in results.summary(store, "study")["best"]

@@ -16,7 +16,8 @@ from metaid.episode.pushes import rich_pushes
 from metaid.episode.smoothing import noise_floor, smooth_energies, smoothed_hz
 from metaid.errors import StudyError
 from metaid.results.best import factor_range, identified_factors
-from metaid.study.problem import Problem, load_study
+from metaid.study.kinds import load_chain_study
+from metaid.study.problem import Problem
 
 PERIOD = 0.002
 TIMES = PERIOD * np.arange(151)[:, None]
@@ -66,7 +67,7 @@ def test_differences_from_step_to_step_drown_in_noise_that_smooth_curves_stand()
     """A model that is wrong by 5 % is told from the truth by `smoothed` and not by `spectral`."""
     ratios = {}
     for measure in ("smoothed", "spectral"):
-        objective = Problem(load_study("noisy-three-link", {"episode.measure": measure})).make_objective()
+        objective = Problem(load_chain_study("noisy-three-link", {"episode.measure": measure})).make_objective()
         truth = objective.plant.true_lumps()
         assert truth is not None
         exact = truth.vector / objective.nominal.vector
@@ -96,7 +97,7 @@ def test_gravity_lumps_are_within_two_percent_with_a_milliradian_of_noise(
 
 def test_repeats_average_the_noise() -> None:
     """Four times the pushes, half the spread of the square; the pushes are the same ones again."""
-    once, often = (Problem(load_study("noisy-three-link", {"episode.repeats": repeats})) for repeats in (1, 4))
+    once, often = (Problem(load_chain_study("noisy-three-link", {"episode.repeats": repeats})) for repeats in (1, 4))
     assert (often.episode.pushes == np.tile(once.episode.pushes, (4, 1))).all()
     ratio = (often.episode.noise_floor.spread / once.episode.noise_floor.spread) ** 2
     assert ratio == pytest.approx(0.5, rel=0.01)
@@ -106,31 +107,31 @@ def test_repeats_average_the_noise() -> None:
 def test_long_pushes_are_refused() -> None:
     """One curve does not fit an oscillation of five thousand steps."""
     with pytest.raises(StudyError, match="allowed: rich pushes"):
-        load_study("noisy-three-link", {"episode.pushes": "tip"})
+        load_chain_study("noisy-three-link", {"episode.pushes": "tip"})
 
 
 def test_friction_is_refused_for_it_is_even_in_time() -> None:
     """A joint that is slowed by friction accelerates at once, which an odd curve does not see."""
     changes = {"search.lumps": ["gravity", "coriolis", "damping"]}
     with pytest.raises(StudyError, match="'smoothed' does not see friction"):
-        load_study("noisy-three-link", changes)
+        load_chain_study("noisy-three-link", changes)
 
 
 def test_identified_lumps_are_means_over_the_range_not_the_luckiest_trial() -> None:
     """Trials that noise takes below zero are as good as each other; those of a smooth measure are not."""
-    problem = Problem(load_study("noisy-three-link"))
+    problem = Problem(load_chain_study("noisy-three-link"))
     factors = np.array([[1.0] * 6, [1.2] * 6, [1.1] * 6, [3.0] * 6])
     values = np.array([-3.0, 0.5, 0.0, 5.0]) * problem.resolution
     assert identified_factors(problem, factors, values) == pytest.approx(np.full(6, 1.1))
     low, high = factor_range(problem, factors, values, np.zeros(6))
     assert (low.tolist(), high.tolist()) == (pytest.approx([1.0] * 6), pytest.approx([1.2] * 6))
-    spectral = Problem(load_study("three-link-coast"))
+    spectral = Problem(load_chain_study("three-link-coast"))
     assert identified_factors(spectral, factors, values - values.min()).tolist() == [1.0] * 6
 
 
 def test_range_is_at_least_as_wide_as_the_pushes_are_sensitive() -> None:
     """One trial alone has no range of its own: 1.5 times the resolution, and the more the larger its value is."""
-    problem, resolution = Problem(load_study("three-link-coast")), np.full(6, 0.01)
+    problem, resolution = Problem(load_chain_study("three-link-coast")), np.full(6, 0.01)
     for multiple in (0.0, 2.0):
         values = np.array([multiple * problem.resolution])
         low, high = factor_range(problem, np.ones((1, 6)), values, resolution)

@@ -62,7 +62,8 @@ def episode_of(tree: Tree, pushes: int, seed: int = 1) -> ArmEpisode:
 def read(plant: ArmPlant, searched: ArmUnknowns, law: Array, episode: ArmEpisode, number: int) -> ArmReadTrial:
     """A trial on noisy sensors."""
     record = ArmLoop(plant, searched.belief.nominal, episode).run(law, number)
-    return read_arm_trial(searched.frames, law, episode, record, np.full(plant.njoint, NOISE))
+    assert record.readings is not None
+    return read_arm_trial(searched.frames, law, episode, record.timestep, record.readings, np.full(plant.njoint, NOISE))
 
 
 def share_wrong(searched: ArmUnknowns, tree: Tree, values: Array) -> float:
@@ -78,7 +79,7 @@ def test_one_trial_tells_all_base_parameters(njoint: int, slides: tuple[int, ...
     searched = ArmUnknowns(Belief(nominal_of(tree)))
     episode = episode_of(tree, 9)
     record = ArmLoop(plant_of(tree), searched.belief.nominal, episode).run(searched.belief.nominal.parameters)
-    trial = watched_arm_trial(searched.belief.nominal.parameters, episode, record)
+    trial = watched_arm_trial(searched.belief.nominal.parameters, episode, record.timestep, record.windows)
     estimate = estimate_arm([trial], searched)
     assert estimate is not None
     assert estimate.is_explained
@@ -110,7 +111,8 @@ def test_less_than_no_friction_is_not_the_mirror_image_of_friction() -> None:
     mirrored[:, 12] *= -1.0
     searched = ArmUnknowns(Belief(tree))
     episode = episode_of(tree, 3)
-    trial = watched_arm_trial(tree.parameters, episode, ArmLoop(plant_of(tree), tree, episode).run(tree.parameters))
+    record = ArmLoop(plant_of(tree), tree, episode).run(tree.parameters)
+    trial = watched_arm_trial(tree.parameters, episode, record.timestep, record.windows)
     point = np.linalg.solve(searched.root, searched.belief.base.of(mirrored) - searched.belief.values)
     there = ArmMotions([trial], searched).residuals(point, 5)
     assert there is not None
@@ -127,7 +129,7 @@ def test_what_a_push_showed_before_it_fell_is_used() -> None:
     searched, law, episode = ArmUnknowns(Belief(narrow)), narrow.parameters, episode_of(tree, 9)
     record = ArmLoop(plant_of(tree), narrow, episode).run(law)
     assert record.fell.any()
-    estimate = estimate_arm([watched_arm_trial(law, episode, record)], searched)
+    estimate = estimate_arm([watched_arm_trial(law, episode, record.timestep, record.windows)], searched)
     assert estimate is not None
     assert estimate.is_explained
     assert share_wrong(searched, tree, estimate.values) < 1e-5
@@ -141,7 +143,7 @@ def test_an_arm_that_is_built_otherwise_is_not_explained() -> None:
     nominal = nominal_of(replace(tree, position=moved))
     episode = episode_of(tree, 9)
     record = ArmLoop(plant_of(tree), nominal, episode).run(nominal.parameters)
-    trial = watched_arm_trial(nominal.parameters, episode, record)
+    trial = watched_arm_trial(nominal.parameters, episode, record.timestep, record.windows)
     estimate = estimate_arm([trial], ArmUnknowns(Belief(nominal)), thorough=False)
     assert estimate is not None
     assert not estimate.is_explained
@@ -178,7 +180,8 @@ def test_starts_that_are_not_exact_are_found_with_the_rest() -> None:
     moved = replace(episode, starts=tuple(ArmStart(*state) for state in states))
     record = ArmLoop(plant_of(tree, NOISE), searched.belief.nominal, moved).run(law)
     # The law acts on the pose that the arm was to have; here that is where its springs are.
-    trial = read_arm_trial(searched.frames, law, moved, record, np.full(3, NOISE))
+    assert record.readings is not None
+    trial = read_arm_trial(searched.frames, law, moved, record.timestep, record.readings, np.full(3, NOISE))
     trial = replace(trial, starts=episode.states)
     wrong, right = (estimate_arm([replace(trial, start_spread=each)], searched, None, False) for each in (None, spread))
     assert wrong is not None
@@ -199,7 +202,7 @@ def compared_of(tree: Tree, noise: float) -> Sequence[ArmMotions | ArmReadings]:
         spread = np.array([[0.0] * tree.njoint, [1e-2] * tree.njoint])
         return [ArmReadings([replace(trial, start_spread=spread)], searched)]
     record = ArmLoop(plant, nominal, episode).run(nominal.parameters)
-    return [ArmMotions([watched_arm_trial(nominal.parameters, episode, record)], searched)]
+    return [ArmMotions([watched_arm_trial(nominal.parameters, episode, record.timestep, record.windows)], searched)]
 
 
 @pytest.mark.parametrize("noise", [0.0, NOISE])
@@ -210,7 +213,7 @@ def test_derivatives_are_those_of_the_residuals(noise: float) -> None:
     searched = compared.unknowns
     count = len(searched.names)
     truth = np.linalg.solve(searched.root, searched.belief.base.of(tree.parameters) - searched.belief.values)
-    point = np.append(truth + 0.01 * np.random.default_rng(0).standard_normal(count), np.zeros(compared.extras))
+    point = np.append(truth + 0.001 * np.random.default_rng(0).standard_normal(count), np.zeros(compared.extras))
     here = compared.residuals(point, compared.stages)
     assert here is not None
     for column in range(0, count, 3):

@@ -24,7 +24,8 @@ from metaid.search.registry import SamplerOptions, make_searcher
 from metaid.search.walk import Walking
 from metaid.store.database import Store
 from metaid.study.create import create_study
-from metaid.study.problem import Problem, load_study
+from metaid.study.kinds import load_chain_study
+from metaid.study.problem import Problem
 from metaid.study.run import run_study
 
 Metaid = Callable[..., Finished]
@@ -163,7 +164,7 @@ def test_search_that_ends_without_a_survivor_ends_the_study(tmp_path: Path) -> N
     """DINOIP ends where its start falls, and then there is no body to walk from."""
     changes = {"sampler": "dinoip", "search.start": 0.55, "episode.fall_limit": 1.0}
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    create_study(store, load_study("two-link-parameters", changes), "study")
+    create_study(store, load_chain_study("two-link-parameters", changes), "study")
     for _ in range(2):  # resumed, too
         progress = run_study(store, "study")
         assert (progress.trials, progress.falls, progress.best) == (1, 1, None)
@@ -274,12 +275,12 @@ def test_resumed_in_the_midst_of_the_walk_gives_the_same_trials(database: Path, 
 def test_setting_that_parameters_have_no_use_for_is_refused(changes: dict[str, Any], message: str) -> None:
     """In one line that names it; a centre of mass beyond the tip is out of bounds whatever the bounds are."""
     with pytest.raises(StudyError, match=message):
-        load_study("two-link-parameters", changes)
+        load_chain_study("two-link-parameters", changes)
 
 
 def test_bounds_of_the_lumps_hold_those_of_all_bodies() -> None:
     """What figures and the dashboard draw between."""
-    problem = Problem(load_study("two-link-parameters"))
+    problem = Problem(load_chain_study("two-link-parameters"))
     low, high = problem.space.low, problem.space.high
     lumps = problem.lump_factors(np.random.default_rng(6).uniform(low, high, (200, 4)))
     assert (lumps >= problem.low).all()

@@ -26,7 +26,7 @@ from metaid.plant.settings import PlantSettings
 from metaid.plant.start import Start
 from metaid.store.database import Store
 from metaid.study.create import create_study
-from metaid.study.problem import load_study
+from metaid.study.kinds import load_chain_study
 from metaid.study.run import run_study
 
 FAULTS = {
@@ -159,7 +159,7 @@ def test_noisy_study_has_the_same_trials_however_it_is_run(workers: int, tmp_pat
     tables = []
     for name, stops in (("whole", [40]), ("stopped", [13, 27, 40])):
         store = Store(str(tmp_path / f"{name}.db"), create=True)
-        create_study(store, load_study("noisy-three-link", {"sampler": "cmaes", "trials": 40}), "study")
+        create_study(store, load_chain_study("noisy-three-link", {"sampler": "cmaes", "trials": 40}), "study")
         for trials in stops:
             run_study(store, "study", trials, workers=workers if name == "stopped" else 2)
         names = [f"gravity_{i}" for i in (1, 2, 3)] + ["coriolis_1_2", "coriolis_1_3", "coriolis_2_3"]

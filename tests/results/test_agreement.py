@@ -25,7 +25,8 @@ from metaid.store.database import Store
 from metaid.store.reading import StoredTrials
 from metaid.store.trial import Trial
 from metaid.study.create import create_study
-from metaid.study.problem import Problem, load_study
+from metaid.study.kinds import load_chain_study
+from metaid.study.problem import Problem
 from metaid.study.run import run_study
 
 FIRST, LAST = 1.02, 1.01  # factors of the first and the last of two equal trials
@@ -44,7 +45,7 @@ def append(store: Store, name: str, problem: Problem, factors: Sequence[Array], 
 
 def new_study(folder: Path, name: str, **changes: object) -> tuple[Store, Problem]:
     """A DB with a study that has no trials yet."""
-    store, spec = Store(str(folder / "metaid.db"), create=True), load_study(name, changes)
+    store, spec = Store(str(folder / "metaid.db"), create=True), load_chain_study(name, changes)
     create_study(store, spec, name)
     return store, Problem(spec)
 

@@ -16,7 +16,8 @@ from metaid.errors import StudyError
 from metaid.results.validation import validate_factors
 from metaid.store.database import Store
 from metaid.study.create import create_study
-from metaid.study.problem import Problem, load_study
+from metaid.study.kinds import load_chain_study
+from metaid.study.problem import Problem
 from metaid.study.run import run_study
 
 Metaid = Callable[..., Finished]
@@ -131,7 +132,7 @@ def test_study_without_an_estimate_says_why_in_one_line(metaid: Metaid, why: str
     """Below the table, and in its JSON."""
     source, changes = NONE_MADE[why]
     with_store = Store("metaid.db", create=True)
-    create_study(with_store, load_study(source, changes), "without")
+    create_study(with_store, load_chain_study(source, changes), "without")
     run_study(with_store, "without")
     with_store.close()
     assert f"no estimate from all trials: {why}" in metaid("study", "show", "without").out.splitlines()
@@ -181,7 +182,7 @@ def test_frame_of_an_estimate_is_that_of_lumps_whichever_sampler(estimated: Path
 
 def test_validation_is_of_the_estimate_with_its_inertia_lumps(metaid: Metaid) -> None:
     """Each lump by its name: behind those of inertia come those of friction."""
-    spec = load_study("full-three-link", {"trials": 4})
+    spec = load_chain_study("full-three-link", {"trials": 4})
     changes = {"sampler": "output-error", "inertia": None}
     spec = spec.model_copy(update={"study": spec.study.model_copy(update=changes)})
     store = Store("metaid.db", create=True)

@@ -28,7 +28,8 @@ from metaid.results.validation import (
     tracking_errors,
     validate_factors,
 )
-from metaid.study.problem import Problem, load_study
+from metaid.study.kinds import load_chain_study
+from metaid.study.problem import Problem
 
 Metaid = Callable[..., Finished]
 
@@ -36,7 +37,7 @@ Metaid = Callable[..., Finished]
 @pytest.fixture(scope="module")
 def problem() -> Problem:
     """The shipped three-link-coast study."""
-    return Problem(load_study("three-link-coast"))
+    return Problem(load_chain_study("three-link-coast"))
 
 
 def true_factors(problem: Problem) -> np.ndarray:
@@ -195,7 +196,7 @@ def test_impossible_validations_are_refused_in_one_line(metaid: Metaid, problem:
 
 def test_truth_is_left_out_where_the_plant_does_not_know_it() -> None:
     """Nominal and identified alone."""
-    spec = load_study("three-link-coast")
+    spec = load_chain_study("three-link-coast")
     secret = spec.model_copy(update={"plant": spec.plant.model_copy(update={"truth_known": False})})
     models = validate_factors(Problem(secret), np.ones(6), pushes=1).models
     assert [shown.model for shown in models] == ["nominal", "identified"]

@@ -23,7 +23,7 @@ from metaid.search.coordinates import plain_coordinates
 from metaid.search.dinoip import MOST_STEPS_UP, Dinoip, DinoipOptions
 from metaid.store.database import Store
 from metaid.study.create import create_study
-from metaid.study.problem import load_study
+from metaid.study.kinds import load_chain_study
 from metaid.study.run import run_study
 
 
@@ -181,7 +181,7 @@ def identified(metaid: Callable[..., Finished], name: str, changes: tuple[str, .
 
 def test_stopped_and_resumed_it_tries_the_same(tmp_path: Path) -> None:
     """Whole, or in three parts: one table of trials."""
-    spec = load_study("paper-two-link", {"search.coarse_to_fine": True})
+    spec = load_chain_study("paper-two-link", {"search.coarse_to_fine": True})
     store = Store(str(tmp_path / "metaid.db"), create=True)
     for name, totals in (("whole", [500]), ("parts", [3, 9, 500])):
         create_study(store, spec, name)

@@ -23,7 +23,8 @@ from metaid.search.newton import STEP_LENGTHS, Newton
 from metaid.search.searcher import StepOptions
 from metaid.store.database import Store
 from metaid.study.create import create_study
-from metaid.study.problem import Problem, load_study
+from metaid.study.kinds import load_chain_study
+from metaid.study.problem import Problem
 from metaid.study.run import run_study
 from metaid.study.settings import SearchSettings, StudySettings, StudySpec
 
@@ -87,7 +88,7 @@ def test_newton_identifies_every_lump_of_random_chains(nlink: int, tmp_path: Pat
 def test_newton_stops_when_the_truth_is_near(tmp_path: Path) -> None:
     """It does not spend trials that cannot improve anything, and says so again when resumed."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    create_study(store, load_study("three-link-coast", {"sampler": "newton"}), "study")
+    create_study(store, load_chain_study("three-link-coast", {"sampler": "newton"}), "study")
     first = run_study(store, "study")
     assert first.trials < 600
     assert best_error(store, "study") < 1e-4
@@ -109,7 +110,7 @@ def test_newton_gets_away_from_a_start_that_falls(tmp_path: Path) -> None:
     """When the start and all about it fall, it looks further until something survives, and goes on from there."""
     changes = {"sampler": "newton", "episode.fall_limit": 1.0, "search.start": 0.55, "search.low": 0.4}
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    create_study(store, load_study("three-link-coast", changes), "study")
+    create_study(store, load_chain_study("three-link-coast", changes), "study")
     run_study(store, "study")
     trials = results.trials_frame(store, "study")
     assert trials["state"].iloc[0] == "PRUNED"
@@ -130,7 +131,7 @@ def test_newton_is_refused_where_the_curvature_is_not_known(
     """One line that says what it needs, before anything is created."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
     with pytest.raises(StudyError, match=message):
-        create_study(store, load_study("three-link-coast", {"sampler": "newton", **changes}))
+        create_study(store, load_chain_study("three-link-coast", {"sampler": "newton", **changes}))
     assert store.names() == []
 
 

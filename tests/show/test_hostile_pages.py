@@ -23,7 +23,7 @@ from metaid.results.findings import read_findings
 from metaid.show import dashboard
 from metaid.store.database import Store
 from metaid.study.create import create_study
-from metaid.study.problem import load_study
+from metaid.study.kinds import load_chain_study
 from metaid.study.run import run_study
 
 Metaid = Callable[..., Finished]
@@ -40,7 +40,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A DB with a study whose name, plant's name and descriptions are markup, and a note of the stranger's own."""
     path = tmp_path_factory.mktemp("evil") / "evil.db"
     store = Store(str(path), create=True)
-    spec = load_study("one-link-count", {"description": f"{EVIL} {LINK}", "trials": 30})
+    spec = load_chain_study("one-link-count", {"description": f"{EVIL} {LINK}", "trials": 30})
     plant = spec.plant.model_copy(update={"description": EVIL})
     create_study(store, spec.model_copy(update={"plant_name": EVIL, "plant": plant}), EVIL)
     run_study(store, EVIL)
@@ -153,10 +153,11 @@ def listening(process: int) -> set[tuple[str, int]]:
 RAY = """
 import json, os, sys
 from metaid.study.evaluation import make_evaluator
-from metaid.study.problem import Problem, load_study
+from metaid.study.kinds import load_chain_study
+from metaid.study.problem import Problem
 sys.path[:0] = ["tests", "tests/show"]
 from test_hostile_pages import listening
-problem = Problem(load_study("one-link-count"))
+problem = Problem(load_chain_study("one-link-count"))
 with make_evaluator(problem, "ray", 1) as evaluator:
     evaluator.evaluate(problem.start[None])
     print("LISTENING", json.dumps(sorted(listening(os.getpid()))))

@@ -15,7 +15,7 @@ import metaid as package
 from metaid.show.report import render
 from metaid.store.database import Store
 from metaid.study.create import create_study
-from metaid.study.problem import load_study
+from metaid.study.kinds import load_chain_study
 from metaid.study.run import run_study
 
 Metaid = Callable[..., Finished]
@@ -94,7 +94,7 @@ def test_names_and_descriptions_are_text_not_markup(metaid: Metaid) -> None:
     """A study from a stranger cannot put a script into the page."""
     evil = "<script>alert('$x$ & y')</script>"
     store = Store("evil.db", create=True)
-    create_study(store, load_study("one-link-count", {"description": evil, "trials": 30}), evil)
+    create_study(store, load_chain_study("one-link-count", {"description": evil, "trials": 30}), evil)
     run_study(store, evil)
     store.close()
     assert metaid("study", "report", evil, "--storage", "evil.db", "-o", "evil.html").status == 0

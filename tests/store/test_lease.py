@@ -25,7 +25,7 @@ from metaid.errors import StorageError
 from metaid.store import lease
 from metaid.store.database import Store
 from metaid.study.create import create_study
-from metaid.study.problem import load_study
+from metaid.study.kinds import load_chain_study
 from metaid.study.run import run_study
 from soak.common import METAID
 
@@ -48,7 +48,7 @@ class Database:
     def __init__(self, storage: str) -> None:
         self.storage = storage
         with closing(Store(storage, create=True)) as store:
-            create_study(store, load_study("three-link-coast", LONG), "study")
+            create_study(store, load_chain_study("three-link-coast", LONG), "study")
 
     def ask(self, statement: str) -> Any:
         """The first cell that a statement gives, if any."""

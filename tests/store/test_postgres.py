@@ -29,7 +29,7 @@ from metaid.errors import StorageError
 from metaid.store.database import Store
 from metaid.store.trial import Trial
 from metaid.study.create import create_study
-from metaid.study.problem import load_study
+from metaid.study.kinds import load_chain_study
 from metaid.study.progress import Progress
 from metaid.study.run import run_study
 from soak.common import METAID, ROOT
@@ -43,7 +43,7 @@ Metaid = Callable[..., Finished]
 def store(url: str) -> Iterator[Store]:
     """A study DB with a study, `study`, of survivors and falls, that has not been run."""
     with closing(Store(url, create=True)) as made:
-        create_study(made, load_study("three-link-coast", CHANGES), "study")
+        create_study(made, load_chain_study("three-link-coast", CHANGES), "study")
         yield made
 
 
@@ -52,7 +52,7 @@ def alone(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The same study in an SQLite file, run and left alone."""
     path = str(tmp_path_factory.mktemp("alone") / "metaid.db")
     with closing(Store(path, create=True)) as made:
-        create_study(made, load_study("three-link-coast", CHANGES), "study")
+        create_study(made, load_chain_study("three-link-coast", CHANGES), "study")
         run_study(made, "study", workers=1)
     return path
 
@@ -214,7 +214,7 @@ def test_server_that_does_not_come_back_is_given_up_in_one_line_that_says_how_to
 ) -> None:
     """After the patience that was given: status 2; once it is back, the run goes on."""
     with closing(Store(url, create=True)) as store:
-        create_study(store, load_study("three-link-coast", LONG), "study")
+        create_study(store, load_chain_study("three-link-coast", LONG), "study")
     run = [*METAID, "study", "run", "study", "--quiet", "--patience", "1", "--storage", url]
     try:
         with subprocess.Popen(run, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:

@@ -22,7 +22,7 @@ from pandas.testing import assert_frame_equal
 from metaid import results
 from metaid.store.database import Store
 from metaid.study.create import create_study
-from metaid.study.problem import load_study
+from metaid.study.kinds import load_chain_study
 from metaid.study.run import run_study
 from soak.common import ROOT
 
@@ -37,7 +37,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, pd.DataFrame]:
     """A DB with half of a study, not to be changed, and the trials of all of it."""
     folder = tmp_path_factory.mktemp("made")
     with closing(Store(str(folder / "half.db"), create=True)) as store:
-        create_study(store, load_study("three-link-coast", CHANGES), "study")
+        create_study(store, load_chain_study("three-link-coast", CHANGES), "study")
         run_study(store, "study", trials=HALF)
     shutil.copy(folder / "half.db", folder / "whole.db")
     with closing(Store(str(folder / "whole.db"))) as store:

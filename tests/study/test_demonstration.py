@@ -16,7 +16,7 @@ from metaid import results
 from metaid.models import IDEAL, lump_names
 from metaid.store.database import Store
 from metaid.study.create import create_study
-from metaid.study.problem import load_study
+from metaid.study.kinds import load_chain_study
 from metaid.study.run import run_study
 
 STUDY = "three-link"
@@ -26,7 +26,7 @@ CASES = ("cmaes", 1), ("cmaes", 2), ("cmaes", 3), ("tpe", 1)  # samplers and see
 def run(folder: Path, **changes: Any) -> Store:
     """A DB in which the demonstration has been run."""
     store = Store(str(folder / "metaid.db"), create=True)
-    create_study(store, load_study(STUDY, changes))
+    create_study(store, load_chain_study(STUDY, changes))
     run_study(store, STUDY)
     return store
 

@@ -22,7 +22,8 @@ from metaid.plant.settings import PlantSettings
 from metaid.plant.start import Start
 from metaid.store.database import Store
 from metaid.study.create import create_study
-from metaid.study.problem import Problem, load_study
+from metaid.study.kinds import load_chain_study
+from metaid.study.problem import Problem
 from metaid.study.run import run_study
 
 ALL = (*IDEAL, "damping", "coulomb")
@@ -104,7 +105,7 @@ def test_sensitivity_to_friction_is_what_the_plant_shows(frictionloss: float) ->
     """Near the truth the squared measure is κ |z|², for friction lumps as for the others."""
     plant = rubbing_plant(3, 0.03, frictionloss)
     searched = plant.chain.kinds
-    spec = load_study("full-three-link")
+    spec = load_chain_study("full-three-link")
     search = spec.study.search.model_copy(update={"lumps": searched})
     study = spec.study.model_copy(update={"search": search})
     known = {"plant": plant.settings, "nominal": plant.settings.links, "study": study}
@@ -118,9 +119,9 @@ def test_sensitivity_to_friction_is_what_the_plant_shows(frictionloss: float) ->
 
 def test_law_of_a_study_that_does_not_search_friction_has_none() -> None:
     """Whatever the nominal model says of it: what is not searched is not believed either."""
-    spec = load_study("full-three-link", {"search.lumps": ["gravity", "coriolis"]})
+    spec = load_chain_study("full-three-link", {"search.lumps": ["gravity", "coriolis"]})
     problem = Problem(spec)
-    assert problem.names == Problem(load_study("three-link-coast")).names
+    assert problem.names == Problem(load_chain_study("three-link-coast")).names
     assert problem.lumps.damping is None
 
 
@@ -128,7 +129,7 @@ def test_default_lumps_leave_the_trials_as_they_were(tmp_path: Path) -> None:
     """Naming the two kinds, in any order, is not naming any, to the last bit."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
     for name, changes in (("one", {}), ("other", {"search.lumps": ["coriolis", "gravity"]})):
-        create_study(store, load_study("three-link-coast", changes), name)
+        create_study(store, load_chain_study("three-link-coast", changes), name)
         run_study(store, name, trials=60)
     assert results.trials_frame(store, "one").equals(results.trials_frame(store, "other"))
 
@@ -146,12 +147,12 @@ def test_default_lumps_leave_the_trials_as_they_were(tmp_path: Path) -> None:
 def test_lumps_that_cannot_be_searched_are_refused(changes: dict[str, Any], message: str) -> None:
     """One line that says what is allowed."""
     with pytest.raises(StudyError, match=message):
-        load_study("full-three-link", changes)
+        load_chain_study("full-three-link", changes)
 
 
 def test_analytic_physics_does_not_pretend_to_know_dry_friction() -> None:
     """It is refused for a plant that has some."""
-    spec = load_study("full-three-link", {"episode.physics": "analytic"})
+    spec = load_chain_study("full-three-link", {"episode.physics": "analytic"})
     links = tuple(link.model_copy(update={"frictionloss": 0.01}) for link in spec.plant.links)
     dry = spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": links})})
     with pytest.raises(StudyError, match="'analytic' has no dry friction"):
@@ -163,7 +164,7 @@ def test_a_push_coasts_with_the_identified_friction_and_not_without(tmp_path: Pa
     store = Store(str(tmp_path / "metaid.db"), create=True)
     changes = {"sampler": "cmaes", "trials": 1800, "search.lumps": [*IDEAL, "damping"]}
     for coordinates in ("nominal-metric", "plain"):
-        spec = load_study("full-three-link", {**changes, "search.coordinates": coordinates})
+        spec = load_chain_study("full-three-link", {**changes, "search.coordinates": coordinates})
         spec = spec.model_copy(update={"study": spec.study.model_copy(update={"inertia": None})})
         create_study(store, spec, coordinates)
         run_study(store, coordinates)
@@ -174,7 +175,7 @@ def test_a_push_coasts_with_the_identified_friction_and_not_without(tmp_path: Pa
 def test_friction_that_is_not_searched_biases_the_other_lumps(tmp_path: Path) -> None:
     """The search finds the best that a frictionless law can do, which is not the truth."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    spec = load_study("full-three-link", {"search.lumps": list(IDEAL)})
+    spec = load_chain_study("full-three-link", {"search.lumps": list(IDEAL)})
     spec = spec.model_copy(update={"study": spec.study.model_copy(update={"inertia": None})})
     create_study(store, spec, "without")
     run_study(store, "without")
@@ -187,7 +188,7 @@ def test_friction_that_is_not_searched_biases_the_other_lumps(tmp_path: Path) ->
 def test_dry_friction_is_identified_beside_viscous(tmp_path: Path) -> None:
     """All 12 lumps of a three-link chain with both kinds, within 1 %."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    spec = load_study("full-three-link", {"trials": 1500})
+    spec = load_chain_study("full-three-link", {"trials": 1500})
     dry = {
         "links": tuple(
             link.model_copy(update={"frictionloss": loss})

@@ -28,7 +28,8 @@ from metaid.plant.start import Start
 from metaid.store import Store
 from metaid.study.calibration import calibrate
 from metaid.study.create import create_study, stored_spec
-from metaid.study.problem import Problem, load_study
+from metaid.study.kinds import load_chain_study
+from metaid.study.problem import Problem
 from metaid.study.run import run_study
 from soak import lies
 from soak.lies import LIES, Answer, Liar, Lie, listening, replayed
@@ -94,7 +95,7 @@ def test_run_goes_on_where_a_rig_is_honest_again(liar: Liar) -> None:
     liar.arm(None, 0)
     with closing(Store("run.db")) as store:
         run_study(store, "study")
-        states = [trial.state.name for trial in store.trials("study", *load_study("study.toml").names)]
+        states = [trial.state.name for trial in store.trials("study", *load_chain_study("study.toml").names)]
     assert states.count("FAIL") == 2
     assert len(states) == 8
 
@@ -128,7 +129,7 @@ def test_lie_while_a_study_is_created_is_one_line_and_leaves_nothing(name: str, 
         rig.arm(LIES[name], 0)
         with closing(Store("other.db", create=True)) as store:
             with pytest.raises(PlantError, match=message):
-                create_study(store, load_study("study.toml"), "study")
+                create_study(store, load_chain_study("study.toml"), "study")
             assert store.names() == []
 
 

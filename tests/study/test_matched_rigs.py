@@ -23,7 +23,7 @@ from metaid.results.findings import read_findings
 from metaid.results.lump_tables import estimate_table
 from metaid.store.database import Store
 from metaid.study.create import create_study
-from metaid.study.problem import load_study
+from metaid.study.kinds import load_chain_study
 from metaid.study.run import run_study
 from soak.lies import PLANT, Liar
 from soak.rigs import NOISE, STEPS, created
@@ -67,7 +67,7 @@ def matched(liar: Liar, seed: int = 0, motion: str = "stepped", **changes: Any) 
     """The lumps by the estimate from the trials on a rig, and the summary of the study."""
     with created(liar, seed, motion), closing(Store("matched.db", create=True)) as store:
         settings = {"sampler": "output-error", "trials": 5, "seed": seed, "search.low": 0.5, "search.high": 2.0}
-        create_study(store, load_study("study.toml", {**settings, **changes}), "study")
+        create_study(store, load_chain_study("study.toml", {**settings, **changes}), "study")
         run_study(store, "study")
         found = read_findings(store, "study")
         return estimate_table(found.problem, found.estimate), results.summary(store, "study")

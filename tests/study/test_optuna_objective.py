@@ -19,7 +19,8 @@ from metaid import results
 from metaid.errors import StorageError, StudyError
 from metaid.store.database import Store
 from metaid.study.create import create_study
-from metaid.study.problem import Problem, load_study
+from metaid.study.kinds import load_chain_study
+from metaid.study.problem import Problem
 from metaid.study.run import run_study
 
 STUDY = "two-link-tpe"
@@ -48,7 +49,7 @@ def test_sampler_of_optunas_optimizes_a_study(sampler: str) -> None:
     """A survivor is COMPLETE with the measure's value, a fall PRUNED at the step that it survived to."""
     if sampler == "gp":
         pytest.importorskip("torch", reason="Optuna's GPSampler needs torch")
-    spec = load_study(STUDY, {"episode.fall_limit": 0.95, "episode.fall_margin": 1.0, "search.high": 1.3})
+    spec = load_chain_study(STUDY, {"episode.fall_limit": 0.95, "episode.fall_margin": 1.0, "search.high": 1.3})
     study = optuna.create_study(sampler=SAMPLERS[sampler](), pruner=NopPruner())
     study.optimize(metaid.objective(spec), 12)
     assert {trial.state for trial in study.trials} == {TrialState.COMPLETE, TrialState.PRUNED}
@@ -113,7 +114,7 @@ def test_optuna_study_in_a_db_is_shown_and_run_on(tmp_path: Path) -> None:
     metaid.run(STUDY, "mine", str(path), trials=8)
     after = metaid.summary("mine", str(path))
     assert (after["trials"]["total"], after["estimate"]["trials"], after["estimate"]["by_others"]) == (8, 12, 4)
-    assert metaid.objective("mine", str(path)).spec == load_study(STUDY)
+    assert metaid.objective("mine", str(path)).spec == load_chain_study(STUDY)
 
 
 def test_asked_and_told_trials_join_the_estimate_and_leave_a_resume_as_it_would_be(tmp_path: Path) -> None:
@@ -122,7 +123,7 @@ def test_asked_and_told_trials_join_the_estimate_and_leave_a_resume_as_it_would_
     for name in ("alone", "shared"):
         path = tmp_path / f"{name}.db"
         with closing(Store(str(path), create=True)) as store:
-            create_study(store, load_study(STUDY, {"trials": 24}), "study")
+            create_study(store, load_chain_study(STUDY, {"trials": 24}), "study")
             run_study(store, "study", trials=8)
             alone = results.summary(store, "study")
             if name == "shared":
@@ -151,7 +152,7 @@ def test_trials_of_other_settings_and_copies_are_not_in_the_estimate(tmp_path: P
     study = optuna.create_study(study_name="mine", storage=url, sampler=RandomSampler(seed=1))
     study.optimize(metaid.objective(STUDY), 2)
     other = optuna.create_study(sampler=RandomSampler(seed=1))
-    other.optimize(metaid.objective(load_study(STUDY, {"seed": 9})), 2)
+    other.optimize(metaid.objective(load_chain_study(STUDY, {"seed": 9})), 2)
     spoiled = optuna.create_study(sampler=RandomSampler(seed=5))
     spoiled.optimize(metaid.objective(STUDY), 1)
     (bad,) = spoiled.trials
@@ -203,7 +204,7 @@ def test_optuna_study_of_other_settings_is_refused_in_one_line(tmp_path: Path) -
 def test_objective_of_a_study_with_two_stages_is_that_of_the_first() -> None:
     """Its trials say so."""
     study = optuna.create_study(sampler=RandomSampler(seed=1))
-    spec = load_study(STUDY, {"inertia.trials": 9})
+    spec = load_chain_study(STUDY, {"inertia.trials": 9})
     study.optimize(metaid.objective(spec), 1)
     assert study.trials[0].user_attrs["stage"] == 1
     assert set(study.trials[0].params) == {"gravity_1", "gravity_2", "coriolis_1_2"}

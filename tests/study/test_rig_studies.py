@@ -16,7 +16,8 @@ from rig import ROOT, Serve, Server
 import metaid
 from metaid.episode.stepwise import run_stepwise
 from metaid.errors import AbsentPlant, StudyError
-from metaid.study.problem import Problem, load_study
+from metaid.study.kinds import load_chain_study
+from metaid.study.problem import Problem
 
 
 def rig_files(folder: Path, server: Server, trials: int = 40, more: str = "") -> Path:
@@ -37,7 +38,7 @@ def test_plant_behind_a_socket_gives_the_trials_of_the_built_in_one(serve: Serve
     server = serve("--body", "mujoco", "--watchdog", "60", "--fault", "drop@700", "--fault", "late@4000")
     found = metaid.run(rig_files(tmp_path, server), storage=str(tmp_path / "rig.db"))
     changes = {"sampler": "cmaes", "trials": 40, "search.widen": False}  # no bound of a rig is moved
-    metaid.run(load_study("two-link-tpe", changes), name="built-in", storage=str(tmp_path / "built-in.db"))
+    metaid.run(load_chain_study("two-link-tpe", changes), name="built-in", storage=str(tmp_path / "built-in.db"))
     rig = metaid.trials("find-rig", str(tmp_path / "rig.db"))
     built_in = metaid.trials("built-in", str(tmp_path / "built-in.db"))
     assert (rig["state"] == built_in["state"]).all()
@@ -45,7 +46,7 @@ def test_plant_behind_a_socket_gives_the_trials_of_the_built_in_one(serve: Serve
     exact = [column for column in numbers if column != "value"]
     assert (rig[exact].to_numpy() == built_in[exact].to_numpy()).all()
     assert rig["value"].to_numpy() == pytest.approx(built_in["value"].to_numpy(), rel=1e-14)
-    problem = Problem(load_study("two-link-tpe", changes))
+    problem = Problem(load_chain_study("two-link-tpe", changes))
     plant, nominal = problem.make_plant(), problem.nominal.lumps
     for number in (0, 11, 39):
         record, _ = run_stepwise(plant, nominal.scaled(rig.loc[number, problem.names].to_numpy(float)), problem.episode)
@@ -112,7 +113,7 @@ def test_run_ends_where_the_rig_dies_and_goes_on_from_there(serve: Serve, tmp_pa
     serve("--body", "mujoco", "--watchdog", "60", listen=listen)
     metaid.run(study, storage=path)
     changes = {"sampler": "cmaes", "trials": 30, "search.widen": False}
-    metaid.run(load_study("two-link-tpe", changes), name="built-in", storage=path)
+    metaid.run(load_chain_study("two-link-tpe", changes), name="built-in", storage=path)
     again, built_in = metaid.trials("find-rig", path), metaid.trials("built-in", path)
     assert (again[["gravity_1", "steps"]] == built_in[["gravity_1", "steps"]]).all(axis=None)
 
@@ -129,7 +130,7 @@ def test_setting_that_a_rig_has_no_use_for_is_refused(
 ) -> None:
     """One body, one worker; no physics but its own."""
     with pytest.raises(StudyError, match=message):
-        load_study(rig_files(tmp_path, serve()), changes)
+        load_chain_study(rig_files(tmp_path, serve()), changes)
 
 
 def test_more_workers_than_bodies_are_refused(serve: Serve, metaid: Callable[..., Finished], tmp_path: Path) -> None:
@@ -156,11 +157,11 @@ def test_link_that_runs_away_after_a_rich_push_has_fallen_on_a_rig(tmp_path: Pat
     wanted: dict[str, Any] = {"plant": str(rig), "workers": 1}
     multiples = []
     for changes in (wanted, {**wanted, "episode.pushes": "tip"}, {**wanted, "episode.fall_runaway": 2.0}, {}):
-        spec = load_study("three-link-coast", {**changes, "search.coordinates": "plain"})
+        spec = load_chain_study("three-link-coast", {**changes, "search.coordinates": "plain"})
         multiples.append(Problem(spec).episode.fall_rule.runaway)
     assert multiples == [5.0, math.inf, 2.0, math.inf]
     with pytest.raises(StudyError, match="fall_runaway"):
-        load_study("three-link-coast", {"episode.fall_runaway": 1.0})
+        load_chain_study("three-link-coast", {"episode.fall_runaway": 1.0})
 
 
 def test_study_settings_of_a_rig_keep_what_was_measured_at_it(serve: Serve, tmp_path: Path) -> None:
@@ -168,8 +169,8 @@ def test_study_settings_of_a_rig_keep_what_was_measured_at_it(serve: Serve, tmp_
     study = rig_files(tmp_path, serve("--body", "mujoco"), trials=4)
     metaid.run(study, storage=str(tmp_path / "rig.db"))
     found = metaid.load_findings("find-rig", str(tmp_path / "rig.db"))
-    built_in = Problem(load_study("two-link-tpe"))
-    spec = load_study("two-link-tpe", {"sampler": "cmaes"})
+    built_in = Problem(load_chain_study("two-link-tpe"))
+    spec = load_chain_study("two-link-tpe", {"sampler": "cmaes"})
     assert (found.problem.episode.pushes == Problem(spec).episode.pushes).all()
     assert (found.problem.start_speeds == built_in.start_speeds).all()
-    assert not (Problem(load_study(study)).start_speeds == built_in.start_speeds).all()
+    assert not (Problem(load_chain_study(study)).start_speeds == built_in.start_speeds).all()

@@ -27,7 +27,7 @@ from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.settings import PlantSettings, chain_of
 from metaid.store.database import Store
 from metaid.study.create import create_study
-from metaid.study.problem import load_study
+from metaid.study.kinds import load_chain_study
 from metaid.study.run import ARITHMETIC_KEY, arithmetic, run_study
 from metaid.study.settings import StudySpec
 
@@ -73,7 +73,7 @@ def spec_of(plant: PlantSettings, sampler: str) -> StudySpec:
 
     With dry friction in the law MuJoCo's solver has most to do near the truth.
     """
-    spec = load_study("three-link-coast", {"sampler": sampler, "trials": TRIALS})
+    spec = load_chain_study("three-link-coast", {"sampler": sampler, "trials": TRIALS})
     search = spec.study.search.model_copy(update={"lumps": chain_of(plant.links).kinds})
     study = spec.study.model_copy(update={"search": search})
     nominal = tuple(

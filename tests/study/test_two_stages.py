@@ -28,7 +28,8 @@ from metaid.show.figures import Gallery
 from metaid.store.database import Store
 from metaid.study.create import create_study
 from metaid.study.identifiability import identifiability
-from metaid.study.problem import Problem, load_study
+from metaid.study.kinds import load_chain_study
+from metaid.study.problem import Problem
 from metaid.study.progress import Progress
 from metaid.study.run import run_study
 
@@ -44,7 +45,7 @@ def store(tmp_path: Path) -> Store:
 def full(tmp_path_factory: pytest.TempPathFactory) -> Store:
     """A DB with the shipped study `full-three-link`, run; not to be changed."""
     store = Store(str(tmp_path_factory.mktemp("full") / "metaid.db"), create=True)
-    create_study(store, load_study("full-three-link"))
+    create_study(store, load_chain_study("full-three-link"))
     run_study(store, "full-three-link")
     return store
 
@@ -77,7 +78,7 @@ def test_truth_deviates_by_nothing_however_long_the_step(timestep: float) -> Non
 
 def test_sensitivity_to_inertia_is_what_the_plant_shows() -> None:
     """Near the truth the squared deviation is κ |z|² in the second stage too."""
-    spec = load_study("full-three-link")
+    spec = load_chain_study("full-three-link")
     known = spec.model_copy(update={"nominal": spec.plant.links})  # type: ignore[union-attr]
     problem = Problem(known).stages()[1]
     objective, coordinates = problem.make_objective(), problem.coordinates
@@ -90,7 +91,7 @@ def test_sensitivity_to_inertia_is_what_the_plant_shows() -> None:
 @pytest.mark.parametrize(("study", "limit"), [("full-three-link", 0.01), ("full-five-link", 0.02)])
 def test_shipped_studies_identify_the_full_dynamics(study: str, limit: float, store: Store) -> None:
     """All lumps of A, c and g, and friction, from a nominal model whose every parameter but length is far off."""
-    spec = load_study(study)
+    spec = load_chain_study(study)
     for true, believed in zip(spec.plant.links, spec.nominal, strict=True):  # type: ignore[union-attr]
         for parameter, least in (("mass", 0.2), ("com", 0.1), ("inertia", 0.25), ("damping", 0.25)):
             assert abs(getattr(believed, parameter) / getattr(true, parameter) - 1.0) > least
@@ -107,14 +108,14 @@ def test_shipped_studies_identify_the_full_dynamics(study: str, limit: float, st
 def test_cmaes_identifies_the_full_dynamics_too(changes: dict[str, Any], store: Store) -> None:
     """In either coordinates, with more trials."""
     changes = {"sampler": "cmaes", "trials": 1800, "inertia.trials": 300, **changes}
-    create_study(store, load_study("full-three-link", changes))
+    create_study(store, load_chain_study("full-three-link", changes))
     run_study(store, "full-three-link")
     assert best_error(store, "full-three-link") < 0.02
 
 
 def test_study_of_an_ideal_chain_may_have_a_second_stage(store: Store) -> None:
     """Friction and inertia are asked for independently."""
-    create_study(store, load_study("three-link-coast", {"sampler": "newton", "inertia.trials": 60}))
+    create_study(store, load_chain_study("three-link-coast", {"sampler": "newton", "inertia.trials": 60}))
     run_study(store, "three-link-coast")
     shown = results.summary(store, "three-link-coast")
     assert [lump["name"] for lump in shown["lumps"]][-3:] == ["inertia_1", "inertia_2", "inertia_3"]
@@ -127,7 +128,7 @@ def test_runs_stopped_in_either_stage_end_with_the_same_table(
     sampler: str, stops: tuple[int, ...], store: Store
 ) -> None:
     """By an interrupt or by a number of trials, before, at and after the boundary, on one worker and on two."""
-    spec = load_study("full-three-link", {"sampler": sampler, "trials": 102, "inertia.trials": 40})
+    spec = load_chain_study("full-three-link", {"sampler": sampler, "trials": 102, "inertia.trials": 40})
     for name in ("whole", "parts", "counted"):
         create_study(store, spec, name)
     run_study(store, "whole")
@@ -190,7 +191,7 @@ def test_contract_of_study_show_holds_with_two_stages(full: Store) -> None:
 
 def test_a_study_with_two_stages_is_shown_drawn_and_reported(store: Store, metaid: Metaid) -> None:
     """In the terminal, as figures, as a page, as CSV, and before it has begun."""
-    spec = load_study("full-three-link", {"trials": 100, "inertia.trials": 40})
+    spec = load_chain_study("full-three-link", {"trials": 100, "inertia.trials": 40})
     assert isinstance(spec.plant, PlantSettings)
     two = {"plant": spec.plant.model_copy(update={"links": spec.plant.links[:2]}), "nominal": spec.nominal[:2]}
     for name in ("finished", "new"):
@@ -243,13 +244,13 @@ def test_check_says_what_both_stages_can_determine(metaid: Metaid) -> None:
     assert shown.status == 0
     assert "inertia_3" in shown.out
     assert "NO" not in shown.out
-    for problem in Problem(load_study("full-five-link")).stages():
+    for problem in Problem(load_chain_study("full-five-link")).stages():
         assert max(identifiability(problem).resolution) < 0.03
 
 
 def test_trials_of_the_second_stage_that_do_not_follow_are_refused(store: Store) -> None:
     """A changed factor of stage one changes what stage two should have been, and is noticed."""
-    create_study(store, load_study("full-three-link", {"trials": 40, "inertia.trials": 20}), "study")
+    create_study(store, load_chain_study("full-three-link", {"trials": 40, "inertia.trials": 20}), "study")
     run_study(store, "study", trials=50)
     with store._engine.begin() as connection:
         connection.exec_driver_sql(
@@ -271,4 +272,4 @@ def test_trials_of_the_second_stage_that_do_not_follow_are_refused(store: Store)
 def test_second_stage_that_cannot_be_is_refused(changes: dict[str, Any], message: str) -> None:
     """One line that says what is allowed."""
     with pytest.raises(StudyError, match=message):
-        load_study("full-three-link", {"sampler": "cmaes", **changes})
+        load_chain_study("full-three-link", {"sampler": "cmaes", **changes})

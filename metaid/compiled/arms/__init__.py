@@ -1,10 +1,21 @@
 """Arms at full speed: their dynamics, an episode around MuJoCo's step, and the twins that an estimate compares.
 
-`ArmLoop` runs episodes of a simulated arm. `follow_laws` and `follow_torques` run simulated twins.
+`ArmLoop` runs episodes of a simulated arm, and `ArmObjective` makes outcomes of them. `follow_laws` and
+`follow_torques` run simulated twins.
 """
 
 from metaid.compiled.arms.arm_loop import ArmLoop, commanded_arm_torques
+from metaid.compiled.arms.arm_objective import ArmObjective
 from metaid.compiled.arms.dynamics import Frames, frames_of
 from metaid.compiled.arms.twins import Followed, follow_laws, follow_torques
 
-__all__ = ["ArmLoop", "Followed", "Frames", "commanded_arm_torques", "follow_laws", "follow_torques", "frames_of"]
+__all__ = [
+    "ArmLoop",
+    "ArmObjective",
+    "Followed",
+    "Frames",
+    "commanded_arm_torques",
+    "follow_laws",
+    "follow_torques",
+    "frames_of",
+]

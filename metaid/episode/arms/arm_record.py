@@ -7,11 +7,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from metaid.episode.measures import SPEED_RESOLUTION
 from metaid.episode.readings import SensorReadings
 from metaid.episode.windows import Windows
 from metaid.models import Array
 
 ALIKE = 1e-9  # relative: how far two loops may differ that take the same steps
+
+
+@dataclass(frozen=True)
+class ArmMeasure:
+    """What is minimised: its `name` and its `unit`."""
+
+    name: str
+    unit: str
+
+
+KINETIC = ArmMeasure("kinetic", "Hz")  # Eq. 44
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +57,18 @@ class ArmRecord:
         energy = float(self.speed_energy.sum())
         squared = float(self.acceleration_energy.sum()) / energy if energy > 0.0 else np.inf
         return float(np.sqrt(squared) / (2.0 * np.pi))
+
+
+def ceiling_hz(timestep: float) -> float:
+    """Above every survivor's frequency: half the sampling rate, `timestep` in s."""
+    return 0.5 / timestep
+
+
+def resolution_hz(horizon: float) -> float:
+    """Below this the frequency of an arm passes for none, in Hz: speeds change by less than SPEED_RESOLUTION in a
+    `horizon` (s).
+    """
+    return SPEED_RESOLUTION / (2.0 * np.pi * horizon)
 
 
 def same_arm_record(one: ArmRecord, other: ArmRecord) -> bool:

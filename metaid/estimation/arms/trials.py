@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.compiled.arms import Frames, commanded_arm_torques
-from metaid.episode import Windows
-from metaid.episode.arms import ArmEpisode, ArmRecord
+from metaid.episode import SensorReadings, Windows
+from metaid.episode.arms import ArmEpisode
 from metaid.estimation.noisy import filtered_speeds
 from metaid.models import Array
 from metaid.plant import slope_weights
@@ -58,33 +58,40 @@ class ArmReadTrial:
     noise: Array
 
 
-def watched_arm_trial(law: Array, episode: ArmEpisode, record: ArmRecord) -> WatchedArmTrial:
-    """The trial in which a law with these parameters (njoint x 13) led to this record."""
-    return WatchedArmTrial(law, record.timestep, episode.states, episode.stiffness, record.windows)
+def watched_arm_trial(law: Array, episode: ArmEpisode, timestep: float, windows: Windows) -> WatchedArmTrial:
+    """The trial on exact sensors in which a law led to these windows.
+
+    Args:
+        law: parameters of the candidate that was sent (njoint x 13).
+        episode: what was done.
+        timestep: between two torques, in s.
+        windows: what was seen.
+    """
+    return WatchedArmTrial(law, timestep, episode.states, episode.stiffness, windows)
 
 
 def read_arm_trial(
     frames: Frames,
     law: Array,
     episode: ArmEpisode,
-    record: ArmRecord,
+    timestep: float,
+    read: SensorReadings,
     noise: Array,
     start_spread: Array | None = None,
 ) -> ArmReadTrial:
-    """The trial on noisy sensors in which a law led to this record.
+    """The trial on noisy sensors in which a law led to these readings.
 
     Args:
         frames: of the arm.
         law: parameters of the candidate that was sent (njoint x 13).
         episode: what was done.
-        record: what was seen; it has readings.
+        timestep: between two torques, in s.
+        read: what the sensors read.
         noise: standard deviation of a reading of each joint (njoint), in rad or m.
         start_spread: see `ArmReadTrial`.
     """
-    read = record.readings
-    assert read is not None, "noisy sensors were read"
     speeds = read.speeds
     if speeds is None:
-        speeds = filtered_speeds(read.angles, episode.states[:, 1], slope_weights(record.timestep))
+        speeds = filtered_speeds(read.angles, episode.states[:, 1], slope_weights(timestep))
     torques = commanded_arm_torques(frames, law, episode, read.angles, speeds)
-    return ArmReadTrial(record.timestep, read.angles, torques, read.steps, episode.states, start_spread, noise)
+    return ArmReadTrial(timestep, read.angles, torques, read.steps, episode.states, start_spread, noise)

@@ -6,6 +6,7 @@ moments of the links that carry it. A base parameter is such a combination.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,24 +75,24 @@ def random_states(tree: Tree, count: int, random: np.random.Generator) -> tuple[
     return random.uniform(low, np.maximum(low, high), (count, tree.njoint)), speeds, FAST * accelerations
 
 
-def base_parameters(tree: Tree) -> BaseParameters:
-    """Those of an arm, from its kinematics alone.  Eq. 40."""
-    from scipy.linalg import qr  # slow to load, and only arms need it
+def base_parameters(tree: Tree, counted_by: Sequence[str] | None = None) -> BaseParameters:
+    """Those of an arm, from its kinematics alone.  Eq. 40.
 
+    They are `counted_by` the parameters of these names (nbase). By default independent ones are looked for: which they
+    are may depend on how a processor rounds.
+    """
     coordinates, speeds, accelerations = random_states(tree, STATES, np.random.default_rng(0))
-    rows = torque_regressor(tree, coordinates, speeds, accelerations).reshape(STATES * tree.njoint, -1)
-    singular = np.linalg.svd(rows, compute_uv=False)
-    rank = int((singular > NOTHING * singular[0]).sum())
-    kinds = list(PARAMETERS) * tree.njoint
-    weights = np.array([RARELY_FIRST if kind == "m" else 1.0 for kind in kinds])
-    order = qr(rows * weights, mode="r", pivoting=True)[1]
-    columns = np.sort(order[:rank])
+    rows = _reduced(torque_regressor(tree, coordinates, speeds, accelerations))
+    kinds, names = list(PARAMETERS) * tree.njoint, parameter_names(tree.njoint)
+    if counted_by is None:
+        columns = _independent(rows, kinds)
+    else:
+        columns = np.array([names.index(name) for name in counted_by], dtype=np.intp)
     others = np.setdiff1d(np.arange(rows.shape[1]), columns)
-    matrix = np.zeros((rank, rows.shape[1]))
-    matrix[:, columns] = np.eye(rank)
+    matrix = np.zeros((len(columns), rows.shape[1]))
+    matrix[:, columns] = np.eye(len(columns))
     added = np.linalg.lstsq(rows[:, columns], rows[:, others], rcond=None)[0]
     matrix[:, others] = np.where(np.abs(added) > NOTHING, added, 0.0)
-    names = parameter_names(tree.njoint)
     return BaseParameters(
         names=tuple(names[column] for column in columns),
         units=tuple(parameter_unit(kinds[column], bool(tree.slides[column // len(PARAMETERS)])) for column in columns),
@@ -102,10 +103,29 @@ def base_parameters(tree: Tree) -> BaseParameters:
     )
 
 
+def _reduced(regressor: Array) -> Array:
+    """A regressor in many states (nstate x njoint x njoint x 13) as fewer rows (13 njoint x 13 njoint) between whose
+    columns all is the same.
+    """
+    states, njoint = regressor.shape[:2]
+    return np.asarray(np.linalg.qr(regressor.reshape(states * njoint, -1), mode="r"), dtype=np.float64)
+
+
+def _independent(rows: Array, kinds: list[str]) -> NDArray[np.intp]:
+    """As many columns of these `rows` as are independent of each other (nbase), by parameters of these `kinds`."""
+    from scipy.linalg import qr  # slow to load, and only arms need it
+
+    singular = np.linalg.svd(rows, compute_uv=False)
+    rank = int((singular > NOTHING * singular[0]).sum())
+    weights = np.array([RARELY_FIRST if kind == "m" else 1.0 for kind in kinds])
+    order = qr(rows * weights, mode="r", pivoting=True)[1]
+    return np.sort(order[:rank])
+
+
 def _seen_by_bias(tree: Tree, columns: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Which base parameters (nbase) no combination hides that leaves the torque without accelerations as it is."""
     coordinates, speeds, _ = random_states(tree, STATES, np.random.default_rng(0))
-    rows = torque_regressor(tree, coordinates, speeds, np.zeros_like(speeds)).reshape(STATES * tree.njoint, -1)
+    rows = _reduced(torque_regressor(tree, coordinates, speeds, np.zeros_like(speeds)))
     _, singular, right = np.linalg.svd(rows[:, columns], full_matrices=False)
     hidden = right[singular <= NOTHING * singular[0]]
     return np.asarray(np.abs(hidden).max(axis=0, initial=0.0) < np.sqrt(NOTHING))

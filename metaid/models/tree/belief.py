@@ -41,15 +41,19 @@ class Prior:
 
 @dataclass(frozen=True)
 class Belief:
-    """A `nominal` arm and how wrong it may be."""
+    """A `nominal` arm and how wrong it may be.
+
+    Its base parameters are `counted_by` those of these names (nbase), by default by any that are independent.
+    """
 
     nominal: Tree
     prior: Prior = Prior()
+    counted_by: tuple[str, ...] | None = None
 
     @cached_property
     def base(self) -> BaseParameters:
         """The combinations that a torque can tell."""
-        return base_parameters(self.nominal)
+        return base_parameters(self.nominal, self.counted_by)
 
     @cached_property
     def values(self) -> Array:

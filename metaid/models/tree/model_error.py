@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from metaid.models.lumps import Array
-from metaid.models.tree.base import STATES, random_states
+from metaid.models.tree.base import NOTHING, STATES, random_states
 from metaid.models.tree.regressor import joint_mass_matrix, joint_torque
 from metaid.models.tree.tree import Tree
 
@@ -18,6 +18,7 @@ HELD_OUT = 2  # the seed of states that nothing else is computed from
 class ModelError:
     """Root mean square errors over random states in the joint ranges, as shares of the root mean square of what is
     right: of the gravity torque, of the Coriolis and centrifugal torque, and of the mass matrix, all joints together.
+    Where gravity loads no joint, the first is a share of both torques.
     """
 
     gravity: float
@@ -39,11 +40,16 @@ def model_error(true: Tree, parameters: Array) -> ModelError:
         gravity = joint_torque(smooth, coordinates, still, still)
         bias = joint_torque(smooth, coordinates, speeds, still)
         parts.append((gravity, bias - gravity, joint_mass_matrix(arm, coordinates)))
-    shares = (_share(right, wrong) for right, wrong in zip(*parts, strict=True))
-    return ModelError(*shares)
+    (gravity, coriolis, matrix), found = parts
+    is_loaded = np.abs(gravity).max() > NOTHING * np.abs(coriolis).max()
+    return ModelError(
+        _share(gravity, found[0], gravity if is_loaded else gravity + coriolis),
+        _share(coriolis, found[1], coriolis),
+        _share(matrix, found[2], matrix),
+    )
 
 
-def _share(right: Array, wrong: Array) -> float:
-    """The error as a share; 0 of nothing that is right as nothing."""
-    scale, off = float((right**2).sum()), float(((wrong - right) ** 2).sum())
+def _share(right: Array, wrong: Array, whole: Array) -> float:
+    """The error as a share of the `whole`; 0 of nothing that is right as nothing."""
+    scale, off = float((whole**2).sum()), float(((wrong - right) ** 2).sum())
     return float(np.sqrt(off / scale)) if off else 0.0

@@ -31,11 +31,12 @@ class ArmPlant:
     """An arm in MuJoCo: its joints and links alone. The simulation is its own, so a worker needs a plant of its own.
 
     MuJoCo is loaded and the user's file compiled when anything of it is asked for. Raises PlantError then, where that
-    file is no serial arm.
+    file is no serial arm. A `known` arm needs no file.
     """
 
     name: str
     settings: ArmSettings
+    known: Tree | None = None
 
     @cached_property
     def arm(self) -> Arm:
@@ -47,7 +48,7 @@ class ArmPlant:
     @property
     def tree(self) -> Tree:
         """Its joints and links. Neither search nor estimate may see its parameters."""
-        return self.arm.tree
+        return self.arm.tree if self.known is None else self.known
 
     @property
     def home(self) -> Array:

@@ -9,7 +9,8 @@ from optuna.samplers import BaseSampler
 from metaid.errors import StudyError
 from metaid.search import MetricSampler, tpe_for_metric
 from metaid.study.evaluation.optuna_objective import OptunaObjective
-from metaid.study.problem import Problem, load_study
+from metaid.study.kinds import load_chain_study
+from metaid.study.problem import Problem
 from metaid.study.settings import StudySpec
 
 
@@ -34,7 +35,7 @@ class NominalMetricSampler(MetricSampler):
     ) -> None:
         if isinstance(study, OptunaObjective):
             study = study.spec
-        problem = Problem(study if isinstance(study, StudySpec) else load_study(study))
+        problem = Problem(study if isinstance(study, StudySpec) else load_chain_study(study))
         if problem.body_space is not None:
             raise StudyError(f"study '{problem.spec.name}' has no metric (allowed: search.space = 'lumps')")
         super().__init__(problem.names, problem.metric, tpe_for_metric(seed) if sampler is None else sampler)

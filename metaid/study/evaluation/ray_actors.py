@@ -23,8 +23,7 @@ from metaid.models import Array
 from metaid.study.evaluation.evaluator import MOST_SHARED, do_nothing
 from metaid.study.evaluation.ray_private import ray_on_loopback
 from metaid.study.evaluation.shares import Share, Shares
-from metaid.study.problem import Problem
-from metaid.study.settings import StudySpec
+from metaid.study.kinds import AnyProblem, problem_of, spec_from
 
 WORKER_PATIENCE = 120.0  # s without an answer after which a worker is replaced
 SLOWDOWN_ALLOWED = 100.0  # times what the slowest candidate so far took: a worker may take as long, past its patience
@@ -63,7 +62,9 @@ class RayEvaluator:
     slowest candidates so far would have taken. A batch waits for `patience` at most while there is no actor at all.
     """
 
-    def __init__(self, problem: Problem, workers: int, address: str | None, patience: float = WORKER_PATIENCE) -> None:
+    def __init__(
+        self, problem: AnyProblem, workers: int, address: str | None, patience: float = WORKER_PATIENCE
+    ) -> None:
         """Starts Ray, unless it runs in this process already, and asks it for actors.
 
         Args:
@@ -221,7 +222,7 @@ class _Worker:
     """What runs in a Ray actor."""
 
     def __init__(self, spec: str, found: Array | None) -> None:
-        self._objective = Problem(StudySpec.model_validate_json(spec), found).make_objective()
+        self._objective = problem_of(spec_from(spec), found).make_objective()
         self._is_compiled = False
 
     def location(self) -> tuple[str, int]:

@@ -1,0 +1,87 @@
+"""One candidate of an arm, one episode, one outcome. It knows neither samplers nor storage."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import count
+
+import numpy as np
+
+from metaid.compiled.arms.arm_loop import ArmLoop
+from metaid.episode import GoesOn, Outcome, fall_value
+from metaid.episode.arms import ArmEpisode, ArmRecord, ceiling_hz
+from metaid.errors import EpisodeError
+from metaid.models import Array
+from metaid.models.tree import Belief
+from metaid.plant.arms import ArmPlant
+
+
+@dataclass
+class ArmBatch:
+    """Candidates by their base parameters `values` (ncandidate x nbase), of the `trials` with these numbers, that
+    several objectives work on. `next` says which comes next; `outcomes` are those that are done.
+    """
+
+    values: Array
+    trials: Sequence[int]
+    next: count[int] = field(default_factory=count)
+    outcomes: dict[int, Outcome] = field(default_factory=dict)
+
+
+class ArmObjective:
+    """Evaluates base parameters on a simulated arm. Holds the plant's state, so one per worker.
+
+    Args:
+        plant: that candidates are tried on.
+        belief: of the arm; what base parameters leave open is most probable by it.
+        episode: what is done to the plant with each candidate.
+    """
+
+    def __init__(self, plant: ArmPlant, belief: Belief, episode: ArmEpisode) -> None:
+        self.plant, self.belief, self.episode = plant, belief, episode
+        self._loop = ArmLoop(plant, belief.nominal, episode)
+
+    def record(self, values: Array, number: int = 0) -> ArmRecord:
+        """What the episode of a candidate with these base parameters (nbase) shows in the trial of that `number`.
+
+        Raises EpisodeError where they are none.
+        """
+        checked = np.asarray(values, dtype=np.float64)
+        if checked.shape != self.belief.values.shape or not np.isfinite(checked).all():
+            raise EpisodeError(
+                f"these are no base parameters (allowed: {len(self.belief.values)} finite numbers, one for each)"
+            )
+        return self._loop.run(self.belief.parameters_at(checked), number)
+
+    def evaluate(self, values: Array, number: int = 0, goes_on: GoesOn | None = None) -> Outcome:
+        """The outcome for base parameters (nbase) in the trial of that `number`.  Raises as `record` does.
+
+        A trial in which a push fell is a fall, though the others are none the worse for it. `goes_on` is not asked: an
+        arm's pushes are few.
+        """
+        record = self.record(values, number)
+        steps, whole = int(record.steps.sum()), self.episode.total_steps
+        fell = bool(record.fell.any())
+        value = fall_value(ceiling_hz(self.plant.timestep), steps, whole) if fell else record.frequency
+        uncounted = (0,) * self.plant.njoint
+        return Outcome(value, fell, steps, uncounted, windows=record.windows, readings=record.readings)
+
+    def share(self, values: Array, trials: Sequence[int]) -> ArmBatch:
+        """A batch of candidates with these base parameters (ncandidate x nbase), of the `trials` with these numbers,
+        for this objective and its like, each on a thread of its own, to work on.
+        """
+        return ArmBatch(values, trials)
+
+    def work_on(self, batch: ArmBatch) -> None:
+        """Runs episodes of the `batch` until there are none left; others may do so at the same time."""
+        while (candidate := next(batch.next)) < len(batch.values):
+            batch.outcomes[candidate] = self.evaluate(batch.values[candidate], batch.trials[candidate])
+
+    def outcomes(self, batch: ArmBatch) -> list[Outcome]:
+        """The outcomes of a `batch`'s candidates (ncandidate), once everyone is back from it."""
+        return [batch.outcomes[candidate] for candidate in range(len(batch.values))]
+
+    def close(self) -> None:
+        """Lets go of the plant."""
+        self.plant.close()

@@ -1,0 +1,16 @@
+"""What a study of an arm found: its base parameters, the verdict, and how well the arm is known."""
+
+from metaid.results.arms.arm_snapshot import ArmSnapshot
+from metaid.results.arms.arm_tables import arm_trials_table
+from metaid.results.arms.arm_verdict import arm_summary, judge_arm
+from metaid.results.arms.either import AnySnapshot, judge_any, read_any_snapshot
+
+__all__ = [
+    "AnySnapshot",
+    "ArmSnapshot",
+    "arm_summary",
+    "arm_trials_table",
+    "judge_any",
+    "judge_arm",
+    "read_any_snapshot",
+]

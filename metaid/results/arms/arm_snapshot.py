@@ -1,0 +1,102 @@
+"""A study of an arm as the DB has it at one moment, and the estimate from its trials."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from metaid.models.tree import Tree
+from metaid.store import ForeignTrial, Trial
+from metaid.study import ArmProblem, ArmSpec
+
+if TYPE_CHECKING:
+    from metaid.estimation.arms import ArmEstimate, ArmExperiment, SeenArmTrial
+
+CLOSE = 1e-3  # of every unknown's deviation beforehand: so near its last value an estimate was there
+
+
+@dataclass(frozen=True)
+class ArmFound:
+    """An `estimate`, the `experiment` that it is of, and the trials that were `watched` for it."""
+
+    estimate: ArmEstimate
+    experiment: ArmExperiment
+    watched: tuple[SeenArmTrial, ...]
+
+    @property
+    def trials(self) -> int:
+        """How many trials it was made of."""
+        return len(self.watched)
+
+    @property
+    def explains(self) -> bool:
+        """Whether the model explains what was seen."""
+        return self.estimate.is_explained
+
+    @property
+    def description(self) -> str:
+        """How well the model explains what was seen, in a sentence."""
+        found = f"misfit {self.estimate.misfit:.3g} (explained: below {self.estimate.explained_below:.3g})"
+        if self.explains:
+            return f"the model explains what was seen: {found}"
+        return (
+            f"the model does not explain what was seen, be it for springs, play, late torques or wrong frames: {found}"
+        )
+
+    @cached_property
+    def known_from(self) -> int | None:
+        """How many of the first trials were enough to know every base parameter as well as all of them."""
+        if not self.explains:
+            return None
+        reach = CLOSE * self.experiment.searched.spread
+        with threadpool_limits(1):
+            for count in range(1, self.trials + 1):
+                early = self.estimate if count == self.trials else self.experiment.estimate(self.watched[:count])
+                if early is not None and np.abs(early.unknowns - self.estimate.unknowns).max() <= reach:
+                    return count
+        return None
+
+
+@dataclass(frozen=True)
+class ArmSnapshot:
+    """A study's `name`, its settings and all its `trials`; the `foreign` ones, which metaid did not write; and with how
+    many trials its search `ended`, None where no run got so far.
+    """
+
+    name: str
+    spec: ArmSpec
+    trials: list[Trial]
+    foreign: tuple[ForeignTrial, ...] = ()
+    ended: int | None = None
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether nothing is left to do: all trials of the study are there, or its search stopped before."""
+        return len(self.trials) >= self.spec.study.trials or len(self.trials) == self.ended
+
+    @cached_property
+    def problem(self) -> ArmProblem:
+        """What follows from its settings."""
+        return ArmProblem(self.spec)
+
+    @cached_property
+    def estimate(self) -> ArmFound | None:
+        """What all trials say together; None where nothing can be made of them."""
+        if not self.trials:
+            return None
+        experiment = self.problem.experiment()
+        with threadpool_limits(1):
+            seen = (experiment.trial(each.factors, each.outcome) for each in self.trials)
+            watched = tuple(trial for trial in seen if trial is not None)
+            estimate = experiment.estimate(watched) if watched else None
+        return None if estimate is None else ArmFound(estimate, experiment, watched)
+
+    @cached_property
+    def truth(self) -> Tree | None:
+        """The true arm, where it is known: here, and only here, it meets the result."""
+        plant = self.problem.open_plant()
+        return plant.tree if plant.true_parameters() is not None else None

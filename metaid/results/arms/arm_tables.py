@@ -1,0 +1,64 @@
+"""The trials and the base parameters of a study of an arm, as pandas frames."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from metaid.results.arms.arm_snapshot import ArmSnapshot
+from metaid.study import COARSEST
+
+DEVIATIONS = 1.96  # of a normal distribution, to either side, hold 95 %
+STATES = ["COMPLETE", "PRUNED", "FAIL"]
+
+
+def arm_trials_table(snapshot: ArmSnapshot) -> pd.DataFrame:
+    """One row a trial: `number`, `state`, `value` (NaN where it failed), `generation`, `steps`, and the base parameters
+    of its law, in SI units.
+    """
+    trials, names = snapshot.trials, snapshot.problem.names
+    values = np.array([trial.factors for trial in trials]).reshape(len(trials), len(names))
+    heads = {
+        "number": np.array([trial.number for trial in trials], dtype=np.int64),
+        "state": pd.Categorical([trial.state.name for trial in trials], STATES),
+        "value": np.array([np.nan if trial.outcome.failure else trial.outcome.value for trial in trials]),
+        "generation": np.array([trial.generation for trial in trials], dtype=np.int64),
+        "steps": np.array([trial.outcome.steps for trial in trials], dtype=np.int64),
+    }
+    return pd.DataFrame({**heads, **{name: values[:, i] for i, name in enumerate(names)}})
+
+
+def base_table(snapshot: ArmSnapshot) -> pd.DataFrame:
+    """One row a base parameter, with the columns of `lumps_frame` and its `expression`; NaN where nothing was found.
+
+    One is determined that is known to a tenth of what it is, or of what it may have been wrong by beforehand.
+    """
+    problem, found = snapshot.problem, snapshot.estimate
+    base, nominal = problem.belief.base, problem.belief.values
+    identified = deviation = low = high = np.full(len(nominal), np.nan)
+    determined = np.zeros(len(nominal), dtype=np.bool_)
+    if found is not None and found.explains:
+        values, deviation = found.estimate.values, found.estimate.value_deviations
+        beforehand = np.sqrt(np.diag(problem.belief.covariance))
+        determined = deviation <= COARSEST * np.maximum(np.abs(values), beforehand)
+        reach = DEVIATIONS * deviation
+        identified, low, high = (
+            np.where(determined, each, np.nan) for each in (values, values - reach, values + reach)
+        )
+    true = np.full(len(nominal), np.nan) if snapshot.truth is None else base.of(snapshot.truth.parameters)
+    return pd.DataFrame(
+        {
+            "name": base.names,
+            "unit": base.units,
+            "nominal": nominal,
+            "factor": identified / np.where(nominal == 0.0, np.nan, nominal),
+            "identified": identified,
+            "sd": deviation,
+            "low": low,
+            "high": high,
+            "true": true,
+            "error": identified / np.where(true == 0.0, np.nan, true) - 1.0,
+            "determined": determined,
+            "expression": base.expressions,
+        }
+    )

@@ -1,0 +1,12 @@
+"""Studies of serial arms: what their files say, and what follows from that before any trial.
+
+An arm is known by its base parameters. Candidates are these, in SI units. A trial sends the law of one candidate on
+pushes that coast and on pushes that swing as on springs, so there is one stage.
+"""
+
+from metaid.study.arms.nominal import drawn_nominal
+from metaid.study.arms.problem import ArmProblem
+from metaid.study.arms.reading import arm_spec
+from metaid.study.arms.settings import ArmSpec, ArmStudySettings
+
+__all__ = ["ArmProblem", "ArmSpec", "ArmStudySettings", "arm_spec", "drawn_nominal"]

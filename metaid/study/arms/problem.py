@@ -1,0 +1,134 @@
+"""What follows from the settings of a study of an arm before any trial."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from metaid.episode import QUANTITIES, Outcome, fall_value, window_ends
+from metaid.episode.arms import KINETIC, ArmEpisode, ceiling_hz, resolution_hz
+from metaid.models import Array, Space
+from metaid.models.tree import Belief, Tree
+from metaid.plant.arms import ArmPlant, ArmSettings
+from metaid.search import Coordinates, SamplerOptions, Searcher, make_searcher, plain_coordinates
+from metaid.study.arms.settings import ArmSpec
+
+if TYPE_CHECKING:
+    from metaid.compiled.arms import ArmObjective
+    from metaid.estimation.arms import ArmExperiment
+
+FARTHEST = 10.0  # standard deviations of the belief: no base parameter beyond is tried
+QUIETEST = 1e-9  # rad: so far a twin agrees with a sensor that has no noise
+WINDOW_BUDGET = 8_000_000  # bytes a study
+
+
+class ArmProblem:
+    """All that the settings of a study of an arm determine before any trial. It has one stage."""
+
+    stage, found, is_last, is_only, is_simulated, widens = 1, None, True, True, True, False
+    goes_by_estimate, body_space = True, None
+    measure = KINETIC
+
+    def __init__(self, spec: ArmSpec) -> None:
+        self.spec = spec
+        self.nominal: Tree = spec.nominal.tree
+        self.belief = Belief(self.nominal, spec.study.estimate.prior, spec.counted_by)
+        self.names = list(self.belief.base.names)
+        reach = FARTHEST * np.sqrt(np.diag(self.belief.covariance))
+        self.low, self.high = self.belief.values - reach, self.belief.values + reach
+
+    @cached_property
+    def episode(self) -> ArmEpisode:
+        """What is done to the arm with each candidate."""
+        wanted, starts = self.spec.study.episode, self.spec.arm_starts
+        steps = max(round(wanted.horizon / self.timestep), 2)
+        stiffness = np.array(self.spec.stiffness)
+        return ArmEpisode(starts, stiffness, steps, window_ends(steps), wanted.runaway, self.spec.study.seed)
+
+    @property
+    def space(self) -> Space:
+        """What candidates are values in: base parameters, in SI units."""
+        origin, one = np.zeros(len(self.names)), np.ones(len(self.names))
+        return Space(self.names, origin, one, self.belief.values, self.low, self.high)
+
+    @property
+    def coordinates(self) -> Coordinates:
+        """What a searcher moves in."""
+        return plain_coordinates(self.belief.values, self.low, self.high)
+
+    @property
+    def counted_joints(self) -> int:
+        """How many joints have their periods in each trial: 0 of each, for an arm's are not counted."""
+        return self.nominal.njoint
+
+    @property
+    def timestep(self) -> float:
+        """Time between two control steps, in s."""
+        return self.spec.timestep
+
+    @property
+    def trials_with_windows(self) -> int:
+        """How many trials, from the first on, keep their windows in the DB."""
+        size = self.episode.npush * len(self.episode.window_ends) * QUANTITIES * len(self.nominal.names) * 8
+        return WINDOW_BUDGET // size
+
+    @property
+    def trials_with_readings(self) -> int:
+        """How many trials, from the first on, keep their readings in the DB."""
+        return self.spec.study.trials if self.keeps_readings else 0
+
+    @property
+    def keeps_readings(self) -> bool:
+        """Whether trials keep what noisy sensors read."""
+        return bool(self.spec.plant.faults.named)
+
+    @property
+    def resolution(self) -> float:
+        """A value of the measure below this passes for coasting, in Hz."""
+        return resolution_hz(self.episode.steps * self.timestep)
+
+    def open_plant(self) -> ArmPlant:
+        """A plant of its own for each worker."""
+        plant = self.spec.plant
+        settings = ArmSettings(
+            mjcf=self.spec.plant_name, timestep=plant.timestep, truth_known=plant.truth_known, faults=plant.faults
+        )
+        return ArmPlant(self.spec.plant_name, settings, plant.arm.tree)
+
+    def make_objective(self) -> ArmObjective:
+        """An objective of its own for each worker, in base parameters."""
+        from metaid.compiled.arms import ArmObjective  # loads MuJoCo and numba
+
+        return ArmObjective(self.open_plant(), self.belief, self.episode)
+
+    def failed(self, reason: str) -> Outcome:
+        """What the searcher is told of a candidate that could not be evaluated for that `reason`."""
+        worst = fall_value(ceiling_hz(self.timestep), 0, self.episode.total_steps)
+        return Outcome(worst, True, 0, (0,) * self.nominal.njoint, reason)
+
+    def make_searcher(self) -> Searcher:
+        """The searcher at the study's seed, knowing of no trial."""
+        study = self.spec.study
+        return make_searcher(
+            study.sampler, self.coordinates, study.seed, SamplerOptions(probes=study.search.probes), self.experiment
+        )
+
+    def second(self, found: Array) -> None:
+        """There is no second stage: springs are among the pushes of each trial."""
+
+    def widen(self, values: Array) -> None:
+        """No bound is moved: they are so far away that nothing beyond is believed."""
+
+    def stages(self) -> list[ArmProblem]:
+        """This one stage."""
+        return [self]
+
+    def experiment(self) -> ArmExperiment:
+        """What an estimate needs to know of this study."""
+        from metaid.estimation.arms import ArmExperiment, ArmUnknowns  # loads numba
+
+        size = self.spec.plant.faults.angle_noise
+        noise = np.full(self.nominal.njoint, max(size, QUIETEST)) if self.keeps_readings else None
+        return ArmExperiment(self.episode, ArmUnknowns(self.belief), self.timestep, self.resolution, noise)

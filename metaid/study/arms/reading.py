@@ -1,0 +1,111 @@
+"""A study file of an arm, made whole: the arms written out, and from where the pushes begin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from metaid.errors import PlantError, StudyError
+from metaid.files import check
+from metaid.models import Array
+from metaid.models.tree import Tree, base_parameters, joint_mass_matrix
+from metaid.plant import read_any_plant
+from metaid.plant.arms import ArmPlant, ArmSettings, ArmStart
+from metaid.study.arms.nominal import drawn_nominal
+from metaid.study.arms.settings import (
+    ArmEpisodeSettings,
+    ArmPlantSettings,
+    ArmSpec,
+    ArmStudySettings,
+    DrawnNominalSettings,
+    StartSettings,
+    TreeSettings,
+)
+
+STIFFEST = 30.0  # 1/s², of the springs; a push of 0.3 s is then a quarter of a period
+SPARED = 0.3  # of a joint's torque limit, for the torque of a spring
+
+
+def arm_spec(
+    path: Path, tables: dict[str, Any], plant_path: Path, settings: ArmSettings, named: Callable[[str, str], Path]
+) -> ArmSpec:
+    """The study of an arm that a file describes.
+
+    Args:
+        path: of the study file.
+        tables: what it says.
+        plant_path: of the file of its plant.
+        settings: of that plant.
+        named: finds the plant file that a key of the study file names.
+
+    Raises:
+        StudyError: the file says what no study is.
+        PlantError: a plant file is missing, or describes no serial arm.
+    """
+    study = check(ArmStudySettings, tables, str(path), StudyError)
+    plant = ArmPlant(plant_path.stem, settings)
+    nominal = _nominal(study, plant, named)
+    if nominal.names != plant.tree.names:
+        raise StudyError(
+            f"{path}: plant {plant.name} has the joints {', '.join(plant.tree.names)}, the nominal arm "
+            f"{', '.join(nominal.names)}: they must agree"
+        )
+    starts = _starts(study.episode, plant, study.seed)
+    coasts = _coasts(study.episode, plant)
+    stiffness = np.array(
+        [0.0 if i < coasts else _stiffness(study.episode, nominal, start) for i, start in enumerate(starts)]
+    )
+    return ArmSpec(
+        name=path.stem,
+        plant_name=plant_path.stem,
+        plant=ArmPlantSettings(
+            arm=TreeSettings.of(plant.tree),
+            timestep=plant.timestep,
+            truth_known=settings.truth_known,
+            faults=settings.faults,
+        ),
+        nominal=TreeSettings.of(nominal),
+        counted_by=base_parameters(nominal).names,
+        starts=tuple(StartSettings(pose=start.pose.tolist(), speeds=start.speeds.tolist()) for start in starts),
+        stiffness=stiffness.tolist(),
+        study=study,
+    )
+
+
+def _nominal(study: ArmStudySettings, plant: ArmPlant, named: Callable[[str, str], Path]) -> Tree:
+    """The arm that the user believes in."""
+    if isinstance(study.nominal, DrawnNominalSettings):
+        tree = _arm_at(named("nominal", study.nominal.plant)).tree
+        return drawn_nominal(tree, study.nominal.seed, study.estimate.prior)
+    return _arm_at(named("nominal", study.nominal)).tree
+
+
+def _arm_at(path: Path) -> ArmPlant:
+    settings = read_any_plant(path)
+    if not isinstance(settings, ArmSettings):
+        raise PlantError(f"{path}: no arm, as the plant of the study is (allowed: a plant file with mjcf or urdf)")
+    return ArmPlant(path.stem, settings)
+
+
+def _coasts(episode: ArmEpisodeSettings, plant: ArmPlant) -> int:
+    return episode.coasts or 2 * plant.njoint
+
+
+def _starts(episode: ArmEpisodeSettings, plant: ArmPlant, seed: int) -> tuple[ArmStart, ...]:
+    """Of the coasts, then of the springs."""
+    from metaid.plant.arms import draw_starts  # loads MuJoCo
+
+    springs = plant.njoint if episode.springs is None else episode.springs
+    return draw_starts(plant, _coasts(episode, plant) + springs, episode.horizon, seed, episode.speed)
+
+
+def _stiffness(episode: ArmEpisodeSettings, nominal: Tree, start: ArmStart) -> float:
+    """k of a push with springs: an oscillation from speeds v needs torques of √k M v, which the motors must spare."""
+    if episode.stiffness is not None:
+        return episode.stiffness
+    momentum: Array = np.abs(joint_mass_matrix(nominal, start.pose) @ start.speeds)
+    room = SPARED * nominal.torque_limit / np.maximum(momentum, 1e-12)
+    return float(min(STIFFEST, np.min(room) ** 2))

@@ -1,0 +1,201 @@
+"""What a study file of an arm says, and the study with nothing left to look up."""
+
+from __future__ import annotations
+
+from hashlib import blake2b
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from metaid.files import Settings
+from metaid.models.tree import Prior, Tree
+from metaid.plant.arms import ArmFaults, ArmStart
+
+Vector = Annotated[tuple[float, ...], Field(strict=False)]
+Share = Annotated[float, Field(gt=0, le=10)]
+
+
+class DrawnNominalSettings(Settings):
+    """`[nominal]`: what one may believe of the arm of a `plant` file, drawn at random with a `seed`. Masses, moments of
+    inertia and centres of mass are as wrong as `[estimate]` says that they may be, friction and rotors are not known.
+    """
+
+    plant: str
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+
+
+class ArmSearchSettings(Settings):
+    """`[search]`: how many of the first trials are `probes`; the first sends the law of the nominal arm, the others
+    that of one like it, drawn at random.
+    """
+
+    probes: Annotated[int, Field(ge=1, le=1000)] | None = None
+    target: Annotated[float, Field(ge=0)] | None = None
+
+
+class ArmEpisodeSettings(Settings):
+    """`[episode]`: how many pushes coast, `coasts` (default: 2 a joint), and how many swing as on springs, `springs`
+    (default: 1 a joint), with the `stiffness` k in 1/s² of the q̈ = −k (q − q₀) that their law asks for (default: by the
+    torque limits, at most 30); how long each is, `horizon` in s; the `speed` of the fastest joint at a start in rad/s;
+    how many times faster a joint must be to have run away, `runaway`.
+    """
+
+    coasts: Annotated[int, Field(ge=1, le=1000)] | None = None
+    springs: Annotated[int, Field(ge=0, le=1000)] | None = None
+    stiffness: Annotated[float, Field(gt=0, le=1e6)] | None = None
+    horizon: Annotated[float, Field(gt=0, le=60)] = 0.3
+    speed: Annotated[float, Field(gt=0, le=100)] = 3.0
+    runaway: Annotated[float, Field(gt=1, le=1e6)] = 5.0
+
+
+class ArmEstimateSettings(Settings):
+    """`[estimate]`: how wrong the nominal arm may be, as standard deviations: of each link's `mass`, of its centre of
+    mass `com` as a share of its distance from the joint, of its moments of `inertia`; of each joint's `rotor`,
+    `damping` and dry friction `coulomb`, as shares of the joint's torque (docs/method.md, Eq. 41).
+    """
+
+    mass: Share = 0.3
+    com: Share = 0.15
+    inertia: Share = 0.3
+    rotor: Share = 0.5
+    damping: Share = 0.5
+    coulomb: Share = 0.3
+
+    @property
+    def prior(self) -> Prior:
+        """The same as the model has it."""
+        return Prior(**self.model_dump())
+
+
+class ArmStudySettings(Settings):
+    """A study file of an arm."""
+
+    description: str = ""
+    plant: str
+    nominal: str | DrawnNominalSettings
+    sampler: Literal["output-error"] = "output-error"
+    trials: Annotated[int, Field(ge=1, le=1000)] = 4
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+    workers: Annotated[int, Field(ge=1, le=1024)] = 1
+    search: ArmSearchSettings = ArmSearchSettings()
+    episode: ArmEpisodeSettings = ArmEpisodeSettings()
+    estimate: ArmEstimateSettings = ArmEstimateSettings()
+
+    @property
+    def total_trials(self) -> int:
+        """The trials of all stages: there is one."""
+        return self.trials
+
+
+class TreeSettings(Settings):
+    """A `Tree`, written out; an open end of a range and an unknown torque limit are null."""
+
+    names: Annotated[tuple[str, ...], Field(strict=False)]
+    position: Annotated[tuple[Vector, ...], Field(strict=False)]
+    rotation: Annotated[tuple[Annotated[tuple[Vector, ...], Field(strict=False)], ...], Field(strict=False)]
+    axis: Annotated[tuple[Vector, ...], Field(strict=False)]
+    slides: Annotated[tuple[bool, ...], Field(strict=False)]
+    low: Annotated[tuple[float | None, ...], Field(strict=False)]
+    high: Annotated[tuple[float | None, ...], Field(strict=False)]
+    torque_limit: Annotated[tuple[float | None, ...], Field(strict=False)]
+    gravity: Vector
+    parameters: Annotated[tuple[Vector, ...], Field(strict=False)]
+
+    @classmethod
+    def of(cls, tree: Tree) -> TreeSettings:
+        """A `tree`, written out."""
+
+        def ends(values: Any) -> tuple[float | None, ...]:
+            return tuple(value if np.isfinite(value) else None for value in values.tolist())
+
+        return cls(
+            names=tree.names,
+            position=tree.position.tolist(),
+            rotation=tree.rotation.tolist(),
+            axis=tree.axis.tolist(),
+            slides=tree.slides.tolist(),
+            low=ends(tree.low),
+            high=ends(tree.high),
+            torque_limit=ends(tree.torque_limit),
+            gravity=tree.gravity.tolist(),
+            parameters=tree.parameters.tolist(),
+        )
+
+    @property
+    def tree(self) -> Tree:
+        """The arm that is written out."""
+        njoint = len(self.names)
+        bodiless = Tree(
+            names=self.names,
+            position=np.array(self.position),
+            rotation=np.array(self.rotation),
+            axis=np.array(self.axis),
+            slides=np.array(self.slides, dtype=np.bool_),
+            low=np.array([-np.inf if end is None else end for end in self.low]),
+            high=np.array([np.inf if end is None else end for end in self.high]),
+            torque_limit=np.array([np.inf if end is None else end for end in self.torque_limit]),
+            gravity=np.array(self.gravity),
+            mass=np.ones(njoint),
+            com=np.zeros((njoint, 3)),
+            inertia=np.zeros((njoint, 3, 3)),
+            rotor=np.zeros(njoint),
+            damping=np.zeros(njoint),
+            coulomb=np.zeros(njoint),
+        )
+        return bodiless.with_parameters(np.array(self.parameters))
+
+
+class ArmPlantSettings(Settings):
+    """A simulated arm with nothing left to look up: its `arm`, its `timestep` in s, its `faults`."""
+
+    arm: TreeSettings
+    timestep: float
+    truth_known: bool
+    faults: ArmFaults
+
+
+class StartSettings(Settings):
+    """From where a push begins: joint coordinates `pose`, in rad or m, and joint `speeds`, in rad/s or m/s."""
+
+    pose: Vector
+    speeds: Vector
+
+
+class ArmSpec(Settings):
+    """A study of an arm with nothing left to look up: the parameters that its base parameters are `counted_by`; from
+    where its pushes begin, `starts`, and their `stiffness` k in 1/s², which is 0 where the arm is to coast.
+    """
+
+    kind: Literal["arm"] = "arm"
+    name: str
+    plant_name: str
+    plant: ArmPlantSettings
+    nominal: TreeSettings
+    counted_by: Annotated[tuple[str, ...], Field(strict=False)]
+    starts: Annotated[tuple[StartSettings, ...], Field(strict=False)]
+    stiffness: Vector
+    study: ArmStudySettings
+
+    @property
+    def timestep(self) -> float:
+        """Time between two control steps, in s."""
+        return self.plant.timestep
+
+    @property
+    def arm_starts(self) -> tuple[ArmStart, ...]:
+        """From where the pushes begin."""
+        return tuple(ArmStart(np.array(start.pose), np.array(start.speeds)) for start in self.starts)
+
+    @property
+    def names(self) -> tuple[list[str], ...]:
+        """The names under which the base parameters of candidates are in the DB: there is one stage."""
+        return (list(self.counted_by),)
+
+    @property
+    def experiment(self) -> str:
+        """A digest of what a trial's outcome follows from, beside its parameters and its number."""
+        study = self.study
+        parts = (self.plant, self.nominal, study.episode, study.estimate, *self.starts)
+        texts = [part.model_dump_json() for part in parts] + [str(study.seed)]
+        return blake2b("\n".join(texts).encode(), digest_size=6).hexdigest()

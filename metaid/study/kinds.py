@@ -1,0 +1,53 @@
+"""A study is of a planar chain or of a serial arm: what tells them apart."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from metaid.errors import StudyError
+from metaid.models import Array
+from metaid.study.arms import ArmProblem, ArmSpec
+from metaid.study.problem import Problem
+from metaid.study.settings import StudySpec, read_study
+
+AnySpec = StudySpec | ArmSpec
+AnyProblem = Problem | ArmProblem
+
+
+def spec_from(text: str) -> AnySpec:
+    """The study whose settings a JSON `text` holds.  Raises ValueError where it holds none."""
+    tables = json.loads(text)
+    is_arm = isinstance(tables, dict) and tables.get("kind") == "arm"
+    return (ArmSpec if is_arm else StudySpec).model_validate_json(text)
+
+
+def problem_of(spec: AnySpec, found: Array | None = None) -> AnyProblem:
+    """What follows from a study's settings; of a chain in its second stage given the factors `found` (nlump) in the
+    first.  Raises StudyError where the settings contradict each other.
+    """
+    return ArmProblem(spec) if isinstance(spec, ArmSpec) else Problem(spec, found)
+
+
+def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> AnySpec:
+    """The shipped study of that name, or the study file at that path, with `changes` by dotted key, which can be run.
+    Raises StudyError, PlantError.
+    """
+    spec = read_study(name, changes)
+    problem_of(spec)
+    return spec
+
+
+def load_chain_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec:
+    """The same, of planar chains alone."""
+    return of_chain(load_study(name, changes))
+
+
+def of_chain(spec: AnySpec) -> StudySpec:
+    """A study that must be of a planar chain.  Raises StudyError where it is of an arm."""
+    if isinstance(spec, ArmSpec):
+        raise StudyError(
+            f"study {spec.name}: its plant {spec.plant_name} is an arm (allowed here: a planar chain, or a rig)"
+        )
+    return spec

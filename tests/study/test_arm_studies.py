@@ -1,0 +1,151 @@
+"""Studies of arms: created, run, resumed, shown and exported like those of chains, with base parameters for lumps."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import optuna
+import pytest
+from conftest import Finished, made_once
+
+from metaid import results
+from metaid.files import shipped_folder
+from metaid.store import Store
+from metaid.study import ArmSpec, create_study, load_study, run_study
+
+Metaid = Callable[..., Finished]
+ARM = "spatial-three-link"
+
+
+def spec_of(**changes: object) -> ArmSpec:
+    """The study of the arm to learn on."""
+    spec = load_study(ARM, changes)
+    assert isinstance(spec, ArmSpec)
+    return spec
+
+
+def with_noise(spec: ArmSpec, size: float) -> ArmSpec:
+    """The same on sensors with noise of so many rad, and no sensor of speed."""
+    faults = spec.plant.faults.model_copy(update={"angle_noise": size, "speed_sensor": False})
+    return spec.model_copy(update={"plant": spec.plant.model_copy(update={"faults": faults})})
+
+
+@pytest.fixture(scope="module")
+def arms(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A DB of real runs, not to be changed: `exact` and `noisy`, the same arm with a tenth of a milliradian of noise;
+    `bent`, whose nominal arm has another shape.
+    """
+
+    def make(folder: Path) -> None:
+        exact = spec_of()
+        longer = tuple((x, y, 1.01 * z) for x, y, z in exact.nominal.position)
+        bent = exact.model_copy(update={"nominal": exact.nominal.model_copy(update={"position": longer})})
+        with closing(Store(str(folder / "arms.db"), create=True)) as store:
+            for name, spec in (("exact", exact), ("noisy", with_noise(exact, 1e-4)), ("bent", bent)):
+                run_study(store, create_study(store, spec, name))
+
+    return made_once(tmp_path_factory, "arms", make) / "arms.db"
+
+
+def test_one_trial_finds_all_base_parameters_of_an_arm(arms: Path) -> None:
+    """From a nominal arm that is up to 30 % wrong, rotors and friction unknown; the dynamics are exact on states that
+    no trial has seen.
+    """
+    with closing(Store(str(arms))) as store:
+        shown = results.summary(store, "exact")
+    assert shown["verdict"] == "found"
+    assert shown["estimate"]["known_from"] == 1
+    assert len(shown["lumps"]) == 22
+    assert all(lump["determined"] for lump in shown["lumps"])
+    assert max(shown["model_error"].values()) < 1e-9
+    first = shown["lumps"][0]
+    assert first["expression"].startswith("zz1 + rotor1 + ")
+    assert first["low"] < first["identified"] < first["high"]
+
+
+def test_intervals_on_noisy_sensors_hold_the_truth(arms: Path) -> None:
+    """A tenth of a milliradian and no sensor of speed: to half a percent, and within four standard deviations."""
+    with closing(Store(str(arms))) as store:
+        shown, frame = results.summary(store, "noisy"), results.lumps_frame(store, "noisy")
+    assert shown["verdict"] == "found"
+    assert max(shown["model_error"].values()) < 5e-3
+    known = frame[frame["determined"]]
+    assert (np.abs(known["identified"] - known["true"]) < 4.0 * known["sd"]).all()
+
+
+def test_arm_of_another_shape_is_not_found(arms: Path, metaid: Metaid) -> None:
+    """Links one percent longer than the nominal model says explain nothing: no number is given."""
+    done = metaid("study", "show", "bent", "--storage", str(arms))
+    assert done.out.splitlines()[-1].startswith("NOT FOUND: the model does not explain what was seen")
+    with closing(Store(str(arms))) as store:
+        shown = results.summary(store, "bent")
+    assert all(lump["identified"] is None and lump["low"] is None for lump in shown["lumps"])
+    assert shown["model_error"] is None
+
+
+def test_trials_of_an_arm_do_not_depend_on_how_often_a_run_stopped(arms: Path, tmp_path: Path) -> None:
+    """Nor on the number of workers: bit for bit."""
+    with closing(Store(str(tmp_path / "again.db"), create=True)) as again, closing(Store(str(arms))) as store:
+        name = create_study(again, with_noise(spec_of(), 1e-4), "noisy")
+        run_study(again, name, trials=1)
+        run_study(again, name, workers=2)
+        assert results.trials_frame(again, name).to_csv() == results.trials_frame(store, "noisy").to_csv()
+
+
+def test_plain_optuna_reads_the_base_parameters_of_each_trial(arms: Path) -> None:
+    """Under their own names, in SI units, with the measure as the value."""
+    with closing(Store(str(arms))) as store:
+        shown, trials = results.summary(store, "exact"), results.trials_frame(store, "exact")
+        study = optuna.load_study(study_name="exact", storage=store.optuna)
+    assert study.best_trial.number == shown["best"]["number"]
+    assert set(study.best_trial.params) == {lump["name"] for lump in shown["lumps"]}
+    assert trials["m2z"].tolist() == [trial.params["m2z"] for trial in study.trials]
+
+
+def test_commands_show_list_and_export_an_arm(arms: Path, metaid: Metaid, tmp_path: Path) -> None:
+    """As they do a chain; what needs a chain is refused in one line."""
+    storage = ("--storage", str(arms))
+    out = metaid("study", "show", "exact", *storage).out
+    assert "FOUND: 22 base parameters; on states that no trial has seen wrong by: gravity torque " in out
+    assert json.loads(metaid("study", "show", "exact", *storage, "--json").out)["measure"] == "kinetic"
+    assert "kinetic" in metaid("study", "list", *storage).out
+    assert metaid("study", "export", "exact", *storage, "-o", "trials.csv").status == 0
+    assert (tmp_path / "trials.csv").read_text().startswith("number,state,value,generation,steps,zz1,")
+    for command in (["plot", "-o", "pictures"], ["report", "-o", "report.html"], ["validate"]):
+        refused = metaid("study", command[0], "exact", *storage, *command[1:])
+        assert (refused.status, refused.out) == (2, "")
+        assert "is of the arm spatial-three-link" in refused.err
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('nominal = "pa10"', "the nominal arm s1, s2, s3, e1, e2, w1, w2: they must agree"),
+        ('nominal = "three-link"', "three-link.toml: no arm, as the plant of the study is"),
+        ('nominal = "spatial-three-link"\nsampler = "newton"', "sampler"),
+        ('nominal = "spatial-three-link"\n[episode]\npushes = "rich"', "'pushes'"),
+    ],
+)
+def test_study_file_of_an_arm_that_contradicts_itself_is_refused_in_one_line(
+    metaid: Metaid, tmp_path: Path, text: str, said: str
+) -> None:
+    """It says what is wrong, where, and what is allowed."""
+    (tmp_path / "study.toml").write_text(f'plant = "{ARM}"\n{text}\n', encoding="utf-8")
+    refused = metaid("study", "create", "study.toml")
+    assert (refused.status, refused.out) == (2, "")
+    assert said in refused.err
+    assert refused.err.count("\n") == 1
+    assert not (tmp_path / "metaid.db").exists()
+
+
+@pytest.mark.parametrize("name", ["pa10", "crs-a465", "puma560", "scara", ARM])
+def test_shipped_studies_of_arms_can_be_created(name: str) -> None:
+    """Each is of the shipped arm of its name, and its nominal arm is not the true one."""
+    spec = load_study(name)
+    assert isinstance(spec, ArmSpec)
+    assert (shipped_folder("plants") / f"{spec.plant_name}.toml").exists()
+    assert not np.allclose(spec.nominal.tree.parameters, spec.plant.arm.tree.parameters)
