@@ -260,10 +260,11 @@ def model(name: str, storage: str | None = None) -> IdentifiedModel:
     """The identified model of a study, which `write(path)` writes as a plant file, MJCF, URDF, Python, C or JSON, by
     the ending of the path.  Raises StorageError, and StudyError where the study has found none.
     """
+    from metaid.results.arms import read_any_snapshot
     from metaid.results.exporting import identified_model
 
     with closing(Store(storage or default_storage())) as store:
-        return identified_model(read_snapshot(store, name))
+        return identified_model(read_any_snapshot(store, name))
 
 
 def load_findings(name: str, storage: str | None = None) -> Findings:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import optuna
 import pytest
@@ -14,6 +15,7 @@ from conftest import Finished, made_once
 
 from metaid import results
 from metaid.files import shipped_folder
+from metaid.models.tree import joint_torque
 from metaid.store import Store
 from metaid.study import ArmSpec, create_study, load_study, run_study
 
@@ -119,6 +121,27 @@ def test_commands_show_list_and_export_an_arm(arms: Path, metaid: Metaid, tmp_pa
         refused = metaid("study", command[0], "exact", *storage, *command[1:])
         assert (refused.status, refused.out) == (2, "")
         assert "is of the arm spatial-three-link" in refused.err
+
+
+def test_exported_model_of_an_arm_has_its_identified_torque(arms: Path, metaid: Metaid, tmp_path: Path) -> None:
+    """MuJoCo needs the same torque for the exported arm, and the exported law gives it; a plant file is refused."""
+    storage = ("--storage", str(arms))
+    for suffix in ("xml", "urdf", "py", "h", "json"):
+        assert metaid("study", "model", "exact", *storage, "-o", f"arm.{suffix}").status == 0
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    data, true = mujoco.MjData(model), spec_of().plant.arm.tree
+    data.qpos[:], data.qvel[:] = states = np.random.default_rng(0).uniform(-1.0, 1.0, (2, 3))
+    mujoco.mj_forward(model, data)
+    torque = joint_torque(true, *states, np.zeros(3))
+    assert np.allclose(data.qfrc_bias - data.qfrc_passive, torque, rtol=0, atol=1e-9)
+    law: dict[str, Callable[..., list[float]]] = {}
+    exec((tmp_path / "arm.py").read_text(encoding="utf-8"), law)
+    assert np.allclose(law["torque"](*states.tolist()), torque, rtol=0, atol=1e-9)
+    assert len(json.loads((tmp_path / "arm.json").read_text(encoding="utf-8"))["lumps"]) == 22
+    assert "(allowed: .xml, .urdf, .py, .h, .json)" in metaid("study", "model", "exact", *storage, "-o", "arm.toml").err
+    refused = metaid("study", "model", "bent", *storage, "-o", "bent.xml")
+    assert refused.status == 2
+    assert "its verdict is 'not found'" in refused.err
 
 
 @pytest.mark.parametrize(

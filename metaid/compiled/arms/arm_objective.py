@@ -10,7 +10,7 @@ import numpy as np
 
 from metaid.compiled.arms.arm_loop import ArmLoop
 from metaid.episode import GoesOn, Outcome, fall_value
-from metaid.episode.arms import ArmEpisode, ArmRecord, ceiling_hz
+from metaid.episode.arms import ArmEpisode, ArmRecord, ceiling_hz, smoothed_arm_frequency
 from metaid.errors import EpisodeError
 from metaid.models import Array
 from metaid.models.tree import Belief
@@ -63,9 +63,15 @@ class ArmObjective:
         record = self.record(values, number)
         steps, whole = int(record.steps.sum()), self.episode.total_steps
         fell = bool(record.fell.any())
-        value = fall_value(ceiling_hz(self.plant.timestep), steps, whole) if fell else record.frequency
+        ceiling = ceiling_hz(self.plant.timestep)
+        value = fall_value(ceiling, steps, whole) if fell else min(self._frequency(record), ceiling)
         uncounted = (0,) * self.plant.njoint
         return Outcome(value, fell, steps, uncounted, windows=record.windows, readings=record.readings)
+
+    def _frequency(self, record: ArmRecord) -> float:
+        if record.readings is None:
+            return record.frequency
+        return smoothed_arm_frequency(record, self.episode, self.belief.nominal)
 
     def share(self, values: Array, trials: Sequence[int]) -> ArmBatch:
         """A batch of candidates with these base parameters (ncandidate x nbase), of the `trials` with these numbers,

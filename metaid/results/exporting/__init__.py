@@ -4,7 +4,9 @@
 parameters alone.
 """
 
-from metaid.results.exporting.chain_studies import identified_model
+from metaid.results.arms import AnySnapshot, ArmSnapshot
+from metaid.results.exporting.arm_studies import identified_arm
+from metaid.results.exporting.chain_studies import identified_chain
 from metaid.results.exporting.dynamics import Dynamics, arm_dynamics, chain_dynamics
 from metaid.results.exporting.identified import SUFFIXES, IdentifiedModel, covariance_frame
 
@@ -17,3 +19,8 @@ __all__ = [
     "covariance_frame",
     "identified_model",
 ]
+
+
+def identified_model(snapshot: AnySnapshot) -> IdentifiedModel:
+    """What a study identified.  Raises StudyError where it identified nothing, and says why."""
+    return identified_arm(snapshot) if isinstance(snapshot, ArmSnapshot) else identified_chain(snapshot)

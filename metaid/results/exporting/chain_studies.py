@@ -18,7 +18,7 @@ from metaid.results.verdict import judge
 EQUAL = 1.0  # the deviation of a log of a lump whose own is not known: then all count alike
 
 
-def identified_model(snapshot: Snapshot) -> IdentifiedModel:
+def identified_chain(snapshot: Snapshot) -> IdentifiedModel:
     """What the study identified.  Raises StudyError where it identified nothing, and says why."""
     verdict, problem = judge(snapshot), snapshot.first
     if not verdict.is_found:
