@@ -25,6 +25,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass
 from itertools import count
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -143,7 +144,8 @@ def run(scale: float) -> list[SoakResult]:
     judged: list[Judged] = []
 
     def confident() -> tuple[int, list[str]]:
-        with ProcessPoolExecutor(PROCESSES) as pool:
+        # Forked from a process that other parts of the soak ran in, it would have their locks.
+        with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
             judged.extend(_enough(pool, promised))
         return len(judged), [
             f"{each.case.spec.name} ({each.case.about}): {', '.join(each.far)}" for each in judged if each.far

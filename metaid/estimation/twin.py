@@ -174,3 +174,7 @@ def threads_at_hand() -> int:
 @cache
 def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max(threads_at_hand() - 1, 1), thread_name_prefix="twin")
+
+
+if hasattr(os, "register_at_fork"):  # a forked process has the pool and none of its threads: it would wait for ever
+    os.register_at_fork(after_in_child=_pool.cache_clear)

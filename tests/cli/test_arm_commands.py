@@ -169,7 +169,7 @@ ELSEWHERE = {
     ),
     "study": (
         ["study", "create", "three-link", "--set", "plant=scara"],
-        "plant: scara is an arm (allowed: a planar chain",
+        "plant scara is an arm, and the nominal model has the links of a planar chain (allowed: ",
     ),
     "nominal": (
         ["study", "create", "three-link", "--set", "nominal=scara"],

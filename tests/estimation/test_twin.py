@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +12,7 @@ import pytest
 from watched import GRAVITY, raised, watched
 
 from metaid.estimation import Unknowns, twin
-from metaid.estimation.twin import Motion, simulate
+from metaid.estimation.twin import Motion, share_out, simulate
 from metaid.models import Array
 
 ALL = ("gravity", "coriolis", "damping", "coulomb", "inertia")
@@ -78,3 +81,20 @@ def test_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
         motions.append(simulate(trial, unknowns, np.zeros(len(unknowns.names)), GRAVITY, len(trial.ends)))
     assert np.array_equal(motions[0].speeds, motions[1].speeds)
     assert np.array_equal(motions[0].speed_slopes, motions[1].speed_slopes)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="a process that begins with nothing inherits nothing")
+def test_forked_process_does_not_wait_for_threads_that_it_has_not() -> None:
+    """The threads of the twin are the parent's, and stay there."""
+    share_out(lambda _first, _stride: None, 4, 10**9)
+    child = os.fork()
+    if child == 0:
+        share_out(lambda _first, _stride: None, 4, 10**9)
+        os._exit(0)
+    ended = time.monotonic() + 30.0
+    while (done := os.waitpid(child, os.WNOHANG)) == (0, 0) and time.monotonic() < ended:
+        time.sleep(0.01)
+    if done == (0, 0):
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+    assert done == (child, 0)

@@ -47,8 +47,9 @@ def arms(tmp_path_factory: pytest.TempPathFactory) -> Path:
         longer = tuple((x, y, 1.01 * z) for x, y, z in exact.nominal.position)
         bent = exact.model_copy(update={"nominal": exact.nominal.model_copy(update={"position": longer})})
         with closing(Store(str(folder / "arms.db"), create=True)) as store:
-            for name, spec in (("exact", exact), ("noisy", with_noise(exact, 1e-4)), ("bent", bent)):
-                run_study(store, create_study(store, spec, name))
+            for name, spec, trials in (("exact", exact, 4), ("noisy", with_noise(exact, 1e-4), 2), ("bent", bent, 1)):
+                study = spec.study.model_copy(update={"trials": trials})
+                run_study(store, create_study(store, spec.model_copy(update={"study": study}), name))
 
     return made_once(tmp_path_factory, "arms", make) / "arms.db"
 
@@ -92,7 +93,7 @@ def test_arm_of_another_shape_is_not_found(arms: Path, metaid: Metaid) -> None:
 def test_trials_of_an_arm_do_not_depend_on_how_often_a_run_stopped(arms: Path, tmp_path: Path) -> None:
     """Nor on the number of workers: bit for bit."""
     with closing(Store(str(tmp_path / "again.db"), create=True)) as again, closing(Store(str(arms))) as store:
-        name = create_study(again, with_noise(spec_of(), 1e-4), "noisy")
+        name = create_study(again, with_noise(spec_of(trials=2), 1e-4), "noisy")
         run_study(again, name, trials=1)
         run_study(again, name, workers=2)
         assert results.trials_frame(again, name).to_csv() == results.trials_frame(store, "noisy").to_csv()

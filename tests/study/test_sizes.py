@@ -12,7 +12,7 @@ from conftest import Finished
 from metaid.files import shipped_names
 from metaid.store.database import Store
 from metaid.study.create import create_study, question
-from metaid.study.kinds import load_chain_study
+from metaid.study.kinds import load_chain_study, load_study
 
 Metaid = Callable[..., Finished]
 LARGE = {
@@ -82,4 +82,4 @@ def test_units_that_are_in_doubt_are_asked_for(
 @pytest.mark.parametrize("name", shipped_names("studies"))
 def test_units_of_the_shipped_studies_are_beyond_doubt(name: str) -> None:
     """Nobody is asked in vain."""
-    assert question(load_chain_study(name)) is None
+    assert question(load_study(name)) is None

@@ -45,18 +45,24 @@ def arm_spec(
         StudyError: the file says what no study is.
         PlantError: a plant file is missing, or describes no serial arm.
     """
+    nominal = tables.get("nominal")
+    if isinstance(nominal, dict) and "links" in nominal:
+        raise StudyError(
+            f"{path}: plant {plant_path.stem} is an arm, and the nominal model has the links of a planar chain "
+            "(allowed: nominal = the plant file of an arm, or [nominal] with plant and seed)"
+        )
     study = check(ArmStudySettings, tables, str(path), StudyError)
     plant = ArmPlant(plant_path.stem, settings)
-    nominal = _nominal(study, plant, named)
-    if nominal.names != plant.tree.names:
+    believed = _nominal(study, plant, named)
+    if believed.names != plant.tree.names:
         raise StudyError(
             f"{path}: plant {plant.name} has the joints {', '.join(plant.tree.names)}, the nominal arm "
-            f"{', '.join(nominal.names)}: they must agree"
+            f"{', '.join(believed.names)}: they must agree"
         )
     starts = _starts(study.episode, plant, study.seed)
     coasts = _coasts(study.episode, plant)
     stiffness = np.array(
-        [0.0 if i < coasts else _stiffness(study.episode, nominal, start) for i, start in enumerate(starts)]
+        [0.0 if i < coasts else _stiffness(study.episode, believed, start) for i, start in enumerate(starts)]
     )
     return ArmSpec(
         name=path.stem,
@@ -67,8 +73,8 @@ def arm_spec(
             truth_known=settings.truth_known,
             faults=settings.faults,
         ),
-        nominal=TreeSettings.of(nominal),
-        counted_by=base_parameters(nominal).names,
+        nominal=TreeSettings.of(believed),
+        counted_by=base_parameters(believed).names,
         starts=tuple(StartSettings(pose=start.pose.tolist(), speeds=start.speeds.tolist()) for start in starts),
         stiffness=stiffness.tolist(),
         study=study,
