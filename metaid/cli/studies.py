@@ -107,9 +107,14 @@ def _toml_value(text: str) -> Any:
 def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
     """What STUDY can determine, and how well, by its nominal model, before any trial."""
     from metaid.models import lump_unit
-    from metaid.study import Problem, identifiability, of_chain, question
+    from metaid.study import ArmSpec, Problem, identifiability, question
 
-    spec = of_chain(load_study(source, changes))
+    spec = load_study(source, changes)
+    if isinstance(spec, ArmSpec):
+        from metaid.cli.arm_check import check_arm
+
+        check_arm(spec, as_json)
+        return
     if asked := question(spec):
         say(asked, err=True)
     stages = [identifiability(problem) for problem in Problem(spec).stages()]

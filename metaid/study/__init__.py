@@ -3,7 +3,7 @@
 `StudySpec` is all that a run depends on, `Problem` what follows from it, `run_study` goes through the trials.
 """
 
-from metaid.study.arms import ArmProblem, ArmSpec
+from metaid.study.arms import ArmProblem, ArmSpec, arm_identifiability
 from metaid.study.bounds import LumpAtBound, lumps_at_bounds
 from metaid.study.create import advice, create_study, delete_study, ensure_study, optuna_spec, question, stored_spec
 from metaid.study.evaluation import NominalMetricSampler, OptunaObjective
@@ -38,6 +38,7 @@ __all__ = [
     "StudySpec",
     "advice",
     "arithmetic",
+    "arm_identifiability",
     "create_study",
     "delete_study",
     "ensure_study",

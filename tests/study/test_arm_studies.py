@@ -173,3 +173,16 @@ def test_shipped_studies_of_arms_can_be_created(name: str) -> None:
     assert isinstance(spec, ArmSpec)
     assert (shipped_folder("plants") / f"{spec.plant_name}.toml").exists()
     assert not np.allclose(spec.nominal.tree.parameters, spec.plant.arm.tree.parameters)
+
+
+def test_check_says_what_one_trial_of_an_arm_determines_and_what_springs_alone_show(metaid: Metaid) -> None:
+    """Before any trial, by the nominal arm: rotor and inertia of the last joint show in the mass matrix alone."""
+    shown = json.loads(metaid("study", "check", ARM, "--json").out)["lumps"]
+    assert len(shown) == 22
+    assert all(lump["determined"] for lump in shown)
+    by = {lump["name"]: lump["shown_by"] for lump in shown}
+    assert by["rotor3"] == "springs"
+    assert by["m3z"] == "coasts"
+    out = metaid("study", "check", ARM, "--set", "episode.springs=0").out
+    assert "one trial does not determine " in out
+    assert "rotor3" in out.splitlines()[-1]

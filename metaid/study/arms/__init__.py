@@ -4,9 +4,18 @@ An arm is known by its base parameters. Candidates are these, in SI units. A tri
 pushes that coast and on pushes that swing as on springs, so there is one stage.
 """
 
+from metaid.study.arms.identifiability import ArmIdentifiability, arm_identifiability
 from metaid.study.arms.nominal import drawn_nominal
 from metaid.study.arms.problem import ArmProblem
 from metaid.study.arms.reading import arm_spec
 from metaid.study.arms.settings import ArmSpec, ArmStudySettings
 
-__all__ = ["ArmProblem", "ArmSpec", "ArmStudySettings", "arm_spec", "drawn_nominal"]
+__all__ = [
+    "ArmIdentifiability",
+    "ArmProblem",
+    "ArmSpec",
+    "ArmStudySettings",
+    "arm_identifiability",
+    "arm_spec",
+    "drawn_nominal",
+]

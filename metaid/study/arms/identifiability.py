@@ -1,0 +1,60 @@
+"""What a study of an arm can determine, by its nominal arm, before any trial."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from metaid.errors import StudyError
+from metaid.models import Array
+from metaid.study.arms.problem import ArmProblem
+from metaid.study.arms.settings import TreeSettings
+
+
+@dataclass(frozen=True)
+class ArmIdentifiability:
+    """Of each base parameter (nbase).
+
+    Attributes:
+        names: of them.
+        units: of them.
+        expressions: what they are made of.
+        resolution: 1.96 standard deviations after one trial, in their units.
+        beforehand: the same before any trial.
+        seen_by_bias: whether coasts show it; others show on springs alone.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    expressions: tuple[str, ...]
+    resolution: Array
+    beforehand: Array
+    seen_by_bias: NDArray[np.bool_]
+
+
+def arm_identifiability(problem: ArmProblem) -> ArmIdentifiability:
+    """What one trial of a study tells, were the arm the nominal one and sent its law.
+
+    Raises StudyError where such a trial tells nothing.
+    """
+    spec, belief = problem.spec, problem.belief
+    plant = spec.plant.model_copy(update={"arm": TreeSettings.of(problem.nominal)})
+    alike = ArmProblem(spec.model_copy(update={"plant": plant}))
+    experiment = alike.experiment()
+    with threadpool_limits(1):
+        trial = experiment.trial(belief.values, alike.make_objective().evaluate(belief.values))
+        estimate = None if trial is None else experiment.estimate([trial], thorough=False)
+    if estimate is None:
+        raise StudyError("under the law of the nominal arm its pushes show nothing")
+    base = belief.base
+    return ArmIdentifiability(
+        names=base.names,
+        units=base.units,
+        expressions=base.expressions,
+        resolution=1.96 * estimate.value_deviations,
+        beforehand=1.96 * np.sqrt(np.diag(belief.covariance)),
+        seen_by_bias=base.seen_by_bias,
+    )
