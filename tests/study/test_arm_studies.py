@@ -70,6 +70,17 @@ def test_one_trial_finds_all_base_parameters_of_an_arm(arms: Path) -> None:
     assert first["low"] < first["identified"] < first["high"]
 
 
+@pytest.mark.parametrize("name", ["scara", "horizontal-five-link"])
+def test_joints_that_gravity_does_not_load_are_identified(tmp_path: Path, name: str) -> None:
+    """What the paper left to the future: Coriolis forces and springs tell all that a torque can."""
+    with closing(Store(str(tmp_path / "metaid.db"), create=True)) as store:
+        run_study(store, create_study(store, load_study(name, {"trials": 1})))
+        shown = results.summary(store, name)
+    assert shown["verdict"] == "found"
+    assert all(lump["determined"] for lump in shown["lumps"])
+    assert max(shown["model_error"].values()) < 1e-6
+
+
 def test_intervals_on_noisy_sensors_hold_the_truth(arms: Path) -> None:
     """A tenth of a milliradian and no sensor of speed: to half a percent, and within four standard deviations."""
     with closing(Store(str(arms))) as store:
@@ -166,7 +177,7 @@ def test_study_file_of_an_arm_that_contradicts_itself_is_refused_in_one_line(
     assert not (tmp_path / "metaid.db").exists()
 
 
-@pytest.mark.parametrize("name", ["pa10", "crs-a465", "puma560", "scara", ARM])
+@pytest.mark.parametrize("name", ["pa10", "crs-a465", "puma560", "scara", "horizontal-five-link", ARM])
 def test_shipped_studies_of_arms_can_be_created(name: str) -> None:
     """Each is of the shipped arm of its name, and its nominal arm is not the true one."""
     spec = load_study(name)
