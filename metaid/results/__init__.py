@@ -13,7 +13,7 @@ from metaid.results.estimates import (
     growth,
     interval_name,
 )
-from metaid.results.findings import Findings, read_findings
+from metaid.results.findings import Findings, findings_of, read_findings
 from metaid.results.overview import summary
 from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.results.sweeps import Plane, Sweep, plane, sweep
@@ -49,6 +49,7 @@ __all__ = [
     "describe_possible_bodies",
     "describe_trials",
     "estimate_frame",
+    "findings_of",
     "growth",
     "identified_factors",
     "interval_name",

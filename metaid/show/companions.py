@@ -16,6 +16,11 @@ MOST_TRIALS_SHOWN = 10_000  # trials that a browser shows without hanging
 KEPT = 1_000  # trials of a companion
 
 
+def is_long(found: Findings) -> bool:
+    """Whether a study has more trials than a browser shows without hanging."""
+    return len(found.trials) > MOST_TRIALS_SHOWN
+
+
 def companion_name(name: str) -> str:
     """What the companion of a study is called in the DB."""
     return f"{name} (thinned)"

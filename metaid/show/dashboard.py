@@ -21,17 +21,18 @@ import optuna
 import pandas as pd
 
 from metaid.errors import MetaidError, optional_packages, printable
-from metaid.results import Findings, describe_known_from, describe_trials, interval_name, read_findings
-from metaid.show.companions import MOST_TRIALS_SHOWN, companion_name, write_companion
+from metaid.results import Findings, findings_of
+from metaid.results.arms import ArmSnapshot, read_any_snapshot
+from metaid.show.companions import companion_name, is_long, write_companion
 from metaid.show.figures import FALL, RANGE, SURVIVOR
 from metaid.show.loopback import loopback_only
+from metaid.show.notes import SIGNED, arm_note, note
 from metaid.store import Store
 
 with optional_packages("dashboard"):
     from optuna_dashboard import get_note, save_note, save_plotly_graph_object, wsgi
 
 HOST = "127.0.0.1"
-SIGNED = "*This note is written by metaid. Take this line out to keep your own.*"
 POINTS = 400  # of a custom graph at most: the DB keeps graphs in rows of 2 kB
 SHOWN_KEY = "metaid:shown"  # the number of trials that note and graphs were made from
 
@@ -117,78 +118,27 @@ def explain(store: Store, name: str) -> None:
     count = store.optuna.get_n_trials(study._study_id)
     if store.optuna.get_study_system_attrs(study._study_id).get(SHOWN_KEY) == count:
         return
-    found = read_findings(store, name)
-    long = len(found.trials) > MOST_TRIALS_SHOWN
-    shown = [study, write_companion(store, found)] if long else [study]
-    for each in shown:
-        if not (written := get_note(each)) or SIGNED in written:
-            save_note(each, note(found))
-        if not found.survivors.empty:
-            for title, graph in graphs(found).items():
-                save_plotly_graph_object(each, graph, graph_object_id=title)
+    snapshot = read_any_snapshot(store, name)
+    if isinstance(snapshot, ArmSnapshot):
+        _annotate(study, arm_note(snapshot))
+    else:
+        _explain_chain(store, study, findings_of(snapshot))
     store.optuna.set_study_system_attr(study._study_id, SHOWN_KEY, count)
 
 
-def note(found: Findings) -> str:
-    """What the study is, in Markdown."""
-    shown, trials = found.summary, found.summary["trials"]
-    if len(found.trials) > MOST_TRIALS_SHOWN:
-        name = _escaped(companion_name(found.name))
-        companion = f"This study is long. The study *{name}* has its best trials, and others evenly spaced."
-    else:
-        companion = ""
-    return f"""# {_escaped(found.name)}
-
-{_escaped(found.spec.study.description)}
-
-Lumps of the plant **{_escaped(shown["plant"])}**, searched by {shown["sampler"]} with seed {shown["seed"]}.
-A parameter is a factor of the nominal {"value" if found.problem.body_space else "lump"}. The value is the measure
-*{shown["measure"]}*, in {found.problem.measure.unit}; it is least where the pendulum coasts.
-
-**{trials["complete"]}** trials survived. **{trials["pruned"]}** fell: they are PRUNED, their last step is the one that
-they survived to, and their value ranks them behind every survivor.
-
-{companion}
-
-**Verdict: {shown["verdict"]}.** {_escaped("; ".join(shown["reasons"]))}
-
-{_table(shown["lumps"])}
-
-{_estimate(shown)}
-
-{SIGNED}
-"""
+def _explain_chain(store: Store, study: optuna.Study, found: Findings) -> None:
+    shown = [study, write_companion(store, found)] if is_long(found) else [study]
+    for each in shown:
+        _annotate(each, note(found))
+        if not found.survivors.empty:
+            for title, graph in graphs(found).items():
+                save_plotly_graph_object(each, graph, graph_object_id=title)
 
 
-def _estimate(shown: dict[str, Any]) -> str:
-    """What all trials say together, below the lumps that a study stands by."""
-    estimate, total = shown["estimate"], shown["trials"]["total"]
-    if estimate is None:
-        return f"No estimate: {_escaped(shown['why_no_estimate'])}."
-    text = f"Estimate from {describe_trials(estimate, total)}: {estimate['description']}."
-    if shown["verdict"] != "found" or shown["source"] != "estimate":
-        return text
-    interval = interval_name(estimate["counts"])
-    return f"{text} Low and high are the {interval}. Here {describe_known_from(estimate, total)}."
-
-
-def _table(lumps: list[dict[str, Any]]) -> str:
-    """A table of lumps in Markdown."""
-    return f"""| lump | nominal | identified | low | high | true | error | unit |
-| --- | ---: | ---: | ---: | ---: | ---: | ---: | --- |
-{chr(10).join(_row(lump) for lump in lumps)}"""
-
-
-def _row(lump: dict[str, Any]) -> str:
-    cells = [lump[key] for key in ("nominal", "identified", "low", "high", "true")]
-    numbers = ["–" if cell is None else f"{cell:.5g}" for cell in cells]
-    error = "–" if lump["error"] is None else f"{lump['error']:+.3%}"
-    return f"| `{lump['name']}` | {' | '.join(numbers)} | {error} | {lump['unit']} |"
-
-
-def _escaped(text: str) -> str:
-    """A user's text with nothing left in it that Markdown or HTML would read."""
-    return "".join(f"\\{letter}" if letter in "\\`*_{}[]()<>#+!|~&" else letter for letter in " ".join(text.split()))
+def _annotate(study: optuna.Study, text: str) -> None:
+    """Writes a note, unless there is one that is a user's own."""
+    if not (written := get_note(study)) or SIGNED in written:
+        save_note(study, text)
 
 
 def graphs(found: Findings) -> dict[str, Graph]:

@@ -17,7 +17,7 @@ from conftest import Finished
 from optuna_dashboard import get_note, save_note
 
 import metaid as package
-from metaid.show import companions, dashboard
+from metaid.show import companions, dashboard, notes
 from metaid.store.database import Store
 from metaid.store.trial import Trial
 from metaid.study.create import stored_spec
@@ -74,12 +74,12 @@ def test_note_and_graphs_are_written_once_and_users_notes_are_kept(store: Store)
 
 def test_a_note_says_names_as_they_are(store: Store) -> None:
     """What a stranger calls a study is text, not markup, in the note."""
-    assert dashboard._escaped("<b>*a*</b> | [x](y)") == r"\<b\>\*a\*\</b\> \| \[x\]\(y\)"
+    assert notes.escaped("<b>*a*</b> | [x](y)") == r"\<b\>\*a\*\</b\> \| \[x\]\(y\)"
 
 
 def test_long_study_gets_a_thinned_companion(store: Store, metaid: Metaid, monkeypatch: pytest.MonkeyPatch) -> None:
     """It has the best trial, falls and both ends of the search, says which trials they are, and goes with the study."""
-    monkeypatch.setattr(dashboard, "MOST_TRIALS_SHOWN", 500)
+    monkeypatch.setattr(companions, "MOST_TRIALS_SHOWN", 500)
     monkeypatch.setattr(companions, "KEPT", 100)
     dashboard.explain(store, "plain")
     long = package.trials("plain", store.url)
@@ -104,7 +104,7 @@ def test_companion_of_a_long_study_has_failed_trials_too(store: Store, monkeypat
     count, factors = store.count("plain"), np.ones(len(problem.names))
     failed = [Trial(count + i, 1000, factors, problem.failed("no answer")) for i in range(300)]
     store.append("plain", problem.names, problem.low, problem.high, failed)
-    monkeypatch.setattr(dashboard, "MOST_TRIALS_SHOWN", 500)
+    monkeypatch.setattr(companions, "MOST_TRIALS_SHOWN", 500)
     monkeypatch.setattr(companions, "KEPT", 100)
     dashboard.explain(store, "plain")
     companion = optuna.load_study(study_name="plain (thinned)", storage=store.optuna)

@@ -12,10 +12,12 @@ import numpy as np
 import optuna
 import pytest
 from conftest import Finished, made_once
+from optuna_dashboard import get_note
 
 from metaid import results
 from metaid.files import shipped_folder
 from metaid.models.tree import joint_torque
+from metaid.show.dashboard import make_dashboard
 from metaid.store import Store
 from metaid.study import ArmSpec, create_study, load_study, run_study
 
@@ -197,3 +199,15 @@ def test_check_says_what_one_trial_of_an_arm_determines_and_what_springs_alone_s
     out = metaid("study", "check", ARM, "--set", "episode.springs=0").out
     assert "one trial does not determine " in out
     assert "rotor3" in out.splitlines()[-1]
+
+
+def test_dashboard_has_a_note_on_a_study_of_an_arm(arms: Path, tmp_path: Path) -> None:
+    """Its verdict and its base parameters; and no study of an arm keeps the others from being served."""
+    path = tmp_path / "metaid.db"
+    path.write_bytes(arms.read_bytes())
+    with closing(Store(str(path))) as store, make_dashboard(store, 0):
+        written = get_note(optuna.load_study(study_name="exact", storage=store.optuna))
+        refused = get_note(optuna.load_study(study_name="bent", storage=store.optuna))
+    assert "**Verdict: found.**" in written
+    assert "| `m2z` | 0.81182 | 0.894 |" in written
+    assert "**Verdict: not found.**" in refused

@@ -1,0 +1,98 @@
+"""What is written of a study on its page in optuna-dashboard, in Markdown."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from metaid.results import Findings, describe_known_from, describe_trials, interval_name
+from metaid.results.arms import ArmSnapshot, arm_summary, judge_arm
+from metaid.show.companions import companion_name, is_long
+
+SIGNED = "*This note is written by metaid. Take this line out to keep your own.*"
+
+
+def note(found: Findings) -> str:
+    """What the study is, in Markdown."""
+    shown, trials = found.summary, found.summary["trials"]
+    if is_long(found):
+        name = escaped(companion_name(found.name))
+        companion = f"This study is long. The study *{name}* has its best trials, and others evenly spaced."
+    else:
+        companion = ""
+    return f"""# {escaped(found.name)}
+
+{escaped(found.spec.study.description)}
+
+Lumps of the plant **{escaped(shown["plant"])}**, searched by {shown["sampler"]} with seed {shown["seed"]}.
+A parameter is a factor of the nominal {"value" if found.problem.body_space else "lump"}. The value is the measure
+*{shown["measure"]}*, in {found.problem.measure.unit}; it is least where the pendulum coasts.
+
+**{trials["complete"]}** trials survived. **{trials["pruned"]}** fell: they are PRUNED, their last step is the one that
+they survived to, and their value ranks them behind every survivor.
+
+{companion}
+
+**Verdict: {shown["verdict"]}.** {escaped("; ".join(shown["reasons"]))}
+
+{_table(shown["lumps"])}
+
+{_estimate(shown)}
+
+{SIGNED}
+"""
+
+
+def arm_note(snapshot: ArmSnapshot) -> str:
+    """What a study of an arm is, in Markdown."""
+    shown = arm_summary(snapshot, judge_arm(snapshot))
+    counts = shown["trials"]
+    return f"""# {escaped(snapshot.name)}
+
+{escaped(snapshot.spec.study.description)}
+
+Base parameters of the arm **{escaped(shown["plant"])}**, searched by {shown["sampler"]} with seed {shown["seed"]}.
+A parameter is one of them, in SI units: a combination of masses, centres of mass, inertias, rotors and friction that
+the torque depends on. The value is the measure *{shown["measure"]}*, in {snapshot.problem.measure.unit}. It is least
+where the arm coasts, or swings as on the springs that its law asks for.
+
+**{counts["complete"]}** trials survived. In **{counts["pruned"]}** a push fell: they are PRUNED.
+
+**Verdict: {shown["verdict"]}.** {escaped("; ".join(shown["reasons"]))}
+
+{_table(shown["lumps"])}
+
+{_estimate(shown)}
+
+{SIGNED}
+"""
+
+
+def _estimate(shown: dict[str, Any]) -> str:
+    """What all trials say together, below the lumps that a study stands by."""
+    estimate, total = shown["estimate"], shown["trials"]["total"]
+    if estimate is None:
+        return f"No estimate: {escaped(shown['why_no_estimate'])}."
+    text = f"Estimate from {describe_trials(estimate, total)}: {estimate['description']}."
+    if shown["verdict"] != "found" or shown["source"] != "estimate":
+        return text
+    interval = interval_name(estimate["counts"])
+    return f"{text} Low and high are the {interval}. Here {describe_known_from(estimate, total)}."
+
+
+def _table(lumps: list[dict[str, Any]]) -> str:
+    """A table of lumps in Markdown."""
+    return f"""| lump | nominal | identified | low | high | true | error | unit |
+| --- | ---: | ---: | ---: | ---: | ---: | ---: | --- |
+{chr(10).join(_row(lump) for lump in lumps)}"""
+
+
+def _row(lump: dict[str, Any]) -> str:
+    cells = [lump[key] for key in ("nominal", "identified", "low", "high", "true")]
+    numbers = ["–" if cell is None else f"{cell:.5g}" for cell in cells]
+    error = "–" if lump["error"] is None else f"{lump['error']:+.3%}"
+    return f"| `{lump['name']}` | {' | '.join(numbers)} | {error} | {lump['unit']} |"
+
+
+def escaped(text: str) -> str:
+    """A user's text with nothing left in it that Markdown or HTML would read."""
+    return "".join(f"\\{letter}" if letter in "\\`*_{}[]()<>#+!|~&" else letter for letter in " ".join(text.split()))
