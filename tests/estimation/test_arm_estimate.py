@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from random_arm import random_arm
+from random_arm import random_arm, wrong_tree
 
 from metaid.compiled.arms import ArmLoop
 from metaid.episode import window_ends
@@ -38,17 +38,8 @@ def plant_of(tree: Tree, noise: float = 0.0) -> ArmPlant:
 
 
 def nominal_of(tree: Tree, seed: int = 3) -> Tree:
-    """What is believed of it: bodies wrong, rotors and friction unknown."""
-    random, n = np.random.default_rng(seed), tree.njoint
-    return replace(
-        tree,
-        mass=tree.mass * random.uniform(0.7, 1.3, n),
-        com=tree.com * random.uniform(0.85, 1.15, (n, 3)),
-        inertia=tree.inertia * random.uniform(0.7, 1.3, (n, 1, 1)),
-        rotor=np.zeros(n),
-        damping=np.zeros(n),
-        coulomb=np.zeros(n),
-    )
+    """What is believed of `tree`: bodies wrong at random, rotors and friction unknown."""
+    return wrong_tree(tree, seed)
 
 
 def episode_of(tree: Tree, pushes: int, seed: int = 1) -> ArmEpisode:

@@ -8,8 +8,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from arm_files import HOME, JOINTS, MJCF, URDF, read, two
 
-from metaid.errors import PlantError
 from metaid.models.tree import Tree
 from metaid.plant import build_spec, load_chain
 from metaid.plant.arms import (
@@ -18,85 +18,10 @@ from metaid.plant.arms import (
     ArmStart,
     arm_model,
     build_arm_spec,
-    read_arm,
     set_parameters,
     surfaces,
 )
-from metaid.plant.arms.compiling import compile_file
-from metaid.plant.arms.fusing import Whole, fuse
-from metaid.plant.arms.reading import Arm, forces_of_lean, forces_of_whole, refuse_another_motion
-from metaid.plant.arms.refusing import moving_joints
-
-# A turned base, a joint off its body's origin, a reference angle, two joints on one body, a slide, a fixed body, a
-# gripper of two fingers, and masses that follow from shapes.
-MJCF = """
-<mujoco>
-  <compiler angle="radian"/>
-  <option gravity="0.3 -0.2 -9.7"/>
-  <worldbody>
-    <geom type="plane" size="2 2 0.1"/>
-    <body name="base" pos="0.1 0.2 0.3" euler="0.1 0.2 0.3">
-      <geom type="box" size="0.1 0.1 0.05"/>
-      <body name="upper" pos="0 0 0.1" euler="0.3 0 0.1">
-        <joint name="waist" axis="0 0.2 1" pos="0.02 -0.03 0.01" range="-2 1.5" limited="true" armature="0.2"/>
-        <joint name="shoulder" axis="0 1 0.1" pos="0 0 0.05" ref="0.4" damping="0.3" frictionloss="0.1"/>
-        <geom type="capsule" fromto="0 0 0 0.3 0 0.1" size="0.04"/>
-        <body name="cover" pos="0.1 0.1 0" euler="0.4 0 0"><geom type="box" size="0.05 0.02 0.1"/></body>
-        <body name="fore" pos="0.3 0 0.1" euler="0 0.5 0">
-          <joint name="elbow" type="slide" axis="1 0 0.3" ref="0.1" range="-0.2 0.3" limited="true"/>
-          <inertial pos="0.1 0.02 0.03" mass="1.3" fullinertia="0.02 0.03 0.025 0.002 -0.001 0.003"/>
-          <body name="wrist" pos="0.2 0 0">
-            <joint name="wrist" axis="1 0 0" pos="0 0.01 0"/>
-            <geom type="sphere" size="0.05" pos="0.03 0 0.02"/>
-            <body name="left" pos="0.1 0.02 0"><joint name="left" type="slide" axis="0 1 0"/>
-              <geom type="box" size="0.02 0.01 0.01" pos="0.03 0 0"/></body>
-            <body name="right" pos="0.1 -0.02 0"><joint name="right" type="slide" axis="0 1 0"/>
-              <geom type="box" size="0.02 0.01 0.01" pos="0.03 0 0"/></body>
-          </body>
-        </body>
-      </body>
-    </body>
-  </worldbody>
-  <equality><joint joint1="left" joint2="right" polycoef="0 -1 0 0 0"/></equality>
-  <actuator>
-    <motor joint="waist" gear="50" ctrlrange="-2 1" ctrllimited="true" armature="1e-4" damping="1e-5"/>
-    <position joint="shoulder" kp="100" forcerange="-30 30" forcelimited="true"/>
-  </actuator>
-</mujoco>
-"""
-JOINTS = ("waist", "shoulder", "elbow", "wrist")
-HOME = {"left": 0.01, "right": -0.013}
-
-URDF = """
-<robot name="two">
-  <link name="base"><collision><geometry><mesh filename="package://nowhere/base.stl"/></geometry></collision></link>
-  <link name="upper">
-    <inertial><origin xyz="0.1 0 0.02" rpy="0.1 0.2 0.3"/><mass value="2"/>
-      <inertia ixx="0.02" iyy="0.03" izz="0.025" ixy="0.002" ixz="-0.001" iyz="0.003"/></inertial>
-    <visual><geometry><mesh filename="package://nowhere/upper.dae"/></geometry></visual>
-    <collision><geometry><mesh filename="package://nowhere/upper.stl"/></geometry></collision>
-  </link>
-  <link name="fore">
-    <inertial><origin xyz="0 0.1 0"/><mass value="1"/>
-      <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
-  </link>
-  <link name="tool"><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
-  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><origin xyz="0 0 0.3" rpy="0.2 0 0"/>
-    <axis xyz="0 1 0"/><limit lower="-1" upper="2" effort="40" velocity="3"/><dynamics damping="0.5" friction="0.2"/>
-  </joint>
-  <joint name="elbow" type="continuous"><parent link="upper"/><child link="fore"/><origin xyz="0.3 0 0"/>
-    <axis xyz="0 0 1"/></joint>
-  <joint name="flange" type="fixed"><parent link="fore"/><child link="tool"/><origin xyz="0 0.2 0"/></joint>
-</robot>
-"""
-
-
-def read(folder: Path, text: str, **entries: object) -> Arm:
-    """The arm that a file with this `text` describes, read as a plant file with these `entries` has it."""
-    path = folder / "arm.xml"
-    path.write_text(text, encoding="utf-8")
-    kind = "urdf" if "<robot" in text else "mjcf"
-    return read_arm(ArmSettings.model_validate({kind: str(path), **entries}), "arm.toml")
+from metaid.plant.arms.reading import Arm, forces_of_lean, forces_of_whole
 
 
 @pytest.fixture
@@ -248,100 +173,6 @@ def test_plant_coasts_under_its_own_bias_force(tmp_path: Path) -> None:
     assert ArmPlant("arm", plant.settings.model_copy(update={"truth_known": False})).true_parameters() is None
 
 
-TWO = """
-<mujoco><compiler angle="radian"/><option {option}/>
-  <worldbody><body>{base}<geom size="0.1"/>
-    <body name="upper" {upper}><joint name="shoulder" axis="0 1 0" {joint}/><geom size="0.1" name="g"/>
-    <body name="fore" pos="0.5 0 0"><joint name="elbow" axis="0 1 0"/><geom size="0.1" pos="0.2 0 0"/>{within}</body>
-    {beside}</body></body></worldbody>
-  {after}
-</mujoco>"""
-
-
-def two(**pieces: str) -> str:
-    """An MJCF of two links with these pieces in it."""
-    return TWO.format(**dict.fromkeys(("option", "upper", "base", "joint", "within", "beside", "after"), "") | pieces)
-
-
-REFUSED = {
-    "floating base": (
-        {"base": "<freejoint/>"},
-        "joint 'joint_1' is a floating base (allowed: hinges and slides; or joints",
-    ),
-    "ball": (
-        {"base": "<joint name='b' type='ball'/>"},
-        "joint 'b' is a ball joint (allowed: hinges and slides; or joints",
-    ),
-    "branch": (
-        {"beside": "<body name='hand'><joint name='hand'/><geom size='0.1'/></body>"},
-        "joints 'elbow' and 'hand' are on different branches (allowed: joints in series",
-    ),
-    "spring": ({"joint": "stiffness='3'"}, "joint 'shoulder' has a spring, stiffness 3 (allowed: no stiffness)"),
-    "friction": (
-        {"joint": "damping='0.1 0.2'"},
-        "joint 'shoulder' has viscous friction that is no multiple of its speed",
-    ),
-    "friction that drives": ({"joint": "damping='-0.1'"}, "joint 'shoulder' has damping -0.1 (allowed: 0 or more)"),
-    "weightless": (
-        {"upper": "gravcomp='1'"},
-        "body 'upper' is relieved of its weight by gravcomp (allowed: gravcomp 0)",
-    ),
-    "fluid": ({"option": "density='1.2'"}, "the arm moves in a fluid (allowed: density 0 and viscosity 0)"),
-    "loop": (
-        {"after": "<equality><connect name='loop' body1='fore' anchor='0 0 0'/></equality>"},
-        "equality constraint 'loop' closes a loop (allowed: joints in series, without loops)",
-    ),
-    "coupled joints": (
-        {"after": "<equality><joint joint1='elbow' joint2='shoulder'/></equality>"},
-        "equality constraint '1' couples joint 'elbow' (allowed: joints that move freely; or joints = [names]",
-    ),
-    "tendon": (
-        {"after": "<tendon><fixed name='t' damping='1'><joint joint='elbow' coef='1'/></fixed></tendon>"},
-        "tendon 't' has a damping of its own (allowed: joints in series, without tendons)",
-    ),
-    "loop of sites": (
-        {
-            "within": "<site name='one'/>",
-            "beside": "<site name='two'/>",
-            "after": "<equality><weld name='loop' site1='one' site2='two'/></equality>",
-        },
-        "equality constraint 'loop' closes a loop (allowed: joints in series, without loops)",
-    ),
-    "tendon across": (
-        {
-            "within": "<site name='one'/>",
-            "beside": "<site name='two'/>",
-            "after": "<tendon><spatial name='t' stiffness='1'><site site='one'/><site site='two'/></spatial></tendon>",
-        },
-        "tendon 't' has a stiffness of its own (allowed: joints in series, without tendons)",
-    ),
-    "friction of an actuator": (
-        {"after": "<actuator><motor name='m' joint='elbow' damping='1 2'/></actuator>"},
-        "actuator 'm' has viscous friction that is no multiple of the speed (allowed: one number as damping)",
-    ),
-    "actuator of a tendon": (
-        {
-            "after": "<tendon><fixed name='t'><joint joint='elbow' coef='1'/></fixed></tendon>"
-            "<actuator><motor name='m' tendon='t' armature='1'/></actuator>"
-        },
-        "actuator 'm' has damping or armature, and is on no joint (allowed: give them to the joints)",
-    ),
-    "activation": (
-        {"after": "<actuator><intvelocity name='m' joint='elbow' kp='1' actrange='-1 1'/></actuator>"},
-        "actuator 'm' has dynamics of its own, an activation state (allowed: actuators without one, or none)",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", REFUSED)
-def test_file_that_is_no_serial_arm_is_refused(tmp_path: Path, name: str) -> None:
-    """One line names what is met, and what is allowed."""
-    pieces, message = REFUSED[name]
-    with pytest.raises(PlantError) as refused:
-        read(tmp_path, two(**pieces))
-    assert str(refused.value).startswith(f"arm.toml: arm.xml: {message}")
-
-
 def test_what_is_held_may_be_anything(tmp_path: Path) -> None:
     """A floating base, a branch, a spring and an activation state of joints that are not named concern nothing."""
     beside = "<body><joint name='hand' stiffness='3'/><geom size='0.1'/></body>"
@@ -386,94 +217,6 @@ def test_surfaces_are_where_the_shapes_are(arm: Arm) -> None:
     assert np.array(centres) == pytest.approx(data.geom_xpos[1:], abs=1e-6)
     ball = np.linalg.norm(shown[3].triangles - data.geom_xpos[4], axis=2)
     assert ball == pytest.approx(np.full(ball.shape, 0.05))
-
-
-def test_force_that_nobody_thought_of_is_refused(tmp_path: Path) -> None:
-    """Where the lean model does not move as the file does, the joint and the force are named."""
-    (tmp_path / "arm.xml").write_text(two(joint="stiffness='3'"), encoding="utf-8")
-    model, _ = compile_file(tmp_path / "arm.xml", is_urdf=False)
-    whole = Whole(model, moving_joints("arm.xml", model, None), model.qpos0)
-    tree = fuse(whole)
-    for other, what in ((tree, "passive force"), (replace(tree, rotor=tree.rotor + 1.0), "inertia")):
-        with pytest.raises(PlantError, match=rf"joint 'shoulder' feels more {what} than that of its links \(allowed"):
-            refuse_another_motion("arm.xml", whole, other, 0.002)
-
-
-BAD = {
-    "unknown joint": (
-        {"joints": ["elbw"]},
-        "arm.toml: arm.xml: joints: unknown joint 'elbw'; did you mean 'elbow'? (allowed",
-    ),
-    "unknown home": ({"home": {"wrist": 0.1}}, "arm.toml: home: unknown joint 'wrist' (allowed: shoulder, elbow)"),
-    "unknown rotor": ({"rotor": {"wrist": 0.1}}, "arm.toml: rotor: unknown joint 'wrist' (allowed: shoulder, elbow)"),
-    "home beyond": (
-        {"home": {"shoulder": 2.5}},
-        "arm.toml: home: shoulder: 2.5 is beyond its range (allowed: -1 to 2)",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", BAD)
-def test_bad_entry_of_a_plant_file_is_refused(tmp_path: Path, name: str) -> None:
-    """One line says which entry, and what is allowed."""
-    entries, message = BAD[name]
-    with pytest.raises(PlantError) as refused:
-        read(tmp_path, two(joint="range='-1 2' limited='true'"), **entries)
-    assert str(refused.value).startswith(message)
-
-
-FILES = {
-    "no XML": ("arm", "not valid XML"),
-    "empty": ("", "not valid XML"),
-    "a URDF": (URDF, "no MJCF: it begins with <robot> (allowed: <mujoco>)"),
-    "not MJCF": ("<mujoco><bodies/></mujoco>", "MuJoCo cannot read it: "),
-    "NaN": (two(joint="damping='nan'"), "a number in it is NaN (allowed: finite numbers)"),
-    "mass of a mesh after all": (
-        two(
-            within="<inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/><geom type='mesh' mesh='m'/>",
-            after="<compiler inertiafromgeom='true'/><asset><mesh name='m' file='m.stl'/></asset>",
-        ),
-        "the mass of body 'fore' is that of the mesh m.stl, which cannot be loaded (allowed: a mesh that can",
-    ),
-    "too large a number": (
-        two(joint="armature='1e7'"),
-        "joint 'shoulder' has armature 1e+07 (allowed: numbers up to 1e+06)",
-    ),
-    "no UTF-8": (two().replace("fore", "for\udce2"), "not UTF-8"),
-    "no inertia": (
-        two(
-            beside="<inertial pos='0 0 0' mass='1e-14' diaginertia='2e-15 2e-15 2e-15'/>",
-            within="<inertial pos='0.2 0 0' mass='1e5' diaginertia='2e-15 2e-15 2e-15'/>",
-        ),
-        "MuJoCo cannot compute its motion: Inertia matrix is too close to singular",
-    ),
-    "too many joints": (
-        "<mujoco><worldbody>" + 65 * "<body><joint/><geom size='.1'/>" + 65 * "</body>" + "</worldbody></mujoco>",
-        "65 joints move (allowed: at most 64; or joints = [names]",
-    ),
-    "no joints": ("<mujoco/>", "no joint moves (allowed: hinges and slides in series)"),
-    "impossible body": (
-        two(within='<inertial pos="0 0 0" mass="1" diaginertia="1 1 3"/>'),
-        "MuJoCo cannot compile it: ",
-    ),
-    "mass of a mesh": (
-        two(within="<geom type='mesh' mesh='m'/>", after="<asset><mesh name='m' file='m.stl'/></asset>"),
-        "the mass of body 'fore' is that of the mesh m.stl, which cannot be loaded (allowed: a mesh that can",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", FILES)
-def test_file_that_does_not_compile_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    """One line names the file, and what MuJoCo says of it, which leaves no log behind."""
-    monkeypatch.chdir(tmp_path)
-    text, message = FILES[name]
-    path = tmp_path / "arm.xml"
-    path.write_text(text, encoding="utf-8", errors="surrogateescape")
-    with pytest.raises(PlantError) as refused:
-        read_arm(ArmSettings(mjcf=str(path)), "arm.toml")
-    assert message in str(refused.value)
-    assert [each.name for each in tmp_path.iterdir()] == ["arm.xml"]
 
 
 def test_mesh_of_a_group_that_weighs_nothing_may_be_missing(tmp_path: Path) -> None:
