@@ -10,8 +10,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constr
 .PHONY: demo test test-min test-newest pin-min check audit bench soak format build clean
 
 demo: $(VENV)/.runtime
-	$(BIN)/metaid study create three-link --exist-ok
-	$(BIN)/metaid study run three-link --workers 2
+	$(BIN)/metaid study run three-link --create --workers 2
 
 test: $(VENV)/.dev
 	$(BIN)/pytest -n 2 --dist worksteal --durations 15

@@ -70,6 +70,12 @@ def study() -> None:
 @click.option("--exist-ok", is_flag=True, help="Do nothing if the DB has a study with these settings already.")
 def create(source: str, name: str | None, storage: str, changes: tuple[str, ...], exist_ok: bool) -> None:
     """Make a study in the DB from STUDY, a shipped name or the path of a study file."""
+    made, shown = _make(storage, source, changes, name, exist_ok)
+    say(f"study '{made}' is in {shown}; run it with: metaid study run {shlex.quote(made)}")
+
+
+def _make(storage: str, source: str, changes: Sequence[str], name: str | None, exist_ok: bool) -> tuple[str, str]:
+    """Makes a study in the DB and prints what is to be known before a trial; its name, and how the DB is shown."""
     from metaid.study import StudySpec, advice, create_study, ensure_study, question
 
     spec = load_study(source, changes)
@@ -78,7 +84,7 @@ def create(source: str, name: str | None, storage: str, changes: tuple[str, ...]
         made = (ensure_study if exist_ok else create_study)(store, spec, name)
     for line in filter(None, warnings):
         say(line, err=True)
-    say(f"study '{made}' is in {store.shown}; run it with: metaid study run {shlex.quote(made)}")
+    return made, store.shown
 
 
 def load_study(source: str, changes: Sequence[str]) -> AnySpec:
@@ -212,6 +218,7 @@ def _undetermined(spec: StudySpec) -> str | None:
 @study.command(epilog="\b\nExample:\n  metaid study run three-link --workers 2")
 @name_argument
 @storage_option
+@click.option("--create", "make", is_flag=True, help="Make the study first, as create --exist-ok does.")
 @click.option(
     "--trials",
     type=click.IntRange(1),
@@ -238,6 +245,7 @@ def _undetermined(spec: StudySpec) -> str | None:
 def run(
     name: str,
     storage: str,
+    make: bool,
     trials: int | None,
     workers: int | None,
     engine: str,
@@ -247,6 +255,7 @@ def run(
 ) -> None:
     """Run a study, or go on with it. Ctrl-C is safe: whole generations are in the DB.
 
+    With --create, NAME is a shipped study or the path of a study file.
     The trials depend on the study's settings and seed alone, not on workers, engine, or how often it was stopped.
     The exit status is 3 where all trials are spent and the lumps were not found.
     """
@@ -255,6 +264,8 @@ def run(
     from metaid.study import run_study
 
     stop = _StopRequest()
+    if make:
+        name, _ = _make(storage, name, (), None, exist_ok=True)
     with open_store(storage) as store:
         try:
             with Live(store, name, quiet) as live:

@@ -142,6 +142,17 @@ def test_creating_again_is_fine_only_if_asked_for_and_the_same(metaid: Metaid) -
     assert "made from other settings" in other.err
 
 
+def test_running_makes_the_study_where_asked_to(metaid: Metaid) -> None:
+    """`run --create` makes a study or goes on with it, and leaves no DB for a name that is unknown."""
+    unknown = metaid("study", "run", "three-link-cost", "--create")
+    assert unknown.status == 2
+    assert "three-link-coast" in unknown.err
+    assert not Path("metaid.db").exists()
+    for trials in ("2", "3"):
+        metaid("study", "run", "three-link-coast", "--create", "--trials", trials, "--quiet")
+    assert json.loads(metaid("study", "show", "three-link-coast", "--json").out)["trials"]["total"] == 3
+
+
 @pytest.mark.parametrize(
     "command", [[], ["plant"], ["plant", "show"], ["episode"], ["study"], ["study", "create"], ["study", "run"]]
 )
