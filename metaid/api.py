@@ -127,6 +127,7 @@ def run(
     ray_address: str | None = None,
     watch: Callable[[Progress], None] = lambda progress: None,
     patience: float | None = None,
+    start_from: str | None = None,
 ) -> pd.DataFrame:
     """Creates the study in the DB unless it is there, and runs it up to its number of trials.
 
@@ -140,17 +141,22 @@ def run(
         ray_address: of a running Ray cluster; default: one on this machine.
         watch: called with the progress after each generation.
         patience: s after which a silent Ray worker or DB server is given up; default: 120 and 300.
+        start_from: name of a study in the DB; what it identified is the nominal model of this one.
 
     Returns:
         The study's lumps, as `lumps` has them.
 
     Raises:
         StorageError: a study of that name was made from other settings, or the DB cannot be used.
-        StudyError: the study contradicts itself.
+        StudyError: the study contradicts itself, or is to start from one that has identified nothing.
         WorkerError: workers were lost again and again.
     """
     spec = _spec(study)
-    with closing(Store(storage or default_storage(), create=True)) as store:
+    with closing(Store(storage or default_storage(), create=start_from is None)) as store:
+        if start_from is not None:
+            from metaid.results.exporting import started_from  # loads the solver of possible bodies
+
+            spec = started_from(store, spec, start_from)
         name = ensure_study(store, spec, name)
         run_study(store, name, trials, workers, engine, ray_address, watch, patience)
         return results.lumps_frame(store, name)
@@ -256,15 +262,24 @@ def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: 
     return validate_factors(problem, factors[problem.names].to_numpy(), pushes, seed, values)
 
 
-def model(name: str, storage: str | None = None) -> IdentifiedModel:
-    """The identified model of a study, which `write(path)` writes as a plant file, MJCF, URDF, Python, C or JSON, by
-    the ending of the path.  Raises StorageError, and StudyError where the study has found none.
+def model(name: str, storage: str | None = None, even_if_not_found: bool = False) -> IdentifiedModel:
+    """The identified model of a study: `torque(q, v)`, `mass_matrix(q)`, `lumps`; `write(path)` writes it as a plant
+    file, MJCF, URDF, Python, C or JSON, by the ending of the path.
+
+    Args:
+        name: of the study.
+        storage: of the DB.
+        even_if_not_found: whether to take the last estimate, or the best trial, where the verdict is not `found`.
+
+    Raises:
+        StorageError: the DB has no such study.
+        StudyError: the study has found no model.
     """
     from metaid.results.arms import read_any_snapshot
     from metaid.results.exporting import identified_model
 
     with closing(Store(storage or default_storage())) as store:
-        return identified_model(read_any_snapshot(store, name))
+        return identified_model(read_any_snapshot(store, name), even_if_not_found)
 
 
 def load_findings(name: str, storage: str | None = None) -> Findings:

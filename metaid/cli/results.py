@@ -118,18 +118,21 @@ MODEL_HELP = "FILE.toml, .xml (MJCF), .urdf, .py, .h or .json."
 @name_argument
 @storage_option
 @click.option("-o", "output", type=click.Path(path_type=Path), required=True, help=MODEL_HELP)
-def model(name: str, storage: str, output: Path) -> None:
+@click.option(
+    "--even-if-not-found", is_flag=True, help="Where nothing was found, write the last estimate or the best trial."
+)
+def model(name: str, storage: str, output: Path, even_if_not_found: bool) -> None:
     """Write the identified model to a file, to use it elsewhere.
 
     A plant file, MJCF and URDF have bodies with the identified lumps; their masses are not identified. Python and C
-    have the compensation law as a function that needs nothing else.
+    have the compensation law as a function that needs nothing else, and of a chain the mass matrix.
     """
     from metaid import api
     from metaid.results.exporting import SUFFIXES
 
     with whole_file(output, tuple(SUFFIXES)) as partial:
-        found = api.model(name, storage)
+        found = api.model(name, storage, even_if_not_found)
         found.write(partial)
-    say(f"the identified model of '{name}' is in {output}")
+    say(f"the {'identified ' * (found.about['verdict'] == 'found')}model of '{name}' is in {output}")
     for note in found.notes(output.suffix):
         say(f"{note}.")

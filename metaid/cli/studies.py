@@ -59,6 +59,9 @@ def study() -> None:
 @study.command(epilog="\b\nExample:\n  metaid study create three-link --name wide --set search.low=0.4")
 @click.argument("source", metavar="STUDY", shell_complete=_complete_study_file)
 @click.option("--name", help="Name in the DB (default: the file's).")
+@click.option(
+    "--from", "start_from", metavar="OTHER", help="Take what the study OTHER of the DB identified as nominal model."
+)
 @storage_option
 @click.option(
     "--set",
@@ -68,19 +71,36 @@ def study() -> None:
     help="Change a setting of the file, e.g. search.sigma=0.1; may be repeated.",
 )
 @click.option("--exist-ok", is_flag=True, help="Do nothing if the DB has a study with these settings already.")
-def create(source: str, name: str | None, storage: str, changes: tuple[str, ...], exist_ok: bool) -> None:
+def create(
+    source: str, name: str | None, start_from: str | None, storage: str, changes: tuple[str, ...], exist_ok: bool
+) -> None:
     """Make a study in the DB from STUDY, a shipped name or the path of a study file."""
-    made, shown = _make(storage, source, changes, name, exist_ok)
+    made, shown = _make(storage, source, changes, name, start_from, exist_ok)
     say(f"study '{made}' is in {shown}; run it with: metaid study run {shlex.quote(made)}")
 
 
-def _make(storage: str, source: str, changes: Sequence[str], name: str | None, exist_ok: bool) -> tuple[str, str]:
-    """Makes a study in the DB and prints what is to be known before a trial; its name, and how the DB is shown."""
+def _make(
+    storage: str, source: str, changes: Sequence[str], name: str | None, start_from: str | None, exist_ok: bool
+) -> tuple[str, str]:
+    """Makes a study in the DB and prints what is to be known before a trial; its name, and how the DB is shown.
+
+    Args:
+        storage: of the DB.
+        source: a shipped name, or the path of a study file.
+        changes: of its settings, `KEY=VALUE`.
+        name: in the DB, or None for that of the file.
+        start_from: the study in the DB whose model is its nominal one, or None.
+        exist_ok: whether the DB may have it.
+    """
     from metaid.study import StudySpec, advice, create_study, ensure_study, question
 
     spec = load_study(source, changes)
-    warnings = [question(spec), advice(spec), _undetermined(spec) if isinstance(spec, StudySpec) else None]
-    with open_store(storage, create=True) as store:
+    with open_store(storage, create=start_from is None) as store:
+        if start_from is not None:
+            from metaid.results.exporting import started_from
+
+            spec = started_from(store, spec, start_from)
+        warnings = [question(spec), advice(spec), _undetermined(spec) if isinstance(spec, StudySpec) else None]
         made = (ensure_study if exist_ok else create_study)(store, spec, name)
     for line in filter(None, warnings):
         say(line, err=True)
@@ -265,7 +285,7 @@ def run(
 
     stop = _StopRequest()
     if make:
-        name, _ = _make(storage, name, (), None, exist_ok=True)
+        name, _ = _make(storage, name, (), None, None, exist_ok=True)
     with open_store(storage) as store:
         try:
             with Live(store, name, quiet) as live:

@@ -8,7 +8,16 @@ from metaid.study.bounds import LumpAtBound, lumps_at_bounds
 from metaid.study.create import advice, create_study, delete_study, ensure_study, optuna_spec, question, stored_spec
 from metaid.study.evaluation import NominalMetricSampler, OptunaObjective
 from metaid.study.identifiability import COARSEST, identifiability, identifiability_by_measure
-from metaid.study.kinds import AnyProblem, AnySpec, load_chain_study, load_study, of_chain, problem_of, spec_from
+from metaid.study.kinds import (
+    AnyProblem,
+    AnySpec,
+    load_chain_study,
+    load_study,
+    of_chain,
+    problem_of,
+    spec_from,
+    with_nominal,
+)
 from metaid.study.problem import MOST_TRIALS, Problem
 from metaid.study.progress import Progress
 from metaid.study.pushing import COUNTING_STEPS, HORIZON, TIP_SPEED
@@ -54,4 +63,5 @@ __all__ = [
     "run_study",
     "spec_from",
     "stored_spec",
+    "with_nominal",
 ]

@@ -34,9 +34,10 @@ def create_study(store: Store, spec: AnySpec, name: str | None = None) -> str:
     name = spec.name if name is None else name
     if not name or len(name) > 200 or not name.isprintable():
         raise StudyError("a study's name has 1 to 200 printable characters")
+    if name in store.names():
+        allowed = _other_sampler(stored_spec(store, name), spec, name) or "choose another with --name, or delete it"
+        raise StorageError(f"{store.url} has a study '{name}' already ({allowed})")
     if isinstance(problem, Problem) and not problem.is_simulated:
-        if name in store.names():
-            raise StorageError(f"{store.url} has a study '{name}' already (choose another with --name, or delete it)")
         spec = _pushed_spec(problem)
         _refuse_what_cannot_be_run(Problem(spec))
     store.create(name, spec.model_dump_json(), problem.counted_joints)
@@ -54,10 +55,20 @@ def ensure_study(store: Store, spec: AnySpec, name: str | None = None) -> str:
     if isinstance(stored, StudySpec):
         stored = stored.model_copy(update={"pushed": None})
     if stored != spec:
-        raise StorageError(
-            f"{store.url} has a study '{name}' made from other settings (choose another name, or delete it)"
-        )
+        allowed = _other_sampler(stored, spec, name) or "choose another name, or delete it"
+        raise StorageError(f"{store.url} has a study '{name}' made from other settings ({allowed})")
     return name
+
+
+def _other_sampler(stored: AnySpec, wanted: AnySpec, name: str) -> str | None:
+    """How to go on with the sampler of the `wanted` study where the `stored` one has another; None where it has not."""
+    old, new = stored.study.sampler, wanted.study.sampler
+    if old == new:
+        return None
+    return (
+        f"its sampler is {old}, which cannot change; go on with {new} in a new study that starts from what this one "
+        f"found: --name {name}-{new} --from {name}, in Python name= and start_from="
+    )
 
 
 def _refuse_what_cannot_be_run(problem: AnyProblem) -> None:

@@ -8,9 +8,11 @@ from typing import Any
 
 from metaid.errors import StudyError
 from metaid.models import Array
-from metaid.study.arms import ArmProblem, ArmSpec
+from metaid.models.tree import Tree
+from metaid.plant import LinkSettings
+from metaid.study.arms import ArmProblem, ArmSpec, with_nominal_arm
 from metaid.study.problem import Problem
-from metaid.study.settings import StudySpec, read_study
+from metaid.study.settings import NominalSettings, StudySpec, read_study
 
 AnySpec = StudySpec | ArmSpec
 AnyProblem = Problem | ArmProblem
@@ -37,6 +39,30 @@ def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> AnySp
     spec = read_study(name, changes)
     problem_of(spec)
     return spec
+
+
+def with_nominal(spec: AnySpec, nominal: tuple[LinkSettings, ...] | Tree) -> AnySpec:
+    """A study whose nominal model is this one: the links of a chain, or an arm.  Raises StudyError where that is no
+    model of the study's plant.
+    """
+    what = "an arm" if isinstance(nominal, Tree) else "a planar chain"
+    if isinstance(spec, ArmSpec):
+        if not isinstance(nominal, Tree) or nominal.names != spec.nominal.names:
+            raise StudyError(
+                f"study {spec.name}: its plant {spec.plant_name} is an arm with the joints "
+                f"{', '.join(spec.nominal.names)}, and the model to start from is {what}"
+                + (f" with the joints {', '.join(nominal.names)}" if isinstance(nominal, Tree) else "")
+            )
+        return with_nominal_arm(spec, nominal)
+    if isinstance(nominal, Tree) or len(nominal) != len(spec.nominal):
+        raise StudyError(
+            f"study {spec.name}: its plant {spec.plant_name} is a planar chain of {len(spec.nominal)} links, and the "
+            f"model to start from is {what}" + ("" if isinstance(nominal, Tree) else f" of {len(nominal)}")
+        )
+    study = spec.study.model_copy(update={"nominal": NominalSettings(links=nominal)})
+    changed = spec.model_copy(update={"nominal": nominal, "study": study})
+    problem_of(changed)
+    return changed
 
 
 def load_chain_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec:

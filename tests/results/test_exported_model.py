@@ -6,6 +6,7 @@ import json
 import math
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
@@ -227,6 +228,70 @@ def test_law_in_c_gives_the_same_torque(tmp_path: Path) -> None:
     assert first == len(torques)
 
 
+EXACT = 1e-12
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_model_of_a_chain_is_the_same_in_mujoco_python_and_c(tmp_path: Path, name: str) -> None:
+    """Torque and mass matrix to 1e-12 of the largest: the object, MJCF, `law.py` and `law.h`."""
+    identified = identified_as(name)
+    model, names = identified.model, dict[str, Any]()
+    exec(model.text(".py"), names)
+    simulated = mujoco.MjModel.from_xml_string(model.text(".xml"))
+    data, states = mujoco.MjData(simulated), states_of(identified)
+    compiled = in_c(tmp_path, identified, states) if shutil.which("cc") else None
+    for i, (angles, speeds) in enumerate(states):
+        torque, matrix = model.torque(angles, speeds), model.mass_matrix(angles)
+        data.qpos[:], data.qvel[:] = angles, speeds
+        mujoco.mj_forward(simulated, data)
+        full = np.zeros_like(matrix)
+        mujoco.mj_fullM(simulated, data, full)
+        rubbing = identified.damping * speeds + identified.coulomb * sliding(speeds)
+        pairs = [(data.qfrc_bias + rubbing, full), (names["torque"](angles, speeds), names["mass_matrix"](angles))]
+        for other_torque, other_matrix in [*pairs, *([compiled[i]] if compiled else [])]:
+            assert np.abs(other_torque - torque).max() <= EXACT * np.abs(torque).max()
+            assert np.abs(np.array(other_matrix) - matrix).max() <= EXACT * np.abs(matrix).max()
+
+
+def in_c(folder: Path, identified: Identified, states: Array) -> list[tuple[Array, Array]]:
+    """Torque and mass matrix in each of `states` by the header of a chain, compiled."""
+    n, function = identified.njoint, identified.model.name.replace(" ", "_")
+    identified.model.write(folder / "law.h")
+    calls = []
+    for angles, speeds in states:
+        q, qd = (", ".join(map(repr, each.tolist())) for each in (angles, speeds))
+        calls.append(f"{{ const double q[] = {{{q}}}, qd[] = {{{qd}}}; double t[{n}], m[{n}][{n}];")
+        calls.append(f"{function}_torque(q, qd, t); {function}_mass_matrix(q, m);")
+        calls.append(f'for (int i = 0; i < {n}; i++) printf("%.17g\\n", t[i]);')
+        calls.append(f'for (int i = 0; i < {n * n}; i++) printf("%.17g\\n", m[i / {n}][i % {n}]); }}')
+    body = "\n".join(["#include <stdio.h>", '#include "law.h"', "int main(void) {", *calls, "return 0; }"])
+    (folder / "main.c").write_text(body, encoding="utf-8")
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O0"]
+    subprocess.run(["cc", *flags, "main.c", "-o", "main", "-lm"], cwd=folder, check=True)
+    done = subprocess.run([str(folder / "main")], capture_output=True, text=True, check=True)
+    numbers = np.array(done.stdout.split(), dtype=np.float64).reshape(len(states), n + n * n)
+    return [(row[:n], row[n:].reshape(n, n)) for row in numbers]
+
+
+@pytest.mark.parametrize("name", SOME[:2])
+def test_model_of_an_arm_gives_torque_and_mass_matrix(name: str) -> None:
+    """Those of what was identified, friction and rotors included."""
+    identified = identified_as(name)
+    for angles, speeds in states_of(identified):
+        wanted, full = identified.torque(angles, speeds), identified.mass_matrix(angles)
+        assert np.abs(identified.model.torque(angles, speeds) - wanted).max() <= TOLERANCE * np.abs(wanted).max()
+        assert np.abs(identified.model.mass_matrix(angles) - full).max() <= TOLERANCE * np.abs(full).max()
+
+
+def test_model_wants_a_number_for_each_joint() -> None:
+    """Else one line says how many there are to be."""
+    from metaid.errors import StudyError
+
+    model = identified_as("chain-2").model
+    with pytest.raises(StudyError, match=r"q has the shape \(3,\) \(allowed: 2 numbers, one a joint\)"):
+        model.torque([0.0, 0.0, 0.0], [0.0, 0.0])
+
+
 def test_name_of_a_study_cannot_break_a_file() -> None:
     """Ends of comments, of strings and of lines in it are no ends."""
     name = '1 */ --> """ \\\n' + "\x1b[31m ö # ]]>"
@@ -314,6 +379,103 @@ def test_plant_file_of_a_model_is_a_plant_and_a_nominal_model(metaid: Metaid, fo
     assert gravity == pytest.approx(lumps["gravity_1"], rel=1e-8)
 
 
+CONTROLLER = """
+import mujoco
+from law import torque
+
+model = mujoco.MjModel.from_xml_path("plant.xml")
+data = mujoco.MjData(model)
+data.qvel[:] = 0.3, -0.2
+while data.time < 1.0:
+    data.ctrl[:] = torque(data.qpos, data.qvel)
+    mujoco.mj_step(model, data)
+"""
+
+
+def test_controller_of_ten_lines_coasts(metaid: Metaid, found: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It sends the true plant, which no gravity seems to pull, what `law.py` says; without it the plant falls."""
+    import metaid as package
+
+    assert metaid("study", "model", "exact", "-o", "law.py", "--storage", str(found)).status == 0
+    spec = package.load_plant("two-link").chain
+    true = chain_dynamics(spec.lumps_of(FULL), 9.81, spec, np.ones(5, dtype=np.bool_), np.eye(5))
+    text = model_of(true, "plant").text(".xml")
+    motors = "".join(f'<motor joint="joint_{i + 1}"/>' for i in range(2))
+    Path("plant.xml").write_text(text.replace("</mujoco>", f"<actuator>{motors}</actuator></mujoco>"), encoding="utf-8")
+    assert len(CONTROLLER.strip().splitlines()) <= 10
+    monkeypatch.syspath_prepend(str(Path.cwd()))
+    monkeypatch.delitem(sys.modules, "law", raising=False)
+    coasting, falling = dict[str, Any](), dict[str, Any]()
+    exec(CONTROLLER, coasting)
+    assert coasting["data"].qvel == pytest.approx([0.3, -0.2], abs=2e-3)
+    exec(CONTROLLER.replace("torque(data.qpos, data.qvel)", "0.0, 0.0"), falling)
+    assert np.abs(falling["data"].qvel - [0.3, -0.2]).max() > 1.0
+
+
+def test_study_starts_from_what_another_found(metaid: Metaid, found: Path) -> None:
+    """Its nominal lumps are those that the other identified, on the command line and in Python."""
+    import metaid as package
+
+    shutil.copy(found, "metaid.db")
+    assert metaid("study", "create", "two-link-tpe", "--name", "again", "--from", "noisy").status == 0
+    lumps = package.lumps("noisy").set_index("name")["identified"]
+    nominal = package.lumps("again").set_index("name")["nominal"]
+    exact = package.model("noisy").dynamics.chain
+    assert exact is not None
+    assert nominal[["gravity_1", "gravity_2"]].to_numpy() == pytest.approx(exact.lumps.gravity, rel=1e-12)
+    assert nominal["gravity_1"] == pytest.approx(lumps["gravity_1"], rel=0.02)
+    spec = package.load_study("two-link-tpe", {"trials": 2})
+    frame = package.run(spec, name="python", start_from="noisy")
+    assert frame.set_index("name")["nominal"]["gravity_1"] == nominal["gravity_1"]
+
+
+NO_START = {
+    "hidden": ("two-link-tpe", "study 'hidden' has no identified model: its verdict is 'not found'"),
+    "exact": ("three-link", "is a planar chain of 3 links, and the model to start from is a planar chain of 2"),
+    "noisy": ("puma560", "is an arm with the joints shoulder_pan"),
+    "none": ("two-link-tpe", "unknown study 'none'"),
+}
+
+
+@pytest.mark.parametrize("other", NO_START)
+def test_study_starts_from_no_other_plant_and_from_nothing_unfound(metaid: Metaid, found: Path, other: str) -> None:
+    """One line says why, and no study is made."""
+    source, why = NO_START[other]
+    done = metaid("study", "create", source, "--name", "x", "--from", other, "--storage", str(found))
+    assert (done.status, done.err.count("\n")) == (2, 1)
+    assert why.partition(" shoulder_pan")[0] in done.err
+    assert "unknown study 'x'" in metaid("study", "show", "x", "--storage", str(found)).err
+
+
+def test_other_sampler_goes_on_in_a_new_study(metaid: Metaid, found: Path) -> None:
+    """A study keeps its sampler; one line says what to add to the command, and that works."""
+    shutil.copy(found, "metaid.db")
+    again = ["study", "create", "two-link-tpe", "--name", "coasting", "--set", "sampler=random"]
+    refused = metaid(*again)
+    assert refused.status == 2
+    assert "its sampler is newton, which cannot change; go on with random in a new study" in refused.err
+    assert "--name coasting-random --from coasting, in Python name= and start_from=" in refused.err
+    assert metaid(*again, "--exist-ok").err == refused.err.replace("already", "made from other settings")
+    more = ["--name", "coasting-random", "--from", "coasting"]
+    assert metaid(*again[:3], *again[5:], *more).status == 0
+
+
+def test_model_that_was_not_found_is_given_when_asked_for(metaid: Metaid, found: Path) -> None:
+    """It says that nothing is identified; what there is are the values of the last estimate."""
+    import metaid as package
+    from metaid.errors import StudyError
+
+    told = metaid("study", "model", "hidden", "-o", "m.py", "--even-if-not-found", "--storage", str(found))
+    assert told.status == 0
+    assert "nothing is identified: these are the values of the estimate, and may be wrong." in told.out
+    text, names = Path("m.py").read_text(encoding="utf-8"), dict[str, Any]()
+    assert "Verdict: not found" in text
+    exec(text, names)
+    assert np.isfinite(names["torque"]([0.1, -0.1], [0.5, 0.5])).all()
+    with pytest.raises(StudyError, match=r"0 of 8 trials are done$"):
+        package.model("new", str(found), even_if_not_found=True)
+
+
 def test_json_has_lumps_with_their_covariance(metaid: Metaid, found: Path) -> None:
     """In the units of the lumps; the square roots of its diagonal are the standard deviations."""
     assert metaid("study", "model", "noisy", "-o", "m.json", "--storage", str(found)).status == 0
@@ -349,8 +511,8 @@ def test_model_of_a_best_trial_leaves_inertias_to_the_nominal_model(metaid: Meta
 
 
 REFUSED = {
-    "hidden": "study 'hidden' has no model to write: its verdict is 'not found': the model does not explain",
-    "new": "study 'new' has no model to write: its verdict is 'unfinished': 0 of 8 trials are done",
+    "hidden": "study 'hidden' has no identified model: its verdict is 'not found': the model does not explain",
+    "new": "study 'new' has no identified model: its verdict is 'unfinished': 0 of 8 trials are done",
     "none": "unknown study 'none'",
 }
 
@@ -362,6 +524,7 @@ def test_study_that_found_nothing_has_no_model(metaid: Metaid, found: Path, name
     assert done.status == 2
     assert REFUSED[name] in done.err
     assert done.err.count("\n") == 1
+    assert ("even_if_not_found=True, gives what there is)" in done.err) == (name == "hidden")
     assert list(Path().iterdir()) == []
 
 

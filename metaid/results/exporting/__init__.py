@@ -4,11 +4,14 @@
 parameters alone.
 """
 
-from metaid.results.arms import AnySnapshot, ArmSnapshot
+from metaid.errors import StudyError
+from metaid.results.arms import AnySnapshot, ArmSnapshot, read_any_snapshot
 from metaid.results.exporting.arm_studies import identified_arm
 from metaid.results.exporting.chain_studies import identified_chain
 from metaid.results.exporting.dynamics import Dynamics, arm_dynamics, chain_dynamics
 from metaid.results.exporting.identified import SUFFIXES, IdentifiedModel, covariance_frame
+from metaid.store import Store
+from metaid.study import AnySpec, ArmSpec, with_nominal
 
 __all__ = [
     "SUFFIXES",
@@ -18,9 +21,29 @@ __all__ = [
     "chain_dynamics",
     "covariance_frame",
     "identified_model",
+    "started_from",
 ]
 
 
-def identified_model(snapshot: AnySnapshot) -> IdentifiedModel:
-    """What a study identified.  Raises StudyError where it identified nothing, and says why."""
-    return identified_arm(snapshot) if isinstance(snapshot, ArmSnapshot) else identified_chain(snapshot)
+def identified_model(snapshot: AnySnapshot, even_if_not_found: bool = False) -> IdentifiedModel:
+    """What a study identified; where its verdict is not `found`, and `even_if_not_found` asks for it, its last estimate
+    or its best trial.  Raises StudyError where it identified nothing, and says why.
+    """
+    if isinstance(snapshot, ArmSnapshot):
+        return identified_arm(snapshot, even_if_not_found)
+    return identified_chain(snapshot, even_if_not_found)
+
+
+def started_from(store: Store, spec: AnySpec, other: str) -> AnySpec:
+    """A study whose nominal model is what the study `other` in the DB identified.  Raises StorageError, and StudyError
+    where that has identified nothing, or another kind of plant.
+    """
+    found = identified_model(read_any_snapshot(store, other))
+    changed = with_nominal(spec, found.nominal)
+    gravity = spec.nominal.gravity if isinstance(spec, ArmSpec) else spec.plant.gravity
+    if found.gravity != gravity:
+        raise StudyError(
+            f"study {spec.name}: its plant's gravity is {gravity} m/s², that of study '{other}' {found.gravity}: they "
+            "must agree, it is not searched"
+        )
+    return changed

@@ -4,23 +4,28 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
+import numpy as np
 import pandas as pd
 
 import metaid
-from metaid.errors import StudyError
 from metaid.results.arms import ArmSnapshot, judge_arm
 from metaid.results.exporting.dynamics import arm_dynamics
-from metaid.results.exporting.identified import IdentifiedModel
+from metaid.results.exporting.identified import IdentifiedModel, no_model
 
 
-def identified_arm(snapshot: ArmSnapshot) -> IdentifiedModel:
-    """What the study identified.  Raises StudyError where it identified nothing, and says why."""
+def identified_arm(snapshot: ArmSnapshot, even_if_not_found: bool = False) -> IdentifiedModel:
+    """What the study identified, or its last estimate where `even_if_not_found` asks for it.  Raises StudyError where
+    there is none, and says why.
+    """
     verdict, problem, found = judge_arm(snapshot), snapshot.problem, snapshot.estimate
-    if not verdict.is_found or found is None:
-        why = "; ".join(verdict.reasons)
-        raise StudyError(f"study '{snapshot.name}' has no model to write: its verdict is '{verdict.word}': {why}")
+    if found is None or not (verdict.is_found or even_if_not_found):
+        raise no_model(snapshot.name, verdict, can_be_forced=found is not None)
     table = verdict.lumps.copy()
-    table["value"] = table["identified"].where(table["determined"], table["nominal"])
+    table["value"] = (
+        table["identified"].where(table["determined"], table["nominal"])
+        if verdict.is_found
+        else np.asarray(found.estimate.values)
+    )
     spec = snapshot.spec
     about = {
         "plant": spec.plant_name,

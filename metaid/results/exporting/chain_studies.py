@@ -8,30 +8,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 import metaid
-from metaid.errors import StudyError
 from metaid.models import IDEAL, Array, Lumps, kind_of
+from metaid.results.best import best_trial
 from metaid.results.exporting.dynamics import chain_dynamics
-from metaid.results.exporting.identified import IdentifiedModel, covariance_frame
+from metaid.results.exporting.identified import IdentifiedModel, covariance_frame, no_model
 from metaid.results.snapshot import Snapshot
-from metaid.results.verdict import judge
+from metaid.results.verdict import Verdict, judge
 
 EQUAL = 1.0  # the deviation of a log of a lump whose own is not known: then all count alike
 
 
-def identified_chain(snapshot: Snapshot) -> IdentifiedModel:
-    """What the study identified.  Raises StudyError where it identified nothing, and says why."""
+def identified_chain(snapshot: Snapshot, even_if_not_found: bool = False) -> IdentifiedModel:
+    """What the study identified, or, where `even_if_not_found` asks for it, its last estimate or best trial.  Raises
+    StudyError where there is none, and says why.
+    """
     verdict, problem = judge(snapshot), snapshot.first
-    if not verdict.is_found:
-        why = "; ".join(verdict.reasons)
-        raise StudyError(f"study '{snapshot.name}' has no model to write: its verdict is '{verdict.word}': {why}")
+    guess = None if verdict.is_found else _best_guess(snapshot, verdict)
+    if not verdict.is_found and (guess is None or not even_if_not_found):
+        raise no_model(snapshot.name, verdict, can_be_forced=guess is not None)
     table = verdict.lumps.copy()
-    table["value"] = table["identified"].where(table["determined"], table["nominal"])
+    table["value"] = table["identified"].where(table["determined"], table["nominal"]) if guess is None else guess
     lumps = _lumps_of(dict(zip(table["name"], table["value"], strict=True)), problem.nominal.lumps_of(IDEAL))
     names = lumps.names
-    known = np.isin(names, table["name"][table["determined"]])
+    known = np.isin(names, table["name"] if guess is not None else table["name"][table["determined"]])
     relative, covariance = EQUAL**2 * np.eye(len(names)), None
     found = snapshot.estimate
-    if verdict.source == "estimate" and found is not None and found.estimate.counts is None:
+    if guess is None and verdict.source == "estimate" and found is not None and found.estimate.counts is None:
         estimate = found.estimate
         # With exact lengths Coriolis lumps follow from gravity lumps, and are not in the covariance.
         known &= np.isin(names, estimate.names)
@@ -54,6 +56,25 @@ def identified_chain(snapshot: Snapshot) -> IdentifiedModel:
     }
     dynamics = chain_dynamics(lumps, plant.gravity, problem.nominal, known, relative)
     return IdentifiedModel(snapshot.name, about, table, covariance, dynamics, plant.gravity, plant.timestep)
+
+
+def _best_guess(snapshot: Snapshot, verdict: Verdict) -> Array | None:
+    """The values of the lumps (nlump) where nothing is found, in the order of the verdict's table: those of the last
+    estimate, or of the best trial of each stage, nominal where a stage has none; None where there is neither.
+    """
+    nominal: Array = verdict.lumps["nominal"].to_numpy()
+    if verdict.source == "estimate":
+        found = snapshot.estimate
+        return None if found is None else found.estimate.lumps.vector_of(snapshot.first.estimated_kinds)
+    if not snapshot.stages[0].survivors:
+        return None
+    factors = [
+        stage.problem.lump_factors(best_trial(stage.survivors).factors)
+        if stage.survivors
+        else np.ones(len(stage.problem.names))
+        for stage in snapshot.stages
+    ]
+    return np.asarray(nominal * np.concatenate(factors), dtype=np.float64)
 
 
 def _lumps_of(values: dict[str, float], nominal: Lumps) -> Lumps:

@@ -13,13 +13,16 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 
 from metaid.errors import StudyError, printable
 from metaid.models import Array
 from metaid.models.tree import Tree
+from metaid.plant import LinkSettings
 from metaid.results.exporting.dynamics import Dynamics
 from metaid.results.exporting.laws import c_name
 from metaid.results.exporting.xml_files import mjcf, not_in_urdf, urdf
+from metaid.results.verdict import Verdict
 
 _BODIES = (".toml", ".xml", ".urdf")
 _COLUMNS = ["name", "unit", "nominal", "factor", "identified", "sd", "low", "high", "determined"]
@@ -49,15 +52,70 @@ class IdentifiedModel:
     gravity: float | tuple[float, ...]
     timestep: float
 
+    def torque(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """The joint torque (njoint) of the compensation law, friction included, in N m (of a slide in N).
+
+        Of a chain joint angles are relative to the link before, 0 upright.
+
+        Args:
+            q: joint angles (njoint), in rad (of a slide in m).
+            v: joint speeds (njoint), in rad/s (of a slide in m/s).
+
+        Raises:
+            StudyError: there are not as many numbers as joints.
+        """
+        return self.dynamics.law.torque(self._joints("q", q), self._joints("v", v))
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """The mass matrix (njoint x njoint) in joint coordinates `q` (njoint), in kg m² (kg m and kg where joints are
+        slides).  Raises StudyError where the inertia lumps are not known.
+        """
+        matrix = self.dynamics.law.mass_matrix(self._joints("q", q))
+        if matrix is None:
+            raise StudyError(
+                f"study '{self.name}' has no inertia lumps, so no mass matrix (allowed: a study with an estimate, or "
+                "with a second stage)"
+            )
+        return matrix
+
+    def _joints(self, name: str, values: ArrayLike) -> Array:
+        numbers, njoint = np.asarray(values, dtype=np.float64), self.dynamics.law.njoint
+        if numbers.shape != (njoint,):
+            raise StudyError(f"{name} has the shape {numbers.shape} (allowed: {njoint} numbers, one a joint)")
+        return numbers
+
     @property
     def kept(self) -> list[str]:
         """The lumps that keep their nominal value, for they are not determined."""
+        if self.about["verdict"] != "found":
+            return []
         names: list[str] = self.lumps["name"][~self.lumps["determined"]].tolist()
         return names
+
+    @property
+    def nominal(self) -> tuple[LinkSettings, ...] | Tree:
+        """The nominal model of a study that starts from this one: the links of a plant file, or an arm.  Raises
+        StudyError where no possible bodies have the lumps.
+        """
+        return tuple(LinkSettings(**link) for link in self.links) if self.dynamics.is_chain else self.tree
+
+    @property
+    def links(self) -> list[dict[str, float]]:
+        """The links of a chain, as a plant file has them.  Raises StudyError where there are none."""
+        _ = self.tree
+        chain = self.dynamics.chain
+        assert chain is not None
+        columns = {"length": chain.length, "mass": chain.mass, "com": chain.com, "inertia": chain.inertia}
+        friction = {"damping": chain.damping, "frictionloss": chain.coulomb}
+        columns |= {key: values for key, values in friction.items() if values.any()}
+        rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+        return [dict(zip(columns, row, strict=True)) for row in rows]
 
     def notes(self, suffix: str) -> list[str]:
         """What to know of a file with that `suffix`, in sentences without a full stop."""
         said = list(self.about["reasons"])
+        if self.about["verdict"] != "found":
+            said.append(f"nothing is identified: these are the values of the {self.about['source']}, and may be wrong")
         if self.kept:
             names = ", ".join(self.kept)
             said.append(f"{names} {'has the nominal value' if len(self.kept) == 1 else 'have the nominal values'}")
@@ -92,9 +150,10 @@ class IdentifiedModel:
     def heading(self, suffix: str) -> list[str]:
         """The lines at the top of a file with that `suffix`."""
         about, misfit = self.about, self.about["misfit"]
+        did = "identified" if about["verdict"] == "found" else "did not identify, but came to,"
         what = "lumps" if self.dynamics.is_chain else "base parameters"
         lines = [
-            f"The model that metaid {about['metaid']} identified in the study '{self.name}'.",
+            f"The model that metaid {about['metaid']} {did} in the study '{self.name}'.",
             f"Written {about['written']}. Plant {about['plant']}, sampler {about['sampler']}, seed {about['seed']}.",
             f"Verdict: {about['verdict']}, by the {about['source']}" + (f"; misfit {misfit:.3g}." if misfit else "."),
             "Units: m, kg, s, rad, N m and products of these.",
@@ -105,6 +164,13 @@ class IdentifiedModel:
                 f"the {what}. Of all possible bodies with these {what} they are closest to the nominal ones.",
             ]
         return [printable(line) for line in (*lines, *(f"{note}." for note in self.notes(suffix)))]
+
+
+def no_model(name: str, verdict: Verdict, can_be_forced: bool) -> StudyError:
+    """Why the study of that `name` has no identified model; and how to ask for what there is, where something is."""
+    how = " (--even-if-not-found, in Python even_if_not_found=True, gives what there is)" if can_be_forced else ""
+    why = "; ".join(verdict.reasons)
+    return StudyError(f"study '{name}' has no identified model: its verdict is '{verdict.word}': {why}{how}")
 
 
 def _mjcf(model: IdentifiedModel) -> str:
@@ -121,19 +187,11 @@ def _toml(model: IdentifiedModel) -> str:
             f"study '{model.name}' is of an arm, whose plant file names an MJCF or a URDF "
             f"(allowed: {', '.join(suffix for suffix in SUFFIXES if suffix != '.toml')})"
         )
-    _ = model.tree
-    chain = model.dynamics.chain
-    assert chain is not None
     import tomli_w
 
-    columns = {"length": chain.length, "mass": chain.mass, "com": chain.com, "inertia": chain.inertia}
-    columns |= {
-        key: values for key, values in (("damping", chain.damping), ("frictionloss", chain.coulomb)) if values.any()
-    }
-    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
-    links = [dict(zip(columns, row, strict=True)) for row in rows]
+    links = model.links
     common = {"gravity": model.gravity, "timestep": model.timestep}
-    description = f"What the study {printable(model.name)} identified."
+    description = f"The model of the study {printable(model.name)}."
     return _comment(model.heading(".toml")) + tomli_w.dumps({"description": description, **common, "links": links})
 
 

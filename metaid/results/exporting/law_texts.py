@@ -27,6 +27,20 @@ def torque(q, qd):
     return torques
 '''
 
+CHAIN_MASS_MATRIX_PYTHON = '''
+INERTIA = $inertia  # of each link, in kg m^2: the diagonal of the mass matrix in absolute angles
+
+
+def mass_matrix(q):
+    """The mass matrix in joint coordinates, in kg m^2, a list of rows, at joint angles q in rad."""
+    n = len(INERTIA)
+    angle = [sum(q[: i + 1]) for i in range(n)]
+    links = [
+        [INERTIA[i] if i == j else CORIOLIS[i][j] * math.cos(angle[i] - angle[j]) for j in range(n)] for i in range(n)
+    ]
+    return [[sum(sum(row[j:]) for row in links[i:]) for j in range(n)] for i in range(n)]
+'''
+
 CHAIN_C = """
 #ifndef $guard
 #define $guard
@@ -60,7 +74,32 @@ static inline void ${name}_torque(const double q[], const double qd[], double to
         torque[i] = above + damping[i] * qd[i] + coulomb[i] * fmax(-1.0, fmin(1.0, qd[i] / sliding));
     }
 }
+"""
 
+CHAIN_MASS_MATRIX_C = """
+/* The mass matrix in joint coordinates, in kg m^2, at joint angles q in rad. */
+static inline void ${name}_mass_matrix(const double q[], double matrix[$njoint][$njoint])
+{
+    enum { N = $njoint };
+    static const double coriolis[N][N] = $coriolis;
+    /* of each link, in kg m^2: the diagonal of the mass matrix in absolute angles */
+    static const double inertia[N] = $inertia;
+    double angle[N];
+    int i, j, k, l;
+
+    for (i = 0; i < N; i++)
+        angle[i] = q[i] + (i > 0 ? angle[i - 1] : 0.0);
+    for (i = 0; i < N; i++)
+        for (j = 0; j < N; j++) {
+            matrix[i][j] = 0.0;
+            for (k = i; k < N; k++)
+                for (l = j; l < N; l++)
+                    matrix[i][j] += k == l ? inertia[k] : coriolis[k][l] * cos(angle[k] - angle[l]);
+        }
+}
+"""
+
+END_C = """
 #endif
 """
 

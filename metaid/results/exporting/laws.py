@@ -14,21 +14,39 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.models import FRICTION, SLIDING, Array, Lumps
-from metaid.models.tree import PARAMETERS, Tree
-from metaid.results.exporting.law_texts import ARM_C, ARM_PYTHON, CHAIN_C, CHAIN_PYTHON
+from metaid.models import FRICTION, SLIDING, Array, ChainModel, Lumps
+from metaid.models.tree import PARAMETERS, Tree, joint_mass_matrix, joint_torque
+from metaid.results.exporting.law_texts import (
+    ARM_C,
+    ARM_PYTHON,
+    CHAIN_C,
+    CHAIN_MASS_MATRIX_C,
+    CHAIN_MASS_MATRIX_PYTHON,
+    CHAIN_PYTHON,
+    END_C,
+)
 
 Constants = Mapping[str, Array | NDArray[np.bool_]]
 
 
 class Law(Protocol):
-    """A law, which can be written in two languages."""
+    """A law, which can be computed, and written in two languages."""
+
+    @property
+    def njoint(self) -> int:
+        """How many joints it is for."""
+
+    def torque(self, angles: Array, speeds: Array) -> Array:
+        """The joint torque (njoint) that leaves nothing to accelerate the plant, in N m (of a slide in N)."""
+
+    def mass_matrix(self, angles: Array) -> Array | None:
+        """In joint coordinates (njoint x njoint), in kg m²; None where the inertia lumps are not known."""
 
     def python(self) -> str:
-        """A Python module with a function `torque(q, qd)`."""
+        """A Python module with a function `torque(q, qd)`, and of a chain `mass_matrix(q)`."""
 
     def c(self, name: str) -> str:
-        """A C99 header with a function `NAME_torque(q, qd, torque)`."""
+        """A C99 header with a function `NAME_torque(q, qd, torque)`, and of a chain `NAME_mass_matrix(q, matrix)`."""
 
 
 @dataclass(frozen=True)
@@ -39,15 +57,32 @@ class ChainLaw:
     gravity: float
 
     @property
+    def njoint(self) -> int:
+        return self.lumps.nlink
+
+    def torque(self, angles: Array, speeds: Array) -> Array:
+        return ChainModel(self.lumps, self.gravity).torque(angles, speeds)
+
+    def mass_matrix(self, angles: Array) -> Array | None:
+        return ChainModel(self.lumps, self.gravity).mass_matrix(angles) if self.has_inertia else None
+
+    @property
+    def has_inertia(self) -> bool:
+        """Whether the inertia lumps are known."""
+        return self.lumps.inertia is not None
+
+    @property
     def _constants(self) -> Constants:
-        friction = {kind: self.lumps.of(kind) for kind in FRICTION}
-        return {"gravity": self.gravity * self.lumps.gravity, "coriolis": self.lumps.coriolis, **friction}
+        kinds = (*FRICTION, *(["inertia"] if self.has_inertia else []))
+        parts = {kind: self.lumps.of(kind) for kind in kinds}
+        return {"gravity": self.gravity * self.lumps.gravity, "coriolis": self.lumps.coriolis, **parts}
 
     def python(self) -> str:
-        return _python(CHAIN_PYTHON, self._constants)
+        return _python(CHAIN_PYTHON + CHAIN_MASS_MATRIX_PYTHON * self.has_inertia, self._constants)
 
     def c(self, name: str) -> str:
-        return _c(CHAIN_C, name, self.lumps.nlink, self._constants)
+        text = CHAIN_C + CHAIN_MASS_MATRIX_C * self.has_inertia + END_C
+        return _c(text, name, self.lumps.nlink, self._constants)
 
 
 @dataclass(frozen=True)
@@ -58,6 +93,20 @@ class ArmLaw:
 
     tree: Tree
     parameters: Array
+
+    @property
+    def njoint(self) -> int:
+        return self.tree.njoint
+
+    def torque(self, angles: Array, speeds: Array) -> Array:
+        return joint_torque(self._arm, angles, speeds, np.zeros(self.njoint))
+
+    def mass_matrix(self, angles: Array) -> Array | None:
+        return joint_mass_matrix(self._arm, angles)
+
+    @property
+    def _arm(self) -> Tree:
+        return self.tree.with_parameters(self.parameters)
 
     @property
     def _constants(self) -> Constants:

@@ -7,7 +7,7 @@ pushes that coast and on pushes that swing as on springs, so there is one stage.
 from metaid.study.arms.identifiability import ArmIdentifiability, arm_identifiability
 from metaid.study.arms.nominal import drawn_nominal
 from metaid.study.arms.problem import ArmProblem
-from metaid.study.arms.reading import arm_spec
+from metaid.study.arms.reading import arm_spec, with_nominal_arm
 from metaid.study.arms.settings import ArmSpec, ArmStudySettings
 
 __all__ = [
@@ -18,4 +18,5 @@ __all__ = [
     "arm_identifiability",
     "arm_spec",
     "drawn_nominal",
+    "with_nominal_arm",
 ]

@@ -81,6 +81,16 @@ def arm_spec(
     )
 
 
+def with_nominal_arm(spec: ArmSpec, believed: Tree) -> ArmSpec:
+    """A study of the same arm, of which its user believes something else."""
+    stiffness = [
+        0.0 if old == 0.0 else _stiffness(spec.study.episode, believed, start)
+        for old, start in zip(spec.stiffness, spec.arm_starts, strict=True)
+    ]
+    changes = {"nominal": TreeSettings.of(believed), "counted_by": base_parameters(believed).names}
+    return spec.model_copy(update={**changes, "stiffness": tuple(stiffness)})
+
+
 def _nominal(study: ArmStudySettings, plant: ArmPlant, named: Callable[[str, str], Path]) -> Tree:
     """The arm that the user believes in."""
     if isinstance(study.nominal, DrawnNominalSettings):
