@@ -7,7 +7,7 @@ CONSTRAINTS ?= constraints.txt
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint $(CONSTRAINTS)
 
-.PHONY: demo test test-min test-newest pin-min check audit bench soak format build clean
+.PHONY: demo test test-min test-newest pin-min check audit bench figures soak format build clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/metaid study run three-link --create --workers 2
@@ -37,6 +37,10 @@ audit: $(VENV)/.dev .venv-tools/bin/pip-audit
 
 bench: $(VENV)/.runtime
 	$(BIN)/python -m benchmarks
+
+# Every figure of every document, printed anew and compared: hours.
+figures: $(VENV)/.dev
+	$(BIN)/python -m soak.figures
 
 soak: $(VENV)/.dev
 	$(BIN)/python -m soak

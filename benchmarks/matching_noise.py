@@ -25,6 +25,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchmarks.chains import random_chain
+from benchmarks.common import Row
+from benchmarks.common import table as markdown
 from metaid.episode import REACH, natural_time
 from metaid.estimation import Estimate, NoisyExperiment, ReadTrial
 from metaid.models import Array, kind_of
@@ -153,28 +155,32 @@ def _judge(links: int, seed: int, trials: int, estimate: Estimate, truth: Array,
     return Matched(links, seed, trials, errors, covered, estimate.misfit, seconds)
 
 
-def table(rows: list[Matched]) -> str:
-    """The results as a Markdown table: medians of the worst lump, means of what intervals cover."""
-    heading = [
-        "links",
-        "trials",
-        "chains",
-        *(f"worst {kind}" for kind in KINDS),
-        *(f"{kind} covered" for kind in KINDS),
-    ]
-    heading += ["misfit", "ms of the fit"]
-    lines = [f"| {' | '.join(heading)} |", "| --- " * len(heading) + "|"]
+def table(rows: list[Matched], noisy: Noisy) -> str:
+    """The results as a Markdown table: medians of the worst lump of each kind, means of what intervals cover."""
+    horizon = "the study's" if noisy.horizons is None else f"{HORIZON * noisy.horizons:g} √(l/g)"
+    pushes = f"{100.0 * noisy.pushes_differ:g} %" if noisy.pushes_differ else "0"
+    shown: list[Row] = []
     for links, trials in sorted({(row.links, row.trials) for row in rows}):
         runs = [row for row in rows if (row.links, row.trials) == (links, trials)]
         named = [kind for kind in KINDS if kind in runs[0].errors]
         errors = {kind: f"{float(np.median([row.errors[kind] for row in runs])):.3%}" for kind in named}
         covered = {kind: f"{float(np.mean([row.covered[kind] for row in runs])):.1%}" for kind in named}
-        cells = [str(links), str(trials), str(len(runs))]
-        cells += [part.get(kind, "–") for part in (errors, covered) for kind in KINDS]
-        cells.append(f"{min(row.misfit for row in runs):.2f} to {max(row.misfit for row in runs):.2f}")
-        cells.append(f"{1e3 * float(np.median([row.fit_seconds for row in runs])):.0f}")
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        shown.append(
+            {
+                "noise on angles": f"{1e3 * noisy.noise:g} mrad",
+                "pushes differ by": pushes,
+                "horizon": horizon,
+                "hidden": noisy.hidden,
+                "links": links,
+                "chains": len(runs),
+                "trials": trials,
+                **{kind.replace("coriolis", "Coriolis"): errors.get(kind) for kind in KINDS},
+                **{f"{kind} covered": covered.get(kind) for kind in KINDS},
+                "misfit": f"{min(row.misfit for row in runs):.2f} to {max(row.misfit for row in runs):.2f}",
+                "ms of the fit": round(1e3 * float(np.median([row.fit_seconds for row in runs]))),
+            }
+        )
+    return markdown(shown)
 
 
 def main() -> None:
@@ -197,7 +203,7 @@ def main() -> None:
                 rows += (runs := match(links, seed, noisy, given.most))
                 misfits = ", ".join(f"{row.misfit:.2f}" for row in runs)
                 print(f"N={links} seed {seed}: misfit {misfits}", file=sys.stderr)
-    print(json.dumps([asdict(row) for row in rows], indent=2) if given.json else table(rows))
+    print(json.dumps([asdict(row) for row in rows], indent=2) if given.json else table(rows, noisy))
 
 
 if __name__ == "__main__":
