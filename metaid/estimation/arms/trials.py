@@ -57,6 +57,11 @@ class ArmReadTrial:
     start_spread: Array | None
     noise: Array
 
+    @property
+    def extras(self) -> int:
+        """How many coordinates and speeds of starts are unknown."""
+        return 0 if self.start_spread is None else len(self.starts) * int(np.count_nonzero(self.start_spread))
+
 
 def watched_arm_trial(law: Array, episode: ArmEpisode, timestep: float, windows: Windows) -> WatchedArmTrial:
     """The trial on exact sensors in which a law led to these windows.

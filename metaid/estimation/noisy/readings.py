@@ -4,7 +4,7 @@ and whose start speeds are unknown within what pushes differ by.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,15 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.estimation.descent import Residuals
-from metaid.estimation.noisy.polynomials import (
-    POLYNOMIALS,
-    SHORTEST,
-    STRIDE,
-    before,
-    eliminate,
-    explained_by_noise,
-    polynomial_windows,
-)
+from metaid.estimation.noisy.polynomials import before
+from metaid.estimation.noisy.windows import Compared, ReadingsInWindows
 from metaid.estimation.trials import Replay
 from metaid.estimation.twin import drive
 from metaid.estimation.unknowns import Unknowns, known_alone
@@ -66,109 +59,39 @@ class ReadTrial:
         return 0 if self.start_spread is None else self.start_speeds.size
 
 
-@dataclass(frozen=True)
-class Readings:
-    """All `trials` of a noisy study. `gravity` in m/s²; windows grow from `shortest` of the horizon on."""
+@dataclass(frozen=True, eq=False)
+class Readings(ReadingsInWindows[ReadTrial, Unknowns]):
+    """All `trials` of a noisy study of a chain. `gravity` in m/s²."""
 
-    trials: Sequence[ReadTrial]
-    unknowns: Unknowns
     gravity: float
-    polynomials: int = POLYNOMIALS
-    shortest: float = SHORTEST
 
-    def __post_init__(self) -> None:
-        if not any((trial.steps >= ends[0]).any() for trial, (ends, _) in self._each):
-            raise ValueError("no push of any trial was seen to the end of its shortest window: nothing to compare")
-
-    @property
-    def spreads(self) -> Array:
-        """Of the log factors (nunknown), beforehand."""
-        return np.full(len(self.unknowns.names), self.unknowns.spread)
-
-    @property
-    def stages(self) -> int:
-        """How many windows there are."""
-        return max(len(ends) for ends, _ in self._windows)
-
-    @property
-    def stride(self) -> int:
-        """Windows grow to twice their length at once, where that leads nowhere by less."""
-        return STRIDE
-
-    @property
-    def explained_below(self) -> float:
-        """A misfit below this is explained by noise."""
-        seen = sum(int(np.count_nonzero(trial.steps >= ends[0])) for trial, (ends, _) in self._each) * self.polynomials
-        return explained_by_noise(seen * self.trials[0].start_speeds.shape[1])
-
-    @property
-    def extras(self) -> int:
-        """How many start speeds are unknown."""
-        return sum(trial.extras for trial in self.trials)
-
-    @property
-    def _each(self) -> Iterator[tuple[ReadTrial, tuple[NDArray[np.int64], Array]]]:
-        """Each trial with its windows."""
-        return zip(self.trials, self._windows, strict=True)
-
-    @cached_property
-    def _windows(self) -> list[tuple[NDArray[np.int64], Array]]:
-        """Of each trial the ends of its windows, and the polynomials on each (nwindow x nstep + 1 x ncoefficient)."""
-        return [polynomial_windows(trial.torques.shape[1], self.polynomials, self.shortest) for trial in self.trials]
-
-    def residuals(self, point: Array, windows: int, torques: Sequence[Array] | None = None) -> Residuals | None:
-        """Those of the longest of the first `windows` windows, start speeds eliminated push by push. Given further
-        joint `torques` of each trial (ntorque x npush x nstep x njoint), in N m, their sizes are unknowns, too, behind
-        the others.
+    def residuals_with(self, point: Array, torques: Sequence[Array]) -> Residuals | None:
+        """Those on all windows with further joint `torques` of each trial (ntorque x npush x nstep x njoint), in N m,
+        whose sizes are unknowns, too, behind the others.
         """
-        count = len(self.unknowns.names)
-        parts, cost, seen, first = [], 0.0, 0, count
-        for number, trial in enumerate(self.trials):
-            whitened = point[first : first + trial.extras].reshape(-1, trial.start_speeds.shape[1])
-            first += trial.extras
-            compared = self._compare(number, point[:count], whitened, windows)
+
+        def compare(number: int, log_factors: Array, whitened: Array, windows: int) -> Compared | None:
+            compared = self._compare(number, log_factors, whitened, windows)
             if compared is None:
                 return None
             values, slopes = compared
-            if torques is not None:
-                further = self._compare_driven(number, point[:count], whitened, values, torques[number])
-                if further is None:
-                    return None
-                slopes = np.concatenate([slopes[..., :count], further, slopes[..., count:]], axis=-1)
-            cost += 0.5 * float((values**2).sum() + (whitened**2).sum())
-            seen += int(np.count_nonzero(trial.steps >= self._windows[number][0][0])) * values.shape[1]
-            parts.append(eliminate(values, slopes, whitened, count + (0 if torques is None else len(torques[number]))))
-        values, slopes, following = (np.concatenate([part[number] for part in parts]) for number in range(3))
-        return Residuals(values, slopes, cost, seen, following)
+            further = self._compare_driven(number, log_factors, whitened, values, torques[number])
+            if further is None:
+                return None
+            count = len(log_factors)
+            return values, np.concatenate([slopes[..., :count], further, slopes[..., count:]], axis=-1)
 
-    def by_joint(self, point: Array) -> tuple[Array, ...]:
-        """Root mean square of the residuals of each trial (npush x njoint) on the longest window seen, in units of the
-        noise; NaN where a push was not seen.
-        """
-        count = len(self.unknowns.names)
-        tables, first = [], count
-        for number, trial in enumerate(self.trials):
-            whitened = point[first : first + trial.extras].reshape(-1, trial.start_speeds.shape[1])
-            first += trial.extras
-            compared = self._compare(number, point[:count], whitened, self.stages)
-            table = np.full(trial.start_speeds.shape, np.nan)
-            if compared is not None:
-                seen = trial.steps >= self._windows[number][0][0]
-                values = compared[0].reshape(*trial.start_speeds.shape, -1)
-                table[seen] = np.sqrt((values[seen] ** 2).mean(axis=-1))
-            tables.append(table)
-        return tuple(tables)
+        return self._eliminated(point, self.stages, compare, len(self.unknowns.names) + len(torques[0]))
 
     def replay(self, number: int, point: Array) -> Replay:
         """The trial of that `number`, some of its readings left out, and the twin at a `point` in its place."""
-        trial, count = self.trials[number], len(self.unknowns.names)
-        first = count + sum(each.extras for each in self.trials[:number])
-        starts = _starts(trial, point[first : first + trial.extras].reshape(-1, trial.start_speeds.shape[1]))
+        trial, (log_factors, whitened) = self.trials[number], self._of_trial(number, point)
+        starts = _starts(trial, whitened)
         (npush, nreading, _), last = trial.readings.shape, self._windows[number][0][-1]
         kept = np.unique(np.linspace(0, last, min(last, DRAWN) + 1).round().astype(int))
         basis = np.zeros((nreading, len(kept)))
         basis[kept, np.arange(len(kept))] = 1.0  # each coefficient is the angle at one reading
-        twin, steps = known_alone(self.unknowns, point[:count]), np.minimum(trial.steps, last)
+        twin, steps = known_alone(self.unknowns, log_factors), np.minimum(trial.steps, last)
         alike = replace(trial, start_spread=None)
         motion = drive(alike, starts, steps, np.tile(basis, (npush, 1, 1)), twin, np.empty(0), self.gravity)
         shown = (kept <= steps[:, None]) & (steps[:, None] > 0)
@@ -180,16 +103,14 @@ class Readings:
 
     def _compare(
         self, number: int, log_factors: Array, whitened: Array, windows: int, added: Array | None = None
-    ) -> tuple[Array, Array] | None:
-        """Residuals of a trial (npush x nvalue) in units of the noise, and their derivatives (npush x nvalue x
-        nunknown + njoint), those by the `whitened` start speeds last; zeros where a push was not seen.
-        The torques `added` (npush x nstep x njoint), in N m, act beside what was commanded.
+    ) -> Compared | None:
+        """What a trial shows; derivatives by the `whitened` start speeds are the last. The torques `added` (npush x
+        nstep x njoint), in N m, act beside what was commanded.
         """
-        trial, (ends, basis) = self.trials[number], self._windows[number]
+        trial, (_, basis) = self.trials[number], self._windows[number]
         if added is not None:
             trial = replace(trial, torques=trial.torques + added)
-        chosen = np.minimum((ends[None] <= trial.steps[:, None]).sum(axis=1), windows) - 1
-        steps = np.where(chosen >= 0, ends[chosen], 0)
+        chosen, steps = self._longest(number, windows)
         spread, starts = trial.start_spread, _starts(trial, whitened)
         twin = drive(trial, starts, steps, basis[chosen], self.unknowns, log_factors, self.gravity)
         if twin is None:

@@ -88,7 +88,7 @@ def unmodelled_forces(readings: Readings, estimate: Estimate) -> Iterator[Unmode
     torques = [_torques(trial) for trial in readings.trials]
     kinds = [kind for kind in KINDS if kind not in readings.unknowns.kinds]
     columns = [np.concatenate([each[kind] for kind in kinds]) for each in torques]
-    residuals = readings.residuals(estimate.point, readings.stages, columns)
+    residuals = readings.residuals_with(estimate.point, columns)
     if residuals is None:
         return
     count = len(estimate.names)
