@@ -20,7 +20,7 @@ import argparse
 import json
 import sys
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
 
@@ -40,9 +40,10 @@ from metaid.estimation.arms import (
     watched_arm_trial,
 )
 from metaid.models import Array
-from metaid.models.tree import Belief, ModelError, Tree, model_error
+from metaid.models.tree import Belief, ModelError, Prior, Tree, model_error
 from metaid.plant import load_plant
 from metaid.plant.arms import ArmFaults, ArmPlant, ArmSettings, draw_starts
+from metaid.study.arms import drawn_nominal
 
 SHIPPED = ("pa10", "crs-a465", "puma560")
 OTHERS = ("scara", "spatial-three-link")  # shipped, too
@@ -120,21 +121,6 @@ def _robots() -> Path:
     raise SystemExit("the URDFs are those of example-robot-data: pip install example-robot-data")
 
 
-def spoil(tree: Tree, seed: int) -> Tree:
-    """What is believed of an arm."""
-    random, n = np.random.default_rng(seed), tree.njoint
-    nothing = np.zeros(n)
-    return replace(
-        tree,
-        mass=tree.mass / random.uniform(0.7, 1.3, n),
-        inertia=tree.inertia / random.uniform(0.7, 1.3, (n, 1, 1)),
-        com=tree.com / random.uniform(0.85, 1.15, (n, 3)),
-        rotor=nothing,
-        damping=nothing,
-        coulomb=nothing,
-    )
-
-
 def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
     """Identifies an arm from a nominal that is far off.
 
@@ -146,7 +132,7 @@ def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
     """
     plant = plant_of(name, seed, noise)
     true, n = plant.tree, plant.njoint
-    nominal = spoil(true, seed)
+    nominal = drawn_nominal(true, seed, Prior())
     starts = draw_starts(plant, 3 * n, HORIZON, seed)
     stiffness = np.where(np.arange(3 * n) < 2 * n, 0.0, STIFFNESS)
     steps = round(HORIZON / plant.timestep)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -78,11 +79,30 @@ def _lump_rows(
     nominal = problem.nominal.lumps_of(kinds).vector_of(kinds)
     truth = problem.open_plant().true_lumps()  # here, and only here, the truth meets the result
     true = np.full(len(names), np.nan) if truth is None else truth.vector_of(kinds, np.nan)
-    identified = factor * nominal
-    deviation, low, high = intervals
+    units = [lump_unit(lump) for lump in names]
+    return table_of((names, units), nominal, (factor, factor * nominal), intervals, (determined, true))
+
+
+def table_of(
+    names: tuple[Sequence[str], Sequence[str]],
+    nominal: Array,
+    found: tuple[Array, Array],
+    intervals: tuple[Array, Array, Array],
+    sure: tuple[NDArray[np.bool_], Array],
+) -> pd.DataFrame:
+    """What was found beside the truth, as `lumps_frame` has it, whatever is known of a plant.
+
+    Args:
+        names: of lumps or base parameters (nrow), and their units.
+        nominal: values (nrow).
+        found: what was identified as factors of these (nrow), and itself; NaN where it is not known.
+        intervals: standard deviations, lower and upper ends (nrow); NaN where there are none.
+        sure: which (nrow) are determined; and the true values, NaN where they are not known.
+    """
+    (name, unit), (factor, identified), (deviation, low, high), (determined, true) = names, found, intervals, sure
     columns = {
-        "name": names,
-        "unit": [lump_unit(lump) for lump in names],
+        "name": name,
+        "unit": unit,
         "nominal": nominal,
         "factor": factor,
         "identified": identified,

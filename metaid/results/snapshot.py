@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from metaid.errors import StudyError
 from metaid.results.best import first_of_best
@@ -158,3 +159,17 @@ def counted_states(trials: Sequence[Trial]) -> dict[str, int]:
 def surviving(trials: Sequence[Trial]) -> list[Trial]:
     """Those of the `trials` that neither fell nor failed."""
     return [trial for trial in trials if not trial.outcome.fell]
+
+
+def trial_columns(trials: Sequence[Trial]) -> dict[str, Any]:
+    """What a frame has of each trial (ntrial), whatever was searched: `number`, `state`, `value` (NaN where it failed),
+    `generation`, `steps`.
+    """
+    values = [np.nan if trial.outcome.failure is not None else trial.outcome.value for trial in trials]
+    return {
+        "number": np.array([trial.number for trial in trials], dtype=np.int64),
+        "state": pd.Categorical([trial.state.name for trial in trials], STATES),
+        "value": np.array(values, dtype=np.float64),
+        "generation": np.array([trial.generation for trial in trials], dtype=np.int64),
+        "steps": np.array([trial.outcome.steps for trial in trials], dtype=np.int64),
+    }

@@ -15,12 +15,12 @@ from metaid.results.body_tables import bodies_table, parameters_table
 from metaid.results.estimates import why_no_estimate
 from metaid.results.lump_tables import best_table, estimate_table, largest_error
 from metaid.results.snapshot import (
-    STATES,
     Snapshot,
     counted_states,
     read_snapshot,
     snapshot_of,
     surviving,
+    trial_columns,
     trials_by_stage,
 )
 from metaid.results.verdict import Verdict, judge
@@ -137,13 +137,7 @@ def trials_table(snapshot: Snapshot) -> pd.DataFrame:
     """The frame of `trials_frame`."""
     spec, trials = snapshot.spec, snapshot.trials
     names = list(itertools.chain(*spec.names))
-    heads = {
-        "number": np.array([trial.number for trial in trials], dtype=np.int64),
-        "state": pd.Categorical([trial.state.name for trial in trials], STATES),
-        "value": np.array([_value(trial) for trial in trials], dtype=np.float64),
-        "generation": np.array([trial.generation for trial in trials], dtype=np.int64),
-        "steps": np.array([trial.outcome.steps for trial in trials], dtype=np.int64),
-    }
+    heads = trial_columns(trials)
     periods = {
         f"periods_{joint + 1}": np.array([trial.outcome.periods[joint] for trial in trials], dtype=np.int64)
         for joint in range(len(spec.nominal))
@@ -160,7 +154,3 @@ def trials_table(snapshot: Snapshot) -> pd.DataFrame:
         lumps = snapshot.first.lump_factors(factors)
         searched_factors |= dict(zip(snapshot.first.names, lumps.T, strict=True))
     return pd.DataFrame({**heads, **periods, **searched_factors})
-
-
-def _value(trial: Trial) -> float:
-    return np.nan if trial.outcome.failure is not None else trial.outcome.value

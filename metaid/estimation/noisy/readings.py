@@ -70,7 +70,7 @@ class Readings(ReadingsInWindows[ReadTrial, Unknowns]):
         whose sizes are unknowns, too, behind the others.
         """
 
-        def compare(number: int, log_factors: Array, whitened: Array, windows: int) -> Compared | None:
+        def _compared(number: int, log_factors: Array, whitened: Array, windows: int) -> Compared | None:
             compared = self._compare(number, log_factors, whitened, windows)
             if compared is None:
                 return None
@@ -81,7 +81,7 @@ class Readings(ReadingsInWindows[ReadTrial, Unknowns]):
             count = len(log_factors)
             return values, np.concatenate([slopes[..., :count], further, slopes[..., count:]], axis=-1)
 
-        return self._eliminated(point, self.stages, compare, len(self.unknowns.names) + len(torques[0]))
+        return self._eliminated(point, self.stages, _compared, len(self.unknowns.names) + len(torques[0]))
 
     def replay(self, number: int, point: Array) -> Replay:
         """The trial of that `number`, some of its readings left out, and the twin at a `point` in its place."""

@@ -6,10 +6,9 @@ import numpy as np
 import pandas as pd
 
 from metaid.results.arms.arm_snapshot import ArmSnapshot
+from metaid.results.lump_tables import DEVIATIONS, table_of
+from metaid.results.snapshot import trial_columns
 from metaid.study import COARSEST
-
-DEVIATIONS = 1.96  # of a normal distribution, to either side, hold 95 %
-STATES = ["COMPLETE", "PRUNED", "FAIL"]
 
 
 def arm_trials_table(snapshot: ArmSnapshot) -> pd.DataFrame:
@@ -18,13 +17,7 @@ def arm_trials_table(snapshot: ArmSnapshot) -> pd.DataFrame:
     """
     trials, names = snapshot.trials, snapshot.problem.names
     values = np.array([trial.factors for trial in trials]).reshape(len(trials), len(names))
-    heads = {
-        "number": np.array([trial.number for trial in trials], dtype=np.int64),
-        "state": pd.Categorical([trial.state.name for trial in trials], STATES),
-        "value": np.array([np.nan if trial.outcome.failure else trial.outcome.value for trial in trials]),
-        "generation": np.array([trial.generation for trial in trials], dtype=np.int64),
-        "steps": np.array([trial.outcome.steps for trial in trials], dtype=np.int64),
-    }
+    heads = trial_columns(trials)
     return pd.DataFrame({**heads, **{name: values[:, i] for i, name in enumerate(names)}})
 
 
@@ -46,19 +39,8 @@ def base_table(snapshot: ArmSnapshot) -> pd.DataFrame:
             np.where(determined, each, np.nan) for each in (values, values - reach, values + reach)
         )
     true = np.full(len(nominal), np.nan) if snapshot.truth is None else base.of(snapshot.truth.parameters)
-    return pd.DataFrame(
-        {
-            "name": base.names,
-            "unit": base.units,
-            "nominal": nominal,
-            "factor": identified / np.where(nominal == 0.0, np.nan, nominal),
-            "identified": identified,
-            "sd": deviation,
-            "low": low,
-            "high": high,
-            "true": true,
-            "error": identified / np.where(true == 0.0, np.nan, true) - 1.0,
-            "determined": determined,
-            "expression": base.expressions,
-        }
+    factor = identified / np.where(nominal == 0.0, np.nan, nominal)
+    names, intervals = (base.names, base.units), (deviation, low, high)
+    return table_of(names, nominal, (factor, identified), intervals, (determined, true)).assign(
+        expression=base.expressions
     )
