@@ -15,17 +15,14 @@ import pandas as pd
 
 from metaid import results
 from metaid.episode import Episode, Outcome, tip_push
-from metaid.errors import EpisodeError, StorageError, StudyError
-from metaid.models import Array, Lumps, factors_from_names, kind_of
+from metaid.errors import EpisodeError, StorageError
+from metaid.models import Array, Lumps, factors_from_names
 from metaid.plant import MujocoPlant, load_chain
 from metaid.results import (
     PUSHES,
     Findings,
     Validation,
-    judge,
     read_findings,
-    read_snapshot,
-    validate_factors,
 )
 from metaid.store import DEFAULT_STORAGE, Store
 from metaid.study import (
@@ -235,7 +232,8 @@ def summary(name: str, storage: str | None = None) -> dict[str, Any]:
 
 
 def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: int = 0) -> Validation:
-    """Coasting and tracking with the identified lumps of a study, and with its nominal ones and the true ones beside.
+    """Coasting and tracking with the identified lumps of a study, and with its nominal ones and the true ones beside;
+    of an arm with its base parameters.
 
     A lump that the study does not determine keeps its nominal value.
 
@@ -249,17 +247,10 @@ def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: 
         StorageError: the DB has no such study.
         StudyError: no lump was found, or the plant is a rig.
     """
+    from metaid.results.arms import read_any_snapshot, validate_any
+
     with closing(Store(storage or default_storage())) as store:
-        snapshot = read_snapshot(store, name)
-    verdict, problem = judge(snapshot), snapshot.first
-    found = verdict.lumps.set_index("name")
-    factors = found["factor"].where(found["determined"], 1.0)
-    if factors.isna().any() or not found["determined"].any():
-        why = "; ".join(verdict.reasons)
-        raise StudyError(f"study '{name}' has nothing to validate: its verdict is '{verdict.word}': {why}")
-    inertia = factors[[lump for lump in found.index if kind_of(lump) == "inertia"]]
-    values = (inertia * found["nominal"][inertia.index]).to_numpy() if len(inertia) else None
-    return validate_factors(problem, factors[problem.names].to_numpy(), pushes, seed, values)
+        return validate_any(read_any_snapshot(store, name), pushes, seed)
 
 
 def model(name: str, storage: str | None = None, even_if_not_found: bool = False) -> IdentifiedModel:

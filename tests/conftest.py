@@ -194,6 +194,16 @@ def estimated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def arms(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A DB of real runs, not to be changed: `exact` and `noisy`, the same arm with a tenth of a milliradian of noise;
+    `bent`, whose nominal arm has another shape.
+    """
+    from arm_studies import make_arm_studies
+
+    return made_once(tmp_path_factory, "arms", make_arm_studies) / "arms.db"
+
+
+@pytest.fixture(scope="session")
 def server() -> Iterator[Postgres]:
     """One PostgreSQL server for all tests of a process."""
     with run_postgres() as running:

@@ -38,6 +38,17 @@ def show(name: str, storage: str, as_json: bool, bodies: bool) -> None:
             print_study(store, name, bodies)
 
 
+VALIDATED = {
+    "coasting_s": "coasting, s",
+    "coasting_natural_times": "coasting, √(l/g)",
+    "coasting_whole_horizon": "pushes that coast throughout",
+    "tracking_rms_deg": "rms tracking error, °",
+    "tracking_max_deg": "largest, °",
+    "tracking_rms_mm": "rms of slides, mm",
+    "tracking_max_mm": "largest, mm",
+}
+
+
 @click.command(epilog="\b\nExample:\n  metaid study validate three-link -o tracking.png")
 @name_argument
 @storage_option
@@ -50,12 +61,11 @@ def show(name: str, storage: str, as_json: bool, bodies: bool) -> None:
     "-o", "output", type=click.Path(path_type=Path), help="Draw tracking errors over time (.png, .pdf, .svg)."
 )
 def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, output: Path | None) -> None:
-    """Test the identified model: how long the pendulum coasts with it, and how well it tracks.
+    """Test the identified model: how long the plant coasts with it, and how well it tracks.
 
     The nominal model is tested likewise, and the true one where the plant knows it.
     """
     from metaid import api
-    from metaid.study import of_chain, stored_spec
 
     validation = api.validate(name, storage, pushes, seed)
     if output is not None:
@@ -67,27 +77,15 @@ def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, out
     if as_json:
         print_json({"study": name, **shown})
         return
-    columns = ("coasting_s", "coasting_natural_times", "tracking_rms_deg", "tracking_max_deg")
-    rows = [
-        [
-            row["model"],
-            *(number_text(row[key], ".3g") for key in columns[:2]),
-            str(row["coasting_whole_horizon"]),
-            *(number_text(row[key], ".3g") for key in columns[2:]),
-        ]
-        for row in shown["models"]
-    ]
-    heading = ["model", "coasting, s", "coasting, √(l/g)", "pushes that coast throughout"]
-    heading += ["rms tracking error, °", "largest, °"]
-    with open_store(storage) as store:
-        finds_inertia = of_chain(stored_spec(store, name)).study.finds_inertia
+    columns = {key: heading for key, heading in VALIDATED.items() if key in shown["models"][0]}
+    rows = [[row["model"], *(number_text(row[key], ".3g") for key in columns)] for row in shown["models"]]
     note = (
         f"Coasting is the median of {pushes} new pushes, each watched for {shown['horizon_s']:.3g} s. "
         "Tracking is by computed torque along smooth sinusoids."
     )
-    if not finds_inertia:
+    if validation.takes_nominal_inertia:
         note += " Inertia lumps were not searched: each has the nominal model's ratio to its gravity lump."
-    print_table(f"{name}: validation on {shown['plant']}", heading, rows, note)
+    print_table(f"{name}: validation on {shown['plant']}", ["model", *columns.values()], rows, note)
 
 
 @click.command(epilog="\b\nExample:\n  metaid study export three-link -o trials.csv")

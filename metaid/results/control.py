@@ -44,7 +44,7 @@ def smooth_sinusoids(
     timestep: float,
     seed: int = 0,
     harmonics: int = 1,
-    amplitude: float = AMPLITUDE,
+    amplitude: float | Array = AMPLITUDE,
     periods: tuple[float, float] = PERIODS,
 ) -> Motion:
     """A joint trajectory from rest upright, two of the slowest periods long.
@@ -53,11 +53,11 @@ def smooth_sinusoids(
 
     Args:
         njoint: the number of joints.
-        natural_time: √(l/g) of the chain, in s.
+        natural_time: √(l/g) of the chain, in s; or whatever time periods are to be counted by.
         timestep: in s.
         seed: of the random periods and amplitudes.
         harmonics: sinusoids in the motion of each joint.
-        amplitude: of the mean joint, in rad.
+        amplitude: of the mean joint, in rad, or of each (njoint), in rad or m.
         periods: the fastest and the slowest, in natural times; each sinusoid's period is drawn between them.
     """
     fastest, slowest = periods

@@ -10,17 +10,22 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from metaid.episode import REACH, natural_time, rich_pushes
 from metaid.errors import StudyError
-from metaid.models import Array, Chain, ChainModel, Lumps, compensation_torque
+from metaid.models import Array, Chain, ChainModel, Lumps, compensation_torque, kind_of
 from metaid.plant import MujocoPlant, Plant, Start
 from metaid.results.control import BANDWIDTH, smooth_sinusoids, track
+from metaid.results.snapshot import Snapshot
+from metaid.results.verdict import Verdict
 from metaid.study import HORIZON, Problem
 
 COASTING = 0.1  # a joint speed changed by more than this share of the fastest link's is no longer coasting
 COASTING_HORIZON = 100.0  # natural times for which coasting is watched
 PUSHES, MOST_PUSHES = 10, 1000
+DEGREES = 180.0 / np.pi
+Joints = slice | NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -28,8 +33,8 @@ class Validated:
     """How a plant moves with the lumps named `model`.
 
     `coasting` (npush): time, in s, for which each push coasts, at most the horizon; `errors` (nsteps x njoint): of the
-    joint angles along the trajectory, in rad, as far as it got before the chain was out of control; `tracked` is
-    whether it got to the end.
+    joint coordinates along the trajectory, in rad or m, as far as it got before the plant was out of control; `tracked`
+    is whether it got to the end.
     """
 
     model: str
@@ -40,47 +45,107 @@ class Validated:
     @property
     def rms_error(self) -> float:
         """Root of the mean square of the tracking errors, in rad; infinite if control was lost."""
-        return float(np.sqrt((self.errors**2).mean())) if self.tracked else np.inf
+        return self.rms_of(slice(None))
 
-    @property
-    def max_error(self) -> float:
-        """Largest tracking error, in rad; infinite if control was lost."""
-        return float(np.abs(self.errors).max()) if self.tracked else np.inf
+    def rms_of(self, joints: Joints) -> float:
+        """The same of some `joints`, in rad or m."""
+        return float(np.sqrt((self.errors[:, joints] ** 2).mean())) if self.tracked else np.inf
+
+    def max_of(self, joints: Joints) -> float:
+        """Their largest tracking error, in rad or m; infinite if control was lost."""
+        return float(np.abs(self.errors[:, joints]).max()) if self.tracked else np.inf
 
 
 @dataclass(frozen=True)
 class Validation:
-    """`models` compared on one `plant`; `pushes` (npush x njoint) in N s, the others in s."""
+    """`models` compared on one `plant`.
+
+    Attributes:
+        plant: its name.
+        seed: of the pushes.
+        pushes: of a chain impulses (npush x njoint), in N s; of an arm joint coordinates and speeds at the starts
+            (npush x 2 x njoint).
+        timestep: in s.
+        horizon: for which each push was watched, in s.
+        models: as they did.
+        natural_time: √(l/g) of a chain, in s; None of an arm.
+        slides: which joints of an arm are slides (njoint), and no hinges; None of a chain.
+        takes_nominal_inertia: whether inertia lumps were not searched, so that every model took the nominal ratios.
+    """
 
     plant: str
     seed: int
     pushes: Array
     timestep: float
-    natural_time: float
     horizon: float
     models: tuple[Validated, ...]
+    natural_time: float | None = None
+    slides: NDArray[np.bool_] | None = None
+    takes_nominal_inertia: bool = False
+
+    @property
+    def kinds(self) -> dict[str, tuple[Joints, float]]:
+        """The joints of each kind, by the unit that their errors are shown in, and how many of it a rad or m is."""
+        if self.slides is None:
+            return {"deg": (slice(None), DEGREES)}
+        kinds = {"deg": (~self.slides, DEGREES), "mm": (self.slides, 1e3)}
+        return {unit: (joints, scale) for unit, (joints, scale) in kinds.items() if joints.any()}
 
     def summary(self) -> dict[str, Any]:
         """What `metaid study validate --json` prints; None for the tracking error of a model that lost control."""
 
-        def degrees(radians: float) -> float | None:
-            return float(np.degrees(radians)) if np.isfinite(radians) else None
-
         def row(shown: Validated) -> dict[str, Any]:
             median = float(np.median(shown.coasting))
+            natural = {} if self.natural_time is None else {"coasting_natural_times": median / self.natural_time}
+            tracking = {
+                f"tracking_{size}_{unit}": scale * error if np.isfinite(error) else None
+                for unit, (joints, scale) in self.kinds.items()
+                for size, error in (("rms", shown.rms_of(joints)), ("max", shown.max_of(joints)))
+            }
             return {
                 "model": shown.model,
                 "coasting_s": median,
-                "coasting_natural_times": median / self.natural_time,
+                **natural,
                 "coasting_each_s": shown.coasting.tolist(),
                 "coasting_whole_horizon": int((shown.coasting >= self.horizon).sum()),
-                "tracking_rms_deg": degrees(shown.rms_error),
-                "tracking_max_deg": degrees(shown.max_error),
+                **tracking,
             }
 
+        natural = {} if self.natural_time is None else {"natural_time_s": self.natural_time}
         head = {"plant": self.plant, "seed": self.seed, "pushes": len(self.pushes)}
-        times = {"natural_time_s": self.natural_time, "horizon_s": self.horizon}
-        return {**head, **times, "models": [row(shown) for shown in self.models]}
+        return {**head, **natural, "horizon_s": self.horizon, "models": [row(shown) for shown in self.models]}
+
+
+def check_pushes(pushes: int, seed: int) -> None:
+    """Raises StudyError where so many pushes, or such a seed, are not allowed."""
+    if not 1 <= pushes <= MOST_PUSHES or seed < 0:
+        raise StudyError(f"pushes is {pushes} and seed is {seed} (allowed: 1 to {MOST_PUSHES} pushes, a seed from 0)")
+
+
+def fresh_seed(study_seed: int, seed: int) -> int:
+    """Of a stream of random numbers that no study's pushes come from."""
+    return int(np.random.SeedSequence([study_seed, seed]).generate_state(1)[0])
+
+
+def validate_chain(snapshot: Snapshot, verdict: Verdict, pushes: int = PUSHES, seed: int = 0) -> Validation:
+    """`validate_factors` of what a study found; a lump that it does not determine keeps its nominal value.
+
+    Args:
+        snapshot: of the study.
+        verdict: on it.
+        pushes: how many pushes, which the search never used.
+        seed: of these pushes.
+
+    Raises:
+        StudyError: no lump was found, or as `validate_factors` does.
+    """
+    found = verdict.lumps.set_index("name")
+    factors = found["factor"].where(found["determined"], 1.0)
+    if factors.isna().any() or not found["determined"].any():
+        raise verdict.refusal(snapshot.name, "nothing to validate")
+    inertia = factors[[lump for lump in found.index if kind_of(lump) == "inertia"]]
+    values = (inertia * found["nominal"][inertia.index]).to_numpy() if len(inertia) else None
+    return validate_factors(snapshot.first, factors[snapshot.first.names].to_numpy(), pushes, seed, values)
 
 
 def validate_factors(
@@ -98,8 +163,7 @@ def validate_factors(
     Raises:
         StudyError: the number of pushes or the seed is not allowed, or the plant is a rig.
     """
-    if not 1 <= pushes <= MOST_PUSHES or seed < 0:
-        raise StudyError(f"pushes is {pushes} and seed is {seed} (allowed: 1 to {MOST_PUSHES} pushes, a seed from 0)")
+    check_pushes(pushes, seed)
     plant, nominal = problem.make_plant(), problem.nominal
     time = natural_time(nominal, plant.gravity)
     fresh = fresh_pushes(plant, pushes, REACH / (HORIZON * time), problem.spec.study.seed, seed)
@@ -116,7 +180,8 @@ def validate_factors(
         return Validated(name, coasting, *tracking_errors(plant, lumps, nominal))
 
     models = tuple(validated(name, lumps) for name, lumps in candidates.items())
-    return Validation(plant.name, seed, fresh, plant.timestep, time, steps * plant.timestep, models)
+    horizon, assumed = steps * plant.timestep, inertia is None
+    return Validation(plant.name, seed, fresh, plant.timestep, horizon, models, time, takes_nominal_inertia=assumed)
 
 
 def _with_nominal_inertia_ratio(lumps: Lumps, nominal: Chain) -> Lumps:
@@ -137,8 +202,7 @@ def fresh_pushes(plant: Plant, count: int, peak_speed: float, study_seed: int, s
     Returns:
         The impulses (count x njoint), in N s.
     """
-    stream = int(np.random.SeedSequence([study_seed, seed]).generate_state(1)[0])
-    return rich_pushes(plant, count, peak_speed, stream)
+    return rich_pushes(plant, count, peak_speed, fresh_seed(study_seed, seed))
 
 
 def coasting_time(plant: Plant, lumps: Lumps, impulses: Array, steps: int) -> float:

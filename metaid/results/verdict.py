@@ -13,6 +13,8 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
+from metaid.errors import StudyError
+from metaid.models import Array
 from metaid.results.best import best_trial
 from metaid.results.estimates import why_no_estimate
 from metaid.results.lump_tables import best_table, estimate_table
@@ -39,6 +41,16 @@ class Verdict:
     @property
     def is_found(self) -> bool:
         return self.word == "found"
+
+    @property
+    def values(self) -> Array:
+        """The lumps as they are to be used: one that is not determined keeps its nominal value."""
+        return self.lumps["identified"].where(self.lumps["determined"], self.lumps["nominal"]).to_numpy()
+
+    def refusal(self, name: str, nothing: str, way_out: str = "") -> StudyError:
+        """The error of a study of that `name` that has `nothing` to give without a result, and what can be done."""
+        why = "; ".join(self.reasons)
+        return StudyError(f"study '{name}' has {nothing}: its verdict is '{self.word}': {why}{way_out}")
 
 
 def judge(snapshot: Snapshot) -> Verdict:

@@ -11,7 +11,8 @@ import mujoco
 import numpy as np
 import optuna
 import pytest
-from conftest import Finished, made_once
+from arm_studies import ARM, spec_of, with_noise
+from conftest import Finished
 from optuna_dashboard import get_note
 
 from metaid import results
@@ -22,38 +23,6 @@ from metaid.store import Store
 from metaid.study import ArmSpec, create_study, load_study, run_study
 
 Metaid = Callable[..., Finished]
-ARM = "spatial-three-link"
-
-
-def spec_of(**changes: object) -> ArmSpec:
-    """The study of the arm to learn on."""
-    spec = load_study(ARM, changes)
-    assert isinstance(spec, ArmSpec)
-    return spec
-
-
-def with_noise(spec: ArmSpec, size: float) -> ArmSpec:
-    """The same on sensors with noise of so many rad, and no sensor of speed."""
-    faults = spec.plant.faults.model_copy(update={"angle_noise": size, "speed_sensor": False})
-    return spec.model_copy(update={"plant": spec.plant.model_copy(update={"faults": faults})})
-
-
-@pytest.fixture(scope="module")
-def arms(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A DB of real runs, not to be changed: `exact` and `noisy`, the same arm with a tenth of a milliradian of noise;
-    `bent`, whose nominal arm has another shape.
-    """
-
-    def make(folder: Path) -> None:
-        exact = spec_of()
-        longer = tuple((x, y, 1.01 * z) for x, y, z in exact.nominal.position)
-        bent = exact.model_copy(update={"nominal": exact.nominal.model_copy(update={"position": longer})})
-        with closing(Store(str(folder / "arms.db"), create=True)) as store:
-            for name, spec, trials in (("exact", exact, 4), ("noisy", with_noise(exact, 1e-4), 2), ("bent", bent, 1)):
-                study = spec.study.model_copy(update={"trials": trials})
-                run_study(store, create_study(store, spec.model_copy(update={"study": study}), name))
-
-    return made_once(tmp_path_factory, "arms", make) / "arms.db"
 
 
 def test_one_trial_finds_all_base_parameters_of_an_arm(arms: Path) -> None:
@@ -131,7 +100,7 @@ def test_commands_show_list_and_export_an_arm(arms: Path, metaid: Metaid, tmp_pa
     assert "kinetic" in metaid("study", "list", *storage).out
     assert metaid("study", "export", "exact", *storage, "-o", "trials.csv").status == 0
     assert (tmp_path / "trials.csv").read_text().startswith("number,state,value,generation,steps,zz1,")
-    for command in (["plot", "-o", "pictures"], ["report", "-o", "report.html"], ["validate"]):
+    for command in (["plot", "-o", "pictures"], ["report", "-o", "report.html"]):
         refused = metaid("study", command[0], "exact", *storage, *command[1:])
         assert (refused.status, refused.out) == (2, "")
         assert "is of the arm spatial-three-link" in refused.err

@@ -1,11 +1,12 @@
 """Arms at full speed: their dynamics, an episode around MuJoCo's step, and the twins that an estimate compares.
 
 `ArmLoop` runs episodes of a simulated arm, and `ArmObjective` makes outcomes of them. `follow_laws` and
-`follow_torques` run simulated twins.
+`follow_torques` run simulated twins. `arm_coasting_steps` and `track_arm` say what a model is worth.
 """
 
 from metaid.compiled.arms.arm_loop import ArmLoop, commanded_arm_torques
 from metaid.compiled.arms.arm_objective import ArmObjective
+from metaid.compiled.arms.arm_validation import arm_coasting_steps, track_arm
 from metaid.compiled.arms.dynamics import Frames, frames_of
 from metaid.compiled.arms.twins import Followed, follow_laws, follow_torques
 
@@ -14,8 +15,10 @@ __all__ = [
     "ArmObjective",
     "Followed",
     "Frames",
+    "arm_coasting_steps",
     "commanded_arm_torques",
     "follow_laws",
     "follow_torques",
     "frames_of",
+    "track_arm",
 ]

@@ -7,10 +7,18 @@ import warnings
 import numpy as np
 from numba.extending import overload
 
-from metaid.compiled.arms.dynamics import Frames, fill_mass_matrix, frames_of, joint_torques, move_links, new_space
+from metaid.compiled.arms.dynamics import (
+    Frames,
+    accelerating_torques,
+    fill_mass_matrix,
+    frames_of,
+    new_space,
+    squared_speed,
+)
 from metaid.compiled.decorator import compiled
 from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.stages import (
+    DirectStep,
     MujocoStep,
     agrees_with_mj_step,
     direct_step,
@@ -22,7 +30,7 @@ from metaid.compiled.stages import (
 from metaid.compiled.undocumented import class_of
 from metaid.episode import QUANTITIES, SensorReadings, Windows
 from metaid.episode.arms import ArmEpisode, ArmRecord, run_arm_stepwise, same_arm_record, sensor_noise
-from metaid.models import SLIDING, Array
+from metaid.models import Array
 from metaid.models.tree import Tree
 from metaid.plant import slope_weights
 from metaid.plant.arms import ArmPlant
@@ -45,9 +53,7 @@ class ArmLoop:
         self.plant, self.nominal, self.episode = plant, nominal, episode
         self._frames = frames_of(nominal)
         self._space = new_space(plant.njoint)
-        with quiet_mujoco():
-            make = direct_step if agrees_with_mj_step(plant.model, plant.data) else mujoco_step
-        self._step = make(plant.model, plant.data)
+        self._step = fastest_arm_step(plant)
         self.is_compiled = True
         if not self._agrees():
             self.is_compiled = False
@@ -94,6 +100,15 @@ class ArmLoop:
         windows = Windows(ends, seen, motion, np.zeros((npush, len(ends), n), dtype=np.int64))
         kept = SensorReadings(whole + 1, angles, speeds if faults.speed_sensor else None) if faults.named else None
         return ArmRecord(plant.timestep, steps, fell, energies[:, 0], energies[:, 1], windows, kept)
+
+
+def fastest_arm_step(plant: ArmPlant) -> MujocoStep | DirectStep:
+    """How a compiled loop moves an arm on: MuJoCo's stages one by one, or `mj_step` where these are not the same to the
+    last bit.
+    """
+    with quiet_mujoco():
+        make = direct_step if agrees_with_mj_step(plant.model, plant.data) else mujoco_step
+    return make(plant.model, plant.data)
 
 
 def commanded_arm_torques(
@@ -178,8 +193,8 @@ def _run(plant, models, starts, stiffness, sensors, settings, work, outputs):  #
                 jump[i] = speeds[push, step, i] - speed_before[i] - timestep * pull[i]
                 squares[i] += speed_before[i] * speed_before[i]
                 jumps[i] += jump[i] * jump[i]
-            energies[push, 0] += timestep * _measured(space.mass_matrix, speed_before)
-            energies[push, 1] += _measured(space.mass_matrix, jump) / timestep
+            energies[push, 0] += timestep * squared_speed(space.mass_matrix, speed_before)
+            energies[push, 1] += squared_speed(space.mass_matrix, jump) / timestep
             if window < ends.shape[0] and step == ends[window]:
                 for i in range(n):
                     motion[push, window, 0, i] = angles[push, step, i]
@@ -214,11 +229,7 @@ def _command(frames, law, start, stiffness, position, speed, space, pull, torque
     """Fills in the torque of a law, and what it asks for.  Eq. 43."""
     for i in range(pull.shape[0]):
         pull[i] = -stiffness * (position[i] - start[0, i])
-    move_links(frames, position, speed, pull, space)
-    joint_torques(frames, law, space, torque)
-    for i in range(pull.shape[0]):
-        torque[i] += law[i, 10] * pull[i] + law[i, 11] * speed[i]
-        torque[i] += law[i, 12] * min(max(speed[i] * (1.0 / SLIDING), -1.0), 1.0)  # Eq. 15
+    accelerating_torques(frames, law, position, speed, pull, space, torque)
 
 
 @compiled
@@ -228,15 +239,3 @@ def _command_all(frames, law, starts, stiffness, angles, speeds, space, pull, to
         for step in range(torques.shape[1]):
             position, speed = angles[push, step], speeds[push, step]
             _command(frames, law, starts[push], stiffness[push], position, speed, space, pull, torques[push, step])
-
-
-@compiled
-def _measured(matrix, vector):  # type: ignore[no-untyped-def]
-    """vᵀ M v with the lower triangle of M."""
-    whole = 0.0
-    for i in range(vector.shape[0]):
-        row = 0.5 * matrix[i, i] * vector[i]
-        for j in range(i):
-            row += matrix[i, j] * vector[j]
-        whole += 2.0 * vector[i] * row
-    return whole

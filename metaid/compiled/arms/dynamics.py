@@ -11,7 +11,7 @@ import numpy as np
 
 from metaid.compiled.arms.vectors import cross, dot, inward, outward, plus, put, symmetric, times, triple
 from metaid.compiled.decorator import compiled
-from metaid.models import Array
+from metaid.models import SLIDING, Array
 from metaid.models.tree import Tree
 
 
@@ -126,6 +126,26 @@ def joint_torques(frames, parameters, space, torque):  # type: ignore[no-untyped
 
 
 @compiled
+def accelerating_torques(frames, parameters, qpos, qvel, qacc, space, torque):  # type: ignore[no-untyped-def]
+    """Works out what accelerates an arm, rotors and friction included.  Eq. 39.
+
+    Args:
+        frames: of the arm.
+        parameters: of the joints and links (njoint x 13).
+        qpos: joint coordinates (njoint), in rad or m.
+        qvel: joint speeds (njoint), in rad/s or m/s.
+        qacc: joint accelerations that are wanted (njoint), in rad/s² or m/s².
+        space: filled in.
+        torque: of the joints (njoint), filled in.
+    """
+    move_links(frames, qpos, qvel, qacc, space)
+    joint_torques(frames, parameters, space, torque)
+    for i in range(torque.shape[0]):
+        torque[i] += parameters[i, 10] * qacc[i] + parameters[i, 11] * qvel[i]
+        torque[i] += parameters[i, 12] * min(max(qvel[i] * (1.0 / SLIDING), -1.0), 1.0)  # Eq. 15
+
+
+@compiled
 def fill_mass_matrix(frames, parameters, space):  # type: ignore[no-untyped-def]
     """Fills in the mass matrix where the links are: the torque that turns each joint alone, with all that it carries
     as one body. Rotors are included.
@@ -152,6 +172,18 @@ def fill_mass_matrix(frames, parameters, space):  # type: ignore[no-untyped-def]
             matrix_of[i, j] = dot(other, moment) if frames.is_slide[j] == 0.0 else dot(other, force)
         if i > 0:
             _add_carried(own, first, inertia, matrix, triple(space.place[i]), carried[i - 1])
+
+
+@compiled
+def squared_speed(matrix, vector):  # type: ignore[no-untyped-def]
+    """vᵀ M v with the lower triangle of M."""
+    whole = 0.0
+    for i in range(vector.shape[0]):
+        row = 0.5 * matrix[i, i] * vector[i]
+        for j in range(i):
+            row += matrix[i, j] * vector[j]
+        whole += 2.0 * vector[i] * row
+    return whole
 
 
 @compiled

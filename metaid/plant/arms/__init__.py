@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from metaid.plant.arms.lean import arm_model, build_arm_spec, set_parameters
     from metaid.plant.arms.reading import Arm, read_arm
     from metaid.plant.arms.shapes import Surface, rod, surfaces
-    from metaid.plant.arms.starts import draw_starts
+    from metaid.plant.arms.starts import draw_free_starts, draw_starts
 
 __all__ = [
     "Arm",
@@ -26,13 +26,15 @@ __all__ = [
     "Surface",
     "arm_model",
     "build_arm_spec",
+    "draw_free_starts",
     "draw_starts",
     "read_arm",
     "rod",
     "set_parameters",
     "surfaces",
 ]
-_LOADS_MUJOCO = {"Arm": "reading", "read_arm": "reading", "draw_starts": "starts"}
+_LOADS_MUJOCO = {"Arm": "reading", "read_arm": "reading"}
+_LOADS_MUJOCO |= dict.fromkeys(("draw_free_starts", "draw_starts"), "starts")
 _LOADS_MUJOCO |= dict.fromkeys(("Surface", "rod", "surfaces"), "shapes")
 _LOADS_MUJOCO |= dict.fromkeys(("arm_model", "build_arm_spec", "set_parameters"), "lean")
 

@@ -56,6 +56,21 @@ def draw_starts(plant: ArmPlant, count: int, horizon: float, seed: int, speed: f
             raise PlantError(f"plant {plant.name}: MuJoCo cannot tell what touches what: {problem}") from None
 
 
+def draw_free_starts(tree: Tree, count: int, horizon: float, seed: int, speed: float = SPEED) -> tuple[ArmStart, ...]:
+    """The same for an arm without shapes, as the simulated one is: its coasts stay within the joint ranges.
+
+    Args:
+        tree: that is pushed.
+        count: the number of starts.
+        horizon: of a coast, in s.
+        seed: of the random numbers.
+        speed: of the fastest joint at most, in rad/s; see `draw_starts`.
+    """
+    random = np.random.Generator(np.random.SFC64([seed]))
+    ranges = _ranges(tree, np.zeros(tree.njoint))
+    return tuple(_proposed(tree, ranges, horizon, speed, random) for _ in range(count))
+
+
 def _ranges(tree: Tree, home: Array) -> Array:
     """From where to where the joints may move (2 x njoint), in rad or m."""
     beyond = np.where(tree.slides, REACH, np.pi)
@@ -66,21 +81,28 @@ def _ranges(tree: Tree, home: Array) -> Array:
     return np.stack([low + margin, high - margin])
 
 
+def _proposed(tree: Tree, ranges: Array, horizon: float, speed: float, random: np.random.Generator) -> ArmStart:
+    """A start from which an ideal coast stays within the `ranges` (2 x njoint)."""
+    low, high = ranges
+    fastest = np.minimum(np.where(tree.slides, SLIDE * speed, speed), 0.5 * (high - low) / horizon)
+    speeds = fastest * random.uniform(-1.0, 1.0, tree.njoint)
+    way = horizon * speeds
+    first = low - np.minimum(way, 0.0)
+    pose = first + (high - np.maximum(way, 0.0) - first) * random.uniform(size=tree.njoint)
+    return ArmStart(pose, speeds)
+
+
 def _draw(
     plant: ArmPlant, clear: Clearance, ranges: Array, horizon: float, speed: float, random: np.random.Generator
 ) -> ArmStart:
-    (low, high), tree = ranges, plant.tree
-    fastest = np.minimum(np.where(tree.slides, SLIDE * speed, speed), 0.5 * (high - low) / horizon)
     met: Counter[str] = Counter()
     for _ in range(DRAWS):
-        speeds = fastest * random.uniform(-1.0, 1.0, tree.njoint)
-        way = horizon * speeds
-        first = low - np.minimum(way, 0.0)
-        pose = first + (high - np.maximum(way, 0.0) - first) * random.uniform(size=tree.njoint)
+        start = _proposed(plant.tree, ranges, horizon, speed, random)
+        way = horizon * start.speeds
         looks = np.linspace(0.0, 1.0, 1 + int(np.ceil(np.abs(way).max() / FINE)))
-        touching = next((pair for share in looks if (pair := clear.met(pose + share * way))), None)
+        touching = next((pair for share in looks if (pair := clear.met(start.pose + share * way))), None)
         if touching is None:
-            return ArmStart(pose, speeds)
+            return start
         met[touching] += 1
     pair, often = met.most_common(1)[0]
     raise PlantError(

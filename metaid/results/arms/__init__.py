@@ -3,7 +3,7 @@
 from metaid.results.arms.arm_snapshot import ArmSnapshot
 from metaid.results.arms.arm_tables import arm_trials_table
 from metaid.results.arms.arm_verdict import arm_summary, judge_arm
-from metaid.results.arms.either import AnySnapshot, judge_any, read_any_snapshot
+from metaid.results.arms.either import AnySnapshot, judge_any, read_any_snapshot, validate_any
 
 __all__ = [
     "AnySnapshot",
@@ -13,4 +13,5 @@ __all__ = [
     "judge_any",
     "judge_arm",
     "read_any_snapshot",
+    "validate_any",
 ]

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-import numpy as np
-
+from metaid.models import Array
 from metaid.models.tree import model_error
 from metaid.results.arms.arm_snapshot import ArmSnapshot
 from metaid.results.arms.arm_tables import base_table
@@ -70,11 +69,15 @@ def arm_summary(snapshot: ArmSnapshot, verdict: Verdict) -> dict[str, Any]:
 
 def _model_error(snapshot: ArmSnapshot, verdict: Verdict) -> dict[str, float] | None:
     """How wrong the identified arm is on states that no trial has seen; None where nothing was found, or the truth is
-    not known. A base parameter that is not determined keeps its nominal value.
+    not known.
     """
     if snapshot.truth is None or not verdict.is_found:
         return None
-    belief = snapshot.problem.belief
-    identified = verdict.lumps["identified"].to_numpy()
-    values = np.where(np.isnan(identified), belief.values, identified)
-    return asdict(model_error(snapshot.truth, belief.parameters_at(values)))
+    return asdict(model_error(snapshot.truth, identified_parameters(snapshot, verdict)))
+
+
+def identified_parameters(snapshot: ArmSnapshot, verdict: Verdict) -> Array:
+    """Parameters of the identified arm (njoint x 13), the most probable that have its base parameters. A base parameter
+    that is not determined keeps its nominal value.
+    """
+    return snapshot.problem.belief.parameters_at(verdict.values)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
-import numpy as np
 import pandas as pd
 
 import metaid
@@ -21,11 +20,7 @@ def identified_arm(snapshot: ArmSnapshot, even_if_not_found: bool = False) -> Id
     if found is None or not (verdict.is_found or even_if_not_found):
         raise no_model(snapshot.name, verdict, can_be_forced=found is not None)
     table = verdict.lumps.copy()
-    table["value"] = (
-        table["identified"].where(table["determined"], table["nominal"])
-        if verdict.is_found
-        else np.asarray(found.estimate.values)
-    )
+    table["value"] = verdict.values if verdict.is_found else found.estimate.values
     spec = snapshot.spec
     about = {
         "plant": spec.plant_name,

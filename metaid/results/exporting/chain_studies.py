@@ -27,7 +27,7 @@ def identified_chain(snapshot: Snapshot, even_if_not_found: bool = False) -> Ide
     if not verdict.is_found and (guess is None or not even_if_not_found):
         raise no_model(snapshot.name, verdict, can_be_forced=guess is not None)
     table = verdict.lumps.copy()
-    table["value"] = table["identified"].where(table["determined"], table["nominal"]) if guess is None else guess
+    table["value"] = verdict.values if guess is None else guess
     lumps = _lumps_of(dict(zip(table["name"], table["value"], strict=True)), problem.nominal.lumps_of(IDEAL))
     names = lumps.names
     known = np.isin(names, table["name"] if guess is not None else table["name"][table["determined"]])

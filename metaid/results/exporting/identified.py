@@ -169,8 +169,7 @@ class IdentifiedModel:
 def no_model(name: str, verdict: Verdict, can_be_forced: bool) -> StudyError:
     """Why the study of that `name` has no identified model; and how to ask for what there is, where something is."""
     how = " (--even-if-not-found, in Python even_if_not_found=True, gives what there is)" if can_be_forced else ""
-    why = "; ".join(verdict.reasons)
-    return StudyError(f"study '{name}' has no identified model: its verdict is '{verdict.word}': {why}{how}")
+    return verdict.refusal(name, "no identified model", how)
 
 
 def _mjcf(model: IdentifiedModel) -> str:

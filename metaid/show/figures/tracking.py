@@ -13,15 +13,18 @@ from metaid.show.figures.style import COLOURS, PAGE, new_axes, save, style, verb
 
 
 def plot_tracking(validation: Validation, axes: Axes | None = None) -> Axes:
-    """The largest joint error, in degrees, over time, in s, with each model of a validation."""
+    """The largest joint error, in degrees, over time, in s, with each model of a validation; in mm of an arm of slides
+    alone. Beside hinges slides are left out.
+    """
     axes = new_axes(axes)
+    unit, (joints, scale) = next(iter(validation.kinds.items()))
     for shown, colour in zip(validation.models, COLOURS, strict=False):
-        error = np.degrees(np.abs(shown.errors).max(axis=1))
+        error = scale * np.abs(shown.errors[:, joints]).max(axis=1)
         label = shown.model if shown.tracked else f"{shown.model} (lost control)"
         line = "--" if shown.model == "true" else "-"  # a good identified model lies exactly under it
         axes.plot(validation.timestep * np.arange(len(error)), error, line, color=colour, label=label)
     axes.set_xlabel("time, s")
-    axes.set_ylabel("largest joint error, degrees")
+    axes.set_ylabel(f"largest joint error, {'degrees' if unit == 'deg' else unit}")
     axes.grid(True)
     axes.legend()
     return axes

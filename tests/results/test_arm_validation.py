@@ -1,0 +1,132 @@
+"""What an identified arm is worth: it coasts and tracks where the nominal one does not."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from arm_studies import spec_of
+from conftest import Finished
+from random_arm import random_arm, wrong_tree
+
+import metaid as package
+from metaid.compiled.arms import arm_coasting_steps, track_arm
+from metaid.errors import StudyError
+from metaid.models import Array
+from metaid.models.tree import Tree, joint_mass_matrix, joint_torque
+from metaid.plant.arms import ArmPlant, ArmSettings, ArmStart, draw_free_starts
+from metaid.results.control import smooth_sinusoids
+from metaid.results.validation import Validated, Validation
+
+Metaid = Callable[..., Finished]
+STEPS = 60
+
+
+def plant_of(tree: Tree) -> ArmPlant:
+    """A plant that is this arm."""
+    return ArmPlant("arm", ArmSettings(mjcf="arm.xml"), tree)
+
+
+def coasted_stepwise(plant: ArmPlant, law: Tree, metric: Tree, start: ArmStart, share: float) -> int:
+    """For how many steps a push coasts, in plain Python."""
+    plant.push(start)
+    for step in range(STEPS + 1):
+        angles, speeds = plant.states()
+        matrix, change = joint_mass_matrix(metric, angles), speeds - start.speeds
+        if not change @ matrix @ change <= share**2 * start.speeds @ matrix @ start.speeds:
+            return step - 1
+        plant.apply_torque(joint_torque(law, angles, speeds, np.zeros(plant.njoint)))
+        plant.step()
+    return STEPS
+
+
+def tracked_stepwise(plant: ArmPlant, law: Tree, metric: Tree, desired: tuple[Array, Array, Array], k: float) -> Array:
+    """Joint coordinates along a motion, in plain Python."""
+    plant.push(ArmStart(desired[0][0], np.zeros(plant.njoint)))
+    seen = []
+    for angle, speed, acceleration in zip(*desired, strict=True):
+        angles, speeds = plant.states()
+        if not np.abs(angle - angles).max() <= 1.0:
+            break
+        seen.append(angles)
+        correction = k**2 * (angle - angles) + 2.0 * k * (speed - speeds)
+        torque = joint_torque(law, angles, speed, acceleration) + joint_mass_matrix(metric, angles) @ correction
+        plant.apply_torque(torque)
+        plant.step()
+    return np.array(seen)
+
+
+@pytest.mark.parametrize("tree", [random_arm(4, 1, friction=False), random_arm(3, 3, (1,))], ids=["hinges", "slide"])
+def test_compiled_loops_of_an_arm_give_the_numbers_of_plain_python(tree: Tree) -> None:
+    """Coasting and tracking, with hinges and a slide, with and without dry friction, and where control is lost."""
+    plant, metric = plant_of(tree), wrong_tree(tree, 1)
+    starts = draw_free_starts(tree, 3, 0.3, seed=1)
+    for law in (tree, metric):
+        laws = law.parameters, metric.parameters
+        expected = [coasted_stepwise(plant, law, metric, start, 0.1) for start in starts]
+        assert arm_coasting_steps(plant, laws, starts, STEPS, 0.1).tolist() == expected
+        assert (min(expected) == STEPS) == (law is tree)
+    motion = smooth_sinusoids(tree.njoint, 0.04, plant.timestep, amplitude=0.1)
+    desired = motion.angles, motion.speeds, motion.accelerations
+    wild = tree.with_parameters(-30.0 * tree.parameters)
+    for law in (tree, metric, wild):
+        seen = track_arm(plant, (law.parameters, tree.parameters), desired, 10.0, 1.0)
+        assert (len(seen) == len(motion.angles)) == (law is not wild)
+        np.testing.assert_allclose(seen, tracked_stepwise(plant, law, tree, desired, 10.0), rtol=0, atol=1e-7)
+
+
+def test_coasts_of_a_validation_stay_in_the_ranges_and_are_others_than_those_of_the_search(arms: Path) -> None:
+    """Even with equal seeds; another seed means others."""
+    spec, seen = spec_of(), []
+    tree = spec.nominal.tree
+    for seed in (0, 1):
+        pushes = package.validate("exact", str(arms), pushes=8, seed=seed).pushes
+        for when in (0.0, 1.0):
+            assert (tree.low <= pushes[:, 0] + when * pushes[:, 1]).all()
+            assert (pushes[:, 0] + when * pushes[:, 1] <= tree.high).all()
+        seen.append(pushes)
+    searched = np.array([start.pose for start in spec.arm_starts])
+    assert not np.isclose(seen[0], seen[1]).any()
+    assert not np.isclose(seen[0][:, None, 0], searched).any()
+
+
+def test_identified_arm_coasts_and_tracks_as_the_true_one_and_the_nominal_does_not(arms: Path, metaid: Metaid) -> None:
+    """On the command line, as JSON, as a table and as a figure."""
+    storage = ("--storage", str(arms))
+    shown = json.loads(metaid("study", "validate", "exact", *storage, "--pushes", "3", "--json", "-o", "t.png").out)
+    models = {row["model"]: row for row in shown["models"]}
+    assert models["identified"]["coasting_whole_horizon"] == models["true"]["coasting_whole_horizon"] == 3
+    assert models["nominal"]["coasting_s"] < 0.2 * models["identified"]["coasting_s"]
+    for key in ("tracking_rms_deg", "tracking_max_deg"):
+        assert models["identified"][key] == pytest.approx(models["true"][key], rel=1e-3)
+        assert models["identified"][key] < 0.1 * models["nominal"][key]
+    assert shown == {"study": "exact", **package.validate("exact", str(arms), pushes=3).summary()}
+    assert Path("t.png").read_bytes().startswith(b"\x89PNG")
+    table = metaid("study", "validate", "exact", *storage, "--pushes", "1").out
+    assert all(word in table for word in ("nominal", "identified", "true", "coasting, s", "rms tracking error, °"))
+    assert "√(l/g)" not in table
+
+
+def test_arm_that_was_not_found_has_nothing_to_validate(arms: Path, metaid: Metaid) -> None:
+    """One line says so and why, as of a chain; so it does of numbers that are not allowed."""
+    refused = metaid("study", "validate", "bent", "--storage", str(arms), "-o", "t.png")
+    assert (refused.status, refused.out, refused.err.count("\n")) == (2, "", 1)
+    assert "'bent' has nothing to validate: its verdict is 'not found': the model does not explain" in refused.err
+    assert not Path("t.png").exists()
+    with pytest.raises(StudyError, match="1 to 1000 pushes"):
+        package.validate("exact", str(arms), pushes=0)
+
+
+def test_errors_of_slides_are_said_apart_in_millimetres() -> None:
+    """And no error is said of a model that lost control."""
+    errors = np.array([[0.1, 0.002], [-0.1, -0.004]])
+    models = tuple(Validated(name, np.ones(1), errors, name == "nominal") for name in ("nominal", "identified"))
+    shown = Validation("gantry", 0, np.zeros((1, 2, 2)), 0.002, 1.0, models, slides=np.array([False, True]))
+    nominal, identified = shown.summary()["models"]
+    assert nominal["tracking_rms_deg"] == nominal["tracking_max_deg"] == pytest.approx(np.degrees(0.1))
+    assert nominal["tracking_max_mm"] == pytest.approx(4.0)
+    assert nominal["tracking_rms_mm"] == pytest.approx(np.sqrt(10.0))
+    assert {identified[f"tracking_{kind}"] for kind in ("rms_deg", "max_deg", "rms_mm", "max_mm")} == {None}
