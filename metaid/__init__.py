@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from metaid.api import (
         bodies,
+        compare,
         estimate,
         evaluate,
         load_findings,
@@ -41,6 +42,7 @@ __version__ = "0.1.0"
 _HOME = {
     "metaid.api": (
         "bodies",
+        "compare",
         "estimate",
         "evaluate",
         "load_findings",
@@ -74,6 +76,7 @@ __all__ = [
     "StorageError",
     "StudyError",
     "bodies",
+    "compare",
     "estimate",
     "evaluate",
     "figures",

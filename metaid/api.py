@@ -20,6 +20,7 @@ from metaid.models import Array, Lumps, factors_from_names
 from metaid.plant import MujocoPlant, load_chain
 from metaid.results import (
     PUSHES,
+    Comparison,
     Findings,
     Validation,
     read_findings,
@@ -229,6 +230,14 @@ def summary(name: str, storage: str | None = None) -> dict[str, Any]:
     """A study as `metaid study show --json` prints it."""
     with closing(Store(storage or default_storage())) as store:
         return results.summary(store, name)
+
+
+def compare(*names: str, storage: str | None = None) -> Comparison:
+    """Studies of the same plant beside one another: `studies`, a frame of what each took, and `lumps`, one of what each
+    found.  Raises StorageError, and StudyError where they are not of the same plant.
+    """
+    with closing(Store(storage or default_storage())) as store:
+        return results.compare(store, names)
 
 
 def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: int = 0) -> Validation:

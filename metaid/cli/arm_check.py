@@ -44,7 +44,7 @@ def check_arm(spec: ArmSpec, as_json: bool) -> None:
     ]
     title = f"{spec.name}: what one trial of the nominal arm determines"
     headings = ["base parameter", "nominal", "to within", "determined", "shown by", "unit"]
-    print_table(title, headings, shown, words=["determined", "shown by", "unit"])
+    print_table(title, headings, shown, words=["determined", "shown by", "unit"], dispensable=["nominal", "shown by"])
     missed = [row[0] for row in rows if not row[3]]
     if missed:
         say(f"one trial does not determine {', '.join(missed)}: push more, faster, or for longer")

@@ -55,6 +55,7 @@ def show_arm(arm: ArmPlant, as_json: bool) -> None:
         + "".join(f"; {name} {value}" for name, value in settings.faults.named.items())
         + (f"; meshes that cannot be loaded, so that nothing keeps clear of them: {len(lost)}" if lost else ""),
         words=["kind"],
+        dispensable=["home", "kind"],
     )
     heading = ["link of joint", "mass, kg", "centre of mass, m", "principal inertias, kg m²", "rotor, kg m²"]
     heading += ["damping, N m s", "dry friction, N m"]
@@ -70,7 +71,7 @@ def show_arm(arm: ArmPlant, as_json: bool) -> None:
     ]
     note = "In the frame of the link, whose origin is on the axis of its joint."
     note += " Of a slide: kg, N s/m, N." if tree.slides.any() else ""
-    print_table("Links", heading, rows, note)
+    print_table("Links", heading, rows, note, dispensable=[*heading[:3:-1], heading[3]])
 
 
 def _finite(value: float) -> float | None:

@@ -17,6 +17,7 @@ import click
 from metaid.errors import MetaidError, printable, unknown
 
 if TYPE_CHECKING:
+    from metaid.cli.layout import Column, Layout
     from metaid.store import Store
 
 
@@ -105,9 +106,14 @@ def print_json(data: Any) -> None:
 
 
 def print_table(
-    title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], note: str = "", words: Sequence[str] = ()
+    title: str,
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    note: str = "",
+    words: Sequence[str] = (),
+    dispensable: Sequence[str] = (),
 ) -> None:
-    """Prints a table on stdout.
+    """Prints a table on stdout, whole at any width.
 
     Args:
         title: above it.
@@ -115,10 +121,31 @@ def print_table(
         rows: the cells of each row.
         note: below it.
         words: headings of the columns, besides the first, that hold words: these are aligned left, numbers right.
+        dispensable: headings of the columns that are left out where the terminal is too narrow, in this order.
     """
+    from metaid.cli.layout import Column, laid_out, terminal_width
+
+    cells = [tuple(one_line(row[i]) for row in rows) for i in range(len(columns))]
+    made = [
+        Column(heading, own, i == 0 or heading in words)
+        for i, (heading, own) in enumerate(zip(columns, cells, strict=True))
+    ]
+    layout = laid_out(made, dispensable, width := terminal_width())
+    if layout.widths:
+        _print_rows(title, layout, note, width)
+    else:
+        _print_entries(title, made, note)
+    if layout.left_out:
+        say(f"too narrow for: {', '.join(layout.left_out)}")
+
+
+def _print_rows(title: str, layout: Layout, note: str, width: int | None) -> None:
+    """A row a line."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
+
+    from metaid.cli.layout import GAPS, UNLIMITED
 
     table = Table(
         title=one_line(title),
@@ -126,15 +153,28 @@ def print_table(
         box=box.SIMPLE_HEAD,
         caption=one_line(note) or None,
         caption_justify="left",
+        padding=(0, 1) if layout.gap == GAPS[0] else (0, layout.gap - 1, 0, 0),
+        pad_edge=layout.gap == GAPS[0],
     )
-    for i, column in enumerate(columns):
-        table.add_column(column, justify="left" if i == 0 or column in words else "right", no_wrap=i == 0)
-    for row in rows:
-        table.add_row(*map(one_line, row))
+    for column, wide in zip(layout.columns, layout.widths, strict=True):
+        table.add_column(column.heading, justify="left" if column.is_words else "right", width=wide, overflow="fold")
+    for row in zip(*(column.cells for column in layout.columns), strict=True):
+        table.add_row(*row)
     console = Console(markup=False, highlight=False)
-    # A pipe has no width of its own, and a table cut to a guess would lose columns.
-    console.width = console.width if console.is_terminal else 160
+    console.width = width or max(UNLIMITED, sum(layout.widths) + GAPS[0] * (len(layout.widths) + 1))
     console.print(table)
+
+
+def _print_entries(title: str, columns: Sequence[Column], note: str) -> None:
+    """A cell a line, an empty line after each row."""
+    say(one_line(title))
+    say("")
+    for row in zip(*(column.cells for column in columns), strict=True):
+        for column, cell in zip(columns, row, strict=True):
+            say(f"  {column.heading}: {cell}" if column.heading else f"  {cell}")
+        say("")
+    if note:
+        say(one_line(note))
 
 
 def one_line(text: str) -> str:

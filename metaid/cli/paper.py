@@ -60,9 +60,13 @@ def _table(number: int, as_json: bool, output: Path | None) -> None:
         ]
         for row in rows
     ]
-    columns = ["factors", "paper", f"pure: {pure.rule}", "− paper", "pure: complete", f"like: {like.rule}", "− paper"]
+    columns = ["factors", "paper", f"pure: {pure.rule}", "pure − paper", "pure: complete"]
+    columns += [f"like: {like.rule}", "like − paper"]
     print_table(
-        f"Table {'I' * number}: periods in 5,000 steps; factors of {', '.join(rows[0]['factors'])}", columns, shown
+        f"Table {'I' * number}: periods in 5,000 steps; factors of {', '.join(rows[0]['factors'])}",
+        columns,
+        shown,
+        dispensable=["pure: complete", "pure − paper", "like − paper"],
     )
     say(f"pure: {pure.plant}, push {pure.push} N s at the tip; falls after a push of {pure.fall_push} N s")
     say(f"like: {like.plant}, fitted to these numbers; push {like.push} N s; a link beyond 90° has fallen")

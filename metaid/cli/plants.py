@@ -88,6 +88,7 @@ def show_plant(name: str, as_json: bool) -> None:
         return
     heading = ["link", "length, m", "mass, kg", "com, m", "inertia, kg m²", "damping, N m s", "dry friction, N m"]
     heading.append("stiffness, N m/rad")
+    dispensable = ["stiffness, N m/rad", "dry friction, N m", "damping, N m s"]
     fault = shown.settings.over_compensation
     rows = [[str(i + 1), *(number_text(link[column]) for column in columns)] for i, link in enumerate(links)]
     print_table(
@@ -97,6 +98,7 @@ def show_plant(name: str, as_json: bool) -> None:
         f"gravity {shown.gravity} m/s², timestep {shown.timestep} s"
         + (f"; declared fault: the torque that it receives has gravity factors larger by {fault}" if fault else "")
         + "".join(f"; {name} {value}" for name, value in shown.settings.faults.named.items()),
+        dispensable=dispensable,
     )
     true_rows = [[lump["name"], number_text(lump["true"]), lump["unit"]] for lump in lumps]
     print_table("True lumps", ["lump", "value", "unit"], true_rows, words=["unit"])

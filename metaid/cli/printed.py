@@ -9,6 +9,7 @@ from metaid.cli.common import number_text, print_table, say
 
 COLUMNS = ("nominal", "identified", "low", "high", "true")
 PARAMETER_COLUMNS = ("nominal", "low", "high", "true")
+DISPENSABLE = ("nominal", "true", "error")  # columns of lumps that are left out where the terminal is too narrow
 DIGITS, MOST_DIGITS = 5, 8
 MOST_NAMED = 10  # trials of others
 NUMBERED = "numbered as Optuna numbers them"
@@ -54,7 +55,7 @@ def _tried(shown: dict[str, Any]) -> list[str]:
         return [*parts, "no survivor yet"]
     parts.append(f"best {best['value']:.3g} {unit} at trial {best['number']}")
     if best.get("max_error") is not None:
-        parts[-1] += f", itself wrong by up to {_error_text(best['max_error'], '')}"
+        parts[-1] += f", itself wrong by up to {error_text(best['max_error'], '')}"
     if "noise_floor_hz" in shown:
         parts.append(f"noise floor {shown['noise_floor_hz']:.3g} Hz, subtracted")
     if "mujoco" in best:
@@ -84,8 +85,8 @@ def describe_verdict(shown: dict[str, Any]) -> str:
         parts = [f"{len(known)} base parameters", *_model_error(shown["model_error"]), *parts]
     elif shown["verdict"] == "found":
         widest = max((lump["high"] - lump["low"]) / (2.0 * lump["identified"]) for lump in known)
-        head = f"{len(known)} lumps, each to within {_error_text(widest, '')} or better"
-        error = [] if shown["max_error"] is None else [f"largest error {_error_text(shown['max_error'], '')}"]
+        head = f"{len(known)} lumps, each to within {error_text(widest, '')} or better"
+        error = [] if shown["max_error"] is None else [f"largest error {error_text(shown['max_error'], '')}"]
         parts = [head, *error, *parts]
     return f"{shown['verdict'].upper()}: {'; '.join(parts)}"
 
@@ -95,7 +96,7 @@ def _model_error(errors: dict[str, float] | None) -> list[str]:
     if errors is None:
         return []
     named = {"gravity": "gravity torque", "coriolis": "Coriolis torque", "mass_matrix": "mass matrix"}
-    said = ", ".join(f"{name} {_error_text(errors[key], '')}" for key, name in named.items())
+    said = ", ".join(f"{name} {error_text(errors[key], '')}" for key, name in named.items())
     return [f"on states that no trial has seen wrong by: {said}"]
 
 
@@ -115,17 +116,19 @@ def _say_foreign(trials: list[dict[str, Any]], unit: str) -> None:
 
 
 def _print_lumps(title: str, lumps: list[dict[str, Any]], note: str) -> None:
-    rows = [[lump["name"], *_cells(lump), _error_text(lump["error"]), lump["unit"]] for lump in lumps]
-    print_table(title, ["lump", *COLUMNS, "error", "unit"], rows, note, words=["unit"])
+    rows = [[lump["name"], *lump_cells(lump)] for lump in lumps]
+    print_table(title, ["lump", *COLUMNS, "error", "unit"], rows, note, ["unit"], DISPENSABLE)
 
 
-def _cells(lump: dict[str, Any]) -> list[str]:
-    """The numbers of a lump; in the place of an identified value that there is not, that it was not found."""
+def lump_cells(lump: dict[str, Any]) -> list[str]:
+    """The numbers of a lump by COLUMNS, its error and unit; in the place of an identified value that there is not, that
+    it was not found.
+    """
     digits = _digits(lump)
     cells = {key: number_text(lump[key], f".{DIGITS if key == 'nominal' else digits}g") for key in COLUMNS}
     if lump["identified"] is None:
         cells["identified"] = "not found"
-    return list(cells.values())
+    return [*cells.values(), error_text(lump["error"]), lump["unit"]]
 
 
 def _digits(lump: dict[str, Any]) -> int:
@@ -137,7 +140,7 @@ def _digits(lump: dict[str, Any]) -> int:
     return digits if DIGITS <= digits <= MOST_DIGITS else DIGITS
 
 
-def _error_text(error: float | None, sign: str = "+") -> str:
+def error_text(error: float | None, sign: str = "+") -> str:
     """A relative error in percent."""
     if error is not None and 0.0 < abs(error) < SMALL:
         return f"{100.0 * error:{sign}.1g}%"
@@ -156,7 +159,7 @@ def _show_bodies(shown: dict[str, Any]) -> None:
         if not row["bounded"]:
             cells["high"] = "unbounded"
         rows.append([row["name"], *cells.values(), row["unit"]])
-    print_table("All possible bodies with these lumps", ["parameter", *PARAMETER_COLUMNS, "unit"], rows, words=["unit"])
+    _print_parameters("All possible bodies with these lumps", rows)
     say(describe_possible_bodies(shown["bodies"]))
 
 
@@ -166,8 +169,12 @@ def _show_parameters(shown: dict[str, Any]) -> None:
     rows = [
         [row["name"], *(number_text(row[key]) for key in PARAMETER_COLUMNS), row["unit"]] for row in shown["parameters"]
     ]
-    print_table("Bodies that move the same", ["parameter", *PARAMETER_COLUMNS, "unit"], rows, words=["unit"])
+    _print_parameters("Bodies that move the same", rows)
     say(describe_bodies(shown))
+
+
+def _print_parameters(title: str, rows: list[list[str]]) -> None:
+    print_table(title, ["parameter", *PARAMETER_COLUMNS, "unit"], rows, words=["unit"], dispensable=DISPENSABLE)
 
 
 def _verification(mujoco: dict[str, Any]) -> str:

@@ -85,7 +85,13 @@ def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, out
     )
     if validation.takes_nominal_inertia:
         note += " Inertia lumps were not searched: each has the nominal model's ratio to its gravity lump."
-    print_table(f"{name}: validation on {shown['plant']}", ["model", *columns.values()], rows, note)
+    print_table(
+        f"{name}: validation on {shown['plant']}",
+        ["model", *columns.values()],
+        rows,
+        note,
+        dispensable=["coasting, √(l/g)", "largest, °"],
+    )
 
 
 @click.command(epilog="\b\nExample:\n  metaid study export three-link -o trials.csv")

@@ -22,7 +22,7 @@ from metaid.cli.common import (
     say,
     storage_option,
 )
-from metaid.cli.printed import print_study
+from metaid.cli.printed import error_text, print_study
 from metaid.errors import printable
 
 NOT_FOUND = 3  # exit status of a run whose trials are spent without a result
@@ -37,7 +37,7 @@ def _complete_study_file(_context: click.Context, _parameter: click.Parameter, i
     return [name for name in shipped_names("studies") if name.startswith(incomplete)]
 
 
-def _complete_name(context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
+def complete_name(context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
     from metaid.errors import MetaidError
 
     try:
@@ -48,7 +48,7 @@ def _complete_name(context: click.Context, _parameter: click.Parameter, incomple
         return []
 
 
-name_argument = click.argument("name", shell_complete=_complete_name)
+name_argument = click.argument("name", shell_complete=complete_name)
 
 
 @click.group(cls=Group, epilog="\b\nExample:\n  metaid study create three-link\n  metaid study run three-link")
@@ -189,7 +189,7 @@ def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
     ]
     title = f"{spec.name}: what {_judge(spec)} with these pushes can determine"
     headings = ["lump", "to within", "determined", *(["from", "to", "unit"] if is_bounded else [])]
-    print_table(title, headings, shown, words=["determined", "unit"])
+    print_table(title, headings, shown, words=["determined", "unit"], dispensable=["from", "to"])
     if is_bounded:
         say(f"a lump beyond from and to is excluded by the bounds{_and_widened(spec)}")
     for combination in combinations:
@@ -328,21 +328,25 @@ class _StopRequest:
             raise KeyboardInterrupt
 
 
-@study.command("list", epilog="\b\nExample:\n  metaid study list --storage metaid.db")
+@study.command("list", epilog="\b\nExample:\n  metaid study list --shipped")
 @storage_option
-def list_studies(storage: str) -> None:
-    """The studies of a DB."""
+@click.option("--shipped", is_flag=True, help="The studies that metaid ships, in place of those of the DB.")
+def list_studies(storage: str, shipped: bool) -> None:
+    """The studies of a DB, or those that metaid ships."""
     from metaid.results import studies_frame
 
+    if shipped:
+        _print_shipped()
+        return
     with open_store(storage) as store:
-        frame = studies_frame(store)
+        frame, others = studies_frame(store), store.other_names()
     words, counts = ("name", "plant", "sampler", "measure", "verdict"), ("trials", "pruned")
     rows = [
         [
             *(row[key] for key in words),
             *(str(row[key]) for key in counts),
             number_text(row["best"]),
-            number_text(row["max_error"], ".2%"),
+            error_text(row["max_error"], ""),
         ]
         for row in frame.to_dict("records")
     ]
@@ -351,7 +355,27 @@ def list_studies(storage: str) -> None:
         ["study", "plant", "sampler", "measure", "verdict", "trials", "falls", "best", "largest error"],
         rows,
         words=words,
+        dispensable=["measure", "falls", "plant", "sampler", "best", "largest error"],
     )
+    if others:
+        say(f"plain Optuna studies, which metaid did not make: {', '.join(others)}")
+
+
+def _print_shipped() -> None:
+    """A line for each study file that metaid ships."""
+    from metaid.errors import StudyError
+    from metaid.files import read_toml, shipped_folder, shipped_names
+
+    files = {
+        name: read_toml(shipped_folder("studies") / f"{name}.toml", StudyError) for name in shipped_names("studies")
+    }
+    rows = [
+        [name, str(file["plant"]), str(file.get("sampler", "")), str(file.get("trials", "")), file["description"]]
+        for name, file in files.items()
+    ]
+    words = ["plant", "sampler", "description"]
+    headings = ["study", "plant", "sampler", "trials", "description"]
+    print_table("Shipped studies", headings, rows, words=words, dispensable=["trials", "sampler", "plant"])
 
 
 @study.command(epilog="\b\nExample:\n  metaid study delete three-link --yes")

@@ -5,6 +5,7 @@ Only here are results compared with the true lumps. Neither MuJoCo nor numba is 
 
 from metaid.results.best import best_rows, identified_factors
 from metaid.results.body_tables import body_rows, describe_bodies, describe_possible_bodies
+from metaid.results.comparison import Comparison, compare
 from metaid.results.control import BANDWIDTH, smooth_sinusoids, track
 from metaid.results.estimates import (
     StudyEstimate,
@@ -33,6 +34,7 @@ from metaid.results.verdict import Verdict, judge
 __all__ = [
     "BANDWIDTH",
     "PUSHES",
+    "Comparison",
     "Findings",
     "Plane",
     "Snapshot",
@@ -44,6 +46,7 @@ __all__ = [
     "best_trial_frame",
     "bodies_frame",
     "body_rows",
+    "compare",
     "describe_bodies",
     "describe_known_from",
     "describe_possible_bodies",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from metaid.show.companions import delete_companion
+    from metaid.show.comparing import render_comparison
     from metaid.show.dashboard import make_dashboard, serve
     from metaid.show.report import render
     from metaid.show.scene import open_viewer
@@ -20,10 +21,20 @@ _MODULE_OF = {
     "make_dashboard": "dashboard",
     "open_viewer": "scene",
     "render": "report",
+    "render_comparison": "comparing",
     "serve": "dashboard",
 }
 
-__all__ = ["SUFFIXES", "delete_companion", "film", "make_dashboard", "open_viewer", "render", "serve"]
+__all__ = [
+    "SUFFIXES",
+    "delete_companion",
+    "film",
+    "make_dashboard",
+    "open_viewer",
+    "render",
+    "render_comparison",
+    "serve",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -10,7 +10,7 @@ from optuna.distributions import BaseDistribution, FloatDistribution
 from optuna.trial import TrialState, create_trial
 
 from metaid.results import Findings, best_rows
-from metaid.store import Store
+from metaid.store import COMPANION, Store
 
 MOST_TRIALS_SHOWN = 10_000  # trials that a browser shows without hanging
 KEPT = 1_000  # trials of a companion
@@ -23,7 +23,7 @@ def is_long(found: Findings) -> bool:
 
 def companion_name(name: str) -> str:
     """What the companion of a study is called in the DB."""
-    return f"{name} (thinned)"
+    return name + COMPANION
 
 
 def thinned(trials: pd.DataFrame) -> pd.DataFrame:

@@ -59,15 +59,8 @@ def render(found: Findings) -> str:
         )
         for wide, narrow in zip(gallery.pictures("page"), gallery.pictures("column"), strict=True)
     ]
-    environment = Environment(
-        loader=PackageLoader("metaid.show", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["number"] = number_text
-    page: str = environment.get_template("report.html").render(
+    return filled_in(
+        "report.html",
         found=found,
         summary=found.summary,
         study=found.spec.study,
@@ -89,6 +82,19 @@ def render(found: Findings) -> str:
         files=files(found),
         quoted_name=shlex.quote(found.name),
     )
+
+
+def filled_in(template: str, **values: Any) -> str:
+    """A page made of a `template` of this package and these `values`; what they say is escaped."""
+    environment = Environment(
+        loader=PackageLoader("metaid.show", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["number"] = number_text
+    page: str = environment.get_template(template).render(values)
     return page
 
 

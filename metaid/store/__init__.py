@@ -3,7 +3,7 @@
 `Store` reads and writes trials, `Lease` lets one driver at a time run a study. Neither MuJoCo nor numba is loaded here.
 """
 
-from metaid.store.database import DEFAULT_STORAGE, SPEC_KEY, Store, study_attributes
+from metaid.store.database import COMPANION, DEFAULT_STORAGE, SPEC_KEY, Store, study_attributes
 from metaid.store.lease import Lease, refuse_if_run
 from metaid.store.ownership import EXPERIMENT
 from metaid.store.patience import SERVER_PATIENCE, keep_trying
@@ -11,6 +11,7 @@ from metaid.store.rows import MOTION_KEYS, outcome_attributes, shown_trial
 from metaid.store.trial import ForeignTrial, Trial
 
 __all__ = [
+    "COMPANION",
     "DEFAULT_STORAGE",
     "EXPERIMENT",
     "MOTION_KEYS",

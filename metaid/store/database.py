@@ -39,6 +39,7 @@ from metaid.store.sqlite import DAMAGED, describe
 from metaid.store.trial import Trial
 
 DEFAULT_STORAGE = "metaid.db"
+COMPANION = " (thinned)"  # ends the name of a copy of a long study, for a browser
 SPEC_KEY = "metaid:study"
 MOST_SHOWN = 64  # trials of others whose motion is read
 # Called with a transaction that is about to write to a study, and the study's id; raises where it must not.
@@ -134,6 +135,14 @@ class Store:
         )
         with self._errors(), self._engine.connect() as connection:
             return list(connection.scalars(query))
+
+    def other_names(self) -> list[str]:
+        """Names of the Optuna studies that metaid did not make, oldest first, but for thinned companions of its own."""
+        own = set(self.names())
+        query = sa.select(StudyModel.study_name).order_by(StudyModel.study_id)
+        with self._errors(), self._engine.connect() as connection:
+            names = list(connection.scalars(query))
+        return [name for name in names if name not in own and name.removesuffix(COMPANION) not in own]
 
     def create(self, name: str, spec: str, joint_count: int) -> None:
         """A study of that `name` without trials, made from `spec` (JSON), whose plant has `joint_count` joints, in one

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import optuna
 import pandas as pd
 import pytest
 from conftest import Finished
@@ -336,3 +337,15 @@ def test_public_names_are_not_hidden_by_modules() -> None:
         importlib.import_module(module.name)
     assert all(callable(getattr(package, name)) for name in package.__all__ if name != "figures")
     assert package.figures.__name__ == "metaid.show.figures"
+
+
+def test_list_tells_shipped_studies_and_names_plain_optuna_studies(metaid: Metaid) -> None:
+    """One line for each study that is shipped; studies of the DB that metaid did not make are named below its own."""
+    shipped = metaid("study", "list", "--shipped")
+    assert "three-link-coast" in shipped.out
+    assert "The six lumps of gravity and Coriolis forces" in shipped.out
+    metaid("study", "create", "three-link")
+    optuna.create_study(study_name="theirs", storage="sqlite:///metaid.db")
+    optuna.create_study(study_name="three-link (thinned)", storage="sqlite:///metaid.db")
+    out = metaid("study", "list").out
+    assert out.splitlines()[-1] == "plain Optuna studies, which metaid did not make: theirs"

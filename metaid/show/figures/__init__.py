@@ -7,6 +7,7 @@ figures.plot_convergence(found)
 """
 
 from metaid.show.figures.arms import arm_figure
+from metaid.show.figures.comparison import comparison_figure, plot_comparison
 from metaid.show.figures.episodes import draw_episode, plot_angles, plot_phase
 from metaid.show.figures.estimate import plot_covariance, plot_difference, plot_growth, plot_motion, plot_residuals
 from metaid.show.figures.gallery import Gallery, Picture
@@ -28,11 +29,13 @@ __all__ = [
     "Gallery",
     "Picture",
     "arm_figure",
+    "comparison_figure",
     "draw_episode",
     "draw_tracking",
     "plant_figure",
     "plot_angles",
     "plot_boundary",
+    "plot_comparison",
     "plot_convergence",
     "plot_correlation",
     "plot_covariance",

@@ -1,0 +1,73 @@
+"""`metaid study compare`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from metaid.cli.common import (
+    FIGURE_SUFFIXES,
+    json_option,
+    number_text,
+    open_store,
+    print_json,
+    print_table,
+    say,
+    storage_option,
+    whole_file,
+)
+from metaid.cli.printed import error_text, lump_cells
+from metaid.cli.studies import complete_name
+
+
+@click.command(epilog="\b\nExample:\n  metaid study compare three-link three-link-coast -o both.html")
+@click.argument("names", metavar="NAME NAME ...", nargs=-1, required=True, shell_complete=complete_name)
+@storage_option
+@json_option
+@click.option(
+    "-o", "output", type=click.Path(path_type=Path), help="A figure (.png, .pdf, .svg), or a page with all (.html)."
+)
+def compare(names: tuple[str, ...], storage: str, as_json: bool, output: Path | None) -> None:
+    """Studies of the same plant beside one another: what each took, and what it found of each lump."""
+    from metaid.results import compare as compared
+
+    with open_store(storage) as store:
+        found = compared(store, names)
+    if output is not None:
+        with whole_file(output, (*FIGURE_SUFFIXES, ".html")) as partial:
+            if output.suffix == ".html":
+                from metaid.show import render_comparison
+
+                partial.write_text(render_comparison(found), encoding="utf-8")
+            else:
+                from metaid.show.figures import comparison_figure, save
+
+                save(comparison_figure(found), partial)
+    shown = found.summary()
+    if as_json:
+        print_json(shown)
+        return
+    words = ["sampler", "verdict", "by the"]
+    rows = [
+        [
+            *(study[key] for key in ("name", "sampler", "verdict", "source")),
+            *(str(study[key]) for key in ("trials", "pruned")),
+            number_text(study["seconds"], ".4g"),
+            number_text(study["misfit"], ".3g"),
+            error_text(study["max_error"], ""),
+        ]
+        for study in shown["studies"]
+    ]
+    headings = ["study", *words, "trials", "falls", "motion, s", "misfit", "largest error"]
+    dispensable = ["by the", "falls", "misfit", "sampler"]
+    print_table("Studies", headings, rows, words=words, dispensable=dispensable)
+    for study in shown["studies"]:
+        if study["reasons"]:
+            say(f"{study['name']}: {'; '.join(study['reasons'])}")
+    cells = [[lump["name"], lump["study"], *lump_cells(lump)] for lump in shown["lumps"]]
+    columns = ["lump", "study", "nominal", "identified", "low", "high", "true", "error", "unit"]
+    dispensable = ["nominal", "true", "low", "high", "error", "unit"]
+    print_table("What each found", columns, cells, words=["study", "unit"], dispensable=dispensable)
+    if output is not None:
+        say(f"the comparison is in {output}")

@@ -1,0 +1,119 @@
+"""Several studies of the same plant beside one another: what each cost, and what it found of each lump."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from metaid.errors import StudyError
+from metaid.results.arms import AnySnapshot, ArmSnapshot, judge_any, read_any_snapshot
+from metaid.results.lump_tables import largest_error, without_nan
+from metaid.results.snapshot import counted_states
+from metaid.results.verdict import Verdict
+from metaid.store import Store
+
+FEWEST = 2  # studies of a comparison
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What was compared.
+
+    Attributes:
+        studies: one row a study: `name`, `plant`, `sampler`, `measure`, `verdict`, `reasons`, `source`, `trials`,
+            `pruned`, `seconds` of motion that the trials took, `misfit`, `max_error`; NaN where not known.
+        lumps: one row a lump and study, lumps in order: `name`, `study`, and what `metaid.lumps` has of it.
+    """
+
+    studies: pd.DataFrame
+    lumps: pd.DataFrame
+
+    @property
+    def names(self) -> list[str]:
+        """Of the studies."""
+        names: list[str] = self.studies["name"].tolist()
+        return names
+
+    @property
+    def lump_names(self) -> list[str]:
+        """Of the lumps of all studies, in order."""
+        return list(dict.fromkeys(self.lumps["name"]))
+
+    @property
+    def reference(self) -> pd.Series[float]:
+        """By the name of each lump its true value; where the truth is not known what the first study found that knows
+        it; NaN where none does.
+        """
+        column = "true" if self.knows_truth else "identified"
+        return self.lumps.groupby("name", sort=False)[column].first().astype(np.float64)
+
+    @property
+    def knows_truth(self) -> bool:
+        """Whether the true value of any lump is known."""
+        return bool(self.lumps["true"].notna().any())
+
+    def of(self, study: str) -> pd.DataFrame:
+        """The lumps that one study looked for, by their name."""
+        return self.lumps[self.lumps["study"] == study].set_index("name")
+
+    def summary(self) -> dict[str, Any]:
+        """What `metaid study compare --json` prints; None where something is not known."""
+        tables = {"studies": self.studies, "lumps": self.lumps}
+        return {key: [without_nan(row) for row in table.to_dict("records")] for key, table in tables.items()}
+
+
+def compare(store: Store, names: Sequence[str]) -> Comparison:
+    """Compares studies in the DB.  Raises StorageError, and StudyError where they are not of the same plant."""
+    if len(set(names)) < max(FEWEST, len(names)):
+        raise StudyError(f"to compare: {', '.join(names) or 'nothing'} (allowed: {FEWEST} studies or more, each once)")
+    snapshots = [read_any_snapshot(store, name) for name in names]
+    _refuse_other_plants(snapshots)
+    verdicts = [judge_any(snapshot) for snapshot in snapshots]
+    rows = [_study_row(*each) for each in zip(snapshots, verdicts, strict=True)]
+    tables = [verdict.lumps.assign(study=name) for verdict, name in zip(verdicts, names, strict=True)]
+    lumps = pd.concat(tables, ignore_index=True)
+    order = {name: place for place, name in enumerate(dict.fromkeys(lumps["name"]))}
+    lumps = lumps.sort_values("name", key=lambda column: column.map(order), kind="stable", ignore_index=True)
+    first = ["name", "study"]
+    return Comparison(pd.DataFrame(rows), lumps[[*first, *(key for key in lumps.columns if key not in first)]])
+
+
+def _refuse_other_plants(snapshots: Sequence[AnySnapshot]) -> None:
+    """Joints that differ make lumps that cannot be compared. The same plant may have other faults."""
+
+    def joints(snapshot: AnySnapshot) -> tuple[str, ...] | int:
+        if isinstance(snapshot, ArmSnapshot):
+            return snapshot.spec.nominal.names
+        return len(snapshot.spec.nominal)
+
+    first = snapshots[0]
+    for other in snapshots[1:]:
+        if joints(other) != joints(first):
+            raise StudyError(
+                f"study '{other.name}' is of the plant {other.spec.plant_name}, '{first.name}' of "
+                f"{first.spec.plant_name}: only studies of plants with the same joints can be compared"
+            )
+
+
+def _study_row(snapshot: AnySnapshot, verdict: Verdict) -> dict[str, Any]:
+    spec, counts, found = snapshot.spec, counted_states(snapshot.trials), snapshot.estimate
+    is_arm = isinstance(snapshot, ArmSnapshot)
+    error = None if is_arm else largest_error(verdict.lumps)
+    return {
+        "name": snapshot.name,
+        "plant": spec.plant_name,
+        "sampler": spec.study.sampler,
+        "measure": (snapshot.problem if isinstance(snapshot, ArmSnapshot) else snapshot.first).measure.name,
+        "verdict": verdict.word,
+        "reasons": list(verdict.reasons),
+        "source": verdict.source,
+        "trials": counts["total"],
+        "pruned": counts["pruned"],
+        "seconds": sum(trial.outcome.steps for trial in snapshot.trials) * spec.timestep,
+        "misfit": np.nan if found is None else found.estimate.misfit,
+        "max_error": np.nan if error is None else error,
+    }
