@@ -74,7 +74,7 @@ def _forget_output() -> None:
         os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
-from metaid.cli import compare, paper, pictures, plants, results, studies  # noqa: E402  (they add their commands to `app`)
+from metaid.cli import compare, listing, paper, pictures, plants, results, studies  # noqa: E402  (they add their commands to `app`)
 
 app.add_command(plants.plant)
 app.add_command(plants.episode)
@@ -82,7 +82,7 @@ app.add_command(studies.study)
 app.add_command(paper.paper)
 plants.plant.add_command(pictures.draw)
 plants.plant.add_command(pictures.view)
-for command in (results.show, results.validate, results.export, results.model, compare.compare):
+for command in (results.show, results.validate, results.export, results.model, compare.compare, listing.list_studies):
     studies.study.add_command(command)
 studies.study.add_command(pictures.plot)
 studies.study.add_command(pictures.report)
