@@ -132,7 +132,7 @@ def _regress(settings: PlantSettings, nominal: Any, truth: Array, seed: int) -> 
         seen = _record(settings, nominal, share * SWING, seed)
         if seen is not None:
             recordings = [filtered(*seen, timestep, scale, span) for span in SPANS]
-            found = [least_squares(recording, nominal, settings.gravity).lumps for recording in recordings]
+            found = [least_squares(recording, nominal, settings.gravity)[0] for recording in recordings]
             return min(found, key=lambda lumps: float(np.abs(lumps / truth - 1.0).max()))
     return np.full(len(truth), np.inf)
 

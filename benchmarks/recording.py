@@ -1,22 +1,16 @@
-"""What the methods that know the torques see: a chain along exciting trajectories, measured perfectly or with noise."""
+"""What the methods that know the torques see: a recording of a chain, and derivatives of noisy angles by a filter."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 from scipy.signal import savgol_filter
 
-from benchmarks.chains import Links
-from metaid.episode import natural_time
-from metaid.errors import StudyError
-from metaid.models import Array, ChainModel
-from metaid.plant import MujocoPlant, PlantSettings, chain_of
-from metaid.results import BANDWIDTH, smooth_sinusoids, track
+from metaid.models import Array
+from metaid.results import BANDWIDTH
 
-SWING, PERIODS, RUNS = 1.5, (4.0, 12.0), 8  # of the recorded motion: rad, natural times, trajectories
+SWING, PERIODS = 1.5, (4.0, 12.0)  # of the recorded motion: rad, natural times
 TIGHTNESS = 2.0 * BANDWIDTH  # of its feedback, in rad per natural time
-NOISE = 1e-3  # rad
 # The best of the spans and motions that were tried on these chains, so that the noisy rows are not a strawman:
 FILTER_SPAN, FILTER_ORDER = 1.5, 5  # of the derivatives' filter, in natural times, and of its polynomial
 
@@ -31,47 +25,6 @@ class Recording:
     accelerations: Array
     torques: Array
     timestep: float
-
-    @property
-    def seconds(self) -> float:
-        """How long the plant moved for it, in s."""
-        return self.angles[..., 0].size * self.timestep
-
-
-def record(true: Links, nominal: Links, seed: int) -> Recording:
-    """A plant of the `true` links along exciting trajectories, driven by computed torque of the `nominal` ones.
-
-    The accelerations are those of the plant itself, as if measured perfectly.  Raises StudyError if control is lost.
-    """
-    plant = MujocoPlant("chain", PlantSettings(links=true))
-    believed = chain_of(nominal)
-    model = ChainModel(believed.lumps, plant.gravity)
-    scale = natural_time(believed, plant.gravity)
-    seen = []
-    for run in range(RUNS):
-        motion = smooth_sinusoids(plant.njoint, scale, plant.timestep, 1000 * seed + run, 1, SWING, PERIODS)
-        seen.append(track(plant, model, model, motion, TIGHTNESS / scale))
-        if len(seen[-1].angles) < len(motion.angles):
-            raise StudyError(
-                f"{plant.njoint} links, seed {seed}: the nominal model lost control of the recorded motion"
-            )
-    speeds = np.array([run.speeds for run in seen])
-    return Recording(
-        np.array([run.angles for run in seen])[:, :-1],
-        speeds[:, :-1],
-        np.diff(speeds, axis=1) / plant.timestep,
-        np.array([run.torques for run in seen])[:, :-1],
-        plant.timestep,
-    )
-
-
-def with_noise(clean: Recording, nominal: Links, gravity: float, seed: int) -> Recording:
-    """The recording with normal noise on every angle, and speeds and accelerations that are filtered derivatives of
-    it.
-    """
-    random = np.random.default_rng([seed, clean.angles.shape[2]])
-    angles = clean.angles + NOISE * random.normal(size=clean.angles.shape)
-    return filtered(angles, clean.torques, clean.timestep, natural_time(chain_of(nominal), gravity))
 
 
 def filtered(angles: Array, torques: Array, timestep: float, scale: float, span: float = FILTER_SPAN) -> Recording:

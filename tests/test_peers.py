@@ -4,38 +4,46 @@ from __future__ import annotations
 
 import json
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks import peers
-from benchmarks.by_torque import Found, inverse_dynamics_regressor, least_squares, mujoco_sysid
-from benchmarks.chains import Links, random_chain
-from benchmarks.recording import Recording, record, with_noise
-from metaid.plant.mujoco_plant import MujocoPlant
-from metaid.plant.settings import PlantSettings, chain_of
+from benchmarks.by_torque import inverse_dynamics_regressor
+from benchmarks.chains import random_chain
+from benchmarks.rivals.answers import OURS, tuned, winners
+from benchmarks.rivals.comparing import GRAVITY, LOGGED, METHODS, Cell, key, measure
+from benchmarks.rivals.conditions import CONDITIONS, ENCODER, TIMESTEP, Condition
+from benchmarks.rivals.excitation import SPEED, SWING, exciting
+from benchmarks.rivals.logs import Log, record
+from benchmarks.rivals.pushed import output_error, trials_of
+from benchmarks.rivals.regression import Columns, regress, searched_delay, weighted
+from benchmarks.rivals.servo import Sensors, follow
+from metaid.plant import FaultyPlant, MujocoPlant, PlantSettings, Start, chain_of, draw, slope_weights
 
-GRAVITY = 9.81
+TRUE, NOMINAL = random_chain(2, 0)
+EVERYTHING = Condition("", {**ENCODER, "torque_noise": 0.3, "delay": 2, "tilt": 0.03}, friction=0.05)
+SEARCHED = Condition("", {**ENCODER, "delay": 4, "tilt": 0.03}, friction=0.05, searched=("friction", "tilt", "delay"))
 
 
 @pytest.fixture(scope="module")
-def pair() -> tuple[Links, Links]:
-    """A chain of two links and its nominal model."""
-    return random_chain(2, 0)
+def log() -> Log:
+    """A rig without a fault along exciting trajectories, for five seconds."""
+    return record(TRUE, NOMINAL, CONDITIONS["none"], 5.0, seed=0)
 
 
 @pytest.fixture(scope="module")
-def recording(pair: tuple[Links, Links]) -> Recording:
-    """That chain along exciting trajectories."""
-    return record(*pair, seed=0)
+def searched() -> Log:
+    """A rig whose friction, tilt and delay are to be found."""
+    return record(TRUE, NOMINAL, SEARCHED, 5.0, seed=0)
 
 
-def assert_found(found: Found, true: Links, tolerance: float) -> None:
-    """The lumps are the true chain's, the inertia lumps too if there are any."""
-    chain = chain_of(true)
+def assert_found(found: Columns, tolerance: float) -> None:
+    """All lumps are the true chain's."""
+    chain = chain_of(TRUE)
     assert found.lumps == pytest.approx(chain.lumps.vector, rel=tolerance)
-    if found.inertia_lumps is not None:
-        assert found.inertia_lumps == pytest.approx(chain.inertia_lumps, rel=tolerance)
+    assert found.inertia == pytest.approx(chain.inertia_lumps, rel=tolerance)
 
 
 def test_chains_are_repeatable_different_and_as_wrong_as_they_say() -> None:
@@ -52,31 +60,19 @@ def test_chains_are_repeatable_different_and_as_wrong_as_they_say() -> None:
             assert abs(other.inertia / one.inertia - 1) <= 0.3
 
 
-def test_metaid_finds_the_truth_without_a_torque(pair: tuple[Links, Links]) -> None:
-    """Every lump within 1 %, and it stopped by itself."""
-    found = peers.metaid_search(*pair, seed=0, sampler="cmaes")
-    assert_found(found, pair[0], 0.01)
-    assert found.trials is not None
-    assert found.trials < peers.TRIALS_PER_LUMP * 3
+@pytest.mark.parametrize("method", LOGGED)
+def test_on_perfect_data_every_rival_is_exact(method: str, log: Log) -> None:
+    """All lumps to 1e-4 from five seconds and the wrong nominal model."""
+    for found in LOGGED[method](log):
+        assert_found(found, 1e-4)
 
 
-def test_least_squares_on_perfect_data_is_exact(pair: tuple[Links, Links], recording: Recording) -> None:
-    """To rounding, inertia lumps included: there it is better than any search."""
-    assert_found(least_squares(recording, pair[1], GRAVITY), pair[0], 1e-9)
-
-
-def test_sysid_on_perfect_data_is_exact(pair: tuple[Links, Links], recording: Recording) -> None:
-    """MuJoCo's toolbox converges to the true lumps from the wrong nominal model."""
-    assert_found(mujoco_sysid(recording, pair[1], GRAVITY), pair[0], 1e-6)
-
-
-def test_noise_costs_least_squares_its_exactness_and_not_its_sense(
-    pair: tuple[Links, Links], recording: Recording
-) -> None:
-    """With 1 mrad on the angles the lumps are wrong by more than 0.01 % and by less than 5 %."""
-    found = least_squares(with_noise(recording, pair[1], GRAVITY, seed=0), pair[1], GRAVITY)
-    error = np.abs(found.lumps / chain_of(pair[0]).lumps.vector - 1).max()
-    assert 1e-4 < error < 0.05
+def test_metaid_is_exact_without_a_torque() -> None:
+    """All lumps, in no more seconds than the others have, and it says that it has found them."""
+    found = output_error(TRUE, NOMINAL, CONDITIONS["none"], 5.0, seed=0)
+    assert_found(Columns(np.append(found.lumps, found.inertia), 2, ()), 1e-6)
+    assert found.seconds <= 5.0
+    assert found.verdict == "found"
 
 
 def test_regressor_times_the_lumps_is_mujocos_inverse_dynamics() -> None:
@@ -92,13 +88,91 @@ def test_regressor_times_the_lumps_is_mujocos_inverse_dynamics() -> None:
     assert regressor @ lumps == pytest.approx(torque, abs=1e-8)
 
 
-def test_one_command_compares_every_method_on_the_same_chain(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_the_servo_drives_the_rig_that_metaid_pushes() -> None:
+    """Under the same torques a MuJoCo plant with the same faults and noise reads the same angles."""
+    seen = record(TRUE, NOMINAL, EVERYTHING, 5.0, seed=0).seen
+    faults = EVERYTHING.settings
+    noise = draw(faults, np.random.default_rng([0, 2, 1]), 1, len(seen.torques), 2)
+    plant = FaultyPlant(MujocoPlant("rig", EVERYTHING.plant(TRUE)))
+    plant.begin(noise)
+    plant.push(Start.upright(np.zeros(2)))
+    for step in range(100):
+        angles, speeds = plant.states()
+        assert angles == pytest.approx(seen.angles[step], abs=1e-9)
+        assert speeds == pytest.approx(seen.speeds[step], abs=1e-6)
+        plant.apply_torque(seen.torques[step])
+        plant.step()
+
+
+def test_trajectories_keep_within_their_limits_and_begin_and_end_at_rest() -> None:
+    """Every joint of the motion that was chosen."""
+    motion = exciting(chain_of(NOMINAL), GRAVITY, TIMESTEP, 5.0, seed=1)
+    assert np.abs(motion.angles).max() <= SWING * 1.01
+    assert np.abs(motion.speeds).max() <= SPEED * 1.01
+    for signal in (motion.angles, motion.speeds, motion.accelerations):
+        assert np.abs(signal[[0, -1]]).max() <= 0.05 * np.abs(signal).max()
+
+
+def test_faults_that_are_searched_are_found(searched: Log) -> None:
+    """By regression: the delay in steps, friction and tilt to some per cent."""
+    assert searched_delay(searched) == 4
+    found = regress(searched, weighted)[2]
+    assert found.friction == pytest.approx([0.05, 0.05], rel=0.1)
+    assert found.tilt == pytest.approx(0.03, rel=0.05)
+
+
+@pytest.mark.parametrize("method", ["instrumental variables", "DIDIM", "closed-loop output error"])
+def test_methods_that_simulate_find_lumps_beside_faults(method: str, searched: Log) -> None:
+    """Within 1 % with a tenth of a milliradian of noise."""
+    assert_found(LOGGED[method](searched)[-1], 0.01)
+
+
+def test_what_a_rig_asks_of_a_servo_is_lost_where_it_cannot_follow() -> None:
+    """A log ends where an angle is lost, and asking for more of it is refused."""
+    log = record(TRUE, NOMINAL, CONDITIONS["none"], 5.0, seed=0)
+    lost = follow(
+        chain_of(TRUE).lumps,
+        GRAVITY,
+        TIMESTEP,
+        log.servo,
+        Sensors(np.full((2501, 2), 20.0), np.zeros((2500, 2)), slope_weights(TIMESTEP)),
+    )
+    assert len(lost.torques) == 0
+
+
+def test_trials_have_all_pushes_that_there_is_time_for() -> None:
+    """Two small trials where there is time for little, four where there is much, one where there is next to none."""
+    assert [trials_of(pushes, 3) for pushes in (2, 8, 20, 100)] == [1, 2, 3, 4]
+
+
+def test_one_command_compares_and_goes_on_where_it_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """As JSON, one result per method; and they make a row each of the table."""
-    monkeypatch.setattr(sys, "argv", ["peers", "--links", "1", "--seeds", "1", "--json"])
-    peers.main()
-    results = json.loads(capsys.readouterr().out)
-    assert [result["method"] for result in results] == list(peers.NEEDS)
-    assert all(result["error"] < 0.01 for result in results)
-    assert len(peers.table([peers.Result(**result) for result in results])) == len(peers.NEEDS)
+    """A result for each method, as JSON; what is in the file of results is not run again."""
+    results = tmp_path / "results"
+    cell = measure(key("none", "least squares", 5), 2, 0)
+    common = ["peers", "--part", "none", "--links", "2", "--seeds", "0", "--budgets", "5", "--results", str(results)]
+    monkeypatch.setattr(sys, "argv", [*common, "--methods", "least squares", "weighted", OURS, "--json"])
+    for measured in (3, 0):
+        peers.main()
+        printed = capsys.readouterr()
+        assert {row["method"] for row in json.loads(printed.out)} == {"least squares", "weighted", OURS}
+        assert len(printed.err.splitlines()) == measured
+    assert cell.errors[0]["worst_lump"] < 1e-9
+    assert set(METHODS) >= {"least squares", "weighted", OURS}
+
+
+def test_a_filter_is_chosen_once_for_all_chains() -> None:
+    """The one with the least errors over all of them, and not the best of each."""
+
+    def cell(seed: int, *errors: float) -> Cell:
+        named = [{"gravity": error, "coriolis": 0.0, "mass_matrix": 0.0} for error in errors]
+        return Cell("coarse", "weighted", 2, seed, 5, named, 5.0, 1.0, 1.0, 0.1, "")
+
+    assert [each.error for each in tuned([cell(0, 0.1, 0.2), cell(1, 0.1, 0.01)])] == [0.2, 0.01]
+
+
+def test_methods_that_are_exact_win_alike() -> None:
+    """And where none is, the one with the least error."""
+    assert winners({"one": 1e-12, "other": 1e-7, "third": 1e-3}) == ["one", "other"]
+    assert winners({"one": 1e-2, "third": 1e-3}) == ["third"]

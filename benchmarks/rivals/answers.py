@@ -1,0 +1,130 @@
+"""The tables of the comparison: one a question, with who wins, and one of what each method takes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import median
+
+import numpy as np
+
+from benchmarks.rivals.comparing import METHODS, Cell
+from benchmarks.rivals.conditions import CONDITIONS
+
+OURS = "metaid output-error"
+EXACT = 1e-5  # an error below which a model is exact for any purpose: such methods are equals
+WITHIN = 0.01
+WORST = 10.0  # an error that no other is worse than
+
+
+@dataclass(frozen=True)
+class Result:
+    """A `cell`, and its `error` with the filter that its method has for this condition, tuned once for all chains: the
+    largest of gravity torque, Coriolis torque and mass matrix.
+    """
+
+    cell: Cell
+    error: float
+
+
+def tuned(cells: Sequence[Cell]) -> list[Result]:
+    """The results of each method with the filter whose errors are the least in the geometric mean over all cells of a
+    condition, by the truth.
+    """
+    results = []
+    for condition, method in dict.fromkeys((cell.condition, cell.method) for cell in cells):
+        own = [cell for cell in cells if (cell.condition, cell.method) == (condition, method)]
+        settings = max(len(cell.errors) for cell in own)
+        # A cell with nothing found has one setting, and is as bad with every other.
+        errors = np.array(
+            [[_largest(cell.errors[min(i, len(cell.errors) - 1)]) for i in range(settings)] for cell in own]
+        )
+        best = int(np.argmin(np.log(np.clip(errors, EXACT, WORST)).mean(axis=0)))
+        results += [Result(cell, float(error)) for cell, error in zip(own, errors[:, best], strict=True)]
+    return results
+
+
+def _largest(errors: dict[str, float]) -> float:
+    return max(errors[name] for name in ("gravity", "coriolis", "mass_matrix"))
+
+
+def print_answers(cells: Sequence[Cell]) -> None:
+    """Prints all tables as Markdown."""
+    results = tuned(cells)
+    for condition in CONDITIONS:
+        own = [result for result in results if result.cell.condition == condition]
+        if own:
+            print(f"### {CONDITIONS[condition].title}\n\n{question(own)}\n")
+    print(f"### What each takes\n\n{costs(results)}\n\n{summary(results)}")
+
+
+def question(results: Sequence[Result]) -> str:
+    """Medians over the chains of the largest error, a row a method, a column for each length and time."""
+    columns = sorted({(each.cell.links, each.cell.budget) for each in results})
+    head = ["method", *(f"N = {links}, {budget} s" for links, budget in columns), "within 1 %"]
+    middle = {column: medians(results, column) for column in columns}
+    rows = []
+    for method in METHODS:
+        own = [each for each in results if each.cell.method == method]
+        if own:
+            shown = [_figure(middle[column], method, _says(own, column)) for column in columns]
+            good = sum(each.error <= WITHIN for each in own)
+            rows.append([method, *shown, f"{good} of {len(own)}"])
+    return _table(head, rows)
+
+
+def medians(results: Sequence[Result], column: tuple[int, int]) -> dict[str, float]:
+    """The median error of each method on chains of so many links in so many seconds."""
+    own = [each for each in results if (each.cell.links, each.cell.budget) == column]
+    methods = dict.fromkeys(each.cell.method for each in own)
+    return {method: median(each.error for each in own if each.cell.method == method) for method in methods}
+
+
+def winners(middle: dict[str, float]) -> list[str]:
+    """The methods with the least of these errors; all that are exact, where any is."""
+    least = min(middle.values())
+    return [method for method, error in middle.items() if error <= max(least, EXACT)]
+
+
+def _says(results: Sequence[Result], column: tuple[int, int]) -> str:
+    """A mark where a method itself said of any of these results that it is not found."""
+    own = [each for each in results if (each.cell.links, each.cell.budget) == column]
+    return "†" if any(each.cell.verdict == "not found" for each in own) else ""
+
+
+def _figure(middle: dict[str, float], method: str, mark: str) -> str:
+    if method not in middle:
+        return "–"
+    error = middle[method]
+    text = ("exact" if error <= EXACT else f"{error:.2g}" if not np.isfinite(error) else f"{100 * error:.2g}") + mark
+    return f"**{text}**" if method in winners(middle) else text
+
+
+def costs(results: Sequence[Result]) -> str:
+    """Medians over everything of what a method's experiment asks of the rig, and of its computing."""
+    head = ["method", "largest torque, N m", "largest angle, rad", "computing, s", "most, s"]
+    rows = []
+    for method in METHODS:
+        own = [each.cell for each in results if each.cell.method == method and np.isfinite(each.error)]
+        if own:
+            strain = [f"{median(getattr(cell, name) for cell in own):.3g}" for name in ("torque", "angle", "cpu")]
+            rows.append([method, *strain, f"{max(cell.cpu for cell in own):.3g}"])
+    return _table(head, rows)
+
+
+def summary(results: Sequence[Result]) -> str:
+    """In how many cells each method has the least error, or is exact."""
+    groups = sorted({(each.cell.condition, each.cell.links, each.cell.budget) for each in results})
+    first: dict[str, int] = {}
+    for condition, *column in groups:
+        own = [each for each in results if each.cell.condition == condition]
+        for method in winners(medians(own, (column[0], column[1]))):
+            first[method] = first.get(method, 0) + 1
+    ranked = sorted(first.items(), key=lambda pair: -pair[1])
+    told = ", ".join(f"{method} {count}" for method, count in ranked)
+    return f"Least error, or exact, of {len(groups)} cells: {told}."
+
+
+def _table(head: list[str], rows: list[list[str]]) -> str:
+    lines = [head, ["---", *["---:"] * (len(head) - 1)], *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -1,0 +1,99 @@
+"""What is recorded of a rig along exciting trajectories, for the methods that use torques."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from benchmarks.by_torque import inverse_dynamics_regressor
+from benchmarks.chains import Links
+from benchmarks.rivals.conditions import Condition
+from benchmarks.rivals.excitation import exciting
+from benchmarks.rivals.servo import NO_FILTER, Followed, Sensors, Servo, follow
+from metaid.episode import natural_time
+from metaid.errors import StudyError
+from metaid.models import Array, Chain
+from metaid.plant import chain_of, draw, slope_weights
+
+TIGHTNESS = 4.0  # of the servo, in rad per natural time
+
+
+@dataclass(frozen=True)
+class Log:
+    """What is known after recording.
+
+    Attributes:
+        nominal: what is believed of the chain.
+        gravity: in m/s².
+        timestep: in s.
+        servo: that drove it.
+        weights: that made speeds of angles in the servo; see `Sensors`.
+        seen: what was read and commanded.
+        condition: whose `searched` faults are to be found.
+    """
+
+    nominal: Chain
+    gravity: float
+    timestep: float
+    servo: Servo
+    weights: Array
+    seen: Followed
+    condition: Condition
+
+    @property
+    def seconds(self) -> float:
+        """Of motion."""
+        return len(self.seen.torques) * self.timestep
+
+    @cached_property
+    def natural(self) -> float:
+        """The natural time of the nominal chain, in s."""
+        return natural_time(self.nominal, self.gravity)
+
+    def first(self, seconds: float) -> Log:
+        """Its first `seconds`."""
+        steps = round(seconds / self.timestep)
+        if steps > len(self.seen.torques):
+            raise StudyError(f"control was lost before {seconds:g} s")
+        servo, seen = self.servo, self.seen
+        shorter = Servo(
+            servo.angles[:steps], servo.speeds[:steps], servo.forward[:steps], servo.gains[:steps], servo.bandwidth
+        )
+        kept = Followed(seen.angles[: steps + 1], seen.speeds[: steps + 1], seen.torques[:steps])
+        return replace(self, servo=shorter, seen=kept)
+
+
+def record(true: Links, nominal: Links, condition: Condition, seconds: float, seed: int) -> Log:
+    """A rig along exciting trajectories: forward the torques of the nominal model along them, and a feedback with its
+    mass matrix.
+    """
+    plant, believed = condition.plant(true), chain_of(nominal)
+    timestep, gravity, n = plant.timestep, plant.gravity, believed.nlink
+    desired = exciting(believed, gravity, timestep, seconds, seed)
+    motion = desired.angles, desired.speeds, desired.accelerations
+    parameters = np.append(believed.lumps.vector, believed.inertia_lumps)
+    servo = Servo(
+        desired.angles,
+        desired.speeds,
+        inverse_dynamics_regressor(*motion, gravity) @ parameters,
+        joint_mass_matrices(believed, desired.angles),
+        TIGHTNESS / natural_time(believed, gravity),
+    )
+    faults = condition.settings
+    noise = draw(faults, np.random.default_rng([seed, n, 1]), 1, len(desired.angles), n)
+    weights = NO_FILTER if faults.speed_sensor else slope_weights(timestep)
+    sensors = Sensors(noise.angles[0], noise.torques[0], weights, faults.delay, faults.tilt)
+    chain = chain_of(plant.links)
+    lumps = chain.lumps_of(("gravity", "coriolis", "damping"))
+    seen = follow(lumps, gravity, timestep, servo, sensors)
+    return Log(believed, gravity, timestep, servo, weights, seen, condition)
+
+
+def joint_mass_matrices(chain: Chain, angles: Array) -> Array:
+    """Mass matrices in joint angles (ntime x njoint x njoint), in kg m², along joint `angles` (ntime x njoint)."""
+    matrices = chain.mass_matrix(np.cumsum(angles, axis=1))
+    for axis in (1, 2):
+        matrices = np.flip(np.cumsum(np.flip(matrices, axis), axis=axis), axis)
+    return np.ascontiguousarray(matrices)

@@ -1,0 +1,57 @@
+"""The error of every method against the seconds of motion that it had, as a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from benchmarks.rivals.answers import EXACT, OURS, Result, medians
+from benchmarks.rivals.comparing import METHODS
+from benchmarks.rivals.conditions import CONDITIONS
+
+PANEL = 3.1, 2.6  # inches
+COLUMNS = 3
+
+
+def draw(results: Sequence[Result], links: int) -> Figure:
+    """Medians over the chains of so many `links`, a panel for each condition."""
+    conditions = [name for name in CONDITIONS if any(_is_of(each, name, links) for each in results)]
+    rows = -(-len(conditions) // COLUMNS)
+    figure = Figure(figsize=(PANEL[0] * COLUMNS, PANEL[1] * rows + 1.0), layout="constrained")
+    panels = figure.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
+    for panel, condition in zip(panels, conditions, strict=False):
+        own = [each for each in results if _is_of(each, condition, links)]
+        budgets = sorted({each.cell.budget for each in own})
+        middle = {budget: medians(own, (links, budget)) for budget in budgets}
+        for number, method in enumerate(METHODS):
+            known = [budget for budget in budgets if np.isfinite(middle[budget].get(method, np.inf))]
+            errors = [100.0 * float(np.clip(middle[budget][method], EXACT, 1.0)) for budget in known]
+            is_ours = method == OURS
+            style = {"color": "black" if is_ours else f"C{number - 1}", "linewidth": 2.5 if is_ours else 1.2}
+            panel.plot(known, errors, marker="o", markersize=4 if is_ours else 3, label=method, **style)
+        panel.set_title(condition, fontsize=9)
+        panel.set_xscale("log")
+        panel.set_yscale("log")
+        panel.set_xticks(budgets, [str(budget) for budget in budgets])
+        panel.minorticks_off()
+        panel.grid(alpha=0.3)
+    for panel in panels[len(conditions) :]:
+        panel.set_visible(False)
+    figure.supxlabel("seconds of motion")
+    figure.supylabel("largest error, %")
+    figure.legend(
+        *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8, frameon=False
+    )
+    return figure
+
+
+def save(results: Sequence[Result], links: int, path: Path) -> None:
+    """Writes the picture as PNG."""
+    draw(results, links).savefig(path, dpi=100)
+
+
+def _is_of(result: Result, condition: str, links: int) -> bool:
+    return result.cell.condition == condition and result.cell.links == links

@@ -1,0 +1,159 @@
+"""metaid on a rig, for so many seconds of motion: pushes under the law of a candidate, without a sensor of torques."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from benchmarks.chains import Links
+from benchmarks.rivals.conditions import Condition
+from benchmarks.rivals.judging import Found
+from metaid.compiled import Objective
+from metaid.episode import Outcome, natural_time
+from metaid.estimation import Experiment, NoisyExperiment, ReadTrial
+from metaid.models import Array, Lumps, compensation_basis
+from metaid.plant import chain_of
+from metaid.results import StudyEstimate, identified_factors
+from metaid.search import make_searcher
+from metaid.study import HORIZON, Problem, StudySettings, StudySpec
+
+MOST_TRIALS = 4  # of `output-error`, which has more pushes in a trial where there is more time
+
+
+def trials_of(pushes: int, nlink: int) -> int:
+    """How many trials of `output-error` so many pushes are: two for each link in each, or two trials of fewer."""
+    return int(np.clip(pushes // (2 * nlink), min(max(pushes // nlink, 1), 2), MOST_TRIALS))
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A law, by its `factors` (nlump) of the nominal lumps, and what became of it."""
+
+    factors: Array
+    outcome: Outcome
+
+
+class Rig:
+    """A chain that is pushed, by a study with this `sampler` for so many `seconds` of motion."""
+
+    def __init__(
+        self, true: Links, nominal: Links, condition: Condition, sampler: str, seconds: float, seed: int
+    ) -> None:
+        self.condition, self.seconds = condition, seconds
+        plant = condition.plant(true)
+        episode: dict[str, Any] = {"physics": "analytic", "measure": "spectral" if condition.is_exact else "smoothed"}
+        trials = 100_000
+        if sampler == "output-error":
+            horizon = HORIZON * natural_time(chain_of(nominal), plant.gravity)
+            if not condition.is_exact:
+                horizon *= float(np.clip(6.0 / len(nominal), 1.0, 2.0))
+            pushes = max(int(seconds / horizon), 1)
+            trials = trials_of(pushes, len(nominal))
+            episode["count"] = pushes // trials
+        search: dict[str, Any] = {}
+        if "friction" in condition.searched:
+            search["lumps"] = ("gravity", "coriolis", "damping")
+            nominal = tuple(link.model_copy(update={"damping": FRICTION_GUESS}) for link in nominal)
+        study = StudySettings.model_validate(
+            {"plant": "rig", "nominal": "believed", "sampler": sampler, "trials": trials, "seed": seed}
+            | {"episode": episode, "search": search}
+        )
+        self.spec = StudySpec(name="rig", plant_name="rig", plant=plant, nominal=nominal, study=study)
+        self.problem = Problem(self.spec)
+        self.objective = self.problem.make_objective()
+
+    def experiment(self) -> Experiment | None:
+        """What the estimate knows: not that torques are late."""
+        known = self.problem.experiment()
+        return replace(known, delay=0) if isinstance(known, NoisyExperiment) else known
+
+    def run(self) -> list[Tried]:
+        """All trials of the study for which there is time."""
+        study, problem = self.spec.study, self.problem
+        searcher = make_searcher(study.sampler, problem.coordinates, study.seed, study.search, self.experiment)
+        tried: list[Tried] = []
+        left = round(self.seconds / problem.timestep)
+        each = problem.episode.total_steps
+        # One that is sure that another trial tells no more has it nevertheless: all have the same time.
+        while len(tried) < study.trials and (left >= each or not tried):
+            if self.condition.is_exact and searcher.finished():
+                break
+            batch = searcher.ask()[: max(left // each, 1)]
+            outcomes = [self.objective.evaluate(factors, len(tried) + i) for i, factors in enumerate(batch)]
+            tried += [Tried(*pair) for pair in zip(batch, outcomes, strict=True)]
+            left -= sum(outcome.steps for outcome in outcomes)
+            if left >= each:  # of a generation there may be time for a part alone
+                searcher.tell(outcomes)
+        return tried
+
+    def found(self, lumps: Lumps, inertia: Array, tried: list[Tried], verdict: str) -> Found:
+        """What was found by these trials."""
+        problem, kinds = self.problem, ("gravity", "coriolis")
+        seconds = sum(each.outcome.steps for each in tried) * problem.timestep
+        torque, angle = self._strain(tried)
+        return Found(lumps.vector_of(kinds), inertia, seconds, torque, angle, verdict)
+
+    def _strain(self, tried: list[Tried]) -> tuple[float, float]:
+        """The largest joint torque in N m, and angle in rad, of the first trial and of the last that is kept."""
+        experiment, torque, angle = self.experiment(), 0.0, 0.0
+        kept = [number for number, each in enumerate(tried) if each.outcome.readings or each.outcome.windows]
+        for number in {kept[0], kept[-1]} if kept else ():
+            each = tried[number]
+            trial = experiment.trial(each.factors, each.outcome) if experiment else None
+            if isinstance(trial, ReadTrial):
+                angles, torques = trial.readings, trial.torques
+            else:
+                angles, torques = self._watched(each, number)
+            angle, torque = max(angle, float(np.abs(angles).max())), max(torque, float(np.abs(torques).max()))
+        return torque, angle
+
+    def _watched(self, tried: Tried, number: int) -> tuple[Array, Array]:
+        """Joint angles in rad, and the torques in N m that the law made of them, (nstep x njoint) each, of a trial of
+        an ideal rig.
+        """
+        problem = self.problem
+        watched = replace(problem.episode, keep_angles=True)
+        objective = Objective(problem.make_plant(), problem.lumps, watched, problem.measure.name, "analytic")
+        pushes = objective.record(tried.factors, number).angles
+        absolute = np.concatenate([np.cumsum(push[1:], axis=1) for push in pushes])
+        speeds = np.concatenate([np.cumsum(np.diff(push, axis=0), axis=1) for push in pushes]) / problem.timestep
+        forces = compensation_basis(absolute, speeds, problem.spec.plant.gravity) @ (
+            problem.lumps.vector * tried.factors
+        )
+        return np.concatenate(pushes), np.cumsum(forces[:, ::-1], axis=1)
+
+
+FRICTION_GUESS = 0.02  # N m s, that is believed of each joint where friction is searched
+
+
+def output_error(true: Links, nominal: Links, condition: Condition, seconds: float, seed: int) -> Found:
+    """What metaid's estimate is of all pushes, and whether it says that it has found it."""
+    rig = Rig(true, nominal, condition, "output-error", seconds, seed)
+    tried = rig.run()
+    experiment = rig.experiment()
+    assert experiment is not None
+    trials = tuple(t for each in tried if (t := experiment.trial(each.factors, each.outcome)) is not None)
+    probed = experiment.estimate(trials[:1]) if len(trials) > 1 else None
+    estimate = experiment.estimate(trials, probed)
+    if estimate is None:
+        return rig.found(rig.problem.nominal.lumps, rig.problem.nominal.inertia_lumps, tried, "not found")
+    is_found = StudyEstimate(estimate, experiment, trials).explains
+    return rig.found(estimate.lumps, estimate.lumps.of("inertia"), tried, "found" if is_found else "not found")
+
+
+def best_trial(true: Links, nominal: Links, condition: Condition, seconds: float, seed: int) -> Found:
+    """What the minimiser `cmaes` has found by itself, without an estimate. It finds no inertia lumps: those of the
+    nominal chain are scaled as the gravity lumps are.
+    """
+    rig = Rig(true, nominal, condition, "cmaes", seconds, seed)
+    tried = rig.run()
+    standing = [each for each in tried if not each.outcome.fell]
+    factors = np.ones(len(rig.problem.names))
+    if standing:
+        values = np.array([each.outcome.value for each in standing])
+        factors = identified_factors(rig.problem, np.array([each.factors for each in standing]), values)
+    lumps = rig.problem.lumps.scaled(factors)
+    inertia = rig.problem.nominal.inertia_lumps * lumps.gravity / rig.problem.nominal.lumps.gravity
+    return rig.found(lumps, inertia, tried, "")

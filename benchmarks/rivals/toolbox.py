@@ -1,0 +1,152 @@
+"""MuJoCo's own toolbox, `mujoco.sysid`: open-loop simulations of short windows of a log, from the states read there.
+
+It searches the mass, centre of mass and inertia of every link, and friction and tilt where these are searched; lengths
+are known. The upright chain is unstable, so no simulation without a servo can follow a log for long. Models are built
+once per candidate, not once per window as the toolbox would.
+"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+from mujoco import sysid
+
+from benchmarks.recording import Recording, filtered
+from benchmarks.rivals.logs import Log
+from benchmarks.rivals.regression import SPANS, Columns, delayed, searched_delay
+from metaid.models import Array, Chain
+from metaid.plant.mujoco_model import build_spec
+
+WINDOW = 2.0  # natural times that are simulated from a state that was read
+WINDOWS = 24  # at most, evenly out of the log: each costs as much as the others
+LEAST_FACTOR, LARGEST_FACTOR = 0.3, 3.0  # allowed of each nominal mass, centre of mass and inertia
+MOST_FRICTION, MOST_TILT = 1.0, 0.3  # N m s, rad
+ITERATIONS, TOLERANCE = 50, 1e-5  # the latter of a step in the factors
+
+
+@dataclass(frozen=True)
+class _Body:
+    """What the toolbox searches of one link of the `nominal` chain."""
+
+    nominal: Chain
+    link: int
+
+    def scaled(self, factors: Array) -> tuple[float, float, float]:
+        """Mass, centre of mass and inertia."""
+        chain, i = self.nominal, self.link
+        mass, com, inertia = (float(part) for part in factors * (chain.mass[i], chain.com[i], chain.inertia[i]))
+        return mass, com, inertia
+
+    def write(self, spec: mujoco.MjSpec, parameter: sysid.Parameter) -> None:
+        """Writes them into the body of the link."""
+        mass, com, inertia = self.scaled(parameter.value)
+        body = spec.body(f"link_{self.link + 1}")
+        body.mass, body.ipos, body.inertia = mass, [0.0, 0.0, com], [inertia] * 3
+
+
+def open_loop(log: Log) -> list[Columns]:
+    """What the toolbox finds of a log."""
+    nominal, searched, n = log.nominal, log.condition.searched, log.nominal.nlink
+    seen = _motion(log)
+    steps = min(round(WINDOW * log.natural / log.timestep), len(seen.torques))
+    factors = sysid.ParameterDict()
+    for i in range(n):
+        limits = np.full(3, LEAST_FACTOR), np.full(3, LARGEST_FACTOR)
+        factors.add(sysid.Parameter(f"link_{i + 1}", np.ones(3), *limits, modifier=_Body(nominal, i).write))
+    if "friction" in searched:
+        limits = np.zeros(n), np.full(n, MOST_FRICTION)
+        factors.add(sysid.Parameter("friction", np.full(n, 0.02), *limits, modifier=_write_friction))
+    if "tilt" in searched:
+        limits = np.full(1, -MOST_TILT), np.full(1, MOST_TILT)
+        factors.add(sysid.Parameter("tilt", np.zeros(1), *limits, modifier=_tilting(log.gravity)))
+    spec = _spec(log)
+    residual = sysid.build_residual_fn(
+        models_sequences=[_windows(spec, seen, steps)],
+        build_model=_remembered_models(),
+        resample_true=False,
+        enabled_observations=[(f"joint_{i + 1}_qpos", sysid.SignalType.MjStateQPos) for i in range(n)],
+        n_threads=1,
+    )
+    found, _ = sysid.optimize(
+        factors,
+        residual,
+        optimizer="mujoco",
+        verbose=False,
+        max_iters=ITERATIONS,
+        xtol=TOLERANCE,
+        output=io.StringIO(),
+    )
+    bodies = np.array([_Body(nominal, i).scaled(found[f"link_{i + 1}"].value) for i in range(n)])
+    chain = replace(nominal, mass=bodies[:, 0], com=bodies[:, 1], inertia=bodies[:, 2])
+    return [Columns(np.append(chain.lumps.vector, chain.inertia_lumps), n, ())]
+
+
+def _motion(log: Log) -> Recording:
+    """Angles, speeds and torques of a log (nstep x njoint), filtered where they are noisy."""
+    angles, speeds, torques = log.seen.angles[:-1], log.seen.speeds[:-1], delayed(log, searched_delay(log))
+    if log.condition.is_exact:
+        return Recording(angles, speeds, speeds, torques, log.timestep)
+    smooth = filtered(angles[None], torques[None], log.timestep, log.natural, SPANS[-1])
+    return Recording(smooth.angles[0], smooth.speeds[0], smooth.accelerations[0], torques, log.timestep)
+
+
+def _spec(log: Log) -> mujoco.MjSpec:
+    """The nominal chain with a motor and a sensor of the angle in every joint."""
+    spec = build_spec(log.nominal, log.gravity, log.timestep)
+    spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    for i in range(log.nominal.nlink):
+        motor = spec.add_actuator(name=f"motor_{i + 1}", target=f"joint_{i + 1}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        motor.set_to_motor()
+        spec.add_sensor(
+            name=f"angle_{i + 1}",
+            type=mujoco.mjtSensor.mjSENS_JOINTPOS,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            objname=f"joint_{i + 1}",
+        )
+    return spec
+
+
+def _write_friction(spec: mujoco.MjSpec, parameter: sysid.Parameter) -> None:
+    for i, friction in enumerate(parameter.value.tolist()):
+        spec.joint(f"joint_{i + 1}").damping = [friction, 0.0, 0.0]
+
+
+def _tilting(gravity: float) -> sysid.ModifierFn:
+    """Turns gravity, which is the same as turning the base, towards positive angles."""
+
+    def write(spec: mujoco.MjSpec, parameter: sysid.Parameter) -> None:
+        tilt = float(parameter.value[0])
+        spec.option.gravity = [gravity * np.sin(tilt), 0.0, -gravity * np.cos(tilt)]
+
+    return write
+
+
+def _remembered_models() -> sysid.BuildModelFn:
+    """The toolbox's own build of a model, once per set of parameters and not once per window."""
+    built: dict[bytes, mujoco.MjModel] = {}
+
+    def build(factors: sysid.ParameterDict, spec: mujoco.MjSpec) -> mujoco.MjModel:
+        key = factors.as_vector().tobytes()
+        if key not in built:
+            built[key] = sysid.apply_param_modifiers(factors, spec)
+        return built[key]
+
+    return build
+
+
+def _windows(spec: mujoco.MjSpec, seen: Recording, steps: int) -> sysid.ModelSequences:
+    """Windows of `steps` steps, evenly out of the log, each with the state that it starts from."""
+    model, (total, n) = spec.compile(), seen.torques.shape
+    mapping = {f"joint_{i + 1}_qpos": (sysid.SignalType.MjStateQPos, np.array([i])) for i in range(n)}
+    times = seen.timestep * np.arange(steps)
+    states, controls, measured = [], [], []
+    for start in np.linspace(0, total - steps, min(WINDOWS, total // steps), dtype=int).tolist():
+        window = slice(start, start + steps)
+        states.append(sysid.create_initial_state(model, seen.angles[start], seen.speeds[start]))
+        controls.append(sysid.TimeSeries(times, seen.torques[window]))
+        measured.append(sysid.TimeSeries(times, seen.angles[window], mapping))
+    names = [f"window_{i}" for i in range(len(states))]
+    return sysid.ModelSequences("chain", spec, names, states, controls, measured)
