@@ -23,6 +23,7 @@ from typing import Any, Protocol
 import numpy as np
 
 PROTOCOL = 1
+ASKED = "asked to"  # why the torque is off after every push that went well
 IDLE = 60.0  # s without a word, nothing moving: whoever is connected has gone, and somebody else may be waiting
 
 
@@ -96,14 +97,19 @@ class Simulator:
 
 
 class Rig:
-    """A body with ticks and reasons to stop. `limit` (rad): an angle that no joint may pass, whatever is asked."""
+    """A body with ticks and reasons to stop. `limit` (rad): an angle that no joint may pass, whatever is asked. It says
+    why it took the torque off, and if it is `verbose` also that it was asked to.
+    """
 
-    def __init__(self, body: Body, about: dict[str, Any], watchdog: float, limit: float, real_time: bool) -> None:
+    def __init__(
+        self, body: Body, about: dict[str, Any], watchdog: float, limit: float, real_time: bool, verbose: bool
+    ) -> None:
         self.body = body
         self.about = about
         self.watchdog = watchdog
         self.limit = limit
         self.real_time = real_time
+        self.verbose = verbose
         self.moving = False
         self.tick = 0
         self.why = "it was not pushed"
@@ -122,8 +128,8 @@ class Rig:
         if asked == "step":
             return self.step(self.numbers(message, "torque"))
         if asked == "stop":
-            self.stop("asked to")
-            return {"stopped": "asked to"}
+            self.stop(ASKED)
+            return {"stopped": ASKED}
         return {"error": f"unknown message {asked!r} (allowed: hello, ping, push, step, stop)"}
 
     def numbers(self, message: dict[str, Any], key: str) -> list[float]:
@@ -178,7 +184,7 @@ class Rig:
         """Torque off, at once, whatever else happens."""
         self.torque = [0.0] * self.about["joints"]
         moved, self.moving, self.why = self.moving, False, why
-        if moved:
+        if moved and (self.verbose or why != ASKED):
             print(f"torque off at tick {self.tick}: {why}", flush=True)
 
 
@@ -275,6 +281,7 @@ def main() -> None:
     parser.add_argument("--body", choices=["links", "mujoco"], default="links", help="what is simulated, and how")
     parser.add_argument("--real-time", action="store_true", help="a tick takes its time (default: as fast as asked)")
     parser.add_argument("--watchdog", type=float, default=0.2, help="s without a command until the torque goes off")
+    parser.add_argument("--verbose", action="store_true", help="say each time that the driver stops it, too")
     parser.add_argument("--limit", type=float, default=720.0, help="degrees that no link may pass")
     parser.add_argument(
         "--fault", action="append", default=[], metavar="KIND@N", help="drop, silence, late or die at step N"
@@ -289,7 +296,7 @@ def main() -> None:
         "timestep": float(plant.get("timestep", 0.002)),
         "gravity": float(plant.get("gravity", 9.81)),
     }
-    rig = Rig(body, about, given.watchdog, np.radians(given.limit), given.real_time)
+    rig = Rig(body, about, given.watchdog, np.radians(given.limit), given.real_time, given.verbose)
     faults = Faults(given.fault)
     listener = listen(given.listen)
     while True:

@@ -79,6 +79,7 @@ NEEDS = {
     "view": ["plant", "view", "three-link"],
     "postgresql": ["study", "list", "--storage", "postgresql://me:secret@127.0.0.1:1/studies"],
 }
+SHIPPED = (("plants", "*.toml"), ("studies", "*.toml"), ("plants/arms", "*.xml"), ("examples", "*.py"))
 IDENTIFIED = ["study", "show", "three-link", "--json"]
 
 
@@ -155,7 +156,7 @@ def bare(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Bare:
 def test_wheel_carries_plants_and_studies(wheel: Path) -> None:
     """All that are shipped, and no other."""
     shipped = {Path(name) for name in zipfile.ZipFile(wheel).namelist()}
-    for kind, files in (("plants", "*.toml"), ("studies", "*.toml"), ("plants/arms", "*.xml")):
+    for kind, files in SHIPPED:
         there = {path.name for path in shipped if path.parent == Path("metaid", kind)}
         assert there == {path.name for path in (ROOT / kind).glob(files)}
 

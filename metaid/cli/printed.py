@@ -24,7 +24,7 @@ def print_study(store: Any, name: str, with_bodies: bool = False) -> dict[str, A
 
     shown = summary(store, name, with_bodies)
     title = f"{shown['name']}: {shown['plant']}, {shown['sampler']}, {shown['measure']}, seed {shown['seed']}"
-    _print_lumps(title, shown["lumps"], "; ".join(_tried(shown)))
+    _print_lumps(title, shown["lumps"], "; ".join(describe_tried(shown)))
     _say_foreign(shown.get("foreign_trials", []), _unit(shown["measure"]))
     if "parameters" in shown:
         _show_parameters(shown)
@@ -44,7 +44,7 @@ def _unit(measure: str) -> str:
     return KINETIC.unit if measure == KINETIC.name else MEASURES[measure].unit
 
 
-def _tried(shown: dict[str, Any]) -> list[str]:
+def describe_tried(shown: dict[str, Any]) -> list[str]:
     """What was tried, and the best of it."""
     trials, best, unit = shown["trials"], shown["best"], _unit(shown["measure"])
     failed = f", {trials['failed']} failed" if trials["failed"] else ""
@@ -54,6 +54,8 @@ def _tried(shown: dict[str, Any]) -> list[str]:
     if best["value"] is None:
         return [*parts, "no survivor yet"]
     parts.append(f"best {best['value']:.3g} {unit} at trial {best['number']}")
+    if best["value"] < 0.0:
+        parts[-1] += " (below zero: the noise of a plant at rest is subtracted, and noise was luckily small)"
     if best.get("max_error") is not None:
         parts[-1] += f", itself wrong by up to {error_text(best['max_error'], '')}"
     if "noise_floor_hz" in shown:

@@ -50,24 +50,31 @@ class Graph:
 
 def serve(store: Store, port: int, say: Callable[[str], None]) -> None:
     """Serves the dashboard until interrupted; `say` gets its addresses.  Raises MetaidError if the port is taken."""
-    say("writing notes and graphs where there are new trials …")
-    with make_dashboard(store, port) as server:
+    with make_dashboard(store, port, say) as server:
         lines = list(addresses(store, server.server_port))  # whoever reads the first may press Ctrl-C at once
         for line in lines:
             say(line)
         server.serve_forever()
 
 
-def make_dashboard(store: Store, port: int) -> WSGIServer:
-    """The server, bound to loopback and not yet serving; port 0 takes a free one.  Raises MetaidError."""
-    for name in store.names():
-        explain(store, name)
+def make_dashboard(store: Store, port: int, say: Callable[[str], None] = lambda text: None) -> WSGIServer:
+    """The server, bound to loopback and not yet serving, with a note to each study; port 0 takes a free one. `say` gets
+    what it is doing. Nothing is written where the port is taken.  Raises MetaidError.
+    """
     log = logging.getLogger("optuna_dashboard")
     log.handlers, log.propagate = [_FirstLines()], False
     try:
-        return make_server(HOST, port, loopback_only(wsgi(store.optuna)), _Server, _Quiet)
+        server = make_server(HOST, port, loopback_only(wsgi(store.optuna)), _Server, _Quiet)
     except OSError as problem:
         raise MetaidError(f"port {port} cannot be used: {problem.strerror} (choose another with --port)") from None
+    try:
+        say("writing notes and graphs where there are new trials …")
+        for name in store.names():
+            explain(store, name)
+    except BaseException:
+        server.server_close()
+        raise
+    return server
 
 
 def addresses(store: Store, port: int) -> Iterator[str]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import operator
+import shlex
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -101,6 +102,7 @@ class Store:
         except (SQLAlchemyError, OptunaError, SchemaVersionError, RuntimeError, *SPOILED, self._driver.Error) as error:
             cause = (isinstance(error, StorageInternalError) and error.__cause__) or error
             said = describe(getattr(cause, "orig", None) or cause)
+            said = said.replace("$STORAGE_URL", shlex.quote(self.url)) if self.is_sqlite else said
             away = not self.is_sqlite and does_not_answer(cause, self._driver)
             raise (UnreachableError if away else StorageError)(f"{self.url}: {said}") from None
 

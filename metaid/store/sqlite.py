@@ -7,6 +7,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import shlex
 import sqlite3
 from contextlib import closing, suppress
 from pathlib import Path
@@ -103,9 +104,11 @@ def _check_version(connection: sqlite3.Connection, path: Path) -> None:
         raise StorageError(f"{path}: does not say which version of Optuna made it; {DAMAGED}")
     schema, library = versions[0]
     if schema != SCHEMA_VERSION:
+        url = shlex.quote(sa.URL.create("sqlite", database=str(path)).render_as_string())
+        how = f"optuna storage upgrade --storage {url}" if schema < SCHEMA_VERSION else "pip install --upgrade optuna"
         raise StorageError(
             f"{path}: made by Optuna {library} with tables of schema {schema} (allowed: {SCHEMA_VERSION}, that of "
-            f"Optuna {optuna.__version__} here)"
+            f"Optuna {optuna.__version__} here; keep a copy of the file and try: {how})"
         )
 
 

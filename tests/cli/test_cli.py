@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import click
 import numpy as np
 import optuna
 import pandas as pd
@@ -349,3 +350,22 @@ def test_list_tells_shipped_studies_and_names_plain_optuna_studies(metaid: Metai
     optuna.create_study(study_name="three-link (thinned)", storage="sqlite:///metaid.db")
     out = metaid("study", "list").out
     assert out.splitlines()[-1] == "plain Optuna studies, which metaid did not make: theirs"
+
+
+def test_best_value_below_zero_is_explained() -> None:
+    """A frequency below zero is what is left where more noise was subtracted than there was."""
+    from metaid.cli.printed import describe_tried
+
+    trials = {"total": 9, "pruned": 0, "failed": 0}
+    shown = {"trials": trials, "measure": "smoothed", "periods": 0, "best": {"number": 3, "value": -0.01}}
+    assert "best -0.01 Hz at trial 3 (below zero: the noise" in "; ".join(describe_tried(shown))
+    assert "below zero" not in "; ".join(describe_tried({**shown, "best": {"number": 3, "value": 0.01}}))
+
+
+def test_lists_say_what_each_entry_is(metaid: Metaid) -> None:
+    """Descriptions begin in the same place, and no summary of a command is a mere abbreviation."""
+    lines = [line for line in metaid("plant", "list").out.splitlines() if " link" in line.lower()]
+    assert len({line.index(word) for line in lines for word in ("One link,", "Two unequal") if word in line}) == 1
+    for group in (app, *(each for each in app.commands.values() if isinstance(each, click.Group))):
+        for command in group.commands.values():
+            assert len(command.get_short_help_str().split()) >= 4, command.name

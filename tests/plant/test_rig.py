@@ -62,7 +62,7 @@ def test_lost_connection_or_message_costs_that_episode_only(
 
 def test_fall_takes_the_torque_off_at_once(serve: Serve, two_link: Any) -> None:
     """At the step that shows the fall the rig is told to stop, and so it is after every push."""
-    server = serve("--watchdog", "60")
+    server = serve("--watchdog", "60", "--verbose")
     pushes = Episode(np.full((2, 2), 0.02), 1500)
     with closing(Objective(rig_at(server), two_link.chain.lumps, pushes, "spectral")) as objective:
         record = objective.record(np.full(3, 0.5))

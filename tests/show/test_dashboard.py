@@ -122,12 +122,13 @@ def test_note_and_graphs_leave_the_study_as_it_was(store: Store) -> None:
 
 
 def test_a_taken_port_is_said_in_one_line(store: Store, metaid: Metaid) -> None:
-    """The second dashboard on a port is refused with what to do."""
+    """The second dashboard on a port is refused with what to do, before it says or writes anything."""
     with served(store) as address:
         assert urllib.request.urlopen(f"{address}/dashboard").status == 200
         refused = metaid("dashboard", "--storage", store.url, "--port", address.rpartition(":")[2])
     assert refused.status == 2
     assert "choose another with --port" in refused.err
+    assert refused.out == ""
 
 
 MALFORMED = (

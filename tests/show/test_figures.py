@@ -144,6 +144,8 @@ def test_ranges_are_those_of_the_table(plain: Findings, axes: Axes) -> None:
     widths = [bar.get_width() for bar in axes.patches]
     assert widths == pytest.approx((100 * (lumps["high"] - lumps["low"]) / lumps["identified"]).tolist())
     assert axes.get_xlabel() == "deviation from the identified value, %"
+    left, right = axes.get_xlim()
+    assert all(left < bar.get_x() and bar.get_x() + bar.get_width() < right for bar in axes.patches)
 
 
 def test_correlation_is_symmetric_and_labelled(plain: Findings, axes: Axes) -> None:

@@ -34,6 +34,7 @@ def plot_ranges(found: Findings, axes: Axes | None = None) -> Axes:
     if found.true_factors is not None:
         axes.plot(true, places, "*", color=INK, markersize=6, linestyle="", label="truth")
     axes.set_yticks(places, lumps["name"])
+    axes.use_sticky_edges = False  # or the axis would end where the longest bar begins
     axes.margins(x=0.08)
     axes.invert_yaxis()
     axes.set_xlabel("deviation from the identified value, %")
