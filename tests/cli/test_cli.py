@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 from conftest import Finished
 
+from metaid.cli import app
 from metaid.models.lumps import IDEAL
 from metaid.plant.loading import load_plant
 
