@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from metaid.cli.common import number_text, print_table, say
 
 COLUMNS = ("nominal", "identified", "low", "high", "true")
+FAULT_COLUMNS = ("identified", "low", "high", "true")
 PARAMETER_COLUMNS = ("nominal", "low", "high", "true")
 DISPENSABLE = ("nominal", "true", "error")  # columns of lumps that are left out where the terminal is too narrow
 DIGITS, MOST_DIGITS = 5, 8
@@ -25,6 +27,8 @@ def print_study(store: Any, name: str, with_bodies: bool = False) -> dict[str, A
     shown = summary(store, name, with_bodies)
     title = f"{shown['name']}: {shown['plant']}, {shown['sampler']}, {shown['measure']}, seed {shown['seed']}"
     _print_lumps(title, shown["lumps"], "; ".join(describe_tried(shown)))
+    if "faults" in shown:
+        _print_faults(shown["faults"])
     _say_foreign(shown.get("foreign_trials", []), _unit(shown["measure"]))
     if "parameters" in shown:
         _show_parameters(shown)
@@ -89,8 +93,20 @@ def describe_verdict(shown: dict[str, Any]) -> str:
         widest = max((lump["high"] - lump["low"]) / (2.0 * lump["identified"]) for lump in known)
         head = f"{len(known)} lumps, each to within {error_text(widest, '')} or better"
         error = [] if shown["max_error"] is None else [f"largest error {error_text(shown['max_error'], '')}"]
-        parts = [head, *error, *parts]
+        parts = [head, *error, *_fault_texts(shown.get("faults", [])), *parts]
     return f"{shown['verdict'].upper()}: {'; '.join(parts)}"
+
+
+def _fault_texts(faults: list[dict[str, Any]]) -> list[str]:
+    """The faults that were found beside the lumps, with half their intervals, in one part of a sentence."""
+    known = [fault for fault in faults if fault["determined"]]
+    texts = [f"{each['name']} {each['identified']:.4g} ± {_half(each):.2g} {each['unit']}" for each in known]
+    return [", ".join(texts)] if texts else []
+
+
+def _half(fault: dict[str, Any]) -> float:
+    half: float = (fault["high"] - fault["low"]) / 2.0
+    return half
 
 
 def _model_error(errors: dict[str, float] | None) -> list[str]:
@@ -122,20 +138,34 @@ def _print_lumps(title: str, lumps: list[dict[str, Any]], note: str) -> None:
     print_table(title, ["lump", *COLUMNS, "error", "unit"], rows, note, ["unit"], DISPENSABLE)
 
 
+def _print_faults(faults: list[dict[str, Any]]) -> None:
+    rows = [
+        [row["name"], *_cells(row, FAULT_COLUMNS), number_text(row["error"], "+.2g"), row["unit"]] for row in faults
+    ]
+    print_table("Faults searched beside the lumps", ["fault", *FAULT_COLUMNS, "error", "unit"], rows, words=["unit"])
+
+
 def lump_cells(lump: dict[str, Any]) -> list[str]:
     """The numbers of a lump by COLUMNS, its error and unit; in the place of an identified value that there is not, that
     it was not found.
     """
+    return [*_cells(lump, COLUMNS), error_text(lump["error"]), lump["unit"]]
+
+
+def _cells(lump: dict[str, Any], columns: Sequence[str]) -> list[str]:
+    """The numbers of a lump or of a fault by `columns`; in the place of an identified value that there is not, that it
+    was not found.
+    """
     digits = _digits(lump)
-    cells = {key: number_text(lump[key], f".{DIGITS if key == 'nominal' else digits}g") for key in COLUMNS}
+    cells = {key: number_text(lump[key], f".{DIGITS if key == 'nominal' else digits}g") for key in columns}
     if lump["identified"] is None:
         cells["identified"] = "not found"
-    return [*cells.values(), error_text(lump["error"]), lump["unit"]]
+    return list(cells.values())
 
 
 def _digits(lump: dict[str, Any]) -> int:
     """How many a lump's numbers need to show how wide its interval is; DIGITS where a few more would not show it."""
-    if lump["low"] is None or not lump["low"] < lump["high"]:
+    if lump["low"] is None or not lump["low"] < lump["high"] or not lump["identified"]:
         return DIGITS
     half = (lump["high"] - lump["low"]) / (2.0 * abs(lump["identified"]))
     digits = math.ceil(-math.log10(half)) + 1

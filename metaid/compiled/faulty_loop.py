@@ -39,10 +39,10 @@ def _read(chain, expected, noise, push, step, sensors, kept, kept_speeds, speeds
     (njoint) of the joints.
     """
     angle_noise, speed_noise = noise
-    speed_sensor, encoder_step, weights = sensors
+    speed_sensor, encoder_step, offsets, weights = sensors
     count = weights.shape[0]
     for i in range(speeds.shape[0]):
-        angle = chain.qpos[i] + angle_noise[push, step, i]
+        angle = chain.qpos[i] + offsets[i] + angle_noise[push, step, i]
         if encoder_step > 0.0:
             angle = np.floor(angle / encoder_step + 0.5) * encoder_step
         kept[push, step, i] = angle
@@ -73,7 +73,7 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, w
     gravity, coriolis, damping, coulomb, inertia, stiffness = laws
     law = gravity[0], coriolis[0], damping[0], coulomb[0], inertia[0], stiffness
     angle_noise, speed_noise, torque_noise = noise
-    control_every, limits, tilt = drives
+    control_every, limits, gains, tilt = drives
     timestep, steps, limit, margin, largest_turn, runaway, ends, deadband, lead = settings
     motion, window_half_periods = windows
     read, moving, joint_speeds, previous, command, crosses, commands = work
@@ -103,7 +103,7 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, w
                 read[i].speed = speed
                 if step == 0:
                     pushed = max(pushed, abs(speed))
-                    crosses[i] = start[push, 0, i] == 0.0 and v != 0.0
+                    crosses[i] = start[push, 0, i] + sensors[2][i] == 0.0 and v != 0.0
                 else:
                     speed_energy[push, i] += 0.5 * period * (v0 * v0 + v * v)
                     jump = v - v0 + period * stiffness * kept[push, step - 1, i]  # Eq. 17
@@ -132,7 +132,7 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, w
             for i in range(n):
                 commands[step % slots, i] = command[i]
                 delivered = min(max(commands[(step + 1) % slots, i], -limits[i]), limits[i])
-                chain.torque[i] = delivered + torque_noise[push, step, i]
+                chain.torque[i] = gains[i] * delivered + torque_noise[push, step, i]
             for _ in range(control_every):
                 angle, speed = tilt, 0.0
                 for i in range(n):
@@ -180,8 +180,9 @@ class FaultyLoop:
         self.step = step
         faults, njoint = self.plant.faults, plant.njoint
         self._expected = start_states(plant, episode.starts)
-        self._sensors = faults.speed_sensor, faults.encoder_step, slope_weights(self.plant.timestep)
-        self._drives = faults.control_every, faults.torque_limits(njoint), faults.tilt
+        offsets, weights = faults.encoder_offsets(njoint), slope_weights(self.plant.timestep)
+        self._sensors = faults.speed_sensor, faults.encoder_step, offsets, weights
+        self._drives = faults.control_every, faults.torque_limits(njoint), faults.torque_gains(njoint), faults.tilt
         ends = np.array(episode.window_ends, dtype=np.int64)
         rule, readings = episode.fall_rule.clauses, (episode.deadband, episode.lead)
         self._settings = plant.timestep, episode.steps, *rule, ends, *readings

@@ -35,7 +35,7 @@ def fastest_step(plant: MujocoPlant, physics: str = "mujoco") -> Step:
 
 def start_states(plant: MujocoPlant, starts: Sequence[Start]) -> Array:
     """Joint angles in rad and speeds in rad/s (npush x 2 x njoint) right after the pushes that begin at `starts`."""
-    return np.array([(start.angles, plant.start_speeds(start)) for start in starts])
+    return np.array([(plant.true_angles(start), plant.start_speeds(start)) for start in starts])
 
 
 class CompiledLoop:

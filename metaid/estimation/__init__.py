@@ -11,13 +11,21 @@ knows of files, studies or the truth.
 
 from metaid.estimation.estimate import Estimate, fit
 from metaid.estimation.experiment import Compared, Experiment, NoisyExperiment, SeenTrial, SilentExperiment
+from metaid.estimation.faults import NO_FAULTS, SearchedFaults, searched_faults
 from metaid.estimation.motions import Motions, Quantity
-from metaid.estimation.noisy import Readings, ReadTrial, Unmodelled, commanded_torques, filtered_speeds
+from metaid.estimation.noisy import (
+    Readings,
+    ReadTrial,
+    Unmodelled,
+    commanded_torques,
+    filtered_speeds,
+)
 from metaid.estimation.trials import Replay, WatchedTrial
 from metaid.estimation.unknowns import FULL, Unknowns
 
 __all__ = [
     "FULL",
+    "NO_FAULTS",
     "Compared",
     "Estimate",
     "Experiment",
@@ -27,6 +35,7 @@ __all__ = [
     "ReadTrial",
     "Readings",
     "Replay",
+    "SearchedFaults",
     "SeenTrial",
     "SilentExperiment",
     "Unknowns",
@@ -35,4 +44,5 @@ __all__ = [
     "commanded_torques",
     "filtered_speeds",
     "fit",
+    "searched_faults",
 ]

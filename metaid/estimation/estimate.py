@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from metaid.estimation.faults import FoundFaults, SearchedFaults, found_faults
 from metaid.estimation.fit import Fit, Growing, find
 from metaid.estimation.trials import Replay
 from metaid.estimation.unknowns import Unknowns
@@ -20,6 +21,10 @@ class Comparison(Growing, Protocol):
     @property
     def unknowns(self) -> Unknowns:
         """The lumps that are unknown."""
+
+    @property
+    def faults(self) -> SearchedFaults:
+        """The faults that are unknown beside them."""
 
     def replay(self, number: int, point: Array) -> Replay:
         """The trial of that `number`, and the twin at a `point` in its place."""
@@ -34,11 +39,23 @@ class Estimate(Fit):
         extent: least and largest log factor (2 x nunknown) of the models that show exactly the counts that were seen;
             None where no counts were compared, or no model shows them. Half of it is 1.96 times the deviation.
         counts: how many counts were compared, of which the misfit is the number that differs; None where none were.
+        faults: that were searched beside the lumps; None where none were.
     """
 
     lumps: Lumps
     extent: Array | None = None
     counts: int | None = None
+    faults: FoundFaults | None = None
+
+    @property
+    def point(self) -> Array:
+        """All unknowns of the fit: log factors, faults, and the start speeds of each push."""
+        return np.concatenate([self.start, self.extras])
+
+    @property
+    def start(self) -> Array:
+        """The log factors and the faults, from which a fit to more trials begins."""
+        return self.unknowns if self.faults is None else np.append(self.unknowns, self.faults.unknowns)
 
     @property
     def log_factors(self) -> Array:
@@ -77,7 +94,8 @@ def fit(comparison: Comparison, start: Array | None = None, restarts: int = 3, s
 
     Args:
         comparison: what is compared with the twin.
-        start: log factors (nunknown) to try before the nominal model, such as those of the estimate before.
+        start: log factors, with faults behind them (nunknown), to try before the nominal model, such as those of the
+            estimate before.
         restarts: how often the fit may begin at a random point of the prior, where the misfit says that it ended in a
             wrong minimum.
         seed: of these points; the same seed gives the same estimate.
@@ -88,4 +106,9 @@ def fit(comparison: Comparison, start: Array | None = None, restarts: int = 3, s
     found = find(comparison, start, restarts, seed)
     if found is None:
         raise ValueError("no chain near the nominal one moves through any window: the nominal lumps are no chain's")
-    return Estimate(**vars(found), lumps=comparison.unknowns.lumps(found.unknowns))
+    count = len(found.names)
+    log_factors, faults = found.unknowns[:count], None
+    if comparison.faults.names:
+        faults = found_faults(comparison.faults, found.unknowns[count:], found.deviations[count:])
+    own = vars(found) | {"unknowns": log_factors, "covariance": found.covariance[:count, :count]}
+    return Estimate(**own, lumps=comparison.unknowns.lumps(log_factors), faults=faults)

@@ -12,6 +12,7 @@ import numpy as np
 from metaid.episode import Outcome
 from metaid.estimation.counting import Counts, match_counts
 from metaid.estimation.estimate import Comparison, Estimate, fit
+from metaid.estimation.faults import NO_FAULTS, SearchedFaults
 from metaid.estimation.motions import Motions, Quantity
 from metaid.estimation.noisy import (
     Readings,
@@ -95,7 +96,7 @@ class Experiment(ABC):
         A `start` that explained the trials before is where the fit begins. Where that explains nothing, a
         `thorough` fit begins elsewhere RESTARTS times.
         """
-        begin = start.log_factors if start is not None and start.is_explained else None
+        begin = start.start if start is not None and start.is_explained else None
         try:
             compared = self._comparison(trials)
             if isinstance(compared, Counts):
@@ -172,6 +173,7 @@ class NoisyExperiment(Experiment):
         has_unknown_encoders: whether the resolution of the encoders is to be seen in the readings; else it is in the
             `noise`.
         is_continuous: whether the plant moves continuously, as a real one does, and not in steps, as a simulated one.
+        faults: that are searched beside the lumps.
     """
 
     start_spread: Array | None
@@ -182,6 +184,7 @@ class NoisyExperiment(Experiment):
     lead: float = 0.0
     has_unknown_encoders: bool = False
     is_continuous: bool = False
+    faults: SearchedFaults = NO_FAULTS
 
     def trial(self, factors: Array, outcome: Outcome) -> ReadTrial | None:
         read = outcome.readings
@@ -212,4 +215,4 @@ class NoisyExperiment(Experiment):
         return list(unmodelled_forces(self._comparison(trials), estimate))
 
     def _comparison(self, trials: Sequence[ReadTrial]) -> Readings:
-        return Readings(trials, self.unknowns, self.gravity)
+        return Readings(trials, self.unknowns, self.gravity, faults=self.faults)

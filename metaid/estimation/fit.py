@@ -52,7 +52,7 @@ class Fit:
     """What all trials say.
 
     Attributes:
-        names: of what was unknown (nunknown).
+        names: of what was unknown (nunknown); faults that were searched beside them come after these.
         unknowns: z (nunknown), the changes of the nominal model that show what was seen.
         covariance: of the unknowns (nunknown x nunknown).
         cost: half the sum of squares of the residuals, with that of the prior.
@@ -195,12 +195,12 @@ def starting_points(comparison: Fitted, start: Array | None, restarts: int, seed
 
 
 def _fit(comparison: Growing, found: Descent, iterations: int, starts: int) -> Fit:
-    place, names = found.place, comparison.unknowns.names
+    place, count = found.place, len(comparison.spreads)
     factor, _ = triangle(place, comparison.spreads)
     inverse = np.linalg.inv(factor)
     return Fit(
-        names=tuple(names),
-        unknowns=place.point[: len(names)],
+        names=tuple(comparison.unknowns.names),
+        unknowns=place.point[:count],
         covariance=inverse @ inverse.T,  # Eq. 27; R is the factor of what is inverted
         cost=place.cost,
         misfit=misfit(found),
@@ -209,5 +209,5 @@ def _fit(comparison: Growing, found: Descent, iterations: int, starts: int) -> F
         starts=starts,
         converged=found.converged,
         residuals=comparison.by_joint(place.point),
-        extras=place.point[len(names) :],
+        extras=place.point[count:],
     )

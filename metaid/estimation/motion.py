@@ -4,7 +4,8 @@ In absolute angles φ and speeds ω (nlink), with the law's lumps less the chain
 
     M α = F,    F_i = Σ_j (ã − a)_ij sin(φ_i − φ_j) ω_j² − g (μ̃ − μ)_i sin φ_i + f_i − f_{i+1} + Q_i    (22)
 
-f_k is what is left of the friction in joint k, and Q a force that is known beforehand. A step is the plant's,
+f_k is what is left of the friction in joint k, with the torque of a spring there, and Q a force that is known
+beforehand. Where link i leans by λ_i when its angle is 0, sines and cosines are of φ_i + λ_i. A step is the plant's,
 ω ← ω + h α and then φ ← φ + h ω. `tangent` has its derivative, Eq. 23.
 """
 
@@ -81,7 +82,8 @@ def accelerate(step, forces, balance, work):  # type: ignore[no-untyped-def]
     """
     angle, cosine, sine = work.angle, work.cosine, work.sine
     for i in range(angle.shape[0]):
-        cosine[i], sine[i] = np.cos(angle[i]), np.sin(angle[i])
+        true_angle = angle[i] + balance.lean[i]
+        cosine[i], sine[i] = np.cos(true_angle), np.sin(true_angle)
     _force(step, forces, balance, work)
     return _solve(balance, work)
 
@@ -94,8 +96,9 @@ def _force(step, forces, balance, work):  # type: ignore[no-untyped-def]
     carried = 0.0  # friction in the joint above, from the tip down
     for i in range(n - 1, -1, -1):
         joint_speed = speed[i] - (speed[i - 1] if i > 0 else 0.0)
+        joint_angle = angle[i] - (angle[i - 1] if i > 0 else 0.0)
         share = min(max(joint_speed * (1.0 / SLIDING), -1.0), 1.0)
-        friction = balance.damping[i] * joint_speed + balance.coulomb[i] * share
+        friction = balance.damping[i] * joint_speed + balance.coulomb[i] * share + balance.spring[i] * joint_angle
         force[i] = friction - carried - balance.gravity[i] * sine[i] - stiffness * balance.law_inertia[i] * angle[i]
         carried = friction
         if forces.shape[0] > 0:

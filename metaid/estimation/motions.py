@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.estimation.descent import Residuals
+from metaid.estimation.faults import NO_FAULTS, SearchedFaults
 from metaid.estimation.trials import Replay, WatchedTrial
 from metaid.estimation.twin import Motion, simulate
 from metaid.estimation.unknowns import Unknowns, known_alone
@@ -40,6 +41,11 @@ class WatchedTrials:
     def stages(self) -> int:
         """How many windows the longest trial has."""
         return max(len(trial.ends) for trial in self.trials)
+
+    @property
+    def faults(self) -> SearchedFaults:
+        """None: they are searched in readings."""
+        return NO_FAULTS
 
     @property
     def extras(self) -> int:

@@ -27,7 +27,7 @@ fused = partial(compiled, fastmath={"contract"})  # a product and a sum become o
 def linearise(balance, work):  # type: ignore[no-untyped-def]
     """Fills `solved` (nlink x 3 nlink) with M⁻¹ [1 G H]."""
     _slopes_of_forces(balance, work)
-    _slopes_of_friction(balance, work)
+    _slopes_of_joints(balance, work)
     factors, solved = work.factors, work.solved
     n = factors.shape[0]
     for i in range(n):
@@ -68,18 +68,23 @@ def _slopes_of_forces(balance, work):  # type: ignore[no-untyped-def]
 
 
 @fused
-def _slopes_of_friction(balance, work):  # type: ignore[no-untyped-def]
-    """Adds to H what friction in joint i does to link i, and the other way to link i − 1."""
+def _slopes_of_joints(balance, work):  # type: ignore[no-untyped-def]
+    """Adds to H what friction in joint i does to link i, and the other way to link i − 1; to G what a spring does."""
     speed, solved = work.speed, work.solved
     n = speed.shape[0]
     for i in range(n):
         joint_speed = speed[i] - (speed[i - 1] if i > 0 else 0.0)
-        slope = balance.damping[i] + (balance.coulomb[i] / SLIDING if abs(joint_speed) < SLIDING else 0.0)
+        slope, spring = balance.damping[i], balance.spring[i]
+        slope += balance.coulomb[i] / SLIDING if abs(joint_speed) < SLIDING else 0.0
         solved[i, 2 * n + i] += slope
+        solved[i, n + i] += spring
         if i > 0:
             solved[i, 2 * n + i - 1] -= slope
             solved[i - 1, 2 * n + i] -= slope
             solved[i - 1, 2 * n + i - 1] += slope
+            solved[i, n + i - 1] -= spring
+            solved[i - 1, n + i] -= spring
+            solved[i - 1, n + i - 1] += spring
 
 
 @fused

@@ -17,7 +17,7 @@ from metaid.estimation.driven import watch_readings
 from metaid.estimation.motion import watch_push
 from metaid.estimation.trials import WatchedTrial
 from metaid.estimation.unknowns import Unknowns
-from metaid.estimation.workspace import balance, derivatives, workspace
+from metaid.estimation.workspace import Joints, balance, derivatives, workspace
 from metaid.models import Array
 
 THREADED = 200_000  # multiplications; threads do not pay for less
@@ -107,6 +107,7 @@ def drive(
     unknowns: Unknowns,
     log_factors: Array,
     gravity: float,
+    joints: Joints | None = None,
 ) -> Coefficients | None:
     """The twin of a noisy `trial`, driven by what was commanded; None where it cannot follow.
 
@@ -117,6 +118,7 @@ def drive(
         basis: the polynomials (npush x nstep + 1 x ncoefficient) that each push is seen in.
         unknowns, log_factors: what is unknown of the chain, and where (nunknown).
         gravity: in m/s².
+        joints: what they have beside the lumps; None for nothing.
     """
     lumps = unknowns.lumps(log_factors)
     npush, n = starts.shape
@@ -124,7 +126,7 @@ def drive(
     start_column = len(log_factors) if trial.start_spread is not None else -1
     values, slopes = np.empty((npush, n, basis.shape[2])), np.empty((npush, n, basis.shape[2], columns))
     followed = np.zeros(npush, dtype=np.bool_)
-    forces = balance(None, lumps, gravity), derivatives(unknowns, lumps, gravity)
+    forces = balance(None, lumps, gravity, joints=joints), derivatives(unknowns, lumps, gravity)
     common = trial.forces, *forces, (trial.timestep, start_column, trial.substeps), basis, steps
 
     def run(first: int, stride: int) -> None:

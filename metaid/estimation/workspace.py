@@ -18,14 +18,17 @@ class Balance(NamedTuple):
     """What the motion of Eq. 22 follows from, for n links.
 
     `gravity` (n) times g, in N m, `coriolis` (n x n), `damping` and `coulomb` (n) are the law's lumps less the
-    chain's. `mass_coriolis` (n x n) and `mass_inertia` (n) are the chain's own. `law_coriolis` and `law_inertia` are
-    the law's, which ask for q̈ = −`stiffness` q.
+    chain's. `spring` (n) is minus the stiffness of a spring in each joint, in N m/rad, and `lean` (n) the true absolute
+    angle, in rad, of each link whose angle is read as 0. `mass_coriolis` (n x n) and `mass_inertia` (n) are the chain's
+    own. `law_coriolis` and `law_inertia` are the law's, which ask for q̈ = −`stiffness` q.
     """
 
     gravity: Array
     coriolis: Array
     damping: Array
     coulomb: Array
+    spring: Array
+    lean: Array
     mass_coriolis: Array
     mass_inertia: Array
     law_coriolis: Array
@@ -73,7 +76,26 @@ class Workspace(NamedTuple):
     acceleration_slopes: Array
 
 
-def balance(law: Lumps | None, lumps: Lumps, gravity: float, stiffness: float = 0.0) -> Balance:
+class Joints(NamedTuple):
+    """What a chain's joints have that its lumps do not say, each (njoint): viscous friction in N m s, dry friction in
+    N m, the stiffness of a spring in N m/rad, and the true absolute angle in rad of the link whose angle is read as 0.
+    """
+
+    viscous: Array
+    dry: Array
+    spring: Array
+    lean: Array
+
+
+def ideal_joints(njoint: int) -> Joints:
+    """Joints without friction, springs and leaning links."""
+    viscous, dry, spring, lean = np.zeros((4, njoint))
+    return Joints(viscous, dry, spring, lean)
+
+
+def balance(
+    law: Lumps | None, lumps: Lumps, gravity: float, stiffness: float = 0.0, joints: Joints | None = None
+) -> Balance:
     """What the motion of a chain under a law follows from.
 
     Args:
@@ -81,14 +103,18 @@ def balance(law: Lumps | None, lumps: Lumps, gravity: float, stiffness: float = 
         lumps: of the chain.
         gravity: in m/s².
         stiffness: of the law, in 1/s².
+        joints: what they have beside the lumps; None for nothing.
     """
+    joints = ideal_joints(lumps.nlink) if joints is None else joints
     if law is None:
         law = Lumps(np.zeros(lumps.nlink), np.zeros((lumps.nlink, lumps.nlink)))
     return Balance(
         gravity=gravity * (law.gravity - lumps.gravity),
         coriolis=law.coriolis - lumps.coriolis,
-        damping=law.of("damping") - lumps.of("damping"),
-        coulomb=law.of("coulomb") - lumps.of("coulomb"),
+        damping=law.of("damping") - lumps.of("damping") - joints.viscous,
+        coulomb=law.of("coulomb") - lumps.of("coulomb") - joints.dry,
+        spring=0.0 - joints.spring,
+        lean=joints.lean,
         mass_coriolis=np.array(lumps.coriolis),
         mass_inertia=np.array(lumps.of("inertia")),
         law_coriolis=np.array(law.coriolis),

@@ -18,11 +18,13 @@ from metaid.plant.protocol import Plant
 from metaid.plant.settings import LinkSettings, PlantSettings, chain_of
 from metaid.plant.socket_plant import SocketPlant, SocketSettings
 from metaid.plant.start import Start
+from metaid.plant.unknown_faults import FAULT_UNITS, fault_names, fault_unit, true_faults
 
 if TYPE_CHECKING:
     from metaid.plant.mujoco_model import build_spec
 
 __all__ = [
+    "FAULT_UNITS",
     "ArmPlant",
     "ArmSettings",
     "FaultSettings",
@@ -38,6 +40,8 @@ __all__ = [
     "build_spec",
     "chain_of",
     "draw",
+    "fault_names",
+    "fault_unit",
     "load_chain",
     "load_plant",
     "load_rig",
@@ -45,6 +49,7 @@ __all__ = [
     "read_plant",
     "slope_weights",
     "stream",
+    "true_faults",
 ]
 
 

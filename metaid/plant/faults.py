@@ -21,6 +21,9 @@ FEWEST_READINGS = 3  # of them, however slowly they come
 
 Size = Annotated[float, Field(ge=0, le=1e6)]
 Limit = Annotated[float, Field(gt=0, le=1e9)]
+Offset = Annotated[float, Field(ge=-1, le=1)]
+Gain = Annotated[float, Field(ge=0.1, le=10)]
+PER_JOINT = ("torque_limit", "torque_gain", "encoder_offset")  # one number for all joints, or one each
 
 
 class FaultSettings(Settings):
@@ -28,19 +31,23 @@ class FaultSettings(Settings):
     standard deviation.
 
     Sensors: `angle_noise` in rad, `speed_noise` in rad/s; `speed_sensor = false`, then speeds are those of a straight
-    line through the last angle readings; `encoder_step`, the resolution of an angle reading in rad. Control: a new
+    line through the last angle readings; `encoder_step`, the resolution of an angle reading in rad; `encoder_offset`,
+    what is read where a joint is straight, in rad, and pushes begin where encoders read the upright. Control: a new
     torque `control_every` physics steps, `delay` in such control steps. Drives: `torque_limit` in N m, one for all
-    joints or one each, `torque_noise` in N m, anew for every control step. `push_noise`: of every impulse, as a share
-    of it. `tilt`: of the base, in rad, positive towards positive angles.
+    joints or one each, `torque_noise` in N m, anew for every control step; `torque_gain`, what a motor delivers of what
+    it is told to, as a multiple of it. `push_noise`: of every impulse, as a share of it. `tilt`: of the base, in rad,
+    positive towards positive angles.
     """
 
     angle_noise: Size = 0.0
     speed_noise: Size = 0.0
     speed_sensor: bool = True
     encoder_step: Annotated[float, Field(ge=0, le=1)] = 0.0
+    encoder_offset: Offset | Annotated[tuple[Offset, ...], Field(min_length=1, strict=False)] = 0.0
     control_every: Annotated[int, Field(ge=1, le=1000)] = 1
     delay: Annotated[int, Field(ge=0, le=1000)] = 0
     torque_limit: Limit | Annotated[tuple[Limit, ...], Field(min_length=1, strict=False)] | None = None
+    torque_gain: Gain | Annotated[tuple[Gain, ...], Field(min_length=1, strict=False)] = 1.0
     torque_noise: Size = 0.0
     push_noise: Annotated[float, Field(ge=0, le=1)] = 0.0
     tilt: Annotated[float, Field(ge=-1, le=1)] = 0.0
@@ -58,6 +65,14 @@ class FaultSettings(Settings):
     def torque_limits(self, njoint: int) -> Array:
         """The largest torque of each joint (njoint), in N m; infinite where there is no limit."""
         return np.full(njoint, np.inf if self.torque_limit is None else self.torque_limit, dtype=np.float64)
+
+    def torque_gains(self, njoint: int) -> Array:
+        """What each motor (njoint) delivers, as a multiple of what it is told to."""
+        return np.full(njoint, self.torque_gain, dtype=np.float64)
+
+    def encoder_offsets(self, njoint: int) -> Array:
+        """What each encoder (njoint) reads where its joint is straight, in rad."""
+        return np.full(njoint, self.encoder_offset, dtype=np.float64)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,8 @@ class FaultyPlant:
         self.faults = plant.settings.faults
         self.name, self.njoint, self.gravity = plant.name, plant.njoint, plant.gravity
         self.timestep = plant.settings.control_period
-        self._limits = self.faults.torque_limits(plant.njoint)
+        self._limits, self._gains = self.faults.torque_limits(plant.njoint), self.faults.torque_gains(plant.njoint)
+        self._offsets = self.faults.encoder_offsets(plant.njoint)
         self._weights = slope_weights(self.timestep)
 
     def begin(self, noise: Noise) -> None:
@@ -45,7 +46,8 @@ class FaultyPlant:
 
     def _read(self) -> None:
         angles, speeds = self.inner.states()
-        self._angles.append(readings(angles + self._noise.angles[self._push, self._step], self.faults.encoder_step))
+        seen = angles + self._offsets + self._noise.angles[self._push, self._step]
+        self._angles.append(readings(seen, self.faults.encoder_step))
         count = len(self._weights)
         if self.faults.speed_sensor:
             self._speeds = speeds + self._noise.speeds[self._push, self._step]
@@ -61,7 +63,7 @@ class FaultyPlant:
         self._commands.append(torque)
 
     def step(self) -> None:
-        delivered = np.clip(self._commands.popleft(), -self._limits, self._limits)
+        delivered = self._gains * np.clip(self._commands.popleft(), -self._limits, self._limits)
         self.inner.apply_torque(delivered + self._noise.torques[self._push, self._step])
         for _ in range(self.faults.control_every):
             self.inner.step()

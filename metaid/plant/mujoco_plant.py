@@ -67,13 +67,17 @@ class MujocoPlant:
         """In m/s². Too large a torque by a share of the gravity terms is the same as gravity weaker by that share."""
         return self.gravity * (1.0 - self.settings.over_compensation)
 
+    def true_angles(self, start: Start) -> Array:
+        """Joint angles (njoint), in rad, where encoders read those of `start`."""
+        return start.angles - self.settings.faults.encoder_offsets(self.njoint)
+
     def start_speeds(self, start: Start) -> Array:
         """Joint speeds (njoint), in rad/s, just after the impulses of `start`."""
-        return np.diff(speeds_after(self.chain, start.impulses, np.cumsum(start.angles)), prepend=0.0)
+        return np.diff(speeds_after(self.chain, start.impulses, np.cumsum(self.true_angles(start))), prepend=0.0)
 
     def push(self, start: Start) -> None:
         self.simulation.reset()
-        self.data.qpos[:], self.data.qvel[:] = start.angles, self.start_speeds(start)
+        self.data.qpos[:], self.data.qvel[:] = self.true_angles(start), self.start_speeds(start)
 
     def states(self) -> tuple[Array, Array]:
         return self.data.qpos.copy(), self.data.qvel.copy()

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from metaid.files import Settings
 from metaid.models import Array, Chain, least_inertia
-from metaid.plant.faults import FaultSettings
+from metaid.plant.faults import PER_JOINT, FaultSettings
 
 Positive = Annotated[float, Field(ge=1e-6, le=1e6)]
 
@@ -21,7 +21,7 @@ class LinkSettings(Settings):
 
     length: Positive
     mass: Positive
-    com: Annotated[float, Field(ge=1e-9, le=1e6)] | None = None
+    com: Annotated[float, Field(gt=0, le=1e6)] | None = None
     inertia: Annotated[float, Field(gt=0, le=1e9)] | None = None
     damping: Annotated[float, Field(ge=0, le=1e6)] = 0.0
     frictionloss: Annotated[float, Field(ge=0, le=1e6)] = 0.0
@@ -31,7 +31,7 @@ class LinkSettings(Settings):
     def _can_be_a_body(self) -> LinkSettings:
         if self.com is not None and self.com > self.length:
             raise ValueError(
-                f"com {self.com} lies beyond the link's length {self.length} (allowed: 1e-9 to the length)"
+                f"com {self.com} lies beyond the link's length {self.length} (allowed: above 0, at most the length)"
             )
         least = least_inertia(self.mass, self.length)
         if self.inertia is not None and self.inertia < least:
@@ -59,10 +59,11 @@ class PlantSettings(Settings):
     links: Annotated[tuple[LinkSettings, ...], Field(min_length=1, max_length=64, strict=False)]
 
     @model_validator(mode="after")
-    def _one_limit_a_joint(self) -> PlantSettings:
-        limit = self.faults.torque_limit
-        if isinstance(limit, tuple) and len(limit) != len(self.links):
-            raise ValueError(f"faults: torque_limit has {len(limit)} numbers (allowed: one, or {len(self.links)})")
+    def _one_number_a_joint(self) -> PlantSettings:
+        for key in PER_JOINT:
+            given = getattr(self.faults, key)
+            if isinstance(given, tuple) and len(given) != len(self.links):
+                raise ValueError(f"faults: {key} has {len(given)} numbers (allowed: one, or {len(self.links)})")
         return self
 
     @property

@@ -1,4 +1,6 @@
-"""The table of lumps that follows from the best trial of each stage of a study, and that of an estimate."""
+"""The table of lumps that follows from the best trial of each stage of a study, and that of an estimate, with that of
+the faults that it searched.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from metaid.models import Array, lump_names, lump_unit
+from metaid.plant import MujocoPlant, fault_names, fault_unit, true_faults
 from metaid.results.best import factor_range, identified_factors
 from metaid.results.estimates import StudyEstimate
 from metaid.results.snapshot import Snapshot, Stage
@@ -133,3 +136,39 @@ def largest_error(lumps: pd.DataFrame) -> float | None:
 def without_nan(row: dict[Any, Any]) -> dict[str, Any]:
     """A row of a frame as JSON has it: None for what is not known."""
     return {str(key): None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()}
+
+
+def fault_table(problem: Problem, found: StudyEstimate | None) -> pd.DataFrame:
+    """One row a fault of `[estimate] faults`: `name`, `unit`, `identified`, `sd`, `low` and `high` of the 95 %
+    interval, `true`, `error`, which is the difference of the two, and whether it is `determined`. NaN where nothing was
+    found; no row where no fault is searched.
+    """
+    kinds = problem.spec.study.estimate.faults
+    names, plant = fault_names(kinds, problem.nominal.nlink), problem.open_plant()
+    nothing = np.full(len(names), np.nan)
+    # Here, and only here, the truth meets the result.
+    true = true_faults(plant, kinds) if isinstance(plant, MujocoPlant) else nothing
+    value, deviation, determined = nothing, nothing, np.zeros(len(names), dtype=np.bool_)
+    faults = None if found is None or not found.explains else found.estimate.faults
+    if faults is not None:
+        determined = faults.determined
+        value, deviation = (np.where(determined, each, np.nan) for each in (faults.values, faults.deviations))
+    columns = {
+        "name": names,
+        "unit": [fault_unit(name) for name in names],
+        "identified": value,
+        "sd": deviation,
+        "low": value - DEVIATIONS * deviation,
+        "high": value + DEVIATIONS * deviation,
+        "true": true,
+        "error": value - true,
+        "determined": determined,
+    }
+    return pd.DataFrame(columns)
+
+
+def fault_rows(problem: Problem, found: StudyEstimate | None) -> dict[str, Any]:
+    """The same as `study show --json` has it, under `faults`; nothing where no fault is searched."""
+    if not problem.spec.study.estimate.faults:
+        return {}
+    return {"faults": [without_nan(row) for row in fault_table(problem, found).to_dict("records")]}

@@ -11,7 +11,7 @@ from metaid.results.arms import ArmSnapshot, arm_summary, judge_any, read_any_sn
 from metaid.results.best import best_trial
 from metaid.results.body_tables import body_rows, parameters_table
 from metaid.results.estimates import why_no_estimate
-from metaid.results.lump_tables import largest_error, without_nan
+from metaid.results.lump_tables import fault_rows, largest_error, without_nan
 from metaid.results.snapshot import Snapshot, Stage, counted_states, surviving
 from metaid.results.verdict import Verdict
 from metaid.store import ForeignTrial, Store, Trial
@@ -49,6 +49,7 @@ def summarized(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
         "trials": counted_states(snapshot.trials),
         "best": {**_best(first), **_error_of_best(first, verdict)},
         "lumps": [without_nan(row) for row in verdict.lumps.to_dict("records")],
+        **fault_rows(snapshot.first, snapshot.estimate),
         "max_error": largest_error(verdict.lumps),
         "model_error": None,
         "periods": sum(sum(trial.outcome.periods) for trial in surviving(snapshot.trials)),

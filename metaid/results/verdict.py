@@ -17,7 +17,7 @@ from metaid.errors import StudyError
 from metaid.models import Array
 from metaid.results.best import best_trial
 from metaid.results.estimates import why_no_estimate
-from metaid.results.lump_tables import best_table, estimate_table
+from metaid.results.lump_tables import best_table, estimate_table, fault_table
 from metaid.results.snapshot import Snapshot, Stage
 from metaid.study import COARSEST, lumps_at_bounds
 
@@ -59,7 +59,8 @@ def judge(snapshot: Snapshot) -> Verdict:
     if estimate is not None and estimate.explains:
         lumps = estimate_table(problem, estimate)
         if lumps["determined"].any():
-            reasons = (*missed(lumps, "these trials do"), *estimate.provisos)
+            tables = lumps, fault_table(problem, estimate)
+            reasons = (*(why for table in tables for why in missed(table, "these trials do")), *estimate.provisos)
             return Verdict("found", "estimate", reasons, lumps)
         reasons = (f"the trials show no lump to better than {COARSEST:.0%}: push more, or harder",)
         return _not_yet(snapshot, "estimate", reasons, lumps)
@@ -73,7 +74,7 @@ def judge(snapshot: Snapshot) -> Verdict:
 
 
 def missed(lumps: pd.DataFrame, who: str) -> Iterator[str]:
-    """Which lumps are not determined, though others are."""
+    """Which of the `lumps`, or faults, in a table are not determined, though others are."""
     names = lumps["name"][~lumps["determined"]].tolist()
     if names:
         yield f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} not found: {who} not determine " + (

@@ -35,7 +35,7 @@ they survived to, and their value ranks them behind every survivor.
 **Verdict: {shown["verdict"]}.** {escaped("; ".join(shown["reasons"]))}
 
 {_table(shown["lumps"])}
-
+{_fault_table(shown.get("faults", []))}
 {_estimate(shown)}
 
 {SIGNED}
@@ -91,6 +91,20 @@ def _row(lump: dict[str, Any]) -> str:
     numbers = ["–" if cell is None else f"{cell:.5g}" for cell in cells]
     error = "–" if lump["error"] is None else f"{lump['error']:+.3%}"
     return f"| `{lump['name']}` | {' | '.join(numbers)} | {error} | {lump['unit']} |"
+
+
+def _fault_table(faults: list[dict[str, Any]]) -> str:
+    """A table in Markdown of the faults that were searched beside the lumps; nothing where none was."""
+    if not faults:
+        return ""
+    rows = []
+    for fault in faults:
+        cells = [fault[key] for key in ("identified", "low", "high", "true", "error")]
+        numbers = ["–" if cell is None else f"{cell:.5g}" for cell in cells]
+        rows.append(f"| `{fault['name']}` | {' | '.join(numbers)} | {fault['unit']} |")
+    head = """| fault | identified | low | high | true | error | unit |
+| --- | ---: | ---: | ---: | ---: | ---: | --- |"""
+    return "\n".join(["", head, *rows, ""])
 
 
 def escaped(text: str) -> str:

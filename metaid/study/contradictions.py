@@ -38,6 +38,7 @@ def check_settings(spec: StudySpec, nominal: Chain) -> None:
     if study.episode.measure == "smoothed" and study.search.lumps != IDEAL:
         raise StudyError("search: lumps: 'smoothed' does not see friction (allowed: gravity and coriolis)")
     noisy = not isinstance(plant, PlantSettings) or bool(plant.faults.named or study.episode.lead)
+    _check_faults(study, len(nominal.length))
     if study.estimate.compare == "count" and noisy:
         raise StudyError(
             "estimate: compare: 'count' needs a plant without noise, and this is a rig, or has faults or a lead "
@@ -53,6 +54,29 @@ def check_settings(spec: StudySpec, nominal: Chain) -> None:
                 f"search: lumps: {key} of link {missing[0]} is 0 in the nominal model, so there are no factors of it "
                 f"(allowed: above 0 where {kind} is searched)"
             )
+
+
+def _check_faults(study: StudySettings, nlink: int) -> None:
+    """Raises StudyError where faults are searched that are known, or that nothing shows."""
+    estimate = study.estimate
+    if not estimate.faults:
+        return
+    if not estimate.enabled:
+        raise StudyError("estimate: faults: only an estimate finds them (allowed: enabled = true)")
+    if estimate.compare == "count":
+        raise StudyError("estimate: faults: counts do not show them (allowed: leave out compare)")
+    lumps = {*study.search.lumps, *(estimate.lumps or ())}
+    for fault, kind in zip(("viscous", "dry"), FRICTION, strict=True):
+        if fault in estimate.faults and kind in lumps:
+            raise StudyError(
+                f"estimate: faults: '{fault}' friction is already searched, as the lumps '{kind}' "
+                "(allowed: one of them)"
+            )
+    if "gain" in estimate.faults and nlink == 1:
+        raise StudyError(
+            "estimate: faults: 'gain' of one motor cannot be told from the lumps, which it multiplies "
+            "(allowed: with two joints or more, where gains are those relative to the first motor)"
+        )
 
 
 def _check_parameters(study: StudySettings) -> None:

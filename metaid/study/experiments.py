@@ -25,7 +25,8 @@ def noisy_experiment(
     plant: MujocoPlant, spec: StudySpec, episode: Episode, nominal: Lumps, unknowns: Unknowns, start_speeds: Array
 ) -> NoisyExperiment:
     """What the estimate knows of a plant with faults: how it is controlled, and what its user states of its pushes and
-    of its encoders. Noise is that of the plant at rest. All else shows in the misfit.
+    of its encoders. Noise is that of the plant at rest. What is said of faults that are searched is not believed. All
+    else shows in the misfit.
 
     Args:
         plant: that is pushed.
@@ -35,9 +36,9 @@ def noisy_experiment(
         unknowns: what an estimate is of.
         start_speeds: joint speeds (npush x njoint) that the pushes give in a calibration, in rad/s.
     """
-    from metaid.estimation import NoisyExperiment  # loads numba, which most readers of a study do without
+    from metaid.estimation import NoisyExperiment, searched_faults  # loads numba, which most readers do without
 
-    faults, spread = plant.settings.faults, None
+    faults, spread, kinds = plant.settings.faults, None, spec.study.estimate.faults
     if faults.push_noise:
         response = np.array([plant.start_speeds(Start.upright(impulse)) for impulse in np.eye(plant.njoint)]).T
         spread = response * (faults.push_noise * episode.pushes[:, None])
@@ -52,14 +53,16 @@ def noisy_experiment(
         noise=np.maximum(np.hypot(rest_deviations(plant, spec, episode), of_encoder), QUIETEST),
         speed_weights=slope_weights(spec.timestep),
         substeps=faults.control_every,
-        delay=faults.delay,
+        delay=0 if "delay" in kinds else faults.delay,
         lead=episode.lead,
+        faults=searched_faults(kinds, unknowns.nominal, plant.gravity, start_speeds),
     )
 
 
 def rig_experiment(
     rig: SocketSettings,
     pushed: PushedSettings | None,
+    kinds: tuple[str, ...],
     episode: Episode,
     nominal: Lumps,
     unknowns: Unknowns,
@@ -71,12 +74,13 @@ def rig_experiment(
     Args:
         rig: the plant file.
         pushed: what was measured; None before that, when it is taken to have as little noise as any rig.
+        kinds: of the faults that are searched.
         episode: what is done to it.
         nominal: the lumps that candidates are factors of.
         unknowns: what an estimate is of.
         start_speeds: joint speeds (npush x njoint) that the pushes gave, in rad/s.
     """
-    from metaid.estimation import NoisyExperiment  # loads numba, which most readers of a study do without
+    from metaid.estimation import NoisyExperiment, searched_faults  # loads numba, which most readers do without
 
     is_continuous = rig.motion == "continuous"
     substeps = SUBSTEPS if is_continuous else 1
@@ -94,4 +98,5 @@ def rig_experiment(
         lead=episode.lead,
         has_unknown_encoders=True,
         is_continuous=is_continuous,
+        faults=searched_faults(kinds, unknowns.nominal, rig.gravity, start_speeds),
     )

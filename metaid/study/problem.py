@@ -335,7 +335,7 @@ class Problem:
         start_speeds = np.diff(self.start_speeds, axis=1, prepend=0.0)
         if isinstance(self.spec.plant, SocketSettings):
             plant, pushed = self.spec.plant, self.spec.pushed
-            return rig_experiment(plant, pushed, self.episode, self.lumps, unknowns, start_speeds)
+            return rig_experiment(plant, pushed, wanted.faults, self.episode, self.lumps, unknowns, start_speeds)
         if self.keeps_readings:
             return noisy_experiment(self.make_plant(), self.spec, self.episode, self.lumps, unknowns, start_speeds)
         return SilentExperiment(

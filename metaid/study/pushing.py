@@ -107,7 +107,9 @@ def _reading_steps(spec: StudySpec, natural: float) -> int:
 
 def _has_noise(spec: StudySpec) -> bool:
     """Whether a study keeps what its plant's sensors read, and no windows of its motion, as on any rig."""
-    return not isinstance(spec.plant, PlantSettings) or bool(spec.plant.faults.named) or bool(spec.study.episode.lead)
+    if not isinstance(spec.plant, PlantSettings) or spec.plant.faults.named or spec.study.episode.lead:
+        return True
+    return bool(spec.study.estimate.faults)  # they are searched in readings
 
 
 def _window_ends(pushes: Array, steps: int, horizon: float, counted: bool) -> tuple[int, ...]:

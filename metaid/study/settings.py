@@ -16,7 +16,16 @@ from metaid.episode import FALL_MARGIN
 from metaid.errors import PlantError, StudyError
 from metaid.files import Settings, check, find_file, find_file_beside, read_toml
 from metaid.models import FRICTION, IDEAL, bodies_of, lump_names
-from metaid.plant import ArmSettings, LinkSettings, PlantSettings, SocketSettings, chain_of, read_any_plant, read_plant
+from metaid.plant import (
+    FAULT_UNITS,
+    ArmSettings,
+    LinkSettings,
+    PlantSettings,
+    SocketSettings,
+    chain_of,
+    read_any_plant,
+    read_plant,
+)
 from metaid.search import SAMPLERS, SamplerOptions
 from metaid.study.arms import ArmSpec, arm_spec
 
@@ -78,7 +87,8 @@ class EstimateSettings(Settings):
     `lengths`: "free", or "exact" where the Coriolis lumps follow from the nominal lengths and the gravity lumps.
     `compare`: the "speed" that each push changes, the "frequency" of each joint, "both" (default: speed after short
     pushes, frequency after long ones), or the "count" of its half periods, of which the result is the set of models
-    that count the same. `spread`: by how much the nominal lumps may be wrong, as a standard deviation.
+    that count the same. `spread`: by how much the nominal lumps may be wrong, as a standard deviation. `faults`: what
+    else of the plant is unknown (`metaid.plant.unknown_faults`); what the plant file says of these is not believed.
     """
 
     enabled: bool = True
@@ -89,6 +99,21 @@ class EstimateSettings(Settings):
     lengths: Literal["free", "exact"] = "free"
     compare: Literal["speed", "frequency", "both", "count"] | None = None
     spread: Annotated[float, Field(ge=1e-6, le=10)] = 0.3
+    faults: Annotated[
+        tuple[Literal["delay", "tilt", "offset", "viscous", "dry", "spring", "gain"], ...], Field(strict=False)
+    ] = ()
+
+    @field_validator("faults")
+    @classmethod
+    def _each_once(cls, faults: tuple[str, ...]) -> tuple[str, ...]:
+        if len(set(faults)) < len(faults):
+            raise ValueError("names a fault twice (allowed: each once)")
+        if {"tilt", "offset"} <= set(faults):
+            raise ValueError(
+                "a tilt of the base and an offset of the first encoder move alike (allowed: tilt, or offset, which "
+                "then has the tilt in that of joint 1)"
+            )
+        return tuple(kind for kind in FAULT_UNITS if kind in faults)
 
     @field_validator("lumps")
     @classmethod

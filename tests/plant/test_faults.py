@@ -42,6 +42,8 @@ FAULTS = {
     "torque noise": {"torque_noise": 0.05},
     "push noise": {"push_noise": 0.1},
     "tilt": {"tilt": 0.03},
+    "motor gains": {"torque_gain": (1.0, 1.2, 0.9)},
+    "encoder offsets": {"encoder_offset": (0.02, -0.03, 0.01)},
 }
 ALL = {key: value for name, faults in FAULTS.items() if name != "torque limits" for key, value in faults.items()}
 
@@ -265,6 +267,7 @@ def test_noise_about_the_upright_is_no_crossing() -> None:
         ("angle_noise = -0.1", "faults: angle_noise: should be greater than or equal to 0"),
         ("encoder = 0.1", "unknown key 'encoder'; did you mean 'encoder_step'?"),
         ("torque_limit = [1.0, 2.0]", "faults: torque_limit has 2 numbers (allowed: one, or 1)"),
+        ("torque_gain = [1.0, 2.0]", "faults: torque_gain has 2 numbers (allowed: one, or 1)"),
         ("delay = 1.5", "faults: delay"),
         ("speed_sensor = 0", "faults: speed_sensor"),
     ],

@@ -6,7 +6,8 @@
 """
 
 from metaid.estimation.noisy.commanded import centred, commanded_torques, filtered_speeds
-from metaid.estimation.noisy.readings import Readings, ReadTrial
+from metaid.estimation.noisy.read_trial import ReadTrial
+from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.unmodelled import Unmodelled, unmodelled_forces
 
 __all__ = [

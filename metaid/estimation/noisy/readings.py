@@ -5,95 +5,66 @@ and whose start speeds are unknown within what pushes differ by.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from metaid.estimation.descent import Residuals
+from metaid.estimation.faults import NO_FAULTS, SearchedFaults
 from metaid.estimation.noisy.polynomials import before
+from metaid.estimation.noisy.read_trial import ReadTrial
 from metaid.estimation.noisy.windows import Compared, ReadingsInWindows
 from metaid.estimation.trials import Replay
 from metaid.estimation.twin import drive
 from metaid.estimation.unknowns import Unknowns, known_alone
+from metaid.estimation.workspace import Joints
 from metaid.models import Array
 
 DRAWN = 100  # readings of a push that a replay keeps
 DIFFERENCE, TINY = 1e-3, 1e-12  # of a further torque, as a share of the largest commanded; and no torque, in N m
-
-
-@dataclass(frozen=True)
-class ReadTrial:
-    """What the sensors of a noisy plant read in one trial, and what it was sent.
-
-    Attributes:
-        timestep: in which the plant moves, in s.
-        readings: joint angles (npush x nstep + 1 x njoint), in rad, the one right after the push first.
-        torques: as they were commanded (npush x nstep x njoint), in N m.
-        steps: how many steps (npush) of each push were seen before a fall.
-        start_speeds: joint speeds (npush x njoint), in rad/s, that such pushes gave in a calibration.
-        start_spread: what pushes differ by, a root of the covariance of the start speeds (npush x njoint x njoint), in
-            rad/s: any L with covariance L Lᵀ. None where they are all alike.
-        noise: standard deviation of a reading of each joint (njoint), in rad, from the plant at rest.
-        substeps: how many timesteps there are between two readings, and between two torques.
-    """
-
-    timestep: float
-    readings: Array
-    torques: Array
-    steps: NDArray[np.int64]
-    start_speeds: Array
-    start_spread: Array | None
-    noise: Array
-    substeps: int = 1
-
-    @cached_property
-    def forces(self) -> Array:
-        """The torques as generalised forces in absolute angles (npush x nstep x njoint), in N m."""
-        return np.ascontiguousarray(-np.diff(self.torques, axis=-1, append=0.0))
-
-    @property
-    def extras(self) -> int:
-        """How many start speeds are unknown."""
-        return 0 if self.start_spread is None else self.start_speeds.size
+STEP = 1e-6  # in an unknown fault, for the derivative by it
 
 
 @dataclass(frozen=True, eq=False)
 class Readings(ReadingsInWindows[ReadTrial, Unknowns]):
-    """All `trials` of a noisy study of a chain. `gravity` in m/s²."""
+    """All `trials` of a noisy study of a chain. `gravity` in m/s². The unknowns of all pushes are the log factors of
+    lumps, and behind them the `faults` that are searched.
+    """
 
     gravity: float
+    faults: SearchedFaults = field(default=NO_FAULTS, kw_only=True)
+
+    @property
+    def spreads(self) -> Array:
+        """Of the log factors and the faults (nunknown), beforehand."""
+        return np.append(super().spreads, np.ones(len(self.faults.names)))
 
     def residuals_with(self, point: Array, torques: Sequence[Array]) -> Residuals | None:
         """Those on all windows with further joint `torques` of each trial (ntorque x npush x nstep x njoint), in N m,
         whose sizes are unknowns, too, behind the others.
         """
 
-        def _compared(number: int, log_factors: Array, whitened: Array, windows: int) -> Compared | None:
-            compared = self._compare(number, log_factors, whitened, windows)
+        def _compared(number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
+            compared = self._compare(number, unknowns, whitened, windows)
             if compared is None:
                 return None
-            values, slopes = compared
-            further = self._compare_driven(number, log_factors, whitened, values, torques[number])
-            if further is None:
-                return None
-            count = len(log_factors)
-            return values, np.concatenate([slopes[..., :count], further, slopes[..., count:]], axis=-1)
+            further = self._compare_driven(number, unknowns, whitened, compared[0], torques[number])
+            return None if further is None else _with_slopes(compared, len(unknowns), further)
 
-        return self._eliminated(point, self.stages, _compared, len(self.unknowns.names) + len(torques[0]))
+        return self._eliminated(point, self.stages, _compared, len(self.spreads) + len(torques[0]))
 
     def replay(self, number: int, point: Array) -> Replay:
         """The trial of that `number`, some of its readings left out, and the twin at a `point` in its place."""
-        trial, (log_factors, whitened) = self.trials[number], self._of_trial(number, point)
+        trial, (unknowns, whitened) = self.trials[number], self._of_trial(number, point)
+        log_factors, faults = self._parted(unknowns)
         starts = _starts(trial, whitened)
         (npush, nreading, _), last = trial.readings.shape, self._windows[number][0][-1]
         kept = np.unique(np.linspace(0, last, min(last, DRAWN) + 1).round().astype(int))
         basis = np.zeros((nreading, len(kept)))
         basis[kept, np.arange(len(kept))] = 1.0  # each coefficient is the angle at one reading
         twin, steps = known_alone(self.unknowns, log_factors), np.minimum(trial.steps, last)
-        alike = replace(trial, start_spread=None)
-        motion = drive(alike, starts, steps, np.tile(basis, (npush, 1, 1)), twin, np.empty(0), self.gravity)
+        alike, joints = replace(self._delivered(trial, faults), start_spread=None), self._joints(faults)
+        motion = drive(alike, starts, steps, np.tile(basis, (npush, 1, 1)), twin, np.empty(0), self.gravity, joints)
         shown = (kept <= steps[:, None]) & (steps[:, None] > 0)
         seen = np.where(shown[..., None], trial.readings[:, kept], np.nan)
         simulated = np.full_like(seen, np.nan)
@@ -101,18 +72,28 @@ class Readings(ReadingsInWindows[ReadTrial, Unknowns]):
             simulated[shown] = motion.values.swapaxes(1, 2)[shown]
         return Replay(trial.timestep * trial.substeps * kept, seen, simulated, trial.noise)
 
-    def _compare(
-        self, number: int, log_factors: Array, whitened: Array, windows: int, added: Array | None = None
+    def _compare(self, number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
+        """What a trial shows; derivatives by the `whitened` start speeds are the last."""
+        watched = self._watch(number, unknowns, whitened, windows)
+        if watched is None or not self.faults.names:
+            return watched
+        by_faults = self._compare_faulty(number, unknowns, whitened, watched[0], windows)
+        return None if by_faults is None else _with_slopes(watched, len(self.unknowns.names), by_faults)
+
+    def _watch(
+        self, number: int, unknowns: Array, whitened: Array, windows: int, added: Array | None = None
     ) -> Compared | None:
-        """What a trial shows; derivatives by the `whitened` start speeds are the last. The torques `added` (npush x
-        nstep x njoint), in N m, act beside what was commanded.
+        """The same, without derivatives by faults. The torques `added` (npush x nstep x njoint), in N m, act beside
+        what was delivered.
         """
-        trial, (_, basis) = self.trials[number], self._windows[number]
+        log_factors, faults = self._parted(unknowns)
+        trial, (_, basis) = self._delivered(self.trials[number], faults), self._windows[number]
         if added is not None:
             trial = replace(trial, torques=trial.torques + added)
         chosen, steps = self._longest(number, windows)
         spread, starts = trial.start_spread, _starts(trial, whitened)
-        twin = drive(trial, starts, steps, basis[chosen], self.unknowns, log_factors, self.gravity)
+        joints = self._joints(faults)
+        twin = drive(trial, starts, steps, basis[chosen], self.unknowns, log_factors, self.gravity, joints)
         if twin is None:
             return None
         plants = np.einsum("ptk,ptj->pjk", basis[chosen], trial.readings * before(steps, trial.readings.shape[1]))
@@ -124,21 +105,61 @@ class Readings(ReadingsInWindows[ReadTrial, Unknowns]):
             slopes[..., count:] = slopes[..., count:] @ spread
         return (unit * (twin.values - plants)).reshape(npush, -1), slopes
 
+    def _parted(self, unknowns: Array) -> tuple[Array, Array]:
+        """The log factors (nlump) and the faults (nfault) among the `unknowns` of all pushes."""
+        return unknowns[: len(self.unknowns.names)], unknowns[len(self.unknowns.names) :]
+
+    def _delivered(self, trial: ReadTrial, faults: Array) -> ReadTrial:
+        """A `trial` with the torques that acted, with these unknown `faults` (nfault), in place of those commanded."""
+        if not self.faults.names:
+            return trial
+        return replace(trial, torques=self.faults.delivered(trial.torques, trial.timestep * trial.substeps, faults))
+
+    def _joints(self, faults: Array) -> Joints | None:
+        """What the joints have with these unknown `faults` (nfault); None where none is searched."""
+        return self.faults.joints(faults) if self.faults.names else None
+
+    def _alone(self, log_factors: Array) -> Readings:
+        """The same with the lumps of these `log_factors` (nlump), of which none is unknown any more."""
+        return replace(self, unknowns=known_alone(self.unknowns, log_factors))
+
+    def _compare_faulty(
+        self, number: int, unknowns: Array, whitened: Array, values: Array, windows: int
+    ) -> Array | None:
+        """The derivatives (npush x nvalue x nfault) of the `values` of a trial by the faults that are searched, by
+        differences. None where the twin cannot follow.
+        """
+        log_factors, faults = self._parted(unknowns)
+        slopes, alone = np.zeros((*values.shape, len(faults))), self._alone(log_factors)
+        for column, step in enumerate(STEP * np.eye(len(faults))):
+            watched = alone._watch(number, faults + step, whitened, windows)
+            if watched is None:
+                return None
+            slopes[..., column] = (watched[0] - values) / STEP
+        return slopes
+
     def _compare_driven(
-        self, number: int, log_factors: Array, whitened: Array, values: Array, torques: Array
+        self, number: int, unknowns: Array, whitened: Array, values: Array, torques: Array
     ) -> Array | None:
         """The derivatives (npush x nvalue x ntorque) of the `values` of a trial on its longest windows by the sizes of
         further `torques` (ntorque x npush x nstep x njoint), by differences. None where the twin cannot follow.
         """
-        largest, alone = np.abs(self.trials[number].torques).max(), known_alone(self.unknowns, log_factors)
+        log_factors, faults = self._parted(unknowns)
+        largest, alone = np.abs(self.trials[number].torques).max(), self._alone(log_factors)
         slopes = np.zeros((*values.shape, len(torques)))
         for column, torque in enumerate(torques):
             size = DIFFERENCE * largest / max(float(np.abs(torque).max()), TINY)
-            compared = replace(self, unknowns=alone)._compare(number, np.empty(0), whitened, self.stages, size * torque)
-            if compared is None:
+            watched = alone._watch(number, faults, whitened, self.stages, size * torque)
+            if watched is None:
                 return None
-            slopes[..., column] = (compared[0] - values) / size
+            slopes[..., column] = (watched[0] - values) / size
         return slopes
+
+
+def _with_slopes(compared: Compared, count: int, further: Array) -> Compared:
+    """What was `compared`, with `further` derivatives (npush x nvalue x nfurther) behind the first `count`."""
+    values, slopes = compared
+    return values, np.concatenate([slopes[..., :count], further, slopes[..., count:]], axis=-1)
 
 
 def _starts(trial: ReadTrial, whitened: Array) -> Array:

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from metaid.estimation.estimate import Estimate
-from metaid.estimation.noisy.readings import Readings, ReadTrial
+from metaid.estimation.noisy.read_trial import ReadTrial
+from metaid.estimation.noisy.readings import Readings
 from metaid.models import SLIDING, Array
 
 DEGREE = 9  # of the polynomials that smooth the angles of a push
@@ -31,6 +32,7 @@ KINDS = {
     "coulomb": ("dry friction", "N m", "add 'coulomb' to search.lumps"),
     "delay": ("torques that come late", "s", "say so in the plant file, or see episode.lead"),
 }
+FORCE_OF = {"viscous": "damping", "dry": "coulomb"}  # the force that a fault is, where it has another name
 
 
 @dataclass(frozen=True)
@@ -83,35 +85,36 @@ class Unmodelled:
 def unmodelled_forces(readings: Readings, estimate: Estimate) -> Iterator[Unmodelled]:
     """What each kind of force would be, beside unknowns that may change with it.  Eq. 47.
 
-    Kinds of friction that are among the unknowns are not looked for.
+    Forces that are among the unknowns, as lumps or as faults, are not looked for.
     """
     torques = [_torques(trial) for trial in readings.trials]
-    kinds = [kind for kind in KINDS if kind not in readings.unknowns.kinds]
+    known = {*readings.unknowns.kinds, *(FORCE_OF.get(kind, kind) for kind in readings.faults.kinds)}
+    kinds = [kind for kind in KINDS if kind not in known]
     columns = [np.concatenate([each[kind] for kind in kinds]) for each in torques]
     residuals = readings.residuals_with(estimate.point, columns)
     if residuals is None:
         return
-    count = len(estimate.names)
+    lumps, count = len(estimate.names), len(readings.spreads)
     prior = np.zeros((count, residuals.slopes.shape[1]))
     prior[:, :count] = np.diag(1.0 / readings.spreads)
     slopes = np.vstack([residuals.slopes, prior])
-    values = np.append(residuals.values, estimate.log_factors / readings.spreads)
+    values = np.append(residuals.values, estimate.point[:count] / readings.spreads)
     before, _, alone = _least(slopes[:, :count], values)
     first = count
     for kind in kinds:
         last = first + len(torques[0][kind])
         after, step, covariance = _least(np.column_stack([slopes[:, :count], slopes[:, first:last]]), values)
-        more = np.maximum(np.diag(covariance)[:count] - np.diag(alone), 0.0)
+        more = np.maximum(np.diag(covariance)[:lumps] - np.diag(alone)[:lumps], 0.0)
         by_chance = (last - first) + CHANCE * np.sqrt(2.0 * (last - first)) + LEAST_GAIN
         yield Unmodelled(
             kind=kind,
             sizes=step[count:],
             deviations=np.sqrt(np.diag(covariance)[count:]),
             left=after / before,
-            shift=step[:count],
+            shift=step[:lumps],
             reach=UNSEEN * np.sqrt(more),
             is_seen=before - after > by_chance
-            and bool((np.abs(step[:count]) > 1.96 * estimate.deviations + TRIFLE).any()),
+            and bool((np.abs(step[:lumps]) > 1.96 * estimate.deviations + TRIFLE).any()),
         )
         first = last
 

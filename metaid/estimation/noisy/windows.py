@@ -125,7 +125,7 @@ class ReadingsInWindows(ABC, Generic[Trial, What]):
 
     def residuals(self, point: Array, windows: int) -> Residuals | None:
         """Those of the longest of the first `windows` windows, what a push alone has eliminated push by push."""
-        return self._eliminated(point, windows, self._compare, len(self.unknowns.names))
+        return self._eliminated(point, windows, self._compare, len(self.spreads))
 
     def by_joint(self, point: Array) -> tuple[Array, ...]:
         """Root mean square of the residuals of each trial (npush x njoint) on the longest window seen, in units of the
@@ -143,7 +143,7 @@ class ReadingsInWindows(ABC, Generic[Trial, What]):
 
     def _of_trial(self, number: int, point: Array) -> tuple[Array, Array]:
         """The unknowns (nunknown) at a `point`, and what each push of a trial has alone (npush x nextra)."""
-        count, trial = len(self.unknowns.names), self.trials[number]
+        count, trial = len(self.spreads), self.trials[number]
         first = count + sum(each.extras for each in self.trials[:number])
         return point[:count], point[first : first + trial.extras].reshape(len(trial.steps), -1)
 

@@ -1,0 +1,146 @@
+"""Faults of the plant as unknowns of the fit, beside the lumps.
+
+The twin has the loop as it is: a torque comes late by a delay and is multiplied by the gain of its motor, links lean
+where the base is tilted or an encoder is offset, and joints have friction and springs (Eqs. 55 and 56). Each fault is
+searched in units of what it may be, so that all unknowns have steps of one size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.estimation.workspace import Joints
+from metaid.models import Array, Lumps
+from metaid.plant import fault_names
+
+TURN = 0.05  # rad that the fastest joint turns by within a delay of one standard deviation
+LEAN = 0.1  # rad: standard deviation of a tilt and of an offset
+OF_TORQUE = {"viscous": 0.1, "dry": 0.1, "spring": 0.3}  # likewise, as shares of the plant's torque
+LOG_GAIN = 0.3  # likewise, of the logarithm of a gain
+DETERMINED = 0.3  # of what was believed of a fault: a deviation below this tells something of it
+
+
+@dataclass(frozen=True)
+class SearchedFaults:
+    """Faults of some `kinds` of a plant with `njoint` joints, see `metaid.plant.unknown_faults`. `scales` (nfault): the
+    standard deviation of each beforehand, in its unit; of a gain, of its logarithm.
+    """
+
+    kinds: tuple[str, ...]
+    njoint: int
+    scales: Array
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Of the faults (nfault)."""
+        return fault_names(self.kinds, self.njoint)
+
+    @cached_property
+    def _is_gain(self) -> Array:
+        return np.array([name.startswith("gain") for name in self.names], dtype=np.bool_)
+
+    def values(self, unknowns: Array) -> Array:
+        """The faults (nfault), in their units, at these `unknowns` (nfault)."""
+        changes = self.scales * unknowns
+        return np.where(self._is_gain, np.exp(changes), changes)
+
+    def deviations(self, unknowns: Array, deviations: Array) -> Array:
+        """Standard deviations of the faults (nfault), in their units, from those of the `unknowns` (nfault)."""
+        own = self.scales * deviations
+        return np.where(self._is_gain, self.values(unknowns) * own, own)
+
+    def _by_kind(self, unknowns: Array) -> dict[str, Array]:
+        values, first, found = self.values(unknowns), 0, {}
+        for kind in self.kinds:
+            last = first + len(fault_names((kind,), self.njoint))
+            found[kind], first = values[first:last], last
+        return found
+
+    def joints(self, unknowns: Array) -> Joints:
+        """What the joints have at these `unknowns` (nfault)."""
+        found, nothing = self._by_kind(unknowns), np.zeros(self.njoint)
+        # An encoder that reads too much makes its link, and all above it, lean the other way.  Eq. 56.
+        lean = nothing + found.get("tilt", 0.0) - np.cumsum(found.get("offset", nothing))
+        viscous, dry, spring = (found.get(kind, nothing) for kind in ("viscous", "dry", "spring"))
+        return Joints(viscous, dry, spring, lean)
+
+    def delivered(self, torques: Array, period: float, unknowns: Array) -> Array:
+        """The torques (npush x nstep x njoint), in N m, that act in place of those commanded, one every `period` in s,
+        at these `unknowns` (nfault).
+        """
+        found = self._by_kind(unknowns)
+        if "delay" in found:
+            torques = late(torques, float(found["delay"][0]) / period)
+        if "gain" in found:
+            torques = torques * np.append(1.0, found["gain"])
+        if "spring" in found and "offset" in found:
+            torques = torques + found["spring"] * found["offset"]  # a spring is at rest where its joint is straight
+        return torques
+
+
+@dataclass(frozen=True)
+class FoundFaults:
+    """The faults that were `searched`: their `values` (nfault) and standard `deviations` (nfault), in the units of
+    `metaid.plant.unknown_faults`; the `unknowns` (nfault) of the fit that they are; and which are `determined`
+    (nfault): the trials say more of them than was believed beforehand.
+    """
+
+    searched: SearchedFaults
+    values: Array
+    deviations: Array
+    unknowns: Array
+    determined: NDArray[np.bool_]
+
+
+NO_FAULTS = SearchedFaults((), 0, np.empty(0))
+
+
+def searched_faults(kinds: tuple[str, ...], nominal: Lumps, gravity: float, start_speeds: Array) -> SearchedFaults:
+    """Faults of these `kinds`, with what they may be beforehand.
+
+    Args:
+        kinds: of the faults.
+        nominal: the lumps, inertia included, whose torques friction and springs are shares of.
+        gravity: in m/s².
+        start_speeds: joint speeds (npush x njoint) right after the pushes, in rad/s.
+    """
+    speed = float(np.abs(start_speeds).max())
+    torque = max(gravity * float(nominal.gravity.max()), float(nominal.of("inertia").max()) * speed**2)
+    scales = {
+        "delay": TURN / speed,
+        "tilt": LEAN,
+        "offset": LEAN,
+        "viscous": OF_TORQUE["viscous"] * torque / speed,
+        "dry": OF_TORQUE["dry"] * torque,
+        "spring": OF_TORQUE["spring"] * torque,
+        "gain": LOG_GAIN,
+    }
+    each = [scales[name.partition("_")[0]] for name in fault_names(kinds, nominal.nlink)]
+    return SearchedFaults(kinds, nominal.nlink, np.array(each))
+
+
+def found_faults(searched: SearchedFaults, unknowns: Array, deviations: Array) -> FoundFaults:
+    """The faults at these `unknowns` (nfault) of a fit, whose standard `deviations` (nfault) were 1 beforehand."""
+    found = searched.values(unknowns), searched.deviations(unknowns, deviations)
+    return FoundFaults(searched, *found, unknowns, deviations <= DETERMINED)
+
+
+def late(torques: Array, steps: float) -> Array:
+    """The `torques` (npush x nstep x njoint), in N m, each that many `steps` later, or earlier where that is negative:
+    the mean over each step of torques that are held for a step. None acts before the first.  Eq. 55.
+    """
+    whole = int(np.floor(steps))
+    share = steps - whole
+    return (1.0 - share) * _moved(torques, whole) + share * _moved(torques, whole + 1)
+
+
+def _moved(torques: Array, steps: int) -> Array:
+    """The `torques` so many whole steps later. The last goes on where they are earlier, for none is known after it."""
+    nstep = torques.shape[1]
+    before = np.arange(nstep) - steps
+    moved: Array = torques[:, np.clip(before, 0, nstep - 1)] * (before >= 0)[:, None]
+    return moved

@@ -1,0 +1,60 @@
+"""Faults of a plant that an estimate may search beside the lumps: their names, their units, and what they truly are.
+
+`delay`: by how long torques come late. `tilt`: of the base. `offset`: what each encoder reads where its joint is
+straight. `viscous`, `dry`: friction in each joint. `spring`: the stiffness of a spring in each joint, at rest where the
+joint is straight. `gain`: the torque of each motor from the second on, as a multiple of what was commanded, where that
+of the first is taken for 1. A common factor of all motors shows nowhere: all lumps times the same would move alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from metaid.models import Array
+from metaid.plant.mujoco_plant import MujocoPlant
+
+FAULT_UNITS = {
+    "delay": "s",
+    "tilt": "rad",
+    "offset": "rad",
+    "viscous": "N m s",
+    "dry": "N m",
+    "spring": "N m/rad",
+    "gain": "1",
+}
+OF_PLANT = ("delay", "tilt")  # the others are of each joint
+
+
+def fault_names(kinds: Sequence[str], njoint: int) -> list[str]:
+    """`delay`, `tilt`, `viscous_1` … `viscous_n`, `gain_2` … `gain_n` and so on, by `kinds`."""
+    names: list[str] = []
+    for kind in kinds:
+        joints = range(2 if kind == "gain" else 1, njoint + 1)
+        names += [kind] if kind in OF_PLANT else [f"{kind}_{joint}" for joint in joints]
+    return names
+
+
+def fault_unit(name: str) -> str:
+    """The SI unit of a fault, by its name."""
+    return FAULT_UNITS[name.partition("_")[0]]
+
+
+def true_faults(plant: MujocoPlant, kinds: Sequence[str]) -> Array:
+    """What the faults of these `kinds` (nfault) of a simulated plant are, in the order of `fault_names`; NaN where its
+    file keeps the truth.
+    """
+    faults, chain, n = plant.settings.faults, plant.chain, plant.njoint
+    gains = faults.torque_gains(n)
+    true = {
+        "delay": [faults.delay * plant.settings.control_period],
+        "tilt": [faults.tilt],
+        "offset": faults.encoder_offsets(n),
+        "viscous": chain.damping,
+        "dry": chain.coulomb,
+        "spring": chain.stiffness,
+        "gain": gains[1:] / gains[0],
+    }
+    values = np.concatenate([np.empty(0), *(np.asarray(true[kind], dtype=np.float64) for kind in kinds)])
+    return values if plant.settings.truth_known else np.full(len(values), np.nan)

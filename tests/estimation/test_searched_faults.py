@@ -1,0 +1,113 @@
+"""Faults of the plant are found beside the lumps: by readings of the plant behind them, which the twin never saw."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from watched import GRAVITY, NOISE, TIMESTEP, raised, watched
+
+from metaid.estimation import Readings, Unknowns, fit, searched_faults
+from metaid.estimation.faults.searched import late
+from metaid.estimation.noisy import unmodelled_forces
+from metaid.plant import FaultSettings, fault_names, true_faults
+
+NOISY: dict[str, Any] = {"angle_noise": NOISE, "speed_sensor": False}
+
+
+@pytest.mark.parametrize(
+    ("kinds", "faults", "joints"),
+    [
+        (("delay",), {"delay": 4}, {}),
+        (("tilt",), {"tilt": 0.03}, {}),
+        (("viscous",), {}, {"damping": 0.02}),
+        (("spring",), {}, {"spring": 0.3}),
+        (("gain",), {"torque_gain": (1.0, 1.05)}, {}),
+        (
+            ("delay", "offset", "viscous", "gain"),
+            {"delay": 2, "encoder_offset": (0.02, -0.01), "torque_gain": (1.0, 1.2)},
+            {"damping": 0.02},
+        ),
+    ],
+)
+def test_faults_are_found_beside_the_lumps(
+    kinds: tuple[str, ...], faults: dict[str, Any], joints: dict[str, float]
+) -> None:
+    """Within four deviations each, and within a hundredth of their size."""
+    seen = watched(2, 1, faults=FaultSettings(**NOISY, **faults), longer=2.0, **joints)
+    unknowns = Unknowns(seen.nominal.lumps)
+    searched = searched_faults(kinds, unknowns.nominal, GRAVITY, seen.starts)
+    trials = [seen.read_trial(raised(seen.nominal.lumps, factor)) for factor in (1.2, 1.5)]
+    estimate = fit(Readings(trials, unknowns, GRAVITY, faults=searched), restarts=0)
+    error = estimate.log_factors - unknowns.log_factors(seen.plant.chain.lumps)
+    found, true = estimate.faults, true_faults(seen.plant, kinds)
+    assert found is not None
+    assert estimate.misfit < 1.3
+    assert found.determined.all()
+    assert (np.abs(error) < 4.0 * estimate.deviations + 1e-6).all()
+    assert np.abs(error).max() < 0.01
+    assert (np.abs(found.values - true) < 4.0 * found.deviations).all()
+    assert found.values == pytest.approx(true, rel=0.01)
+
+
+def test_torques_that_come_late_are_means_of_what_is_held() -> None:
+    """Whole steps move them, and parts of a step mix two; none acts before the first, and the last goes on."""
+    torques = np.arange(1.0, 6.0).reshape(1, 5, 1)
+    assert late(torques, 2.0).ravel().tolist() == [0.0, 0.0, 1.0, 2.0, 3.0]
+    assert late(torques, 1.25).ravel().tolist() == [0.0, 0.75, 1.75, 2.75, 3.75]
+    assert late(torques, -1.0).ravel().tolist() == [2.0, 3.0, 4.0, 5.0, 5.0]
+
+
+def test_slopes_by_faults_are_those_of_the_residuals() -> None:
+    """Away from the truth, for every kind, against central differences of the residuals themselves."""
+    kinds = ("delay", "offset", "viscous", "dry", "spring", "gain")
+    seen = watched(2, 3, faults=FaultSettings(**NOISY))
+    unknowns = Unknowns(seen.nominal.lumps)
+    searched = searched_faults(kinds, unknowns.nominal, GRAVITY, seen.starts)
+    readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, GRAVITY, faults=searched)
+    random = np.random.default_rng(0)
+    point, direction = (0.1 * random.standard_normal(len(readings.spreads)) for _ in range(2))
+    here = readings.residuals(point, readings.stages)
+    ahead, behind = (readings.residuals(point + side * direction, readings.stages) for side in (1e-5, -1e-5))
+    assert here is not None
+    assert ahead is not None
+    assert behind is not None
+    slope = (ahead.values - behind.values) / 2e-5
+    assert here.slopes @ direction == pytest.approx(slope, rel=1e-3, abs=1e-3 * float(np.abs(slope).max()))
+
+
+def test_fault_that_is_searched_is_no_force_that_the_model_has_not() -> None:
+    """Nor is another seen, nor does the replay of the trial differ from its readings by more than noise."""
+    seen = watched(1, 1, damping=0.02, faults=FaultSettings(**NOISY, delay=2), longer=2.0)
+    unknowns = Unknowns(seen.nominal.lumps)
+    searched = searched_faults(("delay", "viscous"), unknowns.nominal, GRAVITY, seen.starts)
+    trials = [seen.read_trial(raised(seen.nominal.lumps, factor)) for factor in (1.2, 1.5)]
+    readings = Readings(trials, unknowns, GRAVITY, faults=searched)
+    estimate = fit(readings, restarts=0)
+    forces = list(unmodelled_forces(readings, estimate))
+    assert [force.kind for force in forces] == ["spring", "coulomb"]
+    assert not any(force.is_seen for force in forces)
+    replay = readings.replay(1, estimate.point)
+    assert np.sqrt(np.nanmean((replay.simulated - replay.seen) ** 2)) < 1.2 * NOISE
+
+
+def test_fit_goes_on_from_the_faults_that_it_found() -> None:
+    """Begun at the estimate of the same trials, it has the same faults; what a fit begins at has them behind lumps."""
+    seen = watched(1, 1, faults=FaultSettings(**NOISY, delay=2), longer=2.0)
+    unknowns = Unknowns(seen.nominal.lumps)
+    searched = searched_faults(("delay",), unknowns.nominal, GRAVITY, seen.starts)
+    readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, GRAVITY, faults=searched)
+    first = fit(readings, restarts=0)
+    again = fit(readings, first.start, restarts=0)
+    assert first.faults is not None
+    assert again.faults is not None
+    assert first.start.tolist() == [*first.log_factors, *first.faults.unknowns]
+    assert again.faults.values[0] == pytest.approx(first.faults.values[0], abs=0.01 * TIMESTEP)
+    assert replace(first, faults=None).start.tolist() == first.log_factors.tolist()
+
+
+def test_names_of_faults_are_by_joint() -> None:
+    """But for those of the whole plant; gains are relative to the first motor."""
+    assert fault_names(("delay", "dry", "gain"), 3) == ["delay", "dry_1", "dry_2", "dry_3", "gain_2", "gain_3"]

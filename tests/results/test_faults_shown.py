@@ -1,0 +1,132 @@
+"""What a study says of the faults that it searched, and which it refuses to search."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks.chains import random_chain
+from metaid.cli.printed import print_study
+from metaid.errors import StudyError
+from metaid.plant.faults import FaultSettings
+from metaid.plant.settings import PlantSettings
+from metaid.results.findings import read_findings
+from metaid.results.overview import summary
+from metaid.show.notes import note
+from metaid.store.database import Store
+from metaid.study.create import create_study
+from metaid.study.kinds import load_chain_study
+from metaid.study.problem import Problem
+from metaid.study.run import run_study
+from metaid.study.settings import EpisodeSettings, EstimateSettings, StudySettings, StudySpec
+
+
+def late_and_tilted(
+    *kinds: str, faults: dict[str, Any] | None = None, nlink: int = 2, trials: int = 2, **link: float
+) -> StudySpec:
+    """A study of `nlink` links that searches faults of some `kinds`. Torques come 4 ms late, and the base is tilted by
+    10 mrad, unless other `faults` are given.
+    """
+    faults = {"angle_noise": 1e-3, "speed_sensor": False, "delay": 2, "tilt": 0.01} if faults is None else faults
+    true, nominal = random_chain(nlink, 1)
+    links = tuple(each.model_copy(update=link) for each in true)
+    study = StudySettings(
+        plant="late",
+        nominal="late",
+        sampler="output-error",
+        trials=trials,
+        seed=1,
+        episode=EpisodeSettings(measure="smoothed"),
+        estimate=EstimateSettings.model_validate({"faults": list(kinds)}),
+    )
+    plant = PlantSettings(links=links, faults=FaultSettings.model_validate(faults))
+    return StudySpec(name="late", plant_name="late", plant=plant, nominal=nominal, study=study)
+
+
+def run(store: Store, spec: StudySpec) -> dict[str, Any]:
+    """What `study show --json` says of it once it is run."""
+    create_study(store, spec)
+    run_study(store, spec.name)
+    return summary(store, spec.name)
+
+
+def test_faults_stand_beside_the_lumps_wherever_a_study_is_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In JSON, in the terminal, in the verdict there, and in the dashboard's note."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    shown = run(store, late_and_tilted("delay", "tilt"))
+    delay, tilt = shown["faults"]
+    assert shown["verdict"] == "found"
+    assert (delay["name"], delay["unit"], delay["true"]) == ("delay", "s", 0.004)
+    assert (tilt["name"], tilt["unit"], tilt["true"]) == ("tilt", "rad", 0.01)
+    for fault in (delay, tilt):
+        assert fault["determined"]
+        assert fault["low"] < fault["identified"] < fault["high"]
+        assert fault["error"] == fault["identified"] - fault["true"]
+        assert abs(fault["error"]) < 4.0 * fault["sd"] < 0.01 * fault["true"]
+    assert json.loads(json.dumps(shown))["faults"] == shown["faults"]
+    print_study(store, "late")
+    printed = capsys.readouterr().out
+    assert "Faults searched beside the lumps" in printed
+    assert "; delay 0.003999 ± " in printed
+    assert "| fault | identified |" in note(read_findings(store, "late"))
+
+
+def test_what_the_plant_file_says_of_a_searched_fault_is_not_believed() -> None:
+    """The twin of a plant whose delay is searched has none at first; otherwise it has the one that is in the file."""
+    searched, believed = (Problem(late_and_tilted(*kinds)).experiment() for kinds in (("delay",), ()))
+    assert (searched.delay, believed.delay) == (0, 2)
+
+
+def test_friction_without_a_nominal_value_is_found_on_a_plant_without_other_faults(tmp_path: Path) -> None:
+    """Its readings are kept because faults are searched, and agree with the twin to rounding."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    shown = run(store, late_and_tilted("viscous", faults={}, damping=0.02))
+    assert shown["verdict"] == "found"
+    assert shown["max_error"] < 1e-6
+    assert [fault["identified"] for fault in shown["faults"]] == pytest.approx([0.02, 0.02], rel=1e-6)
+
+
+def test_fault_that_is_not_explained_has_no_number(tmp_path: Path) -> None:
+    """Nor have the lumps, where a tilt is there and a delay is searched."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    shown = run(store, late_and_tilted("delay", nlink=1, trials=1))
+    (delay,) = shown["faults"]
+    assert shown["verdict"] == "not found"
+    assert delay["identified"] is delay["sd"] is delay["low"] is delay["error"] is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"estimate.faults": ["tilt", "offset"]}, "move alike .allowed: tilt, or offset"),
+        ({"estimate.faults": ["delay", "delay"]}, "names a fault twice .allowed: each once"),
+        ({"estimate.faults": ["late"]}, "'delay', 'tilt', 'offset', 'viscous', 'dry', 'spring' or 'gain'"),
+        ({"estimate.faults": ["delay"], "estimate.enabled": False}, "only an estimate finds them"),
+        ({"estimate.faults": ["delay"], "estimate.compare": "count"}, "counts do not show them"),
+        (
+            {"estimate.faults": ["viscous"], "estimate.lumps": ["gravity", "inertia", "damping"]},
+            "already searched, as the lumps 'damping' .allowed: one of them",
+        ),
+    ],
+)
+def test_faults_that_cannot_be_searched_are_refused(changes: dict[str, Any], message: str) -> None:
+    """In one line that says what is allowed."""
+    with pytest.raises(StudyError, match=message):
+        load_chain_study("three-link", changes)
+
+
+def test_gain_of_the_only_motor_is_refused() -> None:
+    """All lumps times the same would move alike."""
+    with pytest.raises(StudyError, match=r"cannot be told from the lumps.*two joints or more"):
+        load_chain_study("one-link-count", {"estimate.faults": ["gain"]})
+
+
+def test_faults_of_an_arm_are_refused() -> None:
+    """In one line that names what an arm's estimate may have."""
+    with pytest.raises(StudyError, match=r"estimate: unknown key 'faults' .allowed: mass, com"):
+        load_chain_study("pa10", {"estimate.faults": ["delay"]})
