@@ -39,7 +39,7 @@ def plot_boundary(
         axes.contourf(boundary.first, boundary.second, fell, levels=[0.5, 1.5], colors=[FALL], alpha=0.15)
         if fell.any() and not fell.all():
             axes.contour(boundary.first, boundary.second, fell, levels=[0.5], colors=[FALL], linewidths=1.2)
-        axes.plot([], [], color=FALL, label="edge of falling, the others at their best")
+            axes.plot([], [], color=FALL, label="edge of falling, the others at their best")
     many = len(found.trials) > MANY
     survivors, falls = found.survivors, found.falls
     axes.plot(
@@ -53,9 +53,17 @@ def plot_boundary(
         label="survivor",
         rasterized=many,
     )
-    axes.plot(
-        falls[first], falls[second], "x", color=FALL, markersize=3, markeredgewidth=0.7, label="fall", rasterized=many
-    )
+    if len(falls):
+        axes.plot(
+            falls[first],
+            falls[second],
+            "x",
+            color=FALL,
+            markersize=3,
+            markeredgewidth=0.7,
+            label="fall",
+            rasterized=many,
+        )
     if len(survivors):
         axes.plot(*found.best_factors[[one, two]], "D", color="none", markeredgecolor=INK, markersize=6, label="best")
     if found.true_factors is not None:
@@ -109,9 +117,10 @@ def plot_parallel(found: Findings, axes: Axes | None = None) -> Axes:
     others = found.survivors.drop(best.index)
     shown = pd.concat([best, _thinned(others, LINES // 2)]).sort_values("value", ascending=False)
     falls = _thinned(found.falls, LINES // 4)
-    axes.add_collection(
-        LineCollection(lines(falls), colors=FALL, linewidths=0.6, linestyles=":", alpha=0.7, label="fall")
-    )
+    if len(falls):
+        axes.add_collection(
+            LineCollection(lines(falls), colors=FALL, linewidths=0.6, linestyles=":", alpha=0.7, label="fall")
+        )
     values = shown["value"].to_numpy()
     norm = LogNorm() if len(values) and values.min() > 0.0 else Normalize()
     drawn = LineCollection(lines(shown), array=values, cmap=VALUES, norm=norm, linewidths=0.6, alpha=0.8)
@@ -125,7 +134,8 @@ def plot_parallel(found: Findings, axes: Axes | None = None) -> Axes:
     crowded = len(places) > axes.bbox.width / axes.figure.dpi  # more than a label an inch
     axes.set_xticks(places, found.names, rotation=90 if crowded else 0)
     axes.set_ylabel("factor of nominal")
-    axes.legend(loc="best")
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="best")
     return axes
 
 

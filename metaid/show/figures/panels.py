@@ -47,6 +47,8 @@ def share_legend(figure: Figure, axes: list[Axes]) -> None:
     for panel in axes:
         if legend := panel.get_legend():
             legend.remove()
+    if not labelled:
+        return
     figure.legend(
         labelled.values(), labelled.keys(), loc="outside upper center", ncols=5 if figure.get_figwidth() >= PAGE else 2
     )

@@ -50,7 +50,7 @@ def plot_plant(plant: MujocoPlant, axes: Axes | None = None) -> Axes:
         -0.22 * reach, 0.8 * reach, f"g = {plant.gravity:g} m/s²", rotation=90, ha="right", va="center", fontsize=7
     )
     axes.set_aspect("equal")
-    axes.set_xlim(-0.35 * reach, 1.05 * reach)
+    axes.set_xlim(-0.35 * reach, 1.1 * reach)
     axes.set_ylim(-0.05 * reach, 1.03 * reach)
     axes.set_ylabel("height, m")
     axes.set_xticks([])
@@ -64,13 +64,13 @@ def _label(chain: Chain, i: int) -> str:
     damping = f", damping {chain.damping[i]:.3g} N m s" if chain.damping[i] else ""
     return (
         f"link {i + 1}: length {chain.length[i]:.3g} m, mass {chain.mass[i]:.3g} kg\n"
-        f"centre of mass at {chain.com[i]:.3g} m, inertia {chain.inertia[i]:.2g} kg m²{damping}"
+        f"centre of mass at {chain.com[i]:.3g} m\ninertia {chain.inertia[i]:.2g} kg m²{damping}"
     )
 
 
-def plant_figure(plant: MujocoPlant) -> Figure:
-    """The sketch, at a size that holds its labels."""
+def plant_figure(plant: MujocoPlant, width: float = 0.64 * PAGE) -> Figure:
+    """The sketch, `width` inches wide, at a size that holds its labels."""
     with style():
-        figure = Figure(figsize=(0.64 * PAGE, max(3.2, 0.5 * plant.njoint)), layout="constrained")
+        figure = Figure(figsize=(width, max(3.2, 0.5 * plant.njoint)), layout="constrained")
         plot_plant(plant, figure.subplots())
     return figure

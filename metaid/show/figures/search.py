@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from metaid.models import Array
 from metaid.results import Findings
 from metaid.show.figures.style import FALL, INK, MANY, RANGE, SURVIVOR, new_axes
+
+FEW = 60  # trials, each of which is a large mark
 
 
 def plot_convergence(found: Findings, axes: Axes | None = None) -> Axes:
@@ -20,7 +23,7 @@ def plot_convergence(found: Findings, axes: Axes | None = None) -> Axes:
         survivors["value"],
         ".",
         color=RANGE,
-        markersize=2,
+        markersize=_size(len(survivors)),
         label="survivor",
         rasterized=len(best) > MANY,
     )
@@ -64,14 +67,22 @@ def plot_factor(found: Findings, lump: str, axes: Axes | None = None) -> Axes:
         survivors[lump],
         ".",
         color=SURVIVOR,
-        markersize=2,
+        markersize=_size(len(survivors)),
         alpha=0.6,
         label="survivor",
         rasterized=many,
     )
-    axes.plot(
-        falls["number"], falls[lump], "x", color=FALL, markersize=3, markeredgewidth=0.7, label="fall", rasterized=many
-    )
+    if len(falls):
+        axes.plot(
+            falls["number"],
+            falls[lump],
+            "x",
+            color=FALL,
+            markersize=3,
+            markeredgewidth=0.7,
+            label="fall",
+            rasterized=many,
+        )
     if found.true_factors is not None:
         axes.axhline(found.true_factors[index], color=INK, linewidth=0.8, linestyle="--", label="truth")
     axes.set_title(lump)
@@ -80,6 +91,8 @@ def plot_factor(found: Findings, lump: str, axes: Axes | None = None) -> Axes:
 
 def _mark_falls(found: Findings, axes: Axes) -> None:
     falls = found.falls["number"].to_numpy()
+    if not len(falls):  # an empty line that is not clipped has a place all the same: the layout would make room for it
+        return
     axes.plot(
         falls,
         np.full(len(falls), 1.0),
@@ -98,12 +111,19 @@ def _logarithmic(axes: Axes, values: Array, resolution: float) -> None:
     if len(values) and values.min() > 0.0:
         axes.set_yscale("log")
     else:
-        axes.set_yscale("symlog", linthresh=resolution)
+        # Room enough for the zero and the first power of ten, whose labels would be in one another's place.
+        axes.set_yscale("symlog", linthresh=resolution, linscale=0.5)
         axes.set_ylim(bottom=0.0)
+
+
+def _size(count: int) -> float:
+    """Of a mark, in points, where there are so many: few are to be seen, too."""
+    return 6.0 if count <= FEW else 2.0
 
 
 def _finish(axes: Axes, label: str) -> Axes:
     axes.set_xlabel("trial")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=6))
     axes.set_ylabel(label)
     axes.grid(True)
     if axes.get_legend_handles_labels()[0]:
