@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import re
 from pathlib import Path
 
@@ -149,3 +150,25 @@ def test_model_that_explains_nothing_has_residuals_but_no_intervals_to_draw(esti
     names = {each.name for each in figures.Gallery(package.load_findings("hidden", str(estimated))).pictures()}
     assert {"estimate-motion", "estimate-residuals"} <= names
     assert not {"estimate-correlation", "estimate-trials", "ranges"} & names
+
+
+def test_study_without_falls_has_figures_of_full_height_and_no_legend_of_falls(
+    estimated: Path, recwarn: pytest.WarningsRecorder
+) -> None:
+    """A mark of no falls would have the layout make room for it; a legend would name what is not there."""
+    found = package.load_findings("matched", str(estimated))
+    assert found.falls.empty
+    for picture in itertools.islice(figures.Gallery(found).pictures("column"), 2):
+        picture.figure.draw_without_rendering()
+        height = max(axes.get_position().height for axes in picture.figure.axes)
+        assert height > 0.1, picture.name
+        texts = [text.get_text() for legend in picture.figure.legends for text in legend.get_texts()]
+        texts += [text for axes in picture.figure.axes for text in axes.get_legend_handles_labels()[1]]
+        assert not [text for text in texts if text.startswith("fall")], picture.name
+    for plot in (
+        figures.plot_parallel,
+        functools.partial(figures.plot_boundary, first="gravity_1", second="gravity_2"),
+    ):
+        axes = plot(found, axes=Figure().subplots())
+        assert "fall" not in axes.get_legend_handles_labels()[1]
+    assert not [warning for warning in recwarn if "legend" in str(warning.message)]
