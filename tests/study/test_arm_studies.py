@@ -180,3 +180,13 @@ def test_dashboard_has_a_note_on_a_study_of_an_arm(arms: Path, tmp_path: Path) -
     assert "**Verdict: found.**" in written
     assert "| `m2z` | 0.81182 | 0.894 |" in written
     assert "**Verdict: not found.**" in refused
+
+
+def test_what_rounding_leaves_of_a_base_parameter_that_is_zero_is_zero(tmp_path: Path) -> None:
+    """Else its error were some million percent: the PUMA 560 has such ones, by the turns of its frames."""
+    with closing(Store(str(tmp_path / "new.db"), create=True)) as store:
+        table = results.lumps_frame(store, create_study(store, load_study("puma560"))).set_index("name")
+    assert table.loc["m6x", "true"] == 0.0
+    assert table.loc["m5x", "nominal"] == 0.0
+    assert table.loc["m6z", "true"] == pytest.approx(0.00288)
+    assert not table["true"].between(1e-30, 1e-12).any()

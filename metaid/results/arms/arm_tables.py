@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 
+from metaid.models import Array
 from metaid.results.arms.arm_snapshot import ArmSnapshot
 from metaid.results.lump_tables import DEVIATIONS, table_of
 from metaid.results.snapshot import trial_columns
 from metaid.study import COARSEST
+
+ROUNDING = 1e-12  # of the largest base parameter of a unit
 
 
 def arm_trials_table(snapshot: ArmSnapshot) -> pd.DataFrame:
@@ -38,9 +43,18 @@ def base_table(snapshot: ArmSnapshot) -> pd.DataFrame:
         identified, low, high = (
             np.where(determined, each, np.nan) for each in (values, values - reach, values + reach)
         )
-    true = np.full(len(nominal), np.nan) if snapshot.truth is None else base.of(snapshot.truth.parameters)
-    factor = identified / np.where(nominal == 0.0, np.nan, nominal)
+    truth = snapshot.truth
+    true = np.full(len(nominal), np.nan) if truth is None else _settled(base.of(truth.parameters), base.units)
+    believed = _settled(nominal, base.units)
+    factor = identified / np.where(believed == 0.0, np.nan, believed)
     names, intervals = (base.names, base.units), (deviation, low, high)
-    return table_of(names, nominal, (factor, identified), intervals, (determined, true)).assign(
+    return table_of(names, believed, (factor, identified), intervals, (determined, true)).assign(
         expression=base.expressions
     )
+
+
+def _settled(values: Array, units: Sequence[str]) -> Array:
+    """Base parameters (nbase) without what rounding left of those that are 0: of the turn of a frame, say."""
+    largest = {unit: float(np.abs(values[[other == unit for other in units]]).max()) for unit in set(units)}
+    least = ROUNDING * np.array([largest[unit] for unit in units])
+    return np.where(np.abs(values) <= least, 0.0, values)
