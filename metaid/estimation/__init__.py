@@ -14,6 +14,7 @@ from metaid.estimation.experiment import Compared, Experiment, NoisyExperiment, 
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults, searched_faults
 from metaid.estimation.motions import Motions, Quantity
 from metaid.estimation.noisy import (
+    Proposal,
     Readings,
     ReadTrial,
     Unmodelled,
@@ -31,6 +32,7 @@ __all__ = [
     "Experiment",
     "Motions",
     "NoisyExperiment",
+    "Proposal",
     "Quantity",
     "ReadTrial",
     "Readings",

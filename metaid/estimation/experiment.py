@@ -12,15 +12,17 @@ import numpy as np
 from metaid.episode import Outcome
 from metaid.estimation.counting import Counts, match_counts
 from metaid.estimation.estimate import Comparison, Estimate, fit
-from metaid.estimation.faults import NO_FAULTS, SearchedFaults
+from metaid.estimation.faults import NO_FAULTS, SearchedFaults, searched_faults
 from metaid.estimation.motions import Motions, Quantity
 from metaid.estimation.noisy import (
+    Proposal,
     Readings,
     ReadTrial,
     Unmodelled,
     centred,
     commanded_torques,
     filtered_speeds,
+    proposed_faults,
     unmodelled_forces,
 )
 from metaid.estimation.trials import Replay, WatchedTrial
@@ -110,6 +112,12 @@ class Experiment(ABC):
         there are none: the misfit says all.
         """
         return []
+
+    def proposed(self, trials: Sequence[Any], estimate: Estimate) -> Proposal | None:
+        """Faults that would explain what an `estimate` of the `trials` does not, if they were searched, too. None where
+        none does, or no readings were kept to try it.
+        """
+        return None
 
     def replay(self, trials: Sequence[SeenTrial], estimate: Estimate, number: int) -> Replay:
         """What was seen of one of the `trials` that an `estimate` is made of, and what the twin at the estimate shows
@@ -213,6 +221,13 @@ class NoisyExperiment(Experiment):
 
     def unmodelled(self, trials: Sequence[ReadTrial], estimate: Estimate) -> list[Unmodelled]:
         return list(unmodelled_forces(self._comparison(trials), estimate))
+
+    def proposed(self, trials: Sequence[ReadTrial], estimate: Estimate) -> Proposal | None:
+        def _search(kinds: tuple[str, ...]) -> SearchedFaults:
+            return searched_faults(kinds, self.unknowns.nominal, self.gravity, self.start_speeds)
+
+        declared = self.delay * self.timestep * self.substeps
+        return proposed_faults(self._comparison(trials), estimate, _search, declared)
 
     def _comparison(self, trials: Sequence[ReadTrial]) -> Readings:
         return Readings(trials, self.unknowns, self.gravity, faults=self.faults)

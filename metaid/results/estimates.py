@@ -16,7 +16,7 @@ from metaid.store import Trial
 from metaid.study import COARSEST, MOST_TRIALS, Problem
 
 if TYPE_CHECKING:
-    from metaid.estimation import Estimate, Experiment, Replay, SeenTrial, Unmodelled
+    from metaid.estimation import Estimate, Experiment, Proposal, Replay, SeenTrial, Unmodelled
 
 FIRST_TRIALS = 12  # of which it is looked for how early the estimate was there
 MOST_LEFT = 0.3  # of the squares of a misfit: a force that leaves more of it is not what is missing
@@ -63,6 +63,14 @@ class StudyEstimate:
         """The force that the model has not and that the trials show best; None where they show none."""
         return min((each for each in self._forces if each.is_seen), key=lambda each: each.left, default=None)
 
+    @cached_property
+    def proposal(self) -> Proposal | None:
+        """Faults that would explain what the estimate does not, were they searched; None where none does."""
+        if self.estimate.is_explained:
+            return None
+        with threadpool_limits(1):
+            return self.experiment.proposed(self.watched, self.estimate)
+
     @property
     def provisos(self) -> list[str]:
         """What must not be there for the lumps to be right, for the trials could not tell: sentences that name it."""
@@ -90,6 +98,8 @@ class StudyEstimate:
         found = f"misfit {estimate.misfit:.3g} (explained: below {estimate.explained_below:.3g})"
         if self.explains:
             return f"the model explains what was seen: {found}"
+        if self.proposal is not None:
+            return f"the model does not explain what was seen, but {self.proposal.description}; {found}"
         force = self.unmodelled
         if force is None or (force.left > MOST_LEFT and not estimate.is_explained):
             return (

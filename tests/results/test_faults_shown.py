@@ -92,12 +92,14 @@ def test_friction_without_a_nominal_value_is_found_on_a_plant_without_other_faul
 
 
 def test_fault_that_is_not_explained_has_no_number(tmp_path: Path) -> None:
-    """Nor have the lumps, where a tilt is there and a delay is searched."""
+    """Nor have the lumps, where a tilt is there and a delay is searched; the reasons propose to search both."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
     shown = run(store, late_and_tilted("delay", nlink=1, trials=1))
     (delay,) = shown["faults"]
     assert shown["verdict"] == "not found"
     assert delay["identified"] is delay["sd"] is delay["low"] is delay["error"] is None
+    assert "the model does not explain what was seen, but with a tilt of " in shown["reasons"][0]
+    assert 'set [estimate] faults = ["delay", "tilt"]' in shown["reasons"][0]
 
 
 @pytest.mark.parametrize(

@@ -6,16 +6,19 @@
 """
 
 from metaid.estimation.noisy.commanded import centred, commanded_torques, filtered_speeds
+from metaid.estimation.noisy.proposed import Proposal, proposed_faults
 from metaid.estimation.noisy.read_trial import ReadTrial
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.unmodelled import Unmodelled, unmodelled_forces
 
 __all__ = [
+    "Proposal",
     "ReadTrial",
     "Readings",
     "Unmodelled",
     "centred",
     "commanded_torques",
     "filtered_speeds",
+    "proposed_faults",
     "unmodelled_forces",
 ]

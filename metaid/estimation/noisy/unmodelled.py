@@ -27,10 +27,14 @@ UNSEEN = 3.0  # standard deviations of a force that readings may hide
 RANK = 1e-12  # of the largest singular value; a smaller one is rounding
 # What each is, its unit, and what to do about it.
 KINDS = {
-    "spring": ("a spring", "N m/rad", "no law of metaid has one: take it off"),
-    "damping": ("viscous friction", "N m s", "add 'damping' to search.lumps"),
-    "coulomb": ("dry friction", "N m", "add 'coulomb' to search.lumps"),
-    "delay": ("torques that come late", "s", "say so in the plant file, or see episode.lead"),
+    "spring": (
+        "a spring",
+        "N m/rad",
+        'no law of metaid has one: take it off, or search it: estimate.faults = ["spring"]',
+    ),
+    "damping": ("viscous friction", "N m s", 'search it: estimate.faults = ["viscous"]'),
+    "coulomb": ("dry friction", "N m", 'search it: estimate.faults = ["dry"]'),
+    "delay": ("torques that come late", "s", 'search it: estimate.faults = ["delay"]'),
 }
 FORCE_OF = {"viscous": "damping", "dry": "coulomb"}  # the force that a fault is, where it has another name
 

@@ -1,0 +1,55 @@
+"""Where an estimate explains nothing, faults that would explain it are proposed."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+from watched import GRAVITY, NOISE, raised, watched
+
+from metaid.estimation import Readings, SearchedFaults, Unknowns, fit, searched_faults
+from metaid.estimation.noisy import proposed_faults
+from metaid.plant import FaultSettings
+
+
+@pytest.mark.parametrize(
+    ("faults", "joints", "declared", "said"),
+    [
+        ({"delay": 4}, {}, 0.0, 'a delay of 8 ms the misfit falls from .* set .estimate. faults = ."delay".'),
+        ({"delay": 4}, {}, 0.004, "a delay of 12 ms"),
+        ({"tilt": 0.02}, {}, 0.0, 'a tilt of 20 mrad .* = ."tilt".'),
+        ({}, {"damping": 0.02}, 0.0, 'viscous friction of up to 0.02 N m s .* = ."viscous".'),
+    ],
+)
+def test_faults_that_explain_the_misfit_are_proposed(
+    faults: dict[str, Any], joints: dict[str, float], declared: float, said: str
+) -> None:
+    """With their sizes, what is declared already included."""
+    seen = watched(2, 1, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False, **faults), longer=2.0, **joints)
+    unknowns = Unknowns(seen.nominal.lumps)
+    readings = Readings([seen.read_trial(raised(seen.nominal.lumps, each)) for each in (1.2, 1.5)], unknowns, GRAVITY)
+
+    def search(kinds: tuple[str, ...]) -> SearchedFaults:
+        return searched_faults(kinds, unknowns.nominal, GRAVITY, seen.starts)
+
+    estimate = fit(readings, restarts=0)
+    assert not estimate.is_explained
+    proposal = proposed_faults(readings, estimate, search, declared)
+    assert proposal is not None
+    assert proposal.after < 1.3 < proposal.before
+    assert re.search(said, proposal.description)
+
+
+def test_fault_that_does_not_explain_the_misfit_is_not_proposed() -> None:
+    """A torque limit that cuts off half of what is asked is none of those that can be searched."""
+    seen = watched(1, 1, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False, torque_limit=1.0))
+    unknowns = Unknowns(seen.nominal.lumps)
+    readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, GRAVITY)
+
+    def search(kinds: tuple[str, ...]) -> SearchedFaults:
+        return searched_faults(kinds, unknowns.nominal, GRAVITY, seen.starts)
+
+    estimate = fit(readings, restarts=0)
+    assert not estimate.is_explained
+    assert proposed_faults(readings, estimate, search, 0.0) is None
