@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         bodies,
         compare,
         estimate,
+        estimate_record,
         evaluate,
         load_findings,
         lumps,
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
         validate,
     )
     from metaid.episode import Outcome
-    from metaid.errors import EpisodeError, MetaidError, PlantError, RenderError, StorageError, StudyError
+    from metaid.errors import EpisodeError, MetaidError, PlantError, RecordError, RenderError, StorageError, StudyError
     from metaid.plant import Plant, load_plant
     from metaid.show import figures
     from metaid.study import NominalMetricSampler, load_study
@@ -44,6 +45,7 @@ _HOME = {
         "bodies",
         "compare",
         "estimate",
+        "estimate_record",
         "evaluate",
         "load_findings",
         "lumps",
@@ -57,7 +59,15 @@ _HOME = {
         "trials",
         "validate",
     ),
-    "metaid.errors": ("EpisodeError", "MetaidError", "PlantError", "RenderError", "StorageError", "StudyError"),
+    "metaid.errors": (
+        "EpisodeError",
+        "MetaidError",
+        "PlantError",
+        "RecordError",
+        "RenderError",
+        "StorageError",
+        "StudyError",
+    ),
     "metaid.episode": ("Outcome",),
     "metaid.plant": ("Plant", "load_plant"),
     "metaid.study": ("NominalMetricSampler", "load_study"),
@@ -72,12 +82,14 @@ __all__ = [
     "Outcome",
     "Plant",
     "PlantError",
+    "RecordError",
     "RenderError",
     "StorageError",
     "StudyError",
     "bodies",
     "compare",
     "estimate",
+    "estimate_record",
     "evaluate",
     "figures",
     "load_findings",

@@ -5,7 +5,7 @@ METAID_STORAGE, else metaid.db.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from numbers import Real
 from pathlib import Path
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     import optuna
 
     from metaid.compiled import Objective  # loads MuJoCo and numba, which a reader of a DB does without
+    from metaid.recorded import RecordedResult
     from metaid.results.exporting import IdentifiedModel
 
 
@@ -201,6 +202,37 @@ def estimate(study: str | optuna.Study, storage: str | None = None) -> pd.DataFr
         return results.optuna_estimate_frame(study)
     with closing(Store(storage or default_storage())) as store:
         return results.estimate_frame(store, study)
+
+
+def estimate_record(
+    path: str | Path,
+    plant: str | Path,
+    *,
+    law: str | Path | None = None,
+    friction: Sequence[str] | None = None,
+    coupled: Sequence[tuple[int, int]] = (),
+    window: float | None = None,
+    delay: float | None = None,
+) -> RecordedResult:
+    """What a rig's log says of it: its `verdict` with the frame of `lumps`, its `summary`, and its `model` to write.
+
+    Args:
+        path: of the log, a CSV or parquet file.
+        plant: that you believe: a shipped name, or the path of a plant file, an MJCF or a URDF.
+        law: the plant that the torques compensated, where the log has no torques.
+        friction: the terms of every joint, of viscous, coulomb, root, offset and rotor; all but rotor by default.
+        coupled: pairs of joints, from 1 on, whose motors are coupled.
+        window: length of the windows, in s.
+        delay: by which torques act later than they are logged, in s.
+
+    Raises:
+        RecordError: the log cannot be used, or says too little.
+        PlantError: a plant cannot be used.
+    """
+    from metaid.recorded import Choices, identify_record
+
+    choices = Choices(span=window, delay=delay)
+    return identify_record(Path(path), plant, law=law, friction=friction, coupled=coupled, choices=choices)
 
 
 def bodies(name: str, storage: str | None = None) -> pd.DataFrame:

@@ -60,6 +60,10 @@ class EpisodeError(MetaidError):
     """An episode that cannot be run with these settings."""
 
 
+class RecordError(MetaidError):
+    """A rig's log that cannot be used, or that says too little."""
+
+
 class WorkerError(MetaidError):
     """Workers that are gone and do not come back."""
 

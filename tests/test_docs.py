@@ -24,6 +24,7 @@ BLOCK = re.compile(r"(<!-- not run: [^\n]+ -->\n)?^```(\w+)\n(.*?)^```", re.DOTA
 NO_SCREEN = "metaid plant view"
 SERVES = "metaid dashboard"
 RIG = "python examples/socket_rig.py"
+LOG = "python examples/write_log.py"
 PYTHON_FILE = re.compile(r"\b(?:benchmarks|docs|examples|metaid|soak|tests)/[\w/]+\.py\b")
 
 Metaid = Callable[..., Finished]
@@ -72,6 +73,12 @@ def start_rig(command: str) -> subprocess.Popen[str]:
     return rig
 
 
+def write_log(command: str) -> None:
+    """The log of a simulated rig, as the example writes it."""
+    _, script, *arguments = shlex.split(command)
+    subprocess.run([sys.executable, str(ROOT / script), *arguments], check=True)
+
+
 def run_command(metaid: Metaid, command: str) -> None:
     """One line of a document, as typed after the prompt."""
     name, *arguments = shlex.split(command, comments=True)
@@ -109,6 +116,8 @@ def test_every_block_runs(
                 assert line.startswith("$ "), f"a console block holds commands alone: {line}"
                 if line.startswith(f"$ {RIG}"):
                     rigs.append(start_rig(line[2:]))
+                elif line.startswith(f"$ {LOG}"):
+                    write_log(line[2:])
                 else:
                     run_command(metaid, line[2:])
         elif language == "python":
@@ -149,11 +158,12 @@ def commands(group: click.Group = app, above: tuple[str, ...] = ()) -> Iterator[
 
 @pytest.fixture(scope="module")
 def three_link(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A DB in which the study that examples are about has been run."""
+    """A DB in which the study that examples are about has been run, and the log of a rig beside it."""
     from metaid import run
 
     path = tmp_path_factory.mktemp("examples") / "metaid.db"
     run("three-link", storage=str(path))
+    write_log(f"{LOG} three-link --seconds 3 -o {path.with_name('log.csv')}")
     return path
 
 
@@ -178,5 +188,6 @@ def test_help_fits_a_screen_and_its_example_runs(
         return  # run where the help is that of metaid itself
     if not any(example == "metaid study create three-link" for example in examples):
         shutil.copy(three_link, "metaid.db")
+        shutil.copy(three_link.with_name("log.csv"), "log.csv")
     for example in examples:
         run_command(metaid, example)

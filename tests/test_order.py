@@ -15,7 +15,7 @@ ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "metaid"
 # From the lowest to the highest; a package imports only those before it.
 ORDER = ("errors", "files", "models", "plant", "episode", "compiled", "estimation", "search", "store", "study")
-ORDER += ("results", "show", "paper", "api", "cli")
+ORDER += ("results", "recorded", "show", "paper", "api", "cli")
 PACKAGES = tuple(name for name in ORDER if (PACKAGE / name).is_dir())
 SLOW = ("cmaes", "scipy.optimize", "scipy.stats")  # half of what a command took that only reads a DB
 # What must not be loaded by importing a package.
@@ -29,6 +29,7 @@ ABSENT = {
     "store": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
     "study": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
     "results": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
+    "recorded": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
     "show": ("mujoco", "numba", "ray", *SLOW),
     "api": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
     "cli": ("mujoco", "numba", "ray", "optuna", "pandas", "matplotlib", *SLOW),

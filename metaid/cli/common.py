@@ -187,13 +187,18 @@ def number_text(value: float | None, form: str = ".5g") -> str:
     return "–" if value is None or math.isnan(value) else format(value, form)
 
 
-@contextlib.contextmanager
-def whole_file(path: Path, suffixes: Sequence[str], option: str = "-o") -> Iterator[Path]:
-    """A temporary file beside `path` that takes its place when all went well: nothing is left half-written."""
+def refuse_output(path: Path, suffixes: Sequence[str], option: str = "-o") -> None:
+    """Refuses a file to be written whose ending is not among `suffixes`, or whose folder is not there."""
     if path.suffix not in suffixes:
         raise click.UsageError(f"{option} {path}: the ending says the format (allowed: {', '.join(suffixes)})")
     if not os.path.isdir(path.parent):
         raise click.UsageError(f"{option} {path}: no such folder {path.parent}")
+
+
+@contextlib.contextmanager
+def whole_file(path: Path, suffixes: Sequence[str], option: str = "-o") -> Iterator[Path]:
+    """A temporary file beside `path` that takes its place when all went well: nothing is left half-written."""
+    refuse_output(path, suffixes, option)
     partial = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
         yield partial

@@ -15,6 +15,7 @@ from metaid.results.estimates import (
     interval_name,
 )
 from metaid.results.findings import Findings, findings_of, read_findings
+from metaid.results.lump_tables import without_nan
 from metaid.results.overview import summary
 from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.results.sweeps import Plane, Sweep, plane, sweep
@@ -29,7 +30,7 @@ from metaid.results.tables import (
     trials_frame,
 )
 from metaid.results.validation import PUSHES, Validation, validate_factors
-from metaid.results.verdict import Verdict, judge
+from metaid.results.verdict import Verdict, judge, missed
 
 __all__ = [
     "BANDWIDTH",
@@ -58,6 +59,7 @@ __all__ = [
     "interval_name",
     "judge",
     "lumps_frame",
+    "missed",
     "optuna_estimate_frame",
     "parameters_frame",
     "plane",
@@ -70,4 +72,5 @@ __all__ = [
     "track",
     "trials_frame",
     "validate_factors",
+    "without_nan",
 ]

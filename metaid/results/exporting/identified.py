@@ -30,12 +30,12 @@ _COLUMNS = ["name", "unit", "nominal", "factor", "identified", "sd", "low", "hig
 
 @dataclass(frozen=True)
 class IdentifiedModel:
-    """What a study identified, to be used elsewhere.
+    """What a study, or a rig's log, identified, to be used elsewhere.
 
     Attributes:
-        name: of the study.
-        about: what is known of the study: `plant`, `sampler`, `seed`, `verdict`, `reasons`, `source`, `misfit`,
-            `trials`, `written` (the date) and `metaid` (its version).
+        name: of the study, or of a rig's log.
+        about: what is known of it: `plant`, `verdict`, `reasons`, `source`, `misfit`, `written` (the date), `metaid`
+            (its version), and of a study `sampler`, `seed` and `trials`.
         lumps: one row a lump, or a base parameter of an arm, as `metaid.lumps` has them, with its `value` in the law: a
             lump that is not determined has the nominal one.
         covariance: of the determined lumps that an estimate knows, by name, in their units; None where it is not known.
@@ -83,6 +83,11 @@ class IdentifiedModel:
         if numbers.shape != (njoint,):
             raise StudyError(f"{name} has the shape {numbers.shape} (allowed: {njoint} numbers, one a joint)")
         return numbers
+
+    @property
+    def origin(self) -> str:
+        """What it was identified from, for a message."""
+        return f"study '{self.name}'" if "sampler" in self.about else f"log {self.name}"
 
     @property
     def kept(self) -> list[str]:
@@ -142,7 +147,7 @@ class IdentifiedModel:
         if self.dynamics.tree is None:
             what = "lumps" if self.dynamics.is_chain else "base parameters"
             raise StudyError(
-                f"study '{self.name}': no possible bodies have the {what} that were found "
+                f"{self.origin}: no possible bodies have the {what} that were found "
                 f"(allowed: {', '.join(suffix for suffix in SUFFIXES if suffix not in _BODIES)})"
             )
         return self.dynamics.tree
@@ -152,9 +157,10 @@ class IdentifiedModel:
         about, misfit = self.about, self.about["misfit"]
         did = "identified" if about["verdict"] == "found" else "did not identify, but came to,"
         what = "lumps" if self.dynamics.is_chain else "base parameters"
+        seeded = f", sampler {about['sampler']}, seed {about['seed']}" if "sampler" in about else ""
         lines = [
-            f"The model that metaid {about['metaid']} {did} in the study '{self.name}'.",
-            f"Written {about['written']}. Plant {about['plant']}, sampler {about['sampler']}, seed {about['seed']}.",
+            f"The model that metaid {about['metaid']} {did} in the {self.origin}.",
+            f"Written {about['written']}. Plant {about['plant']}{seeded}.",
             f"Verdict: {about['verdict']}, by the {about['source']}" + (f"; misfit {misfit:.3g}." if misfit else "."),
             "Units: m, kg, s, rad, N m and products of these.",
         ]
@@ -183,14 +189,15 @@ def _urdf(model: IdentifiedModel) -> str:
 def _toml(model: IdentifiedModel) -> str:
     if not model.dynamics.is_chain:
         raise StudyError(
-            f"study '{model.name}' is of an arm, whose plant file names an MJCF or a URDF "
+            f"{model.origin} is of an arm, whose plant file names an MJCF or a URDF "
             f"(allowed: {', '.join(suffix for suffix in SUFFIXES if suffix != '.toml')})"
         )
     import tomli_w
 
     links = model.links
     common = {"gravity": model.gravity, "timestep": model.timestep}
-    description = f"The model of the study {printable(model.name)}."
+    what = "study" if "sampler" in model.about else "log"
+    description = f"The model of the {what} {printable(model.name)}."
     return _comment(model.heading(".toml")) + tomli_w.dumps({"description": description, **common, "links": links})
 
 

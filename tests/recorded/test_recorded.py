@@ -1,0 +1,312 @@
+"""What a rig's log says: unknowns with their intervals, what was held out, files to take away, and bad logs refused."""
+
+from __future__ import annotations
+
+import json
+import runpy
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import tomli_w
+from conftest import Finished
+from random_arm import wrong_tree
+
+from metaid.models import Array, compensation_torque
+from metaid.models.tree import Tree, joint_torque, planar_tree
+from metaid.plant import ArmPlant, Start, load_chain, load_plant
+from metaid.recorded import (
+    Choices,
+    LinearModel,
+    Record,
+    RecordedEstimate,
+    arm_model,
+    estimate_record,
+    identify_record,
+    judge_record,
+)
+
+Metaid = Callable[..., Finished]
+WRITE_LOG = Path(__file__).parent.parent.parent / "examples" / "write_log.py"
+SAID = """
+[[links]]
+length = 0.45
+mass = 1.8
+com = 0.2
+inertia = 0.03
+
+[[links]]
+length = 0.38
+mass = 0.7
+com = 0.2
+inertia = 0.006
+damping = 0.0
+"""
+
+
+def swinging(seconds: float, rows: int, njoint: int, seed: int) -> tuple[Array, Array, Array, Array]:
+    """Times (nrow), and coordinates, speeds and accelerations (nrow x njoint) of sums of sinusoids."""
+    random = np.random.default_rng(seed)
+    times = np.linspace(0.0, seconds, rows)
+    pulse = random.uniform(2.0, 9.0, (3, njoint))
+    phase = random.uniform(0.0, 2.0 * np.pi, (3, njoint))
+    angle = times[:, None, None] * pulse + phase
+    size = random.uniform(0.2, 0.5, (3, njoint))
+    return (
+        times,
+        (size * np.sin(angle)).sum(axis=1),
+        (size * pulse * np.cos(angle)).sum(axis=1),
+        (-size * pulse**2 * np.sin(angle)).sum(axis=1),
+    )
+
+
+def log_of(tree: Tree, late: float = 0.0, noise: float = 0.0, extra: Callable[[Array], Array] | None = None) -> Record:
+    """The log of an arm that swings for 6 s; its torques act `late` s after they are logged, as an exact model says,
+    and `extra` ones that follow from speeds (nrow x njoint).
+    """
+    fine = 8
+    times, *_ = swinging(6.0, 3001, tree.njoint, seed=3)
+    _, coordinates, speeds, accelerations = swinging(6.0, 3000 * fine + 1, tree.njoint, seed=3)
+    torques = joint_torque(tree, coordinates, speeds, accelerations)
+    torques += 0.0 if extra is None else extra(speeds)
+    shifted = times[:, None] + late + times[1] * (np.arange(fine) + 0.5) / fine  # a torque holds until the next
+    every = np.linspace(0.0, 6.0, 3000 * fine + 1)
+    held = np.stack([np.interp(shifted, every, column).mean(axis=1) for column in torques.T], axis=1)
+    angles = coordinates[::fine] + noise * np.random.default_rng(1).standard_normal((3001, tree.njoint))
+    return Record("swing.csv", times, angles, None, held)
+
+
+@pytest.fixture(scope="module")
+def arm() -> Tree:
+    """A shipped arm, its friction left out."""
+    plant = load_plant("spatial-three-link")
+    assert isinstance(plant, ArmPlant)
+    return plant.tree.with_parameters(plant.tree.parameters * np.array([1.0] * 11 + [0.0, 0.0]))
+
+
+def estimated(record: Record, model: LinearModel, choices: Choices | None = None) -> RecordedEstimate:
+    found = estimate_record(record, model, choices)
+    assert judge_record(record, found).is_found
+    return found
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the log of a simulated rig of two links with 0.1 mrad of noise, and what is believed of it."""
+    folder = tmp_path_factory.mktemp("rig")
+    simulated_log = runpy.run_path(str(WRITE_LOG))["simulated_log"]
+    simulated_log("two-link", seconds=6.0, angle_noise=1e-4).to_csv(folder / "log.csv", index=False)
+    (folder / "believed.toml").write_text(SAID)
+    return folder
+
+
+def test_log_of_a_simulated_rig_tells_its_lumps(rig: Path) -> None:
+    """All of them to 1 %, within their intervals, from nominal masses that are wrong by half."""
+    found = identify_record(rig / "log.csv", rig / "believed.toml", friction=["viscous"])
+    lumps = load_chain("two-link").chain.lumps_of(("gravity", "coriolis", "inertia"))
+    table = found.verdict.lumps.set_index("name").loc[lumps.names]
+    assert found.verdict.is_found
+    assert table["determined"].all()
+    np.testing.assert_allclose(table["identified"], lumps.vector, rtol=0.01)
+    assert (table["low"] <= lumps.vector).all()
+    assert (table["high"] >= lumps.vector).all()
+    assert found.estimate.error < 0.05
+
+
+@pytest.mark.parametrize("noise", [0.0, 3e-4])
+def test_log_of_an_arm_tells_its_base_parameters_and_friction(arm: Tree, noise: float) -> None:
+    """Viscous, root and offset terms and a coupled pair of motors too, 95 % intervals nearly all around the truth."""
+    damping, root, offset, together = (
+        np.array([0.5, 0.2, 0.1]),
+        np.array([1.0, 0.5, 0.3]),
+        np.array([0.3, -0.2, 0.1]),
+        0.4,
+    )
+
+    def friction(speeds: Array) -> Array:
+        shared = together * np.sign(speeds[:, 1:2] + speeds[:, 2:3]) * np.array([0.0, 1.0, 1.0])
+        return damping * speeds + root * np.sign(speeds) * np.sqrt(np.abs(speeds)) + offset + shared
+
+    model = arm_model(wrong_tree(arm, 0), coupled=((1, 2),))
+    found = estimated(log_of(arm, noise=noise, extra=friction), model)
+    belief = model.source
+    assert not isinstance(belief, tuple)
+    bodies = belief.base.of(arm.parameters)[belief.base.columns % 13 < 11]
+    true = np.concatenate([bodies, damping, np.zeros(3), root, offset, np.zeros(4)])
+    true[model.names.index("coulomb2_3")] = together
+    inside = np.abs(found.values - true) <= 1.96 * found.deviations + 1e-9
+    assert inside.mean() >= 0.9
+    assert np.abs(found.values[: len(bodies)] - bodies).max() < 0.02 * np.abs(bodies).max()
+
+
+def test_delay_of_the_torques_is_found(arm: Tree) -> None:
+    """8 ms to 0.2 ms, and without it the bodies would be wrong."""
+    record, model = log_of(arm, late=0.008), arm_model(wrong_tree(arm, 0), ())
+    found = estimated(record, model)
+    assert found.delay == pytest.approx(0.008, abs=2e-4)
+    assert estimate_record(record, model, Choices(delay=0.0)).error > 10.0 * found.error
+
+
+def test_noise_asks_for_longer_windows(arm: Tree) -> None:
+    """The length of the windows follows from the noise of the angles."""
+    model = arm_model(wrong_tree(arm, 0), ())
+    spans = [estimate_record(log_of(arm, noise=noise), model, Choices(delay=0.0)).span for noise in (0.0, 3e-4, 3e-3)]
+    assert spans == sorted(spans)
+    assert spans[0] < spans[-1]
+
+
+def test_held_out_third_has_no_part_in_its_prediction(arm: Tree) -> None:
+    """Torques of the last third may be anything: what the other two say stays the same."""
+    record, model = log_of(arm), arm_model(wrong_tree(arm, 0), ())
+    spoiled = record.torques.copy()
+    spoiled[2200:] *= -3.0
+    choices = Choices(span=0.1, delay=0.0)
+    ours, theirs = (estimate_record(each, model, choices).repeated for each in (record, record.with_torques(spoiled)))
+    np.testing.assert_array_equal(ours[2], theirs[2])
+    assert not np.allclose(ours[0], theirs[0])
+
+
+def test_log_of_another_robot_is_not_found(metaid: Metaid, rig: Path) -> None:
+    """With the sign of a torque wrong no number is given, and the exit status is 3."""
+    log = pd.read_csv(rig / "log.csv")
+    log["torque_2"] *= -1.0
+    log.to_csv("wrong.csv", index=False)
+    done = metaid("estimate", "--record", "wrong.csv", "--plant", str(rig / "believed.toml"), "--json", "-o", "m.xml")
+    shown = json.loads(done.out)
+    assert (done.status, shown["verdict"], shown["lumps"][0]["identified"]) == (3, "not found", None)
+    assert not Path("m.xml").exists()
+
+
+def test_model_of_a_log_is_taken_away(metaid: Metaid, rig: Path) -> None:
+    """As a plant file, as MJCF and as JSON: the first two need the torque that the lumps say."""
+    given = (
+        "estimate",
+        "--record",
+        str(rig / "log.csv"),
+        "--plant",
+        str(rig / "believed.toml"),
+        "--friction",
+        "viscous",
+    )
+    for name in ("model.toml", "model.xml", "model.json"):
+        done = metaid(*given, "-o", name)
+        assert (done.status, done.err) == (0, "")
+        assert "FOUND: " in done.out
+    said = json.loads(Path("model.json").read_text())
+    assert {"gravity_1", "damping_2"} <= {lump["name"] for lump in said["lumps"]}
+    assert len(said["covariance"]["values"]) == len(said["covariance"]["names"])
+    rng = np.random.default_rng(0)
+    states = rng.uniform(-1.0, 1.0, (3, 20, 2))
+    true = load_chain("two-link")
+    expected = joint_torque(planar_tree(true.chain, true.gravity), *states)
+    taken, arm = load_chain("model.toml"), load_plant("model.xml")
+    assert isinstance(arm, ArmPlant)
+    for tree in (planar_tree(taken.chain, taken.gravity), arm.tree):
+        np.testing.assert_allclose(joint_torque(tree, *states), expected, atol=0.02 * np.abs(expected).max())
+
+
+def test_law_stands_in_for_torques(metaid: Metaid) -> None:
+    """A log without torques tells as much, of a rig that oscillates as it compensates a plant that is too heavy."""
+    rig, heavy = load_chain("two-link"), Path("heavy.toml")
+    links = [{"length": 0.5, "mass": 3.0, "com": 0.3}, {"length": 0.4, "mass": 1.5, "com": 0.25}]
+    heavy.write_text(tomli_w.dumps({"links": links}))
+    sent = load_chain(heavy)
+    rig.push(Start(np.array([0.1, -0.05]), np.array([0.1, -0.2])))
+    rows = []
+    for step in range(1500):
+        angles, speeds = rig.states()
+        rows.append([step * rig.timestep, *angles, *speeds])
+        lumps = sent.chain.lumps
+        rig.apply_torque(compensation_torque(lumps, angles, speeds, rig.gravity))
+        rig.step()
+    frame = pd.DataFrame(rows, columns=["time", "angle_1", "angle_2", "speed_1", "speed_2"])
+    frame.to_csv("swinging.csv", index=False)
+    given = ("--record", "swinging.csv", "--plant", "two-link", "--friction", "none", "--json")
+    done = metaid("estimate", *given, "--law", "heavy.toml")
+    shown = json.loads(done.out)
+    true = dict(zip(rig.chain.lumps.names, rig.chain.lumps.vector, strict=True))
+    found = {lump["name"]: lump["identified"] for lump in shown["lumps"]}
+    assert {name: found[name] for name in true} == pytest.approx(true, rel=0.01)
+
+
+def cell(row: int, column: str, value: object) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    def change(log: pd.DataFrame) -> pd.DataFrame:
+        log[column] = log[column].astype(object)
+        log.loc[row, column] = value
+        return log
+
+    return change
+
+
+BAD = {
+    "no time": (lambda log: log.drop(columns="time"), "no column 'time'"),
+    "no angle": (lambda log: log.drop(columns="angle_2"), "no column 'angle_2'"),
+    "no torques": (lambda log: log.drop(columns=["torque_1", "torque_2"]), "no column 'torque_1'"),
+    "a third joint": (lambda log: log.assign(angle_3=0.0), "column 'angle_3' is of no joint"),
+    "an empty cell": (cell(17, "angle_1", None), "row 18: angle_1 is 'nan'"),
+    "a word": (cell(5, "torque_2", "lost"), "row 6: torque_2 is 'lost'"),
+    "infinity": (cell(5, "torque_2", np.inf), "row 6: torque_2 is 'inf'"),
+    "time that stands": (cell(40, "time", 0.078), "row 41: time 0.078 is not after 0.078 s"),
+    "degrees": (
+        lambda log: log.assign(**{name: 57.3 * log[name] for name in log if name.startswith("angle")}),
+        "degrees",
+    ),
+    "speeds in degrees": (lambda log: log.assign(speed_1=57.3 * log["speed_1"]), "degrees"),
+    "no torque at all": (lambda log: log.assign(torque_1=0.0, torque_2=0.0), "every torque is 0"),
+    "no motion": (lambda log: log.assign(angle_1=0.0, angle_2=0.1, speed_1=0.0, speed_2=0.0), "no joint moves"),
+    "few rows": (lambda log: log[:50], "50 rows"),
+    "little motion": (lambda log: log[:120], "too short"),
+}
+
+
+@pytest.mark.parametrize("kind", BAD)
+def test_bad_log_is_refused_in_one_line(metaid: Metaid, rig: Path, kind: str) -> None:
+    """It says where it is wrong, nothing is written, and the exit status is 2."""
+    spoil, says = BAD[kind]
+    spoil(pd.read_csv(rig / "log.csv")).to_csv("bad.csv", index=False)
+    done = metaid("estimate", "--record", "bad.csv", "--plant", str(rig / "believed.toml"), "-o", "model.json")
+    assert (done.status, done.out, done.err.count("\n")) == (2, "", 1)
+    assert says in done.err
+    assert sorted(path.name for path in Path().iterdir()) == ["bad.csv"]
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        (["--record", "log.txt"], "the ending says the format"),
+        (["--record", "none.csv"], "No such file"),
+        (["--record", "text.csv"], "no column 'time'"),
+        (["--record", "void.csv"], "not a table"),
+        (["--record", "log.csv", "--plant", "three-link"], "no column 'angle_3'"),
+        (["--record", "log.csv", "--friction", "viscuos"], "did you mean 'viscous'?"),
+        (["--record", "log.csv", "--couple", "1"], "two numbers of joints"),
+        (["--record", "log.csv", "--couple", "2,3"], "two of 1 to 2"),
+        (["--record", "log.csv", "-o", "model.pdf"], "the ending says the format"),
+        (["--record", "log.csv", "--law", "three-link"], "of 3 joints (allowed: 2"),
+    ],
+)
+def test_wrong_request_is_refused_in_one_line(metaid: Metaid, rig: Path, given: list[str], says: str) -> None:
+    """It says what is allowed, with exit status 2."""
+    Path("log.csv").write_text((rig / "log.csv").read_text())
+    Path("text.csv").write_text("a log\nof a rig\n")
+    Path("void.csv").write_text("")
+    plant = [] if "--plant" in given else ["--plant", "two-link"]
+    done = metaid("estimate", *given, *plant)
+    assert (done.status, done.out, done.err.count("\n")) == (2, "", 1)
+    assert says in done.err
+
+
+def test_parquet_is_read_or_its_package_named(metaid: Metaid, rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same as from CSV; without pyarrow one line says how that is installed."""
+    given = ("estimate", "--plant", str(rig / "believed.toml"), "--json", "--record")
+    pytest.importorskip("pyarrow")
+    pd.read_csv(rig / "log.csv").to_parquet("log.parquet")
+    ours, theirs = json.loads(metaid(*given, "log.parquet").out), json.loads(metaid(*given, str(rig / "log.csv")).out)
+    assert ours["lumps"] == theirs["lumps"]
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    done = metaid(*given, "log.parquet")
+    assert (done.status, done.err.count("\n")) == (2, 1)
+    assert "pip install 'metaid[parquet]'" in done.err
