@@ -216,7 +216,7 @@ def _left(found: Fit) -> float:
 
 
 def _widened(covariance: Array, repeated: Array, changes: Array) -> Array:
-    """A covariance (nparam x nparam) that is at least as wide as the unknowns differ.  Eq. 59.
+    """A covariance (nparam x nparam) that is at least as wide as the unknowns differ.  Eq. 60.
 
     Args:
         covariance: from what is left of the torques alone.

@@ -39,7 +39,7 @@ class Fit:
 
 
 def fit(rows: Array, torques: Array, believed: tuple[Array, Array]) -> Fit:
-    """The unknowns θ that fit windows.  Eq. 57.
+    """The unknowns θ that fit windows.  Eq. 58.
 
     Args:
         rows: Φ, the averaged torque for a unit of each unknown (nwindow x ntest x njoint x nparam).
@@ -89,7 +89,7 @@ def belief_of(model: LinearModel, rows: Array, torques: Array) -> tuple[Array, A
 
 def covariance_of(found: Fit, rows: Array, lags: int) -> Array:
     """The covariance of the unknowns (nparam x nparam), whatever the errors of a window are, and though those of up to
-    `lags` windows after one another belong together.  Eq. 58.
+    `lags` windows after one another belong together.  Eq. 59.
 
     Args:
         found: the fit.

@@ -68,7 +68,7 @@ class Windows:
         return np.asarray(from_noise / np.maximum(seen, 1e-300), dtype=np.float64)
 
     def rows(self, model: LinearModel) -> Array:
-        """The averaged torque for a unit of each unknown (nwindow x ntest x njoint x nparam).  Eq. 56."""
+        """The averaged torque for a unit of each unknown (nwindow x ntest x njoint x nparam).  Eq. 57."""
         nodes = _nodes()
         weights = np.stack([test(nodes) for test in TESTS]) / len(nodes)
         shape = self.coordinates.shape
@@ -77,7 +77,7 @@ class Windows:
         return np.asarray(np.einsum("an,wnjp->wajp", weights, columns), dtype=np.float64)
 
     def torques(self, record: Record, delay: float = 0.0) -> Array:
-        """The averaged torque that was sent (nwindow x ntest x njoint), `delay` in s later than it is logged.  Eq. 56.
+        """The averaged torque that was sent (nwindow x ntest x njoint), `delay` in s later than it is logged.  Eq. 57.
 
         A torque holds until the next is sent.
         """
