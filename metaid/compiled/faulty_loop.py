@@ -11,10 +11,11 @@ import numpy as np
 
 from metaid.compiled.batch import laws_of, new_windows
 from metaid.compiled.decorator import compiled
-from metaid.compiled.kernel import Step, advance, forget, look
+from metaid.compiled.kernel import Step, advance, look
 from metaid.compiled.law import LINK, compensate, has_fallen, turn_to_angles
 from metaid.compiled.loop import start_states
 from metaid.compiled.quiet import quiet_mujoco
+from metaid.compiled.stages import forget
 from metaid.episode import (
     CandidateBatch,
     Episode,

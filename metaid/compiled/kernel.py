@@ -18,25 +18,13 @@ from metaid.compiled.stages import (
     MujocoStep,
     advance_directly,
     advance_with_mujoco,
-    forget_in_mujoco,
+    forget,
     look_directly,
     look_with_mujoco,
 )
 from metaid.compiled.undocumented import class_of
 
 Step = MujocoStep | DirectStep | AnalyticStep
-
-
-def forget(chain):  # type: ignore[no-untyped-def]
-    """Leaves nothing of the motion before in any `Step`, but for what is in `qpos` and `qvel`."""
-    raise NotImplementedError
-
-
-@overload(forget, inline="always")
-def _forget_of(chain):  # type: ignore[no-untyped-def]
-    if class_of(chain) is MujocoStep:
-        return lambda chain: forget_in_mujoco(chain)
-    return lambda chain: None  # the others work out all else from these two, each step
 
 
 def look(chain, links, stiffness):  # type: ignore[no-untyped-def]

@@ -1,10 +1,11 @@
 """One step of a chain of hinges and slides by MuJoCo, in two halves: where links are, and where a torque takes them.
 
 In between, the law of a planar chain reads cosines and sines off the rotation matrices that MuJoCo has just worked out.
-MuJoCo cuts `mj_step` in two for this, `mj_step1` and `mj_step2`. They also look for contacts, constraints, tendons,
-actuators, sensors and bad numbers; the rest of their work is the seven calls that a `DirectStep` is made of. These are
-the same machine code on the same numbers, so the result is the same to the last bit. `agrees_with_mj_step` checks this
-on the very model that is to be stepped.
+MuJoCo cuts `mj_step` in two for this, `mj_step1` and `mj_step2`. They also look for contacts, tendons, actuators,
+sensors, islands of constraints and bad numbers; the rest of their work is the calls that a `DirectStep` is made of:
+seven, and four more where there is dry friction, which is a constraint. These are the same machine code on the same
+numbers, so the result is the same to the last bit. `agrees_with_mj_step` checks this on the very model that is to be
+stepped.
 """
 
 from __future__ import annotations
@@ -15,10 +16,11 @@ import llvmlite.binding
 import mujoco
 import numpy as np
 from numba import types
+from numba.extending import overload
 
 from metaid.compiled.decorator import compiled
 from metaid.compiled.law import turn
-from metaid.compiled.undocumented import LIBRARY, address_of
+from metaid.compiled.undocumented import LIBRARY, address_of, class_of
 from metaid.models import Array
 
 llvmlite.binding.load_library_permanently(str(LIBRARY))
@@ -41,6 +43,10 @@ _mj_factorM = _stage("mj_factorM")  # noqa: N816
 _mj_comVel = _stage("mj_comVel")  # noqa: N816
 _mj_rne = _stage("mj_rne", types.intc, types.uintp)
 _mj_solveM = _stage("mj_solveM", types.uintp, types.uintp, types.intc)  # noqa: N816
+_mj_makeConstraint = _stage("mj_makeConstraint")  # noqa: N816
+_mj_projectConstraint = _stage("mj_projectConstraint")  # noqa: N816
+_mj_referenceConstraint = _stage("mj_referenceConstraint")  # noqa: N816
+_mj_fwdConstraint = _stage("mj_fwdConstraint")  # noqa: N816
 
 
 class MujocoStep(NamedTuple):
@@ -57,7 +63,9 @@ class MujocoStep(NamedTuple):
 
 
 class DirectStep(NamedTuple):
-    """The same for MuJoCo's stages called one by one: they also need the vectors that pass between them (nlink)."""
+    """The same for MuJoCo's stages called one by one: they also need the vectors that pass between them (nlink), and
+    whether there is dry friction.
+    """
 
     qpos: Array
     qvel: Array
@@ -66,6 +74,7 @@ class DirectStep(NamedTuple):
     bias: Array
     smooth: Array
     acceleration: Array
+    warm_start: Array
     damping: Array
     stiffness: Array
     model: int
@@ -74,6 +83,7 @@ class DirectStep(NamedTuple):
     smooth_at: int
     acceleration_at: int
     timestep: float
+    is_dry: bool
 
 
 def mujoco_step(model: mujoco.MjModel, data: mujoco.MjData) -> MujocoStep:
@@ -83,12 +93,20 @@ def mujoco_step(model: mujoco.MjModel, data: mujoco.MjData) -> MujocoStep:
 
 def direct_step(model: mujoco.MjModel, data: mujoco.MjData) -> DirectStep:
     """MuJoCo's stages on these two, which must outlive it."""
-    vectors = data.qfrc_bias, data.qfrc_smooth, data.qacc
-    bias_at, smooth_at, acceleration_at = (vector.ctypes.data for vector in vectors)
-    addresses = address_of(model), address_of(data), bias_at, smooth_at, acceleration_at
+    is_dry = bool(model.dof_frictionloss.any())
+    vectors = data.qfrc_bias, data.qfrc_smooth, data.qacc, data.qacc_warmstart
+    solved = data.qacc_smooth if is_dry else data.qacc  # what the solver of constraints goes on from, or the end
+    addresses = address_of(model), address_of(data), *(vector.ctypes.data for vector in (*vectors[:2], solved))
     passive = np.ravel(model.dof_damping), np.ravel(model.jnt_stiffness)
     views = data.qpos, data.qvel, data.qfrc_applied, data.xmat[1:]
-    return DirectStep(*views, *vectors, *passive, *addresses, model.opt.timestep)
+    return DirectStep(*views, *vectors, *passive, *addresses, model.opt.timestep, is_dry)
+
+
+@compiled
+def forget_directly(chain):  # type: ignore[no-untyped-def]
+    """Leaves nothing of the motion before in a `DirectStep`, which begins all afresh but the solver of dry friction."""
+    if chain.is_dry:
+        _mj_resetData(chain.model, chain.data)
 
 
 @compiled
@@ -133,12 +151,21 @@ def advance_directly(chain):  # type: ignore[no-untyped-def]
     _mj_comPos(model, data)
     _mj_crb(model, data)
     _mj_factorM(model, data)
+    if chain.is_dry:
+        _mj_makeConstraint(model, data)
+        _mj_projectConstraint(model, data)
     _mj_comVel(model, data)
+    if chain.is_dry:
+        _mj_referenceConstraint(model, data)
     _mj_rne(model, data, 0, chain.bias_at)
     for i in range(chain.qvel.shape[0]):
         passive = -chain.stiffness[i] * chain.qpos[i] - chain.damping[i] * chain.qvel[i]
         chain.smooth[i] = passive - chain.bias[i] + chain.torque[i]
     _mj_solveM(model, data, chain.acceleration_at, chain.smooth_at, 1)
+    if chain.is_dry:
+        _mj_fwdConstraint(model, data)
+        for i in range(chain.qvel.shape[0]):
+            chain.warm_start[i] = chain.acceleration[i]
     for i in range(chain.qvel.shape[0]):
         chain.qvel[i] += chain.timestep * chain.acceleration[i]
         chain.qpos[i] += chain.timestep * chain.qvel[i]
@@ -156,6 +183,21 @@ def step_directly(chain):  # type: ignore[no-untyped-def]
     """A whole timestep of a `DirectStep`."""
     _mj_kinematics(chain.model, chain.data)
     advance_directly(chain)
+
+
+def forget(chain):  # type: ignore[no-untyped-def]
+    """Leaves nothing of the motion before in any step, but for what is in `qpos` and `qvel`."""
+    raise NotImplementedError
+
+
+@overload(forget, inline="always")
+def _forget_of(chain):  # type: ignore[no-untyped-def]
+    kind = class_of(chain)
+    if kind is MujocoStep:
+        return lambda chain: forget_in_mujoco(chain)
+    if kind is DirectStep:
+        return lambda chain: forget_directly(chain)
+    return lambda chain: None  # an analytic chain works out all else from these two, each step
 
 
 @compiled

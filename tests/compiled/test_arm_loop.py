@@ -10,6 +10,7 @@ import pytest
 from random_arm import random_arm
 
 from metaid.compiled.arms import ArmLoop, commanded_arm_torques, follow_laws, follow_torques, frames_of
+from metaid.compiled.arms.vectors import cosine_and_sine
 from metaid.compiled.stages import agrees_with_mj_step
 from metaid.episode import window_ends
 from metaid.episode.arms import ArmEpisode, run_arm_stepwise, same_arm_record, smoothed_arm_frequency
@@ -163,9 +164,29 @@ def test_twin_without_a_mass_matrix_is_refused() -> None:
 
 
 @pytest.mark.parametrize("slides", [(), (1,)])
-def test_stages_of_mujoco_are_its_step_on_an_arm(slides: tuple[int, ...]) -> None:
-    """Called one by one they move an arm in space, with slides too, to the last bit as `mj_step` does."""
+@pytest.mark.parametrize("rubbed", [0, 1, 4])
+def test_stages_of_mujoco_are_its_step_on_an_arm(slides: tuple[int, ...], rubbed: int) -> None:
+    """Called one by one they move an arm in space to the last bit as `mj_step` does, with slides too, and with dry
+    friction in some joints or in all.
+    """
     import mujoco
 
-    model = arm_model(random_arm(4, 1, slides, friction=False), 0.002)
+    tree = random_arm(4, 1, slides)
+    tree = replace(tree, coulomb=np.where(np.arange(4) < rubbed, tree.coulomb, 0.0))
+    model = arm_model(tree, 0.002)
     assert agrees_with_mj_step(model, mujoco.MjData(model))
+
+
+def test_push_shows_the_same_whatever_was_pushed_before() -> None:
+    """The solver of dry friction begins each push afresh."""
+    tree = ARMS[1]
+    plant, episode = plant_of(tree), episode_of(tree)
+    last = replace(episode, starts=episode.starts[-1:], stiffness=episode.stiffness[-1:])
+    alone, together = (ArmLoop(plant, tree, each).run(tree.parameters) for each in (last, episode))
+    np.testing.assert_array_equal(alone.windows.motion[0], together.windows.motion[-1])
+
+
+def test_cosines_and_sines_are_those_of_the_library() -> None:
+    """To the last digit but one, in all quarters and after many turns."""
+    for angle in (*np.linspace(-7.0, 7.0, 57), 1e3, -1e5, 0.25 * np.pi):
+        np.testing.assert_allclose(cosine_and_sine(angle), (np.cos(angle), np.sin(angle)), atol=3e-16)

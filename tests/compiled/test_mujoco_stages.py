@@ -8,7 +8,7 @@ import pytest
 from conftest import random_links
 
 from metaid.compiled.loop import CompiledLoop, fastest_step
-from metaid.compiled.stages import DirectStep, MujocoStep, agrees_with_mj_step, direct_step, mujoco_step
+from metaid.compiled.stages import DirectStep, agrees_with_mj_step, direct_step, mujoco_step
 from metaid.episode.episode import Episode
 from metaid.episode.pushes import rich_pushes
 from metaid.plant.mujoco_plant import MujocoPlant
@@ -21,7 +21,9 @@ def plant_with(nlink: int, **joint: float) -> MujocoPlant:
     return MujocoPlant("joints", PlantSettings(links=links))
 
 
-@pytest.mark.parametrize("joint", [{}, {"damping": 0.02, "stiffness": 0.1}], ids=["bare", "damped"])
+@pytest.mark.parametrize(
+    "joint", [{}, {"damping": 0.02, "stiffness": 0.1}, {"frictionloss": 0.02}], ids=["bare", "damped", "rubbed"]
+)
 @pytest.mark.parametrize("nlink", [1, 2, 3, 5, 10])
 def test_episodes_are_the_same_to_the_last_bit(nlink: int, joint: dict[str, float]) -> None:
     """Survivors and falls, near the truth and far from it, come out equal in every number."""
@@ -45,15 +47,10 @@ def _arrays(record):  # type: ignore[no-untyped-def]
     return record.half_periods, record.crossing_span, record.speed_energy, record.acceleration_energy
 
 
-@pytest.mark.parametrize("joint", [{}, {"damping": 0.01}, {"stiffness": 0.1}])
-def test_a_chain_is_stepped_directly_with_and_without_viscous_friction_and_springs(joint: dict[str, float]) -> None:
+@pytest.mark.parametrize("joint", [{}, {"damping": 0.01}, {"stiffness": 0.1}, {"frictionloss": 0.01}])
+def test_a_chain_is_stepped_directly_with_and_without_friction_and_springs(joint: dict[str, float]) -> None:
     """The faster way is the one that is taken."""
     assert isinstance(fastest_step(plant_with(3, **joint)), DirectStep)
-
-
-def test_a_chain_with_dry_friction_is_left_to_mj_step() -> None:
-    """The stages know no constraint, and the check on the very model notices."""
-    assert isinstance(fastest_step(plant_with(3, frictionloss=0.01)), MujocoStep)
 
 
 @pytest.mark.parametrize(
@@ -61,12 +58,12 @@ def test_a_chain_with_dry_friction_is_left_to_mj_step() -> None:
     [
         "<freejoint/>",
         '<joint type="ball"/>',
-        '<joint type="hinge" axis="0 1 0" frictionloss="0.1"/>',
+        '<joint type="hinge" axis="0 1 0" limited="true" range="-20 20"/>',
         "",
     ],
 )
 def test_models_that_are_no_chain_of_hinges_and_slides_are_not_accepted(joint: str) -> None:
-    """Other joints and dry friction are noticed, before or by the comparison."""
+    """Other joints and other constraints are noticed, before or by the comparison."""
     inertial = '<inertial pos="0 0 0.2" mass="1" diaginertia="0.01 0.01 0.01"/>'
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody><body>{joint}{inertial}</body></worldbody></mujoco>")
     assert not agrees_with_mj_step(model, mujoco.MjData(model))

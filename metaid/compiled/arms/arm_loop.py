@@ -7,14 +7,7 @@ import warnings
 import numpy as np
 from numba.extending import overload
 
-from metaid.compiled.arms.dynamics import (
-    Frames,
-    accelerating_torques,
-    fill_mass_matrix,
-    frames_of,
-    new_space,
-    squared_speed,
-)
+from metaid.compiled.arms.dynamics import Frames, fill_law, frames_of, kinetic_squares, new_space
 from metaid.compiled.decorator import compiled
 from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.stages import (
@@ -22,7 +15,7 @@ from metaid.compiled.stages import (
     MujocoStep,
     agrees_with_mj_step,
     direct_step,
-    forget_in_mujoco,
+    forget,
     mujoco_step,
     step_directly,
     step_with_mujoco,
@@ -142,18 +135,6 @@ def _step_of(plant):  # type: ignore[no-untyped-def]
     return lambda plant: step_directly(plant)
 
 
-def forget_arm(plant):  # type: ignore[no-untyped-def]
-    """Leaves nothing of the motion before in a `Step`."""
-    raise NotImplementedError
-
-
-@overload(forget_arm, inline="always")
-def _forget_of(plant):  # type: ignore[no-untyped-def]
-    if class_of(plant) is MujocoStep:
-        return lambda plant: forget_in_mujoco(plant)
-    return lambda plant: None
-
-
 @compiled
 def _run(plant, models, starts, stiffness, sensors, settings, work, outputs):  # type: ignore[no-untyped-def]
     """All pushes of an episode. Fills the `outputs`; see `ArmRecord`.
@@ -168,16 +149,15 @@ def _run(plant, models, starts, stiffness, sensors, settings, work, outputs):  #
     n = starts.shape[2]
     pull, jump, squares, jumps = vectors[0], vectors[1], vectors[2], vectors[3]
     for push in range(starts.shape[0]):
-        forget_arm(plant)  # type: ignore[no-untyped-call]
+        forget(plant)  # type: ignore[no-untyped-call]
         for i in range(n):
             plant.qpos[i], plant.qvel[i] = starts[push, 0, i], starts[push, 1, i]
             squares[i] = jumps[i] = 0.0
         _read(plant, starts[push], noise[push], has_speed_sensor, weights, 0, angles[push], speeds[push])
-        window, step, fallen = 0, 0, False
+        start, window, step, fallen = starts[push], 0, 0, False
         while step < most:
             before, speed_before = angles[push, step], speeds[push, step]
-            _command(frames, law, starts[push], stiffness[push], before, speed_before, space, pull, plant.torque)
-            fill_mass_matrix(frames, nominal, space)
+            fill_law(frames, law, start, stiffness[push], before, speed_before, pull, space, plant.torque)
             step_arm(plant)  # type: ignore[no-untyped-call]
             step += 1
             _read(plant, starts[push], noise[push], has_speed_sensor, weights, step, angles[push], speeds[push])
@@ -193,8 +173,9 @@ def _run(plant, models, starts, stiffness, sensors, settings, work, outputs):  #
                 jump[i] = speeds[push, step, i] - speed_before[i] - timestep * pull[i]
                 squares[i] += speed_before[i] * speed_before[i]
                 jumps[i] += jump[i] * jump[i]
-            energies[push, 0] += timestep * squared_speed(space.mass_matrix, speed_before)
-            energies[push, 1] += squared_speed(space.mass_matrix, jump) / timestep
+            moved, jumped = kinetic_squares(frames, nominal, space, speed_before, jump)
+            energies[push, 0] += timestep * moved
+            energies[push, 1] += jumped / timestep
             if window < ends.shape[0] and step == ends[window]:
                 for i in range(n):
                     motion[push, window, 0, i] = angles[push, step, i]
@@ -225,17 +206,9 @@ def _read(plant, start, noise, has_speed_sensor, weights, step, angles, speeds):
 
 
 @compiled
-def _command(frames, law, start, stiffness, position, speed, space, pull, torque):  # type: ignore[no-untyped-def]
-    """Fills in the torque of a law, and what it asks for.  Eq. 43."""
-    for i in range(pull.shape[0]):
-        pull[i] = -stiffness * (position[i] - start[0, i])
-    accelerating_torques(frames, law, position, speed, pull, space, torque)
-
-
-@compiled
 def _command_all(frames, law, starts, stiffness, angles, speeds, space, pull, torques):  # type: ignore[no-untyped-def]
     """Fills in the torques of all steps of all pushes."""
     for push in range(torques.shape[0]):
         for step in range(torques.shape[1]):
-            position, speed = angles[push, step], speeds[push, step]
-            _command(frames, law, starts[push], stiffness[push], position, speed, space, pull, torques[push, step])
+            position, speed, torque = angles[push, step], speeds[push, step], torques[push, step]
+            fill_law(frames, law, starts[push], stiffness[push], position, speed, pull, space, torque)

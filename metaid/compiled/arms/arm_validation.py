@@ -7,17 +7,18 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.compiled.arms.arm_loop import fastest_arm_step, forget_arm, step_arm
+from metaid.compiled.arms.arm_loop import fastest_arm_step, step_arm
 from metaid.compiled.arms.dynamics import (
     Frames,
     accelerating_torques,
     fill_mass_matrix,
     frames_of,
+    kinetic_squares,
     new_space,
-    squared_speed,
 )
 from metaid.compiled.decorator import compiled
 from metaid.compiled.quiet import quiet_mujoco
+from metaid.compiled.stages import forget
 from metaid.models import Array
 from metaid.plant.arms import ArmPlant, ArmStart
 
@@ -79,16 +80,15 @@ def _coast(plant, models, start, steps, share, work):  # type: ignore[no-untyped
     """Steps until joint speeds differ from those at the `start` by more than a `share` of them, in the metric."""
     (frames, law, metric), (pose, speeds), (space, vectors) = models, start, work
     still, change = vectors[0], vectors[1]
-    forget_arm(plant)  # type: ignore[no-untyped-call]
+    forget(plant)  # type: ignore[no-untyped-call]
     for i in range(change.shape[0]):
         plant.qpos[i], plant.qvel[i] = pose[i], speeds[i]
     for step in range(steps + 1):
         accelerating_torques(frames, law, plant.qpos, plant.qvel, still, space, plant.torque)
-        fill_mass_matrix(frames, metric, space)
         for i in range(change.shape[0]):
             change[i] = plant.qvel[i] - speeds[i]
-        allowed = share * share * squared_speed(space.mass_matrix, speeds)
-        if not squared_speed(space.mass_matrix, change) <= allowed:  # so that NaN is no coasting
+        changed, whole = kinetic_squares(frames, metric, space, change, speeds)
+        if not changed <= share * share * whole:  # so that NaN is no coasting
             return step - 1
         if step < steps:
             step_arm(plant)  # type: ignore[no-untyped-call]
@@ -105,7 +105,7 @@ def _track(plant, models, motion, bandwidth, lost, work, seen):  # type: ignore[
     (frames, law, metric), (positions, speeds, accelerations), (space, vectors) = models, motion, work
     torque, correction = vectors[0], vectors[1]
     n = seen.shape[1]
-    forget_arm(plant)  # type: ignore[no-untyped-call]
+    forget(plant)  # type: ignore[no-untyped-call]
     for i in range(n):
         plant.qpos[i], plant.qvel[i] = positions[0, i], 0.0
     for step in range(seen.shape[0]):

@@ -9,7 +9,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from metaid.compiled.arms.vectors import cross, dot, inward, outward, plus, put, symmetric, times, triple
+from metaid.compiled.arms.vectors import (
+    cosine_and_sine,
+    cross,
+    dot,
+    inward,
+    outward,
+    plus,
+    put,
+    symmetric,
+    times,
+    triple,
+    triple_from,
+)
 from metaid.compiled.decorator import compiled
 from metaid.models import SLIDING, Array
 from metaid.models.tree import Tree
@@ -84,7 +96,7 @@ def move_links(frames, qpos, qvel, qacc, space):  # type: ignore[no-untyped-def]
     rate = times(-1.0, triple(frames.gravity))
     for i in range(qpos.shape[0]):
         matrix, axis = space.matrix[i], triple(frames.axis[i])
-        cosine, sine = np.cos(qpos[i]), np.sin(qpos[i])
+        cosine, sine = cosine_and_sine(qpos[i])
         for j in range(9):
             matrix[j] = frames.fixed[i, j] + cosine * frames.turned[i, j] + sine * frames.across[i, j]
         place = plus(triple(frames.position[i]), times(qpos[i], triple(frames.slide[i])))
@@ -114,7 +126,7 @@ def joint_torques(frames, parameters, space, torque):  # type: ignore[no-untyped
     force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in range(torque.shape[0] - 1, -1, -1):
         own = parameters[i]
-        first, inertia = triple(own[1:4]), (triple(own[4:7]), triple(own[7:10]))
+        first, inertia = triple_from(own, 1), (triple_from(own, 4), triple_from(own, 7))
         spin, spin_rate, rate = triple(space.spin[i]), triple(space.spin_rate[i]), triple(space.rate[i])
         force = plus(force, plus(times(own[0], rate), plus(cross(spin_rate, first), cross(spin, cross(spin, first)))))
         moment = plus(moment, plus(symmetric(inertia, spin_rate), cross(spin, symmetric(inertia, spin))))
@@ -146,6 +158,64 @@ def accelerating_torques(frames, parameters, qpos, qvel, qacc, space, torque):  
 
 
 @compiled
+def fill_law(frames, law, start, stiffness, position, speed, pull, space, torque):  # type: ignore[no-untyped-def]
+    """Works out what a law asks for and its torque.  Eq. 43.
+
+    Args:
+        frames: of the arm.
+        law: parameters (njoint x 13).
+        start: joint coordinates and speeds at the start (2 x njoint).
+        stiffness: k, in 1/s².
+        position: joint coordinates (njoint) that it acts on.
+        speed: joint speeds (njoint) that it acts on.
+        pull: the joint accelerations that it asks for (njoint), filled in.
+        space: how the links move, filled in.
+        torque: of the joints (njoint), filled in.
+    """
+    for i in range(pull.shape[0]):
+        pull[i] = -stiffness * (position[i] - start[0, i])
+    accelerating_torques(frames, law, position, speed, pull, space, torque)
+
+
+@compiled
+def kinetic_squares(frames, parameters, space, one, other):  # type: ignore[no-untyped-def]
+    """vᵀ M v for two vectors of joint speeds v where the links are: twice their kinetic energies, rotors included.
+
+    Link by link, which takes fewer steps than the mass matrix.
+
+    Args:
+        frames: of the arm.
+        parameters: of the joints and links (njoint x 13).
+        space: where the links are.
+        one: joint speeds (njoint).
+        other: joint speeds (njoint).
+    """
+    first_square = other_square = 0.0
+    spin, speed = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    other_spin, other_speed = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for i in range(one.shape[0]):
+        own, matrix, place, axis = parameters[i], space.matrix[i], triple(space.place[i]), triple(frames.axis[i])
+        speed = outward(matrix, plus(speed, cross(spin, place)))
+        other_speed = outward(matrix, plus(other_speed, cross(other_spin, place)))
+        spin, other_spin = outward(matrix, spin), outward(matrix, other_spin)
+        if frames.is_slide[i] == 0.0:
+            spin, other_spin = plus(spin, times(one[i], axis)), plus(other_spin, times(other[i], axis))
+        else:
+            speed, other_speed = plus(speed, times(one[i], axis)), plus(other_speed, times(other[i], axis))
+        first_square += _link_square(own, spin, speed) + own[10] * one[i] * one[i]
+        other_square += _link_square(own, other_spin, other_speed) + own[10] * other[i] * other[i]
+    return first_square, other_square
+
+
+@compiled
+def _link_square(own, spin, speed):  # type: ignore[no-untyped-def]
+    """Twice the kinetic energy of a link that turns, and whose origin moves."""
+    first, inertia = triple_from(own, 1), (triple_from(own, 4), triple_from(own, 7))
+    moved = own[0] * dot(speed, speed) + 2.0 * dot(speed, cross(spin, first))
+    return moved + dot(spin, symmetric(inertia, spin))
+
+
+@compiled
 def fill_mass_matrix(frames, parameters, space):  # type: ignore[no-untyped-def]
     """Fills in the mass matrix where the links are: the torque that turns each joint alone, with all that it carries
     as one body. Rotors are included.
@@ -157,7 +227,7 @@ def fill_mass_matrix(frames, parameters, space):  # type: ignore[no-untyped-def]
             carried[i, j] = parameters[i, j]
     for i in range(n - 1, -1, -1):
         own, matrix, axis = carried[i], space.matrix[i], triple(frames.axis[i])
-        first, inertia = triple(own[1:4]), (triple(own[4:7]), triple(own[7:10]))
+        first, inertia = triple_from(own, 1), (triple_from(own, 4), triple_from(own, 7))
         if frames.is_slide[i] == 0.0:
             force, moment = cross(axis, first), symmetric(inertia, axis)
             matrix_of[i, i] = dot(axis, moment) + parameters[i, 10]
@@ -175,18 +245,6 @@ def fill_mass_matrix(frames, parameters, space):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def squared_speed(matrix, vector):  # type: ignore[no-untyped-def]
-    """vᵀ M v with the lower triangle of M."""
-    whole = 0.0
-    for i in range(vector.shape[0]):
-        row = 0.5 * matrix[i, i] * vector[i]
-        for j in range(i):
-            row += matrix[i, j] * vector[j]
-        whole += 2.0 * vector[i] * row
-    return whole
-
-
-@compiled
 def _add_carried(own, first, inertia, matrix, place, below):  # type: ignore[no-untyped-def]
     """Adds what hangs on a link to the link before, at its origin."""
     mass = own[0]
@@ -196,7 +254,7 @@ def _add_carried(own, first, inertia, matrix, place, below):  # type: ignore[no-
     below[2] += turned[1] + mass * place[1]
     below[3] += turned[2] + mass * place[2]
     # I + 2 p·h − p hᵀ − h pᵀ with h = s + m p/2: parallel axes
-    one, two, three = triple(matrix[:3]), triple(matrix[3:6]), triple(matrix[6:])
+    one, two, three = triple(matrix), triple_from(matrix, 3), triple_from(matrix, 6)
     row0, row1, row2 = symmetric(inertia, one), symmetric(inertia, two), symmetric(inertia, three)
     half = plus(turned, times(0.5 * mass, place))
     around = 2.0 * dot(place, half)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.compiled.arms.dynamics import Frames, fill_mass_matrix, joint_torques, move_links, new_space
+from metaid.compiled.arms.dynamics import Frames, fill_law, fill_mass_matrix, joint_torques, move_links, new_space
 from metaid.compiled.arms.friction import (
     accelerate_freely,
     accelerate_with_friction,
@@ -21,7 +21,7 @@ from metaid.compiled.arms.friction import (
     soften,
 )
 from metaid.compiled.decorator import compiled
-from metaid.models import SLIDING, Array
+from metaid.models import Array
 
 TOO_FAST = 1e3  # rad/s or m/s: no arm that is simulated gets there
 
@@ -118,12 +118,15 @@ def _follow_law(frames, law, candidates, pushes, windows, timestep, share, rooms
         for i in range(n):
             for j in range(13):
                 difference[i, j] = law[i, j] - parameters[i, j]
+            difference[i, 12] = law[i, 12]  # dry friction of the arm is apart
         for push in range(starts.shape[0]):
-            follows = _set_off(frames, parameters, starts[push], motion, space)
-            step = 0
+            start, step = starts[push], 0
+            follows = _set_off(frames, parameters, start, motion, space)
             for window in range(wanted[push]):
                 while follows and step < ends[window]:
-                    _push_by_law(frames, law, difference, starts[push], stiffness[push], motion, space)
+                    # The force that the law leaves, dry friction of the arm apart: that of the difference.  Eq. 45
+                    position, speed, pull, force = motion.position, motion.speed, motion.pull, motion.force
+                    fill_law(frames, difference, start, stiffness[push], position, speed, pull, space, force)
                     follows = _advance(frames, parameters, timestep, motion, space)
                     step += 1
                 for i in range(n):
@@ -168,19 +171,6 @@ def _set_off(frames, parameters, start, motion, space):  # type: ignore[no-untyp
         motion.side[i] = np.sign(start[1, i])
         is_dry = is_dry or parameters[i, 12] != 0.0
     return not is_dry or soften(frames, parameters, motion, space)
-
-
-@compiled
-def _push_by_law(frames, law, difference, start, stiffness, motion, space):  # type: ignore[no-untyped-def]
-    """The force that the law leaves, dry friction of the arm apart: that of the difference of the two.  Eq. 45."""
-    position, speed, pull, force = motion.position, motion.speed, motion.pull, motion.force
-    for i in range(pull.shape[0]):
-        pull[i] = -stiffness * (position[i] - start[0, i])
-    move_links(frames, position, speed, pull, space)
-    joint_torques(frames, difference, space, force)
-    for i in range(pull.shape[0]):
-        force[i] += difference[i, 10] * pull[i] + difference[i, 11] * speed[i]
-        force[i] += law[i, 12] * min(max(speed[i] * (1.0 / SLIDING), -1.0), 1.0)  # Eq. 15
 
 
 @compiled
