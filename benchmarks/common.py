@@ -118,13 +118,17 @@ def seconds(work: Callable[[], object]) -> float:
     return time.perf_counter() - begun
 
 
-def interleaved(works: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, float]:
-    """Median seconds of each of `works`, which take turns, so that what slows the machine slows them all alike."""
+def interleaved(
+    works: Mapping[str, Callable[[], object]], repeats: int, chosen: Callable[[list[float]], float] = statistics.median
+) -> dict[str, float]:
+    """Median seconds of each of `works`, or what else is `chosen` of all, which take turns, so that what slows the
+    machine slows them all alike.
+    """
     taken: dict[str, list[float]] = {name: [] for name in works}
     for _ in range(repeats):
         for name, work in works.items():
             taken[name].append(seconds(work))
-    return {name: statistics.median(times) for name, times in taken.items()}
+    return {name: chosen(times) for name, times in taken.items()}
 
 
 def table(rows: Sequence[Row]) -> str:

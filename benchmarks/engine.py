@@ -1,24 +1,35 @@
 """Steps per second of the compiled episode, law, falls and crossings included, over bare `mj_step` on the same model.
 
 Bare `mj_step` is compiled too, and the bindings' timer is off for it as it is for the episode. The plain Python loop is
-the one that a rig would be run by.
+the one that a rig would be run by. Arms have the law of a nominal arm, pushes as in a study, and the dry friction that
+they have or none.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numba import types
 
-from benchmarks.common import PLANTS, Row, interleaved, make_spec, run_alone
+from benchmarks.common import NO_LIMIT, PLANTS, Row, interleaved, make_spec, run_alone
 from metaid.compiled import CompiledLoop, DirectStep, MujocoStep, compiled, fastest_step, mujoco_step, quiet_mujoco
-from metaid.episode import Episode, run_stepwise
+from metaid.compiled.arms import ArmLoop
+from metaid.compiled.loop import start_states
+from metaid.episode import Episode, run_stepwise, window_ends
+from metaid.episode.arms import ArmEpisode
 from metaid.models import Array
+from metaid.models.tree import Prior
+from metaid.plant import load_plant
+from metaid.plant.arms import ArmPlant, draw_starts
 from metaid.study import Problem
+from metaid.study.arms import drawn_nominal
 
+ARMS = ("crs-a465", "puma560", "pa10")
+HORIZON, STIFFNESS = 0.3, 30.0  # s, 1/s²
 PLAIN_STEPS = 100  # of the plain loop, after each push
 
 # Of MuJoCo's library, which metaid.pipeline has loaded.
@@ -27,17 +38,24 @@ mj_step: Any = types.ExternalFunction("mj_step", types.void(types.uintp, types.u
 
 @compiled
 def bare(chain: MujocoStep, start: Array, steps: int) -> None:
-    """`mj_step` and nothing else, after the same pushes, joint speeds `start` (npush x njoint): the chain falls."""
+    """`mj_step` and nothing else, after the same pushes, joint coordinates and speeds `start` (npush x 2 x njoint): the
+    chain falls.
+    """
     for push in range(start.shape[0]):
-        for i in range(start.shape[1]):
-            chain.qpos[i], chain.qvel[i], chain.torque[i] = 0.0, start[push, i], 0.0
+        for i in range(start.shape[2]):
+            chain.qpos[i], chain.qvel[i], chain.torque[i] = start[push, 0, i], start[push, 1, i], 0.0
         for _ in range(steps):
             mj_step(chain.model, chain.data)
 
 
 def measure(quick: bool) -> dict[str, list[Row]]:
-    """One row a chain."""
-    return {"Engine: steps per second on one core, and ratios to bare mj_step": [_row(n, quick) for n in PLANTS]}
+    """One row a chain, and one an arm."""
+    return {
+        "Engine: steps per second on one core, and ratios to bare mj_step": [_row(n, quick) for n in PLANTS],
+        "Arms: the same, by the fastest of 101 turns": [
+            _arm_row(name, dry, quick) for name in ARMS for dry in (True, False)
+        ],
+    }
 
 
 def _row(nlink: int, quick: bool) -> Row:
@@ -48,7 +66,7 @@ def _row(nlink: int, quick: bool) -> Row:
     assert isinstance(fastest, DirectStep), "MuJoCo's stages are not mj_step here: nothing to compare"
     steps: dict[str, Any] = {"mj_step": whole, "direct": fastest, "analytic": fastest_step(plant, "analytic")}
     engines = {name: CompiledLoop(plant, episode, step) for name, step in steps.items()}
-    start = np.array([plant.start_speeds(start) for start in episode.starts])
+    start = start_states(plant, episode.starts)
     short = Episode(episode.pushes, min(episode.steps, PLAIN_STEPS))
     run: dict[str, Callable[[], object]] = {
         "bare": lambda: bare(whole, start, episode.steps),
@@ -74,6 +92,37 @@ def _row(nlink: int, quick: bool) -> Row:
         "direct ÷ bare": rate["direct"] / rate["bare"],
         "analytic ÷ bare": rate["analytic"] / rate["bare"],
         "plain ÷ bare": rate["plain"] / rate["bare"],
+    }
+
+
+def _arm_row(name: str, dry: bool, quick: bool) -> Row:
+    known = load_plant(name)
+    assert isinstance(known, ArmPlant), name
+    tree = known.tree if dry else replace(known.tree, coulomb=np.zeros(known.njoint))
+    plant, nominal = ArmPlant(name, known.settings, tree), drawn_nominal(tree, 0, Prior())
+    count, steps = 3 * plant.njoint, round(HORIZON / plant.timestep)
+    stiffness = np.where(np.arange(count) < 2 * plant.njoint, 0.0, STIFFNESS)
+    starts = draw_starts(known, count, HORIZON, 0)
+    # Nothing is to fall, so that all pushes are of the same length.
+    episode = ArmEpisode(starts, stiffness, steps, window_ends(steps), runaway=NO_LIMIT)
+    anywhere = replace(nominal, low=np.full(plant.njoint, -np.inf), high=np.full(plant.njoint, np.inf))
+    loop, whole = ArmLoop(plant, anywhere, episode), mujoco_step(plant.model, plant.data)
+    assert loop.run(nominal.parameters).steps.sum() == episode.total_steps
+    works = {
+        "bare": lambda: bare(whole, episode.states, steps),
+        "episode": lambda: loop.run(nominal.parameters),
+    }
+    bare(whole, episode.states, 1)
+    with quiet_mujoco():
+        taken = interleaved(works, 5 if quick else 101, min)
+    rate = {work: episode.total_steps / seconds for work, seconds in taken.items()}
+    return {
+        "arm": name,
+        "joints": plant.njoint,
+        "dry friction": "yes" if dry else "no",
+        "bare mj_step": rate["bare"],
+        "episode": rate["episode"],
+        "episode ÷ bare": rate["episode"] / rate["bare"],
     }
 
 

@@ -96,7 +96,8 @@ def direct_step(model: mujoco.MjModel, data: mujoco.MjData) -> DirectStep:
     is_dry = bool(model.dof_frictionloss.any())
     vectors = data.qfrc_bias, data.qfrc_smooth, data.qacc, data.qacc_warmstart
     solved = data.qacc_smooth if is_dry else data.qacc  # what the solver of constraints goes on from, or the end
-    addresses = address_of(model), address_of(data), *(vector.ctypes.data for vector in (*vectors[:2], solved))
+    bias_at, smooth_at, solved_at = (vector.ctypes.data for vector in (data.qfrc_bias, data.qfrc_smooth, solved))
+    addresses = address_of(model), address_of(data), bias_at, smooth_at, solved_at
     passive = np.ravel(model.dof_damping), np.ravel(model.jnt_stiffness)
     views = data.qpos, data.qvel, data.qfrc_applied, data.xmat[1:]
     return DirectStep(*views, *vectors, *passive, *addresses, model.opt.timestep, is_dry)
