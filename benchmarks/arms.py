@@ -3,6 +3,7 @@
     python -m benchmarks.arms                          # seven arms, ten seeds each
     python -m benchmarks.arms --noise 1e-4             # rad on the angles, and no sensor of speeds
     python -m benchmarks.arms --arms puma560 panda --seeds 0 1 2 --json
+    python -m benchmarks.arms --sampler newton --trials 4000 --seeds 0        # no twin: the value of each trial alone
 
 Shipped arms are as they are. UR5, Panda, xArm7 and Kinova are the URDFs of `example-robot-data`, which must be
 installed. A URDF states no rotors, and most of these no friction: they get some, by their torque limits and the seed.
@@ -10,7 +11,8 @@ Masses and inertias of the nominal arm are wrong by up to 30 %, centres of mass 
 believed to be nothing. A trial is 2 njoint coasts and njoint pushes on springs, 0.3 s each, from poses and speeds in
 the joint ranges. The first has the law of the nominal arm, each other one that of the estimate from all before. Errors
 are those of gravity torque, Coriolis torque and mass matrix (`metaid.models.tree.model_error`); in brackets the largest
-after each trial.
+after each trial. A `--sampler` that minimises is told the value of each trial and nothing else. Dry friction can be
+taken away with `--smooth`.
 Seconds are those of trials and fits, without compilation.
 """
 
@@ -27,9 +29,9 @@ from statistics import median
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from metaid.compiled.arms import ArmLoop
+from metaid.compiled.arms import ArmLoop, ArmObjective
 from metaid.episode import window_ends
-from metaid.episode.arms import ArmEpisode
+from metaid.episode.arms import ArmEpisode, resolution_hz
 from metaid.estimation.arms import (
     ArmEstimate,
     ArmReadTrial,
@@ -43,7 +45,8 @@ from metaid.models import Array
 from metaid.models.tree import Belief, ModelError, Prior, Tree, model_error
 from metaid.plant import load_plant
 from metaid.plant.arms import ArmFaults, ArmPlant, ArmSettings, draw_starts
-from metaid.study.arms import drawn_nominal
+from metaid.search import SamplerOptions, arm_sensitivity, believed_metric, make_searcher
+from metaid.study.arms import ArmSearchSettings, drawn_nominal
 
 SHIPPED = ("pa10", "crs-a465", "puma560")
 OTHERS = ("scara", "spatial-three-link")  # shipped, too
@@ -58,6 +61,8 @@ HORIZON, WINDOWS, STIFFNESS = 0.3, 6, 30.0  # s, their number, 1/s²
 # Of the torque limit: a rotor's inertia per rad/s², viscous friction per rad/s, dry friction.
 ROTOR, DAMPING, COULOMB = 0.004, 0.01, 0.02
 WITHIN, EXACTLY = 0.01, 0.001
+MINIMISERS = ("newton", "cmaes", "tpe", "optuna-cmaes")
+FARTHEST = 10.0  # standard deviations of the belief: no base parameter beyond is tried
 
 
 @dataclass(frozen=True)
@@ -85,16 +90,50 @@ class Identified:
         return within[0] if within else None
 
 
-def plant_of(name: str, seed: int, noise: float) -> ArmPlant:
-    """The plant of that name."""
+@dataclass(frozen=True)
+class Minimised:
+    """One arm and seed under a sampler that minimises: pushes of a trial, trials and how many of them fell, after how
+    many the best had all errors within 1 %, None where none had; its value, what the measure can tell from none and the
+    value of the true arm's law, in Hz; errors of the nominal arm and of the best trial, seconds.
+    """
+
+    arm: str
+    seed: int
+    sampler: str
+    unknowns: int
+    pushes: int
+    trials: int
+    falls: int
+    trials_needed: int | None
+    value: float
+    resolution: float
+    value_of_truth: float
+    nominal: ModelError
+    error: ModelError
+    seconds: float
+
+
+def plant_of(name: str, seed: int, noise: float, is_smooth: bool = False) -> ArmPlant:
+    """The plant of that name; a smooth one has no dry friction."""
     if name in (*SHIPPED, *OTHERS):
         found = load_plant(name)
         assert isinstance(found, ArmPlant), name
         plant = found
     else:
         plant = ArmPlant(name, _settings(name, seed))
-    faults = ArmFaults(angle_noise=noise, speed_sensor=not noise)
-    return ArmPlant(plant.name, plant.settings.model_copy(update={"faults": faults}))
+    changes: dict[str, object] = {"faults": ArmFaults(angle_noise=noise, speed_sensor=not noise)}
+    if is_smooth:
+        changes["frictionloss"] = dict.fromkeys(plant.tree.names, 0.0)
+    return ArmPlant(plant.name, plant.settings.model_copy(update=changes))
+
+
+def experiment_on(plant: ArmPlant, seed: int) -> tuple[Belief, ArmEpisode]:
+    """What is believed of an arm, and what is done to it."""
+    n, steps = plant.njoint, round(HORIZON / plant.timestep)
+    starts = draw_starts(plant, 3 * n, HORIZON, seed)
+    stiffness = np.where(np.arange(3 * n) < 2 * n, 0.0, STIFFNESS)
+    episode = ArmEpisode(starts, stiffness, steps, window_ends(steps, WINDOWS), seed=seed)
+    return Belief(drawn_nominal(plant.tree, seed, Prior())), episode
 
 
 def _settings(name: str, seed: int) -> ArmSettings:
@@ -132,13 +171,10 @@ def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
     """
     plant = plant_of(name, seed, noise)
     true, n = plant.tree, plant.njoint
-    nominal = drawn_nominal(true, seed, Prior())
-    starts = draw_starts(plant, 3 * n, HORIZON, seed)
-    stiffness = np.where(np.arange(3 * n) < 2 * n, 0.0, STIFFNESS)
-    steps = round(HORIZON / plant.timestep)
-    episode = ArmEpisode(starts, stiffness, steps, window_ends(steps, WINDOWS), seed=seed)
+    belief, episode = experiment_on(plant, seed)
+    nominal = belief.nominal
     began = time.perf_counter()
-    searched = ArmUnknowns(Belief(nominal))
+    searched = ArmUnknowns(belief)
     loop, law = ArmLoop(plant, nominal, episode), nominal.parameters
     estimate: ArmEstimate | None = None
     watched: list[WatchedArmTrial | ArmReadTrial] = []
@@ -178,6 +214,69 @@ def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
         inside=0 if estimate is None else _inside(estimate, true),
         falls=falls,
         seconds=spent,
+    )
+
+
+def minimise(name: str, seed: int, sampler: str, trials: int, noise: float, is_smooth: bool) -> Minimised:
+    """Searches an arm by the value of each trial alone.
+
+    Args:
+        name: of the arm.
+        seed: of what is wrong, of the starts, of the noise and of the sampler.
+        sampler: by name.
+        trials: at most; fewer where the sampler is finished.
+        noise: of the angles, in rad.
+        is_smooth: whether it has no dry friction.
+    """
+    plant = plant_of(name, seed, noise, is_smooth)
+    belief, episode = experiment_on(plant, seed)
+    reach = FARTHEST * np.sqrt(np.diag(belief.covariance))
+    began = time.perf_counter()
+    h = arm_sensitivity(belief, episode, plant.timestep)
+    coordinates = believed_metric(h, belief, belief.values - reach, belief.values + reach)
+    searcher = make_searcher(sampler, coordinates, seed, SamplerOptions(sigma=ArmSearchSettings().sigma))
+    objective = ArmObjective(plant, belief, episode)
+    number = falls = 0
+    needed, best, error = None, np.inf, model_error(plant.tree, belief.nominal.parameters)
+    nominal = error
+    while number < trials and not searcher.finished():
+        outcomes = []
+        for values in searcher.ask()[: trials - number]:
+            outcomes.append(objective.evaluate(values, number))
+            number += 1
+            falls += outcomes[-1].fell
+            if not outcomes[-1].fell and outcomes[-1].value < best:
+                best, error = outcomes[-1].value, model_error(plant.tree, belief.parameters_at(values))
+                needed = (needed or number) if error.largest <= WITHIN else None
+        if number < trials:
+            searcher.tell(outcomes)
+    return Minimised(
+        arm=name,
+        seed=seed,
+        sampler=sampler,
+        unknowns=len(belief.values),
+        pushes=episode.npush,
+        trials=number,
+        falls=falls,
+        trials_needed=needed,
+        value=float(best),
+        resolution=resolution_hz(HORIZON),
+        value_of_truth=objective.evaluate(belief.base.of(plant.tree.parameters), number).value,
+        nominal=nominal,
+        error=error,
+        seconds=time.perf_counter() - began,
+    )
+
+
+def line_of_minimised(found: Minimised) -> str:
+    """A row of the table."""
+    error, needed = found.error, found.trials_needed
+    within = f"{needed} trials, {needed * found.pushes} pushes to 1 %" if needed else "not within 1 %"
+    return (
+        f"{found.arm:18} {found.seed:3} {found.sampler:6} {found.unknowns:3} unknown  nominal "
+        f"{found.nominal.largest:.2f}  {error.gravity:.1e} {error.coriolis:.1e} {error.mass_matrix:.1e}  {within}  "
+        f"{found.trials} trials, {found.falls} falls, {found.value:.2g} Hz ({found.value / found.resolution:.2g} times "
+        f"what can be told; under the true law {found.value_of_truth:.2g} Hz)  {found.seconds:.0f} s"
     )
 
 
@@ -227,8 +326,17 @@ def main() -> None:
     parser.add_argument("--seeds", nargs="+", type=int, default=list(range(10)))
     parser.add_argument("--noise", type=float, default=0.0, help="of the angles, in rad; then without speed sensors")
     parser.add_argument("--trials", type=int, default=4, help="at most")
+    parser.add_argument("--sampler", default="output-error", choices=["output-error", *MINIMISERS])
+    parser.add_argument("--smooth", action="store_true", help="of a sampler that minimises: arms without dry friction")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
+    if options.sampler != "output-error":
+        with threadpool_limits(1):
+            for name in options.arms:
+                for seed in options.seeds:
+                    searched = minimise(name, seed, options.sampler, options.trials, options.noise, options.smooth)
+                    print(json.dumps(asdict(searched)) if options.json else line_of_minimised(searched), flush=True)
+        return
     runs = []
     with threadpool_limits(1):  # threads of the linear algebra would only be in the way of the twins'
         identify(options.arms[0], options.seeds[0], options.noise, 1)  # compiles

@@ -17,7 +17,8 @@ from metaid import results
 from metaid.episode import Episode, Outcome, tip_push
 from metaid.errors import EpisodeError, StorageError
 from metaid.models import Array, Lumps, factors_from_names
-from metaid.plant import MujocoPlant, load_chain
+from metaid.models.tree import Belief
+from metaid.plant import ArmPlant, MujocoPlant, load_chain, load_plant
 from metaid.results import (
     PUSHES,
     Comparison,
@@ -39,13 +40,18 @@ from metaid.study import (
     run_study,
     stored_spec,
 )
+from metaid.study.arms import ArmEstimateSettings, drawn_nominal
 
 if TYPE_CHECKING:
     import optuna
 
     from metaid.compiled import Objective  # loads MuJoCo and numba, which a reader of a DB does without
+    from metaid.compiled.arms import ArmPush
     from metaid.recorded import RecordedResult
     from metaid.results.exporting import IdentifiedModel
+
+
+ARM_STEPS = 150  # after a push of an arm: as long as those of a study
 
 
 def default_storage() -> str:
@@ -89,23 +95,76 @@ def check_factors(factors: Mapping[str, float], lumps: Lumps) -> Array:
     """Factors by lump name → (nlump) of those that `lumps` searches, 1 for those not named.  Raises EpisodeError on
     unknown names and on numbers that are no factors.
     """
+    _refuse_no_factors(factors)
+    return factors_from_names(dict(factors), lumps.nlink, kinds=lumps.searched)
+
+
+def _refuse_no_factors(factors: Mapping[str, float]) -> None:
+    """Raises EpisodeError for a number that is no factor."""
     from metaid.compiled import LARGEST_FACTOR
 
     for name, factor in factors.items():
         if not isinstance(factor, Real) or not 0.0 <= factor <= LARGEST_FACTOR:
             raise EpisodeError(f"factor {name}={factor} (allowed: 0 to {LARGEST_FACTOR:g})")
-    return factors_from_names(dict(factors), lumps.nlink, kinds=lumps.searched)
 
 
 def perturb(
-    plant: str | Path | MujocoPlant, factors: Mapping[str, float] | None = None, steps: int = COUNTING_STEPS
+    plant: str | Path | MujocoPlant | ArmPlant,
+    factors: Mapping[str, float] | None = None,
+    steps: int | None = None,
+    seed: int = 0,
+    nominal: int | None = None,
 ) -> dict[str, Any]:
-    """One perturb-and-count episode after a small push at the tip, with `factors` of the plant's own lumps by name.
+    """One episode, without any study: of a chain a small push at the tip, with `factors` of the plant's own lumps by
+    name; of an arm a push from a pose and speeds in its joint ranges, with `factors` of its base parameters.
 
-    Returns what `metaid episode --json` prints.  Raises PlantError, EpisodeError.
+    Args:
+        plant: a shipped name, a path, or the plant.
+        factors: by name; of an arm `all` is that of all base parameters. Default: 1.
+        steps: after the push; default: 5000, of an arm 150.
+        seed: of where an arm begins.
+        nominal: of an arm: the law is that of an arm like it, drawn with this seed as `[nominal]` in a study draws it.
+
+    Returns:
+        What `metaid episode --json` prints.
+
+    Raises:
+        PlantError: there is no such plant.
+        EpisodeError: it has no such lump, or does not report what it is.
     """
-    objective = episode_objective(plant, steps)
+    loaded = load_plant(plant) if isinstance(plant, (str, Path)) else plant
+    if isinstance(loaded, ArmPlant):
+        return arm_push(loaded, factors or {}, steps, seed, nominal).summary()
+    objective = episode_objective(loaded, COUNTING_STEPS if steps is None else steps)
     return objective.summary(check_factors(factors or {}, objective.nominal))
+
+
+def arm_push(
+    plant: ArmPlant, factors: Mapping[str, float], steps: int | None = None, seed: int = 0, nominal: int | None = None
+) -> ArmPush:
+    """One push of an arm, with its motion.
+
+    Args:
+        plant: the arm.
+        factors: of the base parameters by name, or of `all`.
+        steps: after the push; default: 150.
+        seed: of where it begins.
+        nominal: the law is that of an arm like it, drawn with this seed.
+
+    Raises:
+        EpisodeError: it has no such base parameter, or does not report what it is.
+    """
+    from metaid.compiled.arms import law_of, push_arm
+
+    if plant.true_parameters() is None:
+        raise EpisodeError(
+            f"plant {plant.name} does not report its parameters, so there are no factors of them: "
+            "make a study with a nominal arm"
+        )
+    _refuse_no_factors(factors)
+    prior = ArmEstimateSettings().prior
+    believed = plant.tree if nominal is None else drawn_nominal(plant.tree, nominal, prior)
+    return push_arm(plant, law_of(Belief(believed, prior), dict(factors)), steps or ARM_STEPS, seed)
 
 
 def evaluate(study: str | Path | AnySpec, factors: Mapping[str, float] | None = None) -> Outcome:

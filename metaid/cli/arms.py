@@ -1,16 +1,19 @@
-"""What `metaid plant show` prints of an arm."""
+"""What `metaid plant show` and `metaid episode` print of an arm."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from metaid.cli.common import number_text, print_json, print_table
+from metaid.cli.common import FIGURE_SUFFIXES, number_text, print_json, print_table, whole_file
 from metaid.models.tree import PARAMETERS
 from metaid.plant.arms import ArmPlant
+
+if TYPE_CHECKING:
+    from metaid.compiled.arms import ArmPush
 
 
 def show_arm(arm: ArmPlant, as_json: bool) -> None:
@@ -72,6 +75,31 @@ def show_arm(arm: ArmPlant, as_json: bool) -> None:
     note = "In the frame of the link, whose origin is on the axis of its joint."
     note += " Of a slide: kg, N s/m, N." if tree.slides.any() else ""
     print_table("Links", heading, rows, note, dispensable=[*heading[:3:-1], heading[3]])
+
+
+def show_push(push: ArmPush, as_json: bool, output: Path | None) -> None:
+    """What each joint does after a push; drawn where there is an `output`."""
+    if output is not None:
+        from metaid.show.figures import draw_push
+
+        with whole_file(output, FIGURE_SUFFIXES) as partial:
+            draw_push(push, partial)
+    shown = push.summary()
+    if as_json:
+        print_json(shown)
+        return
+    what = (
+        f"fell after {shown['fall_time_s']:.3g} s, at step {shown['fall_step']} of {shown['steps']}"
+        if shown["fell"]
+        else f"{shown['steps']} steps without a fall; kinetic {number_text(shown['kinetic_hz'], '.3g')} Hz"
+    )
+    keys = "from", "to", "start_speed", "end_speed"
+    rows = [
+        [joint["name"], joint["does"], *(number_text(joint[key], ".4g") for key in keys)] for joint in shown["joints"]
+    ]
+    unit = "rad or m" if push.slides.any() else "rad"
+    heading = ["joint", "it", f"from, {unit}", "to", "speed at the start, 1/s", "at the end"]
+    print_table(f"{push.plant}: {what}", heading, rows, words=["it"])
 
 
 def _finite(value: float) -> float | None:

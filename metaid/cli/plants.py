@@ -125,10 +125,17 @@ def _show_rig(name: str, settings: SocketSettings, as_json: bool) -> None:
     "factors",
     metavar="NAME=F",
     multiple=True,
-    help="Factor of a lump of the plant (default 1); may be repeated.",
+    help="Factor of a lump of the plant (default 1), of an arm of a base parameter or of all; may be repeated.",
 )
 @click.option(
-    "--steps", type=click.IntRange(1, 100_000_000), default=5000, show_default=True, help="Steps after the push."
+    "--steps", type=click.IntRange(1, 100_000_000), help="Steps after the push (default: 5000, of an arm 150)."
+)
+@click.option("--seed", type=click.IntRange(0), help="Of where the push of an arm begins (default: 0).")
+@click.option(
+    "--nominal",
+    type=click.IntRange(0),
+    metavar="SEED",
+    help="Of an arm: send the law of a nominal arm, drawn as in [nominal] of a study.",
 )
 @json_option
 @click.option("-o", "output", type=click.Path(path_type=Path), help="Draw joint angles over time (.png, .pdf, .svg).")
@@ -147,19 +154,22 @@ def _show_rig(name: str, settings: SocketSettings, as_json: bool) -> None:
 def episode(
     name: str,
     factors: tuple[str, ...],
-    steps: int,
+    steps: int | None,
+    seed: int | None,
+    nominal: int | None,
     as_json: bool,
     output: Path | None,
     video: Path | None,
     study_name: str | None,
     storage: str,
 ) -> None:
-    """One perturb-and-count episode after a small push at the tip.
+    """One perturb-and-count episode after a small push at the tip; of an arm one push from a pose in its ranges.
 
     Factors above 1 over-compensate and oscillate, factors below 1 fall, and 1 coasts.
     """
     from metaid import api
-    from metaid.plant import load_chain
+    from metaid.plant import ArmPlant, load_plant
+    from metaid.study import COUNTING_STEPS
 
     if study_name is not None and video is None:
         raise click.UsageError("--study says whose lumps to film: it needs --video FILE.mp4")
@@ -167,7 +177,18 @@ def episode(
     if video is not None:
         from metaid.show import SUFFIXES, film  # first: nothing is drawn where it cannot be filmed
 
-    plant = load_chain(name)
+    plant = load_plant(name)
+    if isinstance(plant, ArmPlant):
+        from metaid.cli.arms import show_push
+
+        if video is not None:
+            raise click.UsageError(f"--video: plant {plant.name} is an arm (allowed of an arm: -o FILE.png)")
+        push = api.arm_push(plant, numbers(factors, "--factor"), steps, seed or 0, nominal)
+        show_push(push, as_json, output)
+        return
+    if given := [option for option, value in (("--seed", seed), ("--nominal", nominal)) if value is not None]:
+        raise click.UsageError(f"{given[0]} is of an arm, and plant {plant.name} is a planar chain (allowed: --factor)")
+    steps = COUNTING_STEPS if steps is None else steps
     objective = api.episode_objective(plant, steps)
     candidate = api.check_factors(numbers(factors, "--factor"), objective.nominal)
     shown = objective.summary(candidate)

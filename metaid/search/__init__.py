@@ -5,13 +5,15 @@ one more sampler is one more entry. The coordinates that searchers move in, and 
 nominal model, are here too.
 """
 
+from metaid.search.arm_metric import arm_sensitivity, believed_metric
 from metaid.search.body_space import BodySpace, body_space
 from metaid.search.bounds import at_bounds, bounds_in_force, widened
 from metaid.search.cmaes import Cmaes
 from metaid.search.coordinates import Coordinates, nominal_metric, plain_coordinates
 from metaid.search.optuna_samplers import MetricSampler, tpe_for_metric
+from metaid.search.output_error import OutputErrorOptions
 from metaid.search.registry import SAMPLERS, Sampler, SamplerOptions, make_searcher
-from metaid.search.searcher import Searcher, WideningSearcher
+from metaid.search.searcher import Searcher, StepOptions, WideningSearcher
 from metaid.search.sensitivity import designed_speeds, sensitivity
 from metaid.search.walk import Walking
 
@@ -21,12 +23,16 @@ __all__ = [
     "Cmaes",
     "Coordinates",
     "MetricSampler",
+    "OutputErrorOptions",
     "Sampler",
     "SamplerOptions",
     "Searcher",
+    "StepOptions",
     "Walking",
     "WideningSearcher",
+    "arm_sensitivity",
     "at_bounds",
+    "believed_metric",
     "body_space",
     "bounds_in_force",
     "designed_speeds",

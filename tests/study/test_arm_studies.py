@@ -132,7 +132,7 @@ def test_exported_model_of_an_arm_has_its_identified_torque(arms: Path, metaid: 
     [
         ('nominal = "pa10"', "the nominal arm s1, s2, s3, e1, e2, w1, w2: they must agree"),
         ('nominal = "three-link"', "three-link.toml: no arm, as the plant of the study is"),
-        ('nominal = "spatial-three-link"\nsampler = "newton"', "sampler"),
+        ('nominal = "spatial-three-link"\nsampler = "dinoip"', "sampler"),
         ('nominal = "spatial-three-link"\n[episode]\npushes = "rich"', "'pushes'"),
     ],
 )

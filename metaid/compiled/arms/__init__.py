@@ -1,11 +1,13 @@
 """Arms at full speed: their dynamics, an episode around MuJoCo's step, and the twins that an estimate compares.
 
-`ArmLoop` runs episodes of a simulated arm, and `ArmObjective` makes outcomes of them. `follow_laws` and
+`ArmLoop` runs episodes of a simulated arm, and `ArmObjective` makes outcomes of them.
+`push_arm` is one push, looked at. `follow_laws` and
 `follow_torques` run simulated twins. `arm_coasting_steps` and `track_arm` say what a model is worth.
 """
 
 from metaid.compiled.arms.arm_loop import ArmLoop, commanded_arm_torques
 from metaid.compiled.arms.arm_objective import ArmObjective
+from metaid.compiled.arms.arm_push import ArmPush, law_of, push_arm
 from metaid.compiled.arms.arm_validation import arm_coasting_steps, track_arm
 from metaid.compiled.arms.dynamics import Frames, frames_of
 from metaid.compiled.arms.twins import Followed, follow_laws, follow_torques
@@ -13,6 +15,7 @@ from metaid.compiled.arms.twins import Followed, follow_laws, follow_torques
 __all__ = [
     "ArmLoop",
     "ArmObjective",
+    "ArmPush",
     "Followed",
     "Frames",
     "arm_coasting_steps",
@@ -20,5 +23,7 @@ __all__ = [
     "follow_laws",
     "follow_torques",
     "frames_of",
+    "law_of",
+    "push_arm",
     "track_arm",
 ]

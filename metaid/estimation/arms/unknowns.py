@@ -39,10 +39,7 @@ class ArmUnknowns:
 
         Eq. 51.
         """
-        covariance = self.belief.covariance
-        scale = np.sqrt(np.diag(covariance))
-        correlation, turned = np.linalg.eigh(covariance / np.outer(scale, scale))
-        return np.asarray(scale[:, None] * turned * np.sqrt(np.maximum(correlation, 0.0)) / self.spread)
+        return np.asarray(self.belief.root / self.spread)
 
     @cached_property
     def geared(self) -> Array:

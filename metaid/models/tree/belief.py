@@ -78,6 +78,13 @@ class Belief:
         return np.asarray(self.base.matrix @ self.parameter_covariance @ self.base.matrix.T, dtype=np.float64)
 
     @cached_property
+    def root(self) -> Array:
+        """S (nbase x nbase): base parameters are β₀ + S z, with z independent and of standard deviation 1.  Eq. 51."""
+        scale = np.sqrt(np.diag(self.covariance))
+        correlation, turned = np.linalg.eigh(self.covariance / np.outer(scale, scale))
+        return np.asarray(scale[:, None] * turned * np.sqrt(np.maximum(correlation, 0.0)))
+
+    @cached_property
     def gain(self) -> Array:
         """What the most probable parameters change by with each base parameter (13 njoint x nbase)."""
         across = self.parameter_covariance @ self.base.matrix.T

@@ -2,7 +2,7 @@
 
 from metaid.results.arms.arm_snapshot import ArmSnapshot
 from metaid.results.arms.arm_tables import arm_trials_table
-from metaid.results.arms.arm_verdict import arm_summary, judge_arm
+from metaid.results.arms.arm_verdict import arm_summary, identified_values, judge_arm
 from metaid.results.arms.either import AnySnapshot, judge_any, read_any_snapshot, validate_any
 
 __all__ = [
@@ -10,6 +10,7 @@ __all__ = [
     "ArmSnapshot",
     "arm_summary",
     "arm_trials_table",
+    "identified_values",
     "judge_any",
     "judge_arm",
     "read_any_snapshot",

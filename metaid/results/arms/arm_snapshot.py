@@ -10,6 +10,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from metaid.models.tree import Tree
+from metaid.results.best import best_trial
+from metaid.results.snapshot import surviving
 from metaid.store import ForeignTrial, Trial
 from metaid.study import ArmProblem, ArmSpec
 
@@ -86,14 +88,30 @@ class ArmSnapshot:
     @cached_property
     def estimate(self) -> ArmFound | None:
         """What all trials say together; None where nothing can be made of them."""
-        if not self.trials:
+        shown = [each for each in self.trials if each.outcome.windows is not None or each.outcome.readings is not None]
+        experiment = self.problem.experiment() if shown else None
+        if experiment is None:
             return None
-        experiment = self.problem.experiment()
         with threadpool_limits(1):
-            seen = (experiment.trial(each.factors, each.outcome) for each in self.trials)
+            seen = (experiment.trial(each.factors, each.outcome) for each in shown)
             watched = tuple(trial for trial in seen if trial is not None)
             estimate = experiment.estimate(watched) if watched else None
         return None if estimate is None else ArmFound(estimate, experiment, watched)
+
+    @property
+    def why_no_estimate(self) -> str:
+        """Why there is none."""
+        if not self.trials:
+            return "it has no trial yet"
+        if not self.spec.study.estimate.enabled:
+            return "[estimate] enabled is false"
+        return "no arm near the nominal one shows what the trials showed"
+
+    @cached_property
+    def best(self) -> Trial | None:
+        """The best of the trials that did not fall; None where all did."""
+        survivors = surviving(self.trials)
+        return best_trial(survivors) if survivors else None
 
     @cached_property
     def truth(self) -> Tree | None:

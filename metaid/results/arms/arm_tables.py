@@ -26,31 +26,60 @@ def arm_trials_table(snapshot: ArmSnapshot) -> pd.DataFrame:
     return pd.DataFrame({**heads, **{name: values[:, i] for i, name in enumerate(names)}})
 
 
-def base_table(snapshot: ArmSnapshot) -> pd.DataFrame:
-    """One row a base parameter, with the columns of `lumps_frame` and its `expression`; NaN where nothing was found.
+def estimate_table(snapshot: ArmSnapshot) -> pd.DataFrame:
+    """One row a base parameter, with the columns of `lumps_frame` and its `expression`, by the estimate from all
+    trials; NaN where nothing was found.
 
     One is determined that is known to a tenth of what it is, or of what it may have been wrong by beforehand.
     """
-    problem, found = snapshot.problem, snapshot.estimate
-    base, nominal = problem.belief.base, problem.belief.values
-    identified = deviation = low = high = np.full(len(nominal), np.nan)
-    determined = np.zeros(len(nominal), dtype=np.bool_)
-    if found is not None and found.explains:
-        values, deviation = found.estimate.values, found.estimate.value_deviations
-        beforehand = np.sqrt(np.diag(problem.belief.covariance))
-        determined = deviation <= COARSEST * np.maximum(np.abs(values), beforehand)
-        reach = DEVIATIONS * deviation
-        identified, low, high = (
-            np.where(determined, each, np.nan) for each in (values, values - reach, values + reach)
-        )
-    truth = snapshot.truth
-    true = np.full(len(nominal), np.nan) if truth is None else _settled(base.of(truth.parameters), base.units)
-    believed = _settled(nominal, base.units)
+    found, unknown = snapshot.estimate, np.full(len(snapshot.problem.names), np.nan)
+    if found is None or not found.explains:
+        return _base_rows(snapshot, unknown, unknown, unknown)
+    values, deviation = found.estimate.values, found.estimate.value_deviations
+    return _base_rows(snapshot, values, DEVIATIONS * deviation, deviation, deviation)
+
+
+def best_table(snapshot: ArmSnapshot) -> pd.DataFrame:
+    """The same by the best trial. Low and high are those of all base parameters with which the arm would coast as well
+    as can be told, by the mass matrix of the best one (Eq. 63); there are no standard deviations.
+    """
+    problem, best, unknown = snapshot.problem, snapshot.best, np.full(len(snapshot.problem.names), np.nan)
+    if best is None:
+        return _base_rows(snapshot, unknown, unknown, unknown)
+    value = 2.0 * np.pi * (best.outcome.value + problem.resolution)
+    root = problem.belief.root
+    shown, axes = np.linalg.eigh(root.T @ problem.sensitivity(best.factors) @ root)
+    shown = np.maximum(shown, np.finfo(float).eps * shown[-1])
+    reach = value * np.sqrt((((root @ axes) ** 2) / shown).sum(axis=1))
+    return _base_rows(snapshot, best.factors, reach, reach)
+
+
+def _base_rows(
+    snapshot: ArmSnapshot, values: Array, reach: Array, coarse: Array, deviation: Array | None = None
+) -> pd.DataFrame:
+    """One row a base parameter.
+
+    Args:
+        snapshot: the study.
+        values: identified (nbase); NaN where nothing was.
+        reach: from there to either end of what it may be (nbase).
+        coarse: what must be a tenth of it, or of what was believed, for it to be determined (nbase).
+        deviation: standard deviations (nbase), where they are known.
+    """
+    belief = snapshot.problem.belief
+    nominal, beforehand = belief.values, np.sqrt(np.diag(belief.covariance))
+    determined = coarse <= COARSEST * np.maximum(np.abs(values), beforehand)
+    identified, low, high = (np.where(determined, each, np.nan) for each in (values, values - reach, values + reach))
+    units, truth = belief.base.units, snapshot.truth
+    unknown = np.full(len(nominal), np.nan)
+    true = unknown if truth is None else _settled(belief.base.of(truth.parameters), units)
+    believed = _settled(nominal, units)
     factor = identified / np.where(believed == 0.0, np.nan, believed)
-    names, intervals = (base.names, base.units), (deviation, low, high)
-    return table_of(names, believed, (factor, identified), intervals, (determined, true)).assign(
-        expression=base.expressions
+    spread = unknown if deviation is None else deviation
+    table = table_of(
+        (belief.base.names, units), believed, (factor, identified), (spread, low, high), (determined, true)
     )
+    return table.assign(expression=belief.base.expressions)
 
 
 def _settled(values: Array, units: Sequence[str]) -> Array:

@@ -2,32 +2,61 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
+
+import pandas as pd
 
 from metaid.models import Array
 from metaid.models.tree import model_error
 from metaid.results.arms.arm_snapshot import ArmSnapshot
-from metaid.results.arms.arm_tables import base_table
+from metaid.results.arms.arm_tables import best_table, estimate_table
 from metaid.results.lump_tables import without_nan
 from metaid.results.snapshot import counted_states
-from metaid.results.verdict import Verdict, missed, not_yet
+from metaid.results.verdict import FAR, Verdict, missed, not_yet
 from metaid.study import COARSEST
 
 
 def judge_arm(snapshot: ArmSnapshot) -> Verdict:
-    """The verdict on a study as it is in the DB: that on its estimate."""
-    found, table = snapshot.estimate, base_table(snapshot)
+    """The verdict on a study as it is in the DB: that on its estimate, and where the sampler does without one and none
+    explains the trials, that on its best trial.
+    """
+    found, table = snapshot.estimate, estimate_table(snapshot)
     if found is not None and found.explains and table["determined"].any():
         return Verdict("found", "estimate", tuple(missed(table, "these trials do")), table)
     if found is None:
-        why = "no arm near the nominal one shows what the trials showed" if snapshot.trials else "it has no trial yet"
+        why = snapshot.why_no_estimate
     elif found.explains:
         why = f"the trials show no base parameter to better than {COARSEST:.0%}: push more, or faster"
     else:
         why = found.description
     done = len(snapshot.trials), snapshot.spec.study.trials
-    return not_yet(snapshot.is_finished, done, "estimate", (why,), table)
+    if snapshot.problem.goes_by_estimate or (found is not None and found.explains):
+        return not_yet(snapshot.is_finished, done, "estimate", (why,), table)
+    table = best_table(snapshot)
+    if against := tuple(_against_best(snapshot, table)):
+        return not_yet(snapshot.is_finished, done, "best trial", against, table)
+    return Verdict("found", "best trial", tuple(missed(table, f"{snapshot.problem.measure.name} alone does")), table)
+
+
+def _against_best(snapshot: ArmSnapshot, table: pd.DataFrame) -> Iterator[str]:
+    """What speaks against taking the best trial for the result."""
+    problem, best, found = snapshot.problem, snapshot.best, snapshot.estimate
+    if best is None:
+        yield "a push fell in every trial: begin nearer, or slower" if snapshot.trials else snapshot.why_no_estimate
+        return
+    value, resolution, measure = best.outcome.value, problem.resolution, problem.measure
+    if value > FAR * resolution:
+        yield (
+            f"the best value, {value:.3g} {measure.unit}, is {value / resolution:.3g} times the {resolution:.2g} "
+            f"{measure.unit} that {measure.name} can tell from none: try more trials, another seed or another sampler; "
+            "with dry friction, or noise, no law comes so near"
+        )
+        if found is not None:
+            yield found.description
+    elif not table["determined"].any():
+        yield f"{measure.name} determines no base parameter to better than {COARSEST:.0%}"
 
 
 def arm_summary(snapshot: ArmSnapshot, verdict: Verdict) -> dict[str, Any]:
@@ -44,8 +73,7 @@ def arm_summary(snapshot: ArmSnapshot, verdict: Verdict) -> dict[str, Any]:
             "counts": None,
             "known_from": found.known_from,
         }
-    survivors = [trial for trial in snapshot.trials if not trial.outcome.fell]
-    best = min(survivors, key=lambda trial: trial.outcome.value, default=None)
+    best = snapshot.best
     return {
         "name": snapshot.name,
         "plant": spec.plant_name,
@@ -63,7 +91,7 @@ def arm_summary(snapshot: ArmSnapshot, verdict: Verdict) -> dict[str, Any]:
         "model_error": _model_error(snapshot, verdict),
         "periods": 0,
         "estimate": estimate,
-        "why_no_estimate": None if found is not None else "; ".join(verdict.reasons),
+        "why_no_estimate": None if found is not None else snapshot.why_no_estimate,
     }
 
 
@@ -76,8 +104,14 @@ def _model_error(snapshot: ArmSnapshot, verdict: Verdict) -> dict[str, float] | 
     return asdict(model_error(snapshot.truth, identified_parameters(snapshot, verdict)))
 
 
-def identified_parameters(snapshot: ArmSnapshot, verdict: Verdict) -> Array:
-    """Parameters of the identified arm (njoint x 13), the most probable that have its base parameters. A base parameter
-    that is not determined keeps its nominal value.
+def identified_values(snapshot: ArmSnapshot, verdict: Verdict) -> Array:
+    """The base parameters (nbase) of the arm that was found: of an estimate nominal where they are not determined, of a
+    best trial all of its law, for together they make it coast.
     """
-    return snapshot.problem.belief.parameters_at(verdict.values)
+    best = snapshot.best if verdict.source == "best trial" else None
+    return verdict.values if best is None else best.factors
+
+
+def identified_parameters(snapshot: ArmSnapshot, verdict: Verdict) -> Array:
+    """Parameters of the identified arm (njoint x 13), the most probable that have its base parameters."""
+    return snapshot.problem.belief.parameters_at(identified_values(snapshot, verdict))

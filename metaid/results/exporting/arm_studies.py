@@ -7,20 +7,24 @@ from datetime import UTC, datetime
 import pandas as pd
 
 import metaid
-from metaid.results.arms import ArmSnapshot, judge_arm
+from metaid.models import Array
+from metaid.results.arms import ArmSnapshot, identified_values, judge_arm
 from metaid.results.exporting.dynamics import arm_dynamics
 from metaid.results.exporting.identified import IdentifiedModel, no_model
+from metaid.results.verdict import Verdict
 
 
 def identified_arm(snapshot: ArmSnapshot, even_if_not_found: bool = False) -> IdentifiedModel:
-    """What the study identified, or its last estimate where `even_if_not_found` asks for it.  Raises StudyError where
-    there is none, and says why.
+    """What the study identified, or, where `even_if_not_found` asks for it, its last estimate or best trial.  Raises
+    StudyError where there is none, and says why.
     """
     verdict, problem, found = judge_arm(snapshot), snapshot.problem, snapshot.estimate
-    if found is None or not (verdict.is_found or even_if_not_found):
-        raise no_model(snapshot.name, verdict, can_be_forced=found is not None)
-    table = verdict.lumps.copy()
-    table["value"] = verdict.values if verdict.is_found else found.estimate.values
+    if verdict.source == "best trial":
+        found = None
+    values = identified_values(snapshot, verdict) if verdict.is_found else _best_guess(snapshot, verdict)
+    if values is None or not (verdict.is_found or even_if_not_found):
+        raise no_model(snapshot.name, verdict, can_be_forced=values is not None)
+    table = verdict.lumps.assign(value=values)
     spec = snapshot.spec
     about = {
         "plant": spec.plant_name,
@@ -31,12 +35,23 @@ def identified_arm(snapshot: ArmSnapshot, even_if_not_found: bool = False) -> Id
         "verdict": verdict.word,
         "reasons": list(verdict.reasons),
         "source": verdict.source,
-        "misfit": found.estimate.misfit,
+        "misfit": None if snapshot.estimate is None else snapshot.estimate.estimate.misfit,
         "written": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "metaid": metaid.__version__,
     }
     names = table["name"].tolist()
-    covariance = pd.DataFrame(found.estimate.value_covariance, index=names, columns=names)
-    dynamics = arm_dynamics(problem.belief, table["value"].to_numpy())
+    covariance = None
+    if found is not None:
+        covariance = pd.DataFrame(found.estimate.value_covariance, index=names, columns=names)
+    dynamics = arm_dynamics(problem.belief, values)
     gravity = tuple(problem.nominal.gravity.tolist())
     return IdentifiedModel(snapshot.name, about, table, covariance, dynamics, gravity, problem.timestep)
+
+
+def _best_guess(snapshot: ArmSnapshot, verdict: Verdict) -> Array | None:
+    """The base parameters (nbase) of the last estimate, or of the best trial, where nothing is found; None where there
+    is neither.
+    """
+    if verdict.source == "estimate":
+        return None if snapshot.estimate is None else snapshot.estimate.estimate.values
+    return None if snapshot.best is None else snapshot.best.factors

@@ -8,7 +8,7 @@ figures.plot_convergence(found)
 
 from metaid.show.figures.arms import arm_figure
 from metaid.show.figures.comparison import comparison_figure, plot_comparison
-from metaid.show.figures.episodes import draw_episode, plot_angles, plot_phase
+from metaid.show.figures.episodes import draw_episode, draw_push, plot_angles, plot_phase, plot_speeds
 from metaid.show.figures.estimate import plot_covariance, plot_difference, plot_growth, plot_motion, plot_residuals
 from metaid.show.figures.gallery import Gallery, Picture
 from metaid.show.figures.landscape import plot_boundary, plot_parallel, plot_sweep
@@ -31,6 +31,7 @@ __all__ = [
     "arm_figure",
     "comparison_figure",
     "draw_episode",
+    "draw_push",
     "draw_tracking",
     "plant_figure",
     "plot_angles",
@@ -49,6 +50,7 @@ __all__ = [
     "plot_plant",
     "plot_ranges",
     "plot_residuals",
+    "plot_speeds",
     "plot_sweep",
     "plot_tracking",
     "save",

@@ -9,9 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from metaid.compiled import Objective
+from metaid.compiled.arms import ArmPush
 from metaid.episode import Trajectory
 from metaid.models import Array
-from metaid.show.figures.style import COLOURS, PAGE, new_axes, save, style, verbatim
+from metaid.show.figures.style import COLOURS, FALL, PAGE, new_axes, save, style, verbatim
 
 
 def plot_angles(trajectory: Trajectory, timestep: float, axes: Axes | None = None) -> Axes:
@@ -51,4 +52,29 @@ def draw_episode(objective: Objective, factors: Array, path: Path) -> None:
         plot_angles(trajectory, record.timestep, left)
         plot_phase(trajectory, right)
         left.set_title(f"{verbatim(objective.plant.name)}: {'fell' if record.fall_step is not None else 'no fall'}")
+    save(figure, path)
+
+
+def plot_speeds(push: ArmPush, axes: Axes | None = None) -> Axes:
+    """Speeds of an arm's joints over time, in s, in rad/s or m/s; a joint that coasts is a level line."""
+    axes = new_axes(axes)
+    for joint, (name, speeds) in enumerate(zip(push.joints, push.speeds.T, strict=True)):
+        style_of_line = "-" if joint < len(COLOURS) else "--"
+        axes.plot(push.times, speeds, style_of_line, color=COLOURS[joint % len(COLOURS)], label=verbatim(name))
+        axes.axhline(speeds[0], color=COLOURS[joint % len(COLOURS)], linewidth=0.5, alpha=0.5)
+    if push.fall_step is not None:
+        axes.axvline(push.times[-1], color=FALL, linestyle=":", label="fall")
+    axes.set_xlabel("time, s")
+    axes.set_ylabel("joint speed, rad/s or m/s" if push.slides.any() else "joint speed, rad/s")
+    axes.grid(True)
+    return axes
+
+
+def draw_push(push: ArmPush, path: Path) -> None:
+    """The speeds of an arm's joints after a push, as a file whose ending says the format."""
+    with style():
+        figure = Figure(figsize=(PAGE, 2.8), layout="constrained")
+        axes = plot_speeds(push, figure.subplots())
+        axes.set_title(f"{verbatim(push.plant)}: {'no fall' if push.fall_step is None else 'fell'}")
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside right center")
     save(figure, path)

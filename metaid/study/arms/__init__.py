@@ -8,11 +8,13 @@ from metaid.study.arms.identifiability import ArmIdentifiability, arm_identifiab
 from metaid.study.arms.nominal import drawn_nominal
 from metaid.study.arms.problem import ArmProblem
 from metaid.study.arms.reading import arm_spec, with_nominal_arm
-from metaid.study.arms.settings import ArmSpec, ArmStudySettings
+from metaid.study.arms.settings import ArmEstimateSettings, ArmSearchSettings, ArmSpec, ArmStudySettings
 
 __all__ = [
+    "ArmEstimateSettings",
     "ArmIdentifiability",
     "ArmProblem",
+    "ArmSearchSettings",
     "ArmSpec",
     "ArmStudySettings",
     "arm_identifiability",

@@ -42,8 +42,11 @@ def arm_identifiability(problem: ArmProblem) -> ArmIdentifiability:
     """
     spec, belief = problem.spec, problem.belief
     plant = spec.plant.model_copy(update={"arm": TreeSettings.of(problem.nominal)})
-    alike = ArmProblem(spec.model_copy(update={"plant": plant}))
+    settings = spec.study.estimate.model_copy(update={"enabled": True})
+    study = spec.study.model_copy(update={"estimate": settings})
+    alike = ArmProblem(spec.model_copy(update={"plant": plant, "study": study}))
     experiment = alike.experiment()
+    assert experiment is not None, "an estimate is enabled"
     with threadpool_limits(1):
         trial = experiment.trial(belief.values, alike.make_objective().evaluate(belief.values))
         estimate = None if trial is None else experiment.estimate([trial], thorough=False)

@@ -12,7 +12,16 @@ from metaid.episode.arms import KINETIC, ArmEpisode, ceiling_hz, resolution_hz
 from metaid.models import Array, Space
 from metaid.models.tree import Belief, Tree
 from metaid.plant.arms import ArmPlant, ArmSettings
-from metaid.search import Coordinates, SamplerOptions, Searcher, make_searcher, plain_coordinates
+from metaid.search import (
+    SAMPLERS,
+    Coordinates,
+    SamplerOptions,
+    Searcher,
+    arm_sensitivity,
+    believed_metric,
+    make_searcher,
+    plain_coordinates,
+)
 from metaid.study.arms.settings import ArmSpec
 
 if TYPE_CHECKING:
@@ -22,14 +31,14 @@ if TYPE_CHECKING:
 FARTHEST = 10.0  # standard deviations of the belief: no base parameter beyond is tried
 QUIETEST = 1e-9  # rad: so far a twin agrees with a sensor that has no noise
 WINDOW_BUDGET = 8_000_000  # bytes a study
+MOST_MATCHED = 8  # trials that an estimate is made of where the sampler does without
 
 
 class ArmProblem:
     """All that the settings of a study of an arm determine before any trial. It has one stage."""
 
     stage, found, is_last, is_only, is_simulated, widens = 1, None, True, True, True, False
-    goes_by_estimate, body_space = True, None
-    measure = KINETIC
+    body_space, measure = None, KINETIC
 
     def __init__(self, spec: ArmSpec) -> None:
         self.spec = spec
@@ -54,9 +63,22 @@ class ArmProblem:
         return Space(self.names, origin, one, self.belief.values, self.low, self.high)
 
     @property
+    def goes_by_estimate(self) -> bool:
+        """Whether the sampler sends the estimate from all trials before."""
+        return SAMPLERS[self.spec.study.sampler].by_estimate
+
+    @cached_property
     def coordinates(self) -> Coordinates:
-        """What a searcher moves in."""
-        return plain_coordinates(self.belief.values, self.low, self.high)
+        """What a searcher moves in: one that minimises, in the metric of the measure."""
+        if self.goes_by_estimate:
+            return plain_coordinates(self.belief.values, self.low, self.high)
+        return believed_metric(self.sensitivity(), self.belief, self.low, self.high)
+
+    def sensitivity(self, values: Array | None = None) -> Array:
+        """H (nbase x nbase) of the measure, by the nominal arm, or by the mass matrix of one with these `values`
+        (nbase).  Eq. 61.
+        """
+        return arm_sensitivity(self.belief, self.episode, self.timestep, values)
 
     @property
     def counted_joints(self) -> int:
@@ -72,12 +94,15 @@ class ArmProblem:
     def trials_with_windows(self) -> int:
         """How many trials, from the first on, keep their windows in the DB."""
         size = self.episode.npush * len(self.episode.window_ends) * QUANTITIES * len(self.nominal.names) * 8
-        return WINDOW_BUDGET // size
+        return self._most_matched(WINDOW_BUDGET // size)
 
     @property
     def trials_with_readings(self) -> int:
         """How many trials, from the first on, keep their readings in the DB."""
-        return self.spec.study.trials if self.keeps_readings else 0
+        return self._most_matched(self.spec.study.trials) if self.keeps_readings else 0
+
+    def _most_matched(self, most: int) -> int:
+        return most if self.goes_by_estimate else min(most, MOST_MATCHED)
 
     @property
     def keeps_readings(self) -> bool:
@@ -110,10 +135,9 @@ class ArmProblem:
 
     def make_searcher(self) -> Searcher:
         """The searcher at the study's seed, knowing of no trial."""
-        study = self.spec.study
-        return make_searcher(
-            study.sampler, self.coordinates, study.seed, SamplerOptions(probes=study.search.probes), self.experiment
-        )
+        study, wanted = self.spec.study, self.spec.study.search
+        options = SamplerOptions(probes=wanted.probes, sigma=wanted.sigma, generation=wanted.generation)
+        return make_searcher(study.sampler, self.coordinates, study.seed, options, self.experiment)
 
     def second(self, found: Array) -> None:
         """There is no second stage: springs are among the pushes of each trial."""
@@ -125,8 +149,10 @@ class ArmProblem:
         """This one stage."""
         return [self]
 
-    def experiment(self) -> ArmExperiment:
-        """What an estimate needs to know of this study."""
+    def experiment(self) -> ArmExperiment | None:
+        """What an estimate needs to know of this study; None where none is to be made."""
+        if not self.spec.study.estimate.enabled:
+            return None
         from metaid.estimation.arms import ArmExperiment, ArmUnknowns  # loads numba
 
         size = self.spec.plant.faults.angle_noise

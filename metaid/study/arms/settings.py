@@ -6,14 +6,17 @@ from hashlib import blake2b
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from metaid.files import Settings
 from metaid.models.tree import Prior, Tree
 from metaid.plant.arms import ArmFaults, ArmStart
+from metaid.search import OutputErrorOptions, StepOptions
 
 Vector = Annotated[tuple[float, ...], Field(strict=False)]
 Share = Annotated[float, Field(gt=0, le=10)]
+
+FEW, MANY = 4, 2000  # trials by default: with an estimate from all trials before, and of a sampler that minimises
 
 
 class DrawnNominalSettings(Settings):
@@ -25,12 +28,12 @@ class DrawnNominalSettings(Settings):
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
 
 
-class ArmSearchSettings(Settings):
-    """`[search]`: how many of the first trials are `probes`; the first sends the law of the nominal arm, the others
-    that of one like it, drawn at random.
+class ArmSearchSettings(StepOptions, OutputErrorOptions):
+    """`[search]`: a `target` of the measure at which the search may stop, and the options of the sampler. Its first
+    step `sigma` is small: a law that is far off in many base parameters lets a push fall.
     """
 
-    probes: Annotated[int, Field(ge=1, le=1000)] | None = None
+    sigma: Annotated[float, Field(gt=0, le=10)] = 0.05
     target: Annotated[float, Field(ge=0)] | None = None
 
 
@@ -50,11 +53,13 @@ class ArmEpisodeSettings(Settings):
 
 
 class ArmEstimateSettings(Settings):
-    """`[estimate]`: how wrong the nominal arm may be, as standard deviations: of each link's `mass`, of its centre of
-    mass `com` as a share of its distance from the joint, of its moments of `inertia`; of each joint's `rotor`,
-    `damping` and dry friction `coulomb`, as shares of the joint's torque (docs/method.md, Eq. 41).
+    """`[estimate]`: whether one is made of the trials at all, `enabled`. How wrong the nominal arm may be, as standard
+    deviations: of each link's `mass`, of its centre of mass `com` as a share of its distance from the joint, of its
+    moments of `inertia`; of each joint's `rotor`, `damping` and dry friction `coulomb`, as shares of the joint's torque
+    (docs/method.md, Eq. 41).
     """
 
+    enabled: bool = True
     mass: Share = 0.3
     com: Share = 0.15
     inertia: Share = 0.3
@@ -65,7 +70,7 @@ class ArmEstimateSettings(Settings):
     @property
     def prior(self) -> Prior:
         """The same as the model has it."""
-        return Prior(**self.model_dump())
+        return Prior(**self.model_dump(exclude={"enabled"}))
 
 
 class ArmStudySettings(Settings):
@@ -74,13 +79,21 @@ class ArmStudySettings(Settings):
     description: str = ""
     plant: str
     nominal: str | DrawnNominalSettings
-    sampler: Literal["output-error"] = "output-error"
-    trials: Annotated[int, Field(ge=1, le=1000)] = 4
+    sampler: Literal["output-error", "newton", "cmaes", "tpe", "optuna-cmaes"] = "output-error"
+    trials: Annotated[int, Field(ge=1, le=1_000_000)] = FEW
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     workers: Annotated[int, Field(ge=1, le=1024)] = 1
     search: ArmSearchSettings = ArmSearchSettings()
     episode: ArmEpisodeSettings = ArmEpisodeSettings()
     estimate: ArmEstimateSettings = ArmEstimateSettings()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_trials(cls, tables: Any) -> Any:
+        """A sampler that minimises one number of each trial needs more of them."""
+        if isinstance(tables, dict) and tables.get("sampler", "output-error") != "output-error":
+            return {"trials": MANY, **tables}
+        return tables
 
     @property
     def total_trials(self) -> int:
