@@ -8,8 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from metaid.cli.common import FIGURE_SUFFIXES, number_text, print_json, print_table, whole_file
-from metaid.models.tree import PARAMETERS
+from metaid.cli.common import (
+    FIGURE_SUFFIXES,
+    lump_rows,
+    number_text,
+    print_json,
+    print_lumps,
+    print_table,
+    whole_file,
+)
+from metaid.models.tree import PARAMETERS, planar_chain
 from metaid.plant.arms import ArmPlant
 
 if TYPE_CHECKING:
@@ -31,12 +39,15 @@ def show_arm(arm: ArmPlant, as_json: bool) -> None:
         }
         for i, name in enumerate(tree.names)
     ]
+    chain = planar_chain(tree) if settings.truth_known else None
+    lumps = [] if chain is None else lump_rows(chain.lumps_of(chain.kinds))
     if as_json:
         common: dict[str, Any] = {settings.kind: settings.file, "lost_meshes": lost, "gravity": tree.gravity.tolist()}
         links = [dict(zip(PARAMETERS, row, strict=True)) for row in tree.parameters.tolist()]
         faults = settings.faults.model_dump(mode="json")
         print_json(
             {"plant": arm.name, **common, "timestep": arm.timestep, "faults": faults, "joints": joints, "links": links}
+            | ({"lumps": lumps} if lumps else {})
         )
         return
     rows = [
@@ -75,6 +86,8 @@ def show_arm(arm: ArmPlant, as_json: bool) -> None:
     note = "In the frame of the link, whose origin is on the axis of its joint."
     note += " Of a slide: kg, N s/m, N." if tree.slides.any() else ""
     print_table("Links", heading, rows, note, dispensable=[*heading[:3:-1], heading[3]])
+    if lumps:
+        print_lumps("True lumps of a planar chain", lumps)
 
 
 def show_push(push: ArmPush, as_json: bool, output: Path | None) -> None:

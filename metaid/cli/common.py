@@ -18,6 +18,7 @@ from metaid.errors import MetaidError, printable, unknown
 
 if TYPE_CHECKING:
     from metaid.cli.layout import Column, Layout
+    from metaid.models import Lumps
     from metaid.store import Store
 
 
@@ -175,6 +176,20 @@ def _print_entries(title: str, columns: Sequence[Column], note: str) -> None:
         say("")
     if note:
         say(one_line(note))
+
+
+def lump_rows(lumps: Lumps) -> list[dict[str, Any]]:
+    """True lumps as `plant show --json` has them."""
+    from metaid.models import lump_unit
+
+    named = zip(lumps.names, lumps.vector.tolist(), strict=True)
+    return [{"name": name, "unit": lump_unit(name), "true": value} for name, value in named]
+
+
+def print_lumps(title: str, lumps: Sequence[dict[str, Any]]) -> None:
+    """Prints true lumps, as `lump_rows` has them, as a table with that `title`."""
+    rows = [[lump["name"], number_text(lump["true"]), lump["unit"]] for lump in lumps]
+    print_table(title, ["lump", "value", "unit"], rows, words=["unit"])
 
 
 def one_line(text: str) -> str:

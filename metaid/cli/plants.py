@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -11,10 +11,12 @@ from metaid.cli.common import (
     FIGURE_SUFFIXES,
     Group,
     json_option,
+    lump_rows,
     number_text,
     numbers,
     open_store,
     print_json,
+    print_lumps,
     print_table,
     storage_option,
     whole_file,
@@ -56,7 +58,6 @@ def show_plant(name: str, as_json: bool) -> None:
     """The links of a plant, and its true lumps where it knows them; of an arm its joints and links."""
     from metaid.errors import PlantError
     from metaid.files import find_file
-    from metaid.models import lump_names, lump_unit
     from metaid.plant import ArmPlant, ArmSettings, MujocoPlant, SocketSettings, read_any_plant
 
     path = find_file("plants", name, PlantError)
@@ -76,11 +77,9 @@ def show_plant(name: str, as_json: bool) -> None:
         dict(zip(columns, map(float, row), strict=True))
         for row in zip(*(getattr(chain, column) for column in columns), strict=True)
     ]
-    names = lump_names(shown.njoint, chain.kinds)
-    true = [None] * len(names) if truth is None else truth.vector.tolist()
-    lumps: list[dict[str, Any]] = [
-        {"name": lump, "unit": lump_unit(lump), "true": value} for lump, value in zip(names, true, strict=True)
-    ]
+    lumps = lump_rows(chain.lumps_of(chain.kinds))
+    if truth is None:
+        lumps = [{**lump, "true": None} for lump in lumps]
     if as_json:
         common = {key: getattr(shown.settings, key) for key in ("gravity", "timestep", "over_compensation")}
         faults = shown.settings.faults.model_dump(mode="json")
@@ -100,8 +99,7 @@ def show_plant(name: str, as_json: bool) -> None:
         + "".join(f"; {name} {value}" for name, value in shown.settings.faults.named.items()),
         dispensable=dispensable,
     )
-    true_rows = [[lump["name"], number_text(lump["true"]), lump["unit"]] for lump in lumps]
-    print_table("True lumps", ["lump", "value", "unit"], true_rows, words=["unit"])
+    print_lumps("True lumps", lumps)
 
 
 def _show_rig(name: str, settings: SocketSettings, as_json: bool) -> None:

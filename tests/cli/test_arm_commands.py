@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -11,12 +12,14 @@ import numpy as np
 import pytest
 from conftest import Finished
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from metaid.files import shipped_names
-from metaid.models.tree import PARAMETERS
+from metaid.models.tree import PARAMETERS, planar_tree
 from metaid.plant import ArmPlant, load_chain, load_plant
 from metaid.plant.arms import ArmStart
 from metaid.plant.arms.reading import forces_of_lean
+from metaid.results.exporting.xml_files import mjcf
 from metaid.show.scene import viewer_model
 
 Metaid = Callable[..., Finished]
@@ -163,10 +166,6 @@ def test_mistake_in_a_plant_file_is_answered_in_one_line(metaid: Metaid, mistake
 
 
 ELSEWHERE = {
-    "episode": (
-        ["episode", "scara"],
-        "scara.toml: an arm, and not a planar chain (allowed here: a plant file with [[links]])",
-    ),
     "study": (
         ["study", "create", "three-link", "--set", "plant=scara"],
         "plant scara is an arm, and the nominal model has the links of a planar chain (allowed: ",
@@ -195,3 +194,25 @@ def test_every_shipped_plant_is_loaded() -> None:
     """Chains and arms alike."""
     arms = {name for name in shipped_names("plants") if isinstance(load_plant(name), ArmPlant)}
     assert arms == set(ARMS)
+
+
+def test_chain_as_mjcf_has_the_lumps_of_its_plant_file(metaid: Metaid) -> None:
+    """As the chain's own exporter writes it; and turned about the vertical, bent where its joints are 0, its links side
+    by side.
+    """
+    told = json.loads(metaid("plant", "show", "damped-three-link", "--json").out)["lumps"]
+    straight = planar_tree(load_chain("damped-three-link").chain, 9.81)
+    ahead = Rotation.from_euler("ZY", [0.7, 0.4]).as_matrix(), Rotation.from_euler("y", -0.9).as_matrix(), np.eye(3)
+    beside = straight.position + np.array([0.0, 0.05, 0.0])
+    for tree in (straight, replace(straight, rotation=np.array(ahead), position=beside)):
+        write("chain.toml", 'mjcf = "chain.xml"', chain_xml=mjcf(tree, "chain", 0.002, ["a chain"]))
+        shown = json.loads(metaid("plant", "show", "chain.toml", "--json").out)["lumps"]
+        assert [lump["name"] for lump in shown] == [lump["name"] for lump in told]
+        assert [lump["true"] for lump in shown] == pytest.approx([lump["true"] for lump in told], rel=1e-9)
+    assert "True lumps of a planar chain" in metaid("plant", "show", "chain.toml").out
+
+
+def test_arm_that_is_no_planar_chain_has_no_lumps(metaid: Metaid) -> None:
+    """Nor has a chain with rotors, or one whose joints gravity does not load."""
+    for name in ("spatial-three-link", "horizontal-five-link", "scara"):
+        assert "lumps" not in json.loads(metaid("plant", "show", name, "--json").out)

@@ -7,9 +7,10 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from conftest import random_plant
 from random_arm import random_arm
 
-from metaid.models import Array, Model
+from metaid.models import Array, ChainModel, Model
 from metaid.models.tree import (
     Belief,
     Prior,
@@ -19,6 +20,8 @@ from metaid.models.tree import (
     joint_torque,
     model_error,
     nominal_model,
+    planar_chain,
+    planar_tree,
     random_states,
     torque_regressor,
 )
@@ -190,3 +193,23 @@ def test_model_error_is_that_of_what_moves_the_arm() -> None:
     assert heavier.gravity == pytest.approx(0.1)
     assert 0.0 < heavier.mass_matrix < 0.1
     assert heavier.largest == heavier.gravity
+
+
+def test_base_parameters_of_a_planar_chain_are_its_lumps() -> None:
+    """First moments are the gravity lumps (Eq. 1), moments of inertia the inertia lumps (Eq. 3), and the torque is that
+    of the chain's own model: one face for both.
+    """
+    chain = random_plant(4).chain
+    belief = Belief(planar_tree(chain, 9.81))
+    arm, lumps = nominal_model(belief), chain.lumps_of(("gravity", "coriolis", "inertia"))
+    values = dict(zip(arm.names, arm.parameters.tolist(), strict=True))
+    assert [values[f"m{i}z"] for i in range(1, 5)] == pytest.approx(lumps.gravity.tolist())
+    assert [values[f"yy{i}"] for i in range(1, 5)] == pytest.approx(chain.inertia_lumps.tolist())
+    angles, speeds = np.random.default_rng(2).standard_normal((2, 4))
+    models: list[Model] = [arm, ChainModel(lumps, 9.81)]
+    one, other = ((model.torque(angles, speeds), model.mass_matrix(angles)) for model in models)
+    assert one[0] == pytest.approx(other[0])
+    assert one[1] == pytest.approx(other[1])
+    back = planar_chain(belief.nominal)
+    assert back is not None
+    assert back.lumps.vector == pytest.approx(chain.lumps.vector)

@@ -9,7 +9,7 @@ from metaid.models.tree.base import BaseParameters, base_parameters, random_stat
 from metaid.models.tree.belief import Belief, Prior
 from metaid.models.tree.bodies import PossibleBodies, possible_bodies
 from metaid.models.tree.model_error import ModelError, model_error
-from metaid.models.tree.planar import planar_tree
+from metaid.models.tree.planar import planar_chain, planar_tree
 from metaid.models.tree.regressor import joint_mass_matrix, joint_torque, torque_regressor
 from metaid.models.tree.tree import PARAMETERS, Tree
 from metaid.models.tree.tree_model import TreeModel, nominal_model
@@ -28,6 +28,7 @@ __all__ = [
     "joint_torque",
     "model_error",
     "nominal_model",
+    "planar_chain",
     "planar_tree",
     "possible_bodies",
     "random_states",

@@ -1,4 +1,8 @@
-"""A planar chain as a serial arm: hinges about y, one above the other."""
+"""A planar chain as a serial arm, hinges about y, one above the other; and the chain that an arm is, where it is one.
+
+In the parameters of such an arm, with link i along z: μ_i is the base parameter m_i z + l_i Σ_{k>i} m_k (Eq. 1), d_i is
+yy_i + l_i² Σ_{k>i} m_k (Eq. 3), and a_ij is l_i μ_j (Eq. 2).
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,8 @@ import numpy as np
 
 from metaid.models.chain import Chain
 from metaid.models.tree.tree import Tree
+
+ALIKE = 1e-9  # relative: what rounding leaves of a frame that an MJCF was read into
 
 
 def planar_tree(chain: Chain, gravity: float) -> Tree:
@@ -29,4 +35,36 @@ def planar_tree(chain: Chain, gravity: float) -> Tree:
         rotor=np.zeros(n),
         damping=chain.damping,
         coulomb=chain.coulomb,
+    )
+
+
+def planar_chain(tree: Tree) -> Chain | None:
+    """The chain whose lumps an arm has; None where it is no planar chain. Where its joints are 0 does not matter.
+
+    All joints are hinges about parallel horizontal axes, without rotors, and each centre of mass is on the line from
+    its joint to the next. The length of the last link is in no lump: it is taken to end at its centre of mass.
+    """
+    turned, axes = np.eye(3), np.zeros((tree.njoint, 3))
+    for i, (rotation, axis) in enumerate(zip(tree.rotation, tree.axis, strict=True)):
+        turned = turned @ rotation
+        axes[i] = turned @ axis
+    weight = float(np.linalg.norm(tree.gravity))
+    is_planar = weight > 0.0 and abs(float(axes[0] @ tree.gravity)) <= ALIKE * weight
+    is_planar &= bool(np.abs(axes - axes[0]).max() <= ALIKE) and not tree.slides.any() and not tree.rotor.any()
+    if not is_planar:
+        return None
+    across = np.eye(3) - tree.axis[:, :, None] * tree.axis[:, None, :]  # out of the plane nothing shows
+    com = np.einsum("nij,nj->ni", across, tree.com)
+    ahead = np.einsum("nij,nj->ni", across, np.concatenate([tree.position[1:], com[-1:]]))
+    length, lever = np.linalg.norm(ahead, axis=1), np.linalg.norm(com, axis=1)
+    if not (length > 0.0).all() or np.abs(com - ahead * (lever / length)[:, None]).max() > ALIKE * length.max():
+        return None
+    return Chain(
+        length=length,
+        mass=tree.mass,
+        com=lever,
+        inertia=np.einsum("ni,nij,nj->n", tree.axis, tree.inertia, tree.axis),
+        damping=tree.damping,
+        coulomb=tree.coulomb,
+        stiffness=np.zeros(tree.njoint),
     )
