@@ -24,6 +24,7 @@ ROOT = Path(__file__).parent.parent
 PRINTED = re.compile(r"<!-- printed by: (.+?) -->")
 RULE = re.compile(r"\|(\s*:?-+:?\s*\|)+")
 OF_TIME = re.compile(r"\b(s|ms|seconds|minutes|min|slowest|CPU|load|wall)\b")
+SMALL = re.compile(r"[+-]?\d(?:\.\d+)?e-\d+")
 ROUNDING = 1e-9  # smaller numbers are what rounding left, which differs by processor
 
 Row = dict[str, str]
@@ -101,11 +102,7 @@ def differences(stated: tuple[Row, ...], output: str) -> list[str]:
 
 def _settled(cell: str) -> str:
     """A cell without what rounding left."""
-    try:
-        number = float(cell.rstrip("% ").replace(",", ""))
-    except ValueError:
-        return cell
-    return "rounding" if 0.0 < abs(number) < ROUNDING else cell
+    return SMALL.sub(lambda found: "rounding" if 0.0 < abs(float(found[0])) < ROUNDING else found[0], cell)
 
 
 def main() -> None:
