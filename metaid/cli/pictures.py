@@ -73,11 +73,11 @@ def plot(name: str, storage: str, folder: Path, ending: str, width: str, over: t
 @click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="FILE.html.")
 def report(name: str, storage: str, output: Path) -> None:
     """Write one self-contained page: what was searched, what was found, figures, cost, how to repeat it."""
-    from metaid.results import read_findings
-    from metaid.show import render
+    from metaid.results import read_any_findings
+    from metaid.show import render_any
 
     with open_store(storage) as store, whole_file(output, (".html",)) as partial:
-        partial.write_text(render(read_findings(store, name)), encoding="utf-8")
+        partial.write_text(render_any(read_any_findings(store, name)), encoding="utf-8")
     say(f"the report of '{name}' is {output}")
 
 

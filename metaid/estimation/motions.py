@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from metaid.estimation.descent import Residuals
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults
-from metaid.estimation.trials import Replay, WatchedTrial
+from metaid.estimation.trials import Replay, WatchedTrial, numbered_joints
 from metaid.estimation.twin import Motion, simulate
 from metaid.estimation.unknowns import Unknowns, known_alone
 from metaid.models import Array
@@ -135,7 +135,7 @@ class Motions(WatchedTrials):
         windows = trial.seen(len(trial.ends))
         seen[:, np.searchsorted(steps, trial.ends)] = np.where(windows[..., None], trial.windows.angles, np.nan)
         noise = np.zeros(trial.start_speeds.shape[1])
-        return Replay(trial.timestep * steps, seen, simulated, noise)
+        return Replay(trial.timestep * steps, seen, simulated, noise, numbered_joints(len(noise)))
 
     @cached_property
     def _largest_frequency(self) -> float:

@@ -45,12 +45,19 @@ class Replay:
 
     Attributes:
         times: since the push (ntime), in s.
-        seen: joint angles of the plant (npush x ntime x njoint), in rad; NaN where none was kept.
-        simulated: of the twin (npush x ntime x njoint), in rad; NaN after what was seen of a push.
-        noise: standard deviation of an angle that is seen (njoint), in rad.
+        seen: joint angles of the plant (npush x ntime x njoint), in rad, of slides in m; NaN where none was kept.
+        simulated: of the twin (npush x ntime x njoint); NaN after what was seen of a push.
+        noise: standard deviation of an angle that is seen (njoint).
+        joints: their names (njoint).
     """
 
     times: Array
     seen: Array
     simulated: Array
     noise: Array
+    joints: tuple[str, ...]
+
+
+def numbered_joints(njoint: int) -> tuple[str, ...]:
+    """What the joints of a chain are called."""
+    return tuple(f"joint {i + 1}" for i in range(njoint))

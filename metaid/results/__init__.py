@@ -14,7 +14,7 @@ from metaid.results.estimates import (
     growth,
     interval_name,
 )
-from metaid.results.findings import Findings, findings_of, read_findings
+from metaid.results.findings import Findings, findings_of, read_any_findings, read_findings
 from metaid.results.lump_tables import without_nan
 from metaid.results.overview import summary
 from metaid.results.snapshot import Snapshot, read_snapshot
@@ -63,6 +63,7 @@ __all__ = [
     "optuna_estimate_frame",
     "parameters_frame",
     "plane",
+    "read_any_findings",
     "read_findings",
     "read_snapshot",
     "smooth_sinusoids",

@@ -125,13 +125,18 @@ class StudyEstimate:
 
     def replay(self, number: int | None = None) -> Replay:
         """One of the trials as the plant showed it and as the twin at the estimate moves. `number` is that of its table
-        in `estimate.residuals`; by default it is the first, or, where the model explains nothing, the one that the twin
-        shows worst.
+        in `estimate.residuals`; by default see `worst_shown`.
         """
         if number is None:
-            shown = [np.nanmean(table**2) for table in self.estimate.residuals]
-            number = 0 if self.explains else int(np.argmax(shown))
+            number = worst_shown(self.estimate.residuals, self.explains)
         return self.experiment.replay(self.watched, self.estimate, number)
+
+
+def worst_shown(residuals: Sequence[Array], explains: bool) -> int:
+    """The number of the trial that is worth a look, by the `residuals` of each (npush x njoint): the first, or, where
+    the model explains nothing, the one that its twin shows worst.
+    """
+    return 0 if explains else int(np.argmax([np.nanmean(table**2) for table in residuals]))
 
 
 def has_motion_of(episode: Episode, outcome: Outcome) -> bool:

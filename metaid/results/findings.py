@@ -10,6 +10,7 @@ import pandas as pd
 
 from metaid.errors import StorageError, unknown
 from metaid.models import Array
+from metaid.results.arms import ArmFindings, ArmSnapshot, read_any_snapshot
 from metaid.results.best import best_index, best_rows
 from metaid.results.estimates import StudyEstimate
 from metaid.results.overview import summarized
@@ -146,6 +147,12 @@ class Findings:
 def read_findings(store: Store, name: str) -> Findings:
     """The findings of a study in the DB.  Raises StorageError."""
     return findings_of(read_snapshot(store, name))
+
+
+def read_any_findings(store: Store, name: str) -> Findings | ArmFindings:
+    """The same of a study of a chain or of an arm."""
+    snapshot = read_any_snapshot(store, name)
+    return ArmFindings(snapshot) if isinstance(snapshot, ArmSnapshot) else findings_of(snapshot)
 
 
 def findings_of(snapshot: Snapshot) -> Findings:

@@ -105,7 +105,8 @@ def read_snapshot(store: Store, name: str) -> Snapshot:
     if isinstance(spec, ArmSpec):
         raise StudyError(
             f"study '{name}' is of the arm {spec.plant_name} "
-            "(allowed of an arm: study run, show, list, validate, export and delete; metaid.summary, lumps and trials)"
+            "(allowed of an arm: study run, show, list, validate, report, export and delete; "
+            "metaid.summary, lumps and trials)"
         )
     stored = store.read(name, *spec.names)
     return Snapshot(name, spec, stored.own, stored.foreign, store.attribute(name, ENDED_KEY))

@@ -10,11 +10,13 @@ import io
 import platform
 import re
 import shlex
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import metadata
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import tomli_w
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -30,7 +32,7 @@ from metaid.results import (
     describe_trials,
     interval_name,
 )
-from metaid.show.figures import INK, Gallery, plant_figure, style
+from metaid.show.figures import INK, Gallery, Picture, plant_figure, style
 
 VERSIONS_OF = ("mujoco-core", "numba", "numpy", "cmaes", "optuna", "matplotlib")
 WIDEST = 0.02  # of a lump's value: a wider range is reported
@@ -50,15 +52,6 @@ def render(found: Findings) -> str:
     """The page.  Raises StorageError where there is no survivor yet."""
     gallery = Gallery(found)
     bodies = body_rows(found.problem, found.estimate, found.verdict)["bodies"]
-    shown = [
-        PageFigure(
-            wide.name,
-            wide.caption,
-            inline_svg(wide.figure, f"{wide.name}-wide-"),
-            inline_svg(narrow.figure, f"{wide.name}-narrow-"),
-        )
-        for wide, narrow in zip(gallery.pictures("page"), gallery.pictures("column"), strict=True)
-    ]
     return filled_in(
         "report.html",
         found=found,
@@ -71,14 +64,20 @@ def render(found: Findings) -> str:
             plant_figure(found.problem.make_plant() if found.problem.is_simulated else found.problem.nominal_plant()),
             "plant-",
         ),
-        figures=shown,
-        stages=[{"found": stage, "falls": falls(stage), "cost": cost(stage)} for stage in found.stages],
+        figures=page_figures(gallery.pictures("page"), gallery.pictures("column")),
+        stages=[
+            {
+                "found": stage,
+                "falls": falls(stage.trials, stage.problem.episode.total_steps),
+                "cost": cost(stage.trials, stage.problem.timestep, reached(stage)),
+            }
+            for stage in found.stages
+        ],
         unidentified=unidentified(found),
-        estimate=estimate_texts(found),
+        estimate=estimate_texts(found.summary),
         describe_bodies=describe_bodies(found.summary) if "parameters" in found.summary else None,
         bodies=bodies,
         describe_possible_bodies=describe_possible_bodies(bodies) if bodies else None,
-        versions={"metaid": metaid.__version__, "Python": platform.python_version(), **_versions()},
         files=files(found),
         quoted_name=shlex.quote(found.name),
     )
@@ -93,9 +92,23 @@ def filled_in(template: str, **values: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["number"] = number_text
-    page: str = environment.get_template(template).render(values)
+    environment.filters |= {"number": number_text, "percent": percent_text}
+    versions = {"metaid": metaid.__version__, "Python": platform.python_version(), **_versions()}
+    page: str = environment.get_template(template).render({"versions": versions, **values})
     return page
+
+
+def page_figures(page: Iterable[Picture], column: Iterable[Picture]) -> list[PageFigure]:
+    """The same figures at the width of a `page` and of a `column`, ready for the page."""
+    return [
+        PageFigure(
+            wide.name,
+            wide.caption,
+            inline_svg(wide.figure, f"{wide.name}-wide-"),
+            inline_svg(narrow.figure, f"{wide.name}-narrow-"),
+        )
+        for wide, narrow in zip(page, column, strict=True)
+    ]
 
 
 def inline_svg(figure: Figure, prefix: str) -> Markup:
@@ -111,11 +124,11 @@ def inline_svg(figure: Figure, prefix: str) -> Markup:
     return Markup(svg.replace(INK, "currentColor"))
 
 
-def estimate_texts(found: Findings) -> dict[str, str | None]:
-    """What the estimate from all trials is worth, how early it was there, or why there is none."""
-    shown, total = found.summary["estimate"], found.summary["trials"]["total"]
+def estimate_texts(summary: dict[str, Any]) -> dict[str, str | None]:
+    """What the estimate from all trials is worth by a `summary`, how early it was there, or why there is none."""
+    shown, total = summary["estimate"], summary["trials"]["total"]
     if shown is None:
-        return {"worth": f"No estimate: {found.summary['why_no_estimate']}.", "known": None, "interval": None}
+        return {"worth": f"No estimate: {summary['why_no_estimate']}.", "known": None, "interval": None}
     known = describe_known_from(shown, total).capitalize() + "." if shown["explains"] else None
     return {
         "worth": f"Estimate from {describe_trials(shown, total)}: {shown['description']}.",
@@ -124,33 +137,36 @@ def estimate_texts(found: Findings) -> dict[str, str | None]:
     }
 
 
-def falls(found: Findings) -> dict[str, Any]:
-    """How many trials fell, how far they came, and when the last one was."""
-    fallen = found.falls
-    total = found.problem.episode.total_steps
+def falls(trials: pd.DataFrame, total_steps: int) -> dict[str, Any]:
+    """How many of the `trials` fell, how far they came of all steps of an episode, and when the last one was."""
+    fallen = trials[trials["state"] == "PRUNED"]
     return {
         "count": len(fallen),
-        "share": len(fallen) / max(len(found.trials), 1),
+        "share": len(fallen) / max(len(trials), 1),
         "last": int(fallen["number"].iloc[-1]) if len(fallen) else None,
         "quartiles": [int(steps) for steps in fallen["steps"].quantile([0.25, 0.5, 0.75])] if len(fallen) else [],
-        "total_steps": total,
+        "total_steps": total_steps,
     }
 
 
-def cost(found: Findings) -> dict[str, Any]:
-    """Trials and steps in all and until every lump was within 10, 1 and 0.1 %; the motion that took, in s."""
-    trials = found.trials
-    steps = trials["steps"].cumsum()
-    reached = []
-    if found.true_factors is not None:
-        bests, errors = found.bests, found.errors(found.bests)
-        for digit in (0.1, 0.01, 0.001):
-            within = np.flatnonzero(errors <= digit)
-            if len(within):
-                number = int(bests["number"].iloc[within[0]])
-                reached.append({"within": digit, "trials": number + 1, "steps": int(steps.loc[number])})
-    total = int(steps.iloc[-1])
-    return {"trials": len(trials), "steps": total, "seconds": total * found.problem.timestep, "reached": reached}
+def cost(trials: pd.DataFrame, timestep: float, reached: list[dict[str, Any]]) -> dict[str, Any]:
+    """Trials and steps in all and until lumps were as near as was `reached`; the motion that took, in s."""
+    total = int(trials["steps"].sum())
+    return {"trials": len(trials), "steps": total, "seconds": total * timestep, "reached": reached}
+
+
+def reached(found: Findings) -> list[dict[str, Any]]:
+    """Trials and steps until every lump was within 10, 1 and 0.1 %."""
+    if found.true_factors is None:
+        return []
+    steps, rows = found.trials["steps"].cumsum(), []
+    bests, errors = found.bests, found.errors(found.bests)
+    for digit in (0.1, 0.01, 0.001):
+        within = np.flatnonzero(errors <= digit)
+        if len(within):
+            number = int(bests["number"].iloc[within[0]])
+            rows.append({"within": digit, "trials": number + 1, "steps": int(steps.loc[number])})
+    return rows
 
 
 def unidentified(found: Findings) -> list[dict[str, Any]]:
@@ -178,12 +194,17 @@ def unidentified(found: Findings) -> list[dict[str, Any]]:
 
 def files(found: Findings) -> dict[str, str]:
     """A plant file and a study file, by name, that make this very study again, trial for trial."""
-    stem = re.sub(r"[^\w-]+", "-", found.name)
+    stem = file_stem(found.name)
     plant = found.spec.plant.model_dump(mode="json", exclude_none=True)
     links = [link.model_dump(mode="json", exclude_none=True) for link in found.spec.nominal]
     study = found.spec.study.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
     study |= {"plant": f"{stem}-plant.toml", "nominal": {"links": links}}
     return {f"{stem}-plant.toml": tomli_w.dumps(plant), f"{stem}.toml": tomli_w.dumps(study)}
+
+
+def file_stem(name: str) -> str:
+    """What a file may be called that is about the study of that `name`."""
+    return re.sub(r"[^\w-]+", "-", name)
 
 
 def _versions() -> dict[str, str]:
@@ -193,3 +214,8 @@ def _versions() -> dict[str, str]:
 def number_text(value: float | None, form: str = ".5g") -> str:
     """A number for the page; a dash where it is not known."""
     return "–" if value is None else format(value, form)
+
+
+def percent_text(share: float | None) -> str:
+    """A share as a percentage for the page, however small; a dash where it is not known."""
+    return "–" if share is None else f"{100.0 * share:.2g}%"

@@ -8,13 +8,14 @@ seen.
     law = estimate.parameters                                    # what the next trial sends
 
 `ArmMotions` compares windows of arms without noise, `ArmReadings` what the sensors of a noisy one read. An
-`ArmExperiment` is all of this for a study.
+`ArmExperiment` is all of this for a study. `replay_arm` shows a trial beside its twin.
 """
 
 from metaid.estimation.arms.arm_estimate import ArmEstimate, estimate_arm
 from metaid.estimation.arms.arm_experiment import ArmExperiment, SeenArmTrial
 from metaid.estimation.arms.motions import ArmMotions
 from metaid.estimation.arms.readings import ArmReadings
+from metaid.estimation.arms.replaying import replay_arm
 from metaid.estimation.arms.trials import ArmReadTrial, WatchedArmTrial, read_arm_trial, watched_arm_trial
 from metaid.estimation.arms.unknowns import ArmUnknowns
 
@@ -29,5 +30,6 @@ __all__ = [
     "WatchedArmTrial",
     "estimate_arm",
     "read_arm_trial",
+    "replay_arm",
     "watched_arm_trial",
 ]

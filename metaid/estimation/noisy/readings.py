@@ -14,7 +14,7 @@ from metaid.estimation.faults import NO_FAULTS, SearchedFaults
 from metaid.estimation.noisy.polynomials import before
 from metaid.estimation.noisy.read_trial import ReadTrial
 from metaid.estimation.noisy.windows import Compared, ReadingsInWindows
-from metaid.estimation.trials import Replay
+from metaid.estimation.trials import Replay, numbered_joints
 from metaid.estimation.twin import drive
 from metaid.estimation.unknowns import Unknowns, known_alone
 from metaid.estimation.workspace import Joints
@@ -70,7 +70,9 @@ class Readings(ReadingsInWindows[ReadTrial, Unknowns]):
         simulated = np.full_like(seen, np.nan)
         if motion is not None:
             simulated[shown] = motion.values.swapaxes(1, 2)[shown]
-        return Replay(trial.timestep * trial.substeps * kept, seen, simulated, trial.noise)
+        return Replay(
+            trial.timestep * trial.substeps * kept, seen, simulated, trial.noise, numbered_joints(len(trial.noise))
+        )
 
     def _compare(self, number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
         """What a trial shows; derivatives by the `whitened` start speeds are the last."""

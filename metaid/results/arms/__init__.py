@@ -1,12 +1,15 @@
 """What a study of an arm found: its base parameters, the verdict, and how well the arm is known."""
 
-from metaid.results.arms.arm_snapshot import ArmSnapshot
+from metaid.results.arms.arm_findings import ArmFindings
+from metaid.results.arms.arm_snapshot import ArmFound, ArmSnapshot
 from metaid.results.arms.arm_tables import arm_trials_table
 from metaid.results.arms.arm_verdict import arm_summary, identified_values, judge_arm
 from metaid.results.arms.either import AnySnapshot, judge_any, read_any_snapshot, validate_any
 
 __all__ = [
     "AnySnapshot",
+    "ArmFindings",
+    "ArmFound",
     "ArmSnapshot",
     "arm_summary",
     "arm_trials_table",

@@ -11,11 +11,13 @@ from threadpoolctl import threadpool_limits
 
 from metaid.models.tree import Tree
 from metaid.results.best import best_trial
+from metaid.results.estimates import interval_name, worst_shown
 from metaid.results.snapshot import surviving
 from metaid.store import ForeignTrial, Trial
 from metaid.study import ArmProblem, ArmSpec
 
 if TYPE_CHECKING:
+    from metaid.estimation import Replay
     from metaid.estimation.arms import ArmEstimate, ArmExperiment, SeenArmTrial
 
 CLOSE = 1e-3  # of every unknown's deviation beforehand: so near its last value an estimate was there
@@ -61,6 +63,18 @@ class ArmFound:
                 if early is not None and np.abs(early.unknowns - self.estimate.unknowns).max() <= reach:
                     return count
         return None
+
+    @property
+    def interval_name(self) -> str:
+        """What `low` to `high` of the base parameters is."""
+        return interval_name(None)
+
+    def replay(self) -> Replay:
+        """A trial as the plant showed it, and as the twin at the estimate moves: see `worst_shown`."""
+        from metaid.estimation.arms import replay_arm  # loads numba
+
+        number = worst_shown(self.estimate.residuals, self.explains)
+        return replay_arm(self.experiment.searched.belief.nominal, self.estimate.parameters, self.watched[number])
 
 
 @dataclass(frozen=True)

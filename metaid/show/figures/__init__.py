@@ -6,26 +6,29 @@ found = load_findings("three-link")
 figures.plot_convergence(found)
 """
 
-from metaid.show.figures.arms import arm_figure
+from metaid.show.figures.arm_gallery import ArmGallery
+from metaid.show.figures.arms import arm_figure, rods_figure
 from metaid.show.figures.comparison import comparison_figure, plot_comparison
 from metaid.show.figures.episodes import draw_episode, draw_push, plot_angles, plot_phase, plot_speeds
 from metaid.show.figures.estimate import plot_covariance, plot_difference, plot_growth, plot_motion, plot_residuals
 from metaid.show.figures.gallery import Gallery, Picture
 from metaid.show.figures.landscape import plot_boundary, plot_parallel, plot_sweep
-from metaid.show.figures.lumps import plot_correlation, plot_ranges
+from metaid.show.figures.lumps import plot_correlation, plot_known, plot_ranges
 from metaid.show.figures.plants import plant_figure, plot_plant
 from metaid.show.figures.search import plot_convergence, plot_error, plot_factor
-from metaid.show.figures.style import COLOURS, FALL, INK, PAGE, RANGE, SUFFIXES, SURVIVOR, save, style
+from metaid.show.figures.style import COLOURS, COLUMN, FALL, INK, PAGE, RANGE, SUFFIXES, SURVIVOR, save, style
 from metaid.show.figures.tracking import draw_tracking, plot_tracking
 
 __all__ = [
     "COLOURS",
+    "COLUMN",
     "FALL",
     "INK",
     "PAGE",
     "RANGE",
     "SUFFIXES",
     "SURVIVOR",
+    "ArmGallery",
     "Gallery",
     "Picture",
     "arm_figure",
@@ -44,6 +47,7 @@ __all__ = [
     "plot_error",
     "plot_factor",
     "plot_growth",
+    "plot_known",
     "plot_motion",
     "plot_parallel",
     "plot_phase",
@@ -53,6 +57,7 @@ __all__ = [
     "plot_speeds",
     "plot_sweep",
     "plot_tracking",
+    "rods_figure",
     "save",
     "style",
 ]

@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from metaid.models import Array
-from metaid.plant.arms import ArmPlant
+from metaid.plant.arms import ArmPlant, ArmStart
 from metaid.show.figures.style import FALL, INK, PAGE, RANGE, SURVIVOR, style, verbatim
 
 if TYPE_CHECKING:
@@ -30,11 +30,46 @@ def arm_figure(arm: ArmPlant) -> Figure:
         axes: Axes3D = figure.add_axes((0.0, 0.02, 0.64, 0.92), projection="3d")
         triangles, colours = _surfaces(arm)
         _draw(axes, triangles, colours)
-        _draw_joints(axes, arm, np.ptp(triangles.reshape(-1, 3), axis=0).max())
+        _draw_joints(axes, *arm.arm.whole.joints_at(arm.home), np.ptp(triangles.reshape(-1, 3), axis=0).max())
         figure.text(0.02, 0.95, f"{verbatim(arm.name)}: {arm.njoint} joint{'s' if arm.njoint > 1 else ''}, at home")
         lines = [_label(arm, i) for i in range(arm.njoint)]
         figure.text(0.7, 0.5, "\n".join(lines), va="center", fontsize=7, linespacing=1.5)
     return figure
+
+
+def rods_figure(arm: ArmPlant, start: ArmStart, width: float) -> Figure:
+    """An arm of which no shapes are known, as lines from joint to joint and to the last centre of mass, at a start.
+
+    Args:
+        arm: a plant.
+        start: where its joints are.
+        width: of the figure, in inches.
+    """
+    import mujoco
+
+    arm.push(start)
+    mujoco.mj_kinematics(arm.model, arm.data)
+    places, directions = arm.data.xanchor.copy(), arm.data.xaxis.copy()
+    line = np.concatenate([np.zeros((1, 3)), places, arm.data.xipos[-1:]])
+    middle, half = (line.min(axis=0) + line.max(axis=0)) / 2, 0.5 * np.ptp(line, axis=0).max()
+    with style():
+        figure = Figure(figsize=(width, 0.8 * width))
+        axes: Axes3D = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d")
+        axes.plot(*line.T, color=SURVIVOR, linewidth=4.0, solid_capstyle="round", alpha=0.7)
+        _draw_joints(axes, places, directions, 2.0 * half)
+        limits = np.stack([middle - half, middle + half], axis=1)
+        _look_at(axes, limits, zoom=0.85)
+        for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+            axis.set_pane_color((0.5, 0.5, 0.5, 0.06))
+    return figure
+
+
+def _look_at(axes: Axes3D, limits: Array, zoom: float = 1.0) -> None:
+    """Obliquely from above, between these `limits` (3 x 2), in m."""
+    axes.set(xlim=limits[0], ylim=limits[1], zlim=limits[2], xlabel="x, m", ylabel="y, m", zlabel="z, m")
+    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=zoom)
+    axes.view_init(elev=20.0, azim=-60.0)
+    axes.locator_params(nbins=4)
 
 
 def _surfaces(arm: ArmPlant) -> tuple[Array, Array]:
@@ -66,15 +101,11 @@ def _draw(axes: Axes3D, triangles: Array, colours: Array) -> None:
     corners = triangles.reshape(-1, 3)
     middle, half = (corners.min(axis=0) + corners.max(axis=0)) / 2, 0.5 * np.ptp(corners, axis=0).max()
     limits = np.stack([middle - half, middle + half], axis=1)
-    axes.set(xlim=limits[0], ylim=limits[1], zlim=limits[2], xlabel="x, m", ylabel="y, m", zlabel="z, m")
-    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=1.0)
-    axes.view_init(elev=20.0, azim=-60.0)
-    axes.locator_params(nbins=4)
+    _look_at(axes, limits)
 
 
-def _draw_joints(axes: Axes3D, arm: ArmPlant, size: float) -> None:
+def _draw_joints(axes: Axes3D, places: Array, directions: Array, size: float) -> None:
     """The axis of each joint with its number, the arrow by the right-hand rule."""
-    places, directions = arm.arm.whole.joints_at(arm.home)
     for i, (place, direction) in enumerate(zip(places, directions, strict=True)):
         start, end = place - 0.1 * size * direction, place + 0.14 * size * direction
         axes.plot(*np.stack([start, end], axis=1), color=FALL, linewidth=0.9, zorder=10)

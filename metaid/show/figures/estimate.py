@@ -11,16 +11,15 @@ from matplotlib.ticker import MaxNLocator
 
 from metaid.models import Array
 from metaid.results import StudyEstimate, growth
-from metaid.show.figures.lumps import draw_correlation
-from metaid.show.figures.style import COLOURS, FALL, INK, SURVIVOR, VALUES, every, new_axes, size_of
+from metaid.results.arms import ArmFound
+from metaid.show.figures.lumps import DEVIATIONS, LEAST, draw_correlation
+from metaid.show.figures.style import COLOURS, FALL, INK, SURVIVOR, VALUES, every, new_axes, size_of, verbatim
 
 if TYPE_CHECKING:
     from metaid.estimation import Replay
 
-LEAST = 1e-16  # of what is drawn on a logarithmic scale, in place of 0
 NUMBERS = 4.0  # of pushes or joints beside one another, an inch of the figure
 CROWDED = 20  # marks of a line; more of them are small
-DEVIATIONS = 1.96  # of a normal distribution, to either side, hold 95 %
 
 
 def plot_motion(shown: Replay, push: int, axes: Axes | None = None) -> Axes:
@@ -35,7 +34,7 @@ def plot_motion(shown: Replay, push: int, axes: Axes | None = None) -> Axes:
     for joint, (seen, simulated) in enumerate(zip(shown.seen[push].T, shown.simulated[push].T, strict=True)):
         colour = COLOURS[joint % len(COLOURS)]
         axes.plot(shown.times, np.degrees(seen), ".", color=colour, markersize=_mark(seen))
-        axes.plot(shown.times, np.degrees(simulated), color=colour, label=f"joint {joint + 1}")
+        axes.plot(shown.times, np.degrees(simulated), color=colour, label=verbatim(shown.joints[joint]))
     axes.plot([], [], ".", color=INK, label="plant")
     axes.plot([], [], "-", color=INK, label="twin")
     axes.set_ylabel("angle, °")
@@ -74,7 +73,7 @@ def _over_time(shown: Replay, axes: Axes) -> Axes:
     return axes
 
 
-def plot_residuals(found: StudyEstimate, axes: Axes | None = None) -> Axes:
+def plot_residuals(found: StudyEstimate | ArmFound, axes: Axes | None = None) -> Axes:
     """Root mean square of the residuals over all trials by push and joint, in units of what noise or rounding
     explains.
     """

@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 from metaid.episode import Trajectory
 from metaid.errors import StorageError
 from metaid.models import Array
-from metaid.results import Findings, Plane, Sweep, plane, sweep
+from metaid.results import Findings, Plane, StudyEstimate, Sweep, plane, sweep
+from metaid.results.arms import ArmFound
 from metaid.show.figures.episodes import plot_angles, plot_phase
 from metaid.show.figures.estimate import plot_covariance, plot_difference, plot_growth, plot_motion, plot_residuals
 from metaid.show.figures.landscape import plot_boundary, plot_parallel, plot_sweep
@@ -181,35 +182,18 @@ class Gallery:
 
     def _motion(self, width: float) -> Picture:
         assert self.found.estimate is not None
-        npush, which = len(self.replay.seen), "first trial"
-        if not self.found.estimate.explains:
-            which = "trial that it shows worst"
-        figure, axes = pairs_of_panels(width, min(npush, PUSHES))
-        for push, (motion, difference) in enumerate(axes):
-            plot_motion(self.replay, push, motion).set_title(f"push {push + 1}")
-            plot_difference(self.replay, push, difference)
-            motion.set_xlabel("")
-            for panel in (motion, difference):
-                panel.label_outer()
-        share_legend(figure, [motion for motion, _ in axes])
+        npush = len(self.replay.seen)
         how_many = "" if npush <= PUSHES else f" The first {PUSHES} of {npush} pushes."
-        caption = (
-            f"What the plant showed and what the twin at the estimate shows under the same law, in the {which}; below "
-            f"each push the difference.{how_many}"
-        )
-        return Picture("estimate-motion", caption, figure)
+        titles = {push: f"push {push + 1}" for push in range(min(npush, PUSHES))}
+        return motion_picture(self.replay, titles, self.found.estimate.explains, how_many, width)
 
     def _residuals(self, width: float) -> Picture:
         assert self.found.estimate is not None
-        figure = Figure(figsize=(width, 2.4), layout="constrained")
-        plot_residuals(self.found.estimate, figure.subplots())
-        caption = (
-            "By how much the twin's motion differs from what was seen, by push and joint over all trials of the "
-            "estimate, in units of what noise or rounding explains."
-        )
-        if self.found.estimate.estimate.counts is not None:
-            caption = "By how much the twin's counts of half periods differ from the plant's, by push and joint."
-        return Picture("estimate-residuals", caption, figure)
+        picture = residuals_picture(self.found.estimate, width)
+        if self.found.estimate.estimate.counts is None:
+            return picture
+        caption = "By how much the twin's counts of half periods differ from the plant's, by push and joint."
+        return replace(picture, caption=caption)
 
     def _covariance(self, width: float) -> Picture:
         assert self.found.estimate is not None
@@ -244,3 +228,40 @@ class Gallery:
             f"Joint angles and phase portrait of the best candidate after the last push; exactly compensated, {does}."
         )
         return Picture("episode", caption, figure)
+
+
+def motion_picture(shown: Replay, titles: dict[int, str], explains: bool, more: str, width: float) -> Picture:
+    """What a plant showed and what the twin at the estimate shows.
+
+    Args:
+        shown: a trial.
+        titles: of the pushes that are drawn, by their numbers.
+        explains: whether the twin shows what was seen.
+        more: what else the caption says.
+        width: of the figure, in inches.
+    """
+    figure, axes = pairs_of_panels(width, len(titles))
+    for (push, title), (motion, difference) in zip(titles.items(), axes, strict=True):
+        plot_motion(shown, push, motion).set_title(title)
+        plot_difference(shown, push, difference)
+        motion.set_xlabel("")
+        for panel in (motion, difference):
+            panel.label_outer()
+    share_legend(figure, [motion for motion, _ in axes])
+    which = "first trial" if explains else "trial that it shows worst"
+    caption = (
+        f"What the plant showed and what the twin at the estimate shows under the same law, in the {which}; below "
+        f"each push the difference.{more}"
+    )
+    return Picture("estimate-motion", caption, figure)
+
+
+def residuals_picture(found: StudyEstimate | ArmFound, width: float) -> Picture:
+    """Where the twin differs from the plant; `width` in inches."""
+    figure = Figure(figsize=(width, 2.4), layout="constrained")
+    plot_residuals(found, figure.subplots())
+    caption = (
+        "By how much the twin's motion differs from what was seen, by push and joint over all trials of the "
+        "estimate, in units of what noise or rounding explains."
+    )
+    return Picture("estimate-residuals", caption, figure)

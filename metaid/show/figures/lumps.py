@@ -7,10 +7,14 @@ from matplotlib.axes import Axes
 
 from metaid.models import Array
 from metaid.results import Findings
+from metaid.results.arms import ArmFindings
 from metaid.show.figures.style import INK, RANGE, SURVIVOR, every, new_axes, size_of
 
 READABLE = 8  # lumps up to which a correlation is written in its cell
 LABELS = 5.5  # names below one another, an inch of the figure
+CLOSE_LABELS = 8.0  # the same in smaller letters
+LEAST = 1e-16  # of what is drawn on a logarithmic scale, in place of 0
+DEVIATIONS = 1.96  # of a normal distribution, to either side, hold 95 %
 
 
 def plot_ranges(found: Findings, axes: Axes | None = None) -> Axes:
@@ -40,6 +44,33 @@ def plot_ranges(found: Findings, axes: Axes | None = None) -> Axes:
     axes.set_xlabel("deviation from the identified value, %")
     axes.grid(True, axis="x")
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+    return axes
+
+
+def plot_known(found: ArmFindings, axes: Axes | None = None) -> Axes:
+    """How well each base parameter is known: its standard deviation and, where the truth is known, its error and that
+    of the nominal arm, as shares of how wrong it may have been beforehand.
+    """
+    axes = new_axes(axes)
+    lumps, beforehand = found.lumps, np.sqrt(np.diag(found.problem.belief.covariance))
+    half = (lumps["high"] - lumps["low"]) / (2.0 * DEVIATIONS)
+    places = np.arange(len(lumps))
+    axes.axvline(1.0, color=INK, linewidth=0.7, linestyle=":")
+    if lumps["true"].notna().any():
+        wrong = ("nominal", "o", RANGE, "error of the nominal arm"), ("identified", "*", INK, "error")
+        for column, mark, colour, label in wrong:
+            error: Array = (lumps[column] - lumps["true"]).abs().to_numpy() / beforehand
+            axes.plot(np.maximum(error, LEAST), places, mark, color=colour, markersize=4, linestyle="", label=label)
+    left: Array = lumps["sd"].fillna(half).to_numpy() / beforehand
+    axes.plot(left, places, "|", color=SURVIVOR, markersize=6, linestyle="", label="standard deviation")
+    axes.set_xscale("log")
+    _, height = size_of(axes)
+    named = every(len(places), CLOSE_LABELS * height)
+    axes.set_yticks(named, [lumps["name"][place] for place in named])
+    axes.set_ylim(len(places) - 0.5, -0.5)
+    axes.set_xlabel("share of what was not known beforehand")
+    axes.grid(True, axis="x")
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     return axes
 
 

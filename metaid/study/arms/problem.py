@@ -122,6 +122,10 @@ class ArmProblem:
         )
         return ArmPlant(self.spec.plant_name, settings, plant.arm.tree)
 
+    def nominal_plant(self) -> ArmPlant:
+        """The nominal arm as a plant."""
+        return ArmPlant("nominal", ArmSettings(mjcf="nominal", timestep=self.timestep), self.nominal)
+
     def make_objective(self) -> ArmObjective:
         """An objective of its own for each worker, in base parameters."""
         from metaid.compiled.arms import ArmObjective  # loads MuJoCo and numba

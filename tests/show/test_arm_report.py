@@ -1,0 +1,104 @@
+"""The report of a study of an arm: what it says, that it repeats the study, and that a browser shows all of it."""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import open_browser
+from conftest import Finished
+
+import metaid as package
+from metaid.results import read_any_findings
+from metaid.results.arms import ArmFindings
+from metaid.show import render_any
+from metaid.store.database import Store
+
+Metaid = Callable[..., Finished]
+FIGURES = ("known", "tracking", "estimate-motion", "estimate-residuals")
+
+
+def findings(arms: Path, name: str) -> ArmFindings:
+    """Those of a study of an arm."""
+    with closing(Store(str(arms))) as store:
+        found = read_any_findings(store, name)
+    assert isinstance(found, ArmFindings)
+    return found
+
+
+@pytest.fixture(scope="module")
+def page(arms: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of the study `exact`."""
+    written = tmp_path_factory.mktemp("report") / "exact.html"
+    written.write_text(render_any(findings(arms, "exact")), encoding="utf-8")
+    return written
+
+
+def test_browser_shows_an_arm_what_it_is_worth_and_its_figures(page: Path, arms: Path, tmp_path: Path) -> None:
+    """On a desk and on a phone, light and dark: every part is there, nothing comes from outside, no error."""
+    summary = package.summary("exact", str(arms))
+    with open_browser(tmp_path / "profile") as browser:
+        for width, dark in ((1200, False), (360, True)):
+            browser.look(page.as_uri(), width, dark)
+            text = browser.text()
+            assert text.splitlines()[0] == "exact"
+            assert "Found." in text
+            for lump in summary["lumps"]:
+                assert f"{lump['identified']:.5g}" in text
+                assert lump["expression"] in text
+            for part in ("gravity torque", "Coriolis torque", "mass matrix", "pushes that coast throughout"):
+                assert part in text
+            assert "What is not drawn" in text
+            heights = "return [...document.querySelectorAll('figure svg')].map(s => s.getBoundingClientRect().height)"
+            assert sum(height > 100 for height in browser.driver.execute_script(heights)) == 1 + len(FIGURES)
+            sideways = "return document.documentElement.scrollWidth - window.innerWidth"
+            assert browser.driver.execute_script(sideways) <= 0
+            assert browser.fetched() == [page.as_uri()]
+            assert browser.complaints() == []
+
+
+def test_files_and_commands_of_a_report_repeat_the_study_of_an_arm(metaid: Metaid, page: Path, arms: Path) -> None:
+    """Saved and run as the page says, they give the same trials; no id is there twice."""
+    text = page.read_text()
+    ids = re.findall(r'\bid="([^"]+)"', text)
+    assert len(ids) == len(set(ids))
+    ((name, content),) = re.findall(r'<pre class="file" data-name="([^"]+)">(.*?)</pre>', text, flags=re.DOTALL)
+    Path(name).write_text(html.unescape(content))
+    (commands,) = re.findall(r'<pre id="commands">(.*?)</pre>', text, flags=re.DOTALL)
+    for command in html.unescape(commands).splitlines():
+        assert metaid(*command.split()[1:]).status == 0
+    assert package.trials("exact").equals(package.trials("exact", str(arms)))
+
+
+def test_report_of_an_arm_that_was_not_found_has_no_number(metaid: Metaid, arms: Path) -> None:
+    """The verdict says why first, nothing was validated, and what is not drawn is said."""
+    assert metaid("study", "report", "bent", "--storage", str(arms), "-o", "bent.html").status == 0
+    text = Path("bent.html").read_text()
+    (verdict,) = re.findall(r'<p class="lead" id="verdict">.*?</p>', text, re.DOTALL)
+    assert "Not found." in verdict
+    assert "the model does not explain what was seen" in verdict
+    (table,) = re.findall(r'<table id="lumps-table">.*?</table>', text, re.DOTALL)
+    assert table.count("<b>not found</b>") == 22
+    assert "Nothing was validated" in text
+    assert "the verdict is &#39;not found&#39;" in text
+    assert 'id="figure-estimate-motion"' in text
+    assert 'id="figure-known"' not in text
+
+
+@pytest.mark.parametrize("name", ["exact", "noisy"])
+def test_replay_of_an_arm_is_what_was_seen_beside_the_twin(arms: Path, name: str) -> None:
+    """To rounding on exact sensors, to their noise on noisy ones."""
+    found = findings(arms, name)
+    assert found.estimate is not None
+    replay = found.estimate.replay()
+    difference = (replay.simulated - replay.seen)[~np.isnan(replay.seen)]
+    assert len(difference) > 100
+    assert replay.joints == found.problem.nominal.names
+    assert np.sqrt((difference**2).mean()) < (1e-9 if name == "exact" else 1.5 * replay.noise.max())
+    moved = np.nanmax(replay.simulated, axis=1) - np.nanmin(replay.simulated, axis=1)
+    assert moved.max() > 0.1
