@@ -30,6 +30,31 @@ FLAGS = (
 )
 
 
+# Of each figure that is shown: its height, texts that are beyond its edges by more than what letters differ by from one
+# machine to another, and pairs of texts that are in one another's place.
+FIGURES_SHOWN = """
+const is = element => { const r = element.getBoundingClientRect(); return r.width > 0 && r.height > 0; };
+return [...document.querySelectorAll('figure svg')].filter(is).map(svg => {
+  const r = svg.getBoundingClientRect(), wrong = [];
+  const texts = [...svg.querySelectorAll('text')].filter(is).map(t => [t.textContent, t.getBoundingClientRect()]);
+  for (const [text, b] of texts)
+    if (Math.max(r.left - b.left, b.right - r.right, r.top - b.top, b.bottom - r.bottom) > 0.03 * r.width)
+      wrong.push('cut: ' + text);
+  texts.forEach(([one, a], i) => texts.slice(i + 1).forEach(([other, b]) => {
+    const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+    const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+    if (across > 2 && down > 0.5 * Math.min(a.height, b.height)) wrong.push(one + ' over ' + other);
+  }));
+  return [r.height, wrong];
+});
+"""
+# Tables and texts that are wider than what they stand in.
+TOO_WIDE = """
+return [...document.querySelectorAll('table, pre, p, h1, h2')].filter(e => e.getBoundingClientRect().width > 0
+  && e.getBoundingClientRect().right > document.documentElement.clientWidth + 1).map(e => e.id || e.textContent);
+"""
+
+
 class Browser:
     """A page in Chromium, of the given size in pixels."""
 
@@ -44,9 +69,28 @@ class Browser:
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [scheme]})
         self.driver.get(url)
 
+    def print(self) -> None:
+        """Lays the page out for paper of 210 mm."""
+        size = {"width": 794, "height": 1123, "deviceScaleFactor": 1, "mobile": False}
+        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print", "features": []})
+
+    def badly_laid_out(self) -> list[str]:
+        """What is wrong with the figures that are shown, less than 200 pixels high, cut or on one another; and what is
+        wider than the page.
+        """
+        wrong = []
+        for height, texts in self.driver.execute_script(FIGURES_SHOWN):
+            wrong += [f"{height:.0f} pixels high"] if height < 200 else []
+            wrong += [" ".join(text.split()) for text in texts]
+        return wrong + [f"too wide: {text}" for text in self.driver.execute_script(TOO_WIDE)]
+
     def text(self) -> str:
-        """What can be read on the page."""
-        return str(self.driver.execute_script("return document.body.innerText"))
+        """What can be read on the page, the labels that a style sheet puts before cells included."""
+        labels = """return [...document.querySelectorAll('[data-label]')].filter(
+            e => getComputedStyle(e, '::before').content !== 'none').map(e => e.dataset.label).join(' ')"""
+        shown = self.driver.execute_script("return document.body.innerText")
+        return f"{shown}\n{self.driver.execute_script(labels)}"
 
     def fetched(self) -> list[str]:
         """Every URL asked for since the last call, but for data within the page and the browser's own pages."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from metaid.results.estimates import StudyEstimate
 from metaid.results.overview import summarized
 from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.results.tables import trials_table
+from metaid.results.validation import Validation, validate_chain
 from metaid.results.verdict import Verdict, judge
 from metaid.store import Store
 from metaid.study import Problem, StudySpec
@@ -30,7 +32,7 @@ CLOSEST = 50  # best survivors at least, for their correlation
 class Findings:
     """A study's settings; the `trials` and `lumps` of its first stage, as `metaid.trials` and `metaid.lumps` have them;
     its `summary` and the `verdict` on it; the same of its `second` stage, if it has one with a survivor; and the
-    `estimate` from all trials of its first stage, if there is one.
+    `estimate` from all trials of its first stage, if there is one. The first stage has the `snapshot`, too.
     """
 
     name: str
@@ -42,11 +44,26 @@ class Findings:
     verdict: Verdict
     second: Findings | None = None
     estimate: StudyEstimate | None = None
+    snapshot: Snapshot | None = None
 
     @property
     def names(self) -> list[str]:
         """The lumps' names, as the columns of `trials` have them."""
         return self.problem.names
+
+    @property
+    def known_lumps(self) -> pd.DataFrame:
+        """The lumps that the study stands by: of an estimate all of them, those of inertia too; else those of this
+        stage.
+        """
+        return self.verdict.lumps if self.verdict.source == "estimate" else self.lumps
+
+    @cached_property
+    def validation(self) -> Validation | None:
+        """On new pushes and along a trajectory; None where nothing was found, or the plant is a rig."""
+        if self.snapshot is None or not self.verdict.is_found or not self.problem.is_simulated:
+            return None
+        return validate_chain(self.snapshot, self.verdict)
 
     @property
     def stages(self) -> list[Findings]:
@@ -167,4 +184,4 @@ def findings_of(snapshot: Snapshot) -> Findings:
 
     first, *later = (of(stage.problem) for stage in snapshot.stages)
     second = next((second for second in later if not second.survivors.empty), None)
-    return replace(first, second=second, estimate=snapshot.estimate)
+    return replace(first, second=second, estimate=snapshot.estimate, snapshot=snapshot)

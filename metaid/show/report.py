@@ -23,6 +23,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 import metaid
+from metaid.plant import PlantSettings
 from metaid.results import (
     Findings,
     body_rows,
@@ -32,7 +33,7 @@ from metaid.results import (
     describe_trials,
     interval_name,
 )
-from metaid.show.figures import INK, Gallery, Picture, plant_figure, style
+from metaid.show.figures import COLUMN, INK, PAGE, Gallery, Picture, plant_figure, style
 
 VERSIONS_OF = ("mujoco-core", "numba", "numpy", "cmaes", "optuna", "matplotlib")
 WIDEST = 0.02  # of a lump's value: a wider range is reported
@@ -60,10 +61,10 @@ def render(found: Findings) -> str:
         unit=found.problem.measure.unit,
         episode=found.problem.episode,
         timestep=found.problem.timestep,
-        plant_picture=inline_svg(
-            plant_figure(found.problem.make_plant() if found.problem.is_simulated else found.problem.nominal_plant()),
-            "plant-",
-        ),
+        plant_picture=plant_picture(found),
+        shows_plant=shows_plant(found),
+        validation=None if found.validation is None else found.validation.summary(),
+        left_out=gallery.left_out,
         figures=page_figures(gallery.pictures("page"), gallery.pictures("column")),
         stages=[
             {
@@ -95,7 +96,38 @@ def filled_in(template: str, **values: Any) -> str:
     environment.filters |= {"number": number_text, "percent": percent_text}
     versions = {"metaid": metaid.__version__, "Python": platform.python_version(), **_versions()}
     page: str = environment.get_template(template).render({"versions": versions, **values})
-    return page
+    return re.sub(r"<table.*?</table>", _labelled, page, flags=re.DOTALL)
+
+
+def _labelled(table: re.Match[str]) -> str:
+    """A table whose cells say of which column they are: a phone shows them below one another."""
+    if "<thead>" not in table[0]:
+        return table[0]
+    headings = re.findall(r"<th>(.*?)</th>", table[0].partition("</thead>")[0])
+
+    def row(found: re.Match[str]) -> str:
+        names = iter(headings)
+        return re.sub("<td>", lambda _: f'<td data-label="{next(names)}">', found[0])
+
+    return re.sub(r"<tr>(<td>.*?)</tr>", row, table[0], flags=re.DOTALL)
+
+
+def shows_plant(found: Findings) -> bool:
+    """Whether the plant's own parameters may be shown: not of a rig, nor where its file has `truth_known = false`."""
+    plant = found.spec.plant
+    return isinstance(plant, PlantSettings) and plant.truth_known
+
+
+def plant_picture(found: Findings) -> PageFigure:
+    """A sketch of the plant, or of the nominal model where the plant is not to be shown."""
+    plant = found.problem.make_plant() if shows_plant(found) else found.problem.nominal_plant()
+    widths = {"wide": 0.64 * PAGE, "narrow": COLUMN}
+    wide, narrow = (inline_svg(plant_figure(plant, width), f"plant-{name}-") for name, width in widths.items())
+    caption = "The plant as it is simulated, bent a little at every joint. The search never sees these numbers."
+    if not shows_plant(found):
+        what = "A plant whose truth is not told" if found.problem.is_simulated else "A rig"
+        caption = f"{what}, drawn by the nominal model, bent a little at every joint."
+    return PageFigure("plant", caption, wide, narrow)
 
 
 def page_figures(page: Iterable[Picture], column: Iterable[Picture]) -> list[PageFigure]:
@@ -193,12 +225,17 @@ def unidentified(found: Findings) -> list[dict[str, Any]]:
 
 
 def files(found: Findings) -> dict[str, str]:
-    """A plant file and a study file, by name, that make this very study again, trial for trial."""
+    """A plant file and a study file, by name, that make this very study again, trial for trial. Where the truth is not
+    told, the plant file is the reader's own.
+    """
     stem = file_stem(found.name)
     plant = found.spec.plant.model_dump(mode="json", exclude_none=True)
     links = [link.model_dump(mode="json", exclude_none=True) for link in found.spec.nominal]
     study = found.spec.study.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
     study |= {"plant": f"{stem}-plant.toml", "nominal": {"links": links}}
+    if found.problem.is_simulated and not shows_plant(found):
+        study["plant"] = f"{found.spec.plant_name}.toml"
+        return {f"{stem}.toml": tomli_w.dumps(study)}
     return {f"{stem}-plant.toml": tomli_w.dumps(plant), f"{stem}.toml": tomli_w.dumps(study)}
 
 

@@ -140,7 +140,7 @@ def test_parallel_coordinates_colour_by_frequency(plain: Findings, axes: Axes) -
 def test_ranges_are_those_of_the_table(plain: Findings, axes: Axes) -> None:
     """A bar from low to high, in percent of the identified value."""
     figures.plot_ranges(plain, axes)
-    lumps = plain.lumps
+    lumps = plain.known_lumps
     widths = [bar.get_width() for bar in axes.patches]
     assert widths == pytest.approx((100 * (lumps["high"] - lumps["low"]) / lumps["identified"]).tolist())
     assert axes.get_xlabel() == "deviation from the identified value, %"

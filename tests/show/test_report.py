@@ -12,6 +12,7 @@ from browser import open_browser
 from conftest import Finished
 
 import metaid as package
+from metaid.results import read_findings
 from metaid.show.report import render
 from metaid.store.database import Store
 from metaid.study.create import create_study
@@ -52,6 +53,45 @@ def test_browser_shows_lumps_figures_and_falls_and_fetches_nothing(page: Path, s
             assert paper == ("rgb(22, 23, 27)" if dark else "rgb(255, 255, 255)")
             assert browser.fetched() == [page.as_uri()]
             assert browser.complaints() == []
+
+
+@pytest.fixture(scope="module")
+def hidden(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of a study of a plant that does not tell its truth, without falls."""
+    spec = load_chain_study("two-link-tpe", {"sampler": "output-error", "trials": 3})
+    plant = spec.plant.model_copy(update={"truth_known": False})  # type: ignore[union-attr]
+    folder = tmp_path_factory.mktemp("hidden")
+    store = Store(str(folder / "metaid.db"), create=True)
+    create_study(store, spec.model_copy(update={"plant": plant}), "hidden")
+    run_study(store, "hidden")
+    (folder / "hidden.html").write_text(render(read_findings(store, "hidden")), encoding="utf-8")
+    store.close()
+    return folder / "hidden.html"
+
+
+def test_pages_are_whole_on_a_phone_a_tablet_a_desk_and_on_paper(page: Path, hidden: Path, tmp_path: Path) -> None:
+    """Every figure is 200 pixels high at least, no text is cut or over another, and nothing is wider than the page."""
+    with open_browser(tmp_path / "profile") as browser:
+        for each in (page, hidden):
+            for width, dark in ((360, False), (768, True), (1440, False)):
+                browser.look(each.as_uri(), width, dark)
+                assert browser.badly_laid_out() == [], (each.name, width)
+            browser.print()
+            assert browser.badly_laid_out() == [], (each.name, "print")
+
+
+def test_plant_that_does_not_tell_its_truth_is_nowhere_on_the_page(hidden: Path) -> None:
+    """Neither in the picture nor in the files; what is not drawn, and why, is said in place of an empty box."""
+    text = html.unescape(hidden.read_text(encoding="utf-8"))
+    readable = " ".join(re.sub("<[^>]+>", " ", re.sub(r"<style.*?</style>", "", text, flags=re.DOTALL)).split())
+    links = load_chain_study("two-link-tpe").plant.links  # type: ignore[union-attr]
+    for link in links:
+        assert f"mass {link.mass:.3g} kg" not in readable
+        for said in (f"mass = {link.mass}", f"com = {link.com}", f"inertia = {link.inertia}"):
+            assert not re.search(rf"{re.escape(said)}(?!\d)", readable)
+    assert "Errors the plant does not tell its true lumps" in readable
+    assert "Falls no trial fell" in readable
+    assert "A plant whose truth is not told, drawn by the nominal model" in readable
 
 
 def test_page_refers_to_nothing_outside(page: Path) -> None:

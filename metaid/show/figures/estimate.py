@@ -112,15 +112,15 @@ def plot_growth(found: StudyEstimate, true: Array | None, axes: Axes | None = No
     axes = new_axes(axes)
     counts, estimates = growth(found)
     deviations = [100.0 * each.deviations.max() for each in estimates]
-    axes.plot(counts, deviations, "o-", color=SURVIVOR, markersize=3, label="largest standard deviation")
+    axes.plot(counts, deviations, "o-", color=SURVIVOR, markersize=3, label="standard deviation")
     if true is not None:
         last = found.estimate.log_factors + np.log(true / found.lumps_of(found.estimate))
         errors = [100.0 * max(np.abs(np.expm1(each.log_factors - last)).max(), LEAST) for each in estimates]
-        axes.plot(counts, errors, "x--", color=FALL, markersize=4, label="largest error")
+        axes.plot(counts, errors, "x--", color=FALL, markersize=4, label="error")
     axes.set_yscale("log")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("trials")
-    axes.set_ylabel("of a lump, %")
+    axes.set_ylabel("largest of all lumps, %")
     axes.grid(True)
     axes.legend(loc="best")
     return axes

@@ -26,7 +26,9 @@ from metaid.show.figures.style import COLUMN, PAGE, style
 if TYPE_CHECKING:
     from metaid.estimation import Replay
 
+LEAST_HEIGHT = 2.3  # inches: 200 pixels of a phone
 PANELS = 12  # lumps at most in a figure of one panel each
+FEWEST = 2  # trials a lump, at least, for the correlation of their factors
 PUSHES = 6  # pushes at most in a figure of two panels each
 SWEPT, GRID = 61, 31  # factors along a line, and along each side of a plane
 WIDTHS = {"page": PAGE, "column": COLUMN}  # inches
@@ -66,7 +68,7 @@ class Gallery:
         makers = [self._convergence, self._factors, *([self._ranges] if identified else [])]
         makers += [self._frequency] if simulated else []
         if len(self.found.names) > 1:
-            makers += [self._boundary, self._parallel, self._correlation]
+            makers += [self._boundary, self._parallel, *([self._correlation] if self._correlates else [])]
         if self.found.estimate is not None:
             makers += [self._motion, self._residuals]
             counted = self.found.estimate.estimate.counts is not None
@@ -78,6 +80,33 @@ class Gallery:
         if self.second is not None:
             for picture in self.second.pictures(width):
                 yield replace(picture, name=f"inertia-{picture.name}", caption=f"Second stage. {picture.caption}")
+
+    @property
+    def _correlates(self) -> bool:
+        """Whether there are trials enough for a correlation of their factors."""
+        return len(self.found.closest) > FEWEST * len(self.found.names)
+
+    @property
+    def left_out(self) -> list[tuple[str, str]]:
+        """What is not drawn, and why."""
+        found, said = self.found, []
+        if found.true_factors is None:
+            said.append(("Errors", "the plant does not tell its true lumps"))
+        if not found.lumps["identified"].notna().any():
+            said.append(("Ranges of the lumps", f"no lump is identified: the verdict is '{found.verdict.word}'"))
+        if not found.problem.is_simulated:
+            said.append(("Frequency over the factors, motion of the best", "a rig is not moved for a picture"))
+        if len(found.names) == 1:
+            said.append(("Fall boundary, parallel lines, correlation", "there is one lump alone"))
+        elif not self._correlates:
+            said.append(("Correlation of the factors over the best trials", f"{len(found.closest)} trials are too few"))
+        if not len(found.falls):
+            said.append(("Falls", "no trial fell"))
+        if found.estimate is None:
+            said.append(("Motion beside the twin's", "no estimate has a twin"))
+        elif not found.estimate.explains:
+            said.append(("Correlation and growth of the estimate", "it does not explain what was seen"))
+        return said
 
     @cached_property
     def second(self) -> Gallery | None:
@@ -107,15 +136,19 @@ class Gallery:
         return np.linspace(self.found.problem.low[lump], self.found.problem.high[lump], count)
 
     def _convergence(self, width: float) -> Picture:
+        caption = "The measure of every survivor, and the best so far"
+        caption += "; falls are marked along the top." if len(self.found.falls) else "."
+        if self.found.true_factors is None or np.isnan(self.found.errors(self.found.bests)).all():
+            figure = Figure(figsize=(width, 2.6), layout="constrained")
+            plot_convergence(self.found, figure.subplots())
+            return Picture("convergence", caption, figure)
         figure, (left, right) = pair_of_panels(width, (1, 1))
         plot_convergence(self.found, left)
         plot_error(self.found, right)
-        return Picture(
-            "convergence",
-            "The measure of every survivor, and the best so far; falls are marked along the top. "
-            "Beside it the largest error of a lump of the best candidate, which the search never sees.",
-            figure,
+        caption += (
+            " The other panel has the largest error of a lump of the best candidate, which the search never sees."
         )
+        return Picture("convergence", caption, figure)
 
     def _factors(self, width: float) -> Picture:
         figure, axes = panels(width, len(self.names))
@@ -138,7 +171,8 @@ class Gallery:
         return "" if shown == all_of_them else f" The first {shown} of {all_of_them} lumps."
 
     def _ranges(self, width: float) -> Picture:
-        figure = Figure(figsize=(width, 1.2 + 0.2 * len(self.found.names)), layout="constrained")
+        height = max(1.2 + 0.2 * len(self.found.known_lumps), LEAST_HEIGHT)
+        figure = Figure(figsize=(width, height), layout="constrained")
         plot_ranges(self.found, figure.subplots())
         caption = "Each lump's range over the trials that the measure cannot tell from the best one."
         if self.found.verdict.source == "estimate":

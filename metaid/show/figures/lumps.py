@@ -24,7 +24,7 @@ def plot_ranges(found: Findings, axes: Axes | None = None) -> Axes:
     axes = new_axes(axes)
     _ = found.best_factors  # refuses a study without survivors
     by_estimate = found.verdict.source == "estimate"
-    lumps, places = found.lumps, np.arange(len(found.lumps))
+    lumps, places = found.known_lumps, np.arange(len(found.known_lumps))
     low, high, true = (100.0 * (lumps[key] / lumps["identified"] - 1.0) for key in ("low", "high", "true"))
     axes.barh(
         places,
@@ -41,7 +41,7 @@ def plot_ranges(found: Findings, axes: Axes | None = None) -> Axes:
     axes.use_sticky_edges = False  # or the axis would end where the longest bar begins
     axes.margins(x=0.08)
     axes.invert_yaxis()
-    axes.set_xlabel("deviation from the identified value, %")
+    axes.set_xlabel("deviation from the identified value, %", loc="left")  # a power of ten may stand on the right
     axes.grid(True, axis="x")
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     return axes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from metaid.models import Array
 from metaid.results import Findings
@@ -111,9 +111,13 @@ def _logarithmic(axes: Axes, values: Array, resolution: float) -> None:
     if len(values) and values.min() > 0.0:
         axes.set_yscale("log")
     else:
-        # Room enough for the zero and the first power of ten, whose labels would be in one another's place.
-        axes.set_yscale("symlog", linthresh=resolution, linscale=0.5)
+        axes.set_yscale("symlog", linthresh=resolution)
         axes.set_ylim(bottom=0.0)
+        # Smaller powers of ten are where the axis is linear: their labels would be in the place of the zero's.
+        powers = 10.0 ** np.arange(
+            np.ceil(np.log10(resolution)), np.log10(max(values.max(initial=0.0), resolution)) + 1
+        )
+        axes.yaxis.set_major_locator(FixedLocator([0.0, *powers.tolist()]))
 
 
 def _size(count: int) -> float:
