@@ -18,7 +18,7 @@ import numpy as np
 from metaid.files import shipped_names
 from metaid.results import trials_frame
 from metaid.store import Store
-from metaid.study import ARITHMETIC_KEY, arithmetic, create_study, load_chain_study
+from metaid.study import ARITHMETIC_KEY, arithmetic, create_study, load_study
 from soak.common import SoakResult, soaked
 
 KERNELS = "Haswell", "Nehalem"
@@ -74,7 +74,7 @@ def compare(folder: Path, studies: dict[str, tuple[str, dict[str, Any]]]) -> tup
     for kernels in KERNELS:
         store = Store(str(folder / f"{kernels}.db"), create=True)
         for name, (file, changes) in studies.items():
-            create_study(store, load_chain_study(file, changes), name)
+            create_study(store, load_study(file, changes), name)
         stores.append(store)
     runs = [
         subprocess.Popen([sys.executable, "-c", RUN, store.url], env={**os.environ, "OPENBLAS_CORETYPE": kernels})

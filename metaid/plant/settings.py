@@ -21,7 +21,7 @@ class LinkSettings(Settings):
 
     length: Positive
     mass: Positive
-    com: Annotated[float, Field(gt=0, le=1e6)] | None = None
+    com: Annotated[float, Field(ge=1e-9, le=1e6)] | None = None
     inertia: Annotated[float, Field(gt=0, le=1e9)] | None = None
     damping: Annotated[float, Field(ge=0, le=1e6)] = 0.0
     frictionloss: Annotated[float, Field(ge=0, le=1e6)] = 0.0
@@ -31,7 +31,7 @@ class LinkSettings(Settings):
     def _can_be_a_body(self) -> LinkSettings:
         if self.com is not None and self.com > self.length:
             raise ValueError(
-                f"com {self.com} lies beyond the link's length {self.length} (allowed: above 0, at most the length)"
+                f"com {self.com} lies beyond the link's length {self.length} (allowed: 1e-9 to the length)"
             )
         least = least_inertia(self.mass, self.length)
         if self.inertia is not None and self.inertia < least:
