@@ -186,6 +186,7 @@ def run(
     watch: Callable[[Progress], None] = lambda progress: None,
     patience: float | None = None,
     start_from: str | None = None,
+    until: float | None = None,
 ) -> pd.DataFrame:
     """Creates the study in the DB unless it is there, and runs it up to its number of trials.
 
@@ -200,6 +201,8 @@ def run(
         watch: called with the progress after each generation.
         patience: s after which a silent Ray worker or DB server is given up; default: 120 and 300.
         start_from: name of a study in the DB; what it identified is the nominal model of this one.
+        until: half the width of a 95 % interval as a share of its lump; the run ends once that of every lump is as
+            narrow (with `output-error`).
 
     Returns:
         The study's lumps, as `lumps` has them.
@@ -216,7 +219,7 @@ def run(
 
             spec = started_from(store, spec, start_from)
         name = ensure_study(store, spec, name)
-        run_study(store, name, trials, workers, engine, ray_address, watch, patience)
+        run_study(store, name, trials, workers, engine, ray_address, watch, patience, until)
         return results.lumps_frame(store, name)
 
 

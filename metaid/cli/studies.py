@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from metaid.cli.checks import describe_forecast, describe_reached, forecast_row, share
 from metaid.cli.common import (
     Group,
     json_option,
@@ -129,21 +130,27 @@ def _toml_value(text: str) -> Any:
 @click.option(
     "--set", "changes", metavar="KEY=VALUE", multiple=True, help="Change a setting of the file, as in create."
 )
+@click.option(
+    "--until", callback=share, metavar="SHARE", help="Also how many pushes and minutes 'study run --until' would take."
+)
 @json_option
-def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
+def check(source: str, changes: tuple[str, ...], until: float | None, as_json: bool) -> None:
     """What STUDY can determine, and how well, by its nominal model, before any trial."""
     from metaid.models import lump_unit
-    from metaid.study import ArmSpec, Problem, identifiability, question
+    from metaid.study import ArmSpec, Problem, forecast, identifiability, question, refuse_until
 
     spec = load_study(source, changes)
+    if until is not None:
+        refuse_until(spec, until)
     if isinstance(spec, ArmSpec):
-        from metaid.cli.arm_check import check_arm
+        from metaid.cli.checks import check_arm
 
         check_arm(spec, as_json)
         return
     if asked := question(spec):
         say(asked, err=True)
     stages = [identifiability(problem) for problem in Problem(spec).stages()]
+    foreseen = None if until is None else forecast(Problem(spec), until)
     rows = [
         row
         for found in stages
@@ -174,6 +181,7 @@ def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
                 "measure": spec.study.episode.measure,
                 "lumps": lumps,
                 "undetermined": combinations,
+                **({} if foreseen is None else {"until": forecast_row(foreseen)}),
             }
         )
         return
@@ -198,6 +206,8 @@ def check(source: str, changes: tuple[str, ...], as_json: bool) -> None:
             "no trial shows a change of these factors together: "
             + " ".join(f"{weight:+.2f} {name}" for name, weight in terms)
         )
+    if foreseen is not None:
+        say(describe_forecast(foreseen))
 
 
 def _and_widened(spec: StudySpec) -> str:
@@ -261,6 +271,12 @@ def _undetermined(spec: StudySpec) -> str | None:
     type=click.FloatRange(0, min_open=True),
     help="Seconds that a Ray worker, or a DB server, may be silent [default: 120, and 300].",
 )
+@click.option(
+    "--until",
+    callback=share,
+    metavar="SHARE",
+    help="End once half of every 95 % interval is at most this share of its lump, as 0.5% (with output-error).",
+)
 @click.option("--quiet", is_flag=True, help="Print nothing while it runs.")
 def run(
     name: str,
@@ -271,6 +287,7 @@ def run(
     engine: str,
     ray_address: str | None,
     patience: float | None,
+    until: float | None,
     quiet: bool,
 ) -> None:
     """Run a study, or go on with it. Ctrl-C is safe: whole generations are in the DB.
@@ -294,13 +311,15 @@ def run(
                     live.update(progress)
                     stop.raise_if_requested()
 
-                run_study(store, name, trials, workers, engine, ray_address, watch, patience)
+                run_study(store, name, trials, workers, engine, ray_address, watch, patience, until)
         except WorkerError as problem:
             raise WorkerError(f"{problem}; {_how_to_go_on(live.trials, store.shown, name)}") from None
         except KeyboardInterrupt:
             say(f"stopped; {_how_to_go_on(live.trials, store.shown, name)}", err=True)
             raise click.exceptions.Exit(128 + stop.signal_number) from None
         shown = print_study(store, name)
+        if until is not None:
+            say(describe_reached(shown, until))
         if shown["verdict"] == "not found":
             raise click.exceptions.Exit(NOT_FOUND)
 

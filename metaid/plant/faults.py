@@ -7,6 +7,7 @@ matter: its factors differ in their last bits from one processor to another, and
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -61,6 +62,12 @@ class FaultSettings(Settings):
     def is_noisy(self) -> bool:
         """Whether two episodes that are alike differ."""
         return any((self.angle_noise, self.speed_noise, self.torque_noise, self.push_noise))
+
+    def without(self, searched: Sequence[str]) -> FaultSettings:
+        """The same but for faults that are `searched`, by the kinds of `metaid.plant.unknown_faults`: these are off."""
+        keys = {"delay": "delay", "tilt": "tilt", "offset": "encoder_offset", "gain": "torque_gain"}
+        off = {key: type(self).model_fields[key].default for kind, key in keys.items() if kind in searched}
+        return self.model_copy(update=off)
 
     def torque_limits(self, njoint: int) -> Array:
         """The largest torque of each joint (njoint), in N m; infinite where there is no limit."""

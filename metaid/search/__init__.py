@@ -13,7 +13,7 @@ from metaid.search.coordinates import Coordinates, nominal_metric, plain_coordin
 from metaid.search.optuna_samplers import MetricSampler, tpe_for_metric
 from metaid.search.output_error import OutputErrorOptions
 from metaid.search.registry import SAMPLERS, Sampler, SamplerOptions, make_searcher
-from metaid.search.searcher import Searcher, StepOptions, WideningSearcher
+from metaid.search.searcher import NarrowingSearcher, Searcher, StepOptions, WideningSearcher
 from metaid.search.sensitivity import designed_speeds, sensitivity
 from metaid.search.walk import Walking
 
@@ -23,6 +23,7 @@ __all__ = [
     "Cmaes",
     "Coordinates",
     "MetricSampler",
+    "NarrowingSearcher",
     "OutputErrorOptions",
     "Sampler",
     "SamplerOptions",

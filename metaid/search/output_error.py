@@ -3,7 +3,8 @@
 A simulated twin is fitted to the motion of every push of every trial so far (`metaid.estimation`), so a handful of
 trials is enough where a minimiser, which keeps one number of each, needs hundreds. The first law over-compensates:
 under it nothing falls, the mass matrix shows, and squares have their signs. A law near the truth shows no mass matrix,
-for nothing accelerates. An estimate that does not explain what was seen is never sent, and another is made only once
+for nothing accelerates. So where intervals have stopped shrinking and trials are to go on until they are narrow, laws
+over-compensate again. An estimate that does not explain what was seen is never sent, and another is made only once
 there is half as much again to explain. On a noisy plant trials go on until the intervals stop shrinking, on any plant
 until a trial's motion is not kept for the estimate any more.
 """
@@ -24,6 +25,7 @@ from metaid.search.coordinates import Coordinates
 
 FEW = 4  # trials; so many are matched after each
 MANY = 8  # trials; where these were not explained from anywhere, a fit of more begins nowhere else
+DEVIATIONS = 1.96  # half a 95 % interval
 MORE = 1.5  # times the trials that no model explained; with fewer none is looked for again: each fit costs more
 
 
@@ -84,6 +86,7 @@ class OutputError:
         self._matched = 0  # trials that the last estimate is of
         self._coasts = self._settled = self._spent = False
         self._trial_count = 0
+        self.until: float | None = None
 
     @property
     def spread(self) -> float | None:
@@ -106,9 +109,11 @@ class OutputError:
             self._matched = len(self._trials)
             self._coasts = at_estimate and not outcome.fell and self._experiment.is_coasting(outcome.value)
             if at_estimate and before is not None and self._estimate is not None and self._is_explained:
-                self._settled = self._experiment.is_settled(before, self._estimate)
+                self._settled = self._settled or self._experiment.is_settled(before, self._estimate)
         if self._estimate is not None and self._is_explained:
             factors = self._experiment.factors(self._estimate)
+            if self._settled:
+                factors = self._experiment.probe(factors, self._random)
             self._next = np.clip(factors, self._coordinates.low, self._coordinates.high)
         else:
             self._next = self._probe(self._random)
@@ -126,9 +131,19 @@ class OutputError:
     def widen(self, coordinates: Coordinates) -> None:
         self._coordinates = coordinates
 
+    @property
+    def half_width(self) -> float:
+        """Half the widest 95 % interval, as a share of its lump; inf where nothing is explained yet.  Eq. 64."""
+        if self._estimate is None or not self._is_explained:
+            return np.inf
+        return float(np.sinh(DEVIATIONS * self._estimate.deviations.max()))
+
     def finished(self) -> bool:
-        """Whether the plant coasts under the law of the estimate, or one more trial tells no more."""
-        return self._coasts or self._settled or self._spent
+        """Whether the plant coasts under the law of the estimate, or one more trial tells no more; given `until`, in
+        place of the last whether all intervals are as narrow.
+        """
+        enough = self._settled if self.until is None else self.half_width <= self.until
+        return self._coasts or enough or self._spent
 
     def _probe(self, random: np.random.Generator | None) -> Array:
         """A law that shows much."""

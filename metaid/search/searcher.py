@@ -47,6 +47,17 @@ class Searcher(Protocol):
 
 
 @runtime_checkable
+class NarrowingSearcher(Searcher, Protocol):
+    """One whose intervals get narrower from trial to trial."""
+
+    until: float | None  # half the width of an interval as a share of its lump; once all are narrower it is finished
+
+    @property
+    def half_width(self) -> float:
+        """Half the widest 95 % interval, as a share of its lump; inf where nothing is explained yet."""
+
+
+@runtime_checkable
 class WideningSearcher(Searcher, Protocol):
     """One that can go on within wider bounds, with all that it has learned."""
 

@@ -7,7 +7,14 @@ from metaid.study.arms import ArmProblem, ArmSpec, arm_identifiability
 from metaid.study.bounds import LumpAtBound, lumps_at_bounds
 from metaid.study.create import advice, create_study, delete_study, ensure_study, optuna_spec, question, stored_spec
 from metaid.study.evaluation import NominalMetricSampler, OptunaObjective
-from metaid.study.identifiability import COARSEST, identifiability, identifiability_by_measure
+from metaid.study.identifiability import (
+    COARSEST,
+    Forecast,
+    forecast,
+    identifiability,
+    identifiability_by_measure,
+    refuse_until,
+)
 from metaid.study.kinds import (
     AnyProblem,
     AnySpec,
@@ -37,6 +44,7 @@ __all__ = [
     "ArmProblem",
     "ArmSpec",
     "EpisodeSettings",
+    "Forecast",
     "LumpAtBound",
     "NominalMetricSampler",
     "OptunaObjective",
@@ -51,6 +59,7 @@ __all__ = [
     "create_study",
     "delete_study",
     "ensure_study",
+    "forecast",
     "identifiability",
     "identifiability_by_measure",
     "load_chain_study",
@@ -60,6 +69,7 @@ __all__ = [
     "optuna_spec",
     "problem_of",
     "question",
+    "refuse_until",
     "run_study",
     "spec_from",
     "stored_spec",

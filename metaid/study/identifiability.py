@@ -18,9 +18,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from metaid.episode import NOISE_RESOLUTION, pushes_for
+from metaid.errors import StudyError
 from metaid.models import Array, lump_names
 from metaid.plant import PlantSettings
-from metaid.study.problem import Problem
+from metaid.search import SAMPLERS, NarrowingSearcher
+from metaid.study.arms import ArmSpec
+from metaid.study.problem import MOST_TRIALS, Problem
+from metaid.study.settings import StudySpec
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective
@@ -33,6 +37,8 @@ OVER_COMPENSATED = (
 )  # factors of the gravity lumps in the first trials of an estimate, as many as it needs; between them
 DEVIATIONS = 1.96  # half a 95 % interval
 EPISODES = 32  # with exact lumps, which show how far noise moves the measure
+MARGIN = 0.7  # of the wanted width, on the nominal model: that of the plant differs by some tenths
+OWN_NOISE = 1  # added to the study's seed: a forecast has other noise than the study
 HALVINGS = 11  # of the interval in which a factor stops being noticed
 
 
@@ -145,13 +151,65 @@ def _from_estimate(problem: Problem) -> Identifiability:
     return Identifiability(tuple(names), DEVIATIONS * estimate.deviations_of(names), *unbounded)
 
 
-def _nominal_objective(problem: Problem, pushes: Array | None = None) -> Objective:
+@dataclass(frozen=True)
+class Forecast:
+    """With how many `trials`, `pushes` and `seconds` of motion half of every 95 % interval is at most `until` of its
+    lump, if the nominal model were the truth. `half_width` is what the widest would then be; where it is above `until`,
+    the trials that an estimate is made of do not make it narrow enough, and `is_reached` is false.
+    """
+
+    until: float
+    trials: int
+    pushes: int
+    seconds: float
+    half_width: float
+
+    @property
+    def is_reached(self) -> bool:
+        return self.half_width <= self.until
+
+
+def forecast(problem: Problem, until: float) -> Forecast:
+    """What a run until intervals are as narrow takes: the search itself, on the nominal model in the plant's place,
+    with noise of its own, until intervals are MARGIN times as narrow: those of the plant differ. The start speeds are
+    the study's.  Raises StudyError where there is no such run.
+    """
+    refuse_until(problem.spec, until)
+    searcher = problem.make_searcher()
+    assert isinstance(searcher, NarrowingSearcher), "it goes by the estimate"
+    searcher.until = MARGIN * until
+    objective = _nominal_objective(problem, pushes_for(problem.nominal_plant(), problem.start_speeds), OWN_NOISE)
+    trials = steps = 0
+    most = min(MOST_TRIALS, problem.trials_with_readings or problem.trials_with_windows)
+    while trials < most and not searcher.finished():
+        outcome = objective.evaluate(searcher.ask()[0], trials)
+        searcher.tell([outcome])
+        trials, steps = trials + 1, steps + outcome.steps
+    pushes = trials * len(problem.episode.pushes)
+    return Forecast(until, trials, pushes, steps * problem.timestep, searcher.half_width)
+
+
+def refuse_until(spec: StudySpec | ArmSpec, until: float) -> None:
+    """Raises StudyError where a study cannot be run until its intervals are as narrow."""
+    if isinstance(spec, ArmSpec):
+        raise StudyError(
+            "until: intervals are relative to lumps, and an arm's base parameters may be 0 (allowed: studies of chains)"
+        )
+    if not 0.0 < until <= COARSEST:
+        raise StudyError(f"until is {until:.3%} (allowed: above 0 to {COARSEST:.0%}, half an interval ÷ its lump)")
+    if not SAMPLERS[spec.study.sampler].by_estimate:
+        able = ", ".join(name for name, each in SAMPLERS.items() if each.by_estimate)
+        raise StudyError(f"until: sampler '{spec.study.sampler}' does not work by intervals (allowed: {able})")
+
+
+def _nominal_objective(problem: Problem, pushes: Array | None = None, further: int = 0) -> Objective:
     """What the study would evaluate its candidates with if its nominal model were the truth; with the study's impulses,
-    or with these `pushes` (npush x njoint), in N s.
+    or with these `pushes` (npush x njoint), in N s. `further` is added to the seed of the noise.
     """
     from metaid.compiled import Objective  # loads MuJoCo and numba, which other measures do without
 
     rule, episode = problem.spec.study.episode.rule, replace(problem.episode, calibration=None)
+    episode = replace(episode, seed=episode.seed + further)
     if pushes is not None:
         episode = replace(episode, pushes=pushes)
     return Objective(problem.nominal_plant(), problem.lumps, episode, problem.measure.name, rule=rule)

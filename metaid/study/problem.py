@@ -251,9 +251,12 @@ class Problem:
         raise StudyError(f"plant {plant.name} is a rig, and this needs a simulated plant")
 
     def nominal_plant(self) -> MujocoPlant:
-        """The nominal model as a plant."""
+        """The nominal model as a plant, with the faults of the plant file but for those that are searched."""
         if isinstance(self.spec.plant, PlantSettings):
-            return MujocoPlant("nominal", self.spec.plant.model_copy(update={"links": self.spec.nominal}))
+            faults = self.spec.plant.faults.without(self.spec.study.estimate.faults)
+            return MujocoPlant(
+                "nominal", self.spec.plant.model_copy(update={"links": self.spec.nominal, "faults": faults})
+            )
         settings = self.spec.plant
         return MujocoPlant(
             "nominal", PlantSettings(gravity=settings.gravity, timestep=settings.timestep, links=self.spec.nominal)

@@ -14,7 +14,7 @@ from optuna.trial import TrialState
 from metaid.episode import Outcome
 from metaid.errors import StorageError
 from metaid.models import Array
-from metaid.search import WideningSearcher
+from metaid.search import NarrowingSearcher, WideningSearcher
 from metaid.store import Trial
 from metaid.study.kinds import AnyProblem
 
@@ -40,11 +40,12 @@ class Progress:
 
 class Run:
     """A run up to `total` trials, from the first stage on. A stage ends at its own number of trials, at the target, or
-    when its searcher is finished; the last goes on to the total.
+    when its searcher is finished; the last goes on to the total. Given `until`, a searcher whose intervals get narrower
+    is finished once half the widest of them is that share of its lump.
     """
 
-    def __init__(self, problem: AnyProblem, total: int) -> None:
-        self.total = total
+    def __init__(self, problem: AnyProblem, total: int, until: float | None = None) -> None:
+        self.total, self.until = total, until
         self.number = self.falls = self.generation = 0
         self._begin(problem)
 
@@ -52,6 +53,8 @@ class Run:
         self.problem = problem
         self.best: Trial | None = None
         self._searcher = problem.make_searcher()
+        if isinstance(self._searcher, NarrowingSearcher):
+            self._searcher.until = self.until
         stages = problem.spec.study.trials, problem.spec.study.total_trials - problem.spec.study.trials
         self._patient_until = self.number + HELD_BACK * stages[problem.stage - 1]
         self._last = self.total if problem.is_last else min(self.number + problem.spec.study.trials, self.total)

@@ -22,7 +22,9 @@ from metaid.plant import SocketSettings
 from metaid.store import Lease, Store, Trial
 from metaid.study.create import stored_spec
 from metaid.study.evaluation import Evaluator, make_evaluator
+from metaid.study.identifiability import refuse_until
 from metaid.study.kinds import AnyProblem, AnySpec, problem_of
+from metaid.study.problem import MOST_TRIALS
 from metaid.study.progress import Progress, Run
 from metaid.study.writer import Writer
 
@@ -51,6 +53,7 @@ def run_study(
     ray_address: str | None = None,
     watch: Callable[[Progress], None] = lambda progress: None,
     patience: float | None = None,
+    until: float | None = None,
 ) -> Progress:
     """Runs a study, or goes on with it, until the DB holds all its trials or the searcher is finished.
 
@@ -59,12 +62,15 @@ def run_study(
     Args:
         store: the study DB.
         name: of the study in the DB.
-        trials: in all, those in the DB included; default: the study's.
+        trials: in all, those in the DB included; default: the study's, or with `until` as many as an estimate is made
+            of.
         workers: that evaluate; default: the study's.
         engine: "local", for threads of this process, or "ray".
         ray_address: of a running Ray cluster; default: one on this machine.
         watch: called with the progress after each generation, and once a second while a DB server does not answer.
         patience: s after which a silent Ray worker or DB server is given up; default: 120 and 300.
+        until: half the width of a 95 % interval as a share of its lump; the run ends once that of every lump is as
+            narrow, and not where intervals stop shrinking.
 
     Returns:
         The progress at the end.
@@ -77,7 +83,10 @@ def run_study(
         WorkerError: workers were lost again and again.
     """
     spec = stored_spec(store, name)
-    total = spec.study.total_trials if trials is None else trials
+    if until is not None:
+        refuse_until(spec, until)
+    planned = spec.study.total_trials if until is None else MOST_TRIALS
+    total = planned if trials is None else trials
     workers = spec.study.workers if workers is None else workers
     if total < 1 or workers < 1:
         raise StudyError(f"trials is {total} and workers is {workers} (allowed: 1 or more of each)")
@@ -86,7 +95,7 @@ def run_study(
     store.check()
     # At these sizes BLAS threads cost far more than they give.
     with threadpool_limits(1), Lease(store, name) as lease:
-        run = _replayed(store, name, spec, total)
+        run = _replayed(store, name, spec, total, until)
         watch(run.progress)
 
         def wait(trials: int, why: str) -> None:
@@ -105,9 +114,9 @@ def run_study(
     return run.progress
 
 
-def _replayed(store: Store, name: str, spec: AnySpec, total: int) -> Run:
+def _replayed(store: Store, name: str, spec: AnySpec, total: int, until: float | None) -> Run:
     stored = store.trials(name, *spec.names)
-    run, here = Run(problem_of(spec), max(total, len(stored))), arithmetic()
+    run, here = Run(problem_of(spec), max(total, len(stored)), until), arithmetic()
     if not stored:
         store.set_attribute(name, ARITHMETIC_KEY, here)
         return run

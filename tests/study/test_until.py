@@ -1,0 +1,137 @@
+"""A run ends once every interval is as narrow as wanted, and what that takes is known beforehand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from pandas.testing import assert_frame_equal
+
+from benchmarks.chains import random_chain
+from metaid import results
+from metaid.cli import app
+from metaid.cli.checks import describe_forecast
+from metaid.errors import StudyError
+from metaid.plant.faults import FaultSettings
+from metaid.plant.settings import PlantSettings
+from metaid.store.database import Store
+from metaid.study.create import create_study
+from metaid.study.identifiability import Forecast, forecast, refuse_until
+from metaid.study.problem import Problem
+from metaid.study.run import run_study
+from metaid.study.settings import EpisodeSettings, EstimateSettings, StudySettings, StudySpec, read_study
+
+WANTED = 0.01  # reached after a few trials, not after the first
+
+
+@pytest.fixture(scope="module")
+def spec() -> StudySpec:
+    """A study of a link with so much noise that a trial leaves intervals wide."""
+    true, nominal = random_chain(1, 1)
+    faults = FaultSettings(angle_noise=0.01, speed_sensor=False, push_noise=0.1)
+    study = StudySettings(
+        plant="noisy",
+        nominal="noisy",
+        sampler="output-error",
+        trials=2,
+        episode=EpisodeSettings(measure="smoothed"),
+    )
+    plant = PlantSettings(links=true, faults=faults)
+    return StudySpec(name="noisy", plant_name="noisy", plant=plant, nominal=nominal, study=study)
+
+
+def widest(store: Store, name: str) -> float:
+    """Half the widest interval of a study, as a share of its lump."""
+    lumps = results.lumps_frame(store, name)
+    return float(((lumps["high"] - lumps["low"]) / (2.0 * lumps["identified"])).max())
+
+
+def test_run_ends_once_every_interval_is_as_narrow(spec: StudySpec, tmp_path: Path) -> None:
+    """And not before; its trials are the first of those of a run until they are narrower still."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    for name in ("until", "longer"):
+        create_study(store, spec, name)
+    ended = run_study(store, "until", until=WANTED).trials
+    assert ended > 2, "the study's own trials are not the limit"
+    assert widest(store, "until") <= WANTED
+    run_study(store, "longer", trials=ended - 1, until=0.1 * WANTED)
+    assert widest(store, "longer") > WANTED
+    run_study(store, "longer", trials=ended, until=0.1 * WANTED)
+    tables = [results.trials_frame(store, name) for name in ("until", "longer")]
+    assert_frame_equal(*tables, check_exact=True)
+
+
+def test_stopped_run_goes_on_until_the_same(spec: StudySpec, tmp_path: Path) -> None:
+    """However often it was stopped; one that is there already adds no trial."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    for name in ("whole", "stopped"):
+        create_study(store, spec, name)
+    whole = run_study(store, "whole", until=WANTED).trials
+    run_study(store, "stopped", trials=1, until=WANTED)
+    assert run_study(store, "stopped", until=WANTED).trials == whole
+    assert run_study(store, "stopped", until=WANTED).trials == whole
+    assert run_study(store, "stopped", trials=1, until=2.0 * WANTED).trials == whole
+
+
+def test_pushes_and_time_that_it_takes_are_foreseen(spec: StudySpec, tmp_path: Path) -> None:
+    """By the nominal model; the plant takes at most half as many again."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    problem = Problem(spec)
+    foreseen = forecast(problem, WANTED)
+    create_study(store, spec)
+    trials = run_study(store, spec.name, until=WANTED).trials
+    assert foreseen.is_reached
+    assert foreseen.half_width <= WANTED
+    assert foreseen.trials / 3.0 <= trials <= 1.5 * foreseen.trials
+    assert foreseen.pushes == foreseen.trials * len(problem.episode.pushes)
+    assert foreseen.seconds == pytest.approx(foreseen.pushes * problem.episode.steps * problem.timestep, rel=0.2)
+
+
+def test_what_no_number_of_trials_reaches_is_said() -> None:
+    """With what the widest interval is in the end, or that nothing was explained."""
+    foreseen = Forecast(until=0.001, trials=32, pushes=64, seconds=120.0, half_width=0.004)
+    assert not foreseen.is_reached
+    said = describe_forecast(foreseen)
+    assert said.startswith(
+        "--until 0.001: not reached, for after 32 trials, 64 pushes, 2 min of motion half the widest"
+    )
+    assert "no estimate explains 32 trials" in describe_forecast(replace(foreseen, half_width=np.inf))
+
+
+def test_searched_fault_is_not_told_beforehand(spec: StudySpec) -> None:
+    """The nominal plant has none of those that are searched: a forecast is to know as little as its user."""
+    late = spec.plant.model_copy(update={"faults": FaultSettings(delay=3, tilt=0.02, angle_noise=0.01)})
+    study = spec.study.model_copy(update={"estimate": EstimateSettings(faults=("delay",))})
+    nominal = Problem(spec.model_copy(update={"plant": late, "study": study})).nominal_plant()
+    assert nominal.settings.faults == FaultSettings(tilt=0.02, angle_noise=0.01)
+
+
+@pytest.mark.parametrize(
+    ("study", "until", "message"),
+    [
+        ("three-link", 0.01, "sampler 'cmaes' does not work by intervals .allowed: output-error"),
+        ("three-link-oscillation", 0.5, "until is 50.000% .allowed: above 0 to 10%"),
+        ("scara", 0.01, "an arm's base parameters may be 0 .allowed: studies of chains"),
+    ],
+)
+def test_studies_without_such_intervals_are_refused(study: str, until: float, message: str) -> None:
+    """In one line that says what is allowed."""
+    with pytest.raises(StudyError, match=message):
+        refuse_until(read_study(study), until)
+
+
+def test_commands_say_what_it_takes_and_whether_it_was_reached(tmp_path: Path) -> None:
+    """`check` beforehand, `run` at its end; and a share is one."""
+    storage = str(tmp_path / "metaid.db")
+    run = CliRunner().invoke
+    checked = run(app, ["study", "check", "noisy-three-link", "--until", "0.5%"])
+    assert "--until 0.005: if the nominal model were right, " in checked.output
+    run(app, ["study", "create", "noisy-three-link", "--storage", storage])
+    ran = run(app, ["study", "run", "noisy-three-link", "--storage", storage, "--until", "0.5%", "--quiet"])
+    assert "--until 0.005: reached, half of every interval is at most " in ran.output
+    wrong = run(app, ["study", "check", "noisy-three-link", "--until", "much"])
+    assert wrong.exit_code == 2
+    assert "'much' is no share (allowed: above 0 to below 1, as 0.5% or 0.005)" in " ".join(wrong.output.split())
