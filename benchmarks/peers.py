@@ -37,12 +37,18 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1], help="of the chains")
     parser.add_argument("--budgets", type=int, nargs="+", default=list(BUDGETS), help="seconds of motion")
     parser.add_argument("--results", type=Path, help="a file of finished runs, which is read and added to")
+    parser.add_argument("--report", action="store_true", help="measure nothing, print all that is in the file")
     parser.add_argument("-o", "--output", type=Path, help="a PNG of error against seconds of motion, of three links")
     parser.add_argument("--json", action="store_true", help="every single result")
     given = parser.parse_args()
-    runs = wanted(given.part, given.methods, given.links, given.seeds, given.budgets)
-    with threadpool_limits(1):
-        cells = resumed(Cell, runs, measure, describe, given.results)
+    if given.report:
+        if given.results is None:
+            parser.error("--report needs --results FILE")
+        cells = [Cell(**json.loads(line)) for line in given.results.read_text().splitlines()]
+    else:
+        runs = wanted(given.part, given.methods, given.links, given.seeds, given.budgets)
+        with threadpool_limits(1):
+            cells = resumed(Cell, runs, measure, describe, given.results)
     if given.output:
         save(tuned(cells), SHOWN if SHOWN in given.links else max(given.links), given.output)
     if given.json:

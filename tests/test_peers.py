@@ -13,7 +13,7 @@ from benchmarks import peers
 from benchmarks.by_torque import inverse_dynamics_regressor
 from benchmarks.chains import random_chain
 from benchmarks.rivals.answers import OURS, tuned, winners
-from benchmarks.rivals.comparing import GRAVITY, LOGGED, METHODS, Cell, key, measure
+from benchmarks.rivals.comparing import DRIVEN, GRAVITY, LOGGED, METHODS, Cell, key, measure
 from benchmarks.rivals.conditions import CONDITIONS, ENCODER, TIMESTEP, Condition
 from benchmarks.rivals.excitation import SPEED, SWING, exciting
 from benchmarks.rivals.logs import Log, record
@@ -67,12 +67,26 @@ def test_on_perfect_data_every_rival_is_exact(method: str, log: Log) -> None:
         assert_found(found, 1e-4)
 
 
+@pytest.mark.parametrize("method", DRIVEN)
+def test_a_toolbox_with_the_same_servos_is_exact(method: str) -> None:
+    """All lumps to 1e-4 where each joint has a position servo of its own, in the rig and in the model."""
+    log = record(TRUE, NOMINAL, CONDITIONS["none"], 5.0, seed=0, by_drives=True)
+    for found in DRIVEN[method](log):
+        assert_found(found, 1e-4)
+
+
 def test_metaid_is_exact_without_a_torque() -> None:
     """All lumps, in no more seconds than the others have, and it says that it has found them."""
     found = output_error(TRUE, NOMINAL, CONDITIONS["none"], 5.0, seed=0)
     assert_found(Columns(np.append(found.lumps, found.inertia), 2, ()), 1e-6)
     assert found.seconds <= 5.0
     assert found.verdict == "found"
+
+
+def test_metaid_finds_lumps_beside_what_is_searched() -> None:
+    """Within 1 % in five seconds with friction, a tilt and late torques that it is not told."""
+    found = output_error(TRUE, NOMINAL, SEARCHED, 5.0, seed=0)
+    assert_found(Columns(np.append(found.lumps, found.inertia), 2, ()), 0.01)
 
 
 def test_regressor_times_the_lumps_is_mujocos_inverse_dynamics() -> None:
@@ -158,6 +172,9 @@ def test_one_command_compares_and_goes_on_where_it_stopped(
         printed = capsys.readouterr()
         assert {row["method"] for row in json.loads(printed.out)} == {"least squares", "weighted", OURS}
         assert len(printed.err.splitlines()) == measured
+    monkeypatch.setattr(sys, "argv", ["peers", "--results", str(results), "--report"])
+    peers.main()
+    assert "| weighted | **exact** | 1 of 1 |" in capsys.readouterr().out
     assert cell.errors[0]["worst_lump"] < 1e-9
     assert set(METHODS) >= {"least squares", "weighted", OURS}
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
 
 import numpy as np
 
-from benchmarks.rivals.comparing import METHODS, Cell
+from benchmarks.rivals.comparing import METHODS, UNEXPLAINED, Cell
 from benchmarks.rivals.conditions import CONDITIONS
 
 OURS = "metaid output-error"
@@ -70,7 +71,16 @@ def question(results: Sequence[Result]) -> str:
             shown = [_figure(middle[column], method, _says(own, column)) for column in columns]
             good = sum(each.error <= WITHIN for each in own)
             rows.append([method, *shown, f"{good} of {len(own)}"])
+    rows.append(["best of the others ÷ metaid output-error", *(_lead(middle[column]) for column in columns), ""])
     return _table(head, rows)
+
+
+def _lead(middle: dict[str, float]) -> str:
+    """How many times larger than ours the least error of the others is; nothing where one is exact, or ours missing."""
+    others = [error for method, error in middle.items() if method != OURS]
+    if OURS not in middle or not others or min(others) <= EXACT:
+        return "–"
+    return f"{min(others) / max(middle[OURS], EXACT):.2g}"
 
 
 def medians(results: Sequence[Result], column: tuple[int, int]) -> dict[str, float]:
@@ -102,27 +112,40 @@ def _figure(middle: dict[str, float], method: str, mark: str) -> str:
 
 def costs(results: Sequence[Result]) -> str:
     """Medians over everything of what a method's experiment asks of the rig, and of its computing."""
-    head = ["method", "largest torque, N m", "largest angle, rad", "computing, s", "most, s"]
+    links = sorted({each.cell.links for each in results})
+    head = ["method", *(f"N m, N = {number}" for number in links), "largest angle, rad", "computing, s", "most, s"]
     rows = []
     for method in METHODS:
         own = [each.cell for each in results if each.cell.method == method and np.isfinite(each.error)]
         if own:
-            strain = [f"{median(getattr(cell, name) for cell in own):.3g}" for name in ("torque", "angle", "cpu")]
-            rows.append([method, *strain, f"{max(cell.cpu for cell in own):.3g}"])
+            torques = [[cell.torque for cell in own if cell.links == number] for number in links]
+            strain = [f"{median(each):.3g}" if each else "–" for each in torques]
+            taken = [f"{median(getattr(cell, name) for cell in own):.2g}" for name in ("angle", "cpu")]
+            rows.append([method, *strain, *taken, f"{max(cell.cpu for cell in own):.2g}"])
     return _table(head, rows)
 
 
 def summary(results: Sequence[Result]) -> str:
-    """In how many cells each method has the least error, or is exact."""
-    groups = sorted({(each.cell.condition, each.cell.links, each.cell.budget) for each in results})
-    first: dict[str, int] = {}
-    for condition, *column in groups:
-        own = [each for each in results if each.cell.condition == condition]
-        for method in winners(medians(own, (column[0], column[1]))):
-            first[method] = first.get(method, 0) + 1
-    ranked = sorted(first.items(), key=lambda pair: -pair[1])
-    told = ", ".join(f"{method} {count}" for method, count in ranked)
-    return f"Least error, or exact, of {len(groups)} cells: {told}."
+    """In how many cells each method has the least error, or is exact: of conditions that methods know or search, and of
+    those that nobody knows.
+    """
+    sentences = []
+    for kind, is_known in (("that methods know of or search", True), ("that nobody knows of", False)):
+        own = [each for each in results if (each.cell.condition not in UNEXPLAINED) == is_known]
+        groups = sorted({(each.cell.condition, each.cell.links, each.cell.budget) for each in own})
+        groups = [group for group in groups if any(_is_in(each, group) and each.cell.method == OURS for each in own)]
+        first = Counter(
+            method
+            for group in groups
+            for method in winners(medians([each for each in own if _is_in(each, group)], group[1:]))
+        )
+        told = ", ".join(f"{method} {count}" for method, count in first.most_common())
+        sentences.append(f"Least error, or exact, of {len(groups)} cells of conditions {kind}: {told}.")
+    return "\n\n".join(sentences)
+
+
+def _is_in(result: Result, group: tuple[str, int, int]) -> bool:
+    return (result.cell.condition, result.cell.links, result.cell.budget) == group
 
 
 def _table(head: list[str], rows: list[list[str]]) -> str:

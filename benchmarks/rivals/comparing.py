@@ -17,6 +17,7 @@ from benchmarks.rivals.logs import Log, record
 from benchmarks.rivals.pushed import best_trial, output_error
 from benchmarks.rivals.regression import Columns, ordinary, regress, robust, weighted
 from benchmarks.rivals.simulated import didim, instrumental
+from benchmarks.rivals.toolbox import closed_loop as closed_loop_toolbox
 from benchmarks.rivals.toolbox import open_loop
 from metaid.episode import natural_time
 from metaid.errors import MetaidError
@@ -35,9 +36,14 @@ LOGGED: dict[str, Callable[[Log], list[Columns]]] = {
     "closed-loop output error": closed_loop,
     "mujoco.sysid, open loop": open_loop,
 }
-METHODS = (*PUSHED, *LOGGED)
-SLOW = {"mujoco.sysid, open loop": (5, 60)}  # the budgets that a method is run for, where these are not all
-UNSEARCHED = ("late, searched", "tilted, searched")  # what metaid does not search yet
+DRIVEN = {"mujoco.sysid, closed loop": closed_loop_toolbox}
+METHODS = (*PUSHED, *LOGGED, *DRIVEN)
+SLOW = {
+    "mujoco.sysid, open loop": (5, 60),
+    "mujoco.sysid, closed loop": (5, 60),
+}  # the budgets that a method is run for, where these are not all
+UNEXPLAINED, MOST_UNEXPLAINED = ("torque noise", "late", "tilted", "friction"), 60  # metaid refuses these soon enough
+ALONE = "metaid cmaes"  # searches nothing beside the lumps
 
 
 @dataclass(frozen=True)
@@ -93,8 +99,18 @@ def wanted(
         for condition in conditions
         for budget in budgets
         for method in methods
-        if budget in SLOW.get(method, budgets) and not (method in PUSHED and condition in UNSEARCHED)
+        if _is_worth_it(condition, method, budget)
     ]
+
+
+def _is_worth_it(condition: str, method: str, budget: int) -> bool:
+    """Whether a method has something to say in such a condition, and says it in the time that a run may take."""
+    searched = CONDITIONS[condition].searched
+    if method == ALONE and searched:
+        return False
+    if method in PUSHED and condition in UNEXPLAINED:
+        return budget <= MOST_UNEXPLAINED
+    return budget in SLOW.get(method, BUDGETS)
 
 
 def measure(named: str, nlink: int, seed: int) -> Cell:
@@ -107,9 +123,12 @@ def measure(named: str, nlink: int, seed: int) -> Cell:
         if method in PUSHED:
             results = [PUSHED[method](true, nominal, CONDITIONS[condition], float(budget), seed)]
         else:
-            log = recorded(condition, nlink, seed, max(BUDGETS)).first(float(budget))
+            by_drives = method in DRIVEN
+            log = recorded(condition, nlink, seed, budget if by_drives else max(BUDGETS), by_drives).first(
+                float(budget)
+            )
             began = time.process_time()
-            results = list(_found(log, LOGGED[method](log)))
+            results = list(_found(log, (LOGGED | DRIVEN)[method](log)))
     except (MetaidError, np.linalg.LinAlgError) as problem:
         nothing = np.full(nlink * (nlink + 1) // 2, np.inf), np.full(nlink, np.inf)
         results = [Found(*nothing, 0.0, 0.0, 0.0, str(problem))]
@@ -122,10 +141,10 @@ def measure(named: str, nlink: int, seed: int) -> Cell:
 
 
 @lru_cache(maxsize=1)
-def recorded(condition: str, nlink: int, seed: int, seconds: int) -> Log:
-    """The rig along exciting trajectories."""
+def recorded(condition: str, nlink: int, seed: int, seconds: int, by_drives: bool) -> Log:
+    """The rig along exciting trajectories; see `logs.record`."""
     true, nominal = random_chain(nlink, seed)
-    return record(true, nominal, CONDITIONS[condition], float(seconds), seed)
+    return record(true, nominal, CONDITIONS[condition], float(seconds), seed, by_drives)
 
 
 def _found(log: Log, results: list[Columns]) -> Iterator[Found]:

@@ -43,18 +43,25 @@ class Condition:
 
 
 CONDITIONS = {
-    "none": Condition("no fault: angles and speeds are exact"),
-    "coarse": Condition("1 mrad on the angles, no speed sensor", {**ENCODER, "angle_noise": COARSE}),
+    "none": Condition("My sensors are exact, for this is a simulator"),
+    "coarse": Condition("My encoder is coarse: 1 mrad of noise, no speed sensor", {**ENCODER, "angle_noise": COARSE}),
     "coarse, pushes alike": Condition(
-        "1 mrad on the angles, no speed sensor, pushes that are all alike",
+        "The same, and my pushes are all alike",
         {**ENCODER, "angle_noise": COARSE, "push_noise": 0.0},
     ),
-    "fine": Condition("0.1 mrad on the angles, no speed sensor", ENCODER),
-    "torque noise": Condition("torque noise of 0.3 N m every 2 ms", {**ENCODER, "torque_noise": TORQUE_NOISE}),
-    "late": Condition("torques 8 ms late, which nobody is told", {**ENCODER, "delay": DELAY}),
-    "late, searched": Condition("torques late, by how much is searched", {**ENCODER, "delay": DELAY}, 0.0, ("delay",)),
-    "tilted": Condition("base tilted by 30 mrad, which nobody is told", {**ENCODER, "tilt": TILT}),
-    "tilted, searched": Condition("base tilted, by how much is searched", {**ENCODER, "tilt": TILT}, 0.0, ("tilt",)),
-    "friction": Condition("viscous friction of 0.05 N m s, which nobody is told", ENCODER, FRICTION),
-    "friction, searched": Condition("viscous friction, which is searched", ENCODER, FRICTION, ("friction",)),
+    "fine": Condition("My encoder is good: 0.1 mrad of noise, no speed sensor", ENCODER),
+    "torque noise": Condition(
+        "I have no torque sensor, and my drives are rough: 0.3 N m of noise on every torque",
+        {**ENCODER, "torque_noise": TORQUE_NOISE},
+    ),
+    "late": Condition("My torques are 8 ms late, and nobody knows", {**ENCODER, "delay": DELAY}),
+    "late, searched": Condition(
+        "My torques are late, and that is searched", {**ENCODER, "delay": DELAY}, 0.0, ("delay",)
+    ),
+    "tilted": Condition("My base is tilted by 30 mrad, and nobody knows", {**ENCODER, "tilt": TILT}),
+    "tilted, searched": Condition("My base is tilted, and that is searched", {**ENCODER, "tilt": TILT}, 0.0, ("tilt",)),
+    "friction": Condition("My joints have viscous friction of 0.05 N m s, and nobody knows", ENCODER, FRICTION),
+    "friction, searched": Condition(
+        "My joints have viscous friction, and that is searched", ENCODER, FRICTION, ("friction",)
+    ),
 }

@@ -29,7 +29,9 @@ class Trajectory:
     accelerations: Array
 
 
-def exciting(nominal: Chain, gravity: float, timestep: float, seconds: float, seed: int) -> Trajectory:
+def exciting(
+    nominal: Chain, gravity: float, timestep: float, seconds: float, seed: int, share: float = 1.0
+) -> Trajectory:
     """Trajectories one after the other, each different one as often as there is time.
 
     Args:
@@ -38,6 +40,7 @@ def exciting(nominal: Chain, gravity: float, timestep: float, seconds: float, se
         timestep: in s.
         seconds: of the whole motion; rounded to whole periods.
         seed: of the random draws.
+        share: of the limits.
     """
     count = max(round(seconds / PERIOD), 1)
     random = np.random.default_rng([seed, nominal.nlink])
@@ -45,7 +48,7 @@ def exciting(nominal: Chain, gravity: float, timestep: float, seconds: float, se
     chosen: list[Array] = []
     rows = np.empty((0, len(scale)))
     for _ in range(min(count, DIFFERENT)):
-        drawn = [_draw(random, nominal.nlink) for _ in range(DRAWN)]
+        drawn = [share * _draw(random, nominal.nlink) for _ in range(DRAWN)]
         stacked = [np.concatenate([rows, _rows(series, gravity) * scale]) for series in drawn]
         best = int(np.argmin([np.linalg.cond(each.T @ each) for each in stacked]))
         chosen.append(drawn[best])

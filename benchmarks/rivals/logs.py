@@ -17,7 +17,10 @@ from metaid.errors import StudyError
 from metaid.models import Array, Chain
 from metaid.plant import chain_of, draw, slope_weights
 
-TIGHTNESS = 4.0  # of the servo, in rad per natural time
+# Shares of the limits of trajectories, and whether the servo has the nominal change of the gravity torque, too: the
+# first is taken with which control is kept.
+ATTEMPTS = ((1.0, False), (1.0, True), (0.7, True), (0.5, True))
+TIGHTNESS, OF_DRIVES = 4.0, 8.0  # of the servo, and of one in each drive, in rad per natural time
 
 
 @dataclass(frozen=True)
@@ -59,31 +62,67 @@ class Log:
             raise StudyError(f"control was lost before {seconds:g} s")
         servo, seen = self.servo, self.seen
         shorter = Servo(
-            servo.angles[:steps], servo.speeds[:steps], servo.forward[:steps], servo.gains[:steps], servo.bandwidth
+            servo.angles[:steps],
+            servo.speeds[:steps],
+            servo.forward[:steps],
+            servo.gains[:steps],
+            servo.bandwidth,
+            servo.stiffness[:steps],
         )
         kept = Followed(seen.angles[: steps + 1], seen.speeds[: steps + 1], seen.torques[:steps])
         return replace(self, servo=shorter, seen=kept)
 
 
-def record(true: Links, nominal: Links, condition: Condition, seconds: float, seed: int) -> Log:
-    """A rig along exciting trajectories: forward the torques of the nominal model along them, and a feedback with its
-    mass matrix.
+def record(
+    true: Links, nominal: Links, condition: Condition, seconds: float, seed: int, by_drives: bool = False
+) -> Log:
+    """A rig along exciting trajectories: forward the torques of the nominal model along them, and a feedback.
+
+    Args:
+        true: links of the rig.
+        nominal: links that are believed.
+        condition: what is wrong with it.
+        seconds: of motion.
+        seed: of the trajectories and of all noise.
+        by_drives: whether each joint has a position servo of its own, with gains that stay the same and a tachometer
+            without noise; else the feedback has the nominal mass matrix, and no other sensors than the condition has.
     """
-    plant, believed = condition.plant(true), chain_of(nominal)
+    for attempt in ATTEMPTS:
+        log = _recorded(true, nominal, condition, seconds, attempt, seed, by_drives)
+        if len(log.seen.torques) == len(log.servo.angles):
+            break
+    return log
+
+
+def _recorded(
+    true: Links,
+    nominal: Links,
+    condition: Condition,
+    seconds: float,
+    attempt: tuple[float, bool],
+    seed: int,
+    by_drives: bool,
+) -> Log:
+    """The same, in one of the ATTEMPTS, up to where control was lost."""
+    (share, balances), plant, believed = attempt, condition.plant(true), chain_of(nominal)
     timestep, gravity, n = plant.timestep, plant.gravity, believed.nlink
-    desired = exciting(believed, gravity, timestep, seconds, seed)
+    desired = exciting(believed, gravity, timestep, seconds, seed, share)
     motion = desired.angles, desired.speeds, desired.accelerations
     parameters = np.append(believed.lumps.vector, believed.inertia_lumps)
+    gains = joint_mass_matrices(believed, np.zeros_like(desired.angles) if by_drives else desired.angles)
+    if by_drives:
+        gains = np.asarray(np.eye(n) / np.diagonal(np.linalg.inv(gains), axis1=1, axis2=2)[:, None])
     servo = Servo(
         desired.angles,
         desired.speeds,
         inverse_dynamics_regressor(*motion, gravity) @ parameters,
-        joint_mass_matrices(believed, desired.angles),
-        TIGHTNESS / natural_time(believed, gravity),
+        gains,
+        (OF_DRIVES if by_drives else TIGHTNESS) / natural_time(believed, gravity),
+        gravity_stiffness(believed, desired.angles, gravity) * (balances and not by_drives),
     )
     faults = condition.settings
     noise = draw(faults, np.random.default_rng([seed, n, 1]), 1, len(desired.angles), n)
-    weights = NO_FILTER if faults.speed_sensor else slope_weights(timestep)
+    weights = NO_FILTER if faults.speed_sensor or by_drives else slope_weights(timestep)
     sensors = Sensors(noise.angles[0], noise.torques[0], weights, faults.delay, faults.tilt)
     chain = chain_of(plant.links)
     lumps = chain.lumps_of(("gravity", "coriolis", "damping"))
@@ -97,3 +136,14 @@ def joint_mass_matrices(chain: Chain, angles: Array) -> Array:
     for axis in (1, 2):
         matrices = np.flip(np.cumsum(np.flip(matrices, axis), axis=axis), axis)
     return np.ascontiguousarray(matrices)
+
+
+def gravity_stiffness(chain: Chain, angles: Array, gravity: float) -> Array:
+    """By how much the torque that holds a chain falls with each joint angle (ntime x njoint x njoint), in N m/rad.
+
+    Along joint `angles` (ntime x njoint), in rad; `gravity` in m/s².
+    """
+    weights = gravity * chain.lumps.gravity * np.cos(np.cumsum(angles, axis=1))
+    above = np.cumsum(weights[:, ::-1], axis=1)[:, ::-1]
+    links = np.arange(chain.nlink)
+    return np.ascontiguousarray(above[:, np.maximum.outer(links, links)])

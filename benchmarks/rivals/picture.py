@@ -21,7 +21,7 @@ def draw(results: Sequence[Result], links: int) -> Figure:
     conditions = [name for name in CONDITIONS if any(_is_of(each, name, links) for each in results)]
     rows = -(-len(conditions) // COLUMNS)
     figure = Figure(figsize=(PANEL[0] * COLUMNS, PANEL[1] * rows + 1.0), layout="constrained")
-    panels = figure.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
+    panels = figure.subplots(rows, COLUMNS, sharey=True, squeeze=False).ravel()
     for panel, condition in zip(panels, conditions, strict=False):
         own = [each for each in results if _is_of(each, condition, links)]
         budgets = sorted({each.cell.budget for each in own})
@@ -33,6 +33,7 @@ def draw(results: Sequence[Result], links: int) -> Figure:
             style = {"color": "black" if is_ours else f"C{number - 1}", "linewidth": 2.5 if is_ours else 1.2}
             panel.plot(known, errors, marker="o", markersize=4 if is_ours else 3, label=method, **style)
         panel.set_title(condition, fontsize=9)
+        panel.set_xlabel("seconds of motion", fontsize=8)
         panel.set_xscale("log")
         panel.set_yscale("log")
         panel.set_xticks(budgets, [str(budget) for budget in budgets])
@@ -40,7 +41,6 @@ def draw(results: Sequence[Result], links: int) -> Figure:
         panel.grid(alpha=0.3)
     for panel in panels[len(conditions) :]:
         panel.set_visible(False)
-    figure.supxlabel("seconds of motion")
     figure.supylabel("largest error, %")
     figure.legend(
         *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8, frameon=False
@@ -50,7 +50,7 @@ def draw(results: Sequence[Result], links: int) -> Figure:
 
 def save(results: Sequence[Result], links: int, path: Path) -> None:
     """Writes the picture as PNG."""
-    draw(results, links).savefig(path, dpi=100)
+    draw(results, links).savefig(path, dpi=85)
 
 
 def _is_of(result: Result, condition: str, links: int) -> bool:

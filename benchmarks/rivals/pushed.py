@@ -19,6 +19,7 @@ from metaid.results import StudyEstimate, identified_factors
 from metaid.search import make_searcher
 from metaid.study import HORIZON, Problem, StudySettings, StudySpec
 
+SEARCHED = {"friction": "viscous", "tilt": "tilt", "delay": "delay"}  # as a study has them
 MOST_TRIALS = 4  # of `output-error`, which has more pushes in a trial where there is more time
 
 
@@ -49,23 +50,20 @@ class Rig:
             horizon = HORIZON * natural_time(chain_of(nominal), plant.gravity)
             if not condition.is_exact:
                 horizon *= float(np.clip(6.0 / len(nominal), 1.0, 2.0))
-            pushes = max(int(seconds / horizon), 1)
+            pushes = max(round(seconds / plant.timestep) // round(horizon / plant.timestep), 1)
             trials = trials_of(pushes, len(nominal))
             episode["count"] = pushes // trials
-        search: dict[str, Any] = {}
-        if "friction" in condition.searched:
-            search["lumps"] = ("gravity", "coriolis", "damping")
-            nominal = tuple(link.model_copy(update={"damping": FRICTION_GUESS}) for link in nominal)
+        faults = tuple(SEARCHED[name] for name in condition.searched)
         study = StudySettings.model_validate(
             {"plant": "rig", "nominal": "believed", "sampler": sampler, "trials": trials, "seed": seed}
-            | {"episode": episode, "search": search}
+            | {"episode": episode, "estimate": {"faults": faults}}
         )
         self.spec = StudySpec(name="rig", plant_name="rig", plant=plant, nominal=nominal, study=study)
         self.problem = Problem(self.spec)
         self.objective = self.problem.make_objective()
 
     def experiment(self) -> Experiment | None:
-        """What the estimate knows: not that torques are late."""
+        """What the estimate knows: not that torques are late, unless it finds that by itself."""
         known = self.problem.experiment()
         return replace(known, delay=0) if isinstance(known, NoisyExperiment) else known
 
@@ -123,9 +121,6 @@ class Rig:
             problem.lumps.vector * tried.factors
         )
         return np.concatenate(pushes), np.cumsum(forces[:, ::-1], axis=1)
-
-
-FRICTION_GUESS = 0.02  # N m s, that is believed of each joint where friction is searched
 
 
 def output_error(true: Links, nominal: Links, condition: Condition, seconds: float, seed: int) -> Found:

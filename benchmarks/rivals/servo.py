@@ -1,7 +1,7 @@
 """A chain under a servo along a trajectory, with the faults of a rig or as a model, compiled.
 
-The torque is u = f(t) + K(t) (ω² (q_d − q) + 2 ω (q̇_d − q̇)), with f, K and the desired motion known beforehand. The
-plant is the analytic chain, which agrees with MuJoCo to rounding.
+The torque is u = f(t) + K(t) (ω² (q_d − q) + 2 ω (q̇_d − q̇)) + G(t) (q_d − q), with f, K, G and the desired motion
+known beforehand. The plant is the analytic chain, which agrees with MuJoCo to rounding.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ NO_FILTER = np.empty(0)
 class Servo:
     """Joint `angles` (rad) and `speeds` (rad/s) to follow, (nstep x njoint), the torques `forward` (nstep x njoint), in
     N m, that are sent whatever happens, the matrix `gains` (nstep x njoint x njoint) in kg m² and the `bandwidth` in
-    rad/s of the feedback.
+    rad/s of the feedback, and a further `stiffness` (nstep x njoint x njoint) in N m/rad.
     """
 
     angles: Array
@@ -30,6 +30,7 @@ class Servo:
     forward: Array
     gains: Array
     bandwidth: float
+    stiffness: Array
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ def follow(lumps: Lumps, gravity: float, timestep: float, servo: Servo, sensors:
         timestep,
     )
     angles, speeds, torques = np.empty((steps + 1, n)), np.empty((steps + 1, n)), np.empty((steps, n))
-    driven = servo.angles, servo.speeds, servo.forward, servo.gains, servo.bandwidth
+    driven = servo.angles, servo.speeds, servo.forward, servo.gains, servo.bandwidth, servo.stiffness
     seen = sensors.angle_noise, sensors.torque_noise, sensors.weights, sensors.delay, sensors.tilt
     done = _follow(chain, np.zeros(n, LINK), driven, seen, angles, speeds, torques)
     return Followed(angles[: done + 1], speeds[: done + 1], torques[:done])
@@ -101,7 +102,7 @@ def _follow(chain, links, driven, seen, angles, speeds, torques):  # type: ignor
     """Fills `angles`, `speeds` (nstep + 1 x njoint) and `torques` (nstep x njoint); returns the steps before it was
     lost.
     """
-    wanted, wanted_speeds, forward, gains, bandwidth = driven
+    wanted, wanted_speeds, forward, gains, bandwidth, stiffness = driven
     angle_noise, torque_noise, weights, delay, tilt = seen
     count, (steps, n) = weights.shape[0], wanted.shape
     for step in range(steps + 1):
@@ -125,6 +126,7 @@ def _follow(chain, links, driven, seen, angles, speeds, torques):  # type: ignor
                     return step
                 rate = wanted_speeds[step, j] - speeds[step, j]
                 torques[step, i] += gains[step, i, j] * bandwidth * (bandwidth * error + 2.0 * rate)
+                torques[step, i] += stiffness[step, i, j] * error
         angle, speed = tilt, 0.0
         for i in range(n):
             chain.torque[i] = torque_noise[step, i] + (torques[step - delay, i] if step >= delay else 0.0)

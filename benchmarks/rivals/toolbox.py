@@ -1,4 +1,7 @@
-"""MuJoCo's own toolbox, `mujoco.sysid`: open-loop simulations of short windows of a log, from the states read there.
+"""MuJoCo's own toolbox, `mujoco.sysid`, in open loop and in closed loop.
+
+Open loop: short windows of a log are simulated from the states read there. Closed loop: model and rig have the same
+position servos, as MuJoCo actuators, and the whole log is simulated, from rest on.
 
 It searches the mass, centre of mass and inertia of every link, and friction and tilt where these are searched; lengths
 are known. The upright chain is unstable, so no simulation without a servo can follow a log for long. Models are built
@@ -49,9 +52,29 @@ class _Body:
 
 def open_loop(log: Log) -> list[Columns]:
     """What the toolbox finds of a log."""
-    nominal, searched, n = log.nominal, log.condition.searched, log.nominal.nlink
     seen = _motion(log)
     steps = min(round(WINDOW * log.natural / log.timestep), len(seen.torques))
+    starts = np.linspace(0, len(seen.torques) - steps, min(WINDOWS, len(seen.torques) // steps), dtype=int)
+    spec = _spec(log, np.zeros(log.nominal.nlink), np.zeros(log.nominal.nlink))
+    return _search(log, spec, _windows(spec, seen, starts.tolist(), steps))
+
+
+def closed_loop(log: Log) -> list[Columns]:
+    """What the toolbox finds of a log that was made by the servos of drives."""
+    servo, seen, delay = log.servo, log.seen, searched_delay(log)
+    damping = 2.0 * servo.bandwidth * np.diag(servo.gains[0])
+    stiffness = servo.bandwidth**2 * np.diag(servo.gains[0])
+    sent = servo.forward + servo.angles * stiffness + servo.speeds * damping
+    sent = np.concatenate([np.zeros((delay, sent.shape[1])), sent[: len(sent) - delay]])
+    motion = Recording(seen.angles[:-1].copy(), np.zeros_like(sent), np.zeros_like(sent), sent, log.timestep)
+    motion.angles[0] = 0.0  # where the trajectory begins
+    spec = _spec(log, stiffness, damping)
+    return _search(log, spec, _windows(spec, motion, [0], len(sent)))
+
+
+def _search(log: Log, spec: mujoco.MjSpec, windows: sysid.ModelSequences) -> list[Columns]:
+    """What explains the `windows` best."""
+    nominal, searched, n = log.nominal, log.condition.searched, log.nominal.nlink
     factors = sysid.ParameterDict()
     for i in range(n):
         limits = np.full(3, LEAST_FACTOR), np.full(3, LARGEST_FACTOR)
@@ -62,9 +85,8 @@ def open_loop(log: Log) -> list[Columns]:
     if "tilt" in searched:
         limits = np.full(1, -MOST_TILT), np.full(1, MOST_TILT)
         factors.add(sysid.Parameter("tilt", np.zeros(1), *limits, modifier=_tilting(log.gravity)))
-    spec = _spec(log)
     residual = sysid.build_residual_fn(
-        models_sequences=[_windows(spec, seen, steps)],
+        models_sequences=[windows],
         build_model=_remembered_models(),
         resample_true=False,
         enabled_observations=[(f"joint_{i + 1}_qpos", sysid.SignalType.MjStateQPos) for i in range(n)],
@@ -93,13 +115,17 @@ def _motion(log: Log) -> Recording:
     return Recording(smooth.angles[0], smooth.speeds[0], smooth.accelerations[0], torques, log.timestep)
 
 
-def _spec(log: Log) -> mujoco.MjSpec:
-    """The nominal chain with a motor and a sensor of the angle in every joint."""
+def _spec(log: Log, stiffness: Array, damping: Array) -> mujoco.MjSpec:
+    """The nominal chain with a drive and a sensor of the angle in every joint: torque is what is sent less `stiffness`
+    (njoint), in N m/rad, times the angle and `damping` (njoint), in N m s, times the speed.
+    """
     spec = build_spec(log.nominal, log.gravity, log.timestep)
     spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
     for i in range(log.nominal.nlink):
         motor = spec.add_actuator(name=f"motor_{i + 1}", target=f"joint_{i + 1}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
         motor.set_to_motor()
+        motor.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+        motor.biasprm[:3] = [0.0, -stiffness[i], -damping[i]]
         spec.add_sensor(
             name=f"angle_{i + 1}",
             type=mujoco.mjtSensor.mjSENS_JOINTPOS,
@@ -137,13 +163,13 @@ def _remembered_models() -> sysid.BuildModelFn:
     return build
 
 
-def _windows(spec: mujoco.MjSpec, seen: Recording, steps: int) -> sysid.ModelSequences:
-    """Windows of `steps` steps, evenly out of the log, each with the state that it starts from."""
-    model, (total, n) = spec.compile(), seen.torques.shape
+def _windows(spec: mujoco.MjSpec, seen: Recording, starts: list[int], steps: int) -> sysid.ModelSequences:
+    """Windows of `steps` steps from each of the `starts` on, each with the state that it starts from."""
+    model, n = spec.compile(), seen.torques.shape[1]
     mapping = {f"joint_{i + 1}_qpos": (sysid.SignalType.MjStateQPos, np.array([i])) for i in range(n)}
     times = seen.timestep * np.arange(steps)
     states, controls, measured = [], [], []
-    for start in np.linspace(0, total - steps, min(WINDOWS, total // steps), dtype=int).tolist():
+    for start in starts:
         window = slice(start, start + steps)
         states.append(sysid.create_initial_state(model, seen.angles[start], seen.speeds[start]))
         controls.append(sysid.TimeSeries(times, seen.torques[window]))
