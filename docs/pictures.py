@@ -54,6 +54,9 @@ def main() -> None:
         store = Store("metaid.db")
         live_view(store)
         metaid("episode", "three-link", "--study", "three-link", "--video", str(IMAGES / "film.gif"))
+        metaid("study", "create", "pa10", "--name", "sagging", "--set", "nominal.seed=22")
+        metaid("study", "run", "sagging", "--quiet")
+        metaid("episode", "pa10", "--study", "sagging", "--video", str(IMAGES / "arm-film.gif"))
         figures(store)
         metaid("study", "report", "from-afar", "-o", "report.html")
         with open_browser(Path(folder) / "profile") as browser:

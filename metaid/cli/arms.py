@@ -6,15 +6,18 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
 import numpy as np
 
 from metaid.cli.common import (
     FIGURE_SUFFIXES,
     lump_rows,
     number_text,
+    open_store,
     print_json,
     print_lumps,
     print_table,
+    say,
     whole_file,
 )
 from metaid.models.tree import PARAMETERS, planar_chain
@@ -113,6 +116,25 @@ def show_push(push: ArmPush, as_json: bool, output: Path | None) -> None:
     unit = "rad or m" if push.slides.any() else "rad"
     heading = ["joint", "it", f"from, {unit}", "to", "speed at the start, 1/s", "at the end"]
     print_table(f"{push.plant}: {what}", heading, rows, words=["it"])
+
+
+def film_study_of_arm(arm: ArmPlant, study_name: str | None, storage: str, video: Path) -> None:
+    """Films an arm under the laws of a study: of the nominal arm, the identified one and the true one.
+
+    Args:
+        arm: that is filmed.
+        study_name: of the study; an arm is not filmed without one.
+        storage: of the DB.
+        video: the file.
+    """
+    from metaid.results.arms import laws_of
+    from metaid.show import SUFFIXES, film_arm
+
+    if study_name is None:
+        raise click.UsageError(f"--video: plant {arm.name} is an arm (allowed of an arm: with --study NAME)")
+    with open_store(storage) as store, whole_file(video, SUFFIXES, "--video") as partial:
+        film_arm(arm, *laws_of(store, study_name, arm), partial)
+    say(f"the film of '{study_name}' is {video}")
 
 
 def _finite(value: float) -> float | None:

@@ -146,7 +146,7 @@ def _show_rig(name: str, settings: SocketSettings, as_json: bool) -> None:
     "--study",
     "study_name",
     metavar="NAME",
-    help="For --video: film episodes with this study's nominal and identified lumps.",
+    help="For --video, of an arm always: film episodes with this study's nominal and identified lumps.",
 )
 @storage_option
 def episode(
@@ -177,10 +177,11 @@ def episode(
 
     plant = load_plant(name)
     if isinstance(plant, ArmPlant):
-        from metaid.cli.arms import show_push
+        from metaid.cli.arms import film_study_of_arm, show_push
 
         if video is not None:
-            raise click.UsageError(f"--video: plant {plant.name} is an arm (allowed of an arm: -o FILE.png)")
+            film_study_of_arm(plant, study_name, storage, video)
+            return
         push = api.arm_push(plant, numbers(factors, "--factor"), steps, seed or 0, nominal)
         show_push(push, as_json, output)
         return

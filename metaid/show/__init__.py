@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from metaid.show.arm_report import render_any
+    from metaid.show.arm_video import film_arm
     from metaid.show.companions import delete_companion
     from metaid.show.comparing import render_comparison
     from metaid.show.dashboard import make_dashboard, serve
@@ -18,6 +19,7 @@ _MODULE_OF = {
     "SUFFIXES": "video",
     "delete_companion": "companions",
     "film": "video",
+    "film_arm": "arm_video",
     "make_dashboard": "dashboard",
     "open_viewer": "scene",
     "render_any": "arm_report",
@@ -29,6 +31,7 @@ __all__ = [
     "SUFFIXES",
     "delete_companion",
     "film",
+    "film_arm",
     "make_dashboard",
     "open_viewer",
     "render_any",

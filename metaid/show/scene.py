@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from copy import copy
 
 import numpy as np
 
@@ -11,11 +12,14 @@ from metaid.errors import RenderError, optional_packages, usable_mujoco
 from metaid.models import Array, Chain
 from metaid.plant import ArmPlant, MujocoPlant, build_spec
 from metaid.plant.arms import build_arm_spec
+from metaid.show.rendering import Camera
 
 with usable_mujoco():
     import mujoco
 
 LINK, JOINT, MASS = (0.34, 0.71, 0.91, 1.0), (0.0, 0.45, 0.70, 1.0), (0.84, 0.37, 0.0, 1.0)  # Okabe and Ito
+UNCOLOURED = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's own of a shape that has none
+HALF_VIEW = 22.5  # degrees, from the middle of a picture to its upper edge
 PIXELS = 720  # of a picture's longest side at most
 
 
@@ -63,17 +67,46 @@ def scene(chain: Chain, gravity: float, timestep: float, tilt: float = 0.0) -> m
     return spec.compile()
 
 
-def front_camera(chain: Chain, angles: Array) -> mujoco.MjvCamera:
+def front_camera(chain: Chain, angles: Array) -> Camera:
     """Looks along y from where all link tips are seen at all these joint `angles` (... x njoint), in rad."""
     absolute = np.cumsum(angles, axis=-1)
     across = np.abs(np.cumsum(chain.length * np.sin(absolute), axis=-1)).max()
     reach, lowest = chain.length.sum(), min(np.cumsum(chain.length * np.cos(absolute), axis=-1).min(), 0.0)
     half = 1.1 * max(across, (reach - lowest) / 2)
-    camera = mujoco.MjvCamera()
-    camera.azimuth, camera.elevation = 90.0, 0.0
-    camera.lookat = [0.0, 0.0, (reach + lowest) / 2]
-    camera.distance = half / np.tan(np.radians(22.5))
-    return camera
+    return Camera((0.0, 0.0, (reach + lowest) / 2), half / np.tan(np.radians(HALF_VIEW)), 90.0, 0.0)
+
+
+def arm_scene(plant: ArmPlant) -> mujoco.MjModel:
+    """What a film shows of an arm: as `viewer_model`, shapes without a colour of their own coloured by link."""
+    model, links = copy(viewer_model(plant)), plant.arm.whole.link_of
+    model.vis.headlight.ambient[:] = model.vis.headlight.diffuse[:] = 0.5
+    if model.ngeom == plant.arm.whole.model.ngeom:
+        for geom in range(model.ngeom):
+            link = links[model.geom_bodyid[geom]]
+            if link >= 0 and model.geom_matid[geom] < 0 and (model.geom_rgba[geom] == UNCOLOURED).all():
+                model.geom_rgba[geom] = (LINK, JOINT)[link % 2]
+    return model
+
+
+def scene_poses(plant: ArmPlant, model: mujoco.MjModel, coordinates: Array) -> Array:
+    """The coordinates of all joints (... x nq) of a `model` of an arm at `coordinates` of those that move (... x
+    njoint).
+    """
+    if model.nq == plant.njoint:
+        return coordinates
+    return np.apply_along_axis(plant.arm.whole.at, -1, coordinates)
+
+
+def side_camera(model: mujoco.MjModel, poses: Array) -> Camera:
+    """Looks obliquely from above from where the bodies of a `model` are seen in all these `poses` (... x nq)."""
+    data, places = mujoco.MjData(model), []
+    for pose in poses.reshape(-1, model.nq):
+        data.qpos[:] = pose
+        mujoco.mj_kinematics(model, data)
+        places.append(np.concatenate([data.xpos, data.xipos[1:]]))
+    low, high = (end(np.concatenate(places), axis=0) for end in (np.min, np.max))
+    half = 0.5 * np.linalg.norm(high - low)
+    return Camera(tuple(((low + high) / 2).tolist()), half / np.tan(np.radians(HALF_VIEW)), 125.0, -15.0)
 
 
 def open_viewer(plant: MujocoPlant | ArmPlant) -> None:

@@ -9,18 +9,20 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from mujoco import MjModel
 from numpy.typing import NDArray
 
 from metaid.compiled import Objective
 from metaid.errors import RenderError, optional_packages
-from metaid.models import Array, Chain, Lumps
+from metaid.models import Array, Lumps
 from metaid.plant import MujocoPlant
-from metaid.show.rendering import write_job
+from metaid.show.rendering import Camera, write_job
+from metaid.show.scene import front_camera, scene
 
 with optional_packages("video"):
     import imageio_ffmpeg
@@ -58,13 +60,32 @@ def film(objective: Objective, candidates: Mapping[str, Lumps], path: Path) -> N
     plant = objective.plant
     if not isinstance(plant, MujocoPlant):
         raise RenderError(f"plant {plant.name} is a rig (allowed: a simulated plant)")
-    rate, size = RATES[path.suffix], SIZES[path.suffix]
+    rate = RATES[path.suffix]
     motions = [filmed(objective, lumps, caption, rate) for caption, lumps in candidates.items()]
+    angles = together(motions)
+    camera = front_camera(plant.chain, angles)
+    write_film(scene(plant.chain, plant.gravity, plant.timestep), angles, camera, motions, path)
+
+
+def together(motions: Sequence[Motion]) -> Array:
+    """The joint angles of all panels (npanel x nframe x njoint): one that fell stands still while the others go on."""
     length = max(len(motion.angles) for motion in motions)
-    # A panel that fell stands still at its last frame while the others go on.
-    angles = np.array([np.pad(motion.angles, ((0, length - len(motion.angles)), (0, 0)), "edge") for motion in motions])
+    return np.array([np.pad(motion.angles, ((0, length - len(motion.angles)), (0, 0)), "edge") for motion in motions])
+
+
+def write_film(model: MjModel, poses: Array, camera: Camera, motions: Sequence[Motion], path: Path) -> None:
+    """Writes a film whose ending says the format.
+
+    Args:
+        model: that is drawn.
+        poses: of its joints in each panel and frame (npanel x nframe x nq).
+        camera: for all panels.
+        motions: of the panels, for their captions.
+        path: of the file.
+    """
+    rate, size = RATES[path.suffix], SIZES[path.suffix]
     heading = _heading([motion.caption for motion in motions], size)
-    frames = (np.vstack([heading, frame]) for frame in _render(plant.chain, angles, size))
+    frames = (np.vstack([heading, frame]) for frame in _render(model, poses, camera, size))
     (_write_gif if path.suffix == ".gif" else _write_mp4)(frames, path, rate)
 
 
@@ -94,14 +115,14 @@ def _heading(captions: list[str], size: int) -> Frame:
     return np.asarray(image)
 
 
-def _render(chain: Chain, angles: Array, size: int) -> Iterator[Frame]:
-    """Frames of joint `angles` (npanel x nframe x njoint) from the first OpenGL that works."""
+def _render(model: MjModel, poses: Array, camera: Camera, size: int) -> Iterator[Frame]:
+    """Frames of joint coordinates (npanel x nframe x nq) from the first OpenGL that works."""
     chosen = os.environ.get("MUJOCO_GL")
     complaints = []
-    shape = (size, size * len(angles), 3)
+    shape = (size, size * len(poses), 3)
     with tempfile.TemporaryDirectory() as folder:
         job = Path(folder) / "job.npz"
-        write_job(job, chain, angles, size)
+        write_job(job, model, poses, camera, size)
         for backend in [chosen] if chosen else BACKENDS:
             with _Child(job, backend) as child:
                 frame = child.read(int(np.prod(shape)))

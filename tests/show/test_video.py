@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -16,9 +17,11 @@ from mujoco import MjData, MjModel, mj_step
 from PIL import Image
 
 from metaid.api import candidates_of, episode_objective
+from metaid.plant.arms import ArmPlant
 from metaid.plant.loading import load_plant
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.settings import PlantSettings
+from metaid.results.arms import laws_of
 from metaid.results.findings import read_findings
 from metaid.show.scene import viewer_model
 from metaid.show.video import filmed
@@ -88,6 +91,38 @@ def test_gif_shows_a_candidate_beside_the_truth_and_holds_a_fall(metaid: Metaid)
     changed, middle = np.abs(frames[1] - frames[0]) > 60, frames[0].shape[1] // 2
     assert not changed[:, :middle].any()
     assert changed[:, middle:].any()
+
+
+def test_film_of_an_arm_shows_it_sag_with_the_nominal_law_and_float_with_the_identified_one(
+    metaid: Metaid, arms: Path
+) -> None:
+    """The last panel, of the true arm, is that of the identified one, and not that of the nominal one."""
+    study = ["--study", "exact", "--storage", str(arms)]
+    if not is_filmed(metaid, "spatial-three-link", *study, "--video", "film.gif"):
+        return
+    with Image.open("film.gif") as film:
+        assert film.n_frames == 40  # type: ignore[attr-defined]
+        film.seek(39)  # type: ignore[attr-defined]
+        last = np.asarray(film.convert("L")).astype(int)[32:]
+    nominal, identified, true = np.split(last, 3, axis=1)
+    assert (last.max(), last.std() > 5) == (255, True)
+    assert np.abs(identified - true).max() < 30
+    assert (np.abs(nominal - true) > 60).sum() > 100
+
+
+def test_film_of_an_arm_needs_its_study(metaid: Metaid, arms: Path) -> None:
+    """One line says so, and that a study is about another arm; a study that found nothing shows its best trial."""
+    for plant, study, said in (
+        ("scara", ["--study", "exact"], "study 'exact' is about the plant spatial-three-link, not about scara"),
+        ("scara", [], "--video: plant scara is an arm (allowed of an arm: with --study NAME)"),
+    ):
+        refused = metaid("episode", plant, *study, "--storage", str(arms), "--video", "film.gif")
+        assert (refused.status, refused.out, refused.err.count("\n")) == (2, "", 1)
+        assert said in refused.err
+    arm = load_plant("spatial-three-link")
+    assert isinstance(arm, ArmPlant)
+    with closing(Store(str(arms))) as store:
+        assert list(laws_of(store, "bent", arm)[1]) == ["nominal", "best trial", "true"]
 
 
 def moving_plant(**lacking: float) -> MujocoPlant:

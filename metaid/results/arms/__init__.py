@@ -4,7 +4,7 @@ from metaid.results.arms.arm_findings import ArmFindings
 from metaid.results.arms.arm_snapshot import ArmFound, ArmSnapshot
 from metaid.results.arms.arm_tables import arm_trials_table
 from metaid.results.arms.arm_verdict import arm_summary, identified_values, judge_arm
-from metaid.results.arms.either import AnySnapshot, judge_any, read_any_snapshot, validate_any
+from metaid.results.arms.either import AnySnapshot, judge_any, laws_of, read_any_snapshot, validate_any
 
 __all__ = [
     "AnySnapshot",
@@ -16,6 +16,7 @@ __all__ = [
     "identified_values",
     "judge_any",
     "judge_arm",
+    "laws_of",
     "read_any_snapshot",
     "validate_any",
 ]

@@ -11,7 +11,7 @@ import numpy as np
 from metaid.models import Array
 from metaid.plant.arms import ArmPlant
 from metaid.results.arms.arm_snapshot import ArmSnapshot
-from metaid.results.arms.arm_verdict import identified_parameters
+from metaid.results.arms.arm_verdict import laws
 from metaid.results.control import AMPLITUDE, LOST, smooth_sinusoids
 from metaid.results.validation import COASTING, PUSHES, Validated, Validation, check_pushes, fresh_seed
 from metaid.results.verdict import Verdict
@@ -45,15 +45,12 @@ def validate_arm(snapshot: ArmSnapshot, verdict: Verdict, pushes: int = PUSHES, 
     study = snapshot.spec.study
     steps, random = round(COASTING_HORIZON / plant.timestep), fresh_seed(study.seed, seed)
     starts = draw_free_starts(nominal, pushes, COASTING_HORIZON, random, study.episode.speed)
-    identified = identified_parameters(snapshot, verdict)
-    candidates = {"nominal": nominal.parameters, "identified": identified}
-    if snapshot.truth is not None:
-        candidates["true"] = snapshot.truth.parameters
+    candidates = laws(snapshot, verdict)
 
     def validated(name: str, law: Array) -> Validated:
         coasted = arm_coasting_steps(plant, (law, nominal.parameters), starts, steps, COASTING)
         return Validated(
-            name, plant.timestep * coasted.astype(np.float64), *arm_tracking_errors(plant, (law, identified))
+            name, plant.timestep * coasted.astype(np.float64), *arm_tracking_errors(plant, (law, candidates["identified"]))
         )
 
     models = tuple(validated(name, law) for name, law in candidates.items())

@@ -115,3 +115,17 @@ def identified_values(snapshot: ArmSnapshot, verdict: Verdict) -> Array:
 def identified_parameters(snapshot: ArmSnapshot, verdict: Verdict) -> Array:
     """Parameters of the identified arm (njoint x 13), the most probable that have its base parameters."""
     return snapshot.problem.belief.parameters_at(identified_values(snapshot, verdict))
+
+
+def laws(snapshot: ArmSnapshot, verdict: Verdict) -> dict[str, Array]:
+    """Parameters of laws that are compared (njoint x 13 each), by name: of the nominal arm, the identified one, and the
+    true one where it is known. Where nothing was found there is the best trial's in place of the identified one, if any
+    trial did not fall.
+    """
+    problem = snapshot.problem
+    found = {"nominal": problem.nominal.parameters}
+    if verdict.is_found:
+        found["identified"] = identified_parameters(snapshot, verdict)
+    elif snapshot.best is not None:
+        found["best trial"] = problem.belief.parameters_at(snapshot.best.factors)
+    return found if snapshot.truth is None else {**found, "true": snapshot.truth.parameters}

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from metaid.errors import StorageError
+from metaid.models import Array
+from metaid.models.tree import Tree
+from metaid.plant.arms import ArmPlant
 from metaid.results.arms.arm_snapshot import ArmSnapshot
 from metaid.results.arms.arm_validation import validate_arm
-from metaid.results.arms.arm_verdict import judge_arm
+from metaid.results.arms.arm_verdict import judge_arm, laws
 from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.results.validation import PUSHES, Validation, validate_chain
 from metaid.results.verdict import Verdict, judge
@@ -42,3 +48,19 @@ def validate_any(snapshot: AnySnapshot, pushes: int = PUSHES, seed: int = 0) -> 
     if isinstance(snapshot, ArmSnapshot):
         return validate_arm(snapshot, judge_arm(snapshot), pushes, seed)
     return validate_chain(snapshot, judge(snapshot), pushes, seed)
+
+
+def laws_of(store: Store, name: str, arm: ArmPlant) -> tuple[Tree, dict[str, Array]]:
+    """The nominal arm of the study of that `name`, and its `laws`.  Raises StorageError where that is about another
+    plant than this `arm`.
+    """
+    snapshot = read_any_snapshot(store, name)
+    if not isinstance(snapshot, ArmSnapshot) or not _is_same(snapshot.problem.open_plant().tree, arm.tree):
+        raise StorageError(f"study '{name}' is about the plant {snapshot.spec.plant_name}, not about {arm.name}")
+    return snapshot.problem.nominal, laws(snapshot, judge_arm(snapshot))
+
+
+def _is_same(one: Tree, other: Tree) -> bool:
+    """Whether two arms are the same to rounding."""
+    pairs = (one.position, other.position), (one.parameters, other.parameters)
+    return one.names == other.names and all(np.allclose(*pair, rtol=1e-6, atol=1e-12) for pair in pairs)
