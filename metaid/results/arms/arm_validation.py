@@ -50,7 +50,9 @@ def validate_arm(snapshot: ArmSnapshot, verdict: Verdict, pushes: int = PUSHES, 
     def validated(name: str, law: Array) -> Validated:
         coasted = arm_coasting_steps(plant, (law, nominal.parameters), starts, steps, COASTING)
         return Validated(
-            name, plant.timestep * coasted.astype(np.float64), *arm_tracking_errors(plant, (law, candidates["identified"]))
+            name,
+            plant.timestep * coasted.astype(np.float64),
+            *arm_tracking_errors(plant, (law, candidates["identified"])),
         )
 
     models = tuple(validated(name, law) for name, law in candidates.items())
