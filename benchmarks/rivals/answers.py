@@ -64,11 +64,12 @@ def question(results: Sequence[Result]) -> str:
     columns = sorted({(each.cell.links, each.cell.budget) for each in results})
     head = ["method", *(f"N = {links}, {budget} s" for links, budget in columns), "within 1 %"]
     middle = {column: medians(results, column) for column in columns}
+    stands = {column: counted(results, column) for column in columns}
     rows = []
     for method in METHODS:
         own = [each for each in results if each.cell.method == method]
         if own:
-            shown = [_figure(middle[column], method, _says(own, column)) for column in columns]
+            shown = [_figure(middle[column], stands[column], method, _says(own, column)) for column in columns]
             good = sum(each.error <= WITHIN for each in own)
             rows.append([method, *shown, f"{good} of {len(own)}"])
     rows.append(["best of the others ÷ metaid output-error", *(_lead(middle[column]) for column in columns), ""])
@@ -90,6 +91,13 @@ def medians(results: Sequence[Result], column: tuple[int, int]) -> dict[str, flo
     return {method: median(each.error for each in own if each.cell.method == method) for method in methods}
 
 
+def counted(results: Sequence[Result], column: tuple[int, int]) -> dict[str, float]:
+    """The same of the methods that stand by all of these results: one that says "not found" does not win."""
+    own = [each for each in results if (each.cell.links, each.cell.budget) == column]
+    refused = {each.cell.method for each in own if each.cell.verdict == "not found"}
+    return {method: error for method, error in medians(results, column).items() if method not in refused}
+
+
 def winners(middle: dict[str, float]) -> list[str]:
     """The methods with the least of these errors; all that are exact, where any is."""
     least = min(middle.values())
@@ -102,12 +110,12 @@ def _says(results: Sequence[Result], column: tuple[int, int]) -> str:
     return "†" if any(each.cell.verdict == "not found" for each in own) else ""
 
 
-def _figure(middle: dict[str, float], method: str, mark: str) -> str:
+def _figure(middle: dict[str, float], stands: dict[str, float], method: str, mark: str) -> str:
     if method not in middle:
         return "–"
     error = middle[method]
     text = ("exact" if error <= EXACT else f"{error:.2g}" if not np.isfinite(error) else f"{100 * error:.2g}") + mark
-    return f"**{text}**" if method in winners(middle) else text
+    return f"**{text}**" if not mark and method in winners(stands) else text
 
 
 def costs(results: Sequence[Result]) -> str:
@@ -137,7 +145,7 @@ def summary(results: Sequence[Result]) -> str:
         first = Counter(
             method
             for group in groups
-            for method in winners(medians([each for each in own if _is_in(each, group)], group[1:]))
+            for method in winners(counted([each for each in own if _is_in(each, group)], group[1:]))
         )
         told = ", ".join(f"{method} {count}" for method, count in first.most_common())
         sentences.append(f"Least error, or exact, of {len(groups)} cells of conditions {kind}: {told}.")
