@@ -50,13 +50,23 @@ def view(name: str) -> None:
 def plot(name: str, storage: str, folder: Path, ending: str, width: str, over: tuple[str, str] | None) -> None:
     """Draw a study's figures: convergence, factors, ranges, frequency, fall boundary, …
 
-    A file each, named after what it shows, at the width of a journal's page or column.
+    Of an arm: convergence, how well base parameters are known, tracking, motion beside the twin's. A file each, named
+    after what it shows, at the width of a journal's page or column.
     """
-    from metaid.results import read_findings
-    from metaid.show.figures import Gallery, save
+    from metaid.results import read_any_findings
+    from metaid.results.arms import ArmFindings
+    from metaid.show.figures import ArmGallery, Gallery, save
 
     with open_store(storage) as store:
-        shown = list(Gallery(read_findings(store, name), over).pictures(width))
+        found = read_any_findings(store, name)
+    if isinstance(found, ArmFindings):
+        if over is not None:
+            raise click.UsageError(f"--over: study '{name}' is of an arm (its figures: {', '.join(ArmGallery.NAMES)})")
+        shown = list(ArmGallery(found).pictures(width))
+        if not shown:
+            raise MetaidError(f"study '{name}' has nothing to draw yet: run it first")
+    else:
+        shown = list(Gallery(found, over).pictures(width))
     try:
         folder.mkdir(exist_ok=True)
     except OSError as problem:

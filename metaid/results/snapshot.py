@@ -105,7 +105,7 @@ def read_snapshot(store: Store, name: str) -> Snapshot:
     if isinstance(spec, ArmSpec):
         raise StudyError(
             f"study '{name}' is of the arm {spec.plant_name} "
-            "(allowed of an arm: study run, show, list, validate, report, export and delete; "
+            "(allowed of an arm: study run, show, list, validate, plot, report, export, model and delete; "
             "metaid.summary, lumps and trials)"
         )
     stored = store.read(name, *spec.names)

@@ -20,7 +20,7 @@ from metaid.show import render_any
 from metaid.store.database import Store
 
 Metaid = Callable[..., Finished]
-FIGURES = ("known", "tracking", "estimate-motion", "estimate-residuals")
+FIGURES = ("convergence", "known", "tracking", "estimate-motion", "estimate-residuals")
 
 
 def findings(arms: Path, name: str) -> ArmFindings:

@@ -100,9 +100,9 @@ def test_commands_show_list_and_export_an_arm(arms: Path, metaid: Metaid, tmp_pa
     assert "kinetic" in metaid("study", "list", *storage).out
     assert metaid("study", "export", "exact", *storage, "-o", "trials.csv").status == 0
     assert (tmp_path / "trials.csv").read_text().startswith("number,state,value,generation,steps,zz1,")
-    refused = metaid("study", "plot", "exact", *storage, "-o", "pictures")
+    refused = metaid("study", "show", "exact", *storage, "--bodies")
     assert (refused.status, refused.out) == (2, "")
-    assert "is of the arm spatial-three-link" in refused.err
+    assert "which bodies it may have is known of chains only" in refused.err
 
 
 def test_exported_model_of_an_arm_has_its_identified_torque(arms: Path, metaid: Metaid, tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from metaid.models.tree import model_error
@@ -59,6 +60,38 @@ class ArmFindings:
     def trials(self) -> pd.DataFrame:
         """As `metaid.trials` has them."""
         return arm_trials_table(self.snapshot)
+
+    @property
+    def label(self) -> str:
+        """The measure with its unit, for an axis."""
+        return f"frequency, {self.problem.measure.unit}"
+
+    @property
+    def survivors(self) -> pd.DataFrame:
+        """Rows of trials in which no push fell."""
+        return self.trials.loc[self.trials["state"] == "COMPLETE"]
+
+    @property
+    def falls(self) -> pd.DataFrame:
+        """Rows of trials in which one did."""
+        return self.trials.loc[self.trials["state"] == "PRUNED"]
+
+    @property
+    def bests(self) -> pd.DataFrame:
+        """Survivors that were the best when they came; the last of them is the best of all."""
+        survivors = self.survivors
+        bests: pd.DataFrame = survivors[survivors["value"] <= survivors["value"].cummin()]
+        return bests
+
+    def model_errors(self, trials: pd.DataFrame) -> pd.DataFrame | None:
+        """How wrong the arms of some `trials` are on states that no trial has seen, a column each for `gravity`,
+        `coriolis` and `mass_matrix`, relative to the true arm; None where that is not known.
+        """
+        truth, belief = self.snapshot.truth, self.problem.belief
+        if truth is None:
+            return None
+        values = trials[self.problem.names].to_numpy(dtype=np.float64)
+        return pd.DataFrame([asdict(model_error(truth, law)) for law in belief.parameters_at(values)])
 
     @cached_property
     def nominal_error(self) -> dict[str, float] | None:

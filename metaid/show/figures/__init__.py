@@ -15,7 +15,7 @@ from metaid.show.figures.gallery import Gallery, Picture
 from metaid.show.figures.landscape import plot_boundary, plot_parallel, plot_sweep
 from metaid.show.figures.lumps import plot_correlation, plot_known, plot_ranges
 from metaid.show.figures.plants import plant_figure, plot_plant
-from metaid.show.figures.search import plot_convergence, plot_error, plot_factor
+from metaid.show.figures.search import plot_convergence, plot_error, plot_factor, plot_model_error
 from metaid.show.figures.style import COLOURS, COLUMN, FALL, INK, PAGE, RANGE, SUFFIXES, SURVIVOR, save, style
 from metaid.show.figures.tracking import draw_tracking, plot_tracking
 
@@ -48,6 +48,7 @@ __all__ = [
     "plot_factor",
     "plot_growth",
     "plot_known",
+    "plot_model_error",
     "plot_motion",
     "plot_parallel",
     "plot_phase",

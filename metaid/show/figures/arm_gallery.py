@@ -12,22 +12,26 @@ from numpy.typing import NDArray
 from metaid.results.arms import ArmFindings
 from metaid.show.figures.gallery import PUSHES, WIDTHS, Picture, motion_picture, residuals_picture
 from metaid.show.figures.lumps import plot_known
-from metaid.show.figures.panels import share_legend
+from metaid.show.figures.panels import pair_of_panels, share_legend
+from metaid.show.figures.search import plot_convergence, plot_model_error
 from metaid.show.figures.style import style
 from metaid.show.figures.tracking import plot_tracking
 
+FEWEST = 2  # trials that survived, for a line over them
 LINE = 0.14  # inches, of a base parameter
 
 
 class ArmGallery:
     """All figures of a study of an arm."""
 
+    NAMES = "convergence", "known", "tracking", "estimate-motion", "estimate-residuals"
+
     def __init__(self, found: ArmFindings) -> None:
         self.found = found
 
     def pictures(self, width: str = "page") -> Iterator[Picture]:
         """One after another, for a `width` of "page" or "column"."""
-        makers = []
+        makers = [self._convergence] if len(self.found.survivors) >= FEWEST else []
         if self.found.verdict.is_found:
             makers += [self._known, self._tracking]
         if self.found.estimate is not None:
@@ -53,6 +57,17 @@ class ArmGallery:
     def _hinges(self) -> NDArray[np.bool_]:
         """Which joints are hinges (njoint)."""
         return ~self.found.problem.nominal.slides
+
+    def _convergence(self, width: float) -> Picture:
+        figure, (left, right) = pair_of_panels(width, (1, 1))
+        plot_convergence(self.found, left)
+        plot_model_error(self.found, right)
+        share_legend(figure, [left, right])
+        caption = (
+            "The measure of every trial in which no push fell, and the best so far; falls are marked along the top. "
+            "Beside it how wrong the arm of the best trial is on states that no trial has seen, which no search sees."
+        )
+        return Picture("convergence", caption, figure)
 
     def _known(self, width: float) -> Picture:
         figure = Figure(figsize=(width, 1.0 + LINE * len(self.found.lumps)), layout="constrained")

@@ -8,12 +8,14 @@ from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from metaid.models import Array
 from metaid.results import Findings
-from metaid.show.figures.style import FALL, INK, MANY, RANGE, SURVIVOR, new_axes
+from metaid.results.arms import ArmFindings
+from metaid.show.figures.style import COLOURS, FALL, INK, MANY, RANGE, SURVIVOR, new_axes
 
 FEW = 60  # trials, each of which is a large mark
+ERRORS = {"gravity": "gravity torque", "coriolis": "Coriolis torque", "mass_matrix": "mass matrix"}
 
 
-def plot_convergence(found: Findings, axes: Axes | None = None) -> Axes:
+def plot_convergence(found: Findings | ArmFindings, axes: Axes | None = None) -> Axes:
     """The best frequency so far over the trials; falls are marked along the top."""
     axes = new_axes(axes)
     survivors = found.survivors
@@ -56,6 +58,29 @@ def plot_error(found: Findings, axes: Axes | None = None) -> Axes:
     return _finish(axes, "largest lump error, %")
 
 
+def plot_model_error(found: ArmFindings, axes: Axes | None = None) -> Axes:
+    """How wrong the arm of the best candidate so far is, in %, on states that no trial has seen; it needs a plant that
+    knows its truth.
+    """
+    axes, what = new_axes(axes), "error of the best so far, %"
+    bests = found.bests
+    if len(bests) > FEW:
+        bests = bests.iloc[np.unique(np.geomspace(1, len(bests), FEW).round().astype(int)) - 1]
+    errors = found.model_errors(bests)
+    if errors is None or errors.empty:
+        axes.text(0.5, 0.5, "the plant does not tell its truth", transform=axes.transAxes, ha="center")
+        return _finish(axes, what)
+    last = found.trials["number"].max()
+    for (key, name), colour in zip(ERRORS.items(), COLOURS[2:], strict=False):
+        percent = 100.0 * errors[key].to_numpy()
+        axes.step(
+            np.append(bests["number"], last), np.append(percent, percent[-1:]), where="post", color=colour, label=name
+        )
+    axes.axhline(1.0, color=INK, linewidth=0.7, linestyle=":", label="1 %")
+    axes.set_yscale("log")
+    return _finish(axes, what)
+
+
 def plot_factor(found: Findings, lump: str, axes: Axes | None = None) -> Axes:
     """One lump's factor over the trials, falls marked; the truth, where it is known, as a line."""
     axes = new_axes(axes)
@@ -89,7 +114,7 @@ def plot_factor(found: Findings, lump: str, axes: Axes | None = None) -> Axes:
     return _finish(axes, "factor of nominal")
 
 
-def _mark_falls(found: Findings, axes: Axes) -> None:
+def _mark_falls(found: Findings | ArmFindings, axes: Axes) -> None:
     falls = found.falls["number"].to_numpy()
     if not len(falls):  # an empty line that is not clipped has a place all the same: the layout would make room for it
         return

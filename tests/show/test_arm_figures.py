@@ -1,0 +1,41 @@
+"""`metaid study plot` of a study of an arm: its own figures, and what it has none of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from conftest import Finished
+from PIL import Image
+
+Metaid = Callable[..., Finished]
+
+
+def drawn(folder: Path) -> set[str]:
+    """The names of the figures in a folder, each of which shows something."""
+    for path in folder.iterdir():
+        with Image.open(path) as picture:
+            assert len(np.unique(np.asarray(picture.convert("L")))) > 20, path
+    return {path.stem for path in folder.iterdir()}
+
+
+def test_arm_that_was_found_is_drawn(arms: Path, metaid: Metaid, tmp_path: Path) -> None:
+    """How the trials went, how well base parameters are known, tracking, and the motion beside the twin's."""
+    out = metaid("study", "plot", "exact", "--storage", str(arms), "-o", "pictures").out
+    assert out == "5 figures are in pictures: convergence, known, tracking, estimate-motion, estimate-residuals\n"
+    assert drawn(tmp_path / "pictures") == {"convergence", "known", "tracking", "estimate-motion", "estimate-residuals"}
+
+
+def test_arm_that_was_not_found_is_drawn_where_the_twin_differs(arms: Path, metaid: Metaid, tmp_path: Path) -> None:
+    """One trial is no line over the trials, and nothing is known."""
+    assert metaid("study", "plot", "bent", "--storage", str(arms), "-o", "pictures").status == 0
+    assert drawn(tmp_path / "pictures") == {"estimate-motion", "estimate-residuals"}
+
+
+def test_fall_boundary_of_an_arm_is_refused_in_one_line(arms: Path, metaid: Metaid, tmp_path: Path) -> None:
+    """It names the figures that there are, and leaves no folder behind."""
+    refused = metaid("study", "plot", "exact", "--storage", str(arms), "-o", "pictures", "--over", "zz1", "m2x")
+    assert (refused.status, refused.out, refused.err.count("\n")) == (2, "", 1)
+    assert "(its figures: convergence, known, tracking, estimate-motion, estimate-residuals)" in refused.err
+    assert not (tmp_path / "pictures").exists()
