@@ -3,6 +3,7 @@
     python -m benchmarks.arms                          # seven arms, ten seeds each
     python -m benchmarks.arms --noise 1e-4             # rad on the angles, and no sensor of speeds
     python -m benchmarks.arms --arms puma560 panda --seeds 0 1 2 --json
+    python -m benchmarks.arms --results arms.jsonl     # goes on where it was stopped
     python -m benchmarks.arms --sampler newton --trials 4000 --seeds 0        # no twin: the value of each trial alone
 
 Shipped arms are as they are. UR5, Panda, xArm7 and Kinova are the URDFs of `example-robot-data`, which must be
@@ -13,7 +14,7 @@ the joint ranges. The first has the law of the nominal arm, each other one that 
 are those of gravity torque, Coriolis torque and mass matrix (`metaid.models.tree.model_error`); in brackets the largest
 after each trial. A `--sampler` that minimises is told the value of each trial and nothing else. Dry friction can be
 taken away with `--smooth`.
-Seconds are those of trials and fits, without compilation.
+Seconds are those of trials and fits, without compilation, of all threads together: two cores need half as long.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
@@ -173,7 +175,7 @@ def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
     true, n = plant.tree, plant.njoint
     belief, episode = experiment_on(plant, seed)
     nominal = belief.nominal
-    began = time.perf_counter()
+    began = time.process_time()
     searched = ArmUnknowns(belief)
     loop, law = ArmLoop(plant, nominal, episode), nominal.parameters
     estimate: ArmEstimate | None = None
@@ -182,9 +184,9 @@ def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
     misfits: list[float] = []
     explained: list[bool] = []
     falls = 0
-    spent = time.perf_counter() - began
+    spent = time.process_time() - began
     for number in range(trials):
-        began = time.perf_counter()
+        began = time.process_time()
         record = loop.run(law, number)
         falls += int(record.fell.sum())
         if record.readings is not None:
@@ -193,7 +195,7 @@ def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
         else:
             watched.append(watched_arm_trial(law, episode, plant.timestep, record.windows))
         before, estimate = estimate, estimate_arm(watched, searched, estimate)
-        spent += time.perf_counter() - began
+        spent += time.process_time() - began
         if estimate is None:
             break
         law = estimate.parameters
@@ -231,7 +233,7 @@ def minimise(name: str, seed: int, sampler: str, trials: int, noise: float, is_s
     plant = plant_of(name, seed, noise, is_smooth)
     belief, episode = experiment_on(plant, seed)
     reach = FARTHEST * np.sqrt(np.diag(belief.covariance))
-    began = time.perf_counter()
+    began = time.process_time()
     h = arm_sensitivity(belief, episode, plant.timestep)
     coordinates = believed_metric(h, belief, belief.values - reach, belief.values + reach)
     searcher = make_searcher(sampler, coordinates, seed, SamplerOptions(sigma=ArmSearchSettings().sigma))
@@ -264,7 +266,7 @@ def minimise(name: str, seed: int, sampler: str, trials: int, noise: float, is_s
         value_of_truth=objective.evaluate(belief.base.of(plant.tree.parameters), number).value,
         nominal=nominal,
         error=error,
-        seconds=time.perf_counter() - began,
+        seconds=time.process_time() - began,
     )
 
 
@@ -287,6 +289,35 @@ def _inside(estimate: ArmEstimate, true: Tree) -> int:
     return int(((low <= values) & (values <= high)).sum())
 
 
+def resumed(arms: list[str], seeds: list[int], noise: float, trials: int, path: Path | None) -> Iterator[Identified]:
+    """Every arm from every seed, one after the other.
+
+    Args:
+        arms: their names.
+        seeds: see `identify`.
+        noise: see `identify`.
+        trials: see `identify`.
+        path: of a file of finished ones, one JSON object a line: what is in it is not run again, what is run is added.
+    """
+    done = {}
+    if path is not None and path.exists():
+        for text in path.read_text(encoding="utf-8").splitlines():
+            row = json.loads(text)
+            nominal, errors = ModelError(**row.pop("nominal")), [ModelError(**error) for error in row.pop("errors")]
+            done[row.pop("noise"), row.pop("trials"), row["arm"], row["seed"]] = row, nominal, errors
+    for name in arms:
+        for seed in seeds:
+            if (noise, trials, name, seed) in done:
+                row, nominal, errors = done[noise, trials, name, seed]
+                yield Identified(**row, nominal=nominal, errors=errors)
+                continue
+            found = identify(name, seed, noise, trials)
+            if path is not None:
+                with path.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps({"noise": noise, "trials": trials, **asdict(found)}) + "\n")
+            yield found
+
+
 def line(found: Identified) -> str:
     """A row of the table."""
     last = found.errors[-1] if found.errors else None
@@ -306,10 +337,11 @@ def summary(runs: list[Identified], noise: float) -> str:
     within = [number for number in needed if number is not None]
     sure = [run for run in runs if run.explained and run.explained[-1]]
     exact = [run for run in sure if run.errors[-1].largest <= EXACTLY]
+    taken = [run.seconds for run in runs]
     lines = [
         f"within 1 % after at most 4 trials: {len(within)} of {len(runs)}; after one: {within.count(1)}",
         f"found: {len(sure)}, of these within 0.1 %: {len(exact)}",
-        f"seconds: median {median(run.seconds for run in runs):.1f}, most {max(run.seconds for run in runs):.1f}",
+        f"seconds of one core: median {median(taken):.1f}, most {max(taken):.1f}",
     ]
     if noise and sure:
         for name in ("gravity", "coriolis", "mass_matrix"):
@@ -328,6 +360,7 @@ def main() -> None:
     parser.add_argument("--trials", type=int, default=4, help="at most")
     parser.add_argument("--sampler", default="output-error", choices=["output-error", *MINIMISERS])
     parser.add_argument("--smooth", action="store_true", help="of a sampler that minimises: arms without dry friction")
+    parser.add_argument("--results", type=Path, help="a file of finished runs, which are not run again")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     if options.sampler != "output-error":
@@ -340,10 +373,9 @@ def main() -> None:
     runs = []
     with threadpool_limits(1):  # threads of the linear algebra would only be in the way of the twins'
         identify(options.arms[0], options.seeds[0], options.noise, 1)  # compiles
-        for name in options.arms:
-            for seed in options.seeds:
-                runs.append(identify(name, seed, options.noise, options.trials))
-                print(line(runs[-1]), file=sys.stderr if options.json else sys.stdout, flush=True)
+        for run in resumed(options.arms, options.seeds, options.noise, options.trials, options.results):
+            runs.append(run)
+            print(line(run), file=sys.stderr if options.json else sys.stdout, flush=True)
     if options.json:
         print(json.dumps([asdict(run) | {"trials_needed": run.trials_needed} for run in runs], indent=1))
     else:

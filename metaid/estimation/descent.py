@@ -20,6 +20,7 @@ NOTHING = 1e-6  # of cost, where a residual of one unit costs 0.5; a step that g
 NEXT_TO_NOTHING = 1e-9  # as is one that gains less than this share of the cost: what remains is not explained
 FARTHEST = 6.0  # standard deviations of the prior; no chain beyond is tried
 POOR, GOOD = 0.25, 0.75  # shares of the promised gain, below and above which the next step is shorter or longer
+NEARLY = 0.8  # of the longest step that holds, so long at least is one that was cut to it
 BISECTIONS = 40
 
 
@@ -101,7 +102,9 @@ def triangle(place: Place, spreads: Array) -> tuple[Array, Array]:
     return reduced[:count, :count], -reduced[:count, count]
 
 
-def descend(fitted: Fitted, place: Place, windows: int, tolerance: float, most: int) -> Descent:
+def descend(
+    fitted: Fitted, place: Place, windows: int, tolerance: float, most: int, ends_when_cut: bool = True
+) -> Descent:
     """Steps downhill from a place until a step changes or gains nothing.
 
     Args:
@@ -110,6 +113,7 @@ def descend(fitted: Fitted, place: Place, windows: int, tolerance: float, most: 
         windows: how many windows of each push are compared, from the shortest on.
         tolerance: the change of each unknown below which a step changes nothing.
         most: the largest number of steps.
+        ends_when_cut: whether a step that short is the last where it was cut, too, for a longer one led nowhere.
     """
     radius = LONGEST_STEP
     for iteration in range(most):
@@ -127,19 +131,20 @@ def descend(fitted: Fitted, place: Place, windows: int, tolerance: float, most: 
             if new is not None and share > 0.0:
                 break
             radius = POOR * size
+        is_cut = size >= NEARLY * radius
         if share < POOR:
             radius = 0.5 * size
         elif share > GOOD:
             radius = min(LONGEST_STEP, max(radius, 2.0 * size))
         place = new
-        if size < tolerance:
+        if size < tolerance and (ends_when_cut or not is_cut):
             return Descent(place, iteration + 1, True)
     return Descent(place, most, False)
 
 
 def step_within(factor: Array, target: Array, radius: float) -> Array:
     """The step s (nunknown) that minimises |R s − b|² + λ |s|², λ being 0 if no unknown then changes by more than
-    `radius`, or else so large that the largest change is between 0.8 of it and all of it.  Eq. 26.
+    `radius`, or else so large that the largest change is NEARLY all of it.  Eq. 26.
     """
     step: Array = solve_triangular(factor, target)
     if float(np.abs(step).max()) <= radius:
@@ -151,7 +156,7 @@ def step_within(factor: Array, target: Array, radius: float) -> Array:
         damping = 0.5 * (low + high)
         step = right.T @ (singular * turned / (singular**2 + np.exp(damping)))
         size = float(np.abs(step).max())
-        if 0.8 * radius <= size <= radius:
+        if NEARLY * radius <= size <= radius:
             break
         low, high = (damping, high) if size > radius else (low, damping)
     return step

@@ -40,6 +40,10 @@ class Growing(Fitted, Protocol):
         """By how many windows the fit goes on at once, a power of two."""
 
     @property
+    def ends_when_cut(self) -> bool:
+        """Whether a descent ends with a short step though it was cut, for longer windows may lead on."""
+
+    @property
     def explained_below(self) -> float:
         """A misfit below this says that the model explains what was seen."""
 
@@ -162,7 +166,7 @@ def _descent(comparison: Growing, point: Array, windows: int) -> Descent | None:
     if place is None:
         return None
     limits = (ROUGHLY, MOST_ROUGH) if windows < comparison.stages else (EXACTLY, MOST_EXACT)
-    return descend(comparison, place, windows, *limits)
+    return descend(comparison, place, windows, *limits, ends_when_cut=comparison.ends_when_cut)
 
 
 def misfit(found: Descent) -> float:

@@ -74,6 +74,11 @@ class Motions(WatchedTrials):
         return 1
 
     @property
+    def ends_when_cut(self) -> bool:
+        """Longer windows lead a chain on."""
+        return True
+
+    @property
     def explained_below(self) -> float:
         """A misfit below this is rounding."""
         return EXPLAINED

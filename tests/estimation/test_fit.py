@@ -9,6 +9,7 @@ import pytest
 from watched import GRAVITY, TIMESTEP, raised, watched
 
 from metaid.estimation import Estimate, Motions, Quantity, Unknowns, fit
+from metaid.estimation.descent import Residuals, descend, place_at
 from metaid.models import Array, Lumps
 
 FULL_WITH_DAMPING = ("gravity", "coriolis", "damping", "inertia")
@@ -159,3 +160,29 @@ def test_trials_that_showed_nothing_are_refused() -> None:
     nothing = replace(trial.windows, seen=0 * trial.windows.seen)
     with pytest.raises(ValueError, match="nothing to compare"):
         Motions([replace(trial, windows=nothing)], Unknowns(seen.nominal.lumps), GRAVITY)
+
+
+class Gorge:
+    """A curved valley between walls that no step may cross: y = x² to within a hair, lowest at (1, 1)."""
+
+    spreads, stages, extras = np.full(2, 10.0), 2, 0
+
+    def residuals(self, point: Array, windows: int) -> Residuals | None:
+        """Those of Rosenbrock's function; None beyond the walls."""
+        x, y = point
+        if abs(y - x * x) > 2e-5:
+            return None
+        values, slopes = np.array([1e3 * (y - x * x), 1.0 - x]), np.array([[-2e3 * x, 1e3], [-1.0, 0.0]])
+        return Residuals(values, slopes, 0.5 * float(values @ values), 2, np.empty((0, 3)))
+
+
+def test_descent_in_short_steps_goes_on_if_asked_to() -> None:
+    """Where walls cut each step it is not at its end; a fit that grows windows may leave it there all the same."""
+    gorge = Gorge()
+    place = place_at(gorge, np.zeros(2), 1)
+    assert place is not None
+    ended, went_on = (descend(gorge, place, 1, 1e-2, 30, ends_when_cut=each) for each in (True, False))
+    assert ended.converged
+    assert ended.place.point[0] < 0.01
+    assert not went_on.converged
+    assert went_on.place.point[0] > 0.05

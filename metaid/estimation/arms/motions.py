@@ -51,6 +51,11 @@ class ArmMotions:
         return 1
 
     @property
+    def ends_when_cut(self) -> bool:
+        """Near a singular mass matrix steps are cut, and a descent that ends there is led to a wrong minimum."""
+        return False
+
+    @property
     def explained_below(self) -> float:
         """A misfit below this says that the model explains what was seen."""
         return EXPLAINED
@@ -63,7 +68,7 @@ class ArmMotions:
     def residuals(self, point: Array, windows: int) -> Residuals | None:
         """Those of the first `windows` windows, or None where no arm has such parameters or it does not get there."""
         count = len(point)
-        candidates = self.unknowns.parameters(np.vstack([point, *to_and_fro(point)]))
+        candidates = self.unknowns.parameters(np.vstack([point, beside(point)]))
         values, slopes = [], []
         for trial in self.trials:
             speeds = self._speeds(trial, candidates, windows)
@@ -71,8 +76,7 @@ class ArmMotions:
                 return None
             unit, seen = self._unit(trial), _seen(trial, windows)
             values.append(unit * (speeds[0] - trial.windows.speeds[seen]).ravel())
-            there, back = speeds[1 : 1 + count], speeds[1 + count :]
-            slopes.append((unit / (2.0 * STEP)) * (there - back).reshape(count, -1).T)
+            slopes.append((unit / STEP) * (speeds[1:] - speeds[0]).reshape(count, -1).T)
         together = np.concatenate(values)
         cost = 0.5 * float(together @ together)
         return Residuals(together, np.vstack(slopes), cost, len(together), np.empty((0, 1 + count)))
@@ -109,10 +113,13 @@ class ArmMotions:
         return speeds
 
 
-def to_and_fro(point: Array) -> tuple[Array, Array]:
-    """Points (nunknown x nunknown each) a STEP to either side of a `point` (nunknown), along each unknown."""
-    steps = STEP * np.eye(len(point))
-    return point + steps, point - steps
+def beside(point: Array) -> Array:
+    """Points (nunknown x nunknown) a STEP from a `point` (nunknown) along each unknown.
+
+    Differences to one side cost half of those to both. What they are wrong by, a STEP's share of the curvature, is less
+    than a step of the descent needs to be right by.
+    """
+    return np.asarray(point + STEP * np.eye(len(point)), dtype=np.float64)
 
 
 def _seen(trial: WatchedArmTrial, windows: int) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from metaid.compiled.arms import follow_torques
-from metaid.estimation.arms.motions import STEP, THREADS, to_and_fro
+from metaid.estimation.arms.motions import STEP, THREADS, beside
 from metaid.estimation.arms.trials import ArmReadTrial
 from metaid.estimation.arms.unknowns import ArmUnknowns
 from metaid.estimation.noisy.polynomials import before
@@ -21,19 +21,22 @@ from metaid.models import Array
 class ArmReadings(ReadingsInWindows[ArmReadTrial, ArmUnknowns]):
     """All `trials` of a noisy study of an arm. Where starts are unknown, they are eliminated push by push (Eq. 29)."""
 
+    @property
+    def ends_when_cut(self) -> bool:
+        """Near a singular mass matrix steps are cut, and a descent that ends there is led to a wrong minimum."""
+        return False
+
     def _compare(self, number: int, point: Array, whitened: Array, windows: int) -> Compared | None:
         """What a trial shows; derivatives by the `whitened` starts are the last."""
         trial, (_, basis) = self.trials[number], self._windows[number]
         chosen, steps = self._longest(number, windows)
         # A start of one push has no influence on another, so those of all pushes are changed at once.
         count, further = len(point), whitened.shape[1]
-        here, (there, back) = point[None], to_and_fro(point)
-        still = np.repeat(here, further, axis=0)
-        candidates = self.unknowns.parameters(np.concatenate([here, there, still, back, still]))
+        here = np.repeat(point[None], 1 + further, axis=0)
+        candidates = self.unknowns.parameters(np.concatenate([here[:1], beside(point), here[1:]]))
         steady = np.repeat(_starts(trial, whitened)[None], 1 + count, axis=0)
-        moved = [[_starts(trial, whitened + sign * step) for step in STEP * np.eye(further)] for sign in (1.0, -1.0)]
-        ahead, behind = (np.array(each).reshape(further, *steady.shape[1:]) for each in moved)
-        starts = np.concatenate([steady, ahead, steady[1:], behind])
+        moved = [_starts(trial, whitened + step) for step in STEP * np.eye(further)]
+        starts = np.concatenate([steady, np.array(moved).reshape(further, *steady.shape[1:])])
         seen = basis, np.maximum(chosen, 0), steps
         twin = follow_torques(self.unknowns.frames, candidates, starts, trial.torques, seen, trial.timestep, THREADS)
         if not twin.arrived[:, steps > 0].all():
@@ -41,8 +44,7 @@ class ArmReadings(ReadingsInWindows[ArmReadTrial, ArmUnknowns]):
         plants = np.einsum("ptk,ptj->pkj", basis[chosen], trial.readings * before(steps, trial.readings.shape[1]))
         is_seen = (steps > 0)[:, None, None]
         values = np.where(is_seen, (twin.values[0] - plants) / trial.noise, 0.0)
-        half = 1 + count + further
-        slopes = np.where(is_seen, (twin.values[1:half] - twin.values[half:]) / (2.0 * STEP * trial.noise), 0.0)
+        slopes = np.where(is_seen, (twin.values[1:] - twin.values[0]) / (STEP * trial.noise), 0.0)
         npush = len(steps)
         slopes = slopes.swapaxes(2, 3).reshape(count + further, npush, -1)
         return values.swapaxes(1, 2).reshape(npush, -1), np.moveaxis(slopes, 0, -1)

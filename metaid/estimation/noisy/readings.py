@@ -39,6 +39,11 @@ class Readings(ReadingsInWindows[ReadTrial, Unknowns]):
         """Of the log factors and the faults (nunknown), beforehand."""
         return np.append(super().spreads, np.ones(len(self.faults.names)))
 
+    @property
+    def ends_when_cut(self) -> bool:
+        """Longer windows lead a chain on."""
+        return True
+
     def residuals_with(self, point: Array, torques: Sequence[Array]) -> Residuals | None:
         """Those on all windows with further joint `torques` of each trial (ntorque x npush x nstep x njoint), in N m,
         whose sizes are unknowns, too, behind the others.

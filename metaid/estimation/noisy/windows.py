@@ -95,6 +95,11 @@ class ReadingsInWindows(ABC, Generic[Trial, What]):
         return STRIDE
 
     @property
+    @abstractmethod
+    def ends_when_cut(self) -> bool:
+        """Whether a descent ends with a short step though it was cut, for longer windows may lead on."""
+
+    @property
     def explained_below(self) -> float:
         """A misfit below this is explained by noise."""
         pushes = sum(int(np.count_nonzero(trial.steps >= ends[0])) for trial, (ends, _) in self._each)
