@@ -10,19 +10,17 @@ from numpy.typing import NDArray
 
 from metaid.errors import RecordError
 from metaid.models import Array
-from metaid.recorded.fit import Fit, belief_of, covariance_of, fit
+from metaid.recorded.fit import Fit
 from metaid.recorded.linear_model import LinearModel
 from metaid.recorded.log import Record
+from metaid.recorded.suspects import suspects
+from metaid.recorded.window_rows import WindowRows
 from metaid.recorded.windows import Windows, cut_windows
 
 SPANS = (0.06, 0.1, 0.2, 0.3, 0.5)  # s: how long windows may be, unless their user says it
 FOLDS = 3
-LASTS = 0.3  # s: how long an error of the model lasts at least
 SLOW = 0.01  # of a joint's usual speed: below it dry friction is a share of its whole
 LITTLE_NOISE = 1e-3  # of the variance of averaged accelerations: by so much noise makes inertias smaller
-DELAYS = np.arange(-0.004, 0.0301, 0.002)  # s
-ENOUGH = 3  # rows an unknown, at least
-STEPS = 3  # from the best of them on
 
 
 @dataclass(frozen=True)
@@ -49,6 +47,8 @@ class RecordedEstimate:
         held_out: relative error of the averaged torque of each third that was predicted from the others (nfold).
         by_joint: the same of all thirds together, of each joint (njoint), as a share of its own torque.
         error: the same of all joints together.
+        lacking: what the model has not, and would explain some of what is left: the intervals hold what is found with
+            it, too.
         moved: how long the plant moved in the log, in s.
     """
 
@@ -63,71 +63,13 @@ class RecordedEstimate:
     held_out: Array
     by_joint: Array
     error: float
+    lacking: tuple[str, ...]
     moved: float
 
     @property
     def deviations(self) -> Array:
         """Standard deviations of the unknowns (nparam)."""
         return np.sqrt(np.diag(self.covariance))
-
-
-@dataclass(frozen=True)
-class _Rows:
-    """Windows of one length, as rows of linear equations."""
-
-    windows: Windows
-    rows: Array
-    record: Record
-    model: LinearModel
-
-    @property
-    def all(self) -> NDArray[np.bool_]:
-        """Every window (nwindow)."""
-        return np.ones(len(self.windows), dtype=np.bool_)
-
-    @property
-    def is_enough(self) -> bool:
-        """Whether there are a few times as many rows as unknowns, so that two thirds of them are enough, too."""
-        return bool(self.rows[..., 0].size >= ENOUGH * self.rows.shape[-1])
-
-    def fitted(self, which: NDArray[np.bool_], delay: float | None) -> tuple[Fit, float, Array]:
-        """The fit of the windows `which` (nwindow), the delay in s, and the covariance of the unknowns, the delay last
-        where it is unknown.
-        """
-        lags = int(np.ceil(max(LASTS, self.windows.span) / (0.5 * self.windows.span)))
-        rows = self.rows[which]
-        if delay is not None:
-            torques = self.windows.torques(self.record, delay)[which]
-            found = fit(rows, torques, belief_of(self.model, rows, torques))
-            return found, delay, covariance_of(found, rows, lags)
-        found, late, widened = self._with_delay(which, rows)
-        return found, late, covariance_of(found, widened, lags)
-
-    def _with_delay(self, which: NDArray[np.bool_], rows: Array) -> tuple[Fit, float, Array]:
-        """The fit with the delay that leaves least, by a scan and then Newton's steps; its rows, the delay's last."""
-        late = float(min(DELAYS, key=lambda delay: self._left(which, rows, float(delay))))
-        step = self.record.period
-        for _ in range(STEPS):
-            before, torques, after = (
-                self.windows.torques(self.record, late + shift)[which] for shift in (-step, 0.0, step)
-            )
-            slope = (before - after) / (2.0 * step)
-            widened = np.concatenate([rows, slope[..., None]], axis=-1)
-            nominal, precision = belief_of(self.model, rows, torques)
-            precision = np.pad(precision, (0, 1))
-            precision[-1, -1] = 1e-6 * float((slope**2).sum()) / float((torques**2).mean() + 1e-300)
-            found = fit(widened, torques, (np.append(nominal, 0.0), precision))
-            late = float(np.clip(late + found.values[-1], DELAYS[0], DELAYS[-1]))
-        return found, late, widened
-
-    def _left(self, which: NDArray[np.bool_], rows: Array, delay: float) -> float:
-        torques = self.windows.torques(self.record, delay)[which]
-        return float(np.linalg.slogdet(_covariance(fit(rows, torques, belief_of(self.model, rows, torques)).left))[1])
-
-
-def _covariance(left: Array) -> Array:
-    flat = left.reshape(-1, left.shape[-1])
-    return flat.T @ flat / len(flat) + 1e-18 * np.eye(flat.shape[1])
 
 
 def estimate_record(
@@ -152,7 +94,7 @@ def estimate_record(
         if windows is not None:
             if without is not None:
                 windows = _chosen(windows, ~windows.overlapping(*without))
-            every[span] = _Rows(windows, windows.rows(model), record, model)
+            every[span] = WindowRows(windows, record, model)
     usable = {span: each for span, each in every.items() if each.is_enough}
     if not usable:
         raise RecordError(
@@ -163,7 +105,7 @@ def estimate_record(
     return _estimate(usable, span, choices.delay)
 
 
-def _estimate(usable: dict[float, _Rows], span: float, delay: float | None) -> RecordedEstimate:
+def _estimate(usable: dict[float, WindowRows], span: float, delay: float | None) -> RecordedEstimate:
     """The estimate from windows of one length."""
     chosen = usable[span]
     windows, model, record = chosen.windows, chosen.model, chosen.record
@@ -186,6 +128,12 @@ def _estimate(usable: dict[float, _Rows], span: float, delay: float | None) -> R
     if delay is None:
         prompt = chosen.fitted(chosen.all, 0.0)[0]
         changes.append((_left(found) / max(_left(prompt), 1e-300)) * (prompt.values[:nparam] - values))
+    lacking = []
+    for what, columns in suspects(windows, chosen.rows, model, values):
+        change, joints = chosen.changed(columns, torques, values)
+        if joints:
+            changes.append(change)
+            lacking += [f"{what} of joint {model.joints[joint]}" for joint in joints]
     covariance = _widened(covariance, np.array(repeated), np.array(changes))
     return RecordedEstimate(
         model=model,
@@ -199,11 +147,12 @@ def _estimate(usable: dict[float, _Rows], span: float, delay: float | None) -> R
         held_out=np.array([_share(misses[third], torques[third]) for third in thirds]),
         by_joint=np.array([_share(misses[..., j], torques[..., j]) for j in range(model.njoint)]),
         error=_share(misses, torques),
+        lacking=tuple(lacking),
         moved=float(np.diff(np.unique(np.concatenate([windows.middles - span / 2, windows.middles + span / 2]))).sum()),
     )
 
 
-def _longer(usable: dict[float, _Rows], span: float) -> list[_Rows]:
+def _longer(usable: dict[float, WindowRows], span: float) -> list[WindowRows]:
     """The windows of the next longer length: in shorter ones noise may count."""
     spans = sorted(usable)
     at = spans.index(span)
@@ -232,7 +181,7 @@ def _widened(covariance: Array, repeated: Array, changes: Array) -> Array:
     return np.asarray(covariance * np.outer(growth, growth), dtype=np.float64)
 
 
-def _best_span(usable: dict[float, _Rows]) -> float:
+def _best_span(usable: dict[float, WindowRows]) -> float:
     """The shortest windows, in s, in which the noise of the angles hardly counts; those where it counts least, if it
     counts in all.
     """

@@ -45,9 +45,9 @@ def judge_record(record: Record, found: RecordedEstimate) -> RecordedVerdict:
     determined = _determined(found)
     against = tuple(_against(record, found, determined))
     if against:
-        return RecordedVerdict("not found", against, _table(found, np.zeros_like(determined)))
+        return RecordedVerdict("not found", (*against, *_lacking(found)), _table(found, np.zeros_like(determined)))
     lumps = _table(found, determined)
-    return RecordedVerdict("found", (_explained(found), *missed(lumps, "this log does")), lumps)
+    return RecordedVerdict("found", (_explained(found), *_lacking(found), *missed(lumps, "this log does")), lumps)
 
 
 def _determined(found: RecordedEstimate) -> NDArray[np.bool_]:
@@ -106,6 +106,12 @@ def _explained(found: RecordedEstimate) -> str:
         f"in joint {found.model.joints[worst]} ({found.by_joint[worst]:.2%}); intervals are as wide as what is left "
         "makes them"
     )
+
+
+def _lacking(found: RecordedEstimate) -> Iterator[str]:
+    """What the model has not, and would explain some of what is left."""
+    if found.lacking:
+        yield f"{', '.join(found.lacking)} would explain some of what is left, so intervals hold what it would change"
 
 
 def _table(found: RecordedEstimate, determined: NDArray[np.bool_]) -> pd.DataFrame:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from threadpoolctl import threadpool_limits
+
 from metaid.errors import RecordError, unknown
 from metaid.plant import ArmPlant, load_plant
 from metaid.recorded.estimate import Choices, RecordedEstimate, estimate_record
@@ -75,7 +77,8 @@ def identify_record(
                 f"law {law} is of {compensated.njoint} joints (allowed: {nominal.njoint}, as {nominal.name} has)"
             )
         record = record.with_torques(law_torques(record, compensated))
-    found = estimate_record(record, model, choices)
+    with threadpool_limits(1):  # matrices this small are slower on several
+        found = estimate_record(record, model, choices)
     return RecordedResult(nominal.name, record, found, judge_record(record, found))
 
 

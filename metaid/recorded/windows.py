@@ -69,12 +69,16 @@ class Windows:
 
     def rows(self, model: LinearModel) -> Array:
         """The averaged torque for a unit of each unknown (nwindow x ntest x njoint x nparam).  Eq. 57."""
-        nodes = _nodes()
-        weights = np.stack([test(nodes) for test in TESTS]) / len(nodes)
         shape = self.coordinates.shape
         flat = (each.reshape(-1, shape[-1]) for each in (self.coordinates, self.speeds, self.accelerations))
         columns = model.regressor(*flat).reshape(*shape, -1)
-        return np.asarray(np.einsum("an,wnjp->wajp", weights, columns), dtype=np.float64)
+        return self.averaged(columns)
+
+    def averaged(self, at_nodes: Array) -> Array:
+        """What is known at nodes (nwindow x nnode x ...), averaged by each test function (nwindow x ntest x ...)."""
+        nodes = _nodes()
+        weights = np.stack([test(nodes) for test in TESTS]) / len(nodes)
+        return np.asarray(np.einsum("an,wn...->wa...", weights, at_nodes, optimize=True), dtype=np.float64)
 
     def torques(self, record: Record, delay: float = 0.0) -> Array:
         """The averaged torque that was sent (nwindow x ntest x njoint), `delay` in s later than it is logged.  Eq. 57.
