@@ -92,7 +92,8 @@ def read_robot(folder: Path) -> Robot:
     reduction = np.diag(RATIOS)
     reduction[5, 4] = RATIOS[5]  # motor 6 turns with joint 5, too
     angles = motors @ np.linalg.inv(reduction).T + STRAIGHT
-    record = Record("tx40", PERIOD * np.arange(len(angles), dtype=np.float64), np.asarray(angles, np.float64), None, currents @ reduction)
+    times = PERIOD * np.arange(len(angles), dtype=np.float64)
+    record = Record("tx40", times, np.asarray(angles, dtype=np.float64), None, currents @ reduction)
     moving = np.abs(np.diff(angles[::50], axis=0)).max(axis=1) > STILL * 50 * PERIOD
     text = (folder / "urdf" / "tx40_mdh_modified.urdf").read_text(encoding="utf-8")
     with tempfile.TemporaryDirectory() as place:
