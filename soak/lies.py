@@ -84,7 +84,7 @@ class Liar(Rig):  # type: ignore[misc]
     ) -> None:
         about = {"metaid": 1, "name": "liar", "joints": 2, "timestep": 0.002, "gravity": 9.81}
         body = (ContinuousLinks if is_continuous else Links)(PLANT)
-        super().__init__(body, about, 60.0, math.radians(720.0), False)
+        super().__init__(body, about, 60.0, math.radians(720.0), real_time=False, verbose=False)
         self.steps = steps
         self.angle_noise = angle_noise
         self.push_noise = push_noise

@@ -20,8 +20,13 @@ from metaid.cli.common import (
 from metaid.cli.printed import error_text, lump_cells
 from metaid.cli.studies import complete_name
 
+EXAMPLE = """\b
+Example:
+  metaid study run three-link-coast --create
+  metaid study compare three-link three-link-coast -o both.html"""
 
-@click.command(epilog="\b\nExample:\n  metaid study compare three-link three-link-coast -o both.html")
+
+@click.command(epilog=EXAMPLE)
 @click.argument("names", metavar="NAME NAME ...", nargs=-1, required=True, shell_complete=complete_name)
 @storage_option
 @json_option

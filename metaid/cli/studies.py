@@ -275,7 +275,7 @@ def _undetermined(spec: StudySpec) -> str | None:
     "--until",
     callback=share,
     metavar="SHARE",
-    help="End once half of every 95 % interval is at most this share of its lump, as 0.5% (with output-error).",
+    help="With output-error: end once every 95 % interval is so narrow, e.g. 0.5% either way.",
 )
 @click.option("--quiet", is_flag=True, help="Print nothing while it runs.")
 def run(

@@ -32,6 +32,12 @@ Metaid = Callable[..., Finished]
 Printed = tuple[tuple[Any, ...], dict[str, Any]]
 
 
+@pytest.fixture(autouse=True)
+def no_stated_width(monkeypatch: pytest.MonkeyPatch) -> None:
+    """COLUMNS, which whoever runs the tests on two processes has set, says no width of these terminals."""
+    monkeypatch.delenv("COLUMNS", raising=False)
+
+
 @contextmanager
 def terminal(width: int) -> Iterator[list[str]]:
     """A pseudo-terminal in the place of stdout; afterwards the list has what was printed on it, as one text."""

@@ -130,5 +130,5 @@ def test_gain_of_the_only_motor_is_refused() -> None:
 
 def test_faults_of_an_arm_are_refused() -> None:
     """In one line that names what an arm's estimate may have."""
-    with pytest.raises(StudyError, match=r"estimate: unknown key 'faults' .allowed: mass, com"):
+    with pytest.raises(StudyError, match=r"estimate: unknown key 'faults' .allowed: enabled, mass, com"):
         load_chain_study("scara", {"estimate.faults": ["delay"]})
