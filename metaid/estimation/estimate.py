@@ -89,7 +89,9 @@ class Estimate(Fit):
         return np.exp(self.log_factors - reach), np.exp(self.log_factors + reach)
 
 
-def fit(comparison: Comparison, start: Array | None = None, restarts: int = 3, seed: int = 0) -> Estimate:
+def fit(
+    comparison: Comparison, start: Array | None = None, restarts: int = 3, seed: int = 0, gives_up: bool = False
+) -> Estimate:
     """The chain that all trials of a `comparison` lead to.
 
     Args:
@@ -99,11 +101,12 @@ def fit(comparison: Comparison, start: Array | None = None, restarts: int = 3, s
         restarts: how often the fit may begin at a random point of the prior, where the misfit says that it ended in a
             wrong minimum.
         seed: of these points; the same seed gives the same estimate.
+        gives_up: whether the fit ends as soon as it explains nothing any more.
 
     Raises:
-        ValueError: the twin cannot follow the trials from any start.
+        ValueError: the twin cannot follow the trials from any start, or the fit gave up.
     """
-    found = find(comparison, start, restarts, seed)
+    found = find(comparison, start, restarts, seed, gives_up)
     if found is None:
         raise ValueError("no chain near the nominal one moves through any window: the nominal lumps are no chain's")
     count = len(found.names)

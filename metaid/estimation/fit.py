@@ -98,7 +98,9 @@ class Fit:
         return np.sqrt(np.diag(self.covariance))
 
 
-def find(comparison: Growing, start: Array | None = None, restarts: int = 3, seed: int = 0) -> Fit | None:
+def find(
+    comparison: Growing, start: Array | None = None, restarts: int = 3, seed: int = 0, gives_up: bool = False
+) -> Fit | None:
     """What all trials of a `comparison` lead to; None where the twin cannot follow them from any start.
 
     Args:
@@ -107,11 +109,12 @@ def find(comparison: Growing, start: Array | None = None, restarts: int = 3, see
         restarts: how often the fit may begin at a random point of the prior, where the misfit says that it ended in a
             wrong minimum.
         seed: of these points; the same seed gives the same estimate.
+        gives_up: whether a descent ends where it explains nothing any more, for nothing else is asked of it.
     """
     best: Descent | None = None
     iterations = starts = 0
     for point in starting_points(comparison, start, restarts, seed):
-        found = grow(comparison, np.append(point, np.zeros(comparison.extras)))
+        found = grow(comparison, np.append(point, np.zeros(comparison.extras)), gives_up)
         if found is None:
             continue
         starts += 1
@@ -136,8 +139,9 @@ def refine(comparison: Growing, start: Array) -> Fit | None:
     return _fit(comparison, found, found.iterations, 1)
 
 
-def grow(comparison: Growing, point: Array) -> Descent | None:
-    """The descent from a `point`, on the shortest windows first; None where the twin cannot follow from there.
+def grow(comparison: Growing, point: Array, gives_up: bool = False) -> Descent | None:
+    """The descent from a `point`, on the shortest windows first; None where the twin cannot follow from there, or, if
+    it `gives_up`, where windows are not explained.
 
     From one stage to the next, windows grow by `comparison.stride`. A descent that does not explain what it was led to
     may have left the valley of the truth. So it is begun again from where the last one ended, with windows that grow by
@@ -152,7 +156,7 @@ def grow(comparison: Growing, point: Array) -> Descent | None:
         if valley and not explained and reached and stride > 1:
             explained, stride = True, stride // 2
             continue
-        if found is None:
+        if found is None or (gives_up and not explained):
             return None
         stride = min(2 * stride, comparison.stride) if explained else comparison.stride
         point, reached = found.place.point, windows

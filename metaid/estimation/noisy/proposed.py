@@ -64,7 +64,7 @@ def proposed_faults(
             continue
         wanted = tuple(kind for kind in FAULT_UNITS if kind in (*known, *kinds))
         try:
-            found = fit(replace(readings, faults=search(wanted)), _begin(estimate, search(wanted)), restarts=0)
+            found = fit(replace(readings, faults=search(wanted)), _begin(estimate, search(wanted)), 0, gives_up=True)
         except ValueError:
             continue
         if found.is_explained and found.faults is not None:
