@@ -5,10 +5,10 @@
 FOLDER is `examples/staubli_TX40` of the public repository thanhndv212/figaroh-examples: 9 s of motor positions and
 currents of a Stäubli TX40 at 5 kHz, and its URDF. None of it ships with metaid.
 
-The motion is cut into three thirds. Each is predicted by what the other two say. Torque: at every hundredth second of
-motion, relative to what it is, root mean square over joints; angles and torques pass the same filter, without phase, at
-50 Hz. Speed: 0.1 s after states of the log, every 0.05 s, by a simulation under the torques that were logged, relative
-to how much it changes. That yardstick is the same for all.
+The motion is cut into three thirds. Each is predicted by what the other two say. Torque: every 2 ms of motion, relative
+to what it is, root mean square over joints; angles and torques pass the same filter, without phase, at 50 Hz. Speed:
+0.1 s after states of the log, every 0.05 s, by a simulation under the torques that were logged, relative to how much it
+changes. That yardstick is the same for all.
 
 metaid has its defaults; that joints 5 and 6 are coupled is the robot's own fact. figaroh's recipe is its example's:
 Butterworth filter at 100 Hz, differences, every tenth row, ordinary or weighted least squares of all rows. Least
