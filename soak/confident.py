@@ -107,7 +107,9 @@ def draw(number: int) -> Case:
 
 @dataclass(frozen=True)
 class Judged:
-    """What became of a case: its `verdict`, None where the study was refused, and the lumps that are far off."""
+    """What became of a case: its `verdict`, None where the study was refused, the `reasons` where a well-posed one was
+    not found, one was refused, or they were asked for, and the lumps that are far off.
+    """
 
     case: Case
     verdict: str | None
@@ -115,8 +117,8 @@ class Judged:
     far: tuple[str, ...] = ()
 
 
-def try_case(number: int) -> Judged:
-    """Creates the study of that number, runs it, and looks at what it says it found."""
+def try_case(number: int, tells_why: bool = False) -> Judged:
+    """Creates the study of that number, runs it, and looks at what it says it found, and at why if that `tells_why`."""
     case = draw(number)
     with tempfile.TemporaryDirectory(prefix="metaid-confident-") as folder:
         try:
@@ -127,7 +129,8 @@ def try_case(number: int) -> Judged:
         except MetaidError as refusal:
             return Judged(case, None, str(refusal))
     far = tuple(far_lumps(verdict.lumps)) if verdict.is_found else ()
-    return Judged(case, verdict.word, "; ".join(verdict.reasons), far)
+    missed = case.well_posed and not verdict.is_found
+    return Judged(case, verdict.word, "; ".join(verdict.reasons) if missed or tells_why else "", far)
 
 
 def far_lumps(lumps: pd.DataFrame) -> Iterator[str]:
@@ -176,7 +179,7 @@ def _enough(pool: ProcessPoolExecutor, promised: int) -> Iterator[Judged]:
 
 def main() -> None:
     """Tries one case again."""
-    judged = try_case(int(sys.argv[1]))
+    judged = try_case(int(sys.argv[1]), tells_why=True)
     print(judged.case.about, judged.verdict, judged.reasons, *judged.far, sep="\n")
 
 

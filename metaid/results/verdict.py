@@ -16,27 +16,33 @@ import pandas as pd
 from metaid.errors import StudyError
 from metaid.models import Array
 from metaid.results.best import best_trial
-from metaid.results.estimates import why_no_estimate
+from metaid.results.estimates import StudyEstimate, why_no_estimate
 from metaid.results.lump_tables import best_table, estimate_table, fault_table
 from metaid.results.snapshot import Snapshot, Stage
 from metaid.study import COARSEST, lumps_at_bounds
 
 Word = Literal["found", "not found", "unfinished"]
 Source = Literal["estimate", "best trial"]
+Reason = str | StudyEstimate  # what an estimate says of faults takes fits: only who reads the reason waits for them
 
 FAR = 3.0  # resolutions of the measure: the value of a minimum is not so far above zero
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The `word`, the `source` of the lumps, the `reasons` (sentences without a full stop) that name a lump, a bound or
-    a number, and the table of `lumps` that the study stands by, as `lumps_frame` has it.
+    """The `word`, the `source` of the lumps, `why`, and the table of `lumps` that the study stands by, as `lumps_frame`
+    has it.
     """
 
     word: Word
     source: Source
-    reasons: tuple[str, ...]
+    why: tuple[Reason, ...]
     lumps: pd.DataFrame
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Sentences without a full stop that name a lump, a bound or a number."""
+        return tuple(each if isinstance(each, str) else each.description for each in self.why)
 
     @property
     def is_found(self) -> bool:
@@ -65,7 +71,7 @@ def judge(snapshot: Snapshot) -> Verdict:
         reasons = (f"the trials show no lump to better than {COARSEST:.0%}: push more, or harder",)
         return _not_yet(snapshot, "estimate", reasons, lumps)
     if problem.goes_by_estimate:
-        why = estimate.description if estimate else why_no_estimate(problem, snapshot.all_shown)
+        why = estimate or why_no_estimate(problem, snapshot.all_shown)
         return _not_yet(snapshot, "estimate", (why,), estimate_table(problem, estimate))
     lumps = best_table(snapshot)
     if against := tuple(_against_best(snapshot, lumps)):
@@ -82,13 +88,13 @@ def missed(lumps: pd.DataFrame, who: str) -> Iterator[str]:
         )
 
 
-def _not_yet(snapshot: Snapshot, source: Source, reasons: tuple[str, ...], lumps: pd.DataFrame) -> Verdict:
+def _not_yet(snapshot: Snapshot, source: Source, reasons: tuple[Reason, ...], lumps: pd.DataFrame) -> Verdict:
     done = len(snapshot.trials), snapshot.spec.study.total_trials
     return not_yet(snapshot.is_finished, done, source, reasons, lumps)
 
 
 def not_yet(
-    is_finished: bool, done: tuple[int, int], source: Source, reasons: tuple[str, ...], lumps: pd.DataFrame
+    is_finished: bool, done: tuple[int, int], source: Source, reasons: tuple[Reason, ...], lumps: pd.DataFrame
 ) -> Verdict:
     """Unfinished where trials are left, else not found; no number is given for a lump that was not found.
 
@@ -109,7 +115,7 @@ def not_yet(
     return Verdict("not found", source, reasons, lumps)
 
 
-def _against_best(snapshot: Snapshot, lumps: pd.DataFrame) -> Iterator[str]:
+def _against_best(snapshot: Snapshot, lumps: pd.DataFrame) -> Iterator[Reason]:
     """What speaks against taking the best trial of each stage for the result."""
     for stage in snapshot.stages:
         if not stage.survivors:
@@ -120,7 +126,7 @@ def _against_best(snapshot: Snapshot, lumps: pd.DataFrame) -> Iterator[str]:
     yield from _untested(snapshot)
 
 
-def _untested(snapshot: Snapshot) -> Iterator[str]:
+def _untested(snapshot: Snapshot) -> Iterator[Reason]:
     """Why the model of a best trial was not tested, or what refuted it.
 
     Wrong lumps can make up for friction or a spring so well that noise, or a count, does not show what is left over.
@@ -131,7 +137,7 @@ def _untested(snapshot: Snapshot) -> Iterator[str]:
     shows_all = problem.measure.sees_coriolis and not problem.measure.is_noisy
     if estimate is not None:
         if not (shows_all and best <= problem.resolution):
-            yield estimate.description
+            yield estimate
     elif not shows_all:
         why = why_no_estimate(problem, snapshot.all_shown)
         name = problem.measure.name

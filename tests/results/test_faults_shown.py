@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from metaid.plant.faults import FaultSettings
 from metaid.plant.settings import PlantSettings
 from metaid.results.findings import read_findings
 from metaid.results.overview import summary
+from metaid.results.snapshot import read_snapshot
+from metaid.results.verdict import judge
 from metaid.show.notes import note
 from metaid.store.database import Store
 from metaid.study.create import create_study
@@ -100,6 +103,19 @@ def test_fault_that_is_not_explained_has_no_number(tmp_path: Path) -> None:
     assert delay["identified"] is delay["sd"] is delay["low"] is delay["error"] is None
     assert "the model does not explain what was seen, but with a tilt of " in shown["reasons"][0]
     assert 'set [estimate] faults = ["delay", "tilt"]' in shown["reasons"][0]
+
+
+def test_verdict_alone_waits_for_no_fits_of_faults(tmp_path: Path) -> None:
+    """A fault is looked for when somebody reads the reasons."""
+    with closing(Store(str(tmp_path / "metaid.db"), create=True)) as store:
+        run(store, late_and_tilted("delay", nlink=1, trials=1))
+        snapshot = read_snapshot(store, "late")
+    verdict, estimate = judge(snapshot), snapshot.estimate
+    assert verdict.word == "not found"
+    assert estimate is not None
+    assert "proposal" not in vars(estimate)
+    assert "with a tilt of" in verdict.reasons[0]
+    assert "proposal" in vars(estimate)
 
 
 @pytest.mark.parametrize(
