@@ -243,7 +243,7 @@ def test_model_of_a_chain_is_the_same_in_mujoco_python_and_c(tmp_path: Path, nam
 
 
 def in_c(folder: Path, identified: Identified, states: Array) -> list[tuple[Array, Array]]:
-    """Torque and mass matrix in each of `states` by the header of a chain, compiled."""
+    """Torque and mass matrix in each of `states` by the header, compiled."""
     n, function = identified.njoint, identified.model.name.replace(" ", "_")
     identified.model.write(folder / "law.h")
     calls = []
@@ -263,13 +263,19 @@ def in_c(folder: Path, identified: Identified, states: Array) -> list[tuple[Arra
 
 
 @pytest.mark.parametrize("name", SOME[:2])
-def test_model_of_an_arm_gives_torque_and_mass_matrix(name: str) -> None:
-    """Those of what was identified, friction and rotors included."""
+def test_model_of_an_arm_gives_torque_and_mass_matrix(tmp_path: Path, name: str) -> None:
+    """Those of what was identified, friction and rotors included: the object, `law.py` and `law.h`."""
     identified = identified_as(name)
-    for angles, speeds in states_of(identified):
+    model, names, states = identified.model, dict[str, Any](), states_of(identified)
+    exec(model.text(".py"), names)
+    compiled = in_c(tmp_path, identified, states) if shutil.which("cc") else None
+    for i, (angles, speeds) in enumerate(states):
         wanted, full = identified.torque(angles, speeds), identified.mass_matrix(angles)
-        assert np.abs(identified.model.torque(angles, speeds) - wanted).max() <= TOLERANCE * np.abs(wanted).max()
-        assert np.abs(identified.model.mass_matrix(angles) - full).max() <= TOLERANCE * np.abs(full).max()
+        pairs = [(model.torque(angles, speeds), model.mass_matrix(angles))]
+        pairs.append((names["torque"](angles, speeds), names["mass_matrix"](angles)))
+        for torque, matrix in [*pairs, *([compiled[i]] if compiled else [])]:
+            assert np.abs(torque - wanted).max() <= TOLERANCE * np.abs(wanted).max()
+            assert np.abs(np.array(matrix) - full).max() <= TOLERANCE * np.abs(full).max()
 
 
 def test_model_wants_a_number_for_each_joint() -> None:

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from metaid.models import FRICTION, SLIDING, Array, ChainModel, Lumps
 from metaid.models.tree import PARAMETERS, Tree, joint_mass_matrix, joint_torque
-from metaid.results.exporting.law_texts import (
-    ARM_C,
-    ARM_PYTHON,
+from metaid.results.exporting.arm_law_texts import ARM_C, ARM_PYTHON
+from metaid.results.exporting.chain_law_texts import (
     CHAIN_C,
     CHAIN_MASS_MATRIX_C,
     CHAIN_MASS_MATRIX_PYTHON,
@@ -43,10 +42,12 @@ class Law(Protocol):
         """In joint coordinates (njoint x njoint), in kg m²; None where the inertia lumps are not known."""
 
     def python(self) -> str:
-        """A Python module with a function `torque(q, qd)`, and of a chain `mass_matrix(q)`."""
+        """A Python module with a function `torque(q, qd)`, and `mass_matrix(q)` where that is known."""
 
     def c(self, name: str) -> str:
-        """A C99 header with a function `NAME_torque(q, qd, torque)`, and of a chain `NAME_mass_matrix(q, matrix)`."""
+        """A C99 header with a function `NAME_torque(q, qd, torque)`, and `NAME_mass_matrix(q, matrix)` where that is
+        known.
+        """
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,7 @@ class ArmLaw:
             "mass": parameters[:, 0],
             "moment": parameters[:, 1:4],
             "inertia": parameters[:, [4, 5, 6, 5, 7, 8, 6, 8, 9]].reshape(-1, 3, 3),
+            "rotor": parameters[:, PARAMETERS.index("rotor")],
             "damping": parameters[:, PARAMETERS.index("damping")],
             "coulomb": parameters[:, PARAMETERS.index("coulomb")],
         }

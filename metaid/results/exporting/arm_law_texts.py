@@ -1,107 +1,4 @@
-"""What the source texts of a law are filled into. A word after a dollar sign is a constant of the model."""
-
-CHAIN_PYTHON = '''
-import math
-
-GRAVITY = $gravity  # of each link, in N m: the weight's moment with the link horizontal
-CORIOLIS = $coriolis  # of each two links, in kg m^2
-DAMPING = $damping  # of each joint, in N m s
-COULOMB = $coulomb  # of each joint, in N m
-SLIDING = $sliding  # rad/s: a slower joint is sent that share of its dry friction
-
-
-def torque(q, qd):
-    """The joint torques, in N m, that leave nothing to accelerate the pendulum.
-
-    q are joint angles in rad, each relative to the link before, 0 upright; qd are joint speeds in rad/s.
-    """
-    n = len(GRAVITY)
-    angle, speed = [sum(q[: i + 1]) for i in range(n)], [sum(qd[: i + 1]) for i in range(n)]
-    torques, above = [0.0] * n, 0.0
-    for i in range(n - 1, -1, -1):
-        above -= GRAVITY[i] * math.sin(angle[i])
-        for j in range(n):
-            above += CORIOLIS[i][j] * math.sin(angle[i] - angle[j]) * speed[j] ** 2
-        friction = DAMPING[i] * qd[i] + COULOMB[i] * max(-1.0, min(1.0, qd[i] / SLIDING))
-        torques[i] = above + friction
-    return torques
-'''
-
-CHAIN_MASS_MATRIX_PYTHON = '''
-INERTIA = $inertia  # of each link, in kg m^2: the diagonal of the mass matrix in absolute angles
-
-
-def mass_matrix(q):
-    """The mass matrix in joint coordinates, in kg m^2, a list of rows, at joint angles q in rad."""
-    n = len(INERTIA)
-    angle = [sum(q[: i + 1]) for i in range(n)]
-    links = [
-        [INERTIA[i] if i == j else CORIOLIS[i][j] * math.cos(angle[i] - angle[j]) for j in range(n)] for i in range(n)
-    ]
-    return [[sum(sum(row[j:]) for row in links[i:]) for j in range(n)] for i in range(n)]
-'''
-
-CHAIN_C = """
-#ifndef $guard
-#define $guard
-
-#include <math.h>
-
-/* The joint torques, in N m, that leave nothing to accelerate the pendulum. q are joint angles in rad, each relative to
-   the link before, 0 upright; qd are joint speeds in rad/s. $njoint of each. */
-static inline void ${name}_torque(const double q[], const double qd[], double torque[])
-{
-    enum { N = $njoint };
-    /* of each link, in N m: the weight's moment with the link horizontal */
-    static const double gravity[N] = $gravity;
-    /* of each two links, in kg m^2 */
-    static const double coriolis[N][N] = $coriolis;
-    /* of each joint, in N m s and N m; a joint slower than sliding, in rad/s, is sent that share of its dry friction */
-    static const double damping[N] = $damping;
-    static const double coulomb[N] = $coulomb;
-    static const double sliding = $sliding;
-    double angle[N], speed[N], above = 0.0;
-    int i, j;
-
-    for (i = 0; i < N; i++) {
-        angle[i] = q[i] + (i > 0 ? angle[i - 1] : 0.0);
-        speed[i] = qd[i] + (i > 0 ? speed[i - 1] : 0.0);
-    }
-    for (i = N - 1; i >= 0; i--) {
-        above -= gravity[i] * sin(angle[i]);
-        for (j = 0; j < N; j++)
-            above += coriolis[i][j] * sin(angle[i] - angle[j]) * speed[j] * speed[j];
-        torque[i] = above + damping[i] * qd[i] + coulomb[i] * fmax(-1.0, fmin(1.0, qd[i] / sliding));
-    }
-}
-"""
-
-CHAIN_MASS_MATRIX_C = """
-/* The mass matrix in joint coordinates, in kg m^2, at joint angles q in rad. */
-static inline void ${name}_mass_matrix(const double q[], double matrix[$njoint][$njoint])
-{
-    enum { N = $njoint };
-    static const double coriolis[N][N] = $coriolis;
-    /* of each link, in kg m^2: the diagonal of the mass matrix in absolute angles */
-    static const double inertia[N] = $inertia;
-    double angle[N];
-    int i, j, k, l;
-
-    for (i = 0; i < N; i++)
-        angle[i] = q[i] + (i > 0 ? angle[i - 1] : 0.0);
-    for (i = 0; i < N; i++)
-        for (j = 0; j < N; j++) {
-            matrix[i][j] = 0.0;
-            for (k = i; k < N; k++)
-                for (l = j; l < N; l++)
-                    matrix[i][j] += k == l ? inertia[k] : coriolis[k][l] * cos(angle[k] - angle[l]);
-        }
-}
-"""
-
-END_C = """
-#endif
-"""
+"""What the source texts of an arm's law are filled into. A word after a dollar sign is a constant of the model."""
 
 ARM_PYTHON = '''
 import math
@@ -116,6 +13,7 @@ SLIDES = $slides  # 1 of a slide, 0 of a hinge
 MASS = $mass
 MOMENT = $moment
 INERTIA = $inertia
+ROTOR = $rotor  # of each joint, in kg m^2 (kg): what turns with its motor
 DAMPING = $damping  # of each joint, in N m s (N s/m)
 COULOMB = $coulomb  # of each joint, in N m (N)
 SLIDING = $sliding  # rad/s (m/s): a slower joint is sent that share of its dry friction
@@ -126,8 +24,22 @@ def torque(q, qd):
 
     q are joint coordinates in rad (m), qd joint speeds in rad/s (m/s).
     """
+    bias = _inverse_dynamics(q, qd, [0.0] * len(MASS), GRAVITY)
+    sliding = [max(-1.0, min(1.0, each / SLIDING)) for each in qd]
+    return [bias[i] + DAMPING[i] * qd[i] + COULOMB[i] * sliding[i] for i in range(len(MASS))]
+
+
+def mass_matrix(q):
+    """The mass matrix, in kg m^2 (kg m and kg of slides), a list of rows, at joint coordinates q in rad (m)."""
     n = len(MASS)
-    spin, spin_rate, rate = [0.0] * 3, [0.0] * 3, [-each for each in GRAVITY]
+    units = [[float(i == j) for j in range(n)] for i in range(n)]
+    return [_inverse_dynamics(q, [0.0] * n, unit, [0.0] * 3) for unit in units]
+
+
+def _inverse_dynamics(q, qd, qdd, gravity):
+    """The joint torques without friction that give the joints accelerations qdd, in rad/s^2 (m/s^2)."""
+    n = len(MASS)
+    spin, spin_rate, rate = [0.0] * 3, [0.0] * 3, [-each for each in gravity]
     axes, origins, forces, moments = [], [], [], []
     for i in range(n):
         turned, origin = _place(i, q[i])
@@ -135,11 +47,11 @@ def torque(q, qd):
         origins.append(origin)
         rate = _add(rate, _cross(spin_rate, origin), _cross(spin, _cross(spin, origin)))
         spin, spin_rate, rate = _back(turned, spin), _back(turned, spin_rate), _back(turned, rate)
-        own = [qd[i] * each for each in AXIS[i]]
+        own, gained = [qd[i] * each for each in AXIS[i]], [qdd[i] * each for each in AXIS[i]]
         if SLIDES[i]:
-            rate = _add(rate, [2.0 * each for each in _cross(spin, own)])
+            rate = _add(rate, gained, [2.0 * each for each in _cross(spin, own)])
         else:
-            spin_rate = _add(spin_rate, _cross(spin, own))
+            spin_rate = _add(spin_rate, gained, _cross(spin, own))
             spin = _add(spin, own)
         moment, turning = MOMENT[i], _forth(INERTIA[i], spin)
         force = _add([MASS[i] * each for each in rate], _cross(spin_rate, moment), _cross(spin, _cross(spin, moment)))
@@ -148,8 +60,7 @@ def torque(q, qd):
     torques, force, moment = [0.0] * n, [0.0] * 3, [0.0] * 3
     for i in range(n - 1, -1, -1):
         force, moment = _add(force, forces[i]), _add(moment, moments[i])
-        along = sum(a * b for a, b in zip(AXIS[i], force if SLIDES[i] else moment))
-        torques[i] = along + DAMPING[i] * qd[i] + COULOMB[i] * max(-1.0, min(1.0, qd[i] / SLIDING))
+        torques[i] = ROTOR[i] * qdd[i] + sum(a * b for a, b in zip(AXIS[i], force if SLIDES[i] else moment))
         force = _forth(axes[i], force)
         moment = _add(_forth(axes[i], moment), _cross(origins[i], force))
     return torques
@@ -220,13 +131,13 @@ static inline void ${name}_turn_back(const double matrix[3][3], double vector[3]
         vector[i] = matrix[0][i] * before[0] + matrix[1][i] * before[1] + matrix[2][i] * before[2];
 }
 
-/* The joint torques, in N m (of a slide in N), that leave nothing to accelerate the arm. q are joint coordinates in
-   rad (m), qd joint speeds in rad/s (m/s). $njoint of each. */
-static inline void ${name}_torque(const double q[], const double qd[], double torque[])
+/* The joint torques without friction, in N m (of a slide in N), that give the joints accelerations qdd, in rad/s^2
+   (m/s^2), in a gravity in the frame of the base, in m/s^2. q are joint coordinates in rad (m), qd joint speeds in
+   rad/s (m/s). $njoint of each. */
+static inline void ${name}_inverse_dynamics(const double q[], const double qd[], const double qdd[],
+                                            const double gravity[3], double torque[])
 {
     enum { N = $njoint };
-    /* in the frame of the base, in m/s^2 */
-    static const double gravity[3] = $gravity;
     /* of each joint: origin of its frame in the frame before, in m; axes of its frame at q = 0 (the columns); its
        axis; 1 of a slide */
     static const double position[N][3] = $position;
@@ -237,10 +148,8 @@ static inline void ${name}_torque(const double q[], const double qd[], double to
     static const double mass[N] = $mass;
     static const double moment[N][3] = $moment;
     static const double inertia[N][3][3] = $inertia;
-    /* of each joint, in N m s and N m; a joint slower than sliding, in rad/s, is sent that share of its dry friction */
-    static const double damping[N] = $damping;
-    static const double coulomb[N] = $coulomb;
-    static const double sliding = $sliding;
+    /* of each joint, in kg m^2 (kg): what turns with its motor */
+    static const double rotor[N] = $rotor;
     double axes[N][3][3], origins[N][3], forces[N][3], moments[N][3];
     double spin[3] = {0.0, 0.0, 0.0}, spin_rate[3] = {0.0, 0.0, 0.0};
     double rate[3] = {-gravity[0], -gravity[1], -gravity[2]};
@@ -249,7 +158,7 @@ static inline void ${name}_torque(const double q[], const double qd[], double to
 
     for (i = 0; i < N; i++) {
         const double sine = slides[i] ? 0.0 : sin(q[i]), versine = slides[i] ? 0.0 : 1.0 - cos(q[i]);
-        double own[3], around[3] = {0.0, 0.0, 0.0}, turning[3] = {0.0, 0.0, 0.0};
+        double own[3], gained[3], around[3] = {0.0, 0.0, 0.0}, turning[3] = {0.0, 0.0, 0.0};
 
         for (k = 0; k < 3; k++) {
             double unit[3] = {0.0, 0.0, 0.0}, across[3] = {0.0, 0.0, 0.0}, twice[3] = {0.0, 0.0, 0.0};
@@ -276,10 +185,14 @@ static inline void ${name}_torque(const double q[], const double qd[], double to
         ${name}_turn_back((const double(*)[3])axes[i], spin);
         ${name}_turn_back((const double(*)[3])axes[i], spin_rate);
         ${name}_turn_back((const double(*)[3])axes[i], rate);
-        for (k = 0; k < 3; k++)
+        for (k = 0; k < 3; k++) {
             own[k] = axis[i][k] * qd[i] * (slides[i] ? 2.0 : 1.0);
+            gained[k] = axis[i][k] * qdd[i];
+        }
         ${name}_add_cross(spin, own, slides[i] ? rate : spin_rate);
         for (k = 0; k < 3; k++) {
+            rate[k] += slides[i] ? gained[k] : 0.0;
+            spin_rate[k] += slides[i] ? 0.0 : gained[k];
             spin[k] += slides[i] ? 0.0 : own[k];
             around[k] = moments[i][k] = 0.0;
         }
@@ -300,7 +213,7 @@ static inline void ${name}_torque(const double q[], const double qd[], double to
             force[k] += forces[i][k];
             load[k] += moments[i][k];
         }
-        torque[i] = damping[i] * qd[i] + coulomb[i] * fmax(-1.0, fmin(1.0, qd[i] / sliding));
+        torque[i] = rotor[i] * qdd[i];
         for (k = 0; k < 3; k++)
             torque[i] += axis[i][k] * (slides[i] ? force[k] : load[k]);
         ${name}_add_product((const double(*)[3])axes[i], force, push);
@@ -310,6 +223,42 @@ static inline void ${name}_torque(const double q[], const double qd[], double to
             force[k] = push[k];
             load[k] = turn[k];
         }
+    }
+}
+
+/* The joint torques, in N m (of a slide in N), that leave nothing to accelerate the arm. q are joint coordinates in
+   rad (m), qd joint speeds in rad/s (m/s). $njoint of each. */
+static inline void ${name}_torque(const double q[], const double qd[], double torque[])
+{
+    enum { N = $njoint };
+    /* in the frame of the base, in m/s^2 */
+    static const double gravity[3] = $gravity;
+    /* of each joint, in N m s and N m; a joint slower than sliding, in rad/s, is sent that share of its dry friction */
+    static const double damping[N] = $damping;
+    static const double coulomb[N] = $coulomb;
+    static const double sliding = $sliding;
+    const double still[N] = {0.0};
+    int i;
+
+    ${name}_inverse_dynamics(q, qd, still, gravity, torque);
+    for (i = 0; i < N; i++)
+        torque[i] += damping[i] * qd[i] + coulomb[i] * fmax(-1.0, fmin(1.0, qd[i] / sliding));
+}
+
+/* The mass matrix, in kg m^2 (kg m and kg of slides), at joint coordinates q in rad (m). */
+static inline void ${name}_mass_matrix(const double q[], double matrix[$njoint][$njoint])
+{
+    enum { N = $njoint };
+    static const double weightless[3] = {0.0, 0.0, 0.0};
+    const double still[N] = {0.0};
+    int i, j;
+
+    for (i = 0; i < N; i++) {
+        double unit[N];
+
+        for (j = 0; j < N; j++)
+            unit[j] = i == j ? 1.0 : 0.0;
+        ${name}_inverse_dynamics(q, still, unit, weightless, matrix[i]);
     }
 }
 

@@ -1,0 +1,104 @@
+"""What the source texts of a chain's law are filled into. A word after a dollar sign is a constant of the model."""
+
+CHAIN_PYTHON = '''
+import math
+
+GRAVITY = $gravity  # of each link, in N m: the weight's moment with the link horizontal
+CORIOLIS = $coriolis  # of each two links, in kg m^2
+DAMPING = $damping  # of each joint, in N m s
+COULOMB = $coulomb  # of each joint, in N m
+SLIDING = $sliding  # rad/s: a slower joint is sent that share of its dry friction
+
+
+def torque(q, qd):
+    """The joint torques, in N m, that leave nothing to accelerate the pendulum.
+
+    q are joint angles in rad, each relative to the link before, 0 upright; qd are joint speeds in rad/s.
+    """
+    n = len(GRAVITY)
+    angle, speed = [sum(q[: i + 1]) for i in range(n)], [sum(qd[: i + 1]) for i in range(n)]
+    torques, above = [0.0] * n, 0.0
+    for i in range(n - 1, -1, -1):
+        above -= GRAVITY[i] * math.sin(angle[i])
+        for j in range(n):
+            above += CORIOLIS[i][j] * math.sin(angle[i] - angle[j]) * speed[j] ** 2
+        friction = DAMPING[i] * qd[i] + COULOMB[i] * max(-1.0, min(1.0, qd[i] / SLIDING))
+        torques[i] = above + friction
+    return torques
+'''
+
+CHAIN_MASS_MATRIX_PYTHON = '''
+INERTIA = $inertia  # of each link, in kg m^2: the diagonal of the mass matrix in absolute angles
+
+
+def mass_matrix(q):
+    """The mass matrix in joint coordinates, in kg m^2, a list of rows, at joint angles q in rad."""
+    n = len(INERTIA)
+    angle = [sum(q[: i + 1]) for i in range(n)]
+    links = [
+        [INERTIA[i] if i == j else CORIOLIS[i][j] * math.cos(angle[i] - angle[j]) for j in range(n)] for i in range(n)
+    ]
+    return [[sum(sum(row[j:]) for row in links[i:]) for j in range(n)] for i in range(n)]
+'''
+
+CHAIN_C = """
+#ifndef $guard
+#define $guard
+
+#include <math.h>
+
+/* The joint torques, in N m, that leave nothing to accelerate the pendulum. q are joint angles in rad, each relative to
+   the link before, 0 upright; qd are joint speeds in rad/s. $njoint of each. */
+static inline void ${name}_torque(const double q[], const double qd[], double torque[])
+{
+    enum { N = $njoint };
+    /* of each link, in N m: the weight's moment with the link horizontal */
+    static const double gravity[N] = $gravity;
+    /* of each two links, in kg m^2 */
+    static const double coriolis[N][N] = $coriolis;
+    /* of each joint, in N m s and N m; a joint slower than sliding, in rad/s, is sent that share of its dry friction */
+    static const double damping[N] = $damping;
+    static const double coulomb[N] = $coulomb;
+    static const double sliding = $sliding;
+    double angle[N], speed[N], above = 0.0;
+    int i, j;
+
+    for (i = 0; i < N; i++) {
+        angle[i] = q[i] + (i > 0 ? angle[i - 1] : 0.0);
+        speed[i] = qd[i] + (i > 0 ? speed[i - 1] : 0.0);
+    }
+    for (i = N - 1; i >= 0; i--) {
+        above -= gravity[i] * sin(angle[i]);
+        for (j = 0; j < N; j++)
+            above += coriolis[i][j] * sin(angle[i] - angle[j]) * speed[j] * speed[j];
+        torque[i] = above + damping[i] * qd[i] + coulomb[i] * fmax(-1.0, fmin(1.0, qd[i] / sliding));
+    }
+}
+"""
+
+CHAIN_MASS_MATRIX_C = """
+/* The mass matrix in joint coordinates, in kg m^2, at joint angles q in rad. */
+static inline void ${name}_mass_matrix(const double q[], double matrix[$njoint][$njoint])
+{
+    enum { N = $njoint };
+    static const double coriolis[N][N] = $coriolis;
+    /* of each link, in kg m^2: the diagonal of the mass matrix in absolute angles */
+    static const double inertia[N] = $inertia;
+    double angle[N];
+    int i, j, k, l;
+
+    for (i = 0; i < N; i++)
+        angle[i] = q[i] + (i > 0 ? angle[i - 1] : 0.0);
+    for (i = 0; i < N; i++)
+        for (j = 0; j < N; j++) {
+            matrix[i][j] = 0.0;
+            for (k = i; k < N; k++)
+                for (l = j; l < N; l++)
+                    matrix[i][j] += k == l ? inertia[k] : coriolis[k][l] * cos(angle[k] - angle[l]);
+        }
+}
+"""
+
+END_C = """
+#endif
+"""
