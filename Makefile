@@ -7,7 +7,7 @@ CONSTRAINTS ?= constraints.txt
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint $(CONSTRAINTS)
 
-.PHONY: demo test test-min test-newest pin-min check audit bench figures soak format build clean
+.PHONY: demo test test-min test-newest pin-min check docs audit bench figures soak format build clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/metaid study run three-link --create --workers 2
@@ -31,8 +31,15 @@ check: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
+# The site, in build/site: README, docs/, notebooks, calls. A link that leads nowhere is an error. Nothing is fetched, and
+# the pages can be opened as files.
+docs: .venv-docs/.ready
+	rm -rf build/pages
+	$(PYTHON) docs/pages.py build/pages
+	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet --strict
+
 # Licences, pins, and known vulnerabilities where the internet is; status 2 where it is not.
-audit: $(VENV)/.dev .venv-tools/bin/pip-audit
+audit: $(VENV)/.dev .venv-docs/.ready .venv-tools/bin/pip-audit
 	$(BIN)/python -m supply .venv-tools/bin/pip-audit
 
 bench: $(VENV)/.runtime
@@ -53,7 +60,7 @@ build: $(VENV)/.dev
 	$(BIN)/python -m build
 
 clean:
-	rm -rf .venv .venv-min .venv-newest .venv-tools build dist .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .venv-min .venv-newest .venv-docs .venv-tools build dist .pytest_cache .mypy_cache .ruff_cache
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit("metaid needs Python 3.11 or newer: make PYTHON=python3.11 ..." if sys.version_info < (3, 11) else 0)'
@@ -69,6 +76,14 @@ $(VENV)/.runtime: $(BIN)/python pyproject.toml $(CONSTRAINTS)
 
 $(VENV)/.dev: $(VENV)/.runtime
 	$(PIP) --editable '.[all,dev]'
+	@touch $@
+
+GROUP_OF_DOCS := import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["dependency-groups"]["docs"], sep="\n")
+
+.venv-docs/.ready: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv-docs
+	$(PYTHON) -c '$(GROUP_OF_DOCS)' >.venv-docs/needs.txt
+	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --requirement .venv-docs/needs.txt
 	@touch $@
 
 .venv-tools/bin/%:

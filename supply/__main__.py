@@ -19,8 +19,9 @@ ROOT = Path(__file__).parent.parent
 
 def main() -> None:
     """The audit of what is installed here."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    packages = installed(direct(project))
+    pyproject = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    packages = installed(direct(pyproject["project"]))
+    packages |= installed(pyproject["dependency-groups"]["docs"], ROOT / ".venv-docs")
     pins = pinned(ROOT / "constraints.txt")
     wrong = []
     for name, package in sorted(packages.items()):

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterable, Iterator
-from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from importlib.metadata import Distribution, distributions
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +27,12 @@ def direct(project: dict[str, Any]) -> list[str]:
     return list(dict.fromkeys(need for need in needs if canonicalize_name(Requirement(need).name) != project["name"]))
 
 
-def installed(requirements: Iterable[str]) -> dict[str, Distribution]:
-    """All that `requirements` need here, each and what it needs in turn, by canonical name."""
+def installed(requirements: Iterable[str], environment: Path | None = None) -> dict[str, Distribution]:
+    """All that `requirements` need, each and what it needs in turn, by canonical name: as it is installed in this
+    environment, or in the one of the given folder.
+    """
+    paths = sys.path if environment is None else [str(path) for path in environment.glob("lib/python*/site-packages")]
+    here = {canonicalize_name(package.name): package for package in reversed([*distributions(path=paths)])}
     found: dict[str, Distribution] = {}
     waiting = [Requirement(requirement) for requirement in requirements]
     seen: set[tuple[str, frozenset[str]]] = set()
@@ -37,12 +42,10 @@ def installed(requirements: Iterable[str]) -> dict[str, Distribution]:
         if (name, frozenset(wanted.extras)) in seen:
             continue
         seen.add((name, frozenset(wanted.extras)))
-        try:
-            found[name] = distribution(name)
-        except PackageNotFoundError:
-            raise SystemExit(
-                f"{name} is not installed: pip install --constraint constraints.txt '.[all,dev]'"
-            ) from None
+        if name not in here:
+            needs = "pip install --constraint constraints.txt '.[all,dev]'" if environment is None else "make docs"
+            raise SystemExit(f"{name} is not installed: {needs}")
+        found[name] = here[name]
         waiting += _needed(found[name], wanted.extras)
     return found
 

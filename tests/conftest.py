@@ -210,6 +210,17 @@ def server() -> Iterator[Postgres]:
         yield running
 
 
+@pytest.fixture(scope="session")
+def site() -> Path:
+    """The site as `make docs` left it. Without one the test is skipped, or fails where it must not be
+    (METAID_SITE=required, which .ci/run sets).
+    """
+    folder = Path(__file__).parent.parent / "build" / "site"
+    if not (folder / "index.html").exists():
+        (pytest.fail if os.environ.get("METAID_SITE") == "required" else pytest.skip)("needs the site: make docs")
+    return folder
+
+
 @pytest.fixture
 def url(server: Postgres) -> str:
     """The URL of an empty database on it."""

@@ -24,7 +24,9 @@ from supply.pins import direct, installed, pinned
 from supply.vulnerabilities import CANARY, AuditError, vulnerabilities
 
 ROOT = Path(__file__).parent.parent
-DIRECT = direct(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"])
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+DIRECT = direct(PYPROJECT["project"])
+SITE = PYPROJECT["dependency-groups"]["docs"]
 PINNED, LOWEST = pinned(ROOT / "constraints.txt"), pinned(ROOT / "constraints-min.txt")
 
 
@@ -45,6 +47,14 @@ def test_lowest_version_that_is_allowed_is_the_one_that_is_tested(need: str) -> 
 def test_licences_of_what_is_pinned_are_allowed() -> None:
     """Each as the package itself tells it."""
     here = {name: package for name, package in installed(DIRECT).items() if PINNED.get(name) == package.version}
+    assert {name: licence(package) for name, package in here.items() if not is_allowed(licence(package))} == {}
+
+
+def test_every_dependency_of_the_site_is_pinned_and_has_an_allowed_licence(site: Path) -> None:
+    """What `make docs` has installed for itself, down to the last package."""
+    assert site.is_dir()
+    here = installed(SITE, ROOT / ".venv-docs")
+    assert {name: package.version for name, package in here.items() if PINNED.get(name) != package.version} == {}
     assert {name: licence(package) for name, package in here.items() if not is_allowed(licence(package))} == {}
 
 
