@@ -103,7 +103,13 @@ def triangle(place: Place, spreads: Array) -> tuple[Array, Array]:
 
 
 def descend(
-    fitted: Fitted, place: Place, windows: int, tolerance: float, most: int, ends_when_cut: bool = True
+    fitted: Fitted,
+    place: Place,
+    windows: int,
+    tolerance: float,
+    most: int,
+    ends_when_cut: bool = True,
+    least_gain: float = NOTHING,
 ) -> Descent:
     """Steps downhill from a place until a step changes or gains nothing.
 
@@ -114,6 +120,7 @@ def descend(
         tolerance: the change of each unknown below which a step changes nothing.
         most: the largest number of steps.
         ends_when_cut: whether a step that short is the last where it was cut, too, for a longer one led nowhere.
+        least_gain: of cost; a step that promises less is not made.
     """
     radius = LONGEST_STEP
     for iteration in range(most):
@@ -123,7 +130,7 @@ def descend(
             size = float(np.abs(step).max())
             left = factor @ step - target
             gain = 0.5 * float(target @ target - left @ left)
-            if gain < max(NOTHING, NEXT_TO_NOTHING * place.cost) or size < SHORTEST_STEP:
+            if gain < max(least_gain, NEXT_TO_NOTHING * place.cost) or size < SHORTEST_STEP:
                 return Descent(place, iteration, True)
             following = place.residuals.following @ np.append(1.0, step)
             new = place_at(fitted, place.point + np.concatenate([step, following]), windows)

@@ -44,6 +44,10 @@ class Growing(Fitted, Protocol):
         """Whether a descent ends with a short step though it was cut, for longer windows may lead on."""
 
     @property
+    def least_gain(self) -> float:
+        """Of cost; a step that promises less is not made."""
+
+    @property
     def explained_below(self) -> float:
         """A misfit below this says that the model explains what was seen."""
 
@@ -170,7 +174,7 @@ def _descent(comparison: Growing, point: Array, windows: int) -> Descent | None:
     if place is None:
         return None
     limits = (ROUGHLY, MOST_ROUGH) if windows < comparison.stages else (EXACTLY, MOST_EXACT)
-    return descend(comparison, place, windows, *limits, ends_when_cut=comparison.ends_when_cut)
+    return descend(comparison, place, windows, *limits, comparison.ends_when_cut, comparison.least_gain)
 
 
 def misfit(found: Descent) -> float:

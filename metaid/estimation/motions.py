@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.descent import Residuals
+from metaid.estimation.descent import NOTHING, Residuals
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults
 from metaid.estimation.trials import Replay, WatchedTrial, numbered_joints
 from metaid.estimation.twin import Motion, simulate
@@ -77,6 +77,11 @@ class Motions(WatchedTrials):
     def ends_when_cut(self) -> bool:
         """Longer windows lead a chain on."""
         return True
+
+    @property
+    def least_gain(self) -> float:
+        """What rounding leaves."""
+        return NOTHING
 
     @property
     def explained_below(self) -> float:

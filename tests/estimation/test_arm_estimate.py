@@ -156,6 +156,10 @@ def test_noisy_readings_tell_base_parameters_within_their_intervals() -> None:
     assert np.abs(away).max() < 4.0
     assert 0.6 < np.sqrt((away**2).mean()) < 1.4
     assert share_wrong(searched, tree, estimate.values) < 0.1
+    beside = estimate.unknowns + 0.02 * np.linalg.cholesky(estimate.covariance)[:, 0]
+    again = estimate_arm(trials, searched, replace(estimate, unknowns=beside))
+    assert again is not None
+    assert again.iterations == 0, "two hundredths of a standard deviation are not worth a step"
     low, high = estimate.interval()
     np.testing.assert_allclose(high - low, 2.0 * 1.96 * estimate.value_deviations)
     assert 0.0 < estimate.left_unknown.min() < estimate.left_unknown.max() < 0.1

@@ -176,6 +176,15 @@ class Gorge:
         return Residuals(values, slopes, 0.5 * float(values @ values), 2, np.empty((0, 3)))
 
 
+def test_descent_ends_where_a_step_promises_less_than_is_asked_for() -> None:
+    """Where residuals are noise, the least hundredths of their cost are not worth a simulation."""
+    gorge = Gorge()
+    place = place_at(gorge, np.array([0.99, 0.99**2]), 1)
+    assert place is not None
+    steps = [descend(gorge, place, 1, 1e-9, 30, least_gain=each).iterations for each in (1e-3, 1e-6)]
+    assert steps[0] == 0 < steps[1]
+
+
 def test_descent_in_short_steps_goes_on_if_asked_to() -> None:
     """Where walls cut each step it is not at its end; a fit that grows windows may leave it there all the same."""
     gorge = Gorge()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from metaid.compiled.arms import follow_laws
 from metaid.estimation.arms.trials import WatchedArmTrial
 from metaid.estimation.arms.unknowns import ArmUnknowns
-from metaid.estimation.descent import Residuals
+from metaid.estimation.descent import NOTHING, Residuals
 from metaid.models import Array
 
 RESOLUTION = 1e-7  # of the largest speed at a start: more than rounding leaves between two simulations
@@ -54,6 +54,11 @@ class ArmMotions:
     def ends_when_cut(self) -> bool:
         """Near a singular mass matrix steps are cut, and a descent that ends there is led to a wrong minimum."""
         return False
+
+    @property
+    def least_gain(self) -> float:
+        """What rounding leaves."""
+        return NOTHING
 
     @property
     def explained_below(self) -> float:

@@ -16,6 +16,8 @@ from metaid.estimation.noisy.polynomials import before
 from metaid.estimation.noisy.windows import Compared, ReadingsInWindows
 from metaid.models import Array
 
+LEAST_GAIN = 1e-3  # of cost: dry friction makes it uneven, and a descent would feel its way to no avail
+
 
 @dataclass(frozen=True, eq=False)
 class ArmReadings(ReadingsInWindows[ArmReadTrial, ArmUnknowns]):
@@ -26,10 +28,14 @@ class ArmReadings(ReadingsInWindows[ArmReadTrial, ArmUnknowns]):
         """Near a singular mass matrix steps are cut, and a descent that ends there is led to a wrong minimum."""
         return False
 
+    @property
+    def least_gain(self) -> float:
+        """A step that promises less moves no unknown by a twentieth of its standard deviation."""
+        return LEAST_GAIN
+
     def _compare(self, number: int, point: Array, whitened: Array, windows: int) -> Compared | None:
         """What a trial shows; derivatives by the `whitened` starts are the last."""
-        trial, (_, basis) = self.trials[number], self._windows[number]
-        chosen, steps = self._longest(number, windows)
+        trial = self.trials[number]
         # A start of one push has no influence on another, so those of all pushes are changed at once.
         count, further = len(point), whitened.shape[1]
         here = np.repeat(point[None], 1 + further, axis=0)
@@ -37,17 +43,30 @@ class ArmReadings(ReadingsInWindows[ArmReadTrial, ArmUnknowns]):
         steady = np.repeat(_starts(trial, whitened)[None], 1 + count, axis=0)
         moved = [_starts(trial, whitened + step) for step in STEP * np.eye(further)]
         starts = np.concatenate([steady, np.array(moved).reshape(further, *steady.shape[1:])])
+        found = self._residuals(number, candidates, starts, windows)
+        if found is None:
+            return None
+        return found[0], np.moveaxis((found[1:] - found[0]) / STEP, 0, -1)
+
+    def _values(self, number: int, point: Array, whitened: Array) -> Array | None:
+        """Of one twin, where `_compare` has one beside it along each unknown."""
+        candidate, starts = self.unknowns.parameters(point[None]), _starts(self.trials[number], whitened)[None]
+        found = self._residuals(number, candidate, starts, self.stages)
+        return None if found is None else found[0]
+
+    def _residuals(self, number: int, candidates: Array, starts: Array, windows: int) -> Array | None:
+        """Those of a trial (ncandidate x npush x nvalue) with twins of these parameters (ncandidate x njoint x 13) from
+        these starts (ncandidate x npush x 2 x njoint); None where one of them cannot follow.
+        """
+        trial, (_, basis) = self.trials[number], self._windows[number]
+        chosen, steps = self._longest(number, windows)
         seen = basis, np.maximum(chosen, 0), steps
         twin = follow_torques(self.unknowns.frames, candidates, starts, trial.torques, seen, trial.timestep, THREADS)
         if not twin.arrived[:, steps > 0].all():
             return None
         plants = np.einsum("ptk,ptj->pkj", basis[chosen], trial.readings * before(steps, trial.readings.shape[1]))
-        is_seen = (steps > 0)[:, None, None]
-        values = np.where(is_seen, (twin.values[0] - plants) / trial.noise, 0.0)
-        slopes = np.where(is_seen, (twin.values[1:] - twin.values[0]) / (STEP * trial.noise), 0.0)
-        npush = len(steps)
-        slopes = slopes.swapaxes(2, 3).reshape(count + further, npush, -1)
-        return values.swapaxes(1, 2).reshape(npush, -1), np.moveaxis(slopes, 0, -1)
+        residuals = np.where((steps > 0)[:, None, None], (twin.values - plants) / trial.noise, 0.0)
+        return residuals.swapaxes(2, 3).reshape(*starts.shape[:2], -1)
 
 
 def _starts(trial: ArmReadTrial, whitened: Array) -> Array:

@@ -13,7 +13,7 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.descent import Residuals
+from metaid.estimation.descent import NOTHING, Residuals
 from metaid.estimation.noisy.polynomials import (
     POLYNOMIALS,
     SHORTEST,
@@ -100,6 +100,11 @@ class ReadingsInWindows(ABC, Generic[Trial, What]):
         """Whether a descent ends with a short step though it was cut, for longer windows may lead on."""
 
     @property
+    def least_gain(self) -> float:
+        """What rounding leaves."""
+        return NOTHING
+
+    @property
     def explained_below(self) -> float:
         """A misfit below this is explained by noise."""
         pushes = sum(int(np.count_nonzero(trial.steps >= ends[0])) for trial, (ends, _) in self._each)
@@ -138,13 +143,18 @@ class ReadingsInWindows(ABC, Generic[Trial, What]):
         """
         tables = []
         for number, (trial, (ends, _)) in enumerate(self._each):
-            compared = self._compare(number, *self._of_trial(number, point), self.stages)
+            values = self._values(number, *self._of_trial(number, point))
             table = np.full(trial.torques.shape[::2], np.nan)
-            if compared is not None:
+            if values is not None:
                 seen = trial.steps >= ends[0]
-                table[seen] = np.sqrt((compared[0].reshape(*table.shape, -1)[seen] ** 2).mean(axis=-1))
+                table[seen] = np.sqrt((values.reshape(*table.shape, -1)[seen] ** 2).mean(axis=-1))
             tables.append(table)
         return tuple(tables)
+
+    def _values(self, number: int, unknowns: Array, whitened: Array) -> Array | None:
+        """What `_compare` finds on the longest windows, without derivatives."""
+        compared = self._compare(number, unknowns, whitened, self.stages)
+        return None if compared is None else compared[0]
 
     def _of_trial(self, number: int, point: Array) -> tuple[Array, Array]:
         """The unknowns (nunknown) at a `point`, and what each push of a trial has alone (npush x nextra)."""
