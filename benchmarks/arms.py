@@ -6,8 +6,8 @@
     python -m benchmarks.arms --results arms.jsonl     # goes on where it was stopped
     python -m benchmarks.arms --sampler newton --trials 4000 --seeds 0        # no twin: the value of each trial alone
 
-Shipped arms are as they are. UR5, Panda, xArm7 and Kinova are the URDFs of `example-robot-data`, which must be
-installed. A URDF states no rotors, and most of these no friction: they get some, by their torque limits and the seed.
+Shipped arms are as they are. UR5, Panda, xArm7 and Kinova are the URDFs of `example-robot-data`, which `make robots`
+installs. A URDF states no rotors, and most of these no friction: they get some, by their torque limits and the seed.
 Masses and inertias of the nominal arm are wrong by up to 30 %, centres of mass by up to 15 %, rotors and friction are
 believed to be nothing. A trial is 2 njoint coasts and njoint pushes on springs, 0.3 s each, from poses and speeds in
 the joint ranges. The first has the law of the nominal arm, each other one that of the estimate from all before. Errors
@@ -159,7 +159,7 @@ def _robots() -> Path:
     for place in map(Path, sys.path):
         for found in place.glob("cmeel.prefix/share/example-robot-data/robots"):
             return found
-    raise SystemExit("the URDFs are those of example-robot-data: pip install example-robot-data")
+    raise SystemExit("the URDFs are those of example-robot-data, which make robots installs")
 
 
 def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
@@ -235,7 +235,7 @@ def minimise(name: str, seed: int, sampler: str, trials: int, noise: float, is_s
     reach = FARTHEST * np.sqrt(np.diag(belief.covariance))
     began = time.process_time()
     h = arm_sensitivity(belief, episode, plant.timestep)
-    coordinates = believed_metric(h, belief, belief.values - reach, belief.values + reach)
+    coordinates = believed_metric(h, belief, belief.values - reach, belief.values + reach, resolution_hz(HORIZON))
     searcher = make_searcher(sampler, coordinates, seed, SamplerOptions(sigma=ArmSearchSettings().sigma))
     objective = ArmObjective(plant, belief, episode)
     number = falls = 0

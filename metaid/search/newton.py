@@ -38,6 +38,7 @@ DAMPING = 0.1  # of the expected change of the slope along a step: an update wit
 FLATTEST = 0.02  # of κ: no direction is taken for flatter than that
 MOST_ROOM = 0.1  # of the way between the bounds
 CONVERGED = 1e-6  # distance to the truth, in factors of the least determined lump
+COASTING = 0.1  # of what the measure can tell from none: to go on would narrow ranges by a tenth
 STALLED_ROUNDS, STALLED = 6, 0.25  # a round is a slope with its steps: in so many the squared value fell by less
 MOST_SEEN = 8  # trials that an estimate is made of
 
@@ -92,8 +93,10 @@ class Newton:
         return float(np.sqrt(self._best_value / self._curvature)) if np.isfinite(self._best_value) else None
 
     def finished(self) -> bool:
-        """Whether the truth is as near as matters."""
-        return self._phase != "blind" and self.spread is not None and self.spread < CONVERGED
+        """Whether the truth is as near as matters, or as can be told."""
+        if self._phase == "blind" or self.spread is None:
+            return False
+        return self.spread < CONVERGED or self._best_value < (COASTING * self._coordinates.resolution) ** 2
 
     def ask(self) -> Array:
         if self._phase == "blind":

@@ -55,6 +55,15 @@ def trials_needed(squared: Callable[[Array], float], nlump: int, seed: int) -> i
     return trials
 
 
+def test_search_ends_at_what_the_measure_can_tell_from_none() -> None:
+    """A tenth of that: beyond it ranges hardly narrow."""
+    bounds = np.full(2, 10.0)
+    newton = Newton(Coordinates(np.zeros(2), np.eye(2), -bounds, bounds, 4.0, resolution=1e-3), 0, StepOptions())
+    for value, is_enough in ((2e-4, False), (0.9e-4, True)):
+        newton.tell([Outcome(value, False, 1, ())] * len(newton.ask()))
+        assert newton.finished() is is_enough
+
+
 @pytest.mark.parametrize("nlump", [1, 4, 10])
 def test_one_slope_and_one_step_are_enough_where_the_known_curvature_is_right(nlump: int) -> None:
     """The start, a candidate for each direction, and one step at all lengths."""
