@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -41,12 +41,14 @@ class StudyEstimate:
         """
         if not self.explains or self.estimate.counts is not None:
             return None
-        with threadpool_limits(1):
-            for count in range(self.experiment.probes, min(self.trials, FIRST_TRIALS) + 1):  # fewer cannot tell all
-                early = self.estimate if count == self.trials else self.experiment.estimate(self.watched[:count])
-                if early is not None and np.abs(early.log_factors - self.estimate.log_factors).max() <= CLOSE:
-                    return count
-        return None
+
+        def is_enough(count: int) -> bool:
+            whole = count == self.trials
+            early = self.estimate if whole else self.experiment.estimate(self.watched[:count], thorough=False)
+            return early is not None and np.abs(early.log_factors - self.estimate.log_factors).max() <= CLOSE
+
+        with threadpool_limits(1):  # fewer than the probes cannot tell all
+            return first_enough(self.experiment.probes, min(self.trials, FIRST_TRIALS), is_enough)
 
     @property
     def trials(self) -> int:
@@ -130,6 +132,25 @@ class StudyEstimate:
         if number is None:
             number = worst_shown(self.estimate.residuals, self.explains)
         return self.experiment.replay(self.watched, self.estimate, number)
+
+
+def first_enough(fewest: int, most: int, is_enough: Callable[[int], bool]) -> int | None:
+    """The least number from `fewest` to `most` that is enough; None where `most` is not.
+
+    What is enough is taken to stay so. It is looked for in steps that double, then by halves: an estimate from too few
+    trials may take seconds to explain nothing.
+    """
+    if fewest > most:
+        return None
+    too_few, enough, step = fewest - 1, fewest, 1
+    while not is_enough(enough):
+        if enough == most:
+            return None
+        too_few, enough, step = enough, min(enough + step, most), 2 * step
+    while enough - too_few > 1:
+        middle = (too_few + enough) // 2
+        too_few, enough = (too_few, middle) if is_enough(middle) else (middle, enough)
+    return enough
 
 
 def worst_shown(residuals: Sequence[Array], explains: bool) -> int:

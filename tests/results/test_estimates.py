@@ -13,6 +13,7 @@ from pandas.testing import assert_frame_equal
 
 import metaid as package
 from metaid.errors import StudyError
+from metaid.results.estimates import first_enough
 from metaid.results.validation import validate_factors
 from metaid.store.database import Store
 from metaid.study.create import create_study
@@ -37,6 +38,20 @@ def test_every_study_stands_by_the_estimate_that_explains_what_was_seen(estimate
         assert shown["max_error"] < 1e-9
         assert [lump["name"] for lump in shown["lumps"]][-3:] == INERTIA
         assert all(lump["sd"] > 0.0 for lump in shown["lumps"])
+
+
+@pytest.mark.parametrize("wanted", range(1, 14))
+def test_how_many_trials_were_enough_is_found_with_few_estimates(wanted: int) -> None:
+    """Seven at most of twelve trials, one where the first is enough; None where all are not."""
+    tried = []
+
+    def is_enough(count: int) -> bool:
+        tried.append(count)
+        return count >= wanted
+
+    assert first_enough(1, 12, is_enough) == (wanted if wanted <= 12 else None)
+    assert len(tried) == len(set(tried)) <= (1 if wanted == 1 else 7)
+    assert first_enough(2, 1, is_enough) is None
 
 
 @pytest.mark.parametrize(("name", "which"), [("matched", "all 2 trials"), ("searched", "the first 32 trials")])

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from metaid.models.tree import Tree
 from metaid.results.best import best_trial
-from metaid.results.estimates import interval_name, worst_shown
+from metaid.results.estimates import first_enough, interval_name, worst_shown
 from metaid.results.snapshot import surviving
 from metaid.store import ForeignTrial, Trial
 from metaid.study import ArmProblem, ArmSpec
@@ -57,12 +57,14 @@ class ArmFound:
         if not self.explains:
             return None
         reach = CLOSE * self.experiment.searched.spread
+
+        def is_enough(count: int) -> bool:
+            whole = count == self.trials
+            early = self.estimate if whole else self.experiment.estimate(self.watched[:count], thorough=False)
+            return early is not None and np.abs(early.unknowns - self.estimate.unknowns).max() <= reach
+
         with threadpool_limits(1):
-            for count in range(1, self.trials + 1):
-                early = self.estimate if count == self.trials else self.experiment.estimate(self.watched[:count])
-                if early is not None and np.abs(early.unknowns - self.estimate.unknowns).max() <= reach:
-                    return count
-        return None
+            return first_enough(self.experiment.probes, self.trials, is_enough)
 
     @property
     def interval_name(self) -> str:
