@@ -17,7 +17,6 @@ from metaid.cli.common import (
     print_json,
     print_lumps,
     print_table,
-    say,
     whole_file,
 )
 from metaid.models.tree import PARAMETERS, planar_chain
@@ -93,13 +92,16 @@ def show_arm(arm: ArmPlant, as_json: bool) -> None:
         print_lumps("True lumps of a planar chain", lumps)
 
 
-def show_push(push: ArmPush, as_json: bool, output: Path | None) -> None:
-    """What each joint does after a push; drawn where there is an `output`."""
-    if output is not None:
-        from metaid.show.figures import draw_push
+def draw_push_to(push: ArmPush, output: Path) -> None:
+    """Draws what each joint does after a push."""
+    from metaid.show.figures import draw_push
 
-        with whole_file(output, FIGURE_SUFFIXES) as partial:
-            draw_push(push, partial)
+    with whole_file(output, FIGURE_SUFFIXES) as partial:
+        draw_push(push, partial)
+
+
+def show_push(push: ArmPush, as_json: bool) -> None:
+    """What each joint does after a push."""
     shown = push.summary()
     if as_json:
         print_json(shown)
@@ -134,7 +136,6 @@ def film_study_of_arm(arm: ArmPlant, study_name: str | None, storage: str, video
         raise click.UsageError(f"--video: plant {arm.name} is an arm (allowed of an arm: with --study NAME)")
     with open_store(storage) as store, whole_file(video, SUFFIXES, "--video") as partial:
         film_arm(arm, *laws_of(store, study_name, arm), partial)
-    say(f"the film of '{study_name}' is {video}")
 
 
 def _finite(value: float) -> float | None:

@@ -18,6 +18,7 @@ from metaid.cli.common import (
     print_json,
     print_lumps,
     print_table,
+    say,
     storage_option,
     whole_file,
 )
@@ -177,13 +178,16 @@ def episode(
 
     plant = load_plant(name)
     if isinstance(plant, ArmPlant):
-        from metaid.cli.arms import film_study_of_arm, show_push
+        from metaid.cli.arms import draw_push_to, film_study_of_arm, show_push
 
+        push = api.arm_push(plant, numbers(factors, "--factor"), steps, seed or 0, nominal)
+        if output is not None:
+            draw_push_to(push, output)
         if video is not None:
             film_study_of_arm(plant, study_name, storage, video)
-            return
-        push = api.arm_push(plant, numbers(factors, "--factor"), steps, seed or 0, nominal)
-        show_push(push, as_json, output)
+            if not as_json:
+                say(f"the film of '{study_name}' is {video}")
+        show_push(push, as_json)
         return
     if given := [option for option, value in (("--seed", seed), ("--nominal", nominal)) if value is not None]:
         raise click.UsageError(f"{given[0]} is of an arm, and plant {plant.name} is a planar chain (allowed: --factor)")

@@ -30,8 +30,8 @@ from metaid.store.database import Store
 Metaid = Callable[..., Finished]
 
 
-def is_filmed(metaid: Metaid, *arguments: str) -> bool:
-    """Whether a film was made; where it was not, that the reason was said and no file was left."""
+def is_filmed(metaid: Metaid, *arguments: str) -> Finished | None:
+    """What was said where a film was made; None where it was not, and the reason was said and no file was left."""
     made = metaid("episode", *arguments)
     path = Path(arguments[arguments.index("--video") + 1])
     if made.status != 0:
@@ -39,7 +39,7 @@ def is_filmed(metaid: Metaid, *arguments: str) -> bool:
         assert "install EGL or OSMesa" in made.err
         assert not path.exists()
         assert os.environ.get("METAID_BROWSER") != "required", f"the machine that checks must render: {made.err}"
-    return made.status == 0
+    return made if made.status == 0 else None
 
 
 @pytest.fixture(autouse=True)
@@ -96,10 +96,15 @@ def test_gif_shows_a_candidate_beside_the_truth_and_holds_a_fall(metaid: Metaid)
 def test_film_of_an_arm_shows_it_sag_with_the_nominal_law_and_float_with_the_identified_one(
     metaid: Metaid, arms: Path
 ) -> None:
-    """The last panel, of the true arm, is that of the identified one, and not that of the nominal one."""
-    study = ["--study", "exact", "--storage", str(arms)]
-    if not is_filmed(metaid, "spatial-three-link", *study, "--video", "film.gif"):
+    """The last panel, of the true arm, is that of the identified one, and not that of the nominal one. The push that
+    is asked for beside it is drawn and printed as without a film.
+    """
+    asked = ["--study", "exact", "--storage", str(arms), "-o", "push.png", "--json"]
+    made = is_filmed(metaid, "spatial-three-link", *asked, "--video", "film.gif")
+    if not made:
         return
+    assert made.out == metaid("episode", "spatial-three-link", "--json").out
+    assert Path("push.png").stat().st_size > 0
     with Image.open("film.gif") as film:
         assert film.n_frames == 40  # type: ignore[attr-defined]
         film.seek(39)  # type: ignore[attr-defined]
