@@ -7,13 +7,17 @@ CONSTRAINTS ?= constraints.txt
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint $(CONSTRAINTS)
 
-.PHONY: demo test test-min test-newest pin-min check docs audit bench figures soak format build clean
+.PHONY: demo test robots test-min test-newest pin-min check docs audit bench figures soak format build clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/metaid study run three-link --create --workers 2
 
 test: $(VENV)/.dev
 	$(BIN)/pytest -n 2 --dist worksteal --durations 15
+
+# Installs pinocchio and example-robot-data, 820 MB, for the tests and benchmarks that need them, and runs these tests.
+robots: $(VENV)/.robots
+	$(BIN)/pytest -n 2 -m robots
 
 # The lowest version that pyproject.toml allows of each direct dependency; and the newest of everything, on the newest Python.
 test-min:
@@ -78,12 +82,18 @@ $(VENV)/.dev: $(VENV)/.runtime
 	$(PIP) --editable '.[all,dev]'
 	@touch $@
 
-GROUP_OF_DOCS := import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["dependency-groups"]["docs"], sep="\n")
+# The packages of a group of pyproject.toml; pip knows groups since 25.1.
+GROUP := import sys, tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["dependency-groups"][sys.argv[1]], sep="\n")
 
 .venv-docs/.ready: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv-docs
-	$(PYTHON) -c '$(GROUP_OF_DOCS)' >.venv-docs/needs.txt
+	$(PYTHON) -c '$(GROUP)' docs >.venv-docs/needs.txt
 	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --requirement .venv-docs/needs.txt
+	@touch $@
+
+$(VENV)/.robots: $(VENV)/.dev constraints-robots.txt
+	$(PYTHON) -c '$(GROUP)' robots >$(VENV)/robots.txt
+	$(PIP) --constraint constraints-robots.txt --requirement $(VENV)/robots.txt
 	@touch $@
 
 .venv-tools/bin/%:

@@ -1,4 +1,4 @@
-"""What is installed, and whether constraints.txt names it."""
+"""What is installed, and whether a constraints file names it."""
 
 from __future__ import annotations
 
@@ -25,6 +25,12 @@ def direct(project: dict[str, Any]) -> list[str]:
     """
     needs = [*project["dependencies"], *(need for extra in project["optional-dependencies"].values() for need in extra)]
     return list(dict.fromkeys(need for need in needs if canonicalize_name(Requirement(need).name) != project["name"]))
+
+
+def are_installed(requirements: Iterable[str]) -> bool:
+    """Whether all these packages are in this environment."""
+    here = {canonicalize_name(package.name) for package in distributions()}
+    return {canonicalize_name(Requirement(requirement).name) for requirement in requirements} <= here
 
 
 def installed(requirements: Iterable[str], environment: Path | None = None) -> dict[str, Distribution]:

@@ -19,15 +19,16 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from packaging.version import Version
 
-from supply.licences import is_allowed, licence
-from supply.pins import direct, installed, pinned
+from supply.licences import ALLOWED_IN_DEVELOPMENT, READ_BY_HAND, is_allowed, licence
+from supply.pins import are_installed, direct, installed, pinned
 from supply.vulnerabilities import CANARY, AuditError, vulnerabilities
 
 ROOT = Path(__file__).parent.parent
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 DIRECT = direct(PYPROJECT["project"])
-SITE = PYPROJECT["dependency-groups"]["docs"]
+SITE, ROBOTS = (PYPROJECT["dependency-groups"][name] for name in ("docs", "robots"))
 PINNED, LOWEST = pinned(ROOT / "constraints.txt"), pinned(ROOT / "constraints-min.txt")
+PINNED_ROBOTS = pinned(ROOT / "constraints-robots.txt")
 
 
 def test_every_dependency_is_pinned() -> None:
@@ -58,6 +59,35 @@ def test_every_dependency_of_the_site_is_pinned_and_has_an_allowed_licence(site:
     assert {name: licence(package) for name, package in here.items() if not is_allowed(licence(package))} == {}
 
 
+def test_robots_are_pinned_within_their_bounds_and_apart_from_all_else() -> None:
+    """What `make robots` alone installs is in no other constraints file, so that nothing else waits for 820 MB."""
+    for need in ROBOTS:
+        requirement = Requirement(need)
+        assert requirement.specifier.contains(PINNED_ROBOTS[canonicalize_name(requirement.name)])
+    assert not set(PINNED_ROBOTS) & (set(PINNED) | set(LOWEST))
+
+
+@pytest.mark.robots
+@pytest.mark.skipif(not are_installed(ROBOTS), reason="`make robots` installs them")
+def test_robots_that_are_installed_are_those_that_are_pinned_under_licences_that_are_allowed() -> None:
+    """Down to the last package."""
+    here = installed(ROBOTS)
+    assert set(PINNED_ROBOTS) == set(here) - set(PINNED)
+    assert {name: here[name].version for name in PINNED_ROBOTS} == PINNED_ROBOTS
+    stated = {name: licence(here[name]) for name in PINNED_ROBOTS}
+    assert {name: each for name, each in stated.items() if not is_allowed(each, ALLOWED_IN_DEVELOPMENT)} == {}
+
+
+def test_licence_that_was_read_by_hand_is_that_of_the_version_that_is_pinned() -> None:
+    """With where it was read; of another version nothing is known."""
+    for name, read in READ_BY_HAND.items():
+        assert read.version == (PINNED | PINNED_ROBOTS)[name]
+        assert "https://" in read.source
+        assert licence(Described(Name=name, Version=read.version)) == read.licence
+        assert licence(Described(Name=name, Version="0")) == ""
+        assert licence(Described(Name=name, Version=read.version, License_Expression="MIT")) == "MIT"
+
+
 class Described(Distribution):
     """A package with given metadata."""
 
@@ -85,6 +115,7 @@ class Described(Distribution):
         ({"License_Expression": "GPL-3.0-only AND MIT"}, False),
         ({"License": "AGPL", "Classifier": "License :: OSI Approved :: MIT License"}, False),
         ({"License": "BSD 3-Clause License"}, True),
+        ({"License_Expression": "LGPL-3.0-or-later"}, False),
         ({"License": "UNKNOWN", "Classifier": "License :: OSI Approved :: ISC License (ISCL)"}, True),
         ({"Classifier": "License :: OSI Approved :: GNU General Public License v3 (GPLv3)"}, False),
         ({"License": "Commercial, ask us"}, False),

@@ -60,9 +60,10 @@ def test_dry_friction_is_felt_in_full_by_a_joint_that_turns() -> None:
     np.testing.assert_allclose(felt, tree.coulomb * [1.0, -1.0, 0.5])
 
 
+@pytest.mark.robots
 def test_regressor_of_pinocchio_is_the_same() -> None:
     """Its ten parameters of a link are these ten."""
-    pinocchio = pytest.importorskip("pinocchio")
+    pinocchio = pytest.importorskip("pinocchio", reason="`make robots` installs pinocchio")
     tree = random_arm(4, 3, friction=False)
     model = pinocchio.Model()
     model.gravity.linear = tree.gravity

@@ -12,10 +12,11 @@ from metaid.models import Array
 from metaid.plant.arms import ArmPlant, ArmSettings, arm_model, draw_starts
 from metaid.plant.arms.reading import forces_of_lean
 
-pinocchio: Any = pytest.importorskip("pinocchio")
+pytestmark = pytest.mark.robots
+pinocchio: Any = pytest.importorskip("pinocchio", reason="`make robots` installs pinocchio")
 DATA = Path(pinocchio.__file__).parents[4] / "share" / "example-robot-data" / "robots"
 if not DATA.is_dir():
-    pytest.skip("no example-robot-data", allow_module_level=True)
+    pytest.skip("`make robots` installs example-robot-data", allow_module_level=True)
 ROBOTS = {
     "ur5": "ur_description/urdf/ur5_robot.urdf",
     "panda": "panda_description/urdf/panda.urdf",

@@ -142,10 +142,11 @@ def test_urdf_moves_as_what_was_identified(tmp_path: Path, name: str) -> None:
     assert ("gravity; it is" in comment) == (tree.gravity.tolist() != [0.0, 0.0, -9.81])
 
 
+@pytest.mark.robots
 @pytest.mark.parametrize("name", MODELS)
 def test_pinocchio_moves_the_urdf_alike(tmp_path: Path, name: str) -> None:
     """Where pinocchio is installed."""
-    pinocchio = pytest.importorskip("pinocchio")
+    pinocchio = pytest.importorskip("pinocchio", reason="`make robots` installs pinocchio")
     identified = identified_as(name)
     identified.model.write(tmp_path / "model.urdf")
     model, tree = pinocchio.buildModelFromUrdf(str(tmp_path / "model.urdf")), identified.model.tree
