@@ -52,8 +52,7 @@ def licence(package: Distribution) -> str:
     else what was read by hand of this version.
     """
     metadata = package.metadata
-    fields: list[str] = metadata.get_all("License") or [""]
-    field = fields[0].strip()
+    field, name, version = (str((metadata.get_all(key) or [""])[0]).strip() for key in ("License", "Name", "Version"))
     if "License-Expression" in metadata:
         return metadata["License-Expression"]
     if field and field != "UNKNOWN" and "\n" not in field:
@@ -61,7 +60,6 @@ def licence(package: Distribution) -> str:
     classified = [c.split(" :: ")[-1] for c in metadata.get_all("Classifier") or [] if c.startswith("License :: ")]
     if classified:
         return " AND ".join(SPDX.get(name, name) for name in classified)
-    name, version = (metadata[key] if key in metadata else "" for key in ("Name", "Version"))
     read = READ_BY_HAND.get(canonicalize_name(name))
     return read.licence if read is not None and read.version == version else ""
 
