@@ -19,7 +19,8 @@ from benchmarks.by_torque import inverse_dynamics_regressor
 from benchmarks.chains import random_chain
 from benchmarks.rivals.conditions import CONDITIONS
 from benchmarks.rivals.logs import record
-from benchmarks.rivals.regression import motions, ordinary, regressor
+from benchmarks.rivals.models import ChainModel
+from benchmarks.rivals.regression import motions, ordinary, rows_of, search_beforehand
 from metaid.models import Array, Chain
 from metaid.plant import chain_of
 
@@ -45,11 +46,13 @@ def main() -> None:
     tools, qr = import_module("figaroh.tools.regressor"), import_module("figaroh.tools.qrdecomposition")
     true, nominal = random_chain(LINKS, 0)
     log = record(true, nominal, CONDITIONS["coarse"], SECONDS, 0)
-    robot = pinocchio_chain(log.nominal, log.gravity)
+    model = log.model
+    assert isinstance(model, ChainModel)
+    robot = pinocchio_chain(model.nominal, model.gravity)
     random = np.random.default_rng(0)
     held_out = random.uniform(-1.0, 1.0, (3, HELD_OUT, LINKS)) * np.array([1.5, 5.0, 20.0])[:, None, None]
     chain = chain_of(true)
-    right = inverse_dynamics_regressor(held_out[0], held_out[1], held_out[2], log.gravity) @ np.append(
+    right = inverse_dynamics_regressor(held_out[0], held_out[1], held_out[2], model.gravity) @ np.append(
         chain.lumps.vector, chain.inertia_lumps
     )
     names = {f"parameter {i}": 0.0 for i in range(10 * LINKS)}
@@ -60,14 +63,14 @@ def main() -> None:
         )
         return np.asarray(whole)
 
-    for motion in motions(log, log.seen.angles, log.seen.speeds, 0):
-        plain = ordinary((regressor(motion, log.gravity, ()), motion.torques))
+    for motion in motions(log, log.seen.angles, log.seen.speeds, search_beforehand(log)):
+        plain = ordinary(rows_of(log, motion))
         matrix = rows(motion.angles, motion.speeds, motion.accelerations)
         left_out, kept = tools.get_index_eliminate(matrix, names)
         reduced = tools.build_regressor_reduced(matrix, left_out)
         found = qr.QRDecomposer().decompose(reduced, kept, motion.torques.T.ravel())
         shown = tools.build_regressor_reduced(rows(*held_out), left_out)[:, list(found.base_indices)] @ found.phi_b
-        ours = inverse_dynamics_regressor(held_out[0], held_out[1], held_out[2], log.gravity) @ plain
+        ours = inverse_dynamics_regressor(held_out[0], held_out[1], held_out[2], model.gravity) @ plain
         theirs = shown.reshape(LINKS, HELD_OUT).T
         print(
             f"{found.rank} base parameters of {len(plain)}; error: least squares {_share(ours, right):.4%}, "

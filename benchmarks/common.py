@@ -96,19 +96,29 @@ def resumed(
         describe: what it found, for the line.
         results: a file of finished runs, one JSON object a line: what is in it is not run again, what is run is added.
     """
-    done: dict[tuple[str, int, int], Run] = {}
-    if results is not None and results.exists():
-        rows = (kind(**json.loads(line)) for line in results.read_text().splitlines())
-        done = {(row.sampler, row.links, row.seed): row for row in rows}
+    done = finished(kind, results)
     for number, key in enumerate(wanted, 1):
         if key in done:
             continue
         done[key] = row = measure(*key)
         print(f"{number}/{len(wanted)} {key}: {describe(row)}", file=sys.stderr, flush=True)
-        if results is not None:
-            with results.open("a") as file:
-                file.write(json.dumps(asdict(row)) + "\n")
+        keep(row, results)
     return [done[key] for key in wanted]
+
+
+def finished(kind: Callable[..., Run], results: Path | None) -> dict[tuple[str, int, int], Run]:
+    """The rows of a file of `results`, if there is one, by sampler, number of links and seed; `kind` makes a row."""
+    if results is None or not results.exists():
+        return {}
+    rows = (kind(**json.loads(line)) for line in results.read_text().splitlines())
+    return {(row.sampler, row.links, row.seed): row for row in rows}
+
+
+def keep(row: Resumable, results: Path | None) -> None:
+    """Adds a row to a file of `results`, if there is to be one."""
+    if results is not None:
+        with results.open("a") as file:
+            file.write(json.dumps(asdict(row)) + "\n")
 
 
 def seconds(work: Callable[[], object]) -> float:

@@ -16,8 +16,6 @@ import argparse
 import json
 import logging
 import sys
-import tempfile
-from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -25,12 +23,11 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from benchmarks.chain_study import chain_study
 from benchmarks.chains import random_chain
-from metaid.plant import PlantSettings
+from benchmarks.common import made
 from metaid.results import summary
-from metaid.store import Store
-from metaid.study import EpisodeSettings, StudySettings, StudySpec, create_study, run_study
-from metaid.study.settings import EstimateSettings
+from metaid.study import run_study
 
 LINKS, TRIALS = 3, 4
 NOISES = {0.0: {}, 1e-3: {"angle_noise": 1e-3, "speed_sensor": False}}
@@ -72,23 +69,11 @@ class Searched:
 def search(fault: str, noise: float, seed: int) -> Searched:
     """Runs the study of one chain."""
     kinds, faults, changes = CASES[fault]
-    true, nominal = random_chain(LINKS, seed)
-    study = StudySettings(
-        plant="chain",
-        nominal="chain",
-        sampler="output-error",
-        trials=TRIALS,
-        seed=seed,
-        episode=EpisodeSettings(measure="smoothed"),
-        estimate=EstimateSettings.model_validate({"faults": list(kinds)}),
-    )
-    links = [link.model_copy(update=changes) for link in true]
-    plant = PlantSettings.model_validate({"links": links, "faults": {**faults, **NOISES[noise]}})
-    spec = StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study)
-    with tempfile.TemporaryDirectory() as folder, closing(Store(f"{folder}/metaid.db", create=True)) as store:
-        create_study(store, spec)
-        run_study(store, spec.name, workers=1)
-        shown = summary(store, spec.name)
+    searched = {"faults": list(kinds)}
+    spec = chain_study(random_chain(LINKS, seed), TRIALS, seed, {**faults, **NOISES[noise]}, changes, searched)
+    with made(spec) as (store, name):
+        run_study(store, name, workers=1)
+        shown = summary(store, name)
     rows = [*shown["faults"], *shown["lumps"]]
     if shown["verdict"] != "found":
         return Searched(fault, noise, seed, False, np.inf, np.nan, "", np.inf, 0, len(rows))

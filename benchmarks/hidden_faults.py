@@ -15,21 +15,18 @@ from __future__ import annotations
 import argparse
 import json
 import logging
-import tempfile
-from contextlib import closing
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from benchmarks.chain_study import chain_study
 from benchmarks.chains import random_chain
+from benchmarks.common import made
 from metaid.models import Array
-from metaid.plant import FaultSettings, PlantSettings
 from metaid.results import judge, read_snapshot
-from metaid.store import Store
-from metaid.study import EpisodeSettings, StudySettings, StudySpec, create_study, run_study
+from metaid.study import StudySpec, run_study
 
 # The largest size of each fault, and over how many powers of ten below it sizes are drawn.
 OF_LINKS = {"damping": (0.02, 3.0), "frictionloss": (0.02, 3.0), "stiffness": (0.3, 3.0)}
@@ -54,7 +51,7 @@ class Judged:
 def drawn(seed: int) -> tuple[StudySpec, str]:
     """The study of that seed, and its fault."""
     random = np.random.default_rng([77, seed])
-    true, nominal = random_chain(int(random.integers(1, 5)), int(random.integers(1000, 1_000_000)))
+    chain = random_chain(int(random.integers(1, 5)), int(random.integers(1000, 1_000_000)))
     fault = str(random.choice(KINDS))
     changes: dict[str, Any] = {}
     faults: dict[str, Any] = {"angle_noise": 1e-3, "speed_sensor": False, "push_noise": float(random.choice([0, 0.02]))}
@@ -63,26 +60,15 @@ def drawn(seed: int) -> tuple[StudySpec, str]:
     elif fault != "none":
         largest, powers = (OF_LINKS | OF_PLANT)[fault]
         (changes if fault in OF_LINKS else faults)[fault] = largest * 10.0 ** -random.uniform(0.0, powers)
-    links = tuple(link.model_copy(update=changes) for link in true)
-    study = StudySettings(
-        plant="drawn",
-        nominal="drawn",
-        sampler="output-error",
-        trials=3,
-        seed=seed,
-        episode=EpisodeSettings(measure="smoothed"),
-    )
-    plant = PlantSettings(links=links, faults=FaultSettings(**faults))
-    return StudySpec(name="drawn", plant_name="drawn", plant=plant, nominal=nominal, study=study), fault
+    return chain_study(chain, 3, seed, faults, changes), fault
 
 
 def try_study(seed: int) -> Judged | None:
     """Runs the study of that seed; None where its trials show too little for an estimate."""
     spec, fault = drawn(seed)
-    with tempfile.TemporaryDirectory() as folder, closing(Store(str(Path(folder) / "m.db"), create=True)) as store:
-        create_study(store, spec)
-        run_study(store, spec.name)
-        snapshot = read_snapshot(store, spec.name)
+    with made(spec) as (store, name):
+        run_study(store, name)
+        snapshot = read_snapshot(store, name)
         verdict, found = judge(snapshot), snapshot.estimate
     truth = snapshot.first.open_plant().true_lumps()
     if found is None or truth is None:

@@ -15,25 +15,22 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-import tempfile
 import time
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from benchmarks.chain_study import chain_study
 from benchmarks.chains import random_chain
-from benchmarks.common import Row
+from benchmarks.common import Row, made
 from benchmarks.common import table as markdown
 from metaid.episode import REACH, natural_time
 from metaid.estimation import Estimate, NoisyExperiment, ReadTrial
 from metaid.models import Array, kind_of
-from metaid.plant import FaultSettings, PlantSettings, chain_of
-from metaid.store import Store
-from metaid.study import HORIZON, EpisodeSettings, Problem, StudySettings, StudySpec, create_study, run_study
-from metaid.study.settings import EstimateSettings
+from metaid.plant import chain_of
+from metaid.study import HORIZON, Problem, StudySpec, run_study
 
 LINKS, KINDS = (2, 3, 5), ("gravity", "coriolis", "inertia")
 FRICTION, SPRING = 0.02, 0.2  # N m s and N m/rad in every joint
@@ -72,28 +69,17 @@ class Noisy:
         changed = {"friction": {"damping": FRICTION}, "spring": {"stiffness": SPRING}}.get(self.hidden or "", {})
         faults: dict[str, Any] = {"angle_noise": self.noise, "speed_sensor": False, "push_noise": self.pushes_differ}
         true, nominal = random_chain(links, seed)
-        plant = PlantSettings(
-            links=tuple(link.model_copy(update=changed) for link in true),
-            faults=FaultSettings(**faults, torque_limit=torque_limit),
-        )
         lengths: Any = "free"
         if self.hidden == "lengths":
             wrong = 1.0 + WRONG_LENGTHS * np.random.default_rng(seed).choice([-1.0, 1.0], links)
             longer = zip(nominal, wrong.tolist(), strict=True)
             nominal = tuple(link.model_copy(update={"length": link.length * factor}) for link, factor in longer)
             lengths = "exact"
-        study = StudySettings(
-            plant="chain",
-            nominal="chain",
-            sampler="output-error",
-            trials=trials,
-            seed=seed,
-            episode=EpisodeSettings(measure="smoothed"),
-            estimate=EstimateSettings(lengths=lengths),
-        )
-        spec = StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study)
+        faults["torque_limit"] = torque_limit
+        spec = chain_study((true, nominal), trials, seed, faults, changed, {"lengths": lengths})
         if self.horizons is None:
             return spec
+        study, plant = spec.study, spec.plant
         horizon = HORIZON * natural_time(chain_of(nominal), plant.gravity)
         watched = {"steps": round(self.horizons * horizon / plant.timestep), "peak_speed": REACH / horizon}
         episode = study.episode.model_copy(update=watched)
@@ -136,13 +122,9 @@ def _experiment(spec: StudySpec) -> tuple[Problem, NoisyExperiment]:
 
 def _tried(spec: StudySpec) -> list[Any]:
     """The trials of a study that is run in a DB of its own."""
-    with tempfile.TemporaryDirectory() as folder:
-        store = Store(str(Path(folder) / "metaid.db"), create=True)
-        create_study(store, spec)
-        run_study(store, spec.name, workers=1)
-        trials = store.trials(spec.name, *spec.names)
-        store.close()
-    return list(trials)
+    with made(spec) as (store, name):
+        run_study(store, name, workers=1)
+        return list(store.trials(name, *spec.names))
 
 
 def _judge(links: int, seed: int, trials: int, estimate: Estimate, truth: Array, seconds: float) -> Matched:

@@ -11,21 +11,18 @@ from __future__ import annotations
 
 import argparse
 import logging
-import tempfile
-from contextlib import closing
 from dataclasses import dataclass
 
 from threadpoolctl import threadpool_limits
 
+from benchmarks.chain_study import chain_study
 from benchmarks.chains import random_chain
-from benchmarks.common import table
-from metaid.plant import FaultSettings, PlantSettings
+from benchmarks.common import made, table
 from metaid.results import summary
-from metaid.store import Store
-from metaid.study import EpisodeSettings, Problem, StudySettings, StudySpec, create_study, forecast, run_study
+from metaid.study import Problem, forecast, run_study
 
 LINKS = 3
-NOISE = FaultSettings(angle_noise=0.01, speed_sensor=False, push_noise=0.1)
+NOISE = {"angle_noise": 0.01, "speed_sensor": False, "push_noise": 0.1}
 ALLOWED = 1.5  # times the pushes that were foreseen
 
 
@@ -47,23 +44,12 @@ class Ended:
 
 def run_until(seed: int, until: float) -> Ended:
     """Asks beforehand, and runs the study of the chain of that seed."""
-    true, nominal = random_chain(LINKS, seed)
-    study = StudySettings(
-        plant="chain",
-        nominal="chain",
-        sampler="output-error",
-        trials=4,
-        seed=seed,
-        episode=EpisodeSettings(measure="smoothed"),
-    )
-    plant = PlantSettings(links=true, faults=NOISE)
-    spec = StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study)
+    spec = chain_study(random_chain(LINKS, seed), 4, seed, NOISE)
     problem = Problem(spec)
     foreseen = forecast(problem, until)
-    with tempfile.TemporaryDirectory() as folder, closing(Store(f"{folder}/metaid.db", create=True)) as store:
-        create_study(store, spec)
-        run_study(store, spec.name, workers=1, until=until)
-        shown = summary(store, spec.name)
+    with made(spec) as (store, name):
+        run_study(store, name, workers=1, until=until)
+        shown = summary(store, name)
     known = [lump for lump in shown["lumps"] if lump["determined"]]
     inside = sum(lump["low"] <= lump["true"] <= lump["high"] for lump in known)
     widest = max((lump["high"] - lump["low"]) / (2.0 * lump["identified"]) for lump in known)

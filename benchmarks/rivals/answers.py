@@ -9,40 +9,56 @@ from statistics import median
 
 import numpy as np
 
-from benchmarks.rivals.comparing import METHODS, UNEXPLAINED, Cell
+from benchmarks.rivals.comparing import METHODS, OURS, UNEXPLAINED, Cell
 from benchmarks.rivals.conditions import CONDITIONS
+from benchmarks.rivals.subjects import ARMS
+from benchmarks.rivals.toolbox import TIME_IS_UP
 
-OURS = "metaid output-error"
 EXACT = 1e-5  # an error below which a model is exact for any purpose: such methods are equals
 WITHIN = 0.01
 WORST = 10.0  # an error that no other is worse than
+MEASURES = {
+    OURS: "angles after pushes",
+    "metaid cmaes": "angles after pushes",
+    "mujoco.sysid, closed loop": "angles and speeds; lengths; the drives' law",
+    "mujoco.sysid, open loop": "angles; lengths",
+    "instrumental variables": "angles; the servo's law",
+    "DIDIM": "angles; the servo's law",
+    "closed-loop output error": "angles; the servo's law",
+}
 
 
 @dataclass(frozen=True)
 class Result:
     """A `cell`, and its `error` with the filter that its method has for this condition, tuned once for all chains: the
-    largest of gravity torque, Coriolis torque and mass matrix.
+    largest of gravity torque, Coriolis torque and mass matrix; and the error of its worst lump.
     """
 
     cell: Cell
     error: float
+    worst_lump: float
 
 
 def tuned(cells: Sequence[Cell]) -> list[Result]:
     """The results of each method with the filter whose errors are the least in the geometric mean over all cells of a
-    condition, by the truth.
+    condition, by the truth. Chains have one, and each arm.
     """
     results = []
-    for condition, method in dict.fromkeys((cell.condition, cell.method) for cell in cells):
-        own = [cell for cell in cells if (cell.condition, cell.method) == (condition, method)]
+    for kind in dict.fromkeys(_kind(cell) for cell in cells):
+        own = [cell for cell in cells if _kind(cell) == kind]
         settings = max(len(cell.errors) for cell in own)
         # A cell with nothing found has one setting, and is as bad with every other.
         errors = np.array(
             [[_largest(cell.errors[min(i, len(cell.errors) - 1)]) for i in range(settings)] for cell in own]
         )
         best = int(np.argmin(np.log(np.clip(errors, EXACT, WORST)).mean(axis=0)))
-        results += [Result(cell, float(error)) for cell, error in zip(own, errors[:, best], strict=True)]
+        for cell, error in zip(own, errors[:, best], strict=True):
+            results.append(Result(cell, float(error), cell.errors[min(best, len(cell.errors) - 1)]["worst_lump"]))
     return results
+
+
+def _kind(cell: Cell) -> tuple[str, str, str]:
+    return cell.condition, cell.method, ARMS.get(cell.links, "chains")
 
 
 def _largest(errors: dict[str, float]) -> float:
@@ -56,13 +72,13 @@ def print_answers(cells: Sequence[Cell]) -> None:
         own = [result for result in results if result.cell.condition == condition]
         if own:
             print(f"### {CONDITIONS[condition].title}\n\n{question(own)}\n")
-    print(f"### What each takes\n\n{costs(results)}\n\n{summary(results)}")
+    print(f"### What each takes\n\n{costs(results)}\n\n{summary(results)}\n\n{time_of_parts(cells)}")
 
 
 def question(results: Sequence[Result]) -> str:
     """Medians over the chains of the largest error, a row a method, a column for each length and time."""
     columns = sorted({(each.cell.links, each.cell.budget) for each in results})
-    head = ["method", *(f"N = {links}, {budget} s" for links, budget in columns), "within 1 %"]
+    head = ["method", *(f"{name_of(links)}, {budget} s" for links, budget in columns), "within 1 %"]
     middle = {column: medians(results, column) for column in columns}
     stands = {column: counted(results, column) for column in columns}
     rows = []
@@ -74,6 +90,11 @@ def question(results: Sequence[Result]) -> str:
             rows.append([method, *shown, f"{good} of {len(own)}"])
     rows.append(["best of the others ÷ metaid output-error", *(_lead(middle[column]) for column in columns), ""])
     return _table(head, rows)
+
+
+def name_of(links: int) -> str:
+    """Of a chain of so many links, or of the arm with so many joints."""
+    return ARMS.get(links, f"N = {links}")
 
 
 def _lead(middle: dict[str, float]) -> str:
@@ -105,9 +126,9 @@ def winners(middle: dict[str, float]) -> list[str]:
 
 
 def _says(results: Sequence[Result], column: tuple[int, int]) -> str:
-    """A mark where a method itself said of any of these results that it is not found."""
-    own = [each for each in results if (each.cell.links, each.cell.budget) == column]
-    return "†" if any(each.cell.verdict == "not found" for each in own) else ""
+    """A mark where a method itself said of any of these results that it is not found, and one where it did not end."""
+    said = {each.cell.verdict for each in results if (each.cell.links, each.cell.budget) == column}
+    return ("†" if "not found" in said else "") + ("‡" if TIME_IS_UP in said else "")
 
 
 def _figure(middle: dict[str, float], stands: dict[str, float], method: str, mark: str) -> str:
@@ -115,22 +136,40 @@ def _figure(middle: dict[str, float], stands: dict[str, float], method: str, mar
         return "–"
     error = middle[method]
     text = ("exact" if error <= EXACT else f"{error:.2g}" if not np.isfinite(error) else f"{100 * error:.2g}") + mark
-    return f"**{text}**" if not mark and method in winners(stands) else text
+    return f"**{text}**" if "†" not in mark and method in winners(stands) else text
 
 
 def costs(results: Sequence[Result]) -> str:
-    """Medians over everything of what a method's experiment asks of the rig, and of its computing."""
+    """Of everything: medians of what a method's experiment asks of the rig and of its computing, how wrong its worst
+    lump is, how often it succeeds, and what it has to measure.
+    """
     links = sorted({each.cell.links for each in results})
-    head = ["method", *(f"N m, N = {number}" for number in links), "largest angle, rad", "computing, s", "most, s"]
+    head = ["method", "within 1 %", "worst lump, %", *(f"N m, {name_of(number)}" for number in links)]
+    head += ["range of angles, rad", "computing, s", "most, s", "measures, beside the command"]
     rows = []
     for method in METHODS:
-        own = [each.cell for each in results if each.cell.method == method and np.isfinite(each.error)]
+        every = [each for each in results if each.cell.method == method]
+        own = [each for each in every if np.isfinite(each.error)]
         if own:
-            torques = [[cell.torque for cell in own if cell.links == number] for number in links]
+            success = f"{sum(each.error <= WITHIN for each in every) / len(every):.0%}"
+            chains = [each for each in own if each.cell.links not in ARMS]
+            lump = f"{100.0 * median(each.worst_lump for each in chains):.2g}" if chains else "–"
+            cells = [each.cell for each in own]
+            torques = [[cell.torque for cell in cells if cell.links == number] for number in links]
             strain = [f"{median(each):.3g}" if each else "–" for each in torques]
-            taken = [f"{median(getattr(cell, name) for cell in own):.2g}" for name in ("angle", "cpu")]
-            rows.append([method, *strain, *taken, f"{max(cell.cpu for cell in own):.2g}"])
+            taken = [f"{median(getattr(cell, name) for cell in cells):.2g}" for name in ("range", "cpu")]
+            most = f"{max(cell.cpu for cell in cells):.2g}"
+            rows.append([method, success, lump, *strain, *taken, most, MEASURES.get(method, "angles")])
     return _table(head, rows)
+
+
+def time_of_parts(cells: Sequence[Cell]) -> str:
+    """Seconds of computing of each part, and of all."""
+    parts = dict.fromkeys((cell.condition for cell in cells), 0.0)
+    for cell in cells:
+        parts[cell.condition] += cell.cpu
+    told = ", ".join(f"{name} {spent:.0f} s" for name, spent in parts.items())
+    return f"Computing: {told}; together {sum(parts.values()) / 60.0:.1f} minutes of one processor."
 
 
 def summary(results: Sequence[Result]) -> str:

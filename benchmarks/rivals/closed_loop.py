@@ -1,8 +1,8 @@
 """The closed-loop output-error method along exciting trajectories: the angles of the model under the rig's servo are
 fitted to those that were read.
 
-Unknowns are log factors of the lumps and, where they are searched, friction and tilt. Each step is one of Gauss and
-Newton's, by differences, from what least squares has found.
+Each step is one of Gauss and Newton's, by differences, from what least squares has found. Unknowns are those of the
+model, and the offsets of encoders where they are searched. What is believed of an arm counts as it does in regression.
 """
 
 from __future__ import annotations
@@ -12,64 +12,60 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.rivals.logs import Log
-from benchmarks.rivals.regression import Columns, regress, searched_delay, weighted
-from benchmarks.rivals.servo import follow, ideal
-from benchmarks.rivals.simulated import lumps_of
+from benchmarks.rivals.regression import Beforehand, motions, rows_of, search_beforehand, weighted
+from benchmarks.rivals.servo import ideal
 from metaid.models import Array
 
 MOST, ENOUGH, DIFFERENCE = 8, 1e-4, 1e-4
 AVERAGED = 10  # steps over which angles are averaged before they are compared
-TILT_UNIT, FRICTION_UNIT = 0.01, 0.01  # of unknowns that are no log factors, in rad and N m s
+OFFSET_UNIT = 0.01  # of unknown offsets, in rad
 
 
 @dataclass(frozen=True)
 class _Fit:
-    """A `log` that is to be explained by a model whose torques are late by `delay` steps."""
+    """A `log` that is to be explained by a model, and what was `known` of it beforehand."""
 
     log: Log
-    delay: int
+    known: Beforehand
 
-    def columns(self, point: Array) -> Columns:
-        """The model at a `point` (nunknown)."""
-        searched, n = self.log.condition.searched, self.log.nominal.nlink
-        count = len(self.log.nominal.lumps.vector) + n
-        believed = np.append(self.log.nominal.lumps.vector, self.log.nominal.inertia_lumps)
-        parameters = [believed * np.exp(point[:count])]
-        if "friction" in searched:
-            parameters.append(FRICTION_UNIT * point[count : count + n])
-        if "tilt" in searched:
-            parameters.append(TILT_UNIT * point[-1] * parameters[0][:n])
-        return Columns(np.concatenate(parameters), n, searched)
+    @property
+    def _offsets(self) -> int:
+        """How many of the unknowns, the last, are offsets of encoders."""
+        return len(self.known.offset) if "offset" in self.log.condition.searched else 0
 
-    def point(self, columns: Columns) -> Array:
-        """The point (nunknown) of a model; that of the nominal one where a lump is not above 0."""
-        believed = np.append(self.log.nominal.lumps.vector, self.log.nominal.inertia_lumps)
-        factors = np.append(columns.lumps, columns.inertia) / believed
-        parts = [np.log(np.where(factors > 0.1, factors, 1.0))]
-        if "friction" in columns.searched:
-            parts.append(columns.friction / FRICTION_UNIT)
-        if "tilt" in columns.searched:
-            parts.append(np.array([columns.tilt / TILT_UNIT]))
-        return np.concatenate(parts)
+    def parameters(self, point: Array) -> Array:
+        """Of the model at a `point` (nunknown)."""
+        return self.log.model.parameters_at(point[: len(point) - self._offsets])
+
+    def point(self, parameters: Array) -> Array:
+        """The point (nunknown) of a model."""
+        return np.append(self.log.model.point(parameters), self.known.offset[: self._offsets] / OFFSET_UNIT)
 
     def residuals(self, point: Array) -> Array | None:
         """Angles of the model less those read, averaged; None where the model is lost."""
-        columns, log = self.columns(point), self.log
+        log, offset = self.log, OFFSET_UNIT * point[len(point) - self._offsets :]
         steps, n = log.seen.torques.shape
-        sensors = replace(ideal(steps, n, self.delay, columns.tilt), weights=log.weights)
-        seen = follow(lumps_of(columns), log.gravity, log.timestep, log.servo, sensors)
-        if len(seen.torques) < steps or not np.isfinite(seen.angles).all():
+        sensors = ideal(steps, n, self.known.delay, log.weights)
+        if self._offsets:
+            sensors = replace(sensors, offset=offset)
+        seen = log.model.follow(self.parameters(point), log.servo, sensors)
+        if seen is None or len(seen.torques) < steps or not np.isfinite(seen.angles).all():
             return None
         off = (seen.angles - log.seen.angles)[: steps // AVERAGED * AVERAGED]
-        return np.asarray(off.reshape(-1, AVERAGED, n).mean(axis=1).ravel())
+        averaged = off.reshape(-1, AVERAGED, n).mean(axis=1).ravel()
+        if not len(log.model.prior):
+            return np.asarray(averaged)
+        return np.append(averaged, log.condition.settings.angle_noise / np.sqrt(AVERAGED) * point)
 
 
-def closed_loop(log: Log) -> list[Columns]:
-    """What is found: one result, for no filter takes part."""
-    return [_descend(_Fit(log, searched_delay(log)), regress(log, weighted)[-1])]
+def closed_loop(log: Log) -> list[Array]:
+    """The parameters that are found: one result, for no filter takes part."""
+    known = search_beforehand(log)
+    widest = motions(log, log.seen.angles, log.seen.speeds, known)[-1]
+    return [_descend(_Fit(log, known), weighted(rows_of(log, widest)))]
 
 
-def _descend(fit: _Fit, begun: Columns) -> Columns:
+def _descend(fit: _Fit, begun: Array) -> Array:
     """Gauss and Newton's steps, halved where they lead upwards."""
     point = fit.point(begun)
     values = fit.residuals(point)
@@ -92,4 +88,4 @@ def _descend(fit: _Fit, begun: Columns) -> Columns:
         point, values = point + step, tried
         if np.abs(step).max() < ENOUGH:
             break
-    return fit.columns(point)
+    return fit.parameters(point)

@@ -3,60 +3,56 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 
 import numpy as np
 
-from benchmarks.chains import random_chain
 from benchmarks.rivals.closed_loop import closed_loop
 from benchmarks.rivals.conditions import CONDITIONS
-from benchmarks.rivals.judging import Found, judge
-from benchmarks.rivals.logs import Log, record
-from benchmarks.rivals.pushed import best_trial, output_error
-from benchmarks.rivals.regression import Columns, ordinary, regress, robust, weighted
+from benchmarks.rivals.judging import Found
+from benchmarks.rivals.logs import Log
+from benchmarks.rivals.regression import ordinary, regress, robust, weighted
 from benchmarks.rivals.simulated import didim, instrumental
+from benchmarks.rivals.subjects import ARMS, subject_of
+from benchmarks.rivals.toolbox import TimeIsUpError, open_loop
 from benchmarks.rivals.toolbox import closed_loop as closed_loop_toolbox
-from benchmarks.rivals.toolbox import open_loop
-from metaid.episode import natural_time
 from metaid.errors import MetaidError
-from metaid.plant import PlantSettings, chain_of
+from metaid.models import Array
 
 BUDGETS = (5, 15, 60, 300)  # s of motion
-GRAVITY: float = PlantSettings.model_fields["gravity"].default
 
-PUSHED = {"metaid output-error": output_error, "metaid cmaes": best_trial}
-LOGGED: dict[str, Callable[[Log], list[Columns]]] = {
+OURS, ALONE = "metaid output-error", "metaid cmaes"
+OPEN, DRIVES = "mujoco.sysid, open loop", "mujoco.sysid, closed loop"
+PUSHED = (OURS, ALONE)
+LOGGED: dict[str, Callable[[Log], list[Array]]] = {
     "least squares": partial(regress, solve=ordinary),
     "weighted": partial(regress, solve=weighted),
     "robust": partial(regress, solve=robust),
     "instrumental variables": instrumental,
     "DIDIM": didim,
     "closed-loop output error": closed_loop,
-    "mujoco.sysid, open loop": open_loop,
+    OPEN: open_loop,
 }
-DRIVEN = {"mujoco.sysid, closed loop": closed_loop_toolbox}
+DRIVEN = {DRIVES: closed_loop_toolbox}
 METHODS = (*PUSHED, *LOGGED, *DRIVEN)
-SLOW = {
-    "mujoco.sysid, open loop": (5, 60),
-    "mujoco.sysid, closed loop": (5, 60),
-}  # the budgets that a method is run for, where these are not all
-UNEXPLAINED, MOST_UNEXPLAINED = ("torque noise", "late", "tilted", "friction"), 60  # metaid refuses these soon enough
-ALONE = "metaid cmaes"  # searches nothing beside the lumps
+UNEXPLAINED = ("torque noise", "late", "tilted", "friction", "kinematics")  # nobody knows what is wrong
+OF_ARMS, OF_TOOLBOX = ("none", "fine", "kinematics"), ("none", "coarse", "fine", "torque noise")
+SEEDS = (0, 1, 2)
 
 
 @dataclass(frozen=True)
 class Cell:
-    """What a `method` found of the chain of so many `links` that a `seed` means, on a rig in this `condition`, in at
-    most `budget` seconds of motion.
+    """What a `method` found of the chain of so many `links` that a `seed` means, or of an arm of so many joints, on a
+    rig in this `condition`, in at most `budget` seconds of motion.
 
     Attributes:
         errors: with each setting of the method's filter (nsetting), as `judging.Error` has them; infinite where it
             found nothing.
         motion: seconds that it took.
         torque: the largest of any joint, in N m.
-        angle: the largest of any joint, in rad.
+        range: the largest of any joint's angle, in rad.
         cpu: seconds of computing on one thread, all settings together.
         verdict: what the method itself says of its result.
     """
@@ -69,13 +65,13 @@ class Cell:
     errors: list[dict[str, float]]
     motion: float
     torque: float
-    angle: float
+    range: float
     cpu: float
     verdict: str
 
     @property
     def sampler(self) -> str:
-        """What `benchmarks.common.resumed` knows the run by, beside links and seed."""
+        """What a file of results knows the run by, beside links and seed."""
         return key(self.condition, self.method, self.budget)
 
 
@@ -84,71 +80,79 @@ def key(condition: str, method: str, budget: int) -> str:
     return f"{condition} / {method} / {budget}"
 
 
+Run = tuple[str, int, int]  # key, links, seed
+
+
 def wanted(
     conditions: Sequence[str],
     methods: Sequence[str],
     links: Sequence[int],
     seeds: Sequence[int],
     budgets: Sequence[int],
-) -> list[tuple[str, int, int]]:
-    """Every run, those of one recording one after the other."""
+) -> list[Run]:
+    """Every run that is worth it, those of one recording one after the other."""
     return [
         (key(condition, method, budget), nlink, seed)
         for seed in seeds
         for nlink in links
         for condition in conditions
-        for budget in budgets
         for method in methods
-        if _is_worth_it(condition, method, budget)
+        for budget in budgets
+        if _is_worth_it(condition, method, nlink, seed, budget)
     ]
 
 
-def _is_worth_it(condition: str, method: str, budget: int) -> bool:
-    """Whether a method has something to say in such a condition, and says it in the time that a run may take."""
-    searched = CONDITIONS[condition].searched
-    if method == ALONE and searched:
+def _is_worth_it(condition: str, method: str, links: int, seed: int, budget: int) -> bool:
+    """Whether a method has something to say of it, and says it in the time that the whole comparison may take."""
+    if links in ARMS and (condition not in OF_ARMS or method in (ALONE, OPEN, DRIVES) or budget > 60):
         return False
-    if method in PUSHED and condition in UNEXPLAINED:
-        return budget <= MOST_UNEXPLAINED
-    return budget in SLOW.get(method, BUDGETS)
+    if method == ALONE and (CONDITIONS[condition].searched or condition in UNEXPLAINED):
+        return False  # it searches nothing beside the lumps
+    if method in (OPEN, DRIVES):
+        most = 60 if method == OPEN and links < 5 else 5
+        return condition in OF_TOOLBOX and seed == 0 and budget in (5, most)
+    return True
 
 
 def measure(named: str, nlink: int, seed: int) -> Cell:
     """One run."""
     condition, method, text = named.split(" / ")
-    budget = int(text)
-    true, nominal = random_chain(nlink, seed)
+    budget, subject = int(text), subject_of(condition, nlink, seed)
     began = time.process_time()
     try:
         if method in PUSHED:
-            results = [PUSHED[method](true, nominal, CONDITIONS[condition], float(budget), seed)]
+            results = [subject.pushed(method, float(budget))]
         else:
             by_drives = method in DRIVEN
-            log = recorded(condition, nlink, seed, budget if by_drives else max(BUDGETS), by_drives).first(
-                float(budget)
-            )
+            longest = budget if by_drives else 60 if nlink in ARMS else max(BUDGETS)
+            log = recorded(condition, nlink, seed, longest, by_drives).first(float(budget))
             began = time.process_time()
-            results = list(_found(log, (LOGGED | DRIVEN)[method](log)))
+            results = _found(log, (LOGGED | DRIVEN)[method])
     except (MetaidError, np.linalg.LinAlgError) as problem:
-        nothing = np.full(nlink * (nlink + 1) // 2, np.inf), np.full(nlink, np.inf)
-        results = [Found(*nothing, 0.0, 0.0, 0.0, str(problem))]
+        results = [Found(np.full(subject.count, np.inf), 0.0, 0.0, 0.0, str(problem))]
     cpu = time.process_time() - began
-    chain, natural = chain_of(true), natural_time(chain_of(nominal), GRAVITY)
-    errors = [asdict(judge(found, chain, GRAVITY, natural)) for found in results]
+    errors = [asdict(subject.judge(found.parameters)) for found in results]
     first = results[0]
-    took = first.seconds, first.torque, first.angle, cpu
+    took = first.seconds, first.torque, first.range, cpu
     return Cell(condition, method, nlink, seed, budget, errors, *took, first.verdict)
+
+
+def measure_all(runs: Sequence[Run]) -> list[Cell]:
+    """Several runs, one after the other."""
+    return [measure(*run) for run in runs]
 
 
 @lru_cache(maxsize=1)
 def recorded(condition: str, nlink: int, seed: int, seconds: int, by_drives: bool) -> Log:
     """The rig along exciting trajectories; see `logs.record`."""
-    true, nominal = random_chain(nlink, seed)
-    return record(true, nominal, CONDITIONS[condition], float(seconds), seed, by_drives)
+    return subject_of(condition, nlink, seed).record(float(seconds), by_drives)
 
 
-def _found(log: Log, results: list[Columns]) -> Iterator[Found]:
+def _found(log: Log, method: Callable[[Log], list[Array]]) -> list[Found]:
     """Each result of a method on a log, with what the log took."""
-    strain = float(np.abs(log.seen.torques).max()), float(np.abs(log.seen.angles).max())
-    for columns in results:
-        yield Found(columns.lumps, columns.inertia, log.seconds, *strain)
+    strain = float(np.abs(log.seen.torques).max()), float(np.ptp(log.seen.angles, axis=0).max())
+    try:
+        results, verdict = method(log), ""
+    except TimeIsUpError as end:
+        results, verdict = [end.best], str(end)
+    return [Found(parameters, log.seconds, *strain, verdict) for parameters in results]

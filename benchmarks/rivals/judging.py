@@ -1,36 +1,37 @@
-"""How wrong an identified chain is, on states that nothing was identified from."""
+"""How wrong an identified chain or arm is, on states that nothing was identified from."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from benchmarks.by_torque import inverse_dynamics_regressor
 from metaid.models import Array, Chain
+from metaid.models.tree import Belief, Tree, difference
 
 STATES, ANGLE, SPEED = 500, 1.5, 1.0  # held out; of each joint, in rad, and in rad per natural time
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a method found: gravity and Coriolis `lumps` (nlump), `inertia` lumps (nlink); and what its experiment took:
-    the `seconds` of motion, the largest joint `torque` in N m and joint `angle` in rad; and what the method itself said
-    of its result, where it says anything.
+    """What a method found: of a chain gravity, Coriolis and inertia lumps (nlump + nlink), of an arm base parameters
+    (nbase); and what its experiment took: the `seconds` of motion, the largest joint `torque` in N m and the largest
+    `range` of any joint's angle in rad; and what the method itself said of its result, where it says anything.
     """
 
-    lumps: Array
-    inertia: Array
+    parameters: Array
     seconds: float
     torque: float
-    angle: float
+    range: float
     verdict: str = ""
 
 
 @dataclass(frozen=True)
 class Error:
     """Root mean square errors over the held-out states as shares of what is right: of `gravity` torque, `coriolis`
-    torque and `mass_matrix`; and the relative error of the worst of all lumps.
+    torque and `mass_matrix`; and the relative error of the worst of all lumps, or that of the worst base parameter as
+    a share of what was not known of it.
     """
 
     gravity: float
@@ -44,15 +45,19 @@ class Error:
         return max(self.gravity, self.coriolis, self.mass_matrix)
 
 
-def judge(found: Found, true: Chain, gravity: float, natural: float) -> Error:
-    """How wrong it is. `gravity` in m/s²; the `natural` time in s scales the speeds."""
+NOTHING_FOUND = Error(np.inf, np.inf, np.inf, np.inf)
+
+
+def judge_chain(parameters: Array, true: Chain, gravity: float, natural: float) -> Error:
+    """How wrong lumps (nlump + nlink) are. `gravity` in m/s²; the `natural` time in s scales the speeds."""
     n, random = true.nlink, np.random.default_rng(2)
     angles = random.uniform(-ANGLE, ANGLE, (STATES, n))
     speeds = random.normal(scale=SPEED / natural, size=(STATES, n))
     rest = np.zeros_like(angles)
-    right, wrong = np.append(true.lumps.vector, true.inertia_lumps), np.append(found.lumps, found.inertia)
+    right = np.append(true.lumps.vector, true.inertia_lumps)
+    wrong = parameters[: len(right)]
     if not np.isfinite(wrong).all():
-        return Error(np.inf, np.inf, np.inf, np.inf)
+        return NOTHING_FOUND
     weight = inverse_dynamics_regressor(angles, rest, rest, gravity)
     turning = inverse_dynamics_regressor(angles, speeds, rest, gravity) - weight
     columns = [inverse_dynamics_regressor(angles, rest, rest + unit, gravity) - weight for unit in np.eye(n)]
@@ -60,6 +65,14 @@ def judge(found: Found, true: Chain, gravity: float, natural: float) -> Error:
         _share(each @ right, each @ wrong) for each in (weight, turning, np.stack(columns))
     )
     return Error(gravity_share, coriolis_share, matrix_share, float(np.abs(wrong / right - 1.0).max()))
+
+
+def judge_arm(parameters: Array, true: Tree, belief: Belief) -> Error:
+    """How wrong base parameters (nbase) are where the joints are as it is believed."""
+    if not np.isfinite(parameters).all():
+        return NOTHING_FOUND
+    off = np.abs(parameters - belief.base.of(true.parameters)) / np.sqrt(np.diag(belief.covariance))
+    return Error(**asdict(difference(true, belief.tree_at(parameters))), worst_lump=float(off.max()))
 
 
 def _share(right: Array, wrong: Array) -> float:

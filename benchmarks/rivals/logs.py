@@ -1,22 +1,23 @@
-"""What is recorded of a rig along exciting trajectories, for the methods that use torques."""
+"""What is recorded of a chain along exciting trajectories, for the methods that use torques."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from benchmarks.by_torque import inverse_dynamics_regressor
 from benchmarks.chains import Links
 from benchmarks.rivals.conditions import Condition
-from benchmarks.rivals.excitation import exciting
+from benchmarks.rivals.excitation import Limits, exciting
+from benchmarks.rivals.models import ChainModel, Model
 from benchmarks.rivals.servo import NO_FILTER, Followed, Sensors, Servo, follow
 from metaid.episode import natural_time
 from metaid.errors import StudyError
 from metaid.models import Array, Chain
 from metaid.plant import chain_of, draw, slope_weights
 
+SWING, SPEED = 1.5, 6.0  # limits of every joint, in rad and rad/s
 # Shares of the limits of trajectories, and whether the servo has the nominal change of the gravity torque, too: the
 # first is taken with which control is kept.
 ATTEMPTS = ((1.0, False), (1.0, True), (0.7, True), (0.5, True))
@@ -28,8 +29,8 @@ class Log:
     """What is known after recording.
 
     Attributes:
-        nominal: what is believed of the chain.
-        gravity: in m/s².
+        model: what is believed of the rig.
+        natural: time in s that filters are measured by.
         timestep: in s.
         servo: that drove it.
         weights: that made speeds of angles in the servo; see `Sensors`.
@@ -37,8 +38,8 @@ class Log:
         condition: whose `searched` faults are to be found.
     """
 
-    nominal: Chain
-    gravity: float
+    model: Model
+    natural: float
     timestep: float
     servo: Servo
     weights: Array
@@ -50,33 +51,20 @@ class Log:
         """Of motion."""
         return len(self.seen.torques) * self.timestep
 
-    @cached_property
-    def natural(self) -> float:
-        """The natural time of the nominal chain, in s."""
-        return natural_time(self.nominal, self.gravity)
-
     def first(self, seconds: float) -> Log:
         """Its first `seconds`."""
         steps = round(seconds / self.timestep)
         if steps > len(self.seen.torques):
             raise StudyError(f"control was lost before {seconds:g} s")
-        servo, seen = self.servo, self.seen
-        shorter = Servo(
-            servo.angles[:steps],
-            servo.speeds[:steps],
-            servo.forward[:steps],
-            servo.gains[:steps],
-            servo.bandwidth,
-            servo.stiffness[:steps],
-        )
+        seen = self.seen
         kept = Followed(seen.angles[: steps + 1], seen.speeds[: steps + 1], seen.torques[:steps])
-        return replace(self, servo=shorter, seen=kept)
+        return replace(self, servo=self.servo.first(steps), seen=kept)
 
 
 def record(
     true: Links, nominal: Links, condition: Condition, seconds: float, seed: int, by_drives: bool = False
 ) -> Log:
-    """A rig along exciting trajectories: forward the torques of the nominal model along them, and a feedback.
+    """A chain along exciting trajectories: forward the torques of the nominal model along them, and a feedback.
 
     Args:
         true: links of the rig.
@@ -106,28 +94,31 @@ def _recorded(
     """The same, in one of the ATTEMPTS, up to where control was lost."""
     (share, balances), plant, believed = attempt, condition.plant(true), chain_of(nominal)
     timestep, gravity, n = plant.timestep, plant.gravity, believed.nlink
-    desired = exciting(believed, gravity, timestep, seconds, seed, share)
-    motion = desired.angles, desired.speeds, desired.accelerations
-    parameters = np.append(believed.lumps.vector, believed.inertia_lumps)
+    model, natural = ChainModel(believed, gravity, timestep, condition.searched), natural_time(believed, gravity)
+
+    def rows(angles: Array, speeds: Array, accelerations: Array) -> Array:
+        return inverse_dynamics_regressor(angles, speeds, accelerations, gravity) * model.believed
+
+    desired = exciting(rows, Limits(np.zeros(n), np.full(n, SWING), SPEED), timestep, seconds, seed, share)
     gains = joint_mass_matrices(believed, np.zeros_like(desired.angles) if by_drives else desired.angles)
     if by_drives:
         gains = np.asarray(np.eye(n) / np.diagonal(np.linalg.inv(gains), axis1=1, axis2=2)[:, None])
     servo = Servo(
         desired.angles,
         desired.speeds,
-        inverse_dynamics_regressor(*motion, gravity) @ parameters,
+        rows(desired.angles, desired.speeds, desired.accelerations).sum(axis=2),
         gains,
-        (OF_DRIVES if by_drives else TIGHTNESS) / natural_time(believed, gravity),
+        (OF_DRIVES if by_drives else TIGHTNESS) / natural,
         gravity_stiffness(believed, desired.angles, gravity) * (balances and not by_drives),
     )
     faults = condition.settings
     noise = draw(faults, np.random.default_rng([seed, n, 1]), 1, len(desired.angles), n)
     weights = NO_FILTER if faults.speed_sensor or by_drives else slope_weights(timestep)
-    sensors = Sensors(noise.angles[0], noise.torques[0], weights, faults.delay, faults.tilt)
-    chain = chain_of(plant.links)
-    lumps = chain.lumps_of(("gravity", "coriolis", "damping"))
+    wrong = faults.delay, faults.tilt, faults.encoder_offsets(n)
+    sensors = Sensors(noise.angles[0], noise.torques[0], weights, *wrong)
+    lumps = chain_of(plant.links).lumps_of(("gravity", "coriolis", "damping"))
     seen = follow(lumps, gravity, timestep, servo, sensors)
-    return Log(believed, gravity, timestep, servo, weights, seen, condition)
+    return Log(model, natural, timestep, servo, weights, seen, condition)
 
 
 def joint_mass_matrices(chain: Chain, angles: Array) -> Array:

@@ -8,38 +8,44 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.rivals.answers import EXACT, OURS, Result, medians
-from benchmarks.rivals.comparing import METHODS
+from benchmarks.rivals.answers import EXACT, Result, medians, name_of
+from benchmarks.rivals.comparing import METHODS, OURS
 from benchmarks.rivals.conditions import CONDITIONS
+from benchmarks.rivals.subjects import ARMS
 
 PANEL = 3.1, 2.6  # inches
-COLUMNS = 3
+COLUMNS = 4
 
 
 def draw(results: Sequence[Result], links: int) -> Figure:
-    """Medians over the chains of so many `links`, a panel for each condition."""
-    conditions = [name for name in CONDITIONS if any(_is_of(each, name, links) for each in results)]
-    rows = -(-len(conditions) // COLUMNS)
+    """Medians over the chains of so many `links` and those of each arm, a panel for each condition."""
+    shown = [
+        (name, number)
+        for number in (links, *ARMS)
+        for name in CONDITIONS
+        if any(_is_of(each, name, number) for each in results)
+    ]
+    rows = -(-len(shown) // COLUMNS)
     figure = Figure(figsize=(PANEL[0] * COLUMNS, PANEL[1] * rows + 1.0), layout="constrained")
     panels = figure.subplots(rows, COLUMNS, sharey=True, squeeze=False).ravel()
-    for panel, condition in zip(panels, conditions, strict=False):
-        own = [each for each in results if _is_of(each, condition, links)]
+    for panel, (condition, number) in zip(panels, shown, strict=False):
+        own = [each for each in results if _is_of(each, condition, number)]
         budgets = sorted({each.cell.budget for each in own})
-        middle = {budget: medians(own, (links, budget)) for budget in budgets}
-        for number, method in enumerate(METHODS):
+        middle = {budget: medians(own, (number, budget)) for budget in budgets}
+        for place, method in enumerate(METHODS):
             known = [budget for budget in budgets if np.isfinite(middle[budget].get(method, np.inf))]
             errors = [100.0 * float(np.clip(middle[budget][method], EXACT, 1.0)) for budget in known]
             is_ours = method == OURS
-            style = {"color": "black" if is_ours else f"C{number - 1}", "linewidth": 2.5 if is_ours else 1.2}
+            style = {"color": "black" if is_ours else f"C{place - 1}", "linewidth": 2.5 if is_ours else 1.2}
             panel.plot(known, errors, marker="o", markersize=4 if is_ours else 3, label=method, **style)
-        panel.set_title(condition, fontsize=9)
+        panel.set_title(condition if number == links else f"{name_of(number)}, {condition}", fontsize=9)
         panel.set_xlabel("seconds of motion", fontsize=8)
         panel.set_xscale("log")
         panel.set_yscale("log")
         panel.set_xticks(budgets, [str(budget) for budget in budgets])
         panel.minorticks_off()
         panel.grid(alpha=0.3)
-    for panel in panels[len(conditions) :]:
+    for panel in panels[len(shown) :]:
         panel.set_visible(False)
     figure.supylabel("largest error, %")
     figure.legend(

@@ -19,7 +19,7 @@ from metaid.results import StudyEstimate, identified_factors
 from metaid.search import make_searcher
 from metaid.study import HORIZON, Problem, StudySettings, StudySpec
 
-SEARCHED = {"friction": "viscous", "tilt": "tilt", "delay": "delay"}  # as a study has them
+SEARCHED = {"friction": "viscous", "tilt": "tilt", "delay": "delay", "offset": "offset"}  # as a study has them
 MOST_TRIALS = 4  # of `output-error`, which has more pushes in a trial where there is more time
 
 
@@ -90,12 +90,13 @@ class Rig:
         """What was found by these trials."""
         problem, kinds = self.problem, ("gravity", "coriolis")
         seconds = sum(each.outcome.steps for each in tried) * problem.timestep
-        torque, angle = self._strain(tried)
-        return Found(lumps.vector_of(kinds), inertia, seconds, torque, angle, verdict)
+        return Found(np.append(lumps.vector_of(kinds), inertia), seconds, *self._strain(tried), verdict)
 
     def _strain(self, tried: list[Tried]) -> tuple[float, float]:
-        """The largest joint torque in N m, and angle in rad, of the first trial and of the last that is kept."""
-        experiment, torque, angle = self.experiment(), 0.0, 0.0
+        """The largest joint torque in N m, and range of an angle in rad, of the first trial and of the last that is
+        kept.
+        """
+        experiment, torque, moved = self.experiment(), 0.0, np.zeros((2, len(self.spec.nominal)))
         kept = [number for number, each in enumerate(tried) if each.outcome.readings or each.outcome.windows]
         for number in {kept[0], kept[-1]} if kept else ():
             each = tried[number]
@@ -104,8 +105,10 @@ class Rig:
                 angles, torques = trial.readings, trial.torques
             else:
                 angles, torques = self._watched(each, number)
-            angle, torque = max(angle, float(np.abs(angles).max())), max(torque, float(np.abs(torques).max()))
-        return torque, angle
+            torque = max(torque, float(np.abs(torques).max()))
+            every = angles.reshape(-1, angles.shape[-1])
+            moved = np.stack([np.minimum(moved[0], every.min(axis=0)), np.maximum(moved[1], every.max(axis=0))])
+        return torque, float(np.ptp(moved, axis=0).max())
 
     def _watched(self, tried: Tried, number: int) -> tuple[Array, Array]:
         """Joint angles in rad, and the torques in N m that the law made of them, (nstep x njoint) each, of a trial of

@@ -1,4 +1,4 @@
-"""A chain under a servo along a trajectory, with the faults of a rig or as a model, compiled.
+"""A rig under a servo along a trajectory, with its faults or as a model, compiled.
 
 The torque is u = f(t) + K(t) (ω² (q_d − q) + 2 ω (q̇_d − q̇)) + G(t) (q_d − q), with f, K, G and the desired motion
 known beforehand. The plant is the analytic chain, which agrees with MuJoCo to rounding.
@@ -6,7 +6,8 @@ known beforehand. The plant is the analytic chain, which agrees with MuJoCo to r
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from metaid.compiled.law import LINK, turn_to_angles
 from metaid.models import Array, Lumps
 
 NO_FILTER = np.empty(0)
+LOST = 10.0  # rad off the trajectory
+Seen = tuple[Array, Array, Array, int, float]
+Driven = tuple[Array, Array, Array, Array, float, Array]
 
 
 @dataclass(frozen=True)
@@ -32,12 +36,23 @@ class Servo:
     bandwidth: float
     stiffness: Array
 
+    @property
+    def driven(self) -> Driven:
+        """As the compiled loops take it."""
+        return self.angles, self.speeds, self.forward, self.gains, self.bandwidth, self.stiffness
+
+    def first(self, steps: int) -> Servo:
+        """Its first `steps`."""
+        moved = self.angles[:steps], self.speeds[:steps], self.forward[:steps], self.gains[:steps]
+        return Servo(*moved, self.bandwidth, self.stiffness[:steps])
+
 
 @dataclass(frozen=True)
 class Sensors:
-    """What comes between chain and servo: noise that is added to every angle read (nstep + 1 x njoint), in rad, and to
+    """What comes between rig and servo: noise that is added to every angle read (nstep + 1 x njoint), in rad, and to
     every torque (nstep x njoint), in N m; the `weights` (nreading) that make a speed of angles, none where there is a
-    sensor; by how many steps torques are late; the base's `tilt` in rad.
+    sensor; by how many steps torques are late; the base's `tilt` in rad; and by how much each angle is read too large
+    (njoint), in rad.
     """
 
     angle_noise: Array
@@ -45,11 +60,21 @@ class Sensors:
     weights: Array
     delay: int = 0
     tilt: float = 0.0
+    offset: Array | float = 0.0
+
+    def tilted(self, tilt: float) -> Sensors:
+        """The same on a base that is turned by so many rad."""
+        return replace(self, tilt=tilt)
+
+    @property
+    def seen(self) -> Seen:
+        """As the compiled loops take them."""
+        return self.angle_noise + self.offset, self.torque_noise, self.weights, self.delay, self.tilt
 
 
 @dataclass(frozen=True)
 class Followed:
-    """What is read of a chain under a servo, up to where it was lost: `angles` and `speeds` (nseen + 1 x njoint), and
+    """What is read of a rig under a servo, up to where it was lost: `angles` and `speeds` (nseen + 1 x njoint), and
     the `torques` that were commanded (nseen x njoint).
     """
 
@@ -58,13 +83,13 @@ class Followed:
     torques: Array
 
 
-def ideal(steps: int, njoint: int, delay: int = 0, tilt: float = 0.0) -> Sensors:
+def ideal(steps: int, njoint: int, delay: int = 0, weights: Array = NO_FILTER) -> Sensors:
     """Sensors without noise."""
-    return Sensors(np.zeros((steps + 1, njoint)), np.zeros((steps, njoint)), NO_FILTER, delay, tilt)
+    return Sensors(np.zeros((steps + 1, njoint)), np.zeros((steps, njoint)), weights, delay)
 
 
 def follow(lumps: Lumps, gravity: float, timestep: float, servo: Servo, sensors: Sensors) -> Followed:
-    """A chain along a trajectory that begins at rest where the servo's does, or with its speeds.
+    """A chain along a trajectory that begins, as it is read, where the servo's does, with its speeds.
 
     Args:
         lumps: of the chain, with those of inertia, and damping where there is any.
@@ -73,28 +98,55 @@ def follow(lumps: Lumps, gravity: float, timestep: float, servo: Servo, sensors:
         servo: what drives it.
         sensors: what it sees of it.
     """
-    steps, n = servo.angles.shape
+    n = servo.angles.shape[1]
     zero = np.zeros(n)
     weights = np.ascontiguousarray(gravity * lumps.gravity), np.ascontiguousarray(lumps.coriolis)
     resisting = np.ascontiguousarray(lumps.of("inertia")), np.ascontiguousarray(lumps.of("damping")), zero.copy()
-    chain = AnalyticStep(
-        servo.angles[0].copy(),
-        servo.speeds[0].copy(),
-        zero.copy(),
-        *weights,
-        *resisting,
-        np.zeros((n, n)),
-        zero,
-        timestep,
-    )
+    begun = servo.angles[0] - sensors.offset, servo.speeds[0].copy(), zero.copy()
+    chain = AnalyticStep(*begun, *weights, *resisting, np.zeros((n, n)), zero, timestep)
+    return recorded(servo, lambda *read: _follow(chain, np.zeros(n, LINK), servo.driven, sensors.seen, *read))
+
+
+def recorded(servo: Servo, run: Callable[[Array, Array, Array], int]) -> Followed:
+    """What a loop reads while it `run`s: it fills angles, speeds (nstep + 1 x njoint) and torques (nstep x njoint), and
+    returns the steps before the rig was lost.
+    """
+    steps, n = servo.angles.shape
     angles, speeds, torques = np.empty((steps + 1, n)), np.empty((steps + 1, n)), np.empty((steps, n))
-    driven = servo.angles, servo.speeds, servo.forward, servo.gains, servo.bandwidth, servo.stiffness
-    seen = sensors.angle_noise, sensors.torque_noise, sensors.weights, sensors.delay, sensors.tilt
-    done = _follow(chain, np.zeros(n, LINK), driven, seen, angles, speeds, torques)
+    done = run(angles, speeds, torques)
     return Followed(angles[: done + 1], speeds[: done + 1], torques[:done])
 
 
-LOST = 10.0  # rad off the trajectory
+@compiled
+def read_and_command(step, qpos, qvel, driven, seen, angles, speeds, torques):  # type: ignore[no-untyped-def]
+    """Fills in what is read at a `step`, and what is sent then where it is not the last; whether the rig is still near
+    its trajectory.
+    """
+    wanted, wanted_speeds, forward, gains, bandwidth, stiffness = driven
+    angle_noise, _, weights, _, _ = seen
+    count, (steps, n) = weights.shape[0], wanted.shape
+    for i in range(n):
+        angles[step, i] = qpos[i] + angle_noise[step, i]
+        if count == 0:
+            speeds[step, i] = qvel[i]
+        elif step + 1 >= count:
+            speeds[step, i] = 0.0
+            for k in range(count):
+                speeds[step, i] += weights[k] * angles[step + 1 - count + k, i]
+        else:
+            speeds[step, i] = wanted_speeds[0, i]
+    if step == steps:
+        return True
+    for i in range(n):
+        torques[step, i] = forward[step, i]
+        for j in range(n):
+            error = wanted[step, j] - angles[step, j]
+            if not abs(error) <= LOST:
+                return False
+            rate = wanted_speeds[step, j] - speeds[step, j]
+            torques[step, i] += gains[step, i, j] * bandwidth * (bandwidth * error + 2.0 * rate)
+            torques[step, i] += stiffness[step, i, j] * error
+    return True
 
 
 @compiled
@@ -102,31 +154,13 @@ def _follow(chain, links, driven, seen, angles, speeds, torques):  # type: ignor
     """Fills `angles`, `speeds` (nstep + 1 x njoint) and `torques` (nstep x njoint); returns the steps before it was
     lost.
     """
-    wanted, wanted_speeds, forward, gains, bandwidth, stiffness = driven
-    angle_noise, torque_noise, weights, delay, tilt = seen
-    count, (steps, n) = weights.shape[0], wanted.shape
+    _, torque_noise, _, delay, tilt = seen
+    steps, n = torques.shape
     for step in range(steps + 1):
-        for i in range(n):
-            angles[step, i] = chain.qpos[i] + angle_noise[step, i]
-            if count == 0:
-                speeds[step, i] = chain.qvel[i]
-            elif step + 1 >= count:
-                speeds[step, i] = 0.0
-                for k in range(count):
-                    speeds[step, i] += weights[k] * angles[step + 1 - count + k, i]
-            else:
-                speeds[step, i] = wanted_speeds[0, i]
+        if not read_and_command(step, chain.qpos, chain.qvel, driven, seen, angles, speeds, torques):
+            return step
         if step == steps:
             break
-        for i in range(n):
-            torques[step, i] = forward[step, i]
-            for j in range(n):
-                error = wanted[step, j] - angles[step, j]
-                if not abs(error) <= LOST:
-                    return step
-                rate = wanted_speeds[step, j] - speeds[step, j]
-                torques[step, i] += gains[step, i, j] * bandwidth * (bandwidth * error + 2.0 * rate)
-                torques[step, i] += stiffness[step, i, j] * error
         angle, speed = tilt, 0.0
         for i in range(n):
             chain.torque[i] = torque_noise[step, i] + (torques[step - delay, i] if step >= delay else 0.0)

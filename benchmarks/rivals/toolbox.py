@@ -11,7 +11,10 @@ once per candidate, not once per window as the toolbox would.
 from __future__ import annotations
 
 import io
+import time
 from dataclasses import dataclass, replace
+from operator import itemgetter
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -19,7 +22,8 @@ from mujoco import sysid
 
 from benchmarks.recording import Recording, filtered
 from benchmarks.rivals.logs import Log
-from benchmarks.rivals.regression import SPANS, Columns, delayed, searched_delay
+from benchmarks.rivals.models import ChainModel
+from benchmarks.rivals.regression import SPANS, delayed, search_beforehand
 from metaid.models import Array, Chain
 from metaid.plant.mujoco_model import build_spec
 
@@ -28,6 +32,16 @@ WINDOWS = 24  # at most, evenly out of the log: each costs as much as the others
 LEAST_FACTOR, LARGEST_FACTOR = 0.3, 3.0  # allowed of each nominal mass, centre of mass and inertia
 MOST_FRICTION, MOST_TILT = 1.0, 0.3  # N m s, rad
 ITERATIONS, TOLERANCE = 50, 1e-5  # the latter of a step in the factors
+ALLOWED = 20.0  # s of computing, after which the best so far is the result
+TIME_IS_UP = f"ended after {ALLOWED:g} s"
+
+
+class TimeIsUpError(Exception):
+    """The toolbox had computed for ALLOWED seconds; the `best` parameters so far."""
+
+    def __init__(self, best: Array) -> None:
+        super().__init__(TIME_IS_UP)
+        self.best = best
 
 
 @dataclass(frozen=True)
@@ -50,31 +64,46 @@ class _Body:
         body.mass, body.ipos, body.inertia = mass, [0.0, 0.0, com], [inertia] * 3
 
 
-def open_loop(log: Log) -> list[Columns]:
-    """What the toolbox finds of a log."""
-    seen = _motion(log)
+def open_loop(log: Log) -> list[Array]:
+    """The lumps that the toolbox finds of a log.
+
+    Raises:
+        TimeIsUpError: it did not end.
+    """
+    seen, n = _motion(log), log.model.njoint
     steps = min(round(WINDOW * log.natural / log.timestep), len(seen.torques))
     starts = np.linspace(0, len(seen.torques) - steps, min(WINDOWS, len(seen.torques) // steps), dtype=int)
-    spec = _spec(log, np.zeros(log.nominal.nlink), np.zeros(log.nominal.nlink))
+    spec = _spec(_model(log), np.zeros(n), np.zeros(n))
     return _search(log, spec, _windows(spec, seen, starts.tolist(), steps))
 
 
-def closed_loop(log: Log) -> list[Columns]:
-    """What the toolbox finds of a log that was made by the servos of drives."""
-    servo, seen, delay = log.servo, log.seen, searched_delay(log)
+def closed_loop(log: Log) -> list[Array]:
+    """The lumps that the toolbox finds of a log that was made by the servos of drives.
+
+    Raises:
+        TimeIsUpError: it did not end.
+    """
+    servo, seen, delay = log.servo, log.seen, search_beforehand(log).delay
     damping = 2.0 * servo.bandwidth * np.diag(servo.gains[0])
     stiffness = servo.bandwidth**2 * np.diag(servo.gains[0])
     sent = servo.forward + servo.angles * stiffness + servo.speeds * damping
     sent = np.concatenate([np.zeros((delay, sent.shape[1])), sent[: len(sent) - delay]])
     motion = Recording(seen.angles[:-1].copy(), np.zeros_like(sent), np.zeros_like(sent), sent, log.timestep)
     motion.angles[0] = 0.0  # where the trajectory begins
-    spec = _spec(log, stiffness, damping)
+    spec = _spec(_model(log), stiffness, damping)
     return _search(log, spec, _windows(spec, motion, [0], len(sent)))
 
 
-def _search(log: Log, spec: mujoco.MjSpec, windows: sysid.ModelSequences) -> list[Columns]:
+def _model(log: Log) -> ChainModel:
+    """What is believed of a chain."""
+    assert isinstance(log.model, ChainModel)
+    return log.model
+
+
+def _search(log: Log, spec: mujoco.MjSpec, windows: sysid.ModelSequences) -> list[Array]:
     """What explains the `windows` best."""
-    nominal, searched, n = log.nominal, log.condition.searched, log.nominal.nlink
+    model = _model(log)
+    nominal, searched, n = model.nominal, log.condition.searched, model.njoint
     factors = sysid.ParameterDict()
     for i in range(n):
         limits = np.full(3, LEAST_FACTOR), np.full(3, LARGEST_FACTOR)
@@ -84,7 +113,7 @@ def _search(log: Log, spec: mujoco.MjSpec, windows: sysid.ModelSequences) -> lis
         factors.add(sysid.Parameter("friction", np.full(n, 0.02), *limits, modifier=_write_friction))
     if "tilt" in searched:
         limits = np.full(1, -MOST_TILT), np.full(1, MOST_TILT)
-        factors.add(sysid.Parameter("tilt", np.zeros(1), *limits, modifier=_tilting(log.gravity)))
+        factors.add(sysid.Parameter("tilt", np.zeros(1), *limits, modifier=_tilting(model.gravity)))
     residual = sysid.build_residual_fn(
         models_sequences=[windows],
         build_model=_remembered_models(),
@@ -92,36 +121,54 @@ def _search(log: Log, spec: mujoco.MjSpec, windows: sysid.ModelSequences) -> lis
         enabled_observations=[(f"joint_{i + 1}_qpos", sysid.SignalType.MjStateQPos) for i in range(n)],
         n_threads=1,
     )
+    ends, best = time.process_time() + ALLOWED, (np.inf, factors.as_vector())
+
+    def lumps(found: Array) -> Array:
+        factors.update_from_vector(found)
+        bodies = np.array([_Body(nominal, i).scaled(factors[f"link_{i + 1}"].value) for i in range(n)])
+        chain = replace(nominal, mass=bodies[:, 0], com=bodies[:, 1], inertia=bodies[:, 2])
+        return np.append(chain.lumps.vector, chain.inertia_lumps)
+
+    def in_time(point: Array, named: sysid.ParameterDict) -> Any:
+        nonlocal best
+        if time.process_time() > ends:
+            raise TimeIsUpError(lumps(best[1]))
+        values = residual(point, named)
+        single = np.asarray(point).reshape(len(best[1]), -1)
+        if single.shape[1] == 1:  # differences come many at once
+            best = min(
+                best, (float(sum((part**2).sum() for part in values[0])), single[:, 0].copy()), key=itemgetter(0)
+            )
+        return values
+
     found, _ = sysid.optimize(
         factors,
-        residual,
+        in_time,
         optimizer="mujoco",
         verbose=False,
         max_iters=ITERATIONS,
         xtol=TOLERANCE,
         output=io.StringIO(),
     )
-    bodies = np.array([_Body(nominal, i).scaled(found[f"link_{i + 1}"].value) for i in range(n)])
-    chain = replace(nominal, mass=bodies[:, 0], com=bodies[:, 1], inertia=bodies[:, 2])
-    return [Columns(np.append(chain.lumps.vector, chain.inertia_lumps), n, ())]
+    return [lumps(found.as_vector())]
 
 
 def _motion(log: Log) -> Recording:
     """Angles, speeds and torques of a log (nstep x njoint), filtered where they are noisy."""
-    angles, speeds, torques = log.seen.angles[:-1], log.seen.speeds[:-1], delayed(log, searched_delay(log))
+    angles, speeds, torques = log.seen.angles[:-1], log.seen.speeds[:-1], delayed(log, search_beforehand(log).delay)
     if log.condition.is_exact:
         return Recording(angles, speeds, speeds, torques, log.timestep)
     smooth = filtered(angles[None], torques[None], log.timestep, log.natural, SPANS[-1])
     return Recording(smooth.angles[0], smooth.speeds[0], smooth.accelerations[0], torques, log.timestep)
 
 
-def _spec(log: Log, stiffness: Array, damping: Array) -> mujoco.MjSpec:
+def _spec(model: ChainModel, stiffness: Array, damping: Array) -> mujoco.MjSpec:
     """The nominal chain with a drive and a sensor of the angle in every joint: torque is what is sent less `stiffness`
     (njoint), in N m/rad, times the angle and `damping` (njoint), in N m s, times the speed.
     """
-    spec = build_spec(log.nominal, log.gravity, log.timestep)
+    spec = build_spec(model.nominal, model.gravity, model.timestep)
     spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
-    for i in range(log.nominal.nlink):
+    for i in range(model.njoint):
         motor = spec.add_actuator(name=f"motor_{i + 1}", target=f"joint_{i + 1}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
         motor.set_to_motor()
         motor.biastype = mujoco.mjtBias.mjBIAS_AFFINE

@@ -8,7 +8,7 @@ and depends on some combinations alone, the `BaseParameters`. A `Belief` says ho
 from metaid.models.tree.base import BaseParameters, base_parameters, random_states
 from metaid.models.tree.belief import Belief, Prior
 from metaid.models.tree.bodies import PossibleBodies, possible_bodies
-from metaid.models.tree.model_error import ModelError, model_error
+from metaid.models.tree.model_error import ModelError, difference, model_error
 from metaid.models.tree.planar import planar_chain, planar_tree
 from metaid.models.tree.regressor import joint_mass_matrix, joint_torque, torque_regressor
 from metaid.models.tree.tree import PARAMETERS, Tree
@@ -24,6 +24,7 @@ __all__ = [
     "Tree",
     "TreeModel",
     "base_parameters",
+    "difference",
     "joint_mass_matrix",
     "joint_torque",
     "model_error",

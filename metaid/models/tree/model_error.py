@@ -32,10 +32,15 @@ class ModelError:
 
 def model_error(true: Tree, parameters: Array) -> ModelError:
     """How wrong a model with these `parameters` (njoint x 13) of the `true` arm is. Friction is no part of it."""
+    return difference(true, true.with_parameters(parameters))
+
+
+def difference(true: Tree, other: Tree) -> ModelError:
+    """How wrong another arm with the same joints is, wherever these are."""
     coordinates, speeds, _ = random_states(true, STATES, np.random.default_rng(HELD_OUT))
     still = np.zeros_like(speeds)
     parts: list[tuple[Array, Array, Array]] = []
-    for arm in (true, true.with_parameters(parameters)):
+    for arm in (true, other):
         smooth = replace(arm, damping=np.zeros(arm.njoint), coulomb=np.zeros(arm.njoint))
         gravity = joint_torque(smooth, coordinates, still, still)
         bias = joint_torque(smooth, coordinates, speeds, still)

@@ -1,0 +1,192 @@
+"""A serial arm along exciting trajectories: its model, linear in its base parameters, and what is recorded of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from benchmarks.rivals.conditions import Condition
+from benchmarks.rivals.excitation import Limits, exciting
+from benchmarks.rivals.logs import Log
+from benchmarks.rivals.models import Motion
+from benchmarks.rivals.servo import NO_FILTER, Followed, Sensors, Servo, read_and_command, recorded
+from metaid.compiled import compiled
+from metaid.compiled.arms import Frames, frames_of
+from metaid.compiled.arms.dynamics import fill_mass_matrix, joint_torques, move_links, new_space
+from metaid.compiled.arms.friction import accelerate_freely, accelerate_with_friction, new_motion, soften
+from metaid.models import Array
+from metaid.models.tree import PARAMETERS, Belief, Tree, joint_mass_matrix, joint_torque, torque_regressor
+from metaid.plant import slope_weights
+
+SPEED = 3.0  # rad/s of every joint at most, which is what metaid's pushes have
+SWING, SHARE = 1.5, 0.4  # rad from the middle of a joint's range, and at most that share of the range
+BANDWIDTH, NATURAL = 20.0, 0.2  # of the servo, in rad/s; of filters, in s
+REVERSAL, WHOLLY = 0.2, 0.99  # rad/s, below which a joint reverses; of the time of a filter that it slides to one side
+COULOMB = PARAMETERS.index("coulomb")
+
+
+@dataclass(frozen=True)
+class ArmModel:
+    """An arm, of which there is a `belief`, with the `timestep` in s. Its parameters are base parameters (nbase)."""
+
+    belief: Belief
+    timestep: float
+
+    @property
+    def njoint(self) -> int:
+        return self.belief.nominal.njoint
+
+    @property
+    def count(self) -> int:
+        return len(self.belief.values)
+
+    @cached_property
+    def prior(self) -> Array:
+        whitening = np.linalg.pinv(self.belief.root)
+        return np.column_stack([whitening, whitening @ self.belief.values])
+
+    @cached_property
+    def frames(self) -> Frames:
+        """Where the joints are believed to be."""
+        return frames_of(self.belief.nominal)
+
+    def regressor(self, motion: Motion) -> Array:
+        every = torque_regressor(self.belief.nominal, motion.angles, motion.speeds, motion.accelerations)
+        joints = np.arange(self.njoint)
+        every[:, joints, joints, COULOMB] = motion.sliding
+        return every.reshape(*every.shape[:2], -1)[..., self.belief.base.columns]
+
+    def kept(self, motion: Motion) -> Array:
+        """All but reversals, where dry friction is not what the columns have."""
+        slides = (np.abs(motion.speeds) > REVERSAL) & (np.abs(motion.sliding) > WHOLLY)
+        return slides.astype(np.float64)
+
+    def follow(self, parameters: Array, servo: Servo, sensors: Sensors) -> Followed | None:
+        whole = np.ascontiguousarray(self.belief.parameters_at(parameters))
+        return follow_arm(self.frames, whole, self.timestep, servo, sensors)
+
+    def point(self, parameters: Array) -> Array:
+        """What is independent of each other and of standard deviation 1 in what is believed."""
+        change = parameters - self.belief.values
+        return np.asarray(np.linalg.lstsq(self.belief.root, change, rcond=None)[0], dtype=np.float64)
+
+    def parameters_at(self, point: Array) -> Array:
+        return np.asarray(self.belief.values + self.belief.root @ point)
+
+
+def record_arm(true: Tree, model: ArmModel, condition: Condition, seconds: float, seed: int) -> Log:
+    """An arm along exciting trajectories, under a servo in each joint as its maker has tuned it: its gains are the true
+    inertias of the joints. Forward are sent the torques of the nominal model.
+
+    Args:
+        true: the arm.
+        model: what is believed of it.
+        condition: what is wrong with it.
+        seconds: of motion.
+        seed: of the trajectories and of all noise.
+    """
+    nominal, timestep, n = model.belief.nominal, model.timestep, true.njoint
+    scale = np.sqrt(np.diag(model.belief.covariance))
+
+    def rows(angles: Array, speeds: Array, accelerations: Array) -> Array:
+        every = torque_regressor(nominal, angles, speeds, accelerations)
+        return every.reshape(*every.shape[:2], -1)[..., model.belief.base.columns] * scale
+
+    desired = exciting(rows, limits_of(nominal), timestep, seconds, seed)
+    steps = len(desired.angles)
+    inertias = np.diagonal(joint_mass_matrix(true, desired.angles[::50]), axis1=1, axis2=2).mean(axis=0)
+    servo = Servo(
+        desired.angles,
+        desired.speeds,
+        joint_torque(nominal, desired.angles, desired.speeds, desired.accelerations),
+        np.ascontiguousarray(np.broadcast_to(np.diag(inertias), (steps, n, n))),
+        BANDWIDTH,
+        np.zeros((steps, n, n)),
+    )
+    faults, random = condition.settings, np.random.default_rng([seed, n, 1])
+    noise = faults.angle_noise * random.standard_normal((steps + 1, n))
+    weights = NO_FILTER if faults.speed_sensor else slope_weights(timestep)
+    sensors = Sensors(noise, np.zeros((steps, n)), weights)
+    seen = follow_arm(frames_of(true), np.ascontiguousarray(true.parameters), timestep, servo, sensors)
+    return Log(model, NATURAL, timestep, servo, weights, seen, condition)
+
+
+def limits_of(tree: Tree) -> Limits:
+    """Of an arm's trajectories, about the middle of its joints' ranges."""
+    low, high = np.where(np.isfinite(tree.low), tree.low, -np.pi), np.where(np.isfinite(tree.high), tree.high, np.pi)
+    return Limits((low + high) / 2.0, np.minimum(SWING, SHARE * (high - low)), SPEED)
+
+
+def misplaced(tree: Tree, seed: int, shift: float, turn: float) -> Tree:
+    """The same arm with each joint beside its place by `shift`, in m, and turned by `turn`, in rad, both at random."""
+    random = np.random.default_rng([seed, tree.njoint, 2])
+    ways, axes = (_directions(random, tree.njoint) for _ in range(2))
+    turned = np.stack([rotation @ _rotation(turn * axis) for rotation, axis in zip(tree.rotation, axes, strict=True)])
+    return replace(tree, position=tree.position + shift * ways, rotation=turned)
+
+
+def _directions(random: np.random.Generator, count: int) -> Array:
+    drawn = random.standard_normal((count, 3))
+    return np.asarray(drawn / np.linalg.norm(drawn, axis=1, keepdims=True))
+
+
+def _rotation(vector: Array) -> Array:
+    """About a `vector`, by its length in rad."""
+    angle = float(np.linalg.norm(vector))
+    x, y, z = vector / angle
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * skew @ skew)
+
+
+def follow_arm(frames: Frames, parameters: Array, timestep: float, servo: Servo, sensors: Sensors) -> Followed:
+    """An arm along a trajectory that begins where the servo's does, with its speeds.
+
+    Args:
+        frames: where its joints are.
+        parameters: of its joints and links (njoint x 13).
+        timestep: in s.
+        servo: what drives it.
+        sensors: what it sees of it.
+    """
+    n = len(parameters)
+    motion, space = new_motion(n), new_space(n)
+    motion.position[:], motion.speed[:] = servo.angles[0] - sensors.offset, servo.speeds[0]
+    motion.side[:] = np.sign(motion.speed)
+    arm = frames, parameters, timestep, motion, space
+    return recorded(servo, lambda *read: _follow_arm(arm, servo.driven, sensors.seen, *read))
+
+
+@compiled
+def _follow_arm(arm, driven, seen, angles, speeds, torques):  # type: ignore[no-untyped-def]
+    """Fills `angles`, `speeds` (nstep + 1 x njoint) and `torques` (nstep x njoint); returns the steps before it was
+    lost.
+    """
+    frames, parameters, timestep, motion, space = arm
+    _, torque_noise, _, delay, _ = seen
+    steps, n = torques.shape
+    is_dry = False
+    for i in range(n):
+        is_dry = is_dry or parameters[i, 12] != 0.0
+    if is_dry and not soften(frames, parameters, motion, space):
+        return 0
+    for step in range(steps + 1):
+        if not read_and_command(step, motion.position, motion.speed, driven, seen, angles, speeds, torques):
+            return step
+        if step == steps:
+            break
+        force = motion.force
+        move_links(frames, motion.position, motion.speed, motion.zero, space)
+        joint_torques(frames, parameters, space, force)
+        for i in range(n):
+            sent = torques[step - delay, i] if step >= delay else 0.0
+            force[i] = sent + torque_noise[step, i] - force[i] - parameters[i, 11] * motion.speed[i]
+        fill_mass_matrix(frames, parameters, space)
+        moves = accelerate_with_friction(parameters, motion, space) if is_dry else accelerate_freely(motion, space)
+        if not moves:
+            return step
+        for i in range(n):
+            motion.speed[i] += timestep * motion.beyond[i]
+            motion.position[i] += timestep * motion.speed[i]
+    return steps

@@ -1,0 +1,75 @@
+"""metaid on an arm, for so many seconds of motion: pushes under the law of a candidate, without a sensor of torques."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.arms import HORIZON, STIFFNESS, WINDOWS
+from benchmarks.rivals.conditions import Condition
+from benchmarks.rivals.judging import Found
+from benchmarks.rivals.pushed import trials_of
+from metaid.compiled.arms import ArmLoop, commanded_arm_torques
+from metaid.episode import window_ends
+from metaid.episode.arms import ArmEpisode
+from metaid.estimation.arms import (
+    ArmEstimate,
+    ArmReadTrial,
+    ArmUnknowns,
+    WatchedArmTrial,
+    estimate_arm,
+    read_arm_trial,
+    watched_arm_trial,
+)
+from metaid.models.tree import Belief
+from metaid.plant.arms import ArmFaults, ArmPlant, draw_starts
+
+LEAST_NOISE = 1e-15  # rad: readings of a rig with exact sensors are kept, too
+
+
+def output_error_of_arm(plant: ArmPlant, belief: Belief, condition: Condition, seconds: float, seed: int) -> Found:
+    """What metaid's estimate is of all pushes, and whether it says that it has found it.
+
+    Args:
+        plant: without faults.
+        belief: what is believed of it.
+        condition: what is wrong with it.
+        seconds: of motion.
+        seed: of the starts and of the noise.
+    """
+    n, timestep, noise = plant.njoint, plant.timestep, condition.settings.angle_noise
+    faults = ArmFaults(angle_noise=noise or LEAST_NOISE, speed_sensor=condition.settings.speed_sensor)
+    rig = ArmPlant(plant.name, plant.settings.model_copy(update={"faults": faults}))
+    steps = round(HORIZON / timestep)
+    pushes = max(round(seconds / timestep) // steps, 1)
+    trials = trials_of(pushes, n)
+    count = pushes // trials
+    stiffness = np.where(np.arange(count) % 3 < 2, 0.0, STIFFNESS)  # one on springs for two that coast
+    starts = draw_starts(plant, count, HORIZON, seed)
+    episode = ArmEpisode(starts, stiffness, steps, window_ends(steps, WINDOWS), seed=seed)
+    searched, loop, law = ArmUnknowns(belief), ArmLoop(rig, belief.nominal, episode), belief.nominal.parameters
+    estimate: ArmEstimate | None = None
+    watched: list[WatchedArmTrial | ArmReadTrial] = []
+    torque, reach = 0.0, 0.0
+    for number in range(trials):
+        record = loop.run(law, number)
+        read = record.readings
+        assert read is not None
+        if noise:
+            trial = read_arm_trial(searched.frames, law, episode, timestep, read, np.full(n, noise))
+            watched.append(trial)
+            torques = trial.torques
+        else:
+            assert read.speeds is not None
+            watched.append(watched_arm_trial(law, episode, timestep, record.windows))
+            torques = commanded_arm_torques(searched.frames, law, episode, read.angles, read.speeds)
+        seen = np.arange(steps + 1) < read.counts[:, None]
+        torque = max(torque, float(np.abs(torques[seen[:, :-1]]).max()))
+        reach = max(reach, float(np.ptp(read.angles[seen], axis=0).max()))
+        estimate = estimate_arm(watched, searched, estimate)
+        if estimate is None:
+            break
+        law = estimate.parameters
+    spent = float(trials * count * HORIZON), torque, reach
+    if estimate is None:
+        return Found(belief.values, *spent, "not found")
+    return Found(estimate.values, *spent, "found" if estimate.is_explained else "not found")
