@@ -18,6 +18,7 @@ from optuna_dashboard import get_note
 from metaid import results
 from metaid.files import shipped_folder
 from metaid.models.tree import joint_torque
+from metaid.results.arms import ArmFound, read_any_snapshot
 from metaid.show.dashboard import make_dashboard
 from metaid.store import Store
 from metaid.study import ArmSpec, create_study, load_study, run_study
@@ -60,6 +61,16 @@ def test_intervals_on_noisy_sensors_hold_the_truth(arms: Path) -> None:
     assert max(shown["model_error"].values()) < 5e-3
     known = frame[frame["determined"]]
     assert (np.abs(known["identified"] - known["true"]) < 4.0 * known["sd"]).all()
+
+
+def test_estimate_of_all_trials_begins_at_that_of_the_first(arms: Path) -> None:
+    """It takes a step or two, where the first grew windows from the nominal arm."""
+    with closing(Store(str(arms))) as store:
+        found = read_any_snapshot(store, "noisy").estimate
+    assert isinstance(found, ArmFound)
+    assert found.probed is not None
+    assert found.trials > 1
+    assert found.estimate.iterations <= 3 < found.probed.iterations
 
 
 def test_arm_of_another_shape_is_not_found(arms: Path, metaid: Metaid) -> None:

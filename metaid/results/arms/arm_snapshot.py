@@ -25,11 +25,14 @@ CLOSE = 1e-3  # of every unknown's deviation beforehand: so near its last value 
 
 @dataclass(frozen=True)
 class ArmFound:
-    """An `estimate`, the `experiment` that it is of, and the trials that were `watched` for it."""
+    """An `estimate`, the `experiment` that it is of, and the trials that were `watched` for it; and the estimate of the
+    first of them alone that the experiment needs for one, `probed`, from which it began.
+    """
 
     estimate: ArmEstimate
     experiment: ArmExperiment
     watched: tuple[SeenArmTrial, ...]
+    probed: ArmEstimate | None
 
     @property
     def trials(self) -> int:
@@ -59,8 +62,10 @@ class ArmFound:
         reach = CLOSE * self.experiment.searched.spread
 
         def is_enough(count: int) -> bool:
-            whole = count == self.trials
-            early = self.estimate if whole else self.experiment.estimate(self.watched[:count], thorough=False)
+            early: ArmEstimate | None = self.estimate
+            if count < self.trials:
+                probed, some = self.probed, self.watched[:count]
+                early = probed if count == self.experiment.probes else self.experiment.estimate(some, probed, False)
             return early is not None and np.abs(early.unknowns - self.estimate.unknowns).max() <= reach
 
         with threadpool_limits(1):
@@ -111,8 +116,11 @@ class ArmSnapshot:
         with threadpool_limits(1):
             seen = (experiment.trial(each.factors, each.outcome) for each in shown)
             watched = tuple(trial for trial in seen if trial is not None)
-            estimate = experiment.estimate(watched) if watched else None
-        return None if estimate is None else ArmFound(estimate, experiment, watched)
+            # From where the first trials lead, all of them lead on in a step or two.
+            few = watched[: experiment.probes]
+            probed = experiment.estimate(few, thorough=len(few) == len(watched)) if watched else None
+            estimate = probed if len(few) == len(watched) else experiment.estimate(watched, probed)
+        return None if estimate is None else ArmFound(estimate, experiment, watched, probed)
 
     @property
     def why_no_estimate(self) -> str:
