@@ -9,7 +9,7 @@ A case is a number; `python -m soak.confident 123` does one again and says what 
 | measure | `spectral`, `count`, `crossing`; `smoothed` on noisy plants |
 | trials | 3 to 200 |
 | bounds | the default, or so narrow that they may exclude the truth |
-| estimate | made, or in one of five studies not |
+| estimate | made, or in one of five studies not; one of five takes up faults by itself |
 | plant | ideal; noisy sensors and pushes; or with a fault that the model does not know |
 
 Well posed is a study that makes an estimate, of a plant without a hidden fault, with at least six trials of pushes
@@ -93,6 +93,10 @@ def draw(number: int) -> Case:
         "episode": {"measure": measure},
         "estimate": {"enabled": estimated},
     }
+    # Drawn last, so that all else of a case is what it was before this was drawn.
+    takes_up = estimated and bool(random.random() < 0.2)
+    if takes_up:
+        settings["estimate"]["faults"] = "proposed"
     plant = PlantSettings(links=links, faults=faults)
     spec = StudySpec(
         name=f"case-{number}", plant_name="drawn", plant=plant, nominal=nominal, study=StudySettings(**settings)
@@ -100,6 +104,7 @@ def draw(number: int) -> Case:
     about = f"{nlink} links, {sampler}, {measure}, {trials} trials, {'noisy' if noisy else 'ideal'}"
     about += f", hidden {fault}" if hidden else ""
     about += "" if estimated else ", no estimate"
+    about += ", faults taken up" if takes_up else ""
     about += f", bounds {search}" if search else ""
     well_posed = not hidden and estimated and trials >= 6 and measure in ("spectral", "smoothed")
     return Case(spec, well_posed, about)

@@ -37,6 +37,11 @@ class Condition:
         return not self.settings.is_noisy
 
     @property
+    def has_unknown(self) -> bool:
+        """Whether something is wrong with it that a study may take up by itself."""
+        return bool(self.friction or self.settings.delay or self.settings.tilt) and not self.searched
+
+    @property
     def settings(self) -> FaultSettings:
         """The faults as a plant file has them."""
         return FaultSettings(**self.faults)

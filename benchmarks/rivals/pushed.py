@@ -15,7 +15,7 @@ from metaid.episode import Outcome, natural_time
 from metaid.estimation import Experiment, NoisyExperiment, ReadTrial
 from metaid.models import Array, Lumps, compensation_basis
 from metaid.plant import chain_of
-from metaid.results import StudyEstimate, identified_factors
+from metaid.results import estimate_of, identified_factors
 from metaid.search import make_searcher
 from metaid.study import HORIZON, Problem, StudySettings, StudySpec
 
@@ -53,7 +53,7 @@ class Rig:
             pushes = max(round(seconds / plant.timestep) // round(horizon / plant.timestep), 1)
             trials = trials_of(pushes, len(nominal))
             episode["count"] = pushes // trials
-        faults = tuple(SEARCHED[name] for name in condition.searched)
+        faults = tuple(SEARCHED[name] for name in condition.searched) or ("proposed" if condition.has_unknown else ())
         study = StudySettings.model_validate(
             {"plant": "rig", "nominal": "believed", "sampler": sampler, "trials": trials, "seed": seed}
             | {"episode": episode, "estimate": {"faults": faults}}
@@ -133,12 +133,11 @@ def output_error(true: Links, nominal: Links, condition: Condition, seconds: flo
     experiment = rig.experiment()
     assert experiment is not None
     trials = tuple(t for each in tried if (t := experiment.trial(each.factors, each.outcome)) is not None)
-    probed = experiment.estimate(trials[:1]) if len(trials) > 1 else None
-    estimate = experiment.estimate(trials, probed)
-    if estimate is None:
+    found = estimate_of(experiment, trials, is_probed=True)
+    if found is None:
         return rig.found(rig.problem.nominal.lumps, rig.problem.nominal.inertia_lumps, tried, "not found")
-    is_found = StudyEstimate(estimate, experiment, trials).explains
-    return rig.found(estimate.lumps, estimate.lumps.of("inertia"), tried, "found" if is_found else "not found")
+    lumps = found.estimate.lumps
+    return rig.found(lumps, lumps.of("inertia"), tried, "found" if found.explains else "not found")
 
 
 def best_trial(true: Links, nominal: Links, condition: Condition, seconds: float, seed: int) -> Found:

@@ -27,7 +27,7 @@ def print_study(store: Any, name: str, with_bodies: bool = False) -> dict[str, A
     shown = summary(store, name, with_bodies)
     title = f"{shown['name']}: {shown['plant']}, {shown['sampler']}, {shown['measure']}, seed {shown['seed']}"
     _print_lumps(title, shown["lumps"], "; ".join(describe_tried(shown)))
-    if "faults" in shown:
+    if shown.get("faults"):
         _print_faults(shown["faults"])
     _say_foreign(shown.get("foreign_trials", []), _unit(shown["measure"]))
     if "parameters" in shown:

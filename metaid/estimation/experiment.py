@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -18,11 +18,14 @@ from metaid.estimation.noisy import (
     Proposal,
     Readings,
     ReadTrial,
+    TakenUp,
     Unmodelled,
     centred,
     commanded_torques,
+    explanations,
     filtered_speeds,
     proposed_faults,
+    take_up,
     unmodelled_forces,
 )
 from metaid.estimation.trials import Replay, WatchedTrial
@@ -113,6 +116,12 @@ class Experiment(ABC):
         """
         return []
 
+    def taken_up(self, trials: Sequence[Any], estimate: Estimate) -> tuple[Experiment, Estimate, TakenUp | None]:
+        """What the `trials` say with the faults that explain them, where an experiment takes up faults by itself: the
+        experiment that searches these, its estimate, and what speaks for them; else this experiment and the `estimate`.
+        """
+        return self, estimate, None
+
     def proposed(self, trials: Sequence[Any], estimate: Estimate) -> Proposal | None:
         """Faults that would explain what an `estimate` of the `trials` does not, if they were searched, too. None where
         none does, or no readings were kept to try it.
@@ -182,6 +191,7 @@ class NoisyExperiment(Experiment):
             `noise`.
         is_continuous: whether the plant moves continuously, as a real one does, and not in steps, as a simulated one.
         faults: that are searched beside the lumps.
+        takes_up: whether faults are searched, too, once nothing explains the trials without them.
     """
 
     start_spread: Array | None
@@ -193,6 +203,7 @@ class NoisyExperiment(Experiment):
     has_unknown_encoders: bool = False
     is_continuous: bool = False
     faults: SearchedFaults = NO_FAULTS
+    takes_up: bool = False
 
     def trial(self, factors: Array, outcome: Outcome) -> ReadTrial | None:
         read = outcome.readings
@@ -222,12 +233,43 @@ class NoisyExperiment(Experiment):
     def unmodelled(self, trials: Sequence[ReadTrial], estimate: Estimate) -> list[Unmodelled]:
         return list(unmodelled_forces(self._comparison(trials), estimate))
 
-    def proposed(self, trials: Sequence[ReadTrial], estimate: Estimate) -> Proposal | None:
-        def _search(kinds: tuple[str, ...]) -> SearchedFaults:
-            return searched_faults(kinds, self.unknowns.nominal, self.gravity, self.start_speeds)
+    def estimate(self, trials: Sequence[Any], start: Estimate | None = None, thorough: bool = True) -> Estimate | None:
+        if not self.takes_up:
+            return super().estimate(trials, start, thorough)
+        if start is not None and start.faults is not None:
+            found = self._searching(start.faults.searched).estimate(trials, start, thorough=False)
+            if found is not None and found.is_explained:
+                return found
+            start = None
+        found = super().estimate(trials, start, thorough=False)
+        if found is None or found.is_explained:
+            return found
+        explained = next(explanations(self._comparison(trials), found, self._search), None)
+        if explained is None and thorough:
+            return super().estimate(trials, start)
+        return explained or found
 
+    def taken_up(
+        self, trials: Sequence[ReadTrial], estimate: Estimate
+    ) -> tuple[NoisyExperiment, Estimate, TakenUp | None]:
+        if not self.takes_up:
+            return self, estimate, None
+        found, taken = take_up(self._comparison(trials), estimate, self._search)
+        return (self if found.faults is None else self._searching(found.faults.searched)), found, taken
+
+    def proposed(self, trials: Sequence[ReadTrial], estimate: Estimate) -> Proposal | None:
+        if self.takes_up:
+            return None  # none of them explains the trials
         declared = self.delay * self.timestep * self.substeps
-        return proposed_faults(self._comparison(trials), estimate, _search, declared)
+        return proposed_faults(self._comparison(trials), estimate, self._search, declared)
+
+    def _search(self, kinds: tuple[str, ...]) -> SearchedFaults:
+        """Faults of these `kinds` as unknowns."""
+        return searched_faults(kinds, self.unknowns.nominal, self.gravity, self.start_speeds)
+
+    def _searching(self, faults: SearchedFaults) -> NoisyExperiment:
+        """The same where these `faults` are searched from the first trial on."""
+        return replace(self, faults=faults, takes_up=False)
 
     def _comparison(self, trials: Sequence[ReadTrial]) -> Readings:
         return Readings(trials, self.unknowns, self.gravity, faults=self.faults)

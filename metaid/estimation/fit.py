@@ -160,6 +160,10 @@ def grow(comparison: Growing, point: Array, gives_up: bool = False) -> Descent |
         if valley and not explained and reached and stride > 1:
             explained, stride = True, stride // 2
             continue
+        if gives_up and found is not None and found.converged and not explained:
+            # Without noise a last step that is short enough for windows that are to grow leaves much of what there is.
+            found = _descent(comparison, found.place.point, windows, exactly=True)
+            explained = found is not None and misfit(found) < IN_THE_VALLEY
         if found is None or (gives_up and not explained):
             return None
         stride = min(2 * stride, comparison.stride) if explained else comparison.stride
@@ -168,12 +172,15 @@ def grow(comparison: Growing, point: Array, gives_up: bool = False) -> Descent |
     return Descent(found.place, iterations, found.converged)
 
 
-def _descent(comparison: Growing, point: Array, windows: int) -> Descent | None:
-    """That from a `point` on the first `windows` windows; None where the twin cannot follow from there."""
+def _descent(comparison: Growing, point: Array, windows: int, exactly: bool = False) -> Descent | None:
+    """That from a `point` on the first `windows` windows, roughly where these are to grow, unless it is to be done
+    `exactly`; None where the twin cannot follow from there.
+    """
     place = place_at(comparison, point, windows)
     if place is None:
         return None
-    limits = (ROUGHLY, MOST_ROUGH) if windows < comparison.stages else (EXACTLY, MOST_EXACT)
+    grows = windows < comparison.stages
+    limits = (EXACTLY if exactly or not grows else ROUGHLY), (MOST_ROUGH if grows else MOST_EXACT)
     return descend(comparison, place, windows, *limits, comparison.ends_when_cut, comparison.least_gain)
 
 

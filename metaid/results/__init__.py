@@ -11,6 +11,7 @@ from metaid.results.estimates import (
     StudyEstimate,
     describe_known_from,
     describe_trials,
+    estimate_of,
     growth,
     interval_name,
 )
@@ -53,6 +54,7 @@ __all__ = [
     "describe_possible_bodies",
     "describe_trials",
     "estimate_frame",
+    "estimate_of",
     "findings_of",
     "growth",
     "identified_factors",

@@ -16,7 +16,7 @@ from metaid.store import Trial
 from metaid.study import COARSEST, MOST_TRIALS, Problem
 
 if TYPE_CHECKING:
-    from metaid.estimation import Estimate, Experiment, Proposal, Replay, SeenTrial, Unmodelled
+    from metaid.estimation import Estimate, Experiment, Proposal, Replay, SeenTrial, TakenUp, Unmodelled
 
 FIRST_TRIALS = 12  # of which it is looked for how early the estimate was there
 MOST_LEFT = 0.3  # of the squares of a misfit: a force that leaves more of it is not what is missing
@@ -26,13 +26,14 @@ CLOSE = 1e-3  # of every lump: so near its last value an estimate was there
 @dataclass(frozen=True)
 class StudyEstimate:
     """An `estimate`, the `experiment` that it is of, and the trials that were `watched` for it; the last `by_others` of
-    them are not metaid's own.
+    them are not metaid's own. What speaks for faults that were `taken_up`; None where none were.
     """
 
     estimate: Estimate
     experiment: Experiment
     watched: tuple[SeenTrial, ...]
     by_others: int = 0
+    taken_up: TakenUp | None = None
 
     @cached_property
     def known_from(self) -> int | None:
@@ -74,6 +75,11 @@ class StudyEstimate:
             return self.experiment.proposed(self.watched, self.estimate)
 
     @property
+    def reasons(self) -> list[str]:
+        """What the study itself did to explain what was seen: a sentence, where it took up faults."""
+        return [] if self.taken_up is None else [self.taken_up.description]
+
+    @property
     def provisos(self) -> list[str]:
         """What must not be there for the lumps to be right, for the trials could not tell: sentences that name it."""
         said = []
@@ -88,8 +94,11 @@ class StudyEstimate:
 
     @property
     def explains(self) -> bool:
-        """Whether the model explains what was seen, and no force that it has not is seen."""
-        return self.estimate.is_explained and self.unmodelled is None
+        """Whether the model explains what was seen, no force that it has not is seen, and nothing speaks against faults
+        that were taken up.
+        """
+        holds = self.taken_up is None or self.taken_up.holds
+        return holds and self.estimate.is_explained and self.unmodelled is None
 
     @property
     def description(self) -> str:
@@ -100,6 +109,8 @@ class StudyEstimate:
         found = f"misfit {estimate.misfit:.3g} (explained: below {estimate.explained_below:.3g})"
         if self.explains:
             return f"the model explains what was seen: {found}"
+        if self.taken_up is not None and not self.taken_up.holds:
+            return f"{self.taken_up.description}; {found}"
         if self.proposal is not None:
             return f"the model does not explain what was seen, but {self.proposal.description}; {found}"
         force = self.unmodelled
@@ -184,19 +195,28 @@ def study_estimate(problem: Problem, tried: Sequence[Trial], by_others: Sequence
     # At these sizes BLAS threads cost far more than they give.
     with threadpool_limits(1):
         seen = (experiment.trial(each.factors, each.outcome) for each in shown)
-        trials = [trial for trial in seen if trial is not None]
-        estimate = experiment.estimate(trials, _probed(problem, experiment, trials))
-        if estimate is None:
-            return None
-        return StudyEstimate(estimate, experiment, tuple(trials), len(others))
+        trials = tuple(trial for trial in seen if trial is not None)
+        return estimate_of(experiment, trials, problem.goes_by_estimate, len(others))
 
 
-def _probed(problem: Problem, experiment: Experiment, trials: Sequence[SeenTrial]) -> Estimate | None:
-    """The estimate from the probes alone, from which that of all `trials` is better begun than from the nominal model:
-    squares of a motion that nearly coasts carry no sign. None where the sampler sends no probes.
+def estimate_of(
+    experiment: Experiment, trials: tuple[SeenTrial, ...], is_probed: bool, by_others: int = 0
+) -> StudyEstimate | None:
+    """The estimate from all `trials` of an `experiment`; None where there is none to be made.
+
+    Args:
+        experiment: of the study.
+        trials: as the experiment has them.
+        is_probed: whether the first of them are the probes of a sampler. An estimate is better begun from that of the
+            probes alone than from the nominal model: squares of a motion that nearly coasts carry no sign.
+        by_others: how many of the last trials are not metaid's own.
     """
-    is_probed = problem.goes_by_estimate and len(trials) > experiment.probes
-    return experiment.estimate(trials[: experiment.probes]) if is_probed else None
+    probes = trials[: experiment.probes] if is_probed and len(trials) > experiment.probes else ()
+    estimate = experiment.estimate(trials, experiment.estimate(probes) if probes else None)
+    if estimate is None:
+        return None
+    searching, estimate, taken_up = experiment.taken_up(trials, estimate)
+    return StudyEstimate(estimate, searching, trials, by_others, taken_up)
 
 
 def growth(found: StudyEstimate) -> tuple[list[int], list[Estimate]]:

@@ -139,11 +139,13 @@ def without_nan(row: dict[Any, Any]) -> dict[str, Any]:
 
 
 def fault_table(problem: Problem, found: StudyEstimate | None) -> pd.DataFrame:
-    """One row a fault of `[estimate] faults`: `name`, `unit`, `identified`, `sd`, `low` and `high` of the 95 %
-    interval, `true`, `error`, which is the difference of the two, and whether it is `determined`. NaN where nothing was
-    found; no row where no fault is searched.
+    """One row a fault that was searched or taken up, see `[estimate] faults`: `name`, `unit`, `identified`, `sd`, `low`
+    and `high` of the 95 % interval, `true`, `error`, which is the difference of the two, and whether it is
+    `determined`. NaN where nothing was found; no row where no fault was searched.
     """
-    kinds = problem.spec.study.estimate.faults
+    kinds = problem.spec.study.estimate.searched_faults
+    if found is not None and found.estimate.faults is not None:
+        kinds = found.estimate.faults.searched.kinds
     names, plant = fault_names(kinds, problem.nominal.nlink), problem.open_plant()
     nothing = np.full(len(names), np.nan)
     # Here, and only here, the truth meets the result.
@@ -168,7 +170,7 @@ def fault_table(problem: Problem, found: StudyEstimate | None) -> pd.DataFrame:
 
 
 def fault_rows(problem: Problem, found: StudyEstimate | None) -> dict[str, Any]:
-    """The same as `study show --json` has it, under `faults`; nothing where no fault is searched."""
+    """The same as `study show --json` has it, under `faults`; nothing where no fault is ever searched."""
     if not problem.spec.study.estimate.faults:
         return {}
     return {"faults": [without_nan(row) for row in fault_table(problem, found).to_dict("records")]}

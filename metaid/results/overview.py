@@ -10,7 +10,7 @@ from metaid.errors import StudyError
 from metaid.results.arms import ArmSnapshot, arm_summary, judge_any, read_any_snapshot
 from metaid.results.best import best_trial
 from metaid.results.body_tables import body_rows, parameters_table
-from metaid.results.estimates import why_no_estimate
+from metaid.results.estimates import StudyEstimate, why_no_estimate
 from metaid.results.lump_tables import fault_rows, largest_error, without_nan
 from metaid.results.snapshot import Snapshot, Stage, counted_states, surviving
 from metaid.results.verdict import Verdict
@@ -75,9 +75,25 @@ def _estimate(snapshot: Snapshot) -> dict[str, Any]:
         "trials": found.trials,
         "counts": found.estimate.counts,
         "known_from": found.known_from,
+        **_taken_up(found),
         **({"by_others": found.by_others} if found.by_others else {}),
     }
     return {"estimate": estimate, "why_no_estimate": None}
+
+
+def _taken_up(found: StudyEstimate) -> dict[str, Any]:
+    """Which faults the study took up by itself, and what speaks for them; nothing where it took up none."""
+    taken = found.taken_up
+    if taken is None:
+        return {}
+    shown = {
+        "faults": list(taken.kinds),
+        "misfit_without": taken.before if np.isfinite(taken.before) else None,
+        "misfit_held_out": taken.foretold if np.isfinite(taken.foretold) else None,
+        "holds": taken.holds,
+        "rivals": list(taken.rivals),
+    }
+    return {"taken_up": shown}
 
 
 def _foreign(trial: ForeignTrial, snapshot: Snapshot) -> dict[str, Any]:

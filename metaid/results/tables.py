@@ -13,7 +13,7 @@ from metaid.results.arms import ArmSnapshot, arm_trials_table, judge_any, read_a
 from metaid.results.best import best_trial
 from metaid.results.body_tables import bodies_table, parameters_table
 from metaid.results.estimates import why_no_estimate
-from metaid.results.lump_tables import best_table, estimate_table, largest_error
+from metaid.results.lump_tables import best_table, estimate_table, fault_rows, largest_error
 from metaid.results.snapshot import (
     Snapshot,
     counted_states,
@@ -45,10 +45,13 @@ def lumps_frame(store: Store, name: str) -> pd.DataFrame:
     `error`, `determined`; NaN where not known. A lump that the trials cannot determine has no identified value, and
     none has one where the verdict is `not found`. `sd`, a standard deviation, and `low` to `high` as a 95 % interval
     are of an estimate; of a best trial `low` to `high` is the range of what cannot be told from it. The frame's `attrs`
-    are the `verdict`, its `reasons` and the `source` of the lumps. Of an arm a row is a base parameter, with its
-    `expression`.
+    are the `verdict`, its `reasons`, the `source` of the lumps, and, where a study searches or takes up faults, these
+    as `faults`, a row each as `study show --json` has it. Of an arm a row is a base parameter, with its `expression`.
     """
-    verdict = judge_any(read_any_snapshot(store, name))
+    snapshot = read_any_snapshot(store, name)
+    verdict = judge_any(snapshot)
+    if not isinstance(snapshot, ArmSnapshot):
+        verdict.lumps.attrs |= fault_rows(snapshot.first, snapshot.estimate)
     verdict.lumps.attrs |= {"verdict": verdict.word, "reasons": list(verdict.reasons), "source": verdict.source}
     return verdict.lumps
 

@@ -66,7 +66,8 @@ def judge(snapshot: Snapshot) -> Verdict:
         lumps = estimate_table(problem, estimate)
         if lumps["determined"].any():
             tables = lumps, fault_table(problem, estimate)
-            reasons = (*(why for table in tables for why in missed(table, "these trials do")), *estimate.provisos)
+            missing = (why for table in tables for why in missed(table, "these trials do"))
+            reasons = (*estimate.reasons, *missing, *estimate.provisos)
             return Verdict("found", "estimate", reasons, lumps)
         reasons = (f"the trials show no lump to better than {COARSEST:.0%}: push more, or harder",)
         return _not_yet(snapshot, "estimate", reasons, lumps)

@@ -67,12 +67,12 @@ def _check_faults(study: StudySettings, nlink: int) -> None:
         raise StudyError("estimate: faults: counts do not show them (allowed: leave out compare)")
     lumps = {*study.search.lumps, *(estimate.lumps or ())}
     for fault, kind in zip(("viscous", "dry"), FRICTION, strict=True):
-        if fault in estimate.faults and kind in lumps:
+        if fault in estimate.searched_faults and kind in lumps:
             raise StudyError(
                 f"estimate: faults: '{fault}' friction is already searched, as the lumps '{kind}' "
                 "(allowed: one of them)"
             )
-    if "gain" in estimate.faults and nlink == 1:
+    if "gain" in estimate.searched_faults and nlink == 1:
         raise StudyError(
             "estimate: faults: 'gain' of one motor cannot be told from the lumps, which it multiplies "
             "(allowed: with two joints or more, where gains are those relative to the first motor)"

@@ -11,7 +11,7 @@ from metaid.models import Array, Lumps
 from metaid.plant import MujocoPlant, SocketSettings, Start, slope_weights
 from metaid.study.calibration import start_spread
 from metaid.study.pushing import rest_deviations
-from metaid.study.settings import PushedSettings, StudySpec
+from metaid.study.settings import EstimateSettings, PushedSettings, StudySpec
 
 if TYPE_CHECKING:
     from metaid.estimation import NoisyExperiment, Unknowns
@@ -38,7 +38,7 @@ def noisy_experiment(
     """
     from metaid.estimation import NoisyExperiment, searched_faults  # loads numba, which most readers do without
 
-    faults, spread, kinds = plant.settings.faults, None, spec.study.estimate.faults
+    faults, spread, wanted = plant.settings.faults, None, spec.study.estimate
     if faults.push_noise:
         response = np.array([plant.start_speeds(Start.upright(impulse)) for impulse in np.eye(plant.njoint)]).T
         spread = response * (faults.push_noise * episode.pushes[:, None])
@@ -53,16 +53,17 @@ def noisy_experiment(
         noise=np.maximum(np.hypot(rest_deviations(plant, spec, episode), of_encoder), QUIETEST),
         speed_weights=slope_weights(spec.timestep),
         substeps=faults.control_every,
-        delay=0 if "delay" in kinds else faults.delay,
+        delay=0 if "delay" in wanted.unbelieved_faults else faults.delay,
         lead=episode.lead,
-        faults=searched_faults(kinds, unknowns.nominal, plant.gravity, start_speeds),
+        faults=searched_faults(wanted.searched_faults, unknowns.nominal, plant.gravity, start_speeds),
+        takes_up=wanted.takes_up_faults,
     )
 
 
 def rig_experiment(
     rig: SocketSettings,
     pushed: PushedSettings | None,
-    kinds: tuple[str, ...],
+    wanted: EstimateSettings,
     episode: Episode,
     nominal: Lumps,
     unknowns: Unknowns,
@@ -74,7 +75,7 @@ def rig_experiment(
     Args:
         rig: the plant file.
         pushed: what was measured; None before that, when it is taken to have as little noise as any rig.
-        kinds: of the faults that are searched.
+        wanted: which faults are searched.
         episode: what is done to it.
         nominal: the lumps that candidates are factors of.
         unknowns: what an estimate is of.
@@ -98,5 +99,6 @@ def rig_experiment(
         lead=episode.lead,
         has_unknown_encoders=True,
         is_continuous=is_continuous,
-        faults=searched_faults(kinds, unknowns.nominal, rig.gravity, start_speeds),
+        faults=searched_faults(wanted.searched_faults, unknowns.nominal, rig.gravity, start_speeds),
+        takes_up=wanted.takes_up_faults,
     )

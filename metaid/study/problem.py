@@ -253,7 +253,7 @@ class Problem:
     def nominal_plant(self) -> MujocoPlant:
         """The nominal model as a plant, with the faults of the plant file but for those that are searched."""
         if isinstance(self.spec.plant, PlantSettings):
-            faults = self.spec.plant.faults.without(self.spec.study.estimate.faults)
+            faults = self.spec.plant.faults.without(self.spec.study.estimate.unbelieved_faults)
             return MujocoPlant(
                 "nominal", self.spec.plant.model_copy(update={"links": self.spec.nominal, "faults": faults})
             )
@@ -338,7 +338,7 @@ class Problem:
         start_speeds = np.diff(self.start_speeds, axis=1, prepend=0.0)
         if isinstance(self.spec.plant, SocketSettings):
             plant, pushed = self.spec.plant, self.spec.pushed
-            return rig_experiment(plant, pushed, wanted.faults, self.episode, self.lumps, unknowns, start_speeds)
+            return rig_experiment(plant, pushed, wanted, self.episode, self.lumps, unknowns, start_speeds)
         if self.keeps_readings:
             return noisy_experiment(self.make_plant(), self.spec, self.episode, self.lumps, unknowns, start_speeds)
         return SilentExperiment(

@@ -29,6 +29,7 @@ from metaid.plant import (
 from metaid.search import SAMPLERS, SamplerOptions
 from metaid.study.arms import ArmSpec, arm_spec
 
+TAKEN_UP = ("delay", "tilt")  # of the faults that a study may take up by itself those that a plant file may have
 LARGEST_STEPS = 10_000_000  # after a push
 
 Factor = Annotated[float, Field(gt=0, le=100)]
@@ -88,7 +89,8 @@ class EstimateSettings(Settings):
     `compare`: the "speed" that each push changes, the "frequency" of each joint, "both" (default: speed after short
     pushes, frequency after long ones), or the "count" of its half periods, of which the result is the set of models
     that count the same. `spread`: by how much the nominal lumps may be wrong, as a standard deviation. `faults`: what
-    else of the plant is unknown (`metaid.plant.unknown_faults`); what the plant file says of these is not believed.
+    else of the plant is unknown (`metaid.plant.unknown_faults`), or "proposed", where such faults are taken up once
+    nothing explains the trials without them; what the plant file says of these is not believed.
     """
 
     enabled: bool = True
@@ -99,13 +101,33 @@ class EstimateSettings(Settings):
     lengths: Literal["free", "exact"] = "free"
     compare: Literal["speed", "frequency", "both", "count"] | None = None
     spread: Annotated[float, Field(ge=1e-6, le=10)] = 0.3
-    faults: Annotated[
-        tuple[Literal["delay", "tilt", "offset", "viscous", "dry", "spring", "gain"], ...], Field(strict=False)
-    ] = ()
+    faults: (
+        Annotated[
+            tuple[Literal["delay", "tilt", "offset", "viscous", "dry", "spring", "gain"], ...], Field(strict=False)
+        ]
+        | Literal["proposed"]
+    ) = ()
+
+    @property
+    def searched_faults(self) -> tuple[str, ...]:
+        """The kinds that are searched from the first trial on."""
+        return () if self.takes_up_faults else tuple(self.faults)
+
+    @property
+    def takes_up_faults(self) -> bool:
+        """Whether faults are taken up where nothing explains the trials without them."""
+        return self.faults == "proposed"
+
+    @property
+    def unbelieved_faults(self) -> tuple[str, ...]:
+        """The kinds of which nothing is believed that the plant file says."""
+        return TAKEN_UP if self.takes_up_faults else self.searched_faults
 
     @field_validator("faults")
     @classmethod
-    def _each_once(cls, faults: tuple[str, ...]) -> tuple[str, ...]:
+    def _each_once(cls, faults: tuple[str, ...] | str) -> tuple[str, ...] | str:
+        if isinstance(faults, str):
+            return faults
         if len(set(faults)) < len(faults):
             raise ValueError("names a fault twice (allowed: each once)")
         if {"tilt", "offset"} <= set(faults):

@@ -17,6 +17,7 @@ from metaid.plant.settings import PlantSettings
 from metaid.results.findings import read_findings
 from metaid.results.overview import summary
 from metaid.results.snapshot import read_snapshot
+from metaid.results.tables import lumps_frame
 from metaid.results.verdict import judge
 from metaid.show.notes import note
 from metaid.store.database import Store
@@ -28,10 +29,15 @@ from metaid.study.settings import EpisodeSettings, EstimateSettings, StudySettin
 
 
 def late_and_tilted(
-    *kinds: str, faults: dict[str, Any] | None = None, nlink: int = 2, trials: int = 2, **link: float
+    *kinds: str,
+    takes_up: bool = False,
+    faults: dict[str, Any] | None = None,
+    nlink: int = 2,
+    trials: int = 2,
+    **link: float,
 ) -> StudySpec:
-    """A study of `nlink` links that searches faults of some `kinds`. Torques come 4 ms late, and the base is tilted by
-    10 mrad, unless other `faults` are given.
+    """A study of `nlink` links that searches faults of some `kinds`, or `takes_up` faults by itself. Torques come 4 ms
+    late, and the base is tilted by 10 mrad, unless other `faults` are given.
     """
     faults = {"angle_noise": 1e-3, "speed_sensor": False, "delay": 2, "tilt": 0.01} if faults is None else faults
     true, nominal = random_chain(nlink, 1)
@@ -43,7 +49,7 @@ def late_and_tilted(
         trials=trials,
         seed=1,
         episode=EpisodeSettings(measure="smoothed"),
-        estimate=EstimateSettings.model_validate({"faults": list(kinds)}),
+        estimate=EstimateSettings.model_validate({"faults": "proposed" if takes_up else list(kinds)}),
     )
     plant = PlantSettings(links=links, faults=FaultSettings.model_validate(faults))
     return StudySpec(name="late", plant_name="late", plant=plant, nominal=nominal, study=study)
@@ -116,6 +122,34 @@ def test_verdict_alone_waits_for_no_fits_of_faults(tmp_path: Path) -> None:
     assert "proposal" not in vars(estimate)
     assert "with a tilt of" in verdict.reasons[0]
     assert "proposal" in vars(estimate)
+
+
+def test_fault_that_explains_the_trials_is_taken_up(tmp_path: Path) -> None:
+    """It stands beside the lumps with its interval, and the reasons say what the misfit is without it."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    noise = {"angle_noise": 1e-3, "speed_sensor": False}
+    shown = run(store, late_and_tilted(takes_up=True, faults={**noise, "delay": 4}))
+    (delay,) = shown["faults"]
+    taken = shown["estimate"]["taken_up"]
+    assert shown["verdict"] == "found"
+    assert delay["true"] == 0.008
+    assert delay["low"] < delay["identified"] < delay["high"]
+    assert abs(delay["error"]) < 4.0 * delay["sd"] < 0.01 * delay["true"]
+    assert shown["max_error"] < 0.01
+    assert shown["reasons"][0].startswith("a delay of 8 ms was taken up: without it the misfit is ")
+    assert taken["faults"] == ["delay"]
+    assert taken["misfit_without"] > 10.0 * shown["misfit"]
+    assert taken["holds"]
+    assert lumps_frame(store, "late").attrs["faults"] == shown["faults"]
+
+
+def test_no_fault_is_taken_up_where_none_is_needed(tmp_path: Path) -> None:
+    """A study of a plant that has none searches none."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    shown = run(store, late_and_tilted(takes_up=True, faults={"angle_noise": 1e-3}, nlink=1))
+    assert shown["verdict"] == "found"
+    assert shown["faults"] == []
+    assert "taken_up" not in shown["estimate"]
 
 
 @pytest.mark.parametrize(

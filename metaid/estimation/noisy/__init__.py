@@ -6,19 +6,24 @@
 """
 
 from metaid.estimation.noisy.commanded import centred, commanded_torques, filtered_speeds
-from metaid.estimation.noisy.proposed import Proposal, proposed_faults
+from metaid.estimation.noisy.proposed import Proposal, Search, explanations, proposed_faults
 from metaid.estimation.noisy.read_trial import ReadTrial
 from metaid.estimation.noisy.readings import Readings
+from metaid.estimation.noisy.taken_up import TakenUp, take_up
 from metaid.estimation.noisy.unmodelled import Unmodelled, unmodelled_forces
 
 __all__ = [
     "Proposal",
     "ReadTrial",
     "Readings",
+    "Search",
+    "TakenUp",
     "Unmodelled",
     "centred",
     "commanded_torques",
+    "explanations",
     "filtered_speeds",
     "proposed_faults",
+    "take_up",
     "unmodelled_forces",
 ]

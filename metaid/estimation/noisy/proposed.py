@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,8 @@ from metaid.estimation.faults import FoundFaults, SearchedFaults
 from metaid.estimation.noisy.readings import Readings
 from metaid.models import Array
 from metaid.plant import FAULT_UNITS
+
+Search = Callable[[tuple[str, ...]], SearchedFaults]  # makes faults of given kinds unknown
 
 # The next only where those before explain nothing.
 TRIED = (("delay",), ("tilt",), ("viscous",), ("spring",), ("delay", "tilt"))
@@ -40,15 +42,12 @@ class Proposal:
     @property
     def description(self) -> str:
         """What the misfit would be, and what to set, in a sentence."""
-        named = " and ".join(f"{NAMES[kind]} {size}" for kind, size in zip(self.kinds, self.sizes, strict=True))
         wanted = ", ".join(f'"{kind}"' for kind in self.all_kinds)
         fall = f"the misfit falls from {self.before:.3g} to {self.after:.2g}"
-        return f"with {named} {fall}: set [estimate] faults = [{wanted}]"
+        return f"with {named_faults(self.kinds, self.sizes)} {fall}: set [estimate] faults = [{wanted}]"
 
 
-def proposed_faults(
-    readings: Readings, estimate: Estimate, search: Callable[[tuple[str, ...]], SearchedFaults], declared: float
-) -> Proposal | None:
+def proposed_faults(readings: Readings, estimate: Estimate, search: Search, declared: float) -> Proposal | None:
     """The faults that explain what an `estimate` of some `readings` does not; None where none of those tried does.
 
     Args:
@@ -57,20 +56,57 @@ def proposed_faults(
         search: makes faults of given kinds unknown.
         declared: the delay in s that the torques of the trials have already.
     """
+    found = next(explanations(readings, estimate, search), None)
+    if found is None or found.faults is None:
+        return None
+    wanted = found.faults.searched.kinds
+    kinds = tuple(kind for kind in wanted if kind not in readings.faults.kinds)
+    return Proposal(kinds, fault_sizes(kinds, found.faults, declared), estimate.misfit, found.misfit, wanted)
+
+
+def explanations(
+    readings: Readings, estimate: Estimate, search: Search, tried: Sequence[tuple[str, ...]] = TRIED
+) -> Iterator[Estimate]:
+    """The estimates that explain what an `estimate` of some `readings` does not, one by one as they are asked for: each
+    with some of the faults that are `tried` as unknowns, too.
+    """
     known = readings.faults.kinds
-    for kinds in TRIED:
+    for kinds in tried:
         searched = {*known, *readings.unknowns.kinds}
         if searched & {*kinds, *(LUMP_OF.get(kind, kind) for kind in kinds)} or ("tilt" in kinds and "offset" in known):
             continue
-        wanted = tuple(kind for kind in FAULT_UNITS if kind in (*known, *kinds))
+        wanted = search(tuple(kind for kind in FAULT_UNITS if kind in (*known, *kinds)))
         try:
-            found = fit(replace(readings, faults=search(wanted)), _begin(estimate, search(wanted)), 0, gives_up=True)
+            found = _explained(replace(readings, faults=wanted), _begin(estimate, wanted))
         except ValueError:
             continue
-        if found.is_explained and found.faults is not None:
-            sizes = tuple(_size(kind, found.faults, declared if kind == "delay" else 0.0) for kind in kinds)
-            return Proposal(kinds, sizes, estimate.misfit, found.misfit, wanted)
-    return None
+        if found.is_explained:
+            yield found
+
+
+def _explained(readings: Readings, start: Array) -> Estimate:
+    """The fit to `readings` from a `start` (nunknown), first to the trial alone that shows most: what does not explain
+    that one explains all of them no more, which is known sooner.  Raises ValueError where nothing is explained.
+    """
+    if len(readings.trials) > 1:
+        most = max(readings.trials, key=lambda trial: int(trial.steps.sum()))
+        alone = fit(replace(readings, trials=[most]), start, 0, gives_up=True)
+        if not alone.is_explained:
+            raise ValueError("a trial is not explained")
+        start = alone.start
+    return fit(readings, start, 0, gives_up=True)
+
+
+def named_faults(kinds: Sequence[str], sizes: Sequence[str]) -> str:
+    """Faults of these `kinds` with their `sizes`, in words."""
+    return " and ".join(f"{NAMES[kind]} {size}" for kind, size in zip(kinds, sizes, strict=True))
+
+
+def fault_sizes(kinds: Sequence[str], found: FoundFaults, declared: float = 0.0) -> tuple[str, ...]:
+    """The largest fault of each of these `kinds` among those `found`, in words, with the delay in s that was `declared`
+    besides.
+    """
+    return tuple(_size(kind, found, declared if kind == "delay" else 0.0) for kind in kinds)
 
 
 def _begin(estimate: Estimate, searched: SearchedFaults) -> Array:

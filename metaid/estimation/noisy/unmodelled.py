@@ -109,7 +109,6 @@ def unmodelled_forces(readings: Readings, estimate: Estimate) -> Iterator[Unmode
         last = first + len(torques[0][kind])
         after, step, covariance = _least(np.column_stack([slopes[:, :count], slopes[:, first:last]]), values)
         more = np.maximum(np.diag(covariance)[:lumps] - np.diag(alone)[:lumps], 0.0)
-        by_chance = (last - first) + CHANCE * np.sqrt(2.0 * (last - first)) + LEAST_GAIN
         yield Unmodelled(
             kind=kind,
             sizes=step[count:],
@@ -117,10 +116,15 @@ def unmodelled_forces(readings: Readings, estimate: Estimate) -> Iterator[Unmode
             left=after / before,
             shift=step[:lumps],
             reach=UNSEEN * np.sqrt(more),
-            is_seen=before - after > by_chance
+            is_seen=before - after > by_chance(last - first)
             and bool((np.abs(step[:lumps]) > 1.96 * estimate.deviations + TRIFLE).any()),
         )
         first = last
+
+
+def by_chance(count: int) -> float:
+    """By how much so many unknowns more may lower the sum of squares where nothing but noise is left."""
+    return count + CHANCE * float(np.sqrt(2.0 * count)) + LEAST_GAIN
 
 
 def _least(slopes: Array, values: Array) -> tuple[float, Array, Array]:

@@ -1,0 +1,178 @@
+"""Faults that an estimate takes up by itself, where nothing explains what was seen without them.
+
+A fault is taken up with all that an estimate owes: the fit with it explains everything to the noise, shows no further
+force, foretells pushes that it was not fitted to, and has no rival. A rival is another fault that explains as much and
+with which a lump would be elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from metaid.estimation.estimate import Estimate, fit
+from metaid.estimation.noisy.polynomials import explained_by_noise
+from metaid.estimation.noisy.proposed import TRIED, Search, explanations, fault_sizes, named_faults
+from metaid.estimation.noisy.read_trial import ReadTrial
+from metaid.estimation.noisy.readings import Readings
+from metaid.estimation.noisy.unmodelled import by_chance, unmodelled_forces
+
+SINGLE = tuple(kinds for kinds in TRIED if len(kinds) == 1)
+SEVERAL = tuple(kinds for kinds in TRIED if len(kinds) > 1)
+HALF_WIDTH, TRIFLE = 1.96, 1e-3  # of an interval, in deviations; and of a lump: a difference that does no harm
+
+
+@dataclass(frozen=True)
+class TakenUp:
+    """What speaks for and against faults that were taken up.
+
+    Attributes:
+        kinds: of the faults.
+        sizes: theirs, in words.
+        before: the misfit without them.
+        after: the misfit with them.
+        foretold: the misfit of the pushes that were held out, by a fit to the others.
+        foretold_below: a misfit below this is explained by noise.
+        rivals: others that explain as much, in words, each with a lump that would be elsewhere.
+    """
+
+    kinds: tuple[str, ...]
+    sizes: tuple[str, ...]
+    before: float
+    after: float
+    foretold: float
+    foretold_below: float
+    rivals: tuple[str, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether nothing speaks against them."""
+        return self.foretold < self.foretold_below and not self.rivals
+
+    @property
+    def description(self) -> str:
+        """What was taken up and why, or why not, in a sentence."""
+        named = named_faults(self.kinds, self.sizes)
+        if self.rivals:
+            others = ", or ".join(self.rivals)
+            return (
+                f"several faults explain what was seen: {named}, or {others}: name in [estimate] faults what is there"
+            )
+        if not self.holds:
+            return (
+                f"{named} explains what was seen, but not pushes that were held out: their misfit is "
+                f"{self.foretold:.3g} (foretold: below {self.foretold_below:.3g})"
+            )
+        return f"{named} was taken up: without it the misfit is {self.before:.3g}, with it {self.after:.2g}"
+
+
+def take_up(readings: Readings, estimate: Estimate, search: Search) -> tuple[Estimate, TakenUp | None]:
+    """The estimate of some `readings` with the faults that explain them, and what speaks for these; without any where
+    none is needed, or none explains everything.  Eq. 65.
+
+    Args:
+        readings: of all trials, of which no fault is searched.
+        estimate: of them, with faults or without.
+        search: makes faults of given kinds unknown.
+    """
+    if estimate.faults is None and not estimate.is_explained:
+        return estimate, None  # it was tried before: none explains the trials
+    plain = estimate if estimate.faults is None else _without(readings, estimate)
+    if plain is not None and _is_whole(readings, plain):
+        return plain, None
+    explained: list[Estimate] = []
+    for tried in (SINGLE, SEVERAL):
+        found = explanations(readings, estimate, search, tried)
+        explained = explained or [each for each in found if _is_whole(_with_faults(readings, each), each)]
+    if not explained:
+        return plain or estimate, None
+    best, *others = sorted(explained, key=lambda each: each.cost)
+    assert best.faults is not None
+    kinds = best.faults.searched.kinds
+    is_known = estimate.faults is not None and estimate.faults.searched.kinds == kinds
+    again = plain if is_known else _without(readings, best)
+    if again is not None and _is_whole(readings, again):
+        return again, None
+    before = min((each.misfit for each in (plain, again) if each is not None), default=np.inf)
+    rivals = (_rival(best, each) for each in others)
+    foretold = _foretold(_with_faults(readings, best), best)
+    sizes = fault_sizes(kinds, best.faults)
+    return best, TakenUp(kinds, sizes, before, best.misfit, *foretold, tuple(each for each in rivals if each))
+
+
+def _without(readings: Readings, estimate: Estimate) -> Estimate | None:
+    """The estimate without faults, from the lumps of one with them; None where the twin cannot follow."""
+    try:
+        return fit(readings, estimate.log_factors, 0)
+    except ValueError:
+        return None
+
+
+def _with_faults(readings: Readings, estimate: Estimate) -> Readings:
+    """The same `readings`, of which the faults of an `estimate` are searched."""
+    assert estimate.faults is not None
+    return replace(readings, faults=estimate.faults.searched)
+
+
+def _is_whole(readings: Readings, estimate: Estimate) -> bool:
+    """Whether an estimate explains what was seen, and no further force is seen."""
+    return estimate.is_explained and not any(force.is_seen for force in unmodelled_forces(readings, estimate))
+
+
+def _rival(best: Estimate, other: Estimate) -> str:
+    """What speaks for an `other` explanation than the `best`, in words; nothing where the readings refute it, or it has
+    the same lumps.
+    """
+    assert best.faults is not None
+    assert other.faults is not None
+    fewer = abs(len(best.faults.values) - len(other.faults.values)) + 1
+    if 2.0 * (other.cost - best.cost) > by_chance(fewer):
+        return ""
+    change = other.log_factors - best.log_factors
+    beyond = np.abs(change) / (HALF_WIDTH * best.deviations + TRIFLE)
+    moved = int(np.argmax(beyond))
+    if beyond[moved] <= 1.0:
+        return ""
+    by = 100.0 * float(np.expm1(change[moved]))
+    named = named_faults(other.faults.searched.kinds, fault_sizes(other.faults.searched.kinds, other.faults))
+    return f"{named}, with which {best.names[moved]} would be {abs(by):.2g} % {'larger' if by > 0.0 else 'smaller'}"
+
+
+def _foretold(readings: Readings, estimate: Estimate) -> tuple[float, float]:
+    """The misfit of pushes that are held out, by what the others say of the same unknowns and how surely, and how much
+    of it noise explains.
+
+    The squares of all pushes less those of the others alone are the squared prediction errors of the pushes held out,
+    in units of what noise and the covariance of that fit make of them.
+    """
+    kept = replace(readings, trials=_all_but_last(readings.trials))
+    try:
+        found = fit(kept, estimate.start, 0, gives_up=True)
+    except ValueError:
+        return np.inf, explained_by_noise(0)
+    whole, part = (each.residuals(at.point, each.stages) for each, at in ((readings, estimate), (kept, found)))
+    if whole is None or part is None:
+        return np.inf, explained_by_noise(0)
+    count = max(whole.count - part.count, 1)
+    return float(np.sqrt(max(2.0 * (estimate.cost - found.cost), 0.0) / count)), explained_by_noise(count)
+
+
+def _all_but_last(trials: Sequence[ReadTrial]) -> list[ReadTrial]:
+    """The trials but the last that shows anything, or, of one trial alone, every second push."""
+    shown = [trial for trial in trials if trial.steps.any()]
+    return shown[:-1] if len(shown) > 1 else [_every_second(trial) for trial in shown]
+
+
+def _every_second(trial: ReadTrial) -> ReadTrial:
+    """The same with every second push."""
+    spread = None if trial.start_spread is None else trial.start_spread[::2]
+    return replace(
+        trial,
+        readings=trial.readings[::2],
+        torques=trial.torques[::2],
+        steps=trial.steps[::2],
+        start_speeds=trial.start_speeds[::2],
+        start_spread=spread,
+    )
