@@ -208,7 +208,7 @@ def estimate_of(
         experiment: of the study.
         trials: as the experiment has them.
         is_probed: whether the first of them are the probes of a sampler. An estimate is better begun from that of the
-            probes alone than from the nominal model: squares of a motion that nearly coasts carry no sign.
+            probes alone than from the nominal model, for squares of a motion that nearly coasts carry no sign.
         by_others: how many of the last trials are not metaid's own.
     """
     probes = trials[: experiment.probes] if is_probed and len(trials) > experiment.probes else ()

@@ -67,8 +67,13 @@ def proposed_faults(readings: Readings, estimate: Estimate, search: Search, decl
 def explanations(
     readings: Readings, estimate: Estimate, search: Search, tried: Sequence[tuple[str, ...]] = TRIED
 ) -> Iterator[Estimate]:
-    """The estimates that explain what an `estimate` of some `readings` does not, one by one as they are asked for: each
-    with some of the faults that are `tried` as unknowns, too.
+    """The estimates, with faults as unknowns, that explain what an estimate does not, one by one as they are asked for.
+
+    Args:
+        readings: of all trials.
+        estimate: of them.
+        search: makes faults of given kinds unknown.
+        tried: the kinds of faults that are unknown together, in turn.
     """
     known = readings.faults.kinds
     for kinds in tried:
