@@ -8,7 +8,7 @@
 Chains and wrong nominal models are those of `chains.py`; arms are two that ship, their nominal models are drawn as
 `arms.py` draws them. metaid pushes the rig; the others drive it along exciting trajectories. All have the same sensors,
 and know the torques that were commanded and no others. `rivals` has the methods, `rivals/conditions.py` what is wrong
-with the rig. mujoco.sysid is not run for all of it, and may compute for 20 s; arms have no motion of 300 s.
+with the rig. mujoco.sysid is not run for all of it, and may compute for 20 s.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ from benchmarks.rivals.conditions import CONDITIONS
 from benchmarks.rivals.picture import save
 
 LINKS = (2, 3, 5, 6, 7)
-SHOWN = 3  # links, in the picture
+SHOWN = 3  # links, in the picture, with all BUDGETS
+FEWER = (5, 60)  # s of motion, of the others
 
 
 def main() -> None:
@@ -41,9 +42,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--part", nargs="+", choices=list(CONDITIONS), default=list(CONDITIONS), help="what is wrong")
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
-    parser.add_argument("--links", type=int, nargs="+", default=list(LINKS), help="numbers of links")
+    parser.add_argument("--links", type=int, nargs="+", default=list(LINKS), help="numbers of links; 6 and 7 are arms")
     parser.add_argument("--seeds", type=int, nargs="+", default=list(SEEDS), help="of the chains")
-    parser.add_argument("--budgets", type=int, nargs="+", default=list(BUDGETS), help="seconds of motion")
+    parser.add_argument("--budgets", type=int, nargs="+", help="seconds of motion (default: 5, 60; of 3 links 15, 300)")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--results", type=Path, help="a file of finished runs, which is read and added to")
     parser.add_argument("--report", action="store_true", help="measure nothing, print all that is in the file")
@@ -57,7 +58,8 @@ def main() -> None:
             parser.error("--report needs --results FILE")
         cells = list(finished(Cell, given.results).values())
     else:
-        runs = wanted(given.part, given.methods, given.links, given.seeds, given.budgets)
+        budgets = {links: given.budgets or (BUDGETS if links == SHOWN else FEWER) for links in given.links}
+        runs = wanted(given.part, given.methods, budgets, given.seeds)
         cells = measured(runs, given.results, given.workers)
     if given.output:
         save(tuned(cells), SHOWN if SHOWN in given.links else max(given.links), given.output)

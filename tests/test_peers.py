@@ -216,7 +216,7 @@ def test_a_toolbox_is_ended_when_its_time_is_up(log: Log, monkeypatch: pytest.Mo
 
 def test_what_is_measured_is_what_is_worth_it() -> None:
     """Arms have the parts that they have, and the toolbox a chain of each length."""
-    runs = wanted(["none", "tilted"], [OURS, OPEN], [3, 6], [0, 1], [5, 300])
+    runs = wanted(["none", "tilted"], [OURS, OPEN], {3: (5, 300), 6: (5,)}, [0, 1])
     assert (key("tilted", OURS, 300), 3, 1) in runs
     assert not any(links == 6 and named.split(" / ")[0] == "tilted" for named, links, _ in runs)
     assert [run for run in runs if OPEN in run[0]] == [(key("none", OPEN, 5), 3, 0)]

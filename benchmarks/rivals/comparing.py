@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 
@@ -86,18 +86,24 @@ Run = tuple[str, int, int]  # key, links, seed
 def wanted(
     conditions: Sequence[str],
     methods: Sequence[str],
-    links: Sequence[int],
+    budgets: Mapping[int, Sequence[int]],
     seeds: Sequence[int],
-    budgets: Sequence[int],
 ) -> list[Run]:
-    """Every run that is worth it, those of one recording one after the other."""
+    """Every run that is worth it, those of one recording one after the other.
+
+    Args:
+        conditions: of the rigs.
+        methods: by name.
+        budgets: seconds of motion of each number of links.
+        seeds: of the chains.
+    """
     return [
         (key(condition, method, budget), nlink, seed)
         for seed in seeds
-        for nlink in links
+        for nlink in budgets
         for condition in conditions
         for method in methods
-        for budget in budgets
+        for budget in budgets[nlink]
         if _is_worth_it(condition, method, nlink, seed, budget)
     ]
 

@@ -38,8 +38,10 @@ class Condition:
 
     @property
     def has_unknown(self) -> bool:
-        """Whether something is wrong with it that a study may take up by itself."""
-        return bool(self.friction or self.settings.delay or self.settings.tilt) and not self.searched
+        """Whether something may be wrong with it that a study is to take up by itself: who knows of no fault cannot know
+        that there is none.
+        """
+        return not (self.is_exact or self.searched)
 
     @property
     def settings(self) -> FaultSettings:

@@ -11,13 +11,12 @@ from benchmarks.chains import Links
 from benchmarks.rivals.conditions import Condition
 from benchmarks.rivals.judging import Found
 from metaid.compiled import Objective
-from metaid.episode import Outcome, natural_time
+from metaid.episode import Outcome
 from metaid.estimation import Experiment, NoisyExperiment, ReadTrial
 from metaid.models import Array, Lumps, compensation_basis
-from metaid.plant import chain_of
 from metaid.results import estimate_of, identified_factors
 from metaid.search import make_searcher
-from metaid.study import HORIZON, Problem, StudySettings, StudySpec
+from metaid.study import Problem, StudySettings, StudySpec
 
 SEARCHED = {"friction": "viscous", "tilt": "tilt", "delay": "delay", "offset": "offset"}  # as a study has them
 MOST_TRIALS = 4  # of `output-error`, which has more pushes in a trial where there is more time
@@ -44,21 +43,21 @@ class Rig:
     ) -> None:
         self.condition, self.seconds = condition, seconds
         plant = condition.plant(true)
-        episode: dict[str, Any] = {"physics": "analytic", "measure": "spectral" if condition.is_exact else "smoothed"}
-        trials = 100_000
-        if sampler == "output-error":
-            horizon = HORIZON * natural_time(chain_of(nominal), plant.gravity)
-            if not condition.is_exact:
-                horizon *= float(np.clip(6.0 / len(nominal), 1.0, 2.0))
-            pushes = max(round(seconds / plant.timestep) // round(horizon / plant.timestep), 1)
-            trials = trials_of(pushes, len(nominal))
-            episode["count"] = pushes // trials
+        settings = {"plant": "rig", "nominal": "believed", "sampler": sampler, "trials": 100_000, "seed": seed}
         faults = tuple(SEARCHED[name] for name in condition.searched) or ("proposed" if condition.has_unknown else ())
-        study = StudySettings.model_validate(
-            {"plant": "rig", "nominal": "believed", "sampler": sampler, "trials": trials, "seed": seed}
-            | {"episode": episode, "estimate": {"faults": faults}}
-        )
-        self.spec = StudySpec(name="rig", plant_name="rig", plant=plant, nominal=nominal, study=study)
+        estimate = {"faults": faults}
+        episode = {"physics": "analytic", "measure": "spectral" if condition.is_exact else "smoothed"}
+
+        def spec(**further: Any) -> StudySpec:
+            whole = settings | {"episode": episode, "estimate": estimate} | further
+            study = StudySettings.model_validate(whole)
+            return StudySpec(name="rig", plant_name="rig", plant=plant, nominal=nominal, study=study)
+
+        self.spec = spec()
+        if sampler == "output-error":
+            pushes = max(round(seconds / plant.timestep) // Problem(self.spec).episode.steps, 1)
+            trials = trials_of(pushes, len(nominal))
+            self.spec = spec(trials=trials, episode={**episode, "count": pushes // trials})
         self.problem = Problem(self.spec)
         self.objective = self.problem.make_objective()
 
