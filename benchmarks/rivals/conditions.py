@@ -38,9 +38,7 @@ class Condition:
 
     @property
     def has_unknown(self) -> bool:
-        """Whether something may be wrong with it that a study is to take up by itself: who knows of no fault cannot know
-        that there is none.
-        """
+        """Whether something may be wrong with it that a study is to take up by itself: nobody says that nothing is."""
         return not (self.is_exact or self.searched)
 
     @property
