@@ -13,7 +13,7 @@ from metaid.models import Array
 from metaid.recorded.fit import Fit
 from metaid.recorded.linear_model import LinearModel
 from metaid.recorded.log import Record
-from metaid.recorded.suspects import suspects
+from metaid.recorded.suspects import SIGNIFICANT, suspects
 from metaid.recorded.window_rows import WindowRows
 from metaid.recorded.windows import Windows, cut_windows
 
@@ -123,18 +123,17 @@ def _estimate(usable: dict[float, WindowRows], span: float, delay: float | None)
         repeated.append(part)
         misses[inside] = torques[inside] - chosen.rows[inside] @ part
     thirds = [(windows.middles >= begin) & (windows.middles < end) for begin, end in folds]
-    changes = [0.0 * values]
-    changes += [other.fitted(other.all, late)[0].values[:nparam] - values for other in _longer(usable, span)]
-    if delay is None:
-        prompt = chosen.fitted(chosen.all, 0.0)[0]
-        changes.append((_left(found) / max(_left(prompt), 1e-300)) * (prompt.values[:nparam] - values))
-    lacking = []
-    for what, columns in suspects(windows, chosen.rows, model, values):
-        change, joints = chosen.changed(columns, torques, values)
-        if joints:
-            changes.append(change)
-            lacking += [f"{what} of joint {model.joints[joint]}" for joint in joints]
-    covariance = _widened(covariance, np.array(repeated), np.array(changes))
+    longer = _longer(usable, span)
+    changes = [other.fitted(other.all, late)[0].values[:nparam] - values for other in longer]
+    change, lacking = _of_delay(chosen, found, late, delay)
+    changes.append(change)
+    beside = [np.sqrt(np.diag(covariance))]
+    for suspect in suspects(windows, chosen.rows, model, values):
+        change, deviations, joints = chosen.changed(suspect, torques, values)
+        changes.append(change)
+        beside.append(deviations)
+        lacking += [f"{suspect.what} of joint {model.joints[joint]}" for joint in joints]
+    covariance = _widened(covariance, np.max(beside, axis=0), np.array(repeated), changes)
     return RecordedEstimate(
         model=model,
         values=values,
@@ -152,6 +151,24 @@ def _estimate(usable: dict[float, WindowRows], span: float, delay: float | None)
     )
 
 
+def _of_delay(chosen: WindowRows, found: Fit, late: float, delay: float | None) -> tuple[Array, list[str]]:
+    """By which the unknowns (nparam) hang on the delay, and what to say of it.
+
+    Of a delay that was found: how much they would change without it. The more it explains, the less that counts. Of one
+    that was given: how much they change with that which the log says, so with what is not known of the time between a
+    reading and a torque.
+    """
+    nparam = len(chosen.model.names)
+    values = found.values[:nparam]
+    if delay is None:
+        prompt = chosen.fitted(chosen.all, 0.0)[0]
+        share = _left(found) / max(_left(prompt), 1e-300)
+        return share * (prompt.values[:nparam] - values), []
+    other, later, covariance = chosen.fitted(chosen.all, None)
+    is_other = abs(later - late) > SIGNIFICANT * np.sqrt(covariance[-1, -1])
+    return other.values[:nparam] - values, [f"a delay of {1e3 * later:.3g} ms"] if is_other else []
+
+
 def _longer(usable: dict[float, WindowRows], span: float) -> list[WindowRows]:
     """The windows of the next longer length: in shorter ones noise may count."""
     spans = sorted(usable)
@@ -164,19 +181,19 @@ def _left(found: Fit) -> float:
     return float(np.sqrt((found.left**2).mean()))
 
 
-def _widened(covariance: Array, repeated: Array, changes: Array) -> Array:
+def _widened(covariance: Array, beside: Array, repeated: Array, changes: list[Array]) -> Array:
     """A covariance (nparam x nparam) that is at least as wide as the unknowns differ.  Eq. 60.
 
     Args:
         covariance: from what is left of the torques alone.
+        beside: the largest of the standard deviations beside anything that the model may lack (nparam).
         repeated: the unknowns without each third of the log (nfold x nparam).
-        changes: by which they differ with other windows, or without a delay (nother x nparam). The more a delay
-            explains, the less counts what would be without it.
+        changes: by which they differ (nparam each) with other windows, another delay, and what the model may lack.
     """
     folds = len(repeated)
     deviations = np.sqrt(np.diag(covariance))
     jackknife = (folds - 1.0) / folds * ((repeated - repeated.mean(axis=0)) ** 2).sum(axis=0)
-    wider = np.sqrt(np.maximum(deviations**2, jackknife) + (changes**2).sum(axis=0))
+    wider = np.sqrt(np.maximum(np.maximum(beside, deviations) ** 2, jackknife) + np.sum(np.square(changes), axis=0))
     growth = wider / np.where(deviations > 0.0, deviations, 1.0)
     return np.asarray(covariance * np.outer(growth, growth), dtype=np.float64)
 

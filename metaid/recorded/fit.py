@@ -38,13 +38,28 @@ class Fit:
     weight: Array
 
 
-def fit(rows: Array, torques: Array, believed: tuple[Array, Array]) -> Fit:
+def grams_of(rows: Array) -> Array:
+    """The Gram matrix of each pair of joints (njoint x njoint x nparam x nparam) of rows (nwindow x ntest x njoint x
+    nparam). Neither torques nor weights have a part in it, so it serves for many fits.
+    """
+    njoint, nparam = rows.shape[-2:]
+    by_joint = np.ascontiguousarray(rows.reshape(-1, njoint, nparam).transpose(1, 0, 2))
+    grams = np.empty((njoint, njoint, nparam, nparam))
+    for one in range(njoint):
+        for other in range(one + 1):
+            grams[one, other] = by_joint[one].T @ by_joint[other]
+            grams[other, one] = grams[one, other].T
+    return grams
+
+
+def fit(rows: Array, torques: Array, believed: tuple[Array, Array], grams: Array | None = None) -> Fit:
     """The unknowns θ that fit windows.  Eq. 58.
 
     Args:
         rows: Φ, the averaged torque for a unit of each unknown (nwindow x ntest x njoint x nparam).
         torques: that were sent, averaged (nwindow x ntest x njoint).
         believed: the unknowns (nparam) and the precision of that belief (nparam x nparam).
+        grams: those of the rows, where they are known.
     """
     nominal, belief = believed
     njoint, nparam = rows.shape[-2:]
@@ -52,10 +67,8 @@ def fit(rows: Array, torques: Array, believed: tuple[Array, Array]) -> Fit:
     floor = (LEAST * largest) ** 2 * np.eye(njoint)
     spread = np.diag(np.maximum((torques**2).mean(axis=(0, 1)), LEAST * largest**2))
     flat, sent = rows.reshape(-1, njoint, nparam), torques.reshape(-1, njoint)
-    # The Gram matrix of each pair of joints: what it weighs changes from round to round, it does not.
-    by_joint = np.ascontiguousarray(flat.transpose(1, 0, 2))
-    grams = np.array([[one.T @ other for other in by_joint] for one in by_joint])
-    moments = np.array([[one.T @ sent[:, other] for other in range(njoint)] for one in by_joint])
+    grams = grams_of(rows) if grams is None else grams
+    moments = np.einsum("wip,wj->ijp", flat, sent, optimize=True)
     covariance = spread
     for _ in range(ROUNDS):
         weight = np.asarray(np.linalg.inv(covariance + floor), dtype=np.float64)

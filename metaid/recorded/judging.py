@@ -19,6 +19,10 @@ from metaid.study import COARSEST
 
 DEVIATIONS = 1.96  # of a normal distribution, to either side, hold 95 %
 LARGEST_ERROR = 0.2  # of the held-out torque, that a model may leave which is said to be found
+SCALE = (
+    "every number scales with the torques of the log, and nothing in it shows a wrong scale of all of them, as of "
+    "motor currents with a wrong constant"
+)
 POSES = 50  # of the log, at which the mass matrix is looked at
 
 
@@ -47,7 +51,9 @@ def judge_record(record: Record, found: RecordedEstimate) -> RecordedVerdict:
     if against:
         return RecordedVerdict("not found", (*against, *_lacking(found)), _table(found, np.zeros_like(determined)))
     lumps = _table(found, determined)
-    return RecordedVerdict("found", (_explained(found), *_lacking(found), *missed(lumps, "this log does")), lumps)
+    return RecordedVerdict(
+        "found", (_explained(found), SCALE, *_lacking(found), *missed(lumps, "this log does")), lumps
+    )
 
 
 def _determined(found: RecordedEstimate) -> NDArray[np.bool_]:

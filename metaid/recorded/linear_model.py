@@ -77,7 +77,7 @@ class LinearModel:
         """
         parts = [self.bodies(coordinates, speeds, accelerations)]
         for term in self.friction:
-            of_joint = _term(term, speeds, accelerations, self.still)
+            of_joint = friction_torque(term, speeds, accelerations, self.still)
             columns = np.zeros((*of_joint.shape, self.njoint))
             joints = np.arange(self.njoint)
             columns[..., joints, joints] = of_joint
@@ -106,13 +106,20 @@ class LinearModel:
             column[..., first, 0], column[..., second, 0] = moved[..., second], moved[..., first]
         else:
             together = speeds[..., [first]] + speeds[..., [second]]
-            shared = _term(term, together, together, self.still[[second]])
+            shared = friction_torque(term, together, together, self.still[[second]])
             column[..., first, :] = column[..., second, :] = shared
         return column
 
 
-def _term(term: str, speeds: Array, accelerations: Array, still: Array) -> Array:
-    """The torque for a unit of one term of friction (... x njoint)."""
+def friction_torque(term: str, speeds: Array, accelerations: Array, still: Array) -> Array:
+    """The torque (... x njoint) for a unit of one term of friction.
+
+    Args:
+        term: one of TERMS.
+        speeds: of the joints (... x njoint), in rad/s or m/s.
+        accelerations: of the joints (... x njoint), in rad/s² or m/s².
+        still: joint speed below which dry friction is a share of its whole (njoint), in rad/s or m/s.
+    """
     if term == "viscous":
         return speeds
     if term == "rotor":

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.fit import Fit, belief_of, covariance_of, fit
+from metaid.recorded.fit import Fit, belief_of, covariance_of, fit, grams_of
 from metaid.recorded.linear_model import LinearModel
 from metaid.recorded.log import Record
-from metaid.recorded.suspects import SIGNIFICANT
+from metaid.recorded.suspects import NOTICED, SIGNIFICANT, WORTH, Suspect
 from metaid.recorded.windows import TESTS, Windows
 
 LASTS = 0.3  # s: how long an error of the model lasts at least
@@ -61,25 +61,46 @@ class WindowRows:
         found, late, widened = self._with_delay(which, rows)
         return found, late, covariance_of(found, widened, self.lags)
 
-    def changed(self, columns: Array, torques: Array, values: Array) -> tuple[Array, list[int]]:
-        """By how much the unknowns differ from `values` (nparam) beside these other `columns` (nwindow x ntest x njoint
-        x nother), and which of those are not nothing.
+    def changed(self, suspect: Suspect, torques: Array, values: Array) -> tuple[Array, Array, list[int]]:
+        """How much the unknowns hang on what is suspected (nparam), their standard deviations beside it (nparam), and
+        in which joints that is not nothing.
+
+        They differ from `values` (nparam) beside it. Where it is in a joint for certain, and a size of it is expected,
+        there may be as much of it in every column as in the root mean square of all: other unknowns may hide it.
         """
-        nparam, nother = len(values), columns.shape[-1]
+        columns, nparam = suspect.columns, len(values)
+        nother = columns.shape[-1]
         rows = np.concatenate([self.rows, columns], axis=-1)
         nominal, precision = belief_of(self.model, self.rows, torques)
-        precision = np.pad(precision, (0, nother))
         sizes = (columns**2).sum(axis=(0, 1, 2))
-        usual = float((torques**2).mean())
-        precision[range(nparam, nparam + nother), range(nparam, nparam + nother)] = 1e-6 * (sizes + sizes.max()) / usual
+        if suspect.deviations is None:
+            other = 1e-6 * (sizes + sizes.max()) / float((torques**2).mean())
+        else:
+            other = suspect.deviations**-2.0
+        precision = np.pad(precision, (0, nother))
+        precision[range(nparam, nparam + nother), range(nparam, nparam + nother)] = other
         found = fit(rows, torques, (np.append(nominal, np.zeros(nother)), precision))
-        deviations = np.sqrt(np.diag(covariance_of(found, rows, self.lags)))
-        strong = np.abs(found.values[nparam:]) > SIGNIFICANT * deviations[nparam:]
-        return found.values[:nparam] - values, np.flatnonzero(strong & (sizes > 0.0)).tolist()
+        shares = np.eye(nother) if suspect.of_joints is None else suspect.of_joints
+        seen = shares @ found.values[nparam:]
+        covariance = covariance_of(found, rows, self.lags)
+        deviations = np.sqrt(np.einsum("ij,jk,ik->i", shares, covariance[nparam:, nparam:], shares))
+        if not (np.abs(seen) > NOTICED * deviations).any():
+            return np.zeros(nparam), np.zeros(nparam), []
+        explained = np.sqrt(((columns @ found.values[nparam:]) ** 2).mean())
+        worth = explained > WORTH * np.sqrt((torques**2).mean())
+        strong = (np.abs(seen) > SIGNIFICANT * deviations) & worth
+        joints = sorted({suspect.joints[at] for at in np.flatnonzero(strong)})
+        hangs = (found.values[:nparam] - values) ** 2
+        if suspect.deviations is not None and joints:
+            size = np.sqrt(((found.values[nparam:] / suspect.deviations) ** 2).mean())
+            unseen = np.linalg.solve(found.precision[:nparam, :nparam], found.precision[:nparam, nparam:])
+            hangs += ((unseen * suspect.deviations * size) ** 2).sum(axis=1)
+        return np.sqrt(hangs), np.sqrt(np.diag(covariance)[:nparam]), joints
 
     def _with_delay(self, which: NDArray[np.bool_], rows: Array) -> tuple[Fit, float, Array]:
         """The fit with the delay that leaves least, by a scan and then Newton's steps; its rows, the delay's last."""
-        late = float(min(DELAYS, key=lambda delay: self._left(which, rows, float(delay))))
+        grams = grams_of(rows)
+        late = float(min(DELAYS, key=lambda delay: self._left(which, rows, grams, float(delay))))
         step = self.record.period
         for _ in range(STEPS):
             before, torques, after = (
@@ -94,9 +115,10 @@ class WindowRows:
             late = float(np.clip(late + found.values[-1], DELAYS[0], DELAYS[-1]))
         return found, late, widened
 
-    def _left(self, which: NDArray[np.bool_], rows: Array, delay: float) -> float:
+    def _left(self, which: NDArray[np.bool_], rows: Array, grams: Array, delay: float) -> float:
         torques = self.windows.torques(self.record, delay)[which]
-        return float(np.linalg.slogdet(_covariance(fit(rows, torques, belief_of(self.model, rows, torques)).left))[1])
+        found = fit(rows, torques, belief_of(self.model, rows, torques), grams)
+        return float(np.linalg.slogdet(_covariance(found.left))[1])
 
 
 def _covariance(left: Array) -> Array:

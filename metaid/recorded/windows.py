@@ -7,7 +7,7 @@ acceleration is made of differences of readings. Equation numbers are those of d
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import Polynomial, legendre
@@ -20,6 +20,7 @@ from metaid.recorded.log import Record
 OVERLAP = 0.5  # of a window with the next
 NODES = 32  # in a window, at which the model's torque is evaluated
 AT_REST = 0.005  # of a joint's fastest speed: a window in which no joint is faster is left out
+GAP = 0.15  # of a window without a reading: nobody knows which torques were sent there
 TESTS = (Polynomial([1.0, 0.0, -1.0]) ** 2, Polynomial([1.0, 0.0, -1.0]) ** 2 * Polynomial([0.0, 2.0]))  # ψ(s)
 
 
@@ -33,6 +34,7 @@ class Windows:
         coordinates: of the joints at the nodes (nwindow x nnode x njoint), in rad or m.
         speeds: there (nwindow x nnode x njoint), in rad/s or m/s.
         accelerations: there (nwindow x nnode x njoint), in rad/s² or m/s².
+        nodes: in a window's own time, from −1 to 1 (nnode).
         readings: how many there are in a window.
         noise: root mean square of what the polynomials leave of the readings (njoint), in rad or m.
     """
@@ -42,6 +44,7 @@ class Windows:
     coordinates: Array
     speeds: Array
     accelerations: Array
+    nodes: Array
     readings: int
     noise: Array
 
@@ -53,12 +56,23 @@ class Windows:
         half = 0.5 * self.span
         return np.asarray((self.middles + half > begin) & (self.middles - half < end), dtype=np.bool_)
 
+    def thinned(self, every: int) -> Windows:
+        """The same with one of `every` nodes."""
+        kept = slice(every // 2, None, every)
+        return replace(
+            self,
+            coordinates=self.coordinates[:, kept],
+            speeds=self.speeds[:, kept],
+            accelerations=self.accelerations[:, kept],
+            nodes=self.nodes[kept],
+        )
+
     def noise_share(self, noise: Array) -> Array:
         """How much of the variance of the averaged accelerations (njoint) noise of the angles is (njoint), in rad or m.
 
         The readings of a window are taken to be as many, and as evenly spaced, in all of them.
         """
-        nodes, power = _nodes(), degree(self.span)
+        nodes, power = self.nodes, degree(self.span)
         weights = TESTS[0](nodes) / len(nodes)
         twice = legendre.legval(nodes, legendre.legder(np.eye(power + 1), 2)).T
         own = (np.arange(self.readings) + 0.5) / self.readings * 2.0 - 1.0
@@ -76,8 +90,7 @@ class Windows:
 
     def averaged(self, at_nodes: Array) -> Array:
         """What is known at nodes (nwindow x nnode x ...), averaged by each test function (nwindow x ntest x ...)."""
-        nodes = _nodes()
-        weights = np.stack([test(nodes) for test in TESTS]) / len(nodes)
+        weights = np.stack([test(self.nodes) for test in TESTS]) / len(self.nodes)
         return np.asarray(np.einsum("an,wn...->wa...", weights, at_nodes, optimize=True), dtype=np.float64)
 
     def torques(self, record: Record, delay: float = 0.0) -> Array:
@@ -86,18 +99,16 @@ class Windows:
         A torque holds until the next is sent.
         """
         begins = record.times + delay
-        ends = np.append(begins[1:], begins[-1] + record.period)
+        ends = np.append(begins, begins[-1] + record.period)
         half = 0.5 * self.span
-        averaged = np.empty((len(self), len(TESTS), record.njoint))
-        integrals = [test.integ() for test in TESTS]
         firsts = np.maximum(np.searchsorted(begins, self.middles - half, side="right") - 1, 0)
         lasts = np.searchsorted(begins, self.middles + half, side="left")
-        for window, (middle, first, last) in enumerate(zip(self.middles, firsts, lasts, strict=True)):
-            inside = slice(first, max(last, first + 1))
-            edges = np.append(begins[inside], ends[inside][-1])
-            edges = np.clip((edges - middle) / half, -1.0, 1.0)
-            for row, integral in enumerate(integrals):
-                averaged[window, row] = 0.5 * np.diff(integral(edges)) @ record.torques[inside]
+        reach = int((lasts - firsts).max(initial=1))
+        rows = np.minimum(firsts[:, None] + np.arange(reach + 1), len(begins))
+        edges = np.clip((ends[rows] - self.middles[:, None]) / half, -1.0, 1.0)  # what is outside has no width
+        weights = np.stack([0.5 * np.diff(test.integ()(edges), axis=1) for test in TESTS], axis=1)
+        sent = record.torques[np.minimum(rows[:, :-1], len(begins) - 1)]
+        averaged: Array = weights @ sent
         return averaged
 
 
@@ -114,15 +125,19 @@ def cut_windows(record: Record, span: float, overlap: float = OVERLAP) -> Window
     power = degree(span)
     first, last = record.times[0], record.times[-1]
     middles = np.arange(first + 0.5 * span, last - 0.5 * span, (1.0 - overlap) * span)
-    nodes = _nodes()
+    nodes = (np.arange(NODES) + 0.5) / NODES * 2.0 - 1.0
     at_nodes = legendre.legvander(nodes, power)
     unit = np.eye(power + 1)
     once, twice = (legendre.legval(nodes, legendre.legder(unit, order)).T for order in (1, 2))
     scale = 2.0 / span
+    widest = max(GAP * span, 1.5 * record.period)  # between two readings
     kept, coefficients, left, counts = [], [], [], []
     for middle in middles:
         begin, end = np.searchsorted(record.times, (middle - 0.5 * span, middle + 0.5 * span))
         if end - begin < 2 * (power + 1):
+            continue
+        edges = middle - 0.5 * span, middle + 0.5 * span
+        if np.diff(record.times[begin:end], prepend=edges[0], append=edges[1]).max() > widest:
             continue
         own = scale * (record.times[begin:end] - middle)
         readings = record.angles[begin:end]
@@ -148,10 +163,7 @@ def cut_windows(record: Record, span: float, overlap: float = OVERLAP) -> Window
         coordinates[moves],
         speeds[moves],
         accelerations[moves],
+        nodes,
         int(np.median(counts)),
         np.sqrt(np.median(left, axis=0)),
     )
-
-
-def _nodes() -> Array:
-    return (np.arange(NODES) + 0.5) / NODES * 2.0 - 1.0

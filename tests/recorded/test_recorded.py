@@ -14,6 +14,7 @@ import pytest
 import tomli_w
 from conftest import Finished, wrong_chain
 from random_arm import wrong_tree
+from swinging import log_of, swinging_arm
 
 from metaid.models import Array, compensation_torque
 from metaid.models.tree import Tree, joint_torque, planar_tree
@@ -48,44 +49,10 @@ damping = 0.0
 """
 
 
-def swinging(seconds: float, rows: int, njoint: int, seed: int) -> tuple[Array, Array, Array, Array]:
-    """Times (nrow), and coordinates, speeds and accelerations (nrow x njoint) of sums of sinusoids."""
-    random = np.random.default_rng(seed)
-    times = np.linspace(0.0, seconds, rows)
-    pulse = random.uniform(2.0, 9.0, (3, njoint))
-    phase = random.uniform(0.0, 2.0 * np.pi, (3, njoint))
-    angle = times[:, None, None] * pulse + phase
-    size = random.uniform(0.2, 0.5, (3, njoint))
-    return (
-        times,
-        (size * np.sin(angle)).sum(axis=1),
-        (size * pulse * np.cos(angle)).sum(axis=1),
-        (-size * pulse**2 * np.sin(angle)).sum(axis=1),
-    )
-
-
-def log_of(tree: Tree, late: float = 0.0, noise: float = 0.0, extra: Callable[[Array], Array] | None = None) -> Record:
-    """The log of an arm that swings for 6 s; its torques act `late` s after they are logged, as an exact model says,
-    and `extra` ones that follow from speeds (nrow x njoint).
-    """
-    fine = 8
-    times, *_ = swinging(6.0, 3001, tree.njoint, seed=3)
-    _, coordinates, speeds, accelerations = swinging(6.0, 3000 * fine + 1, tree.njoint, seed=3)
-    torques = joint_torque(tree, coordinates, speeds, accelerations)
-    torques += 0.0 if extra is None else extra(speeds)
-    shifted = times[:, None] + late + times[1] * (np.arange(fine) + 0.5) / fine  # a torque holds until the next
-    every = np.linspace(0.0, 6.0, 3000 * fine + 1)
-    held = np.stack([np.interp(shifted, every, column).mean(axis=1) for column in torques.T], axis=1)
-    angles = coordinates[::fine] + noise * np.random.default_rng(1).standard_normal((3001, tree.njoint))
-    return Record("swing.csv", times, angles, None, held)
-
-
 @pytest.fixture(scope="module")
 def arm() -> Tree:
     """A shipped arm, its friction left out."""
-    plant = load_plant("spatial-three-link")
-    assert isinstance(plant, ArmPlant)
-    return plant.tree.with_parameters(plant.tree.parameters * np.array([1.0] * 11 + [0.0, 0.0]))
+    return swinging_arm()
 
 
 def estimated(record: Record, model: LinearModel, choices: Choices | None = None) -> RecordedEstimate:
@@ -99,7 +66,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the log of a simulated rig of two links with 0.1 mrad of noise, and what is believed of it."""
     folder = tmp_path_factory.mktemp("rig")
     simulated_log = runpy.run_path(str(WRITE_LOG))["simulated_log"]
-    simulated_log("two-link", seconds=6.0, angle_noise=1e-4).to_csv(folder / "log.csv", index=False)
+    simulated_log("two-link", seconds=4.0, angle_noise=1e-4).to_csv(folder / "log.csv", index=False)
     (folder / "believed.toml").write_text(SAID)
     return folder
 
@@ -132,7 +99,7 @@ def test_log_of_an_arm_tells_its_base_parameters_and_friction(arm: Tree, noise: 
         return damping * speeds + root * np.sign(speeds) * np.sqrt(np.abs(speeds)) + offset + shared
 
     model = arm_model(wrong_tree(arm, 0), coupled=((1, 2),))
-    found = estimated(log_of(arm, noise=noise, extra=friction), model)
+    found = estimated(log_of(arm, noise=noise, extra=friction, seconds=5.0), model)
     belief = model.source
     assert not isinstance(belief, tuple)
     bodies = belief.base.of(arm.parameters)[belief.base.columns % 13 < 11]
@@ -145,7 +112,7 @@ def test_log_of_an_arm_tells_its_base_parameters_and_friction(arm: Tree, noise: 
 
 def test_delay_of_the_torques_is_found(arm: Tree) -> None:
     """8 ms to 0.2 ms, and without it the bodies would be wrong."""
-    record, model = log_of(arm, late=0.008), arm_model(wrong_tree(arm, 0), ())
+    record, model = log_of(arm, late=0.008, seconds=2.0), arm_model(wrong_tree(arm, 0), ())
     found = estimated(record, model)
     assert found.delay == pytest.approx(0.008, abs=2e-4)
     assert estimate_record(record, model, Choices(delay=0.0)).error > 10.0 * found.error
@@ -172,15 +139,15 @@ def test_hidden_spring_is_suspected_and_widens_the_intervals() -> None:
 def test_noise_asks_for_longer_windows(arm: Tree) -> None:
     """The length of the windows follows from the noise of the angles."""
     model = arm_model(wrong_tree(arm, 0), ())
-    spans = [estimate_record(log_of(arm, noise=noise), model, Choices(delay=0.0)).span for noise in (0.0, 3e-3)]
+    spans = [estimate_record(log_of(arm, noise=noise, seconds=2.0), model).span for noise in (0.0, 3e-3)]
     assert spans[0] < spans[-1]
 
 
 def test_held_out_third_has_no_part_in_its_prediction(arm: Tree) -> None:
     """Torques of the last third may be anything: what the other two say stays the same."""
-    record, model = log_of(arm), arm_model(wrong_tree(arm, 0), ())
+    record, model = log_of(arm, seconds=2.0), arm_model(wrong_tree(arm, 0), ())
     spoiled = record.torques.copy()
-    spoiled[2200:] *= -3.0
+    spoiled[740:] *= -3.0
     choices = Choices(span=0.1, delay=0.0)
     ours, theirs = (estimate_record(each, model, choices).repeated for each in (record, record.with_torques(spoiled)))
     np.testing.assert_array_equal(ours[2], theirs[2])

@@ -43,7 +43,8 @@ def estimate(
     """Identify a plant from a log of its motion.
 
     The log has a column `time` in s and, of every joint, `angle_1` in rad, `torque_1` in N m and perhaps `speed_1` in
-    rad/s. A torque holds until the next row. The exit status is 3 where nothing is found.
+    rad/s. A torque holds until the next row. All that is found scales with the torques: currents are none until they
+    are multiplied by the motors' constants. The exit status is 3 where nothing is found.
     """
     from metaid.recorded import Choices, identify_record
     from metaid.results.exporting import SUFFIXES

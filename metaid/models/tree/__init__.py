@@ -10,7 +10,7 @@ from metaid.models.tree.belief import Belief, Prior
 from metaid.models.tree.bodies import PossibleBodies, possible_bodies
 from metaid.models.tree.model_error import ModelError, difference, model_error
 from metaid.models.tree.planar import planar_chain, planar_tree
-from metaid.models.tree.regressor import joint_mass_matrix, joint_torque, torque_regressor
+from metaid.models.tree.regressor import body_torque, joint_mass_matrix, joint_torque, torque_regressor
 from metaid.models.tree.tree import PARAMETERS, Tree
 from metaid.models.tree.tree_model import TreeModel, nominal_model
 
@@ -24,6 +24,7 @@ __all__ = [
     "Tree",
     "TreeModel",
     "base_parameters",
+    "body_torque",
     "difference",
     "joint_mass_matrix",
     "joint_torque",

@@ -6,6 +6,8 @@ docs/method.md.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from metaid.models.law import sliding
@@ -32,14 +34,47 @@ def torque_regressor(tree: Tree, coordinates: Array, speeds: Array, acceleration
     """
     n = tree.njoint
     regressor = np.zeros((*coordinates.shape, n, len(PARAMETERS)))
+    for i, (wrench, down) in enumerate(_links(tree, coordinates, speeds, accelerations)):
+        for j, column in _passed_on(tree, wrench, down):
+            regressor[..., j, i, :BODY] = column
+        friction = accelerations[..., i], speeds[..., i], sliding(speeds[..., i])
+        for parameter, each in enumerate(friction, start=BODY):
+            regressor[..., i, i, parameter] = each
+    return regressor
+
+
+def body_torque(tree: Tree, parameters: Array, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
+    """The torque (... x njoint), in N m or N, that bodies need by themselves, without rotors and friction. It costs a
+    third of what the regressor does.
+
+    Args:
+        tree: where the joints are.
+        parameters: of the bodies (njoint x 13), which need not be those of bodies that can be.
+        coordinates: of the joints (... x njoint), in rad or m.
+        speeds: of the joints (... x njoint), in rad/s or m/s.
+        accelerations: of the joints (... x njoint), in rad/s² or m/s².
+    """
+    torque = np.zeros(coordinates.shape)
+    for i, ((force, moment), down) in enumerate(_links(tree, coordinates, speeds, accelerations)):
+        known = parameters[i, :BODY, None]
+        for j, column in _passed_on(tree, (force @ known, moment @ known), down):
+            torque[..., j] += column[..., 0]
+    return torque
+
+
+def _links(
+    tree: Tree, coordinates: Array, speeds: Array, accelerations: Array
+) -> Iterator[tuple[tuple[Array, Array], list[tuple[Array, Array]]]]:
+    """Of each link, from the base on, force and moment (... x 3 x 10 each) for a unit of each parameter of its body,
+    and how every frame so far is turned and placed in that before it.
+    """
     spin = spin_rate = np.zeros((*coordinates.shape[:-1], 3))
     rate = np.broadcast_to(-tree.gravity, spin.shape)
-    matrices, places = [], []
-    for i in range(n):
+    down: list[tuple[Array, Array]] = []
+    for i in range(tree.njoint):
         axis, own = tree.axis[i], coordinates[..., i, None]
         matrix, place = _placed(tree, i, own)
-        matrices.append(matrix)
-        places.append(place)
+        down.append((matrix, place))
         rate = rate + np.cross(spin_rate, place) + np.cross(spin, np.cross(spin, place))  # Eq. 36
         spin, spin_rate, rate = (np.einsum("...ji,...j->...i", matrix, each) for each in (spin, spin_rate, rate))
         turning, faster = speeds[..., i, None] * axis, accelerations[..., i, None] * axis
@@ -48,15 +83,17 @@ def torque_regressor(tree: Tree, coordinates: Array, speeds: Array, acceleration
         else:
             spin_rate = spin_rate + faster + np.cross(spin, turning)
             spin = spin + turning
-        force, moment = _of_body(spin, spin_rate, rate)
-        for j in range(i, -1, -1):
-            regressor[..., j, i, :BODY] = np.einsum("i,...ip->...p", tree.axis[j], force if tree.slides[j] else moment)
-            force, moment = matrices[j] @ force, matrices[j] @ moment  # Eq. 38
-            moment = moment + np.einsum("ijk,...j,...kp->...ip", _SKEW, places[j], force)
-        friction = accelerations[..., i], speeds[..., i], sliding(speeds[..., i])
-        for column, each in enumerate(friction, start=BODY):
-            regressor[..., i, i, column] = each
-    return regressor
+        yield _of_body(spin, spin_rate, rate), down
+
+
+def _passed_on(tree: Tree, wrench: tuple[Array, Array], down: list[tuple[Array, Array]]) -> Iterator[tuple[int, Array]]:
+    """What the force and the moment of a link (... x 3 x ncolumn each) ask of its joint and of each before it."""
+    force, moment = wrench
+    for j in range(len(down) - 1, -1, -1):
+        matrix, place = down[j]
+        yield j, np.einsum("i,...ip->...p", tree.axis[j], force if tree.slides[j] else moment)
+        force, moment = matrix @ force, matrix @ moment  # Eq. 38
+        moment = moment + np.einsum("ijk,...j,...kp->...ip", _SKEW, place, force)
 
 
 def joint_torque(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) -> Array:

@@ -1,0 +1,112 @@
+"""What a model lacks, the delay that is said and gaps of a log: nothing is surer than it can be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import wrong_chain
+from random_arm import wrong_tree
+from scipy.spatial.transform import Rotation
+from swinging import log_of, swinging_arm
+
+from metaid.models import Array
+from metaid.models.tree import planar_tree
+from metaid.plant import load_chain
+from metaid.recorded import (
+    Choices,
+    LinearModel,
+    Record,
+    RecordedVerdict,
+    arm_model,
+    chain_model,
+    estimate_record,
+    judge_record,
+)
+from metaid.recorded.windows import cut_windows
+
+
+def judged(record: Record, model: LinearModel, choices: Choices | None = None) -> RecordedVerdict:
+    found = judge_record(record, estimate_record(record, model, choices))
+    assert found.is_found
+    return found
+
+
+def outside(found: RecordedVerdict, true: Array, times: float = 1.0) -> list[str]:
+    """Which of the first unknowns are determined, and do not have the `true` values in intervals so many `times` as
+    wide and 0.01 % of them wider.
+    """
+    table = found.lumps[: len(true)]
+    missed = np.abs(table["identified"] - true) - 1e-4 * np.abs(true)
+    return list(table["name"][table["determined"] & (missed > times * 0.5 * (table["high"] - table["low"]))])
+
+
+@pytest.fixture(scope="module")
+def chain_log() -> tuple[Record, LinearModel, Array]:
+    """The exact log of two links with friction, whose torques act 1 ms early, its model, and what is true."""
+    chain, damping = load_chain("two-link").chain, np.array([0.05, 0.02])
+    record = log_of(planar_tree(chain, 9.81), late=-0.001, extra=lambda speeds: damping * speeds)
+    model = chain_model(wrong_chain(chain, 1), 9.81, ("viscous",))
+    return record, model, np.concatenate([chain.lumps_of(("gravity", "coriolis", "inertia")).vector, damping])
+
+
+def test_delay_that_is_said_is_no_surer_than_the_log(chain_log: tuple[Record, LinearModel, Array]) -> None:
+    """Half a control step makes friction wrong by a tenth: its interval holds that, and the verdict names the delay."""
+    record, model, true = chain_log
+    found = judged(record, model, Choices(delay=0.0))
+    assert not outside(found, true)
+    assert any("a delay of -1 ms would explain" in reason for reason in found.reasons)
+
+
+def test_scale_of_a_joints_torques_is_suspected(chain_log: tuple[Record, LinearModel, Array]) -> None:
+    """A motor's constant that is wrong by 5 % is named, and no lump is wrong by two half-widths of its interval."""
+    record, model, true = chain_log
+    found = judged(record.with_torques(record.torques * np.array([1.0, 1.05])), model)
+    assert not outside(found, true, times=2.0)
+    assert any("another scale of the torques of joint 2" in reason for reason in found.reasons)
+
+
+def test_scale_of_all_torques_is_what_a_verdict_does_not_know(chain_log: tuple[Record, LinearModel, Array]) -> None:
+    """It says so of every log, for nothing in one shows it."""
+    record, model, _ = chain_log
+    right, scaled = (judged(each, model) for each in (record, record.with_torques(1.2 * record.torques)))
+    np.testing.assert_allclose(scaled.lumps["identified"][:5], 1.2 * right.lumps["identified"][:5], rtol=1e-3)
+    for found in (right, scaled):
+        assert any(reason.startswith("every number scales with the torques") for reason in found.reasons)
+
+
+def test_friction_that_bends_near_rest_is_suspected() -> None:
+    """Dry friction that a joint has only from a fifth of its speed on is named, and nothing is surer than it allows."""
+    chain = load_chain("two-link").chain
+    record = log_of(planar_tree(chain, 9.81), extra=lambda speeds: 0.2 * np.tanh(speeds / 0.5))
+    found = judged(record, chain_model(wrong_chain(chain, 1), 9.81, ("viscous", "coulomb")))
+    true = chain.lumps_of(("gravity", "coriolis", "inertia")).vector
+    assert not outside(found, np.concatenate([true, np.zeros(2), np.full(2, 0.2)]))
+    assert any("friction that bends near rest of joint 2" in reason for reason in found.reasons)
+
+
+def test_joints_that_are_misplaced_are_suspected() -> None:
+    """By 2 mm and 5 mrad, as arms are: they are named, and what is determined of the bodies is within its interval."""
+    arm, random = swinging_arm(), np.random.default_rng(1)
+    turns = Rotation.from_rotvec(0.005 * random.standard_normal((arm.njoint, 3))).as_matrix()
+    place = arm.position + 0.002 * random.standard_normal((arm.njoint, 3))
+    misplaced = replace(arm, position=place, rotation=arm.rotation @ turns)
+    model = arm_model(wrong_tree(arm, 1), ())
+    found = judged(log_of(misplaced, seconds=4.0), model)
+    belief = model.source
+    assert not isinstance(belief, tuple)
+    assert not outside(found, belief.base.of(arm.parameters)[belief.base.columns % 13 < 11])
+    assert any("another place of joint" in reason for reason in found.reasons)
+
+
+def test_window_spans_no_gap_of_the_log(chain_log: tuple[Record, LinearModel, Array]) -> None:
+    """Nobody knows which torques were sent where rows are missing; a row here and there does no harm."""
+    record, *_ = chain_log
+    kept = np.ones(len(record.times), dtype=np.bool_)
+    kept[1000:1050] = kept[2000] = False
+    gapped = replace(record, times=record.times[kept], angles=record.angles[kept], torques=record.torques[kept])
+    windows = cut_windows(gapped, 0.2)
+    assert windows is not None
+    assert not windows.overlapping(record.times[1000], record.times[1049]).any()
+    assert windows.overlapping(record.times[1999], record.times[2001]).any()

@@ -1,0 +1,56 @@
+"""Logs of arms that swing as sums of sinusoids, whose torques are exact."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from metaid.models import Array
+from metaid.models.tree import Tree, joint_torque
+from metaid.plant import ArmPlant, load_plant
+from metaid.recorded import Record
+
+
+def swinging(seconds: float, rows: int, njoint: int, seed: int) -> tuple[Array, Array, Array, Array]:
+    """Times (nrow), and coordinates, speeds and accelerations (nrow x njoint) of sums of sinusoids."""
+    random = np.random.default_rng(seed)
+    times = np.linspace(0.0, seconds, rows)
+    pulse = random.uniform(2.0, 9.0, (3, njoint))
+    phase = random.uniform(0.0, 2.0 * np.pi, (3, njoint))
+    angle = times[:, None, None] * pulse + phase
+    size = random.uniform(0.2, 0.5, (3, njoint))
+    return (
+        times,
+        (size * np.sin(angle)).sum(axis=1),
+        (size * pulse * np.cos(angle)).sum(axis=1),
+        (-size * pulse**2 * np.sin(angle)).sum(axis=1),
+    )
+
+
+def log_of(
+    tree: Tree,
+    late: float = 0.0,
+    noise: float = 0.0,
+    extra: Callable[[Array], Array] | None = None,
+    seconds: float = 6.0,
+) -> Record:
+    """The log of an arm that swings; its torques act `late` s after they are logged, as an exact model says, and
+    `extra` ones that follow from speeds (nrow x njoint).
+    """
+    fine, rows = 4, round(500 * seconds)
+    times, *_ = swinging(seconds, rows + 1, tree.njoint, seed=3)
+    every, coordinates, speeds, accelerations = swinging(seconds, rows * fine + 1, tree.njoint, seed=3)
+    torques = joint_torque(tree, coordinates, speeds, accelerations)
+    torques += 0.0 if extra is None else extra(speeds)
+    shifted = times[:, None] + late + times[1] * (np.arange(fine) + 0.5) / fine  # a torque holds until the next
+    held = np.stack([np.interp(shifted, every, column).mean(axis=1) for column in torques.T], axis=1)
+    angles = coordinates[::fine] + noise * np.random.default_rng(1).standard_normal((rows + 1, tree.njoint))
+    return Record("swing.csv", times, angles, None, held)
+
+
+def swinging_arm() -> Tree:
+    """A shipped arm, its friction left out."""
+    plant = load_plant("spatial-three-link")
+    assert isinstance(plant, ArmPlant)
+    return plant.tree.with_parameters(plant.tree.parameters * np.array([1.0] * 11 + [0.0, 0.0]))
