@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks import faults_stood
 from benchmarks.faulted import FAULTS, Result, identify
 from benchmarks.robustness import draw_pictures, error_rows, first_rows, largest_size
 
@@ -49,3 +50,20 @@ def test_one_chain_is_identified_by_both_methods() -> None:
     found = identify((2, "angle noise", 1.0, 0))
     assert max(found.errors[:2]) < 0.02
     assert max(found.least_squares) < 0.02
+
+
+def test_a_table_says_which_faults_an_estimate_stands() -> None:
+    """A median over the chains for each setting, how many were found, and what was taken up."""
+    stood = [
+        faults_stood.Stood(
+            f"a base tilted by 30 mrad / {setting}", 3, seed, error * (1 + seed), found, taken, 13.6, 2.0
+        )
+        for setting, error, found, taken in (("default", 0.1, False, []), ("proposed", 1e-4, True, ["tilt"]))
+        for seed in range(3)
+    ]
+    (row,) = faults_stood.rows_of(stood)
+    assert row["worst lump, default"] == "20 %"
+    assert row["found, default"] == "0 of 3"
+    assert row["worst lump, proposed"] == "0.02 %"
+    assert row["found, proposed"] == "3 of 3"
+    assert row["taken up"] == "tilt 3"
