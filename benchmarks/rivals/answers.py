@@ -73,7 +73,8 @@ def print_answers(cells: Sequence[Cell]) -> None:
         own = [result for result in results if result.cell.condition == condition]
         if own:
             print(f"### {CONDITIONS[condition].title}\n\n{question(own)}\n")
-    print(f"### What each takes\n\n{costs(results)}\n\n{summary(results)}\n\n{time_of_parts(cells)}")
+    print(f"### Who is ahead of metaid\n\n{ahead(results)}\n\n{summary(results)}\n")
+    print(f"### What each takes\n\n{costs(results)}\n\n{time_of_parts(cells)}")
 
 
 def question(results: Sequence[Result]) -> str:
@@ -108,10 +109,17 @@ def _lead(middle: dict[str, float]) -> str:
 
 
 def medians(results: Sequence[Result], column: tuple[int, int]) -> dict[str, float]:
-    """The median error of each method on chains of so many links in so many seconds."""
+    """The median error of each method on chains of so many links in so many seconds: on the chains that ours was run on
+    too, where there are any.
+    """
     own = [each for each in results if (each.cell.links, each.cell.budget) == column]
-    methods = dict.fromkeys(each.cell.method for each in own)
-    return {method: median(each.error for each in own if each.cell.method == method) for method in methods}
+    ours = {each.cell.seed for each in own if each.cell.method == OURS}
+    middle = {}
+    for method in dict.fromkeys(each.cell.method for each in own):
+        errors = {each.cell.seed: each.error for each in own if each.cell.method == method}
+        shared = [error for seed, error in errors.items() if seed in ours]
+        middle[method] = median(shared or errors.values())
+    return middle
 
 
 def counted(results: Sequence[Result], column: tuple[int, int]) -> dict[str, float]:
@@ -139,6 +147,34 @@ def _figure(middle: dict[str, float], stands: dict[str, float], method: str, mar
     error = middle[method]
     text = ("exact" if error <= EXACT else f"{error:.2g}" if not np.isfinite(error) else f"{100 * error:.2g}") + mark
     return f"**{text}**" if "†" not in mark and method in winners(stands) else text
+
+
+def ahead(results: Sequence[Result]) -> str:
+    """Which methods have less error than ours, in how many cells, by how much, and in which conditions. Where we say
+    "not found" all others that stand by their results are ahead.
+    """
+    head = ["method", "ahead in", "of", "by a factor of, median", "most", "where most", "conditions"]
+    found: dict[str, list[tuple[float, tuple[str, int, int]]]] = {}
+    beside: Counter[str] = Counter()
+    for condition, *column in dict.fromkeys(
+        (each.cell.condition, each.cell.links, each.cell.budget) for each in results
+    ):
+        where = column[0], column[1]
+        own = [each for each in results if each.cell.condition == condition]
+        middle, stands = medians(own, where), counted(own, where)
+        if OURS in middle:
+            beside.update(list(stands))
+            for method in stands:
+                by = max(middle[OURS], EXACT) / max(middle[method], EXACT)
+                if method != OURS and (by > 1.0 or OURS not in stands):
+                    found.setdefault(method, []).append((by, (condition, *where)))
+    rows = []
+    for method, cells in sorted(found.items(), key=lambda each: -len(each[1])):
+        most, (condition, links, budget) = max(cells)
+        conditions = ", ".join(f"{name} {count}" for name, count in Counter(cell[0] for _, cell in cells).most_common())
+        factors = f"{median(by for by, _ in cells):.2g}", f"{most:.2g}", f"{condition}, {name_of(links)}, {budget} s"
+        rows.append([method, str(len(cells)), str(beside[method]), *factors, conditions])
+    return _table(head, rows)
 
 
 def costs(results: Sequence[Result]) -> str:
@@ -175,12 +211,17 @@ def time_of_parts(cells: Sequence[Cell]) -> str:
 
 
 def summary(results: Sequence[Result]) -> str:
-    """In how many cells each method has the least error, or is exact: of conditions that methods know or search, and of
-    those that nobody knows.
+    """In how many cells each method has the least error, or is exact: of conditions that methods know or search, of
+    those that nobody knows, and of all.
     """
     sentences = []
-    for kind, is_known in (("that methods know of or search", True), ("that nobody knows of", False)):
-        own = [each for each in results if (each.cell.condition not in UNEXPLAINED) == is_known]
+    kinds = {
+        "that methods know of or search": tuple(name for name in CONDITIONS if name not in UNEXPLAINED),
+        "that nobody knows of": UNEXPLAINED,
+        "of both kinds": tuple(CONDITIONS),
+    }
+    for kind, conditions in kinds.items():
+        own = [each for each in results if each.cell.condition in conditions]
         groups = sorted({(each.cell.condition, each.cell.links, each.cell.budget) for each in own})
         groups = [group for group in groups if any(_is_in(each, group) and each.cell.method == OURS for each in own)]
         first = Counter(
@@ -188,7 +229,7 @@ def summary(results: Sequence[Result]) -> str:
             for group in groups
             for method in winners(counted([each for each in own if _is_in(each, group)], group[1:]))
         )
-        told = ", ".join(f"{method} {count}" for method, count in first.most_common())
+        told = ", ".join(f"{method} {count} ({count / len(groups):.0%})" for method, count in first.most_common())
         sentences.append(f"Least error, or exact, of {len(groups)} cells of conditions {kind}: {told}.")
     return "\n\n".join(sentences)
 
