@@ -136,7 +136,7 @@ def test_fault_that_explains_the_trials_is_taken_up(tmp_path: Path) -> None:
     assert delay["low"] < delay["identified"] < delay["high"]
     assert abs(delay["error"]) < 4.0 * delay["sd"] < 0.01 * delay["true"]
     assert shown["max_error"] < 0.01
-    assert shown["reasons"][0].startswith("a delay of 8 ms was taken up: without it the misfit is ")
+    assert shown["reasons"][0].startswith("the study took up a delay of 8 ms: with that the misfit falls from ")
     assert taken["faults"] == ["delay"]
     assert taken["misfit_without"] > 10.0 * shown["misfit"]
     assert taken["holds"]

@@ -62,10 +62,10 @@ class TakenUp:
             )
         if not self.holds:
             return (
-                f"{named} explains what was seen, but not pushes that were held out: their misfit is "
+                f"with {named} all is explained together, but not pushes that were held out: their misfit is "
                 f"{self.foretold:.3g} (foretold: below {self.foretold_below:.3g})"
             )
-        return f"{named} was taken up: without it the misfit is {self.before:.3g}, with it {self.after:.2g}"
+        return f"the study took up {named}: with that the misfit falls from {self.before:.3g} to {self.after:.2g}"
 
 
 def take_up(readings: Readings, estimate: Estimate, search: Search) -> tuple[Estimate, TakenUp | None]:
