@@ -19,7 +19,19 @@ from pathlib import Path
 from benchmarks.common import machine
 from soak.common import SoakResult, table
 
-PARTS = ("kills", "vanishing", "foreign", "workers", "cluster", "inputs", "kernels", "rigs", "promises", "confident")
+PARTS = (
+    "kills",
+    "vanishing",
+    "foreign",
+    "workers",
+    "cluster",
+    "inputs",
+    "kernels",
+    "rigs",
+    "promises",
+    "confident",
+    "logs",
+)
 MARKERS = "<!-- soak: written by make soak -->", "<!-- end of soak -->"
 
 

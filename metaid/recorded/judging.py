@@ -23,6 +23,7 @@ SCALE = (
     "every number scales with the torques of the log, and nothing in it shows a wrong scale of all of them, as of "
     "motor currents with a wrong constant"
 )
+LEAST_TURN, LEAST_SLIDE = 0.02, 0.002  # rad, m, from end to end: within less joints do not slide, they bend and creep
 POSES = 50  # of the log, at which the mass matrix is looked at
 
 
@@ -70,6 +71,16 @@ def _determined(found: RecordedEstimate) -> NDArray[np.bool_]:
 def _against(record: Record, found: RecordedEstimate, determined: NDArray[np.bool_]) -> Iterator[str]:
     """What speaks against the model."""
     model = found.model
+    reach = np.ptp(record.angles, axis=0) / np.where(model.slides, LEAST_SLIDE, LEAST_TURN)
+    if not reach.max() >= 1.0:
+        farthest = int(reach.argmax())
+        unit = "m" if model.slides[farthest] else "rad"
+        yield (
+            f"no joint goes farther than {np.ptp(record.angles[:, farthest]):.2g} {unit} from end to end: within so "
+            f"little friction holds like a spring (allowed: {LEAST_TURN:g} rad or more, {LEAST_SLIDE:g} m of a slide): "
+            "move farther"
+        )
+        return
     if not found.error <= LARGEST_ERROR:
         worst = int(found.by_joint.argmax())
         yield (

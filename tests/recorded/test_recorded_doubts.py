@@ -100,6 +100,15 @@ def test_joints_that_are_misplaced_are_suspected() -> None:
     assert any("another place of joint" in reason for reason in found.reasons)
 
 
+def test_tiny_motion_tells_nothing(chain_log: tuple[Record, LinearModel, Array]) -> None:
+    """Within 0.02 rad friction holds like a spring and creeps, so nothing is found, however well it is predicted."""
+    record, model, _ = chain_log
+    tiny = replace(record, angles=0.003 * record.angles)
+    found = judge_record(tiny, estimate_record(tiny, model, Choices(span=0.1)))
+    assert not found.is_found
+    assert "no joint goes farther than 0.00" in found.reasons[0]
+
+
 def test_window_spans_no_gap_of_the_log(chain_log: tuple[Record, LinearModel, Array]) -> None:
     """Nobody knows which torques were sent where rows are missing; a row here and there does no harm."""
     record, *_ = chain_log

@@ -1,0 +1,149 @@
+"""Logs of simulated rigs, well read and not: none may be `found` while something of it is far from the truth.
+
+A case is a number; `python -m soak.logs 123` does one again and says what it was.
+
+| | drawn from |
+| --- | --- |
+| rig | chains of 1 to 5 links of `benchmarks.chains`, the arms puma560 and scara; nominals wrong by up to 30 % |
+| friction | none, or viscous and dry |
+| read and sent | at 100, 200, 500 or 1,000 Hz, for 6 to 15 s; speeds in the log or not |
+| angles | exact, with 0.1 or 1 mrad of noise, or in steps of an encoder |
+| asked for | all terms of friction, or viscous and Coulomb; the delay found, or said to be 0 |
+| fault | none, or one of `soak.log_rigs.FAULTS` |
+
+Well posed is a log that is excited, with no fault and the delay found.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+from metaid.errors import MetaidError
+from metaid.plant import MujocoPlant
+from metaid.recorded import Choices, RecordedResult, identify_record
+from soak.common import SoakResult, soaked
+from soak.log_rigs import REFUSED, SEED, Case, Rig, draw, log_of, rig_of
+
+LOGS = 100
+HALF_WIDTHS, SLACK = 3.0, 1e-3  # further from the truth than so many half-widths and this share of it is far
+WELL_POSED_FOUND = 0.9
+PROCESSES = 2
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What became of a case: its `verdict`, "refused" where the log was, why, and what is far off."""
+
+    case: Case
+    verdict: str
+    reasons: str
+    far: tuple[str, ...] = ()
+    known: int = 0
+    unknowns: int = 0
+
+
+def true_values(found: RecordedResult, rig: Rig) -> dict[str, float]:
+    """The true unknowns by their names."""
+    model = found.estimate.model
+    if isinstance(model.source, tuple):
+        plant = rig.plant
+        assert isinstance(plant, MujocoPlant)
+        true = plant.chain.lumps_of(("gravity", "coriolis", "inertia"))
+        bodies = dict(zip(true.names, true.vector.tolist(), strict=True))
+    else:
+        bodies = dict(zip(model.source.base.names, model.source.base.of(rig.tree.parameters).tolist(), strict=True))
+    between = "_" if isinstance(model.source, tuple) else ""
+    for i, (damping, dry) in enumerate(zip(rig.tree.damping.tolist(), rig.tree.coulomb.tolist(), strict=True), 1):
+        bodies |= {f"damping{between}{i}": damping, f"coulomb{between}{i}": dry}
+    return bodies
+
+
+def far_off(found: RecordedResult, rig: Rig) -> tuple[str, ...]:
+    """What is determined and lies further from the truth than its interval and SLACK allow."""
+    true = true_values(found, rig)
+    far = []
+    for row in found.verdict.lumps[found.verdict.lumps["determined"]].to_dict("records"):
+        right, half = true.get(row["name"], 0.0), 0.5 * (row["high"] - row["low"])
+        missed = row["identified"] - right
+        if not abs(missed) <= HALF_WIDTHS * half + SLACK * abs(right):
+            far.append(f"{row['name']} {row['identified']:.5g}, true {right:.5g}, {abs(missed) / half:.1f} half-widths")
+    return tuple(far)
+
+
+def try_case(number: int) -> Judged:
+    """Simulates the rig of that number, and looks at what its log is said to say."""
+    case, random = draw(number), np.random.default_rng([SEED, number, 1])
+    with tempfile.TemporaryDirectory(prefix="metaid-log-") as place:
+        rig = rig_of(case, Path(place), random)
+        path = Path(place) / "log.csv"
+        log_of(case, rig, random).to_csv(path, index=False, float_format="%.9g")
+        try:
+            found = identify_record(path, rig.believed, friction=case.friction, choices=Choices(delay=case.delay))
+        except MetaidError as refusal:
+            return Judged(case, "refused", str(refusal))
+    table = found.verdict.lumps
+    return Judged(
+        case,
+        found.verdict.word,
+        "; ".join(found.verdict.reasons),
+        far_off(found, rig) if found.verdict.is_found else (),
+        int(table["determined"].sum()),
+        len(table),
+    )
+
+
+def run(scale: float) -> list[SoakResult]:
+    """Three promises: no confident error, what is well posed is found, and what is no log is refused."""
+    promised = round(LOGS * scale)
+    judged: list[Judged] = []
+
+    def confident() -> tuple[int, list[str]]:
+        # Forked from a process that other parts of the soak ran in, it would have their locks.
+        with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
+            judged.extend(pool.map(try_case, range(promised)))
+        found, known = [each for each in judged if each.verdict == "found"], sum(each.known for each in judged)
+        print(
+            f"  {len(found)} of {len(judged)} found, {known} of their {sum(each.unknowns for each in found)} unknowns"
+        )
+        return len(judged), [f"{_about(each)}: {', '.join(each.far)}" for each in judged if each.far]
+
+    def well_posed() -> tuple[int, list[str]]:
+        posed = [each for each in judged if each.case.well_posed]
+        missed = [f"{_about(each)}: {each.verdict}, {each.reasons}" for each in posed if each.verdict != "found"]
+        return len(posed), missed if len(missed) > (1.0 - WELL_POSED_FOUND) * len(posed) else []
+
+    def refused() -> tuple[int, list[str]]:
+        broken = [each for each in judged if each.case.fault in REFUSED and each.case.plant != "1"]
+        return len(broken), [f"{_about(each)}: {each.verdict}" for each in broken if each.verdict == "found"]
+
+    return [
+        soaked("logs of rigs at random: none found while an unknown is far off", promised, confident),
+        soaked(f"of those, without a fault: {WELL_POSED_FOUND:.0%} found", 0, well_posed),
+        soaked("of those, broken: none found", 0, refused),
+    ]
+
+
+def _about(judged: Judged) -> str:
+    return f"{judged.case.number} ({judged.case.about})"
+
+
+if __name__ == "__main__":
+    for each in sys.argv[1:]:
+        judged = try_case(int(each))
+        print(
+            judged.case.number,
+            judged.case.about,
+            judged.verdict,
+            judged.known,
+            judged.unknowns,
+            judged.reasons,
+            *judged.far,
+            sep="\n   ",
+        )
