@@ -85,6 +85,10 @@ class Browser:
             wrong += [" ".join(text.split()) for text in texts]
         return wrong + [f"too wide: {text}" for text in self.driver.execute_script(TOO_WIDE)]
 
+    def figures(self) -> int:
+        """How many figures are shown."""
+        return len(self.driver.execute_script(FIGURES_SHOWN))
+
     def text(self) -> str:
         """What can be read on the page, the labels that a style sheet puts before cells included."""
         labels = """return [...document.querySelectorAll('[data-label]')].filter(

@@ -33,7 +33,7 @@ from metaid.results import (
     describe_trials,
     interval_name,
 )
-from metaid.show.figures import COLUMN, INK, PAGE, Gallery, Picture, plant_figure, style
+from metaid.show.figures import COLUMN, INK, PAGE, Gallery, Picture, plant_figure, said_in, style, with_titles
 
 VERSIONS_OF = ("mujoco-core", "numba", "numpy", "cmaes", "optuna", "matplotlib")
 WIDEST = 0.02  # of a lump's value: a wider range is reported
@@ -144,11 +144,13 @@ def page_figures(page: Iterable[Picture], column: Iterable[Picture]) -> list[Pag
 
 
 def inline_svg(figure: Figure, prefix: str) -> Markup:
-    """A figure as SVG to stand in a page: no XML head, ids that begin with `prefix`, ink that the page chooses."""
-    buffer = io.BytesIO()
+    """A figure as SVG to stand in a page: no XML head, ids that begin with `prefix`, ink that the page chooses; values
+    are shown where a mark is pointed at.
+    """
+    buffer, said = io.BytesIO(), said_in(figure)
     with style():
         figure.savefig(buffer, format="svg", facecolor="none", metadata={"Date": None})
-    text = buffer.getvalue().decode()
+    text = with_titles(buffer.getvalue().decode(), said)
     svg = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
     svg = re.sub(r'\bid="', f'id="{prefix}', svg)
     svg = re.sub(r'(url\(#|href="#)', rf"\g<1>{prefix}", svg)

@@ -8,7 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from browser import open_browser
 from conftest import Finished, matching_spec
+from pages import seen_everywhere
 
 from metaid.store import Store
 from metaid.study import create_study, load_study, run_study
@@ -66,6 +68,14 @@ def test_comparison_is_a_table_a_figure_and_a_page(compared: Metaid) -> None:
     assert "https:" not in page
     assert compared("exact", "new", "-o", "both.png").status == 0
     assert Path("both.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_page_of_a_comparison_is_whole(compared: Metaid, tmp_path: Path) -> None:
+    """On a phone, a tablet, a desk and on paper, with a study that was not run among them."""
+    assert compared("exact", "noisy", "new", "-o", "three.html").status == 0
+    with open_browser(tmp_path / "profile") as browser:
+        for text in seen_everywhere(browser, Path("three.html").absolute(), figures=1):
+            assert "What each study took" in text
 
 
 REFUSED = {

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import re
 from collections.abc import Callable
 from contextlib import closing
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 from browser import open_browser
 from conftest import Finished
+from pages import ids_are_single, repeat, seen_everywhere
 
 import metaid as package
 from metaid.results import read_any_findings
@@ -40,12 +40,10 @@ def page(arms: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_browser_shows_an_arm_what_it_is_worth_and_its_figures(page: Path, arms: Path, tmp_path: Path) -> None:
-    """On a desk and on a phone, light and dark: every part is there, nothing comes from outside, no error."""
+    """On a phone, a tablet, a desk and on paper: every part is there and whole, nothing comes from outside."""
     summary = package.summary("exact", str(arms))
     with open_browser(tmp_path / "profile") as browser:
-        for width, dark in ((1200, False), (360, True)):
-            browser.look(page.as_uri(), width, dark)
-            text = browser.text()
+        for text in seen_everywhere(browser, page, figures=1 + len(FIGURES)):
             assert text.splitlines()[0] == "exact"
             assert "Found." in text
             for lump in summary["lumps"]:
@@ -54,24 +52,20 @@ def test_browser_shows_an_arm_what_it_is_worth_and_its_figures(page: Path, arms:
             for part in ("gravity torque", "Coriolis torque", "mass matrix", "pushes that coast throughout"):
                 assert part in text
             assert "What is not drawn" in text
-            heights = "return [...document.querySelectorAll('figure svg')].map(s => s.getBoundingClientRect().height)"
-            assert sum(height > 100 for height in browser.driver.execute_script(heights)) == 1 + len(FIGURES)
-            sideways = "return document.documentElement.scrollWidth - window.innerWidth"
-            assert browser.driver.execute_script(sideways) <= 0
-            assert browser.fetched() == [page.as_uri()]
-            assert browser.complaints() == []
+
+
+def test_page_of_an_arm_that_was_not_found_is_whole(arms: Path, tmp_path: Path) -> None:
+    """On a phone, a tablet, a desk and on paper, with the figures that there are."""
+    bent = tmp_path / "bent.html"
+    bent.write_text(render_any(findings(arms, "bent")), encoding="utf-8")
+    with open_browser(tmp_path / "profile") as browser:
+        assert all("Not found." in text for text in seen_everywhere(browser, bent, figures=3))
 
 
 def test_files_and_commands_of_a_report_repeat_the_study_of_an_arm(metaid: Metaid, page: Path, arms: Path) -> None:
     """Saved and run as the page says, they give the same trials; no id is there twice."""
-    text = page.read_text()
-    ids = re.findall(r'\bid="([^"]+)"', text)
-    assert len(ids) == len(set(ids))
-    ((name, content),) = re.findall(r'<pre class="file" data-name="([^"]+)">(.*?)</pre>', text, flags=re.DOTALL)
-    Path(name).write_text(html.unescape(content))
-    (commands,) = re.findall(r'<pre id="commands">(.*?)</pre>', text, flags=re.DOTALL)
-    for command in html.unescape(commands).splitlines():
-        assert metaid(*command.split()[1:]).status == 0
+    assert ids_are_single(page)
+    assert len(repeat(metaid, page)) == 1
     assert package.trials("exact").equals(package.trials("exact", str(arms)))
 
 

@@ -16,7 +16,20 @@ from metaid.show.figures.landscape import plot_boundary, plot_parallel, plot_swe
 from metaid.show.figures.lumps import plot_correlation, plot_known, plot_ranges
 from metaid.show.figures.plants import plant_figure, plot_plant
 from metaid.show.figures.search import plot_convergence, plot_error, plot_factor, plot_model_error
-from metaid.show.figures.style import COLOURS, COLUMN, FALL, INK, PAGE, RANGE, SUFFIXES, SURVIVOR, save, style
+from metaid.show.figures.style import (
+    COLOURS,
+    COLUMN,
+    FALL,
+    INK,
+    PAGE,
+    RANGE,
+    SUFFIXES,
+    SURVIVOR,
+    said_in,
+    save,
+    style,
+    with_titles,
+)
 from metaid.show.figures.tracking import draw_tracking, plot_tracking
 
 __all__ = [
@@ -59,6 +72,8 @@ __all__ = [
     "plot_sweep",
     "plot_tracking",
     "rods_figure",
+    "said_in",
     "save",
     "style",
+    "with_titles",
 ]

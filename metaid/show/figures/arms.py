@@ -67,6 +67,7 @@ def rods_figure(arm: ArmPlant, start: ArmStart, width: float) -> Figure:
 def _look_at(axes: Axes3D, limits: Array, zoom: float = 1.0) -> None:
     """Obliquely from above, between these `limits` (3 x 2), in m."""
     axes.set(xlim=limits[0], ylim=limits[1], zlim=limits[2], xlabel="x, m", ylabel="y, m", zlabel="z, m")
+    axes.zaxis.labelpad = 8.0  # or it touches the numbers
     axes.set_box_aspect((1.0, 1.0, 1.0), zoom=zoom)
     axes.view_init(elev=20.0, azim=-60.0)
     axes.locator_params(nbins=4)

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from metaid.results import Comparison
-from metaid.show.figures.style import COLOURS, COLUMN, INK, PAGE, new_axes, style
+from metaid.show.figures.style import COLOURS, COLUMN, INK, PAGE, new_axes, say_at, style
 
 SHARE = 0.7  # of the height of a lump, for the intervals of all studies
 
@@ -28,6 +28,11 @@ def plot_comparison(found: Comparison, axes: Axes | None = None) -> Axes:
         reach = [(middle - low).fillna(0.0).abs(), (high - middle).fillna(0.0).abs()]
         colour = COLOURS[i % len(COLOURS)]
         axes.errorbar(middle, at, xerr=reach, fmt="o", markersize=3, capsize=2, color=colour, label=study)
+        texts = [
+            f"{study}: {name} {lump['identified']:.5g}, from {lump['low']:.5g} to {lump['high']:.5g} {lump['unit']}"
+            for name, lump in lumps.iterrows()
+        ]
+        say_at(axes, middle, at, texts)
     axes.axvline(0.0, color=INK, linewidth=0.7, linestyle=":")
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.5, -0.5)

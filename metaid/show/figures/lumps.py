@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from metaid.models import Array
 from metaid.results import Findings
 from metaid.results.arms import ArmFindings
-from metaid.show.figures.style import INK, RANGE, SURVIVOR, every, new_axes, size_of
+from metaid.show.figures.style import INK, RANGE, SURVIVOR, every, new_axes, say_at, size_of
 
 READABLE = 8  # lumps up to which a correlation is written in its cell
 LABELS = 5.5  # names below one another, an inch of the figure
@@ -37,6 +37,11 @@ def plot_ranges(found: Findings, axes: Axes | None = None) -> Axes:
     axes.plot(np.zeros(len(places)), places, "|", color=SURVIVOR, markersize=9, label="identified")
     if found.true_factors is not None:
         axes.plot(true, places, "*", color=INK, markersize=6, linestyle="", label="truth")
+    texts = [
+        f"{lump['name']}: {lump['identified']:.5g}, from {lump['low']:.5g} to {lump['high']:.5g} {lump['unit']}"
+        for lump in lumps.to_dict("records")
+    ]
+    say_at(axes, np.zeros(len(places)), places, texts)
     axes.set_yticks(places, lumps["name"])
     axes.use_sticky_edges = False  # or the axis would end where the longest bar begins
     axes.margins(x=0.08)
@@ -63,6 +68,9 @@ def plot_known(found: ArmFindings, axes: Axes | None = None) -> Axes:
             axes.plot(np.maximum(error, LEAST), places, mark, color=colour, markersize=4, linestyle="", label=label)
     left: Array = lumps["sd"].fillna(half).to_numpy() / beforehand
     axes.plot(left, places, "|", color=SURVIVOR, markersize=6, linestyle="", label="standard deviation")
+    said = "standard deviation {:.3g} of what was not known beforehand"
+    texts = [f"{name}: {said.format(share)}" for name, share in zip(lumps["name"], left, strict=True)]
+    say_at(axes, left, places, texts)
     axes.set_xscale("log")
     _, height = size_of(axes)
     named = every(len(places), CLOSE_LABELS * height)

@@ -9,7 +9,7 @@ from matplotlib.ticker import FixedLocator, MaxNLocator
 from metaid.models import Array
 from metaid.results import Findings
 from metaid.results.arms import ArmFindings
-from metaid.show.figures.style import COLOURS, FALL, INK, MANY, RANGE, SURVIVOR, new_axes
+from metaid.show.figures.style import COLOURS, FALL, INK, MANY, RANGE, SURVIVOR, new_axes, say_at
 
 FEW = 60  # trials, each of which is a large mark
 ERRORS = {"gravity": "gravity torque", "coriolis": "Coriolis torque", "mass_matrix": "mass matrix"}
@@ -30,8 +30,13 @@ def plot_convergence(found: Findings | ArmFindings, axes: Axes | None = None) ->
         rasterized=len(best) > MANY,
     )
     axes.step(survivors["number"], best, where="post", color=SURVIVOR, label="best so far")
+    better = survivors[survivors["value"] < best.shift(fill_value=np.inf)]
+    told = survivors if len(survivors) <= FEW else better
+    unit = found.problem.measure.unit
+    texts = [f"trial {number}: {value:.4g} {unit}" for number, value in zip(told["number"], told["value"], strict=True)]
+    say_at(axes, told["number"], told["value"], texts)
     _mark_falls(found, axes)
-    if found.problem.measure.unit == "Hz":
+    if unit == "Hz":
         _logarithmic(axes, survivors["value"].to_numpy(), found.problem.resolution)
     if survivors["value"].min() < 10 * found.problem.resolution:
         axes.axhline(
@@ -53,6 +58,8 @@ def plot_error(found: Findings, axes: Axes | None = None) -> Axes:
         return _finish(axes, "largest lump error, %")
     last = found.trials["number"].max()
     axes.step(np.append(bests["number"], last), np.append(errors, errors[-1:]), where="post", color=SURVIVOR)
+    texts = [f"trial {number}: {error:.3g} %" for number, error in zip(bests["number"], errors, strict=True)]
+    say_at(axes, bests["number"], errors, texts)
     axes.axhline(1.0, color=INK, linewidth=0.7, linestyle=":", label="1 %")
     axes.set_yscale("log")
     return _finish(axes, "largest lump error, %")

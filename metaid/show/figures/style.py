@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from html import escape
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import matplotlib as mpl
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -19,6 +23,10 @@ VALUES = "cividis"  # of frequencies: even in lightness, and the same for most e
 MANY = 600  # marks; more are drawn as pixels inside a vector file
 SUFFIXES = (".png", ".svg", ".pdf")
 COLUMN, PAGE = 3.5, 7.0  # inches: one column of a journal, and two
+
+POINTER = 8.0  # points, of the unseen marks that a pointer has to hit
+ON_TOP = 10.0  # of all that is drawn: a pointer hits what is on top
+_SAID: WeakKeyDictionary[Artist, tuple[str, ...]] = WeakKeyDictionary()
 
 SETTINGS: dict[Any, Any] = {
     "font.size": 8,
@@ -66,6 +74,54 @@ def new_axes(axes: Axes | None) -> Axes:
 
     with style():
         return pyplot.subplots(figsize=(0.7 * PAGE, 0.45 * PAGE), layout="constrained")[1]
+
+
+def say(artist: Artist, texts: Sequence[str]) -> None:
+    """What a browser says where a mark of an `artist` is pointed at; one text is of all of it."""
+    _SAID[artist] = tuple(texts)
+
+
+def say_at(axes: Axes, x: Any, y: Any, texts: Sequence[str]) -> None:
+    """The same at points that have no mark large enough to be pointed at.
+
+    Args:
+        axes: to draw on; nothing that is seen is.
+        x: of the points (npoint).
+        y: of the points (npoint).
+        texts: what is said at each (npoint).
+    """
+    (unseen,) = axes.plot(x, y, "o", color=INK, markersize=POINTER, alpha=0.0, zorder=ON_TOP, label="_said")
+    say(unseen, texts)
+
+
+def said_in(figure: Figure) -> dict[str, tuple[str, ...]]:
+    """All texts of a figure, each list under the id that its artist is given in an SVG."""
+    said: dict[str, tuple[str, ...]] = {}
+    for artist in figure.findobj(lambda artist: artist in _SAID):
+        artist.set_gid(f"said-{len(said)}")
+        said[f"said-{len(said)}"] = _SAID[artist]
+    return said
+
+
+def with_titles(svg: str, said: dict[str, tuple[str, ...]]) -> str:
+    """An SVG whose marks have their texts as titles, which browsers show when they are pointed at. Marks that are not
+    all drawn have none.
+    """
+    for name, texts in said.items():
+        titles = [f"<title>{escape(text)}</title>" for text in texts]
+        head, opening, rest = svg.partition(f'<g id="{name}">')
+        group, end, tail = rest.partition("</g>")
+        if len(texts) == 1:
+            group = titles[0] + group
+        else:
+            # What is before each mark, the mark, and at last what is after all of them.
+            *pieces, after = re.split(r"(?<=<use )([^>]*)/>", group)
+            if len(pieces) != 2 * len(texts):
+                continue
+            marks = zip(pieces[::2], pieces[1::2], titles, strict=True)
+            group = "".join(f"{before}{mark}>{title}</use>" for before, mark, title in marks) + after
+        svg = head + opening + group + end + tail
+    return svg
 
 
 def size_of(axes: Axes) -> tuple[float, float]:
