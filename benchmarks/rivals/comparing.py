@@ -37,7 +37,7 @@ LOGGED: dict[str, Callable[[Log], list[Array]]] = {
 }
 DRIVEN = {DRIVES: closed_loop_toolbox}
 METHODS = (*PUSHED, *LOGGED, *DRIVEN)
-UNEXPLAINED = ("torque noise", "late", "tilted", "friction", "kinematics")  # nobody knows what is wrong
+UNEXPLAINED = ("late", "tilted", "friction", "kinematics")  # nobody knows what is wrong
 OF_ARMS, OF_TOOLBOX = ("none", "fine", "kinematics"), ("none", "coarse", "fine", "torque noise")
 SEEDS = (0, 1, 2)
 
