@@ -40,12 +40,15 @@ class Estimate(Fit):
             None where no counts were compared, or no model shows them. Half of it is 1.96 times the deviation.
         counts: how many counts were compared, of which the misfit is the number that differs; None where none were.
         faults: that were searched beside the lumps; None where none were.
+        torque_noise: standard deviation of the noise of each joint's torque (njoint), in N m, that was found; None
+            where none was looked for.
     """
 
     lumps: Lumps
     extent: Array | None = None
     counts: int | None = None
     faults: FoundFaults | None = None
+    torque_noise: Array | None = None
 
     @property
     def point(self) -> Array:

@@ -15,6 +15,7 @@ from metaid.estimation.estimate import Comparison, Estimate, fit
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults, searched_faults
 from metaid.estimation.motions import Motions, Quantity
 from metaid.estimation.noisy import (
+    Innovations,
     Proposal,
     Readings,
     ReadTrial,
@@ -24,6 +25,7 @@ from metaid.estimation.noisy import (
     commanded_torques,
     explanations,
     filtered_speeds,
+    fit_with_torque_noise,
     proposed_faults,
     take_up,
     unmodelled_forces,
@@ -104,11 +106,15 @@ class Experiment(ABC):
         begin = start.start if start is not None and start.is_explained else None
         try:
             compared = self._comparison(trials)
-            if isinstance(compared, Counts):
-                return match_counts(compared, begin, RESTARTS if thorough else 0)
-            return fit(compared, begin, RESTARTS if thorough else 0)
+            return self._fit(compared, begin, RESTARTS if thorough else 0)
         except ValueError:
             return None
+
+    def _fit(self, compared: Comparison | Counts, begin: Array | None, restarts: int) -> Estimate:
+        """What is `compared` says of the chain.  Raises ValueError where no chain shows what was seen."""
+        if isinstance(compared, Counts):
+            return match_counts(compared, begin, restarts)
+        return fit(compared, begin, restarts)
 
     def unmodelled(self, trials: Sequence[Any], estimate: Estimate) -> list[Unmodelled]:
         """Forces that the model has not, as far as the `trials` show them beside an `estimate` of them. Without noise
@@ -192,6 +198,8 @@ class NoisyExperiment(Experiment):
         is_continuous: whether the plant moves continuously, as a real one does, and not in steps, as a simulated one.
         faults: that are searched beside the lumps.
         takes_up: whether faults are searched, too, once nothing explains the trials without them.
+        torque_noise: what the noise of each joint's torque (njoint) is said to be, in N m; None where torques have
+            none. How large it is, is found.
     """
 
     start_spread: Array | None
@@ -204,6 +212,7 @@ class NoisyExperiment(Experiment):
     is_continuous: bool = False
     faults: SearchedFaults = NO_FAULTS
     takes_up: bool = False
+    torque_noise: Array | None = None
 
     def trial(self, factors: Array, outcome: Outcome) -> ReadTrial | None:
         read = outcome.readings
@@ -230,8 +239,14 @@ class NoisyExperiment(Experiment):
     def is_settled(self, before: Estimate, after: Estimate) -> bool:
         return float(after.deviations.max()) > STILL_SHRINKS * float(before.deviations.max())
 
+    def _fit(self, compared: Comparison | Counts, begin: Array | None, restarts: int) -> Estimate:
+        if self.torque_noise is None or not isinstance(compared, Innovations):
+            return super()._fit(compared, begin, restarts)
+        return fit_with_torque_noise(compared, begin, self.torque_noise)
+
     def unmodelled(self, trials: Sequence[ReadTrial], estimate: Estimate) -> list[Unmodelled]:
-        return list(unmodelled_forces(self._comparison(trials), estimate))
+        led = self._led(trials, estimate)
+        return [] if led is None else list(unmodelled_forces(led, estimate))
 
     def estimate(self, trials: Sequence[Any], start: Estimate | None = None, thorough: bool = True) -> Estimate | None:
         if not self.takes_up:
@@ -258,8 +273,8 @@ class NoisyExperiment(Experiment):
         return (self if found.faults is None else self._searching(found.faults.searched)), found, taken
 
     def proposed(self, trials: Sequence[ReadTrial], estimate: Estimate) -> Proposal | None:
-        if self.takes_up:
-            return None  # none of them explains the trials
+        if self.takes_up or self.torque_noise is not None:
+            return None  # none of them explains the trials; or gains of a filter that are those without it
         declared = self.delay * self.timestep * self.substeps
         return proposed_faults(self._comparison(trials), estimate, self._search, declared)
 
@@ -272,4 +287,12 @@ class NoisyExperiment(Experiment):
         return replace(self, faults=faults, takes_up=False)
 
     def _comparison(self, trials: Sequence[ReadTrial]) -> Readings:
-        return Readings(trials, self.unknowns, self.gravity, faults=self.faults)
+        kind = Readings if self.torque_noise is None else Innovations
+        return kind(trials, self.unknowns, self.gravity, faults=self.faults)
+
+    def _led(self, trials: Sequence[ReadTrial], estimate: Estimate) -> Readings | None:
+        """What is compared at an `estimate`; None where the twin cannot follow."""
+        compared = self._comparison(trials)
+        if estimate.torque_noise is None or not isinstance(compared, Innovations):
+            return compared
+        return compared.led(estimate.point, estimate.torque_noise)

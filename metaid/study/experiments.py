@@ -24,9 +24,9 @@ SUBSTEPS = 10  # of the twin of a rig that moves continuously, in each timestep 
 def noisy_experiment(
     plant: MujocoPlant, spec: StudySpec, episode: Episode, nominal: Lumps, unknowns: Unknowns, start_speeds: Array
 ) -> NoisyExperiment:
-    """What the estimate knows of a plant with faults: how it is controlled, and what its user states of its pushes and
-    of its encoders. Noise is that of the plant at rest. What is said of faults that are searched is not believed. All
-    else shows in the misfit.
+    """What the estimate knows of a plant with faults: how it is controlled, and what its user states of its pushes,
+    of its encoders, and of the noise of its torques. Noise of its sensors is that of the plant at rest. What is said of
+    faults that are searched is not believed. All else shows in the misfit.
 
     Args:
         plant: that is pushed.
@@ -56,7 +56,8 @@ def noisy_experiment(
         delay=0 if "delay" in wanted.unbelieved_faults else faults.delay,
         lead=episode.lead,
         faults=searched_faults(wanted.searched_faults, unknowns.nominal, plant.gravity, start_speeds),
-        takes_up=wanted.takes_up_faults,
+        takes_up=wanted.takes_up_faults and not faults.torque_noise,
+        torque_noise=np.full(plant.njoint, faults.torque_noise) if faults.torque_noise else None,
     )
 
 

@@ -2,17 +2,21 @@
 
     estimate = fit(Readings([ReadTrial(...), ...], Unknowns(nominal), gravity))
 
+Where torques are noisy, `fit_with_torque_noise` compares `Innovations` instead: the twin is led by the readings.
 `unmodelled_forces` looks in what is left of the readings for a force that the model has not.
 """
 
 from metaid.estimation.noisy.commanded import centred, commanded_torques, filtered_speeds
+from metaid.estimation.noisy.innovations import Innovations
 from metaid.estimation.noisy.proposed import Proposal, Search, explanations, proposed_faults
 from metaid.estimation.noisy.read_trial import ReadTrial
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.taken_up import TakenUp, take_up
+from metaid.estimation.noisy.torque_noise import fit_with_torque_noise
 from metaid.estimation.noisy.unmodelled import Unmodelled, unmodelled_forces
 
 __all__ = [
+    "Innovations",
     "Proposal",
     "ReadTrial",
     "Readings",
@@ -23,6 +27,7 @@ __all__ = [
     "commanded_torques",
     "explanations",
     "filtered_speeds",
+    "fit_with_torque_noise",
     "proposed_faults",
     "take_up",
     "unmodelled_forces",

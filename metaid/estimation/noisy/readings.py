@@ -15,7 +15,7 @@ from metaid.estimation.noisy.polynomials import before
 from metaid.estimation.noisy.read_trial import ReadTrial
 from metaid.estimation.noisy.windows import Compared, ReadingsInWindows
 from metaid.estimation.trials import Replay, numbered_joints
-from metaid.estimation.twin import drive
+from metaid.estimation.twin import Coefficients, drive
 from metaid.estimation.unknowns import Unknowns, known_alone
 from metaid.estimation.workspace import Joints
 from metaid.models import Array
@@ -62,7 +62,7 @@ class Readings(ReadingsInWindows[ReadTrial, Unknowns]):
         """The trial of that `number`, some of its readings left out, and the twin at a `point` in its place."""
         trial, (unknowns, whitened) = self.trials[number], self._of_trial(number, point)
         log_factors, faults = self._parted(unknowns)
-        starts = _starts(trial, whitened)
+        starts = started(trial, whitened)
         (npush, nreading, _), last = trial.readings.shape, self._windows[number][0][-1]
         kept = np.unique(np.linspace(0, last, min(last, DRAWN) + 1).round().astype(int))
         basis = np.zeros((nreading, len(kept)))
@@ -94,23 +94,40 @@ class Readings(ReadingsInWindows[ReadTrial, Unknowns]):
         what was delivered.
         """
         log_factors, faults = self._parted(unknowns)
-        trial, (_, basis) = self._delivered(self.trials[number], faults), self._windows[number]
+        trial = self._delivered(self.trials[number], faults)
         if added is not None:
             trial = replace(trial, torques=trial.torques + added)
-        chosen, steps = self._longest(number, windows)
-        spread, starts = trial.start_spread, _starts(trial, whitened)
-        joints = self._joints(faults)
+        starts, joints = started(trial, whitened), self._joints(faults)
+        left = self._left(number, trial, starts, windows, log_factors, joints)
+        if left is None:
+            return None
+        npush, count = len(starts), len(log_factors)
+        slopes = left.slopes.reshape(npush, left.values[0].size, -1)
+        if trial.start_spread is not None:
+            slopes[..., count:] = slopes[..., count:] @ trial.start_spread
+        return left.values.reshape(npush, -1), slopes
+
+    def _left(
+        self, number: int, trial: ReadTrial, starts: Array, windows: int, log_factors: Array, joints: Joints | None
+    ) -> Coefficients | None:
+        """What the twin shows less what was read, in units of the noise, and its derivatives; None where it cannot
+        follow.
+
+        Args:
+            number: of the trial.
+            trial: with the torques that acted.
+            starts: joint speeds (npush x njoint) right after each push, in rad/s.
+            windows: of which the longest is watched.
+            log_factors: the unknowns (nlump).
+            joints: what they have beside the lumps; None for nothing.
+        """
+        (chosen, steps), (_, basis) = self._longest(number, windows), self._windows[number]
         twin = drive(trial, starts, steps, basis[chosen], self.unknowns, log_factors, self.gravity, joints)
         if twin is None:
             return None
         plants = np.einsum("ptk,ptj->pjk", basis[chosen], trial.readings * before(steps, trial.readings.shape[1]))
         unit = 1.0 / trial.noise[None, :, None]
-        npush = len(steps)
-        slopes = (unit[..., None] * twin.slopes).reshape(npush, plants[0].size, -1)
-        if spread is not None:
-            count = len(log_factors)
-            slopes[..., count:] = slopes[..., count:] @ spread
-        return (unit * (twin.values - plants)).reshape(npush, -1), slopes
+        return Coefficients(unit * (twin.values - plants), unit[..., None] * twin.slopes)
 
     def _parted(self, unknowns: Array) -> tuple[Array, Array]:
         """The log factors (nlump) and the faults (nfault) among the `unknowns` of all pushes."""
@@ -169,7 +186,7 @@ def _with_slopes(compared: Compared, count: int, further: Array) -> Compared:
     return values, np.concatenate([slopes[..., :count], further, slopes[..., count:]], axis=-1)
 
 
-def _starts(trial: ReadTrial, whitened: Array) -> Array:
+def started(trial: ReadTrial, whitened: Array) -> Array:
     """The start speeds q̇_0 + L u of each push (npush x njoint), in rad/s, u being `whitened` (npush x njoint)."""
     if trial.start_spread is None:
         return trial.start_speeds

@@ -1,0 +1,93 @@
+"""The estimate where torques are noisy, and how large their noise is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from metaid.estimation.estimate import Estimate, fit
+from metaid.estimation.noisy.innovations import Innovations
+from metaid.models import Array
+
+MOST_ROUNDS = 6  # of gains and unknowns in turn
+SETTLED = 0.05  # standard deviations, by which unknowns change in the last round
+APART, FARTHEST = 0.05, 1.5  # in the logarithm of a size: for its derivatives, and the longest step
+MOST_SWEEPS, CLOSE = 8, 0.02  # of the search for the sizes, and the step that ends it
+ROUGH_PUSHES, PUSHES = 12, 48  # whose readings tell the sizes: in the first round, and after it
+
+
+def fit_with_torque_noise(innovations: Innovations, start: Array | None, torque_noise: Array) -> Estimate:
+    """The chain that all trials lead to where noise of the torques moves it, too, and the size of that noise.
+
+    Gains and weights of the filter follow from the chain, and the chain from what the filter leaves. So they are found
+    in turn. In each round gains are given, so its estimate is one of least squares.
+
+    Args:
+        innovations: of all trials, without gains.
+        start: log factors, with faults behind them (nunknown), to begin with; None for the nominal model.
+        torque_noise: what the noise of each joint's torque is thought to be (njoint), in N m.
+
+    Raises:
+        ValueError: the twin cannot follow the trials.
+    """
+    count = len(innovations.spreads)
+    begin, sizes, found = np.zeros(count) if start is None else start, torque_noise, None
+    point = np.append(begin, np.zeros(innovations.extras))
+    for _ in range(MOST_ROUNDS):
+        if found is None:
+            sizes = likeliest_noise(innovations, point, sizes, ROUGH_PUSHES)
+        sizes = likeliest_noise(innovations, point, sizes, PUSHES, 1)
+        led = innovations.led(point, sizes)
+        if led is None:
+            raise ValueError("the twin cannot follow the readings")
+        before, found = found, replace(fit(led, point[:count], 0), torque_noise=sizes)
+        point = found.point
+        if before is not None and _is_settled(before, found):
+            break
+    assert found is not None, "there is a round"
+    return found
+
+
+def _is_settled(before: Estimate, after: Estimate) -> bool:
+    """Whether the last round has changed no lump."""
+    return bool((np.abs(after.log_factors - before.log_factors) <= SETTLED * after.deviations).all())
+
+
+def likeliest_noise(
+    innovations: Innovations, point: Array, torque_noise: Array, pushes: int, sweeps: int = MOST_SWEEPS
+) -> Array:
+    """The standard deviation of the noise of each joint's torque (njoint), in N m, that makes the readings most likely:
+    by Newton's steps in the logarithms.  Eq. 68.
+
+    Args:
+        innovations: of all trials.
+        point: the unknowns of all pushes, and behind them those of each.
+        torque_noise: where the search begins (njoint), in N m.
+        pushes: how many are looked at, at most.
+        sweeps: over all joints. Where there are several, there are as many of steps that all joints have in common
+            before.
+    """
+    joints = np.eye(len(torque_noise))
+    logarithms = np.log(torque_noise)
+    for directions in (np.ones_like(joints[:1]), joints) if sweeps > 1 else (joints,):
+        for _ in range(sweeps):
+            before = logarithms
+            for direction in directions:
+                logarithms = logarithms + _step(innovations, point, logarithms, direction, pushes) * direction
+            if float(np.abs(logarithms - before).max()) < CLOSE:
+                break
+    return np.exp(logarithms)
+
+
+def _step(innovations: Innovations, point: Array, logarithms: Array, direction: Array, pushes: int) -> float:
+    """The step of the `logarithms` (njoint) of sizes in a `direction` (njoint), to the top of a parabola."""
+    less, here, more = (
+        innovations.likelihood(point, np.exp(logarithms + step * direction), pushes) for step in (-APART, 0.0, APART)
+    )
+    slope, curvature = (more - less) / (2.0 * APART), (more - 2.0 * here + less) / APART**2
+    if not np.isfinite(slope + curvature):
+        return 0.0
+    if curvature >= 0.0:
+        return float(np.sign(slope)) * FARTHEST
+    return float(np.clip(-slope / curvature, -FARTHEST, FARTHEST))
