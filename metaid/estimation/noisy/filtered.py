@@ -2,8 +2,8 @@
 
 Noise of the torque adds up in the motion, so a twin that is driven by what was commanded loses the plant. So at each
 reading the twin is set right by a gain times what it was wrong by, the innovation. The gains and the covariances of the
-innovations follow from a first run (Eq. 66). In the runs of the fit they are given. So an innovation is a function of
-the unknowns alone, and its derivatives are exact (Eq. 67).
+innovations follow from a first run (Eq. 65). In the runs of the fit they are given. So an innovation is a function of
+the unknowns alone, and its derivatives are exact (Eq. 66).
 """
 
 from __future__ import annotations
@@ -40,13 +40,14 @@ def spread_of(nlink: int) -> Spread:
 
 
 @compiled
-def lead(start, forces, readings, balance, settings, noise, steps, work, spread, gains, weights):  # type: ignore[no-untyped-def]
-    """Runs one push as the filter does (Eq. 66), and fills in its gains. Returns the sum of the squares of the whitened
+def lead(start, begin, forces, readings, balance, settings, noise, steps, work, spread, gains, weights):  # type: ignore[no-untyped-def]
+    """Runs one push as the filter does (Eq. 65), and fills in its gains. Returns the sum of the squares of the whitened
     innovations and the logarithm of the determinants of their covariances; NaN where the twin cannot
     follow.
 
     Args:
         start: joint speeds (njoint) right after the push, in rad/s.
+        begin: covariance of the absolute speeds then (njoint x njoint), in rad²/s².
         forces: Q of Eq. 22 at each step (nstep x njoint), in N m: what was commanded.
         readings: absolute angles (nstep + 1 x njoint), in rad.
         balance, work: see `workspace`; `balance` without a law.
@@ -62,6 +63,9 @@ def lead(start, forces, readings, balance, settings, noise, steps, work, spread,
     n = start.shape[0]
     set_off(start, -1, work)
     spread.state[:] = 0.0
+    for i in range(n):
+        for j in range(n):
+            spread.state[n + i, n + j] = begin[i, j]
     squares, logarithm = 0.0, 0.0
     for reading in range(steps + 1):
         if reading > 0:
@@ -189,7 +193,7 @@ def _correct(seen, spread, work, gain, weight):  # type: ignore[no-untyped-def]
 
 @compiled
 def watch_innovations(start, forces, readings, balance, derivatives, settings, led, basis, steps, work, seen):  # type: ignore[no-untyped-def]
-    """Runs one push with gains that are given (Eq. 67); whether the twin could follow.
+    """Runs one push with gains that are given (Eq. 66); whether the twin could follow.
 
     Args:
         start, forces, readings, balance, steps: see `lead`.

@@ -64,7 +64,7 @@ class Innovations(Readings):
 
         def run(first: int, stride: int) -> None:
             room = workspace(n, columns, False)
-            _watch_pushes(first, stride, *pushed, *forces, *compared, room, (values, slopes, followed))
+            _watch_pushes(first, stride, pushed, *forces, *compared, room, (values, slopes, followed))
 
         share_out(run, npush, int(steps.sum()) * trial.substeps * n * (4 * n + coefficients) * columns)
         return Coefficients(values, slopes) if followed.all() else None
@@ -78,13 +78,15 @@ class Innovations(Readings):
 
     def likelihood(self, point: Array, torque_noise: Array, pushes: int) -> float:
         """The logarithm of the likelihood of the readings of about so many `pushes`, but for a constant, at a `point`,
-        where torques of the joints have noise of these standard deviations (njoint), in N m.  Eq. 68.
+        where torques of the joints have noise of these standard deviations (njoint), in N m.  Eq. 67.
         """
         each = -(-pushes // len(self.trials))
         return sum(self._lead(number, point, torque_noise, each).likelihood for number in range(len(self.trials)))
 
     def _lead(self, number: int, point: Array, torque_noise: Array, most: int | None = None) -> Gains:
-        """The filter's gains in a trial; those of at most so many pushes, where that is said."""
+        """The filter's gains in a trial. Where it is said of how `most` pushes, it is for their likelihood: then their
+        start speeds are not those of the point, to which the noise of the torques has already led, but any.
+        """
         unknowns, whitened = self._of_trial(number, point)
         log_factors, faults = self._parted(unknowns)
         trial = self._delivered(self.trials[number], faults)
@@ -94,16 +96,19 @@ class Innovations(Readings):
         torques = np.eye(n) - np.eye(n, k=1)  # the torque of a joint turns its link, and the one below the other way
         noise = (links * trial.noise**2) @ links.T, (torques * torque_noise**2) @ torques.T
         gains, weights = np.zeros((npush, readings, 2 * n, n)), np.zeros((npush, readings, n, n))
-        sums = np.zeros((npush, 2))
+        sums, begins = np.zeros((npush, 2)), np.zeros((npush, n, n))
         pushes = np.flatnonzero(trial.steps > 0)
         if most is not None:
             pushes = pushes[:: -(-len(pushes) // most) or 1]
-        pushed = starts, trial.forces, np.cumsum(trial.readings, axis=-1)
+            starts = trial.start_speeds
+            if trial.start_spread is not None:
+                begins = np.einsum("ij,pjk,plk,ml->pim", links, trial.start_spread, trial.start_spread, links)
+        pushed = starts, begins, trial.forces, np.cumsum(trial.readings, axis=-1)
         settings = (trial.timestep, trial.substeps), noise, trial.steps
 
         def run(first: int, stride: int) -> None:
             room = workspace(n, 0, False), spread_of(n)
-            _lead_pushes(pushes[first::stride], *pushed, forces, *settings, *room, gains, weights, sums)
+            _lead_pushes(pushes[first::stride], pushed, forces, *settings, *room, gains, weights, sums)
 
         share_out(run, len(pushes), int(trial.steps[pushes].sum()) * trial.substeps * 20 * n**3)
         squares, logarithm = sums.sum(axis=0)
@@ -111,24 +116,22 @@ class Innovations(Readings):
 
 
 @compiled
-def _watch_pushes(
-    first, stride, starts, forces, readings, balance, derivatives, settings, led, bases, steps, work, seen
-):  # type: ignore[no-untyped-def]
+def _watch_pushes(first, stride, started, balance, derivatives, settings, led, bases, steps, work, seen):  # type: ignore[no-untyped-def]
     """Every `stride`-th push from the `first` on."""
+    starts, forces, readings = started
     gains, weights = led
     values, slopes, followed = seen
     for push in range(first, starts.shape[0], stride):
         pushed, own = (starts[push], forces[push], readings[push]), (gains[push], weights[push])
-        shown = values[push], slopes[push]
-        followed[push] = watch_innovations(
-            *pushed, balance, derivatives, settings, own, bases[push], steps[push], work, shown
-        )
+        shown = bases[push], steps[push], work, (values[push], slopes[push])
+        followed[push] = watch_innovations(*pushed, balance, derivatives, settings, own, *shown)
 
 
 @compiled
-def _lead_pushes(pushes, starts, forces, readings, balance, settings, noise, steps, work, spread, gains, weights, sums):  # type: ignore[no-untyped-def]
+def _lead_pushes(pushes, begun, balance, settings, noise, steps, work, spread, gains, weights, sums):  # type: ignore[no-untyped-def]
     """Each of the `pushes`; fills in the two sums of `lead` (npush x 2)."""
+    starts, begins, forces, readings = begun
     for push in pushes:
-        pushed = starts[push], forces[push], readings[push]
+        pushed = starts[push], begins[push], forces[push], readings[push]
         found = lead(*pushed, balance, settings, noise, steps[push], work, spread, gains[push], weights[push])
         sums[push, 0], sums[push, 1] = found

@@ -14,6 +14,7 @@ MOST_ROUNDS = 6  # of gains and unknowns in turn
 SETTLED = 0.05  # standard deviations, by which unknowns change in the last round
 APART, FARTHEST = 0.05, 1.5  # in the logarithm of a size: for its derivatives, and the longest step
 MOST_SWEEPS, CLOSE = 8, 0.02  # of the search for the sizes, and the step that ends it
+ALIKE = 0.3  # standard deviation of the logarithm of a joint's size about their mean, beforehand
 ROUGH_PUSHES, PUSHES = 12, 48  # whose readings tell the sizes: in the first round, and after it
 
 
@@ -58,7 +59,7 @@ def likeliest_noise(
     innovations: Innovations, point: Array, torque_noise: Array, pushes: int, sweeps: int = MOST_SWEEPS
 ) -> Array:
     """The standard deviation of the noise of each joint's torque (njoint), in N m, that makes the readings most likely:
-    by Newton's steps in the logarithms.  Eq. 68.
+    by Newton's steps in the logarithms.  Eq. 67.
 
     Args:
         innovations: of all trials.
@@ -82,12 +83,16 @@ def likeliest_noise(
 
 def _step(innovations: Innovations, point: Array, logarithms: Array, direction: Array, pushes: int) -> float:
     """The step of the `logarithms` (njoint) of sizes in a `direction` (njoint), to the top of a parabola."""
-    less, here, more = (
-        innovations.likelihood(point, np.exp(logarithms + step * direction), pushes) for step in (-APART, 0.0, APART)
-    )
+    tried = (logarithms + step * direction for step in (-APART, 0.0, APART))
+    less, here, more = (innovations.likelihood(point, np.exp(each), pushes) + _belief(each) for each in tried)
     slope, curvature = (more - less) / (2.0 * APART), (more - 2.0 * here + less) / APART**2
     if not np.isfinite(slope + curvature):
         return 0.0
     if curvature >= 0.0:
         return float(np.sign(slope)) * FARTHEST
     return float(np.clip(-slope / curvature, -FARTHEST, FARTHEST))
+
+
+def _belief(logarithms: Array) -> float:
+    """The logarithm of how likely the `logarithms` (njoint) of sizes are beforehand: drives of a plant are alike."""
+    return -0.5 * float(((logarithms - logarithms.mean()) ** 2).sum()) / ALIKE**2
