@@ -2,8 +2,8 @@
 
 Noise of the torque adds up in the motion, so a twin that is driven by what was commanded loses the plant. So at each
 reading the twin is set right by a gain times what it was wrong by, the innovation. The gains and the covariances of the
-innovations follow from a first run (Eq. 65). In the runs of the fit they are given. So an innovation is a function of
-the unknowns alone, and its derivatives are exact (Eq. 66).
+innovations follow from a first run (Eq. 66). In the runs of the fit they are given. So an innovation is a function of
+the unknowns alone, and its derivatives are exact (Eq. 67).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def spread_of(nlink: int) -> Spread:
 
 @compiled
 def lead(start, begin, forces, readings, balance, settings, noise, steps, work, spread, gains, weights):  # type: ignore[no-untyped-def]
-    """Runs one push as the filter does (Eq. 65), and fills in its gains. Returns the sum of the squares of the whitened
+    """Runs one push as the filter does (Eq. 66), and fills in its gains. Returns the sum of the squares of the whitened
     innovations and the logarithm of the determinants of their covariances; NaN where the twin cannot
     follow.
 
@@ -193,7 +193,7 @@ def _correct(seen, spread, work, gain, weight):  # type: ignore[no-untyped-def]
 
 @compiled
 def watch_innovations(start, forces, readings, balance, derivatives, settings, led, basis, steps, work, seen):  # type: ignore[no-untyped-def]
-    """Runs one push with gains that are given (Eq. 66); whether the twin could follow.
+    """Runs one push with gains that are given (Eq. 67); whether the twin could follow.
 
     Args:
         start, forces, readings, balance, steps: see `lead`.

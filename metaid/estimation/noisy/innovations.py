@@ -78,7 +78,7 @@ class Innovations(Readings):
 
     def likelihood(self, point: Array, torque_noise: Array, pushes: int) -> float:
         """The logarithm of the likelihood of the readings of about so many `pushes`, but for a constant, at a `point`,
-        where torques of the joints have noise of these standard deviations (njoint), in N m.  Eq. 67.
+        where torques of the joints have noise of these standard deviations (njoint), in N m.  Eq. 68.
         """
         each = -(-pushes // len(self.trials))
         return sum(self._lead(number, point, torque_noise, each).likelihood for number in range(len(self.trials)))
