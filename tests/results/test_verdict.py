@@ -220,7 +220,7 @@ def test_counts_are_not_compared_on_a_noisy_plant() -> None:
 
 def test_force_that_the_model_has_not_is_named_with_its_size_and_what_to_do() -> None:
     """A spring of 0.5 N m/rad in one link, of which the misfit says nothing: it passes for noise."""
-    judged = try_case(396)
+    judged = try_case(396, tells_why=True)
     assert judged.verdict == "not found"
     assert "the motion shows a force that the model has not, a spring, 0.51 N m/rad or one like it" in judged.reasons
     assert "take it off" in judged.reasons

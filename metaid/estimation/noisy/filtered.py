@@ -40,7 +40,7 @@ def spread_of(nlink: int) -> Spread:
 
 
 @compiled
-def lead(start, begin, forces, readings, balance, settings, noise, steps, work, spread, gains, weights):  # type: ignore[no-untyped-def]
+def lead(start, begin, forces, readings, balance, settings, noise, steps, work, spread, gains, weights, states):  # type: ignore[no-untyped-def]
     """Runs one push as the filter does (Eq. 66), and fills in its gains. Returns the sum of the squares of the whitened
     innovations and the logarithm of the determinants of their covariances; NaN where the twin cannot
     follow.
@@ -57,6 +57,7 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
         spread: see `Spread`.
         gains: (nstep + 1 x 2 njoint x njoint), filled in.
         weights: L⁻¹ with L Lᵀ the covariance of an innovation (nstep + 1 x njoint x njoint), in 1/rad, filled in.
+        states: absolute angles, in rad, before speeds, in rad/s, after each reading (nstep + 1 x 2 njoint), filled in.
     """
     timestep, substeps = settings
     of_reading, of_force = noise
@@ -87,6 +88,8 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
             _add_noise(of_force, spread)
         logarithm += _weigh(of_reading, spread)
         squares += _correct(readings[reading], spread, work, gains[reading], weights[reading])
+        for i in range(n):
+            states[reading, i], states[reading, n + i] = work.angle[i], work.speed[i]
     return squares, logarithm
 
 

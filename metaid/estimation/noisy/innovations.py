@@ -23,11 +23,13 @@ class Gains:
     Attributes:
         gains: of the state, absolute angles above speeds, by an innovation (npush x nstep + 1 x 2 njoint x njoint).
         weights: L⁻¹ with L Lᵀ the covariance of an innovation (npush x nstep + 1 x njoint x njoint), in 1/rad.
+        states: the filter's, after each reading (npush x nstep + 1 x 2 njoint), in rad and rad/s.
         likelihood: the logarithm of that of the readings, but for a constant; NaN where the twin cannot follow.
     """
 
     gains: Array
     weights: Array
+    states: Array
     likelihood: float
 
 
@@ -43,6 +45,10 @@ class Innovations(Readings):
     @property
     def stages(self) -> int:
         return 1
+
+    @property
+    def is_led(self) -> bool:
+        return True
 
     def _longest(self, number: int, windows: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return super()._longest(number, super().stages)
@@ -68,6 +74,15 @@ class Innovations(Readings):
 
         share_out(run, npush, int(steps.sum()) * trial.substeps * n * (4 * n + coefficients) * columns)
         return Coefficients(values, slopes) if followed.all() else None
+
+    def motion(self, number: int) -> tuple[Array, Array]:
+        """As the filter has it: what noise of a torque does is seen in later readings alone. Were it in the speed of
+        its own step already, as it is in speeds that later readings smooth, it would look like friction.
+        """
+        states, (npush, readings, n) = self.gains[number].states, self.trials[number].readings.shape
+        joints = np.diff(states.reshape(npush, readings, 2, n), axis=-1, prepend=0.0)[:, :-1]
+        going = (np.arange(readings - 1) < self.trials[number].steps[:, None])[..., None]
+        return joints[:, :, 0] * going, joints[:, :, 1] * going
 
     def led(self, point: Array, torque_noise: Array) -> Innovations | None:
         """The same with the gains at a `point`, where torques of the joints have noise of these standard deviations
@@ -96,6 +111,7 @@ class Innovations(Readings):
         torques = np.eye(n) - np.eye(n, k=1)  # the torque of a joint turns its link, and the one below the other way
         noise = (links * trial.noise**2) @ links.T, (torques * torque_noise**2) @ torques.T
         gains, weights = np.zeros((npush, readings, 2 * n, n)), np.zeros((npush, readings, n, n))
+        states = np.zeros((npush, readings, 2 * n))
         sums, begins = np.zeros((npush, 2)), np.zeros((npush, n, n))
         pushes = np.flatnonzero(trial.steps > 0)
         if most is not None:
@@ -108,11 +124,11 @@ class Innovations(Readings):
 
         def run(first: int, stride: int) -> None:
             room = workspace(n, 0, False), spread_of(n)
-            _lead_pushes(pushes[first::stride], pushed, forces, *settings, *room, gains, weights, sums)
+            _lead_pushes(pushes[first::stride], pushed, forces, *settings, *room, (gains, weights, states), sums)
 
         share_out(run, len(pushes), int(trial.steps[pushes].sum()) * trial.substeps * 20 * n**3)
         squares, logarithm = sums.sum(axis=0)
-        return Gains(gains, weights, -0.5 * float(squares + logarithm))
+        return Gains(gains, weights, states, -0.5 * float(squares + logarithm))
 
 
 @compiled
@@ -128,10 +144,12 @@ def _watch_pushes(first, stride, started, balance, derivatives, settings, led, b
 
 
 @compiled
-def _lead_pushes(pushes, begun, balance, settings, noise, steps, work, spread, gains, weights, sums):  # type: ignore[no-untyped-def]
+def _lead_pushes(pushes, begun, balance, settings, noise, steps, work, spread, led, sums):  # type: ignore[no-untyped-def]
     """Each of the `pushes`; fills in the two sums of `lead` (npush x 2)."""
     starts, begins, forces, readings = begun
+    gains, weights, states = led
     for push in pushes:
         pushed = starts[push], begins[push], forces[push], readings[push]
-        found = lead(*pushed, balance, settings, noise, steps[push], work, spread, gains[push], weights[push])
+        own = gains[push], weights[push], states[push]
+        found = lead(*pushed, balance, settings, noise, steps[push], work, spread, *own)
         sums[push, 0], sums[push, 1] = found

@@ -13,6 +13,7 @@ from metaid.estimation.descent import Residuals
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults
 from metaid.estimation.noisy.polynomials import before
 from metaid.estimation.noisy.read_trial import ReadTrial
+from metaid.estimation.noisy.smoothed import smoothed
 from metaid.estimation.noisy.windows import Compared, ReadingsInWindows
 from metaid.estimation.trials import Replay, numbered_joints
 from metaid.estimation.twin import Coefficients, drive
@@ -57,6 +58,17 @@ class Readings(ReadingsInWindows[ReadTrial, Unknowns]):
             return None if further is None else _with_slopes(compared, len(unknowns), further)
 
         return self._eliminated(point, self.stages, _compared, len(self.spreads) + len(torques[0]))
+
+    @property
+    def is_led(self) -> bool:
+        """Whether the readings set the twin right."""
+        return False
+
+    def motion(self, number: int) -> tuple[Array, Array]:
+        """Angles, in rad, and speeds, in rad/s, of the joints at each step of a trial (npush x nstep x njoint), as far
+        as its readings tell; zeros after a fall.
+        """
+        return smoothed(self.trials[number])
 
     def replay(self, number: int, point: Array) -> Replay:
         """The trial of that `number`, some of its readings left out, and the twin at a `point` in its place."""

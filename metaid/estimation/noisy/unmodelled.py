@@ -12,14 +12,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial import legendre
 
 from metaid.estimation.estimate import Estimate
 from metaid.estimation.noisy.read_trial import ReadTrial
 from metaid.estimation.noisy.readings import Readings
 from metaid.models import SLIDING, Array
 
-DEGREE = 9  # of the polynomials that smooth the angles of a push
 CHANCE = 6.0  # standard deviations above what noise alone gains: it does not gain as much by chance
 LEAST_GAIN = 15.0  # for the tails of so many forces and joints
 TRIFLE = 1e-3  # of a lump: a force that moves none by more does no harm
@@ -36,6 +34,8 @@ KINDS = {
     "coulomb": ("dry friction", "N m", 'search it: estimate.faults = ["dry"]'),
     "delay": ("torques that come late", "s", 'search it: estimate.faults = ["delay"]'),
 }
+# A filter is linear about the twin that it leads, and what it leaves out looks like joints that push by a little.
+RESISTING = ("damping", "coulomb")
 FORCE_OF = {"viscous": "damping", "dry": "coulomb"}  # the force that a fault is, where it has another name
 
 
@@ -91,7 +91,7 @@ def unmodelled_forces(readings: Readings, estimate: Estimate) -> Iterator[Unmode
 
     Forces that are among the unknowns, as lumps or as faults, are not looked for.
     """
-    torques = [_torques(trial) for trial in readings.trials]
+    torques = [_torques(trial, *readings.motion(number)) for number, trial in enumerate(readings.trials)]
     known = {*readings.unknowns.kinds, *(FORCE_OF.get(kind, kind) for kind in readings.faults.kinds)}
     kinds = [kind for kind in KINDS if kind not in known]
     columns = [np.concatenate([each[kind] for kind in kinds]) for each in torques]
@@ -117,6 +117,7 @@ def unmodelled_forces(readings: Readings, estimate: Estimate) -> Iterator[Unmode
             shift=step[:lumps],
             reach=UNSEEN * np.sqrt(more),
             is_seen=before - after > by_chance(last - first)
+            and not (readings.is_led and kind in RESISTING and bool((step[count:] <= 0.0).all()))
             and bool((np.abs(step[:lumps]) > 1.96 * estimate.deviations + TRIFLE).any()),
         )
         first = last
@@ -137,12 +138,11 @@ def _least(slopes: Array, values: Array) -> tuple[float, Array, Array]:
     return float(remaining @ remaining), step, inverse @ inverse.T
 
 
-def _torques(trial: ReadTrial) -> dict[str, Array]:
-    """The joint torques that forces of one unit would add to those commanded: by kind (nsize x npush x nstep x
-    njoint), in N m.
+def _torques(trial: ReadTrial, angles: Array, speeds: Array) -> dict[str, Array]:
+    """The joint torques that forces of one unit would add to those commanded, where joints have such `angles`, in rad,
+    and `speeds`, in rad/s, at each step (npush x nstep x njoint): by kind (nsize x npush x nstep x njoint), in N m.
     """
     timestep, joints = trial.timestep * trial.substeps, np.eye(trial.start_speeds.shape[1])
-    angles, speeds = _smoothed(trial, timestep)
     earlier = np.zeros_like(trial.torques)
     earlier[:, 1:] = trial.torques[:, :-1]
     return {
@@ -151,18 +151,3 @@ def _torques(trial: ReadTrial) -> dict[str, Array]:
         "coulomb": -np.clip(speeds / SLIDING, -1.0, 1.0) * joints[:, None, None],
         "delay": ((earlier - trial.torques) / timestep)[None],
     }
-
-
-def _smoothed(trial: ReadTrial, timestep: float) -> tuple[Array, Array]:
-    """Angles and speeds of the joints at each step (npush x nstep x njoint), by a polynomial of each push; `timestep`
-    between readings in s. Zeros after a fall.
-    """
-    angles, speeds = np.zeros_like(trial.torques), np.zeros_like(trial.torques)
-    for push, steps in enumerate(trial.steps.tolist()):
-        if steps < 2:
-            continue
-        times = np.linspace(-1.0, 1.0, steps + 1)
-        fitted = legendre.legfit(times, trial.readings[push, : steps + 1], min(DEGREE, steps // 2))
-        angles[push, :steps] = legendre.legval(times[:-1], fitted).T
-        speeds[push, :steps] = legendre.legval(times[:-1], legendre.legder(fitted)).T * (2.0 / (steps * timestep))
-    return angles, speeds
