@@ -19,12 +19,14 @@ from metaid.search import make_searcher
 from metaid.study import Problem, StudySettings, StudySpec
 
 SEARCHED = {"friction": "viscous", "tilt": "tilt", "delay": "delay", "offset": "offset"}  # as a study has them
-MOST_TRIALS = 4  # of `output-error`, which has more pushes in a trial where there is more time
+# Of `output-error`: there are more pushes in a trial where there is more time, and fewer where there is little. One law
+# alone says little of what it compensates, so two trials of a push each say more than one of two.
+FEWEST_TRIALS, MOST_TRIALS = 2, 4
 
 
 def trials_of(pushes: int, nlink: int) -> int:
     """How many trials of `output-error` so many pushes are: two for each link in each, or two trials of fewer."""
-    return int(np.clip(pushes // (2 * nlink), min(max(pushes // nlink, 1), 2), MOST_TRIALS))
+    return min(int(np.clip(pushes // (2 * nlink), FEWEST_TRIALS, MOST_TRIALS)), pushes)
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,8 @@ class Rig:
 
         self.spec = spec()
         if sampler == "output-error":
-            pushes = max(round(seconds / plant.timestep) // Problem(self.spec).episode.steps, 1)
+            one = spec(episode={**episode, "count": 1})
+            pushes = max(round(seconds / plant.timestep) // Problem(one).episode.steps, 1)
             trials = trials_of(pushes, len(nominal))
             self.spec = spec(trials=trials, episode={**episode, "count": pushes // trials})
         self.problem = Problem(self.spec)
