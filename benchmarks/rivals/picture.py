@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from PIL import Image
 
 from benchmarks.rivals.answers import EXACT, Result, medians, name_of
 from benchmarks.rivals.comparing import METHODS, OURS
@@ -55,8 +56,9 @@ def draw(results: Sequence[Result], links: int) -> Figure:
 
 
 def save(results: Sequence[Result], links: int, path: Path) -> None:
-    """Writes the picture as PNG."""
+    """Writes the picture as PNG, in few colours."""
     draw(results, links).savefig(path, dpi=85)
+    Image.open(path).convert("RGB").quantize(64, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 def _is_of(result: Result, condition: str, links: int) -> bool:
