@@ -38,6 +38,7 @@ def draw(results: Sequence[Result], links: int) -> Figure:
             errors = [100.0 * float(np.clip(middle[budget][method], EXACT, 1.0)) for budget in known]
             is_ours = method == OURS
             style = {"color": "black" if is_ours else f"C{place - 1}", "linewidth": 2.5 if is_ours else 1.2}
+            style["linestyle"] = "--" if method.startswith("mujoco") else "-"
             panel.plot(known, errors, marker="o", markersize=4 if is_ours else 3, label=method, **style)
         panel.set_title(condition if number == links else f"{name_of(number)}, {condition}", fontsize=9)
         panel.set_xlabel("seconds of motion", fontsize=8)
