@@ -275,3 +275,4 @@ def test_methods_that_are_exact_win_alike() -> None:
     """And where none is, the one with the least error."""
     assert winners({"one": 1e-12, "other": 1e-7, "third": 1e-3}) == ["one", "other"]
     assert winners({"one": 1e-2, "third": 1e-3}) == ["third"]
+    assert winners({}) == []  # where every method says that it has not found it

@@ -130,8 +130,8 @@ def counted(results: Sequence[Result], column: tuple[int, int]) -> dict[str, flo
 
 
 def winners(middle: dict[str, float]) -> list[str]:
-    """The methods with the least of these errors; all that are exact, where any is."""
-    least = min(middle.values())
+    """The methods with the least of these errors; all that are exact, where any is; none of none."""
+    least = min(middle.values(), default=0.0)
     return [method for method, error in middle.items() if error <= max(least, EXACT)]
 
 
