@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from metaid.estimation import Estimate, Experiment, Proposal, Replay, SeenTrial, TakenUp, Unmodelled
 
 FIRST_TRIALS = 12  # of which it is looked for how early the estimate was there
+FEW_TRIALS = 3
 MOST_LEFT = 0.3  # of the squares of a misfit: a force that leaves more of it is not what is missing
 CLOSE = 1e-3  # of every lump: so near its last value an estimate was there
 
@@ -45,7 +46,8 @@ class StudyEstimate:
 
         def is_enough(count: int) -> bool:
             whole = count == self.trials
-            early = self.estimate if whole else self.experiment.estimate(self.watched[:count], thorough=False)
+            thorough = count <= FEW_TRIALS  # they may lead elsewhere at first, and cost little
+            early = self.estimate if whole else self.experiment.estimate(self.watched[:count], thorough=thorough)
             return early is not None and np.abs(early.log_factors - self.estimate.log_factors).max() <= CLOSE
 
         with threadpool_limits(1):  # fewer than the probes cannot tell all
