@@ -111,7 +111,7 @@ class Experiment(ABC):
             return None
 
     def _fit(self, compared: Comparison | Counts, begin: Array | None, restarts: int) -> Estimate:
-        """What is `compared` says of the chain.  Raises ValueError where no chain shows what was seen."""
+        """What is compared says of the chain.  Raises ValueError where no chain shows what was seen."""
         if isinstance(compared, Counts):
             return match_counts(compared, begin, restarts)
         return fit(compared, begin, restarts)
