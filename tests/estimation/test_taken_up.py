@@ -87,6 +87,17 @@ def test_spring_does_not_pass_for_a_tilt() -> None:
     assert taken.description.startswith("several faults explain what was seen: a tilt of ")
 
 
+@pytest.mark.parametrize(("second", "kind"), [(0.0, "tilt"), (1.4e-4, "offset")])
+def test_offsets_are_taken_up_where_lumps_would_be_elsewhere_with_a_tilt(second: float, kind: str) -> None:
+    """A tilt, which is an offset of the first encoder, explains both plants and has fewer unknowns."""
+    faults = FaultSettings(angle_noise=NOISE, speed_sensor=False, tilt=0.01, encoder_offset=(0.0, second))
+    seen = watched(2, 1, faults=faults)
+    trials = [seen.read_trial(raised(seen.nominal.lumps, law)) for law in LAWS]
+    _, taken = taken_up(seen, Readings(trials, Unknowns(seen.nominal.lumps), GRAVITY), ("tilt",))
+    assert taken is not None
+    assert (taken.kinds, taken.holds) == ((kind,), True), taken.description
+
+
 def test_fault_that_was_taken_up_says_what_the_misfit_is_without_it() -> None:
     """In one sentence."""
     taken = TakenUp(("delay", "tilt"), ("8 ms", "30 mrad"), 41.0, 1.1, 1.0, 1.3, ())

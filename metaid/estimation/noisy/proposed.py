@@ -16,13 +16,14 @@ from metaid.plant import FAULT_UNITS
 Search = Callable[[tuple[str, ...]], SearchedFaults]  # makes faults of given kinds unknown
 
 # The next only where those before explain nothing.
-TRIED = (("delay",), ("tilt",), ("viscous",), ("spring",), ("delay", "tilt"))
+TRIED = (("delay",), ("tilt",), ("viscous",), ("spring",), ("offset",), ("delay", "tilt"))
 LUMP_OF = {"viscous": "damping"}  # friction that is searched as a lump is not tried
 NAMES = {
     "delay": "a delay of",
     "tilt": "a tilt of",
     "viscous": "viscous friction of up to",
     "spring": "springs of up to",
+    "offset": "encoder offsets of up to",
 }
 IN_THOUSANDTHS = {"s": "ms", "rad": "mrad"}
 
@@ -78,8 +79,10 @@ def explanations(
     known = readings.faults.kinds
     for kinds in tried:
         searched = {*known, *readings.unknowns.kinds}
-        if searched & {*kinds, *(LUMP_OF.get(kind, kind) for kind in kinds)} or ("tilt" in kinds and "offset" in known):
+        if searched & {*kinds, *(LUMP_OF.get(kind, kind) for kind in kinds)} or _is_twofold((*known, *kinds)):
             continue
+        if "offset" in kinds and readings.unknowns.nominal.nlink == 1:
+            continue  # of one link it is a tilt
         wanted = search(tuple(kind for kind in FAULT_UNITS if kind in (*known, *kinds)))
         try:
             found = _explained(replace(readings, faults=wanted), _begin(estimate, wanted))
@@ -87,6 +90,11 @@ def explanations(
             continue
         if found.is_explained:
             yield found
+
+
+def _is_twofold(kinds: Sequence[str]) -> bool:
+    """Whether faults of these `kinds` have a tilt twice: an offset of the first encoder moves the plant like one."""
+    return {"tilt", "offset"} <= set(kinds)
 
 
 def _explained(readings: Readings, start: Array) -> Estimate:

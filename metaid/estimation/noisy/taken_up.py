@@ -17,7 +17,7 @@ from metaid.estimation.noisy.polynomials import explained_by_noise
 from metaid.estimation.noisy.proposed import TRIED, Search, explanations, fault_sizes, named_faults
 from metaid.estimation.noisy.read_trial import ReadTrial
 from metaid.estimation.noisy.readings import Readings
-from metaid.estimation.noisy.unmodelled import by_chance, unmodelled_forces
+from metaid.estimation.noisy.unmodelled import UNSEEN, by_chance, unmodelled_forces
 
 SINGLE = tuple(kinds for kinds in TRIED if len(kinds) == 1)
 SEVERAL = tuple(kinds for kinds in TRIED if len(kinds) > 1)
@@ -88,7 +88,7 @@ def take_up(readings: Readings, estimate: Estimate, search: Search) -> tuple[Est
         explained = explained or [each for each in found if _is_whole(_with_faults(readings, each), each)]
     if not explained:
         return plain or estimate, None
-    best, *others = sorted(explained, key=lambda each: each.cost)
+    best = _best(explained)
     assert best.faults is not None
     kinds = best.faults.searched.kinds
     is_known = estimate.faults is not None and estimate.faults.searched.kinds == kinds
@@ -96,7 +96,7 @@ def take_up(readings: Readings, estimate: Estimate, search: Search) -> tuple[Est
     if again is not None and _is_whole(readings, again):
         return again, None
     before = min((each.misfit for each in (plain, again) if each is not None), default=np.inf)
-    rivals = (_rival(best, each) for each in others)
+    rivals = (_rival(best, each) for each in explained if each is not best)
     foretold = _foretold(_with_faults(readings, best), best)
     sizes = fault_sizes(kinds, best.faults)
     return best, TakenUp(kinds, sizes, before, best.misfit, *foretold, tuple(each for each in rivals if each))
@@ -121,22 +121,60 @@ def _is_whole(readings: Readings, estimate: Estimate) -> bool:
     return estimate.is_explained and not any(force.is_seen for force in unmodelled_forces(readings, estimate))
 
 
-def _rival(best: Estimate, other: Estimate) -> str:
-    """What speaks for an `other` explanation than the `best`, in words; nothing where the readings refute it, or it has
-    the same lumps.
+def _best(explained: Sequence[Estimate]) -> Estimate:
+    """The one with the least cost, or a special case of its fault that explains as much with the same lumps, for that
+    has fewer unknowns.
     """
-    assert best.faults is not None
+    best = min(explained, key=lambda each: each.cost)
+    special = (each for each in explained if _is_special(each, best) and _explains_as_much(each, best))
+    return next((each for each in special if _moved(each, best) is None), best)
+
+
+def _is_special(one: Estimate, other: Estimate) -> bool:
+    """Whether what `one` has taken up is a special case of what the `other` has: a tilt is an offset of the first
+    encoder, where all others read right.
+    """
+    return "tilt" in _kinds(one) and "offset" in _kinds(other)
+
+
+def _explains_as_much(one: Estimate, other: Estimate) -> bool:
+    """Whether noise may be all that makes the cost of `one` larger than that of the `other`."""
+    assert one.faults is not None
     assert other.faults is not None
-    fewer = abs(len(best.faults.values) - len(other.faults.values)) + 1
-    if 2.0 * (other.cost - best.cost) > by_chance(fewer):
-        return ""
-    change = other.log_factors - best.log_factors
-    beyond = np.abs(change) / (HALF_WIDTH * best.deviations + TRIFLE)
+    fewer = abs(len(one.faults.values) - len(other.faults.values)) + 1
+    return 2.0 * (one.cost - other.cost) <= by_chance(fewer)
+
+
+def _moved(best: Estimate, other: Estimate) -> int | None:
+    """The lump that an `other` explanation has farthest out of the interval of the `best`; None where all are inside.
+
+    One of which the best is a special case knows lumps less well. By so much they may differ by chance.
+    """
+    change = np.abs(other.log_factors - best.log_factors)
+    beyond = change / (HALF_WIDTH * best.deviations + TRIFLE)
+    if _is_special(best, other):
+        less = np.sqrt(np.maximum(other.deviations**2 - best.deviations**2, 0.0))
+        beyond[change <= UNSEEN * less] = 0.0
     moved = int(np.argmax(beyond))
-    if beyond[moved] <= 1.0:
+    return moved if beyond[moved] > 1.0 else None
+
+
+def _kinds(estimate: Estimate) -> tuple[str, ...]:
+    """The kinds of faults of an `estimate` that has some."""
+    assert estimate.faults is not None
+    return estimate.faults.searched.kinds
+
+
+def _rival(best: Estimate, other: Estimate) -> str:
+    """What speaks for an `other` explanation than the `best`, in words; nothing where the readings refute it, it has
+    the same lumps, or it is a special case: where that is right, so is the best.
+    """
+    moved = _moved(best, other)
+    if moved is None or _is_special(other, best) or not _explains_as_much(other, best):
         return ""
-    by = 100.0 * float(np.expm1(change[moved]))
-    named = named_faults(other.faults.searched.kinds, fault_sizes(other.faults.searched.kinds, other.faults))
+    assert other.faults is not None
+    by = 100.0 * float(np.expm1(other.log_factors[moved] - best.log_factors[moved]))
+    named = named_faults(_kinds(other), fault_sizes(_kinds(other), other.faults))
     return f"{named}, with which {best.names[moved]} would be {abs(by):.2g} % {'larger' if by > 0.0 else 'smaller'}"
 
 
