@@ -154,15 +154,17 @@ def grow(comparison: Growing, point: Array, gives_up: bool = False) -> Descent |
     iterations, reached, stride, explained = 0, 0, comparison.stride, True
     while reached < comparison.stages:
         windows = min(reached + stride, comparison.stages) if reached else 1
-        found, valley = _descent(comparison, point, windows), explained
+        found, valley = _descent(comparison, point, windows, gives_up=gives_up), explained
         iterations += 0 if found is None else found.iterations
         explained = found is not None and misfit(found) < IN_THE_VALLEY
-        if valley and not explained and reached and stride > 1:
-            explained, stride = True, stride // 2
+        if valley and not explained and reached and windows > reached + 1:
+            explained = True
+            while stride >= windows - reached:  # what remains may be less than a stride
+                stride //= 2
             continue
         if gives_up and found is not None and found.converged and not explained:
             # Without noise a last step that is short enough for windows that are to grow leaves much of what there is.
-            found = _descent(comparison, found.place.point, windows, exactly=True)
+            found = _descent(comparison, found.place.point, windows, exactly=True, gives_up=True)
             explained = found is not None and misfit(found) < IN_THE_VALLEY
         if found is None or (gives_up and not explained):
             return None
@@ -172,16 +174,29 @@ def grow(comparison: Growing, point: Array, gives_up: bool = False) -> Descent |
     return Descent(found.place, iterations, found.converged)
 
 
-def _descent(comparison: Growing, point: Array, windows: int, exactly: bool = False) -> Descent | None:
+def _descent(
+    comparison: Growing, point: Array, windows: int, exactly: bool = False, gives_up: bool = False
+) -> Descent | None:
     """That from a `point` on the first `windows` windows, roughly where these are to grow, unless it is to be done
-    `exactly`; None where the twin cannot follow from there.
+    `exactly`; None where the twin cannot follow from there. One that `gives_up` ends where the
+    misfit fell by so little in MOST_ROUGH steps that at this pace it will never be that of a valley.
     """
     place = place_at(comparison, point, windows)
     if place is None:
         return None
     grows = windows < comparison.stages
-    limits = (EXACTLY if exactly or not grows else ROUGHLY), (MOST_ROUGH if grows else MOST_EXACT)
-    return descend(comparison, place, windows, *limits, comparison.ends_when_cut, comparison.least_gain)
+    tolerance, most = (EXACTLY if exactly or not grows else ROUGHLY), (MOST_ROUGH if grows else MOST_EXACT)
+    ends = comparison.ends_when_cut, comparison.least_gain
+    if not gives_up:
+        return descend(comparison, place, windows, tolerance, most, *ends)
+    taken = 0
+    while True:
+        found = descend(comparison, place, windows, tolerance, min(MOST_ROUGH, most - taken), *ends)
+        taken += found.iterations
+        place, before = found.place, place
+        left = (found.place.cost / before.cost) ** (0.5 * (most - taken) / MOST_ROUGH)  # of the misfit, at this pace
+        if found.converged or taken >= most or left * misfit(found) >= IN_THE_VALLEY:
+            return Descent(place, taken, found.converged)
 
 
 def misfit(found: Descent) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from watched import GRAVITY, TIMESTEP, raised, watched
 
 from metaid.estimation import Estimate, Motions, Quantity, Unknowns, fit
 from metaid.estimation.descent import Residuals, descend, place_at
+from metaid.estimation.fit import grow
 from metaid.models import Array, Lumps
 
 FULL_WITH_DAMPING = ("gravity", "coriolis", "damping", "inertia")
@@ -195,3 +197,26 @@ def test_descent_in_short_steps_goes_on_if_asked_to() -> None:
     assert ended.place.point[0] < 0.01
     assert not went_on.converged
     assert went_on.place.point[0] > 0.05
+
+
+class LongGorge(Gorge):
+    """That seen by a fit on one window, whose lowest point, far away, is still no explanation; how often it looked."""
+
+    stages, stride, ends_when_cut, least_gain, explained_below = 1, 1, False, 1e-6, 1.5
+
+    def __init__(self) -> None:
+        self.looked = 0
+
+    def residuals(self, point: Array, windows: int) -> Residuals | None:
+        self.looked += 1
+        found = super().residuals(point, windows)
+        return None if found is None else replace(found, cost=found.cost + 1e3)
+
+
+def test_fit_that_gives_up_does_not_follow_a_valley_too_long_to_explain_anything() -> None:
+    """At its pace it would not be explained by the last step that it may make."""
+    patient: Any = LongGorge()
+    impatient: Any = LongGorge()
+    assert grow(patient, np.zeros(2)) is not None
+    assert grow(impatient, np.zeros(2), gives_up=True) is None
+    assert impatient.looked < 0.6 * patient.looked
