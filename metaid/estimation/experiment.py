@@ -37,6 +37,8 @@ from metaid.models import Array, Lumps
 PROBES = {"speed": 1, "both": 1, "frequency": 2, "count": 10}  # trials that over-compensate, by what is compared
 OVER_COMPENSATED = 1.5  # factor of the gravity lumps in the first law, of those that the search starts from
 PROBED = 1.6, 2.6  # factors of the gravity lumps in a probe, drawn at random
+# The same where torques are noisy: quick swings at large accelerations, beside which the noise is small.
+PROBED_ROUGHLY = 5.0, 7.0
 RESTARTS = 3  # of a fit that explains nothing, from elsewhere
 STILL_SHRINKS = 0.95  # of the widest interval before: a trial that leaves more of it is worth no other
 
@@ -79,9 +81,20 @@ class Experiment(ABC):
         """
         factors = start.copy()
         factors[: self.nominal.nlink] *= (
-            OVER_COMPENSATED if random is None else random.uniform(*PROBED, self.nominal.nlink)
+            OVER_COMPENSATED if random is None else random.uniform(*self.probed, self.nominal.nlink)
         )
         return factors
+
+    @property
+    def probed(self) -> tuple[float, float]:
+        """Between which a probe draws its factors of the gravity lumps."""
+        return PROBED
+
+    def is_to_probe(self, trials: int, is_settled: bool) -> bool:
+        """Whether the law after so many `trials` over-compensates what the estimate has: where intervals have
+        stopped shrinking, for one that coasts shows no more.
+        """
+        return is_settled
 
     @abstractmethod
     def is_coasting(self, value: float) -> bool:
@@ -233,10 +246,22 @@ class NoisyExperiment(Experiment):
     def probes(self) -> int:
         return 1
 
+    @property
+    def probed(self) -> tuple[float, float]:
+        return PROBED if self.torque_noise is None else PROBED_ROUGHLY
+
+    def is_to_probe(self, trials: int, is_settled: bool) -> bool:
+        """Where torques are noisy, every other law does: one that coasts shows gravity lumps alone, and one that swings
+        the others.
+        """
+        return is_settled if self.torque_noise is None else trials % 2 == 1
+
     def is_coasting(self, value: float) -> bool:
         return False  # noise hides how well it coasts: its intervals say how well the plant is known
 
     def is_settled(self, before: Estimate, after: Estimate) -> bool:
+        if self.torque_noise is not None:  # a trial narrows the intervals of those lumps that it shows
+            return bool((after.deviations > STILL_SHRINKS * before.deviations).all())
         return float(after.deviations.max()) > STILL_SHRINKS * float(before.deviations.max())
 
     def _fit(self, compared: Comparison | Counts, begin: Array | None, restarts: int) -> Estimate:

@@ -20,6 +20,8 @@ MOST_MEMORY = 8 * 2**30  # bytes
 AT_ONCE = 32  # trials of a generation whose angles are kept until their measure is known
 SAMPLED = 40  # times after each push at which the nominal model is looked at (`search/sensitivity.py`)
 NUMBER = 8  # bytes
+HIGH = 2.0  # upper bound of a factor by default
+ROUGH_HIGH = 8.0  # the same of gravity lumps where torques are noisy, for there laws over-compensate much
 
 
 def check_settings(spec: StudySpec, nominal: Chain) -> None:
@@ -159,6 +161,22 @@ def check_size(spec: StudySpec, measure: Measure, pushes: int, steps: int, rests
         )
 
 
+def upper_bounds(spec: StudySpec) -> Factors:
+    """The `high` of `[search]`, or what it is by default."""
+    study, plant = spec.study, spec.plant
+    if study.search.high is not None:
+        return study.search.high
+    is_rough = isinstance(plant, PlantSettings) and plant.faults.torque_noise and not plant.faults.torque_limit
+    if is_rough and study.search.space == "lumps" and SAMPLERS[study.sampler].by_estimate:
+        return {f"gravity_{link + 1}": ROUGH_HIGH for link in range(len(spec.nominal))}
+    return HIGH
+
+
+def _default(key: str) -> float:
+    """The factor that `[search]` has under a `key` where a table leaves it out."""
+    return HIGH if key == "high" else float(SearchSettings.model_fields[key].default)
+
+
 def parameter_factors(key: str, given: Factors, names: Sequence[str]) -> Array:
     """What `[search]` gives under a `key` for the parameters of these `names` (nsearched).  Raises StudyError."""
     if not isinstance(given, dict):
@@ -166,7 +184,7 @@ def parameter_factors(key: str, given: Factors, names: Sequence[str]) -> Array:
     for name in given:
         if name not in names:
             raise StudyError(f"search: {key}: {unknown('parameter', name, names)}")
-    return np.array([given.get(name, SearchSettings.model_fields[key].default) for name in names])
+    return np.array([given.get(name, _default(key)) for name in names])
 
 
 def lump_factors(key: str, given: Factors, nlink: int, search: SearchSettings, stage: int) -> Array:
@@ -182,8 +200,7 @@ def lump_factors(key: str, given: Factors, nlink: int, search: SearchSettings, s
     Raises:
         StudyError: a lump is not known.
     """
-    default = SearchSettings.model_fields[key].default
-    one, table = (default, given) if isinstance(given, dict) else (given, {})
+    one, table = (_default(key), given) if isinstance(given, dict) else (given, {})
     try:
         factors = factors_from_names(table, nlink, one, (*search.lumps, "inertia"))
     except EpisodeError as problem:

@@ -40,7 +40,14 @@ from metaid.search import (
     widened,
 )
 from metaid.study.calibration import calibration_of
-from metaid.study.contradictions import check_bounds, check_rig, check_settings, lump_factors, parameter_factors
+from metaid.study.contradictions import (
+    check_bounds,
+    check_rig,
+    check_settings,
+    lump_factors,
+    parameter_factors,
+    upper_bounds,
+)
 from metaid.study.experiments import noisy_experiment, rig_experiment
 from metaid.study.pushing import make_episode, refuse_unseen_pushes, rest_noise
 from metaid.study.settings import EpisodeSettings, StudySpec
@@ -78,7 +85,7 @@ class Problem:
         self.lumps = self._nominal_lumps()
         self.names = self.lumps.names
         search = spec.study.search
-        given = {key: getattr(search, key) for key in ("start", "low", "high")}
+        given = {"start": search.start, "low": search.low, "high": upper_bounds(spec)}
         self.body_space: BodySpace | None = None
         if search.space == "lumps":
             nlink = self.nominal.nlink

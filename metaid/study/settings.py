@@ -46,8 +46,9 @@ class NominalSettings(Settings):
 class SearchSettings(SamplerOptions):
     """`[search]`: the kinds of `lumps` that are searched, "gravity" and "coriolis" and, if wanted, "damping" and
     "coulomb"; bounds `low`, `high` and `start` as factors of the nominal lumps, one for all or a table by lump
-    name; whether a bound that holds the search back may be moved away, once (`widen`; default: yes, but for a rig); the
-    coordinates; a `target` of the measure at which the search may stop; and the options of the sampler.
+    name (`upper_bounds` has the default of `high`); whether a bound that holds the search back may be moved away, once
+    (`widen`; default: yes, but for a rig); the coordinates; a `target` of the measure at which the search may stop; and
+    the options of the sampler.
 
     With the `space` "parameters", factors are of each link's mass and centre of mass instead, in coordinates of their
     own, and the last `walk` trials go through the bodies that are as good as the best.
@@ -62,7 +63,7 @@ class SearchSettings(SamplerOptions):
     coordinates: Literal["nominal-metric", "plain"] = "nominal-metric"
     start: Factors = 1.0
     low: Factors = 0.5
-    high: Factors = 2.0
+    high: Factors | None = None
     widen: bool | None = None
     target: Annotated[float, Field(ge=0)] | None = None
 

@@ -18,7 +18,7 @@ from metaid.store.database import Store
 from metaid.study.create import create_study
 from metaid.study.problem import Problem
 from metaid.study.run import run_study
-from metaid.study.settings import EpisodeSettings, EstimateSettings, StudySettings, StudySpec
+from metaid.study.settings import EpisodeSettings, EstimateSettings, SearchSettings, StudySettings, StudySpec
 
 NOISE = {"angle_noise": 1e-3, "speed_sensor": False}
 
@@ -79,6 +79,33 @@ def test_law_that_looks_ahead_is_known_too(store: Store) -> None:
     found = shown(store, spec_of(3, 2, {**NOISE, "delay": 4}, episode={"lead": 0.009}))
     assert 0.8 < found["misfit"] < 1.2
     assert found["max_error"] < 0.01
+
+
+ROUGH = {"angle_noise": 1e-4, "speed_sensor": False, "push_noise": 0.02, "torque_noise": 0.3}
+
+
+def test_every_other_law_swings_the_chain_hard_where_torques_are_noisy(store: Store) -> None:
+    """So inertia lumps, which a chain that coasts does not show, are known as well as the others."""
+    spec = spec_of(2, 1, ROUGH, trials=4, episode={"count": 21})
+    found = shown(store, spec)
+    factors = results.trials_frame(store, spec.name)[["gravity_1", "gravity_2"]].to_numpy()
+    assert (factors[[1, 3]] > 3.0 * factors[2]).all()
+    assert found["verdict"] == "found"
+    assert max(lump["sd"] / lump["identified"] for lump in found["lumps"]) < 0.0015  # 0.3 % with laws that coast
+
+
+@pytest.mark.parametrize(
+    ("more", "high"),
+    [
+        ({}, [8.0, 8.0, 2.0]),
+        ({"search": SearchSettings(high=2.0)}, [2.0, 2.0, 2.0]),
+        ({"sampler": "newton"}, [2.0, 2.0, 2.0]),
+        ({"faults": {"torque_limit": 9.0}}, [2.0, 2.0, 2.0]),
+    ],
+)
+def test_laws_may_over_compensate_much_where_torques_are_noisy(more: dict[str, Any], high: list[float]) -> None:
+    """Up to eight times the nominal gravity lumps, unless the study says otherwise or drives have a limit."""
+    assert Problem(spec_of(2, 1, {**ROUGH, **more.pop("faults", {})}, **more)).high.tolist() == high
 
 
 @pytest.mark.parametrize(

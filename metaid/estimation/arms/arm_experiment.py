@@ -50,6 +50,12 @@ class ArmExperiment:
             return start
         return self.searched.values(self.searched.spread * random.standard_normal(len(start)))
 
+    def is_to_probe(self, trials: int, is_settled: bool) -> bool:
+        """Whether the law after so many `trials` is another than that of the estimate: where one more of it tells no
+        more.
+        """
+        return is_settled
+
     def trial(self, values: Array, outcome: Outcome) -> SeenArmTrial | None:
         """A trial whose law had these base parameters (nbase), and what was seen of it; None where nothing was."""
         law, episode = self.searched.belief.parameters_at(values), self.episode
