@@ -49,7 +49,7 @@ audit: $(VENV)/.dev .venv-docs/.ready .venv-tools/bin/pip-audit
 bench: $(VENV)/.runtime
 	$(BIN)/python -m benchmarks
 
-# Every figure of every document, printed anew and compared: hours.
+# Every figure of every document, printed anew and compared: an hour on two idle cores.
 figures: $(VENV)/.dev
 	$(BIN)/python -m soak.figures
 

@@ -8,9 +8,20 @@ from pathlib import Path
 
 import pytest
 
-from soak.figures import ROOT, differences, documents, figures, tables
+from benchmarks.common import NEEDS_MORE
+from soak.figures import DIFFERS, NOT_COMPARED, ROOT, Figures, Printed, differences, documents, figures, judged, tables
 
-RESULTS = ("full-dynamics.md", "higher-dof.md", "method.md", "paper.md", "real-plants.md")
+RESULTS = (
+    "README.md",
+    "cluster.md",
+    "full-dynamics.md",
+    "higher-dof.md",
+    "method.md",
+    "paper.md",
+    "peers.md",
+    "real-plants.md",
+    "samplers.md",
+)
 MANY = 30  # numbers of a table that somebody measured
 PRINTED = """
 | links | found | worst error | seconds |
@@ -31,7 +42,7 @@ def test_tables_of_results_say_what_prints_them(document: Path) -> None:
 
 def test_commands_are_there() -> None:
     """Each runs a module of the repository."""
-    commands = {part for document in documents() for table in figures(document) for part in table.command.split("; ")}
+    commands = {part for document in documents() for table in figures(document) for part in table.commands}
     assert len(commands) > 10
     for command in commands:
         python, option, module, *_ = shlex.split(command)
@@ -42,12 +53,35 @@ def test_commands_are_there() -> None:
 def stated(text: str) -> list[str]:
     """How a table that a document states differs from what is printed."""
     ((_, _, rows),) = tables(text)
-    return differences(rows, PRINTED)
+    return differences(rows, [PRINTED])
 
 
 def test_the_same_figures_are_the_same() -> None:
     """In fewer columns and rows, on a slower machine, and with other errors of rounding."""
     assert not stated("| links | worst error | seconds |\n| --- | --: | --- |\n| 2 | **5e-14 of 2** | 77 |\n")
+
+
+def test_a_column_that_names_seconds_of_motion_is_compared() -> None:
+    """Another error after 60 s is one, and another time of computing is none."""
+    ((_, _, rows),) = tables("| method | N = 3, 60 s | computing, s |\n| --- | --- | --- |\n| DIDIM | 2 | 1 |\n")
+    printed = "| method | N = 3, 60 s | computing, s |\n| --- | --- | --- |\n| DIDIM | {} | 5 |\n"
+    assert not differences(rows, [printed.format(2)])
+    assert len(differences(rows, [printed.format(3)])) == 1
+
+
+def test_rows_of_one_output_are_of_one_table() -> None:
+    """Rows of two tables of the same columns do not make up one, but those of two commands do."""
+    ((_, _, rows),) = tables("| links | found |\n| --- | --- |\n| 2 | 1 |\n| 3 | 4 |\n")
+    first, second = (f"| links | found |\n| --- | --- |\n| {row} |\n\n" for row in ("2 | 1", "3 | 4"))
+    assert differences(rows, [first + second])
+    assert not differences(rows, [first, second])
+
+
+@pytest.mark.parametrize(("status", "verdict"), [(0, "the same"), (1, DIFFERS), (NEEDS_MORE, NOT_COMPARED)])
+def test_a_command_that_cannot_be_run_here_is_no_difference(status: int, verdict: str) -> None:
+    """One that fails otherwise is."""
+    ((_, _, rows),) = tables(PRINTED)
+    assert judged(Figures(ROOT, 1, ("python -m x",), rows), [Printed(PRINTED, status, 0.1)])[0] == verdict
 
 
 @pytest.mark.parametrize(("cell", "near"), [("| 3 | 5 of 5 |", "3 | 4 of 5"), ("| 4 | 4 of 5 |", "3 | 4 of 5")])
