@@ -4,12 +4,15 @@
 
 Both get the same filtered motion and torques. figaroh makes pinocchio's regressor with ten parameters a link, leaves
 out the columns that nothing shows, reduces the others to base parameters by QR decompositions, and solves by least
-squares. Printed is the torque of each model on held-out states, as an error and as the difference of the two.
+squares. Printed is the error of the torque of each model on held-out states, with each filter, in natural times wide.
 """
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
+from importlib.metadata import version
+from importlib.util import find_spec
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,10 +20,11 @@ import numpy as np
 
 from benchmarks.by_torque import inverse_dynamics_regressor
 from benchmarks.chains import random_chain
+from benchmarks.common import NEEDS_MORE, table
 from benchmarks.rivals.conditions import CONDITIONS
 from benchmarks.rivals.logs import record
 from benchmarks.rivals.models import ChainModel
-from benchmarks.rivals.regression import motions, ordinary, rows_of, search_beforehand
+from benchmarks.rivals.regression import SPANS, motions, ordinary, rows_of, search_beforehand
 from metaid.models import Array, Chain
 from metaid.plant import chain_of
 
@@ -42,7 +46,10 @@ def pinocchio_chain(chain: Chain, gravity: float) -> Any:
 
 
 def main() -> None:
-    """Prints the comparison."""
+    """Prints a row for each of the two."""
+    if find_spec("figaroh") is None:
+        print("figaroh is not installed (pip install figaroh)", file=sys.stderr)
+        sys.exit(NEEDS_MORE)
     tools, qr = import_module("figaroh.tools.regressor"), import_module("figaroh.tools.qrdecomposition")
     true, nominal = random_chain(LINKS, 0)
     log = record(true, nominal, CONDITIONS["coarse"], SECONDS, 0)
@@ -63,6 +70,7 @@ def main() -> None:
         )
         return np.asarray(whole)
 
+    found_plain, found_figaroh = [], []
     for motion in motions(log, log.seen.angles, log.seen.speeds, search_beforehand(log)):
         plain = ordinary(rows_of(log, motion))
         matrix = rows(motion.angles, motion.speeds, motion.accelerations)
@@ -71,11 +79,22 @@ def main() -> None:
         found = qr.QRDecomposer().decompose(reduced, kept, motion.torques.T.ravel())
         shown = tools.build_regressor_reduced(rows(*held_out), left_out)[:, list(found.base_indices)] @ found.phi_b
         ours = inverse_dynamics_regressor(held_out[0], held_out[1], held_out[2], model.gravity) @ plain
-        theirs = shown.reshape(LINKS, HELD_OUT).T
-        print(
-            f"{found.rank} base parameters of {len(plain)}; error: least squares {_share(ours, right):.4%}, "
-            f"figaroh {_share(theirs, right):.4%}; they differ by {_share(ours, theirs):.1e}"
+        found_plain.append(_share(ours, right))
+        found_figaroh.append(_share(shown.reshape(LINKS, HELD_OUT).T, right))
+        print(f"{found.rank} base parameters of figaroh, {len(plain)} of least squares", file=sys.stderr)
+    columns = [f"{span:g}" for span in SPANS]
+    named = {"least squares": found_plain, f"figaroh {version('figaroh')}": found_figaroh}
+    print(
+        table(
+            [
+                {
+                    "filter, √(l/g)": name,
+                    **{column: f"{100.0 * error:.2g} %" for column, error in zip(columns, errors, strict=True)},
+                }
+                for name, errors in named.items()
+            ]
         )
+    )
 
 
 def _share(one: Array, other: Array) -> float:

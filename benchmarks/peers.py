@@ -4,6 +4,9 @@
     python -m benchmarks.peers --part coarse --links 3 --seeds 0 1   # one question
     python -m benchmarks.peers --part fine --links 6 7               # the arms: puma560 and pa10
     python -m benchmarks.peers --results FILE                        # goes on where it was stopped
+    python -m benchmarks.peers --report                              # the tables of docs/peers.md, from what is kept
+    python -m benchmarks.peers --again --links 2 --seeds 0           # measures these anew; are they what is kept?
+    python -m benchmarks.peers --report --results FILE --keep        # keeps what is in FILE
 
 Chains and wrong nominal models are those of `chains.py`; arms are two that ship, their nominal models are drawn as
 `arms.py` draws them. metaid pushes the rig; the others drive it along exciting trajectories. All have the same sensors,
@@ -30,6 +33,7 @@ from benchmarks.common import finished, keep
 from benchmarks.rivals.answers import print_answers, tuned
 from benchmarks.rivals.comparing import BUDGETS, METHODS, SEEDS, Cell, Run, measure, measure_all, wanted
 from benchmarks.rivals.conditions import CONDITIONS
+from benchmarks.rivals.kept import differences, read_cells, write_cells
 from benchmarks.rivals.picture import save
 
 LINKS = (2, 3, 5, 6, 7)
@@ -47,26 +51,41 @@ def main() -> None:
     parser.add_argument("--budgets", type=int, nargs="+", help="seconds of motion (default: 5, 60; of 3 links 15, 300)")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--results", type=Path, help="a file of finished runs, which is read and added to")
-    parser.add_argument("--report", action="store_true", help="measure nothing, print all that is in the file")
+    parser.add_argument("--report", action="store_true", help="measure nothing, print all that is in the file, or kept")
+    parser.add_argument("--keep", action="store_true", help="keep these results as those that docs/peers.md states")
+    parser.add_argument(
+        "--again", action="store_true", help="compare with those that are kept; status 1 if one differs"
+    )
     parser.add_argument(
         "-o", "--output", type=Path, help="a PNG of error against seconds of motion, of three links and the arms"
     )
     parser.add_argument("--json", action="store_true", help="every single result")
     given = parser.parse_args()
+    budgets = {links: given.budgets or (BUDGETS if links == SHOWN else FEWER) for links in given.links}
+    runs = wanted(given.part, given.methods, budgets, given.seeds)
+    if given.again:
+        sys.exit(repeat(runs, given.workers))
     if given.report:
-        if given.results is None:
-            parser.error("--report needs --results FILE")
-        cells = list(finished(Cell, given.results).values())
+        cells = list(finished(Cell, given.results).values()) if given.results else read_cells()
     else:
-        budgets = {links: given.budgets or (BUDGETS if links == SHOWN else FEWER) for links in given.links}
-        runs = wanted(given.part, given.methods, budgets, given.seeds)
         cells = measured(runs, given.results, given.workers)
+    if given.keep:
+        write_cells(cells)
     if given.output:
         save(tuned(cells), SHOWN if SHOWN in given.links else max(given.links), given.output)
     if given.json:
         print(json.dumps([asdict(cell) for cell in cells], indent=1))
     else:
         print_answers(cells)
+
+
+def repeat(runs: list[Run], workers: int) -> int:
+    """Measures those of the `runs` anew that are kept, and prints which are otherwise; the exit status."""
+    kept = {(cell.sampler, cell.links, cell.seed): cell for cell in read_cells()}
+    anew = measured([run for run in runs if run in kept], None, workers)
+    different = differences(list(kept.values()), anew)
+    print("\n".join([*different, f"{len(anew)} results measured again, {len(different)} of them are not what is kept"]))
+    return 1 if different else 0
 
 
 def measured(runs: list[Run], results: Path | None, workers: int) -> list[Cell]:

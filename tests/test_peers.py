@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from benchmarks.rivals.answers import tuned, winners
 from benchmarks.rivals.arm_model import misplaced
 from benchmarks.rivals.comparing import DRIVEN, LOGGED, METHODS, OPEN, OURS, Cell, key, measure, wanted
 from benchmarks.rivals.conditions import CONDITIONS, ENCODER, TIMESTEP, Condition
+from benchmarks.rivals.kept import KEPT, differences, read_cells, write_cells
 from benchmarks.rivals.logs import SPEED, SWING, Log, record
 from benchmarks.rivals.models import ChainModel
 from benchmarks.rivals.pushed import output_error, trials_of
@@ -276,3 +278,17 @@ def test_methods_that_are_exact_win_alike() -> None:
     assert winners({"one": 1e-12, "other": 1e-7, "third": 1e-3}) == ["one", "other"]
     assert winners({"one": 1e-2, "third": 1e-3}) == ["third"]
     assert winners({}) == []  # where every method says that it has not found it
+
+
+def test_results_that_are_kept_are_read_as_they_were_written(tmp_path: Path) -> None:
+    """And one that is measured otherwise is named, by what it was and what it is."""
+    kept = read_cells()
+    write_cells(reversed(kept), tmp_path / "kept.csv")
+    assert (tmp_path / "kept.csv").read_text() == KEPT.read_text()
+    cell = next(each for each in kept if each.condition == "coarse")
+    worse = replace(cell, errors=[{name: 1.2 * error for name, error in each.items()} for each in cell.errors])
+    rounded = replace(cell, errors=[{name: 1.001 * error for name, error in each.items()} for each in cell.errors])
+    assert not differences(kept, [rounded])
+    (told,) = differences(kept, [worse])
+    assert told.startswith(f"{cell.sampler}, {cell.links} links, seed {cell.seed}: kept")
+    assert len(differences(kept, [replace(cell, verdict="not found")])) == 1
