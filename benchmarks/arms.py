@@ -11,9 +11,9 @@ installs. A URDF states no rotors, and most of these no friction: they get some,
 Masses and inertias of the nominal arm are wrong by up to 30 %, centres of mass by up to 15 %, rotors and friction are
 believed to be nothing. A trial is 2 njoint coasts and njoint pushes on springs, 0.3 s each, from poses and speeds in
 the joint ranges. The first has the law of the nominal arm, each other one that of the estimate from all before. Errors
-are those of gravity torque, Coriolis torque and mass matrix (`metaid.models.tree.model_error`); in brackets the largest
-after each trial. A `--sampler` that minimises is told the value of each trial and nothing else. Dry friction can be
-taken away with `--smooth`.
+are those of gravity torque, Coriolis torque and mass matrix (`metaid.models.tree.model_error`) after the last trial, of
+those that were found. A `--sampler` that minimises is told the value of each trial and nothing else. `--smooth` takes
+dry friction away.
 Seconds are those of trials and fits, without compilation, of all threads together: two cores need half as long.
 """
 
@@ -23,7 +23,7 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
@@ -31,6 +31,7 @@ from statistics import median
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from benchmarks.common import NEEDS_MORE, Row, table
 from metaid.compiled.arms import ArmLoop, ArmObjective
 from metaid.episode import window_ends
 from metaid.episode.arms import ArmEpisode, resolution_hz
@@ -62,7 +63,9 @@ JOINTS = {"panda": tuple(f"panda_joint{i}" for i in range(1, 8))}  # of the othe
 HORIZON, WINDOWS, STIFFNESS = 0.3, 6, 30.0  # s, their number, 1/s²
 # Of the torque limit: a rotor's inertia per rad/s², viscous friction per rad/s, dry friction.
 ROTOR, DAMPING, COULOMB = 0.004, 0.01, 0.02
-WITHIN, EXACTLY = 0.01, 0.001
+WITHIN = 0.01
+EXACT = 1e-8  # an error below which what is left is rounding, which differs by processor
+ERRORS = {"gravity": "gravity torque", "coriolis": "Coriolis torque", "mass_matrix": "mass matrix"}
 MINIMISERS = ("newton", "cmaes", "tpe", "optuna-cmaes")
 FARTHEST = 10.0  # standard deviations of the belief: no base parameter beyond is tried
 
@@ -159,7 +162,8 @@ def _robots() -> Path:
     for place in map(Path, sys.path):
         for found in place.glob("cmeel.prefix/share/example-robot-data/robots"):
             return found
-    raise SystemExit("the URDFs are those of example-robot-data, which make robots installs")
+    print("the URDFs are those of example-robot-data, which make robots installs", file=sys.stderr)
+    sys.exit(NEEDS_MORE)
 
 
 def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
@@ -270,15 +274,27 @@ def minimise(name: str, seed: int, sampler: str, trials: int, noise: float, is_s
     )
 
 
-def line_of_minimised(found: Minimised) -> str:
-    """A row of the table."""
-    error, needed = found.error, found.trials_needed
-    within = f"{needed} trials, {needed * found.pushes} pushes to 1 %" if needed else "not within 1 %"
-    return (
-        f"{found.arm:18} {found.seed:3} {found.sampler:6} {found.unknowns:3} unknown  nominal "
-        f"{found.nominal.largest:.2f}  {error.gravity:.1e} {error.coriolis:.1e} {error.mass_matrix:.1e}  {within}  "
-        f"{found.trials} trials, {found.falls} falls, {found.value:.2g} Hz ({found.value / found.resolution:.2g} times "
-        f"what can be told; under the true law {found.value_of_truth:.2g} Hz)  {found.seconds:.0f} s"
+def minimised_table(runs: Sequence[Minimised]) -> str:
+    """A row for each arm and seed."""
+    return table(
+        [
+            {
+                "arm": run.arm,
+                "seed": run.seed,
+                "sampler": run.sampler,
+                "base parameters": run.unknowns,
+                "pushes a trial": run.pushes,
+                "falls": run.falls,
+                "pushes to 1 %": run.trials_needed * run.pushes if run.trials_needed else None,
+                "pushes": run.trials * run.pushes,
+                "error at the end": f"{run.error.largest:.2%}",
+                "best, Hz": run.value,
+                "under the true law, Hz": run.value_of_truth,
+                "can be told, Hz": run.resolution,
+                "seconds": round(run.seconds),
+            }
+            for run in runs
+        ]
     )
 
 
@@ -319,7 +335,7 @@ def resumed(arms: list[str], seeds: list[int], noise: float, trials: int, path: 
 
 
 def line(found: Identified) -> str:
-    """A row of the table."""
+    """A run for the line of progress."""
     last = found.errors[-1] if found.errors else None
     shown = f"{last.gravity:.1e} {last.coriolis:.1e} {last.mass_matrix:.1e}" if last else "none"
     after = " ".join(f"{error.largest:.1e}" for error in found.errors)
@@ -331,25 +347,36 @@ def line(found: Identified) -> str:
     )
 
 
-def summary(runs: list[Identified], noise: float) -> str:
-    """What all runs say together."""
-    needed = [run.trials_needed for run in runs]
-    within = [number for number in needed if number is not None]
-    sure = [run for run in runs if run.explained and run.explained[-1]]
-    exact = [run for run in sure if run.errors[-1].largest <= EXACTLY]
-    taken = [run.seconds for run in runs]
-    lines = [
-        f"within 1 % after at most 4 trials: {len(within)} of {len(runs)}; after one: {within.count(1)}",
-        f"found: {len(sure)}, of these within 0.1 %: {len(exact)}",
-        f"seconds of one core: median {median(taken):.1f}, most {max(taken):.1f}",
-    ]
-    if noise and sure:
-        for name in ("gravity", "coriolis", "mass_matrix"):
-            middle = median(getattr(run.errors[-1], name) for run in sure)
-            lines.append(f"median error, {name}: {100 * middle:.4f} %")
-        covered = sum(run.inside for run in sure) / sum(run.unknowns for run in sure)
-        lines.append(f"95 % intervals cover {100 * covered:.1f} %")
-    return "\n".join(lines)
+def identified_table(runs: Sequence[Identified], is_noisy: bool) -> str:
+    """A row for each arm, and one for all."""
+    rows = []
+    for name in (*dict.fromkeys(run.arm for run in runs), ""):
+        own = [run for run in runs if name in (run.arm, "")]
+        found = [run for run in own if run.explained and run.explained[-1]]
+        sizes = sorted({run.unknowns for run in own})
+        wrong = [100.0 * run.nominal.largest for run in own]
+        row: Row = {
+            "arm": name or "all",
+            "nominal arms": len(own),
+            "base parameters": f"{sizes[0]} to {sizes[-1]}" if len(sizes) > 1 else sizes[0],
+            "error of the nominal arm": f"{min(wrong):.0f} to {max(wrong):.0f} %",
+            "found": len(found),
+            "most trials to 1 %": max((run.trials_needed or np.inf for run in own), default=np.inf),
+        }
+        for kind, shown in ERRORS.items():
+            row[f"{shown}, median"] = _share(median(getattr(run.errors[-1], kind) for run in found)) if found else None
+        row["largest of all"] = _share(max(run.errors[-1].largest for run in found)) if found else None
+        if is_noisy:
+            inside = sum(run.inside for run in found) / max(sum(run.unknowns for run in found), 1)
+            row["inside 95 %"] = f"{inside:.1%}"
+        row["seconds, median"] = round(median(run.seconds for run in own), 1)
+        row["seconds, most"] = round(max(run.seconds for run in own), 1)
+        rows.append(row)
+    return table(rows)
+
+
+def _share(error: float) -> str:
+    return f"below {EXACT:.0e}" if error < EXACT else f"{100.0 * error:.2g} %"
 
 
 def main() -> None:
@@ -364,22 +391,25 @@ def main() -> None:
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     if options.sampler != "output-error":
+        searched = []
         with threadpool_limits(1):
             for name in options.arms:
                 for seed in options.seeds:
-                    searched = minimise(name, seed, options.sampler, options.trials, options.noise, options.smooth)
-                    print(json.dumps(asdict(searched)) if options.json else line_of_minimised(searched), flush=True)
+                    one = minimise(name, seed, options.sampler, options.trials, options.noise, options.smooth)
+                    print(f"{name} {seed}: {one.trials} trials", file=sys.stderr, flush=True)
+                    searched.append(one)
+        print(json.dumps([asdict(run) for run in searched]) if options.json else minimised_table(searched))
         return
     runs = []
     with threadpool_limits(1):  # threads of the linear algebra would only be in the way of the twins'
         identify(options.arms[0], options.seeds[0], options.noise, 1)  # compiles
         for run in resumed(options.arms, options.seeds, options.noise, options.trials, options.results):
             runs.append(run)
-            print(line(run), file=sys.stderr if options.json else sys.stdout, flush=True)
+            print(line(run), file=sys.stderr, flush=True)
     if options.json:
         print(json.dumps([asdict(run) | {"trials_needed": run.trials_needed} for run in runs], indent=1))
     else:
-        print(summary(runs, options.noise))
+        print(identified_table(runs, options.noise > 0.0))
 
 
 if __name__ == "__main__":

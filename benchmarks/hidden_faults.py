@@ -24,14 +24,26 @@ from threadpoolctl import threadpool_limits
 from benchmarks.chain_study import chain_study
 from benchmarks.chains import random_chain
 from benchmarks.common import made
+from benchmarks.common import table as markdown
 from metaid.models import Array
 from metaid.results import judge, read_snapshot
 from metaid.study import StudySpec, run_study
 
+WIDENED = "wrong if their intervals were widened by the misfit"
 # The largest size of each fault, and over how many powers of ten below it sizes are drawn.
 OF_LINKS = {"damping": (0.02, 3.0), "frictionloss": (0.02, 3.0), "stiffness": (0.3, 3.0)}
 OF_PLANT = {"tilt": (0.03, 2.5), "torque_limit": (16.0, 1.5)}
-KINDS = (*OF_LINKS, *OF_PLANT, "delay", "none")
+HIDDEN = {
+    "damping": f"viscous friction up to {OF_LINKS['damping'][0]:g} N m s",
+    "frictionloss": f"dry friction up to {OF_LINKS['frictionloss'][0]:g} N m",
+    "stiffness": f"a spring up to {OF_LINKS['stiffness'][0]:g} N m/rad",
+    "tilt": f"a tilt up to {1e3 * OF_PLANT['tilt'][0]:g} mrad",
+    "torque_limit": "a torque limit of 0.5 to 16 N m",
+    "delay": "nothing, but torques that come 1 to 3 steps late, as the plant file says",
+    "none": "nothing",
+}
+KINDS = tuple(HIDDEN)
+COLUMNS = "hidden in the plant", "studies", "`found`", "of these wrong", "`not found`", WIDENED
 HALF_WIDTHS, SLACK = 3.0, 1e-3
 
 
@@ -86,13 +98,14 @@ def try_study(seed: int) -> Judged | None:
 
 def table(rows: list[Judged]) -> str:
     """The results as a Markdown table."""
-    lines = ["| hidden | studies | found | of these wrong | not found | wrong, were they widened |", "| --- " * 6 + "|"]
+    shown = []
     for fault in KINDS:
         own = [row for row in rows if row.fault == fault]
         found, refused = [row for row in own if row.found], [row for row in own if not row.found]
         wrong = sum(row.wrong > 1.0 for row in found), sum(row.widened > 1.0 for row in refused)
-        lines.append(f"| {fault} | {len(own)} | {len(found)} | {wrong[0]} | {len(refused)} | {wrong[1]} |")
-    return "\n".join(lines)
+        cells = HIDDEN[fault], len(own), len(found), wrong[0], len(refused), wrong[1]
+        shown.append(dict(zip(COLUMNS, cells, strict=True)))
+    return markdown(shown)
 
 
 def main() -> None:

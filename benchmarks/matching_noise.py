@@ -3,7 +3,7 @@
     python -m benchmarks.matching_noise                                  # 1 mrad on the angles, no speed sensor
     python -m benchmarks.matching_noise --pushes-differ 0.02
     python -m benchmarks.matching_noise --horizons 1                     # of a rich push, to watch each for
-    python -m benchmarks.matching_noise --hidden friction --links 3 --seeds 0 1 2 3 4 5 6 7 8 9
+    python -m benchmarks.matching_noise --hidden friction spring limit lengths --links 3 --most 2
 
 Each chain of benchmarks/chains.py is a study with `sampler = "output-error"` in a DB of its own. The plant is MuJoCo,
 and no length is assumed. `--hidden` gives the plant what the model has not: viscous friction, springs, a torque limit
@@ -36,6 +36,12 @@ LINKS, KINDS = (2, 3, 5), ("gravity", "coriolis", "inertia")
 FRICTION, SPRING = 0.02, 0.2  # N m s and N m/rad in every joint
 BITES = 0.5  # of the largest torque that the first trial asks of any joint
 WRONG_LENGTHS = 0.02
+HIDDEN = {
+    "friction": f"viscous friction of {FRICTION:g} N m s in every joint",
+    "spring": f"a spring of {SPRING:g} N m/rad in every joint",
+    "limit": "a torque limit at half of what is asked",
+    "lengths": f"lengths wrong by {WRONG_LENGTHS:.0%}, taken as exact".replace("%", " %"),
+}
 
 
 @dataclass(frozen=True)
@@ -137,8 +143,8 @@ def _judge(links: int, seed: int, trials: int, estimate: Estimate, truth: Array,
     return Matched(links, seed, trials, errors, covered, estimate.misfit, seconds)
 
 
-def table(rows: list[Matched], noisy: Noisy) -> str:
-    """The results as a Markdown table: medians of the worst lump of each kind, means of what intervals cover."""
+def rows_of(rows: list[Matched], noisy: Noisy) -> list[Row]:
+    """The rows of the table: medians of the worst lump of each kind, means of what intervals cover."""
     horizon = "the study's" if noisy.horizons is None else f"{HORIZON * noisy.horizons:g} √(l/g)"
     pushes = f"{100.0 * noisy.pushes_differ:g} %" if noisy.pushes_differ else "0"
     shown: list[Row] = []
@@ -152,17 +158,21 @@ def table(rows: list[Matched], noisy: Noisy) -> str:
                 "noise on angles": f"{1e3 * noisy.noise:g} mrad",
                 "pushes differ by": pushes,
                 "horizon": horizon,
-                "hidden": noisy.hidden,
+                "hidden in the plant": HIDDEN[noisy.hidden] if noisy.hidden else None,
                 "links": links,
                 "chains": len(runs),
                 "trials": trials,
                 **{kind.replace("coriolis", "Coriolis"): errors.get(kind) for kind in KINDS},
                 **{f"{kind} covered": covered.get(kind) for kind in KINDS},
-                "misfit": f"{min(row.misfit for row in runs):.2f} to {max(row.misfit for row in runs):.2f}",
+                "misfit": " to ".join(_misfit(each(row.misfit for row in runs)) for each in (min, max)),
                 "ms of the fit": round(1e3 * float(np.median([row.fit_seconds for row in runs]))),
             }
         )
-    return markdown(shown)
+    return shown
+
+
+def _misfit(misfit: float) -> str:
+    return f"{misfit:.2f}" if misfit < 10.0 else f"{float(f'{misfit:.3g}'):,g}"
 
 
 def main() -> None:
@@ -172,20 +182,23 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=list(range(20)), help="of the chains")
     parser.add_argument("--noise", type=float, default=1e-3, help="of an angle reading, in rad")
     parser.add_argument("--pushes-differ", type=float, default=0.0, help="noise of an impulse, as a share of it")
-    parser.add_argument("--hidden", choices=["friction", "spring", "limit", "lengths"])
+    parser.add_argument("--hidden", nargs="+", choices=list(HIDDEN), default=[None], help="what the model has not")
     parser.add_argument("--horizons", type=float, help="of a rich push, to watch each for (default: the study's)")
     parser.add_argument("--most", type=int, default=4, help="trials")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
-    noisy = Noisy(given.noise, given.pushes_differ, given.hidden, given.horizons)
     rows: list[Matched] = []
+    shown: list[Row] = []
     with threadpool_limits(1):
-        for links in given.links:
-            for seed in given.seeds:
-                rows += (runs := match(links, seed, noisy, given.most))
-                misfits = ", ".join(f"{row.misfit:.2f}" for row in runs)
-                print(f"N={links} seed {seed}: misfit {misfits}", file=sys.stderr)
-    print(json.dumps([asdict(row) for row in rows], indent=2) if given.json else table(rows, noisy))
+        for hidden in given.hidden:
+            noisy, own = Noisy(given.noise, given.pushes_differ, hidden, given.horizons), list[Matched]()
+            for links in given.links:
+                for seed in given.seeds:
+                    own += (runs := match(links, seed, noisy, given.most))
+                    misfits = ", ".join(f"{row.misfit:.2f}" for row in runs)
+                    print(f"N={links} seed {seed}: misfit {misfits}", file=sys.stderr)
+            rows, shown = rows + own, shown + rows_of(own, noisy)
+    print(json.dumps([asdict(row) for row in rows], indent=2) if given.json else markdown(shown))
 
 
 if __name__ == "__main__":
