@@ -37,7 +37,8 @@ HORIZON = 1.5  # of a rich push, in units of √(l/g)
 SLOWEST_PUSH = 1e-9  # rad/s of the fastest link after a push; what is slower is lost in rounding
 # Horizons of a rich push that readings are kept for: LONGEST_READ of them with three links or fewer, one of them with
 # LINKS_READ or more. What they say of a lump grows with the square of time. But a twin that is driven forgets where it
-# began, sooner with each link, and then no fit finds the truth.
+# began, sooner with each link, and then no fit finds the truth. Where they are matched, simulated pushes are as many
+# times stronger, for the same reason; a rig has stops and cables, so its pushes are not unless its user says so.
 LONGEST_READ, LINKS_READ = 2.0, 6.0
 RESTS = 200  # horizons of a push for which the readings of a plant at rest are watched
 GROWTH = 2.0  # of a window over the one before, at most, up to MOST_WINDOWS
@@ -101,8 +102,12 @@ def _reading_steps(spec: StudySpec, natural: float) -> int:
     """For how many steps after a push the readings of a plant with noise are kept; `natural` time √(l/g) in s."""
     if not _has_noise(spec) or not spec.study.estimate.enabled:
         return 0
-    horizons = np.clip(LINKS_READ / len(spec.nominal), 1.0, LONGEST_READ)
-    return max(round(float(horizons) * HORIZON * natural / spec.timestep), 2)
+    return max(round(_horizons_read(spec) * HORIZON * natural / spec.timestep), 2)
+
+
+def _horizons_read(spec: StudySpec) -> float:
+    """For how many horizons of a rich push readings are kept."""
+    return float(np.clip(LINKS_READ / len(spec.nominal), 1.0, LONGEST_READ))
 
 
 def _has_noise(spec: StudySpec) -> bool:
@@ -134,11 +139,17 @@ def _strong_pushes(
     plant: Plant, kind: Literal["rich", "designed"], spec: StudySpec, nominal: Chain, horizon: float
 ) -> Array:
     wanted, seed = spec.study.episode, spec.study.seed
-    peak_speed, count = wanted.peak_speed or REACH / horizon, wanted.count or 2 * plant.njoint
+    peak_speed, count = wanted.peak_speed or _reach(spec) / horizon, wanted.count or 2 * plant.njoint
     if kind == "rich":
         return rich_pushes(plant, count, peak_speed, seed)
     kinds = spec.study.search.lumps
     return pushes_for(plant, designed_speeds(nominal, plant.gravity, count, peak_speed, horizon, seed, kinds))
+
+
+def _reach(spec: StudySpec) -> float:
+    """How far, in rad, the fastest link of a push coasts within the horizon of a rich push."""
+    is_matched = SAMPLERS[spec.study.sampler].by_estimate and _has_noise(spec)
+    return REACH * _horizons_read(spec) if is_matched and isinstance(spec.plant, PlantSettings) else REACH
 
 
 def _explicit(pushes: list[list[float]], njoint: int) -> Array:

@@ -140,23 +140,23 @@ def test_lengths_that_are_wrong_by_two_percent_show_in_the_misfit(store: Store) 
 
 def test_table_is_the_same_for_any_workers_and_however_often_it_was_stopped(store: Store) -> None:
     """Bit for bit, the estimate with its intervals too."""
-    spec = spec_of(3, 5, {**NOISE, "push_noise": 0.02}, trials=4)
-    for name, workers, stops in (("one", 1, (4,)), ("two", 2, (4,)), ("stopped", 3, (1, 2, 4))):
+    spec = spec_of(3, 5, {**NOISE, "push_noise": 0.02}, trials=3)
+    for name, workers, stops in (("one", 1, (3,)), ("two", 2, (3,)), ("stopped", 3, (1, 2, 3))):
         create_study(store, spec, name)
         for stop in stops:
             run_study(store, name, trials=stop, workers=workers)
     trials = [results.trials_frame(store, name) for name in ("one", "two", "stopped")]
     lumps = [results.lumps_frame(store, name) for name in ("one", "two", "stopped")]
-    assert len(trials[0]) == 4
+    assert len(trials[0]) == 3
     for table in (trials, lumps):
         assert_frame_equal(table[0], table[1], check_exact=True)
         assert_frame_equal(table[0], table[2], check_exact=True)
 
 
 def test_trials_end_where_intervals_stop_shrinking(store: Store) -> None:
-    """The widest interval shrinks as one over the root of the trials, so a dozen or so are enough."""
+    """The widest interval shrinks as one over the root of the trials at best, so a dozen or so are enough."""
     create_study(store, spec_of(2, 6, NOISE, trials=40))
-    assert 4 < run_study(store, "chain").trials < 20
+    assert 2 < run_study(store, "chain").trials < 20
 
 
 def test_size_of_the_noise_is_not_read_from_the_plant_file(store: Store) -> None:
@@ -186,10 +186,10 @@ def test_compiled_and_stepwise_loops_keep_the_same_readings(faults: dict[str, An
 
 
 @pytest.mark.parametrize(("nlink", "horizons"), [(1, 2.0), (3, 2.0), (4, 1.5), (5, 1.2), (10, 1.0)])
-def test_noisy_pushes_are_watched_for_longer_the_fewer_links_there_are(nlink: int, horizons: float) -> None:
-    """After the same pushes as of another sampler, whose horizon is that of a rich push."""
+def test_noisy_pushes_are_longer_and_stronger_the_fewer_links_there_are(nlink: int, horizons: float) -> None:
+    """As many times as those of another sampler, whose horizon is that of a rich push."""
     ours = Problem(spec_of(nlink, 0, NOISE))
     other = Problem(spec_of(nlink, 0, NOISE, sampler="random"))
     assert ours.episode.steps == pytest.approx(horizons * other.episode.steps, abs=1)
-    assert (ours.episode.pushes == other.episode.pushes).all()
+    assert ours.episode.pushes == pytest.approx(horizons * other.episode.pushes, rel=1e-9)
     assert other.episode.readings_steps == other.episode.steps
