@@ -96,11 +96,16 @@ class StudyEstimate:
 
     @property
     def explains(self) -> bool:
-        """Whether the model explains what was seen, no force that it has not is seen, and nothing speaks against faults
-        that were taken up.
+        """Whether the model explains what was seen, no force that it has not is seen, nothing speaks against faults
+        that were taken up, and none that was found is one that no plant has.
         """
         holds = self.taken_up is None or self.taken_up.holds
-        return holds and self.estimate.is_explained and self.unmodelled is None
+        return holds and self.estimate.is_explained and not self._impossible and self.unmodelled is None
+
+    @property
+    def _impossible(self) -> list[str]:
+        """The names of the faults that were found and that no plant has."""
+        return [] if self.estimate.faults is None else self.estimate.faults.impossible
 
     @property
     def description(self) -> str:
@@ -113,6 +118,11 @@ class StudyEstimate:
             return f"the model explains what was seen: {found}"
         if self.taken_up is not None and not self.taken_up.holds:
             return f"{self.taken_up.description}; {found}"
+        if estimate.is_explained and self._impossible:
+            return (
+                f"what was seen is explained only with {', '.join(self._impossible)} below 0, which no plant has: "
+                f"something else is there, or a torque has the wrong sign; {found}"
+            )
         if self.proposal is not None:
             return f"the model does not explain what was seen, but {self.proposal.description}; {found}"
         force = self.unmodelled

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from watched import GRAVITY, NOISE, TIMESTEP, raised, watched
 
-from metaid.estimation import Readings, Unknowns, fit, searched_faults
+from metaid.estimation import Readings, SearchedFaults, Unknowns, fit, searched_faults
+from metaid.estimation.faults import FoundFaults
 from metaid.estimation.faults.searched import late
-from metaid.estimation.noisy import unmodelled_forces
+from metaid.estimation.noisy import explanations, unmodelled_forces
 from metaid.plant import FaultSettings, fault_names, true_faults
+from metaid.results.estimates import StudyEstimate
 
 NOISY: dict[str, Any] = {"angle_noise": NOISE, "speed_sensor": False}
 
@@ -111,3 +113,31 @@ def test_fit_goes_on_from_the_faults_that_it_found() -> None:
 def test_names_of_faults_are_by_joint() -> None:
     """But for those of the whole plant; gains are relative to the first motor."""
     assert fault_names(("delay", "dry", "gain"), 3) == ["delay", "dry_1", "dry_2", "dry_3", "gain_2", "gain_3"]
+
+
+def test_spring_that_pushes_away_explains_nothing() -> None:
+    """The fit finds it, the verdict names it, and it is not proposed."""
+    seen = watched(1, 1, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False), longer=2.0, spring=-0.5)
+    unknowns = Unknowns(seen.nominal.lumps)
+    trials = [seen.read_trial(raised(seen.nominal.lumps, law)) for law in (1.5, 1.2)]
+    readings = Readings(trials, unknowns, GRAVITY)
+
+    def search(kinds: tuple[str, ...]) -> SearchedFaults:
+        return searched_faults(kinds, unknowns.nominal, GRAVITY, seen.starts)
+
+    found = fit(replace(readings, faults=search(("spring",))), restarts=0)
+    assert found.is_explained
+    assert found.faults is not None
+    assert found.faults.impossible == ["spring_1"]
+    experiment: Any = None  # nothing is asked of it where a fault refutes the estimate
+    shown = StudyEstimate(found, experiment, tuple(trials))
+    assert not shown.explains
+    assert shown.description.startswith("what was seen is explained only with spring_1 below 0, which no plant has: ")
+    assert list(explanations(readings, fit(readings, restarts=0), search, [("spring",)])) == []
+
+
+def test_small_friction_may_be_below_0_by_what_noise_tells() -> None:
+    """Its interval is that of the fit, which no bound cuts."""
+    searched = SearchedFaults(("viscous",), 2, np.array([1.0, 1.0]))
+    small = FoundFaults(searched, np.array([-0.01, -0.05]), np.full(2, 0.01), np.zeros(2), np.full(2, True))
+    assert small.impossible == ["viscous_2"]

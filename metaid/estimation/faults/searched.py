@@ -21,6 +21,8 @@ TURN = 0.05  # rad that the fastest joint turns by within a delay of one standar
 LEAN = 0.1  # rad: standard deviation of a tilt and of an offset
 OF_TORQUE = {"viscous": 0.1, "dry": 0.1, "spring": 0.3}  # likewise, as shares of the plant's torque
 LOG_GAIN = 0.3  # likewise, of the logarithm of a gain
+NEVER_NEGATIVE = ("viscous", "dry", "spring")  # friction resists, and what is at rest in a spring is held by it
+BELOW, TRIFLE = 3.0, 1e-3  # standard deviations, and a share of what may be: a fault farther below 0 is none
 DETERMINED = 0.3  # of what was believed of a fault: a deviation below this tells something of it
 
 
@@ -94,6 +96,15 @@ class FoundFaults:
     deviations: Array
     unknowns: Array
     determined: NDArray[np.bool_]
+
+    @property
+    def impossible(self) -> list[str]:
+        """The names of those that no plant has, friction that drives or a spring that pushes away: below 0 by more than
+        noise tells.
+        """
+        bounds = -BELOW * self.deviations - TRIFLE * self.searched.scales
+        pairs = zip(self.searched.names, (self.values < bounds).tolist(), strict=True)
+        return [name for name, is_below in pairs if is_below and name.partition("_")[0] in NEVER_NEGATIVE]
 
 
 NO_FAULTS = SearchedFaults((), 0, np.empty(0))

@@ -68,7 +68,8 @@ def proposed_faults(readings: Readings, estimate: Estimate, search: Search, decl
 def explanations(
     readings: Readings, estimate: Estimate, search: Search, tried: Sequence[tuple[str, ...]] = TRIED
 ) -> Iterator[Estimate]:
-    """The estimates, with faults as unknowns, that explain what an estimate does not, one by one as they are asked for.
+    """The estimates, with faults as unknowns, that explain what an estimate does not, one by one as they are asked for;
+    none with friction that would drive, or a spring that would push away.
 
     Args:
         readings: of all trials.
@@ -88,7 +89,7 @@ def explanations(
             found = _explained(replace(readings, faults=wanted), _begin(estimate, wanted))
         except ValueError:
             continue
-        if found.is_explained:
+        if found.is_explained and found.faults is not None and not found.faults.impossible:
             yield found
 
 
