@@ -12,8 +12,9 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constr
 demo: $(VENV)/.runtime
 	$(BIN)/metaid study run three-link --create --workers 2
 
+# Three workers on two cores: now and then a test waits for a browser, a server or another process.
 test: $(VENV)/.dev
-	$(BIN)/pytest -n 2 --dist worksteal --durations 15
+	$(BIN)/pytest -n 3 --dist worksteal --durations 15
 
 # Installs pinocchio and example-robot-data, 820 MB, for the tests and benchmarks that need them, and runs these tests.
 robots: $(VENV)/.robots

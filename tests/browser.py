@@ -61,6 +61,14 @@ class Browser:
     def __init__(self, driver: webdriver.Chrome) -> None:
         self.driver = driver
 
+    def forget(self) -> None:
+        """Leaves the page, with what it fetched and what was said of it."""
+        self.driver.get("about:blank")
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": []})
+        self.driver.execute_cdp_cmd("Network.clearBrowserCache", {})
+        self.fetched()
+        self.complaints()
+
     def look(self, url: str, width: int = 1200, dark: bool = False) -> None:
         """Opens `url` in a window of that width, preferring dark or light."""
         size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500}

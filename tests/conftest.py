@@ -5,7 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import optuna
 import pytest
+from browser import Browser, open_browser
 from postgres import Postgres, run_postgres
 from rig import Serve, serving
 
@@ -140,28 +141,23 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A DB of real runs, not to be changed: `plain` (three links, some falls), `boundary` (two links, half of them
     falls) and `counted` (one link, whole periods).
     """
-    from metaid.study.create import create_study
     from metaid.study.kinds import load_chain_study
-    from metaid.study.run import run_study
 
-    made: dict[str, tuple[str, dict[str, object]]] = {
-        "plain": (
-            "three-link-coast",
-            {"search.coordinates": "plain", "search.start": 1.4, "episode.fall_limit": 1.1, "trials": 800},
-        ),
-        "boundary": (
-            "two-link-tpe",
-            {"sampler": "random", "search.coordinates": "plain", "episode.measure": "crossing", "trials": 150},
-        ),
-        "counted": ("one-link-count", {}),
-    }
-    path = tmp_path_factory.mktemp("studied") / "studied.db"
-    store = Store(str(path), create=True)
-    for name, (source, changes) in made.items():
-        create_study(store, load_chain_study(source, changes), name)
-        run_study(store, name)
-    store.close()
-    return path
+    def make(folder: Path) -> None:
+        made: dict[str, tuple[str, dict[str, object]]] = {
+            "plain": (
+                "three-link-coast",
+                {"search.coordinates": "plain", "search.start": 1.4, "episode.fall_limit": 1.1, "trials": 800},
+            ),
+            "boundary": (
+                "two-link-tpe",
+                {"sampler": "random", "search.coordinates": "plain", "episode.measure": "crossing", "trials": 150},
+            ),
+            "counted": ("one-link-count", {}),
+        }
+        run_all(folder / "studied.db", {name: load_chain_study(*asked) for name, asked in made.items()})
+
+    return made_once(tmp_path_factory, "studied", make) / "studied.db"
 
 
 @pytest.fixture(scope="session")
@@ -171,26 +167,33 @@ def estimated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     plant.
     """
     from metaid.plant.settings import PlantSettings
-    from metaid.study.create import create_study
     from metaid.study.kinds import load_chain_study
+
+    def make(folder: Path) -> None:
+        matched, searched = {"sampler": "output-error", "trials": 4}, {"sampler": "cmaes", "trials": 40}
+        specs = {}
+        for name, changes in (("matched", matched), ("searched", searched)):
+            spec = specs[name] = load_chain_study("three-link-coast", changes)
+            assert isinstance(spec.plant, PlantSettings)
+            links = tuple(link.model_copy(update={"damping": 0.05}) for link in spec.plant.links)
+            rubbing = spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": links})})
+            specs["hidden" if name == "matched" else "hidden-searched"] = rubbing
+        specs["noisy"] = load_chain_study("noisy-three-link", {"trials": 2})
+        run_all(folder / "estimated.db", specs)
+
+    return made_once(tmp_path_factory, "estimated", make) / "estimated.db"
+
+
+def run_all(path: Path, specs: Mapping[str, StudySpec]) -> None:
+    """Makes a DB with these studies, all of them run."""
+    from metaid.study.create import create_study
     from metaid.study.run import run_study
 
-    matched, searched = {"sampler": "output-error", "trials": 4}, {"sampler": "cmaes", "trials": 40}
-    path = tmp_path_factory.mktemp("estimated") / "estimated.db"
     store = Store(str(path), create=True)
-    for name, changes in (("matched", matched), ("searched", searched)):
-        spec = load_chain_study("three-link-coast", changes)
-        assert isinstance(spec.plant, PlantSettings)
-        links = tuple(link.model_copy(update={"damping": 0.05}) for link in spec.plant.links)
-        rubbing = spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": links})})
-        hidden = "hidden" if name == "matched" else "hidden-searched"
-        for made, settings in ((name, spec), (hidden, rubbing)):
-            create_study(store, settings, made)
-            run_study(store, made)
-    create_study(store, load_chain_study("noisy-three-link", {"trials": 2}), "noisy")
-    run_study(store, "noisy")
+    for name, spec in specs.items():
+        create_study(store, spec, name)
+        run_study(store, name)
     store.close()
-    return path
 
 
 @pytest.fixture(scope="session")
@@ -201,6 +204,20 @@ def arms(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from arm_studies import make_arm_studies
 
     return made_once(tmp_path_factory, "arms", make_arm_studies) / "arms.db"
+
+
+@pytest.fixture(scope="session")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """One Chromium for all tests of a process."""
+    with open_browser(tmp_path_factory.mktemp("chromium") / "profile") as running:
+        yield running
+
+
+@pytest.fixture
+def browser(chromium: Browser) -> Browser:
+    """Chromium without a page."""
+    chromium.forget()
+    return chromium
 
 
 @pytest.fixture(scope="session")

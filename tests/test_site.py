@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browser import open_browser, wait_for
+from browser import Browser, wait_for
 
 import metaid
 
@@ -61,20 +61,19 @@ def test_every_public_name_is_on_the_page_of_calls(pages: dict[str, Any]) -> Non
     )
 
 
-def test_browser_shows_the_site_whole_and_fetches_nothing(site: Path, tmp_path: Path) -> None:
+def test_browser_shows_the_site_whole_and_fetches_nothing(site: Path, browser: Browser) -> None:
     """On a phone and on a desk, dark and light, opened as files: nothing is cut, no error, and search finds."""
-    with open_browser(tmp_path / "profile") as browser:
-        for name in LONG:
-            for width, dark in ((360, True), (1440, False)):
-                browser.look((site / name).as_uri(), width, dark)
-                assert browser.driver.execute_script(CUT) == [], (name, width)
-                sideways = "return document.documentElement.scrollWidth - window.innerWidth"
-                assert browser.driver.execute_script(sideways) <= 0, (name, width)
-                assert [url for url in browser.fetched() if not url.startswith(site.as_uri())] == []
-                assert browser.complaints() == []
-                paper = browser.driver.execute_script("return getComputedStyle(document.body).backgroundColor")
-                assert (paper == "rgb(255, 255, 255)") is not dark
-        browser.look((site / "index.html").as_uri(), 1440)
-        browser.driver.find_element("css selector", "input[name=query]").send_keys("runaway")
-        wait_for(browser, "matching documents")
-        assert "Falls" in browser.text()
+    for name in LONG:
+        for width, dark in ((360, True), (1440, False)):
+            browser.look((site / name).as_uri(), width, dark)
+            assert browser.driver.execute_script(CUT) == [], (name, width)
+            sideways = "return document.documentElement.scrollWidth - window.innerWidth"
+            assert browser.driver.execute_script(sideways) <= 0, (name, width)
+            assert [url for url in browser.fetched() if not url.startswith(site.as_uri())] == []
+            assert browser.complaints() == []
+            paper = browser.driver.execute_script("return getComputedStyle(document.body).backgroundColor")
+            assert (paper == "rgb(255, 255, 255)") is not dark
+    browser.look((site / "index.html").as_uri(), 1440)
+    browser.driver.find_element("css selector", "input[name=query]").send_keys("runaway")
+    wait_for(browser, "matching documents")
+    assert "Falls" in browser.text()

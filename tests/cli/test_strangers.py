@@ -127,7 +127,7 @@ def test_nothing_in_a_db_is_unpickled(metaid: Metaid, baited: Path) -> None:
     ):
         assert metaid("study", *asked, "--storage", str(baited)).status == 0
     for ending, command in (("csv", "export"), ("html", "report")):
-        assert metaid("study", command, "boundary", "--storage", str(baited), "-o", f"written.{ending}").status == 0
+        assert metaid("study", command, "counted", "--storage", str(baited), "-o", f"written.{ending}").status == 0
     store = Store(str(baited))
     with served(store) as address:
         number = store.optuna.get_study_id_from_name("boundary")

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from browser import open_browser
+from browser import Browser
 from conftest import Finished, matching_spec
 from pages import seen_everywhere
 
@@ -70,12 +70,11 @@ def test_comparison_is_a_table_a_figure_and_a_page(compared: Metaid) -> None:
     assert Path("both.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_page_of_a_comparison_is_whole(compared: Metaid, tmp_path: Path) -> None:
+def test_page_of_a_comparison_is_whole(compared: Metaid, browser: Browser) -> None:
     """On a phone, a tablet, a desk and on paper, with a study that was not run among them."""
     assert compared("exact", "noisy", "new", "-o", "three.html").status == 0
-    with open_browser(tmp_path / "profile") as browser:
-        for text in seen_everywhere(browser, Path("three.html").absolute(), figures=1):
-            assert "What each study took" in text
+    for text in seen_everywhere(browser, Path("three.html").absolute(), figures=1):
+        assert "What each study took" in text
 
 
 REFUSED = {

@@ -138,7 +138,10 @@ def test_json_of_a_model_that_explains_nothing_has_nulls(metaid: Metaid, estimat
 
 NONE_MADE = {
     "[estimate] enabled is false": ("three-link-coast", {"estimate.enabled": False, "trials": 10}),
-    "its episodes keep no windows of motion": ("ten-link", {"episode.count": 700, "episode.steps": 20, "trials": 2}),
+    "its episodes keep no windows of motion": (
+        "ten-link",
+        {"episode.count": 700, "episode.steps": 20, "sampler": "random", "search.coordinates": "plain", "trials": 2},
+    ),
 }
 
 

@@ -89,7 +89,7 @@ def test_what_the_model_does_not_know_is_not_found(
     """Hidden friction or a hidden spring: the misfit says so, whichever the sampler, and whether pushes are strong and
     short or small and counted.
     """
-    spec = load_chain_study(study, {"sampler": sampler, "trials": 12})
+    spec = load_chain_study(study, {"sampler": sampler, "trials": 4})
     assert isinstance(spec.plant, PlantSettings)
     links = tuple(link.model_copy(update=fault) for link in spec.plant.links)
     spec = spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": links})})

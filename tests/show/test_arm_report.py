@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import open_browser
+from browser import Browser
 from conftest import Finished
 from pages import ids_are_single, repeat, seen_everywhere
 
@@ -39,27 +39,25 @@ def page(arms: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return written
 
 
-def test_browser_shows_an_arm_what_it_is_worth_and_its_figures(page: Path, arms: Path, tmp_path: Path) -> None:
+def test_browser_shows_an_arm_what_it_is_worth_and_its_figures(page: Path, arms: Path, browser: Browser) -> None:
     """On a phone, a tablet, a desk and on paper: every part is there and whole, nothing comes from outside."""
     summary = package.summary("exact", str(arms))
-    with open_browser(tmp_path / "profile") as browser:
-        for text in seen_everywhere(browser, page, figures=1 + len(FIGURES)):
-            assert text.splitlines()[0] == "exact"
-            assert "Found." in text
-            for lump in summary["lumps"]:
-                assert f"{lump['identified']:.5g}" in text
-                assert lump["expression"] in text
-            for part in ("gravity torque", "Coriolis torque", "mass matrix", "pushes that coast throughout"):
-                assert part in text
-            assert "What is not drawn" in text
+    for text in seen_everywhere(browser, page, figures=1 + len(FIGURES)):
+        assert text.splitlines()[0] == "exact"
+        assert "Found." in text
+        for lump in summary["lumps"]:
+            assert f"{lump['identified']:.5g}" in text
+            assert lump["expression"] in text
+        for part in ("gravity torque", "Coriolis torque", "mass matrix", "pushes that coast throughout"):
+            assert part in text
+        assert "What is not drawn" in text
 
 
-def test_page_of_an_arm_that_was_not_found_is_whole(arms: Path, tmp_path: Path) -> None:
+def test_page_of_an_arm_that_was_not_found_is_whole(arms: Path, browser: Browser, tmp_path: Path) -> None:
     """On a phone, a tablet, a desk and on paper, with the figures that there are."""
     bent = tmp_path / "bent.html"
     bent.write_text(render_any(findings(arms, "bent")), encoding="utf-8")
-    with open_browser(tmp_path / "profile") as browser:
-        assert all("Not found." in text for text in seen_everywhere(browser, bent, figures=3))
+    assert all("Not found." in text for text in seen_everywhere(browser, bent, figures=3))
 
 
 def test_files_and_commands_of_a_report_repeat_the_study_of_an_arm(metaid: Metaid, page: Path, arms: Path) -> None:

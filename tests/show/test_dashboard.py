@@ -12,7 +12,7 @@ import numpy as np
 import optuna
 import pandas as pd
 import pytest
-from browser import open_browser, served, wait_for
+from browser import Browser, served, wait_for
 from conftest import Finished
 from optuna_dashboard import get_note, save_note
 
@@ -20,8 +20,10 @@ import metaid as package
 from metaid.show import companions, dashboard, notes
 from metaid.store.database import Store
 from metaid.store.trial import Trial
-from metaid.study.create import stored_spec
+from metaid.study.create import create_study, stored_spec
+from metaid.study.kinds import load_chain_study
 from metaid.study.problem import Problem
+from metaid.study.run import run_study
 
 Metaid = Callable[..., Finished]
 
@@ -35,11 +37,11 @@ def store(studied: Path, tmp_path: Path) -> Iterator[Store]:
     opened.close()
 
 
-def test_browser_shows_note_graphs_and_falls_and_fetches_nothing_outside(store: Store, tmp_path: Path) -> None:
+def test_browser_shows_note_graphs_and_falls_and_fetches_nothing_outside(store: Store, browser: Browser) -> None:
     """The lumps in the note, our graphs among its own, a pruned trial with the step it fell at; all from loopback."""
     fall = package.trials("plain", store.url).query("state == 'PRUNED'").iloc[0]
     lumps = package.lumps("plain", store.url)
-    with served(store) as address, open_browser(tmp_path / "profile") as browser:
+    with served(store) as address:
         assert address.startswith("http://127.0.0.1:")
         study = f"{address}/dashboard/studies/{store.optuna.get_study_id_from_name('plain')}"
         browser.look(f"{study}/note")
@@ -141,12 +143,22 @@ MALFORMED = (
 )
 
 
+@pytest.fixture
+def short(tmp_path: Path) -> Iterator[Store]:
+    """A study of a few trials."""
+    opened = Store(str(tmp_path / "short.db"), create=True)
+    create_study(opened, load_chain_study("one-link-count", {"trials": 9}))
+    run_study(opened, "one-link-count")
+    yield opened
+    opened.close()
+
+
 @pytest.mark.parametrize("request_text", MALFORMED)
 def test_malformed_request_is_answered_and_costs_a_line_at_most(
-    store: Store, capfd: pytest.CaptureFixture[str], request_text: str
+    short: Store, capfd: pytest.CaptureFixture[str], request_text: str
 ) -> None:
     """Never a traceback on the terminal of whoever serves it, and the next request is answered."""
-    with served(store) as address:
+    with served(short) as address:
         host = address.removeprefix("http://")
         name, _, port = host.partition(":")
         with socket.create_connection((name, int(port))) as browser:

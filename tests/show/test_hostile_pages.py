@@ -16,7 +16,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from browser import Browser, open_browser, served, wait_for
+from browser import Browser, served, wait_for
 from conftest import Finished
 
 from metaid.results.findings import read_findings
@@ -31,6 +31,7 @@ Metaid = Callable[..., Finished]
 SCRIPT = "<script>document.title = 'owned'</script>"
 IMAGE = "<img src=x onerror=\"document.title = 'owned'\">"
 LINK = "[click](javascript:document.title='owned')"
+MATHS = "$x$ & 'y'"
 EVIL = f"{SCRIPT}{IMAGE}"
 OWNED = "return document.title == 'owned' || document.querySelector('img[src=x]') !== null"
 
@@ -40,7 +41,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A DB with a study whose name, plant's name and descriptions are markup, and a note of the stranger's own."""
     path = tmp_path_factory.mktemp("evil") / "evil.db"
     store = Store(str(path), create=True)
-    spec = load_chain_study("one-link-count", {"description": f"{EVIL} {LINK}", "trials": 30})
+    spec = load_chain_study("one-link-count", {"description": f"{EVIL} {LINK} {MATHS}", "trials": 30})
     plant = spec.plant.model_copy(update={"description": EVIL})
     create_study(store, spec.model_copy(update={"plant_name": EVIL, "plant": plant}), EVIL)
     run_study(store, EVIL)
@@ -58,21 +59,24 @@ def evil(made: Path, tmp_path: Path) -> Path:
     return Path(shutil.copy(made, tmp_path / "evil.db"))
 
 
-def test_report_of_a_study_named_as_a_script_runs_none(metaid: Metaid, evil: Path, tmp_path: Path) -> None:
-    """Name, plant's name and descriptions are read as they are, in a real browser."""
+def test_report_of_a_study_named_as_a_script_runs_none(metaid: Metaid, evil: Path, browser: Browser) -> None:
+    """Name, plant's name and descriptions are read as they are, in a real browser, and are no markup in the file."""
     assert metaid("study", "report", EVIL, "--storage", str(evil), "-o", "evil.html").status == 0
-    with open_browser(tmp_path / "profile") as browser:
-        browser.look(Path("evil.html").absolute().as_uri())
-        assert browser.text().count(EVIL) >= 3
-        assert not browser.driver.execute_script(OWNED)
-        assert browser.driver.execute_script("return document.scripts.length") == 0
-        assert len(browser.fetched()) == 1
+    text = Path("evil.html").read_text()
+    assert "<script" not in text
+    assert "&lt;script&gt;" in text
+    browser.look(Path("evil.html").absolute().as_uri())
+    assert browser.text().count(EVIL) >= 3
+    assert MATHS in browser.text()
+    assert not browser.driver.execute_script(OWNED)
+    assert browser.driver.execute_script("return document.scripts.length") == 0
+    assert len(browser.fetched()) == 1
 
 
-def test_dashboard_of_a_study_named_as_a_script_runs_none(evil: Path, tmp_path: Path) -> None:
+def test_dashboard_of_a_study_named_as_a_script_runs_none(evil: Path, browser: Browser) -> None:
     """Its list, its study, our note and a stranger's note."""
     store = Store(str(evil))
-    with served(store) as address, open_browser(tmp_path / "profile") as browser:
+    with served(store) as address:
         ours, theirs = (store.optuna.get_study_id_from_name(name) for name in (EVIL, "noted"))
         for page, text in (
             ("dashboard", "noted"),

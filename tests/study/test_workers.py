@@ -207,7 +207,7 @@ def test_estimate_of_what_ray_workers_have_seen_is_the_same(node: Any, noisy: bo
     store, spec = Store(str(tmp_path / "metaid.db"), create=True), matching_spec(noisy)
     for name, engine in (("local", "local"), ("ray", "ray")):
         create_study(store, spec, name)
-        run_study(store, name, engine=engine)
+        run_study(store, name, workers=1, engine=engine)
     assert store.count("ray") == 4
     assert what_is_known(store, "ray") == what_is_known(store, "local")
 
