@@ -137,9 +137,18 @@ def _toml_value(text: str) -> Any:
 def check(source: str, changes: tuple[str, ...], until: float | None, as_json: bool) -> None:
     """What STUDY can determine, and how well, by its nominal model, before any trial."""
     from metaid.models import lump_unit
-    from metaid.study import ArmSpec, Problem, forecast, identifiability, question, refuse_until
+    from metaid.study import (
+        ArmSpec,
+        Problem,
+        forecast,
+        identifiability,
+        question,
+        refuse_until,
+        refuse_what_cannot_be_run,
+    )
 
     spec = load_study(source, changes)
+    refuse_what_cannot_be_run(spec)
     if until is not None:
         refuse_until(spec, until)
     if isinstance(spec, ArmSpec):

@@ -21,6 +21,7 @@ LEAST_ROWS = 100
 KINDS = {"angle": "rad", "speed": "rad/s", "torque": "N m"}
 MANY_TURNS = 25.0  # rad: a hinge that is said to be farther from 0 is probably logged in degrees
 CALM = 0.05  # of a joint's fastest speed: below it the ratio of two speeds says nothing
+ABOVE_NOISE = 5.0  # standard deviations
 FAR_FROM_ONE = 1.5  # between a speed and the change of its angle
 DEGREES = 180.0 / np.pi
 
@@ -158,12 +159,16 @@ def _refuse_degrees(path: Path, names: list[str], angles: Array, slides: NDArray
 
 
 def _refuse_other_speeds(path: Path, columns: dict[str, list[str]], times: Array, angles: Array, speeds: Array) -> None:
-    """Speeds that are not how fast the angles change, over a tenth of a second or so."""
-    stride = max(1, round(0.05 / float(np.median(np.diff(times)))))
+    """Speeds that are not how fast the angles change, over a tenth of a second or so. Changes within the noise of the
+    sensors say nothing of speeds.
+    """
+    period = float(np.median(np.diff(times)))
+    stride = max(1, round(0.05 / period))
+    noise = np.sqrt(2.0) * _noise_of(angles) + np.sqrt(stride) * period * _noise_of(speeds)
     mean = np.cumsum(0.5 * (speeds[1:] + speeds[:-1]) * np.diff(times)[:, None], axis=0)
     said, seen = mean[stride::stride] - mean[:-stride:stride], angles[1:][stride::stride] - angles[1:][:-stride:stride]
     for joint in range(angles.shape[1]):
-        moving = np.abs(seen[:, joint]) > CALM * np.abs(seen[:, joint]).max()
+        moving = np.abs(seen[:, joint]) > max(CALM * np.abs(seen[:, joint]).max(), ABOVE_NOISE * noise[joint])
         if not moving.any() or not seen[moving, joint].any():
             continue
         ratio = float(np.median(said[moving, joint] / seen[moving, joint]))
@@ -176,3 +181,10 @@ def _refuse_other_speeds(path: Path, columns: dict[str, list[str]], times: Array
                 f"{path}: {columns['speed'][joint]} is {ratio:.3g} times how fast {columns['angle'][joint]} changes"
                 f"{unit} (allowed: rad and rad/s)"
             )
+
+
+def _noise_of(read: Array) -> Array:
+    """The standard deviation of the noise of each joint (njoint), by what `read` (nrow x njoint) leaves of a parabola:
+    third differences have 20 times the variance of the noise.
+    """
+    return np.asarray(np.sqrt((np.diff(read, n=3, axis=0) ** 2).mean(axis=0) / 20.0), dtype=np.float64)

@@ -12,7 +12,6 @@ from metaid.results.estimates import (
     describe_known_from,
     describe_trials,
     estimate_of,
-    growth,
     interval_name,
 )
 from metaid.results.findings import Findings, findings_of, read_any_findings, read_findings
@@ -56,7 +55,6 @@ __all__ = [
     "estimate_frame",
     "estimate_of",
     "findings_of",
-    "growth",
     "identified_factors",
     "interval_name",
     "judge",

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 FIRST_TRIALS = 12  # of which it is looked for how early the estimate was there
 FEW_TRIALS = 3
+MOST_SHOWN = 7  # numbers of trials, from each of which an estimate is shown
 MOST_LEFT = 0.3  # of the squares of a misfit: a force that leaves more of it is not what is missing
 CLOSE = 1e-3  # of every lump: so near its last value an estimate was there
 
@@ -52,6 +53,22 @@ class StudyEstimate:
 
         with threadpool_limits(1):  # fewer than the probes cannot tell all
             return first_enough(self.experiment.probes, min(self.trials, FIRST_TRIALS), is_enough)
+
+    @cached_property
+    def growth(self) -> tuple[list[int], list[Estimate]]:
+        """How many of the first trials there are, at most MOST_SHOWN different numbers of them, and the estimate from
+        these; those that no estimate explains are left out. Each begins where the one before ended.
+        """
+        numbers = np.unique(np.geomspace(1.0, self.trials, min(self.trials, MOST_SHOWN)).round().astype(int))
+        counts, estimates, early = [], [], None
+        with threadpool_limits(1):
+            for count in numbers[numbers >= self.experiment.probes].tolist():
+                whole, thorough = count == self.trials, count <= FEW_TRIALS
+                early = self.estimate if whole else self.experiment.estimate(self.watched[:count], early, thorough)
+                if early is not None and early.is_explained:
+                    counts.append(count)
+                    estimates.append(early)
+        return counts, estimates
 
     @property
     def trials(self) -> int:
@@ -229,22 +246,6 @@ def estimate_of(
         return None
     searching, estimate, taken_up = experiment.taken_up(trials, estimate)
     return StudyEstimate(estimate, searching, trials, by_others, taken_up)
-
-
-def growth(found: StudyEstimate) -> tuple[list[int], list[Estimate]]:
-    """How many of the first trials there are, at most FIRST_TRIALS different numbers of them, and the estimate from
-    these; those that no estimate explains are left out.
-    """
-    numbers = np.unique(np.geomspace(1.0, found.trials, min(found.trials, FIRST_TRIALS)).round().astype(int))
-    counts, estimates = [], []
-    with threadpool_limits(1):
-        for count in numbers[numbers >= found.experiment.probes].tolist():
-            whole = count == found.trials
-            early = found.estimate if whole else found.experiment.estimate(found.watched[:count])
-            if early is not None and early.is_explained:
-                counts.append(count)
-                estimates.append(early)
-    return counts, estimates
 
 
 def why_no_estimate(problem: Problem, tried: Sequence[Trial]) -> str:

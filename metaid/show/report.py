@@ -20,6 +20,7 @@ import pandas as pd
 import tomli_w
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 import metaid
@@ -86,6 +87,13 @@ def render(found: Findings) -> str:
 
 def filled_in(template: str, **values: Any) -> str:
     """A page made of a `template` of this package and these `values`; what they say is escaped."""
+    versions = {"metaid": metaid.__version__, "Python": platform.python_version(), **_versions()}
+    page: str = templates().get_template(template).render({"versions": versions, **values})
+    return re.sub(r"<table.*?</table>", _labelled, page, flags=re.DOTALL)
+
+
+def templates() -> Environment:
+    """Those of this package, in which every value is escaped."""
     environment = Environment(
         loader=PackageLoader("metaid.show", "."),
         autoescape=True,
@@ -94,9 +102,7 @@ def filled_in(template: str, **values: Any) -> str:
         lstrip_blocks=True,
     )
     environment.filters |= {"number": number_text, "percent": percent_text}
-    versions = {"metaid": metaid.__version__, "Python": platform.python_version(), **_versions()}
-    page: str = environment.get_template(template).render({"versions": versions, **values})
-    return re.sub(r"<table.*?</table>", _labelled, page, flags=re.DOTALL)
+    return environment
 
 
 def _labelled(table: re.Match[str]) -> str:
@@ -146,9 +152,15 @@ def page_figures(page: Iterable[Picture], column: Iterable[Picture]) -> list[Pag
 def inline_svg(figure: Figure, prefix: str) -> Markup:
     """A figure as SVG to stand in a page: no XML head, ids that begin with `prefix`, ink that the page chooses; values
     are shown where a mark is pointed at.
+
+    The figure has its layout for good then. Else savefig would draw all of it once more, for the layout alone.
     """
     buffer, said = io.BytesIO(), said_in(figure)
     with style():
+        FigureCanvasSVG(figure)  # letters are measured as SVG has them
+        if (layout := figure.get_layout_engine()) is not None:
+            layout.execute(figure)
+            figure.set_layout_engine(None)
         figure.savefig(buffer, format="svg", facecolor="none", metadata={"Date": None})
     text = with_titles(buffer.getvalue().decode(), said)
     svg = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)

@@ -5,7 +5,16 @@
 
 from metaid.study.arms import ArmProblem, ArmSpec, arm_identifiability
 from metaid.study.bounds import LumpAtBound, lumps_at_bounds
-from metaid.study.create import advice, create_study, delete_study, ensure_study, optuna_spec, question, stored_spec
+from metaid.study.create import (
+    advice,
+    create_study,
+    delete_study,
+    ensure_study,
+    optuna_spec,
+    question,
+    refuse_what_cannot_be_run,
+    stored_spec,
+)
 from metaid.study.evaluation import NominalMetricSampler, OptunaObjective
 from metaid.study.identifiability import (
     COARSEST,
@@ -70,6 +79,7 @@ __all__ = [
     "problem_of",
     "question",
     "refuse_until",
+    "refuse_what_cannot_be_run",
     "run_study",
     "spec_from",
     "stored_spec",

@@ -13,7 +13,7 @@ from metaid.search import SAMPLERS
 from metaid.store import SPEC_KEY, Store, refuse_if_run
 from metaid.study.arms import ArmSpec
 from metaid.study.calibration import calibrate
-from metaid.study.kinds import AnyProblem, AnySpec, problem_of, spec_from
+from metaid.study.kinds import AnySpec, problem_of, spec_from
 from metaid.study.problem import Problem
 from metaid.study.settings import StudySpec
 
@@ -29,8 +29,8 @@ def create_study(store: Store, spec: AnySpec, name: str | None = None) -> str:
 
     A rig is pushed, to find what pushes it needs and what they do.  Raises LostPlant where it does not answer.
     """
+    refuse_what_cannot_be_run(spec)
     problem = problem_of(spec)
-    _refuse_what_cannot_be_run(problem)
     name = spec.name if name is None else name
     if not name or len(name) > 200 or not name.isprintable():
         raise StudyError("a study's name has 1 to 200 printable characters")
@@ -39,7 +39,7 @@ def create_study(store: Store, spec: AnySpec, name: str | None = None) -> str:
         raise StorageError(f"{store.url} has a study '{name}' already ({allowed})")
     if isinstance(problem, Problem) and not problem.is_simulated:
         spec = _pushed_spec(problem)
-        _refuse_what_cannot_be_run(Problem(spec))
+        refuse_what_cannot_be_run(spec)
     store.create(name, spec.model_dump_json(), problem.counted_joints)
     return name
 
@@ -71,8 +71,9 @@ def _other_sampler(stored: AnySpec, wanted: AnySpec, name: str) -> str | None:
     )
 
 
-def _refuse_what_cannot_be_run(problem: AnyProblem) -> None:
-    for stage in problem.stages():
+def refuse_what_cannot_be_run(spec: AnySpec) -> None:
+    """Raises StudyError where no sampler can search as these settings say."""
+    for stage in problem_of(spec).stages():
         stage.make_searcher()
 
 

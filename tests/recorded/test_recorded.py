@@ -258,6 +258,18 @@ def test_bad_log_is_refused_in_one_line(metaid: Metaid, rig: Path, kind: str) ->
     assert sorted(path.name for path in Path().iterdir()) == ["bad.csv"]
 
 
+def test_noise_of_a_plant_at_rest_is_not_taken_for_speeds_in_another_unit(metaid: Metaid, rig: Path) -> None:
+    """Nothing is found, for no joint moves far enough."""
+    log, random = pd.read_csv(rig / "log.csv"), np.random.default_rng(0)
+    for joint in (1, 2):
+        log[f"angle_{joint}"] = 0.1 + 1e-3 * random.standard_normal(len(log))
+        log[f"speed_{joint}"] = 1e-2 * random.standard_normal(len(log))
+    log.to_csv("rest.csv", index=False)
+    done = metaid("estimate", "--record", "rest.csv", "--plant", str(rig / "believed.toml"))
+    assert (done.status, done.err) == (3, "")
+    assert "no joint goes farther than 0.0" in " ".join(done.out.split())
+
+
 @pytest.mark.parametrize(
     ("given", "says"),
     [

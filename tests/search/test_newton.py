@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from conftest import best_error
+from conftest import Finished, best_error
 
 from benchmarks.chains import random_chain
 from benchmarks.friction import rubbing_chain, without_dry
@@ -27,6 +28,8 @@ from metaid.study.kinds import load_chain_study
 from metaid.study.problem import Problem
 from metaid.study.run import run_study
 from metaid.study.settings import SearchSettings, StudySettings, StudySpec
+
+Metaid = Callable[..., Finished]
 
 
 def study_of(nlink: int, seed: int, **settings: Any) -> StudySpec:
@@ -135,13 +138,16 @@ def test_newton_gets_away_from_a_start_that_falls(tmp_path: Path) -> None:
     ],
 )
 def test_newton_is_refused_where_the_curvature_is_not_known(
-    changes: dict[str, Any], message: str, tmp_path: Path
+    changes: dict[str, Any], message: str, tmp_path: Path, metaid: Metaid
 ) -> None:
-    """One line that says what it needs, before anything is created."""
-    store = Store(str(tmp_path / "metaid.db"), create=True)
+    """One line that says what it needs, before anything is created, and in `study check` already."""
+    store, asked = Store(str(tmp_path / "metaid.db"), create=True), {"sampler": "newton", **changes}
     with pytest.raises(StudyError, match=message):
-        create_study(store, load_chain_study("three-link-coast", {"sampler": "newton", **changes}))
+        create_study(store, load_chain_study("three-link-coast", asked))
     assert store.names() == []
+    checked = metaid("study", "check", "three-link-coast", *(f"--set={key}={value}" for key, value in asked.items()))
+    assert checked.status == 2
+    assert re.search(message, checked.err)
 
 
 def test_curvature_in_the_metric_is_what_the_measure_shows() -> None:

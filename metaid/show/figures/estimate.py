@@ -10,7 +10,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.ticker import MaxNLocator
 
 from metaid.models import Array
-from metaid.results import StudyEstimate, growth
+from metaid.results import StudyEstimate
 from metaid.results.arms import ArmFound
 from metaid.show.figures.lumps import DEVIATIONS, LEAST, draw_correlation
 from metaid.show.figures.style import COLOURS, FALL, INK, SURVIVOR, VALUES, every, new_axes, size_of, verbatim
@@ -110,7 +110,7 @@ def plot_growth(found: StudyEstimate, true: Array | None, axes: Axes | None = No
         axes: to draw on; default: a new one.
     """
     axes = new_axes(axes)
-    counts, estimates = growth(found)
+    counts, estimates = found.growth
     deviations = [100.0 * each.deviations.max() for each in estimates]
     axes.plot(counts, deviations, "o-", color=SURVIVOR, markersize=3, label="standard deviation")
     if true is not None:

@@ -97,7 +97,7 @@ def say_at(axes: Axes, x: Any, y: Any, texts: Sequence[str]) -> None:
 def said_in(figure: Figure) -> dict[str, tuple[str, ...]]:
     """All texts of a figure, each list under the id that its artist is given in an SVG."""
     said: dict[str, tuple[str, ...]] = {}
-    for artist in figure.findobj(lambda artist: artist in _SAID):
+    for artist in [each for each in _SAID if each.get_figure(root=True) is figure]:
         artist.set_gid(f"said-{len(said)}")
         said[f"said-{len(said)}"] = _SAID[artist]
     return said
