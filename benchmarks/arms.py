@@ -355,20 +355,21 @@ def identified_table(runs: Sequence[Identified], is_noisy: bool) -> str:
         found = [run for run in own if run.explained and run.explained[-1]]
         sizes = sorted({run.unknowns for run in own})
         wrong = [100.0 * run.nominal.largest for run in own]
+        needed = [run.trials_needed for run in own if run.trials_needed]
         row: Row = {
             "arm": name or "all",
             "nominal arms": len(own),
             "base parameters": f"{sizes[0]} to {sizes[-1]}" if len(sizes) > 1 else sizes[0],
             "error of the nominal arm": f"{min(wrong):.0f} to {max(wrong):.0f} %",
             "found": len(found),
-            "most trials to 1 %": max((run.trials_needed or np.inf for run in own), default=np.inf),
+            "most trials to 1 %": max(needed) if len(needed) == len(own) else None,
         }
         for kind, shown in ERRORS.items():
             row[f"{shown}, median"] = _share(median(getattr(run.errors[-1], kind) for run in found)) if found else None
         row["largest of all"] = _share(max(run.errors[-1].largest for run in found)) if found else None
         if is_noisy:
             inside = sum(run.inside for run in found) / max(sum(run.unknowns for run in found), 1)
-            row["inside 95 %"] = f"{inside:.1%}"
+            row["inside 95 %"] = f"{100.0 * inside:.1f} %"
         row["seconds, median"] = round(median(run.seconds for run in own), 1)
         row["seconds, most"] = round(max(run.seconds for run in own), 1)
         rows.append(row)

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import faults_stood
+from benchmarks import arms, faults_stood
 from benchmarks.faulted import FAULTS, Result, identify
 from benchmarks.robustness import draw_pictures, error_rows, first_rows, largest_size
+from metaid.models.tree import ModelError
 
 
 def test_size_for_one_percent_lies_on_the_curve() -> None:
@@ -67,3 +68,22 @@ def test_a_table_says_which_faults_an_estimate_stands() -> None:
     assert row["worst lump, proposed"] == "0.02 %"
     assert row["found, proposed"] == "3 of 3"
     assert row["taken up"] == "tilt 3"
+
+
+def test_a_table_of_arms_counts_those_that_were_found() -> None:
+    """A row an arm, errors of those found alone; what is rounding is said to be below it."""
+
+    def run(arm: str, seed: int, error: float, is_found: bool) -> arms.Identified:
+        nominal, last = (ModelError(each, each / 2, each / 4) for each in (0.1 * (1 + seed), error))
+        return arms.Identified(arm, seed, 6, 50 + len(arm), nominal, [last], [1.0], [is_found], 40, 0, 2.0 + seed)
+
+    runs = [
+        run("one", 0, 1e-3, True),
+        run("one", 1, 3e-3, True),
+        run("one", 2, 0.5, False),
+        run("other", 0, 1e-9, True),
+    ]
+    one, other, both = [row.split(" | ")[1:] for row in arms.identified_table(runs, True).splitlines()[2:]]
+    assert one == ["3", "53", "10 to 30 %", "2", "–", "0.2 %", "0.1 %", "0.05 %", "0.3 %", "75.5 %", "3", "4 |"]
+    assert other[5:9] == ["below 1e-08"] * 4
+    assert both[:4] == ["4", "53 to 55", "10 to 30 %", "3"]

@@ -13,6 +13,7 @@ from soak.figures import DIFFERS, NOT_COMPARED, ROOT, Figures, Printed, differen
 
 RESULTS = (
     "README.md",
+    "arms.md",
     "cluster.md",
     "full-dynamics.md",
     "higher-dof.md",
