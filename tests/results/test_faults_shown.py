@@ -15,6 +15,7 @@ from metaid.errors import StudyError
 from metaid.plant.faults import FaultSettings
 from metaid.plant.settings import PlantSettings
 from metaid.results.findings import read_findings
+from metaid.results.lump_tables import fault_rows
 from metaid.results.overview import summary
 from metaid.results.snapshot import read_snapshot
 from metaid.results.tables import lumps_frame
@@ -101,26 +102,23 @@ def test_friction_without_a_nominal_value_is_found_on_a_plant_without_other_faul
 
 
 def test_fault_that_is_not_explained_has_no_number(tmp_path: Path) -> None:
-    """Nor have the lumps, where a tilt is there and a delay is searched; the reasons propose to search both."""
-    store = Store(str(tmp_path / "metaid.db"), create=True)
-    shown = run(store, late_and_tilted("delay", nlink=1, trials=1))
-    (delay,) = shown["faults"]
-    assert shown["verdict"] == "not found"
-    assert delay["identified"] is delay["sd"] is delay["low"] is delay["error"] is None
-    assert "the model does not explain what was seen, but with a tilt of " in shown["reasons"][0]
-    assert 'set [estimate] faults = ["delay", "tilt"]' in shown["reasons"][0]
-
-
-def test_verdict_alone_waits_for_no_fits_of_faults(tmp_path: Path) -> None:
-    """A fault is looked for when somebody reads the reasons."""
+    """Nor have the lumps, where a tilt is there and a delay is searched. Who reads the reasons, and nobody else, waits
+    for the fits that propose to search both.
+    """
     with closing(Store(str(tmp_path / "metaid.db"), create=True)) as store:
         create_study(store, late_and_tilted("delay", nlink=1, trials=1))
         run_study(store, "late")
         snapshot = read_snapshot(store, "late")
     verdict, estimate = judge(snapshot), snapshot.estimate
+    (delay,) = fault_rows(snapshot.first, estimate)["faults"]
     assert verdict.word == "not found"
+    assert delay["identified"] is delay["sd"] is delay["low"] is delay["error"] is None
     assert estimate is not None
     assert "proposal" not in vars(estimate)
+    (reason,) = verdict.reasons
+    assert "the model does not explain what was seen, but with a tilt of " in reason
+    assert 'set [estimate] faults = ["delay", "tilt"]' in reason
+    assert "proposal" in vars(estimate)
 
 
 def test_fault_that_explains_the_trials_is_taken_up(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from metaid.compiled.arms import follow_laws
 from metaid.estimation.arms.trials import WatchedArmTrial
-from metaid.estimation.arms.unknowns import ArmUnknowns
+from metaid.estimation.arms.unknowns import ArmUnknowns, ComparedOfArm
 from metaid.estimation.descent import NOTHING, Residuals
 from metaid.models import Array
 
@@ -22,7 +22,7 @@ THREADS = 2
 
 
 @dataclass(frozen=True, eq=False)
-class ArmMotions:
+class ArmMotions(ComparedOfArm):
     """All `trials` of a study. Compared is the signed change of each joint's speed from the start to the end of each
     window (Eq. 52), in units of the `resolution`, a share of the fastest start.
     """
@@ -49,11 +49,6 @@ class ArmMotions:
     def stride(self) -> int:
         """Windows grow one by one."""
         return 1
-
-    @property
-    def ends_when_cut(self) -> bool:
-        """Near a singular mass matrix steps are cut, and a descent that ends there is led to a wrong minimum."""
-        return False
 
     @property
     def least_gain(self) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from metaid.compiled.arms import follow_torques
 from metaid.estimation.arms.motions import STEP, THREADS, beside
 from metaid.estimation.arms.trials import ArmReadTrial
-from metaid.estimation.arms.unknowns import ArmUnknowns
+from metaid.estimation.arms.unknowns import ArmUnknowns, ComparedOfArm
 from metaid.estimation.noisy.polynomials import before
 from metaid.estimation.noisy.windows import Compared, ReadingsInWindows
 from metaid.models import Array
@@ -20,13 +20,8 @@ LEAST_GAIN = 1e-3  # of cost: dry friction makes it uneven, and a descent would 
 
 
 @dataclass(frozen=True, eq=False)
-class ArmReadings(ReadingsInWindows[ArmReadTrial, ArmUnknowns]):
+class ArmReadings(ComparedOfArm, ReadingsInWindows[ArmReadTrial, ArmUnknowns]):
     """All `trials` of a noisy study of an arm. Where starts are unknown, they are eliminated push by push (Eq. 29)."""
-
-    @property
-    def ends_when_cut(self) -> bool:
-        """Near a singular mass matrix steps are cut, and a descent that ends there is led to a wrong minimum."""
-        return False
 
     @property
     def least_gain(self) -> float:

@@ -60,3 +60,12 @@ class ArmUnknowns:
     def parameters(self, unknowns: Array) -> Array:
         """The most probable parameters of every joint and its link (... x njoint x 13)."""
         return np.ascontiguousarray(self.belief.parameters_at(self.values(unknowns)))
+
+
+class ComparedOfArm:
+    """What all that is compared of an arm has in common."""
+
+    @property
+    def ends_when_cut(self) -> bool:
+        """Near a singular mass matrix steps are cut, and a descent that ends there is led to a wrong minimum."""
+        return False
