@@ -70,15 +70,15 @@ class Estimate(Fit):
 
         With exact lengths a_ij = l_i μ_j is as well known as μ_j.
         """
-        return self._by_name(self.deviations, names)
+        return self.by_name(self.deviations, names)
 
     def extent_of(self, names: Sequence[str]) -> tuple[Array, Array] | None:
         """The least and the largest log factor of each of these lumps (nlump), or None where no extent is known."""
         if self.extent is None:
             return None
-        return self._by_name(self.extent[0], names), self._by_name(self.extent[1], names)
+        return self.by_name(self.extent[0], names), self.by_name(self.extent[1], names)
 
-    def _by_name(self, values: Array, names: Sequence[str]) -> Array:
+    def by_name(self, values: Array, names: Sequence[str]) -> Array:
         """The `values` (nunknown) of the lumps of these names (nlump)."""
         known = dict(zip(self.names, values.tolist(), strict=True))
         return np.array([known.get(name, known.get(f"gravity_{name.rpartition('_')[2]}", np.nan)) for name in names])

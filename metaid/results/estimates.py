@@ -86,6 +86,18 @@ class StudyEstimate:
         return min((each for each in self._forces if each.is_seen), key=lambda each: each.left, default=None)
 
     @cached_property
+    def hinted(self) -> Unmodelled | None:
+        """The force that the model has not and that the trials hint at best, though noise may look like it."""
+        return min((each for each in self._forces if each.is_hinted), key=lambda each: each.left, default=None)
+
+    def deviations_of(self, names: Sequence[str]) -> Array:
+        """The standard deviation of each of these lumps (nlump), as a share of it. It holds what a force would change
+        that the trials hint at.
+        """
+        own = self.estimate.deviations_of(names)
+        return own if self.hinted is None else np.hypot(own, self.estimate.by_name(self.hinted.shift, names))
+
+    @cached_property
     def proposal(self) -> Proposal | None:
         """Faults that would explain what the estimate does not, were they searched; None where none does."""
         if self.estimate.is_explained:
@@ -109,6 +121,12 @@ class StudyEstimate:
                     f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} right only without {force.name}: "
                     f"these trials do not show {force.unseen}; push harder, or longer"
                 )
+        if self.hinted is not None:
+            moved, change = _most_moved(self.estimate, self.hinted)
+            said.append(
+                f"the trials hint at {self.hinted.description}, with which {moved} would be {change}, so intervals "
+                f"hold that, too ({self.hinted.advice})"
+            )
         return said
 
     @property
@@ -148,12 +166,10 @@ class StudyEstimate:
                 "the model does not explain what was seen, be it for friction, play, late torques or wrong lengths: "
                 f"{found}"
             )
-        moved = int(np.argmax(np.abs(force.shift)))
-        by = 100.0 * float(np.expm1(force.shift[moved]))
+        moved, change = _most_moved(estimate, force)
         return (
             f"the motion shows a force that the model has not, {force.description} or one like it: with it "
-            f"{estimate.names[moved]} would be {abs(by):.2g} % {'larger' if by > 0.0 else 'smaller'} "
-            f"({force.advice}); {found}"
+            f"{moved} would be {change} ({force.advice}); {found}"
         )
 
     @property
@@ -172,6 +188,13 @@ class StudyEstimate:
         if number is None:
             number = worst_shown(self.estimate.residuals, self.explains)
         return self.experiment.replay(self.watched, self.estimate, number)
+
+
+def _most_moved(estimate: Estimate, force: Unmodelled) -> tuple[str, str]:
+    """The lump of an `estimate` that a `force` would change most, and by how much, in words."""
+    moved = int(np.argmax(np.abs(force.shift)))
+    by = 100.0 * float(np.expm1(force.shift[moved]))
+    return estimate.names[moved], f"{abs(by):.2g} % {'larger' if by > 0.0 else 'smaller'}"
 
 
 def first_enough(fewest: int, most: int, is_enough: Callable[[int], bool]) -> int | None:

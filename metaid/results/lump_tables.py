@@ -51,7 +51,7 @@ def estimate_table(problem: Problem, found: StudyEstimate | None) -> pd.DataFram
     determined = np.zeros(len(names), dtype=np.bool_)
     if found is not None and found.explains:
         factor = found.estimate.lumps.vector_of(kinds) / nominal
-        deviation = found.estimate.deviations_of(names)
+        deviation = found.deviations_of(names)
         low, high = factor * np.exp(-DEVIATIONS * deviation), factor * np.exp(DEVIATIONS * deviation)
         determined = deviation <= COARSEST
         if (extent := found.estimate.extent_of(names)) is not None:

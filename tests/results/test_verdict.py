@@ -23,6 +23,7 @@ from metaid.store.database import Store
 from metaid.study.create import create_study
 from metaid.study.kinds import load_chain_study
 from metaid.study.run import run_study
+from metaid.study.settings import EpisodeSettings, StudySettings, StudySpec
 from soak.confident import try_case
 
 NO_ESTIMATE = {"estimate.enabled": False}
@@ -216,6 +217,25 @@ def test_counts_are_not_compared_on_a_noisy_plant() -> None:
     """One line says so, and what to do."""
     with pytest.raises(StudyError, match="compare: 'count' needs a plant without noise"):
         load_chain_study("noisy-three-link", {"estimate.compare": "count"})
+
+
+def test_intervals_hold_what_a_force_that_is_hinted_at_would_change(tmp_path: Path) -> None:
+    """Dry friction of 0.005 N m in one link, too little to be seen beside noise: it moved gravity by ten deviations."""
+    (link,), nominal = random_chain(1, 302_592)
+    plant = PlantSettings(
+        links=(link.model_copy(update={"frictionloss": 0.005}),),
+        faults=FaultSettings(angle_noise=1e-3, speed_sensor=False, push_noise=0.02),
+    )
+    study = StudySettings(
+        plant="link", nominal="link", sampler="cmaes", trials=12, seed=7, episode=EpisodeSettings(measure="smoothed")
+    )
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    create_study(store, StudySpec(name="study", plant_name="link", plant=plant, nominal=nominal, study=study))
+    run_study(store, "study")
+    verdict = judge(read_snapshot(store, "study"))
+    assert verdict.word == "found"
+    assert "the trials hint at dry friction, 0.0" in verdict.reasons[-1]
+    assert ((verdict.lumps["low"] < verdict.lumps["true"]) & (verdict.lumps["true"] < verdict.lumps["high"])).all()
 
 
 def test_force_that_the_model_has_not_is_named_with_its_size_and_what_to_do() -> None:

@@ -20,6 +20,7 @@ from metaid.models import SLIDING, Array
 
 CHANCE = 6.0  # standard deviations above what noise alone gains: it does not gain as much by chance
 LEAST_GAIN = 15.0  # for the tails of so many forces and joints
+SELDOM = 3.5  # standard deviations above that: noise alone gains as much once in a hundred times
 TRIFLE = 1e-3  # of a lump: a force that moves none by more does no harm
 UNSEEN = 3.0  # standard deviations of a force that readings may hide
 RANK = 1e-12  # of the largest singular value; a smaller one is rounding
@@ -52,6 +53,7 @@ class Unmodelled:
         reach: by how much they could (nunknown), with a force so small that the readings do not show it.
         is_seen: whether it is there: it lowers the squares by more than noise would, and moves a lump out of its 95 %
             interval, and that by more than TRIFLE.
+        is_hinted: whether it may be there: the same where noise would seldom lower the squares so far.
     """
 
     kind: str
@@ -61,6 +63,7 @@ class Unmodelled:
     shift: Array
     reach: Array
     is_seen: bool
+    is_hinted: bool
 
     @property
     def description(self) -> str:
@@ -109,6 +112,8 @@ def unmodelled_forces(readings: Readings, estimate: Estimate) -> Iterator[Unmode
         last = first + len(torques[0][kind])
         after, step, covariance = _least(np.column_stack([slopes[:, :count], slopes[:, first:last]]), values)
         more = np.maximum(np.diag(covariance)[:lumps] - np.diag(alone)[:lumps], 0.0)
+        resists = not (readings.is_led and kind in RESISTING and bool((step[count:] <= 0.0).all()))
+        matters = resists and bool((np.abs(step[:lumps]) > 1.96 * estimate.deviations + TRIFLE).any())
         yield Unmodelled(
             kind=kind,
             sizes=step[count:],
@@ -116,9 +121,8 @@ def unmodelled_forces(readings: Readings, estimate: Estimate) -> Iterator[Unmode
             left=after / before,
             shift=step[:lumps],
             reach=UNSEEN * np.sqrt(more),
-            is_seen=before - after > by_chance(last - first)
-            and not (readings.is_led and kind in RESISTING and bool((step[count:] <= 0.0).all()))
-            and bool((np.abs(step[:lumps]) > 1.96 * estimate.deviations + TRIFLE).any()),
+            is_seen=matters and before - after > by_chance(last - first),
+            is_hinted=matters and before - after > _seldom(last - first),
         )
         first = last
 
@@ -126,6 +130,11 @@ def unmodelled_forces(readings: Readings, estimate: Estimate) -> Iterator[Unmode
 def by_chance(count: int) -> float:
     """By how much so many unknowns more may lower the sum of squares where nothing but noise is left."""
     return count + CHANCE * float(np.sqrt(2.0 * count)) + LEAST_GAIN
+
+
+def _seldom(count: int) -> float:
+    """By how much so many unknowns more seldom lower it there."""
+    return count + SELDOM * float(np.sqrt(2.0 * count))
 
 
 def _least(slopes: Array, values: Array) -> tuple[float, Array, Array]:
