@@ -31,6 +31,7 @@ from metaid.study import run_study
 
 LINKS, TRIALS = 3, 4
 NOISES = {0.0: {}, 1e-3: {"angle_noise": 1e-3, "speed_sensor": False}}
+ROUNDING = 1e-9  # a relative error below which what is left is rounding, which differs by processor
 OFFSETS, GAINS = (0.02, -0.01, 0.03), (1.0, 1.05, 0.93)  # rad; and of each motor
 # What is searched, the faults of the plant, and what each link has: delay in steps of 2 ms.
 CASES: dict[str, tuple[tuple[str, ...], dict[str, Any], dict[str, float]]] = {
@@ -100,10 +101,14 @@ def table(rows: list[Searched]) -> str:
             share = sum(row.inside for row in found) / sum(row.values for row in found)
             lumps = max(row.lump_error for row in found)
             of_fault = f"{worst.error:.2g} of {worst.size:.3g} {worst.unit}".removesuffix(" 1")
+            shown = [
+                f"below {ROUNDING:.0e}" if error < ROUNDING else text
+                for error, text in ((worst.error / worst.size, of_fault), (lumps, f"{lumps:.1e}"))
+            ]
             # Without noise the intervals are those of rounding, and nothing is told by them.
             inside = f"{share:.0%}" if noise else "–"
             name, said = f"`{fault}`", f"{1e3 * noise:g} mrad" if noise else "none"
-            lines.append(f"| {name} | {said} | {len(own)} | {len(found)} | {of_fault} | {lumps:.1e} | {inside} |")
+            lines.append(f"| {name} | {said} | {len(own)} | {len(found)} | {' | '.join(shown)} | {inside} |")
     return "\n".join(lines)
 
 
