@@ -83,7 +83,10 @@ def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure
             steps = max(steps, read)
         check_size(spec, measure, count * wanted.repeats, steps, RESTS)
         pushes = _strong_pushes(plant, kind, spec, nominal, pushed)
-        fall_limit, runaway = RICH_FALL_LIMIT, np.inf if isinstance(spec.plant, PlantSettings) else RICH_RUNAWAY
+        fall_limit = RICH_FALL_LIMIT * _strength(
+            spec
+        )  # a link that is pushed past 180° on purpose has not fallen there
+        runaway = np.inf if isinstance(spec.plant, PlantSettings) else RICH_RUNAWAY
     else:
         steps, fall_limit, runaway = wanted.steps or COUNTING_STEPS, FALL_LIMIT, np.inf
         check_size(spec, measure, count * wanted.repeats, steps, RESTS)
@@ -139,17 +142,18 @@ def _strong_pushes(
     plant: Plant, kind: Literal["rich", "designed"], spec: StudySpec, nominal: Chain, horizon: float
 ) -> Array:
     wanted, seed = spec.study.episode, spec.study.seed
-    peak_speed, count = wanted.peak_speed or _reach(spec) / horizon, wanted.count or 2 * plant.njoint
+    peak_speed, count = wanted.peak_speed or REACH * _strength(spec) / horizon, wanted.count or 2 * plant.njoint
     if kind == "rich":
         return rich_pushes(plant, count, peak_speed, seed)
     kinds = spec.study.search.lumps
     return pushes_for(plant, designed_speeds(nominal, plant.gravity, count, peak_speed, horizon, seed, kinds))
 
 
-def _reach(spec: StudySpec) -> float:
-    """How far, in rad, the fastest link of a push coasts within the horizon of a rich push."""
+def _strength(spec: StudySpec) -> float:
+    """How many times stronger than a rich push a push is, if the study does not say."""
     is_matched = SAMPLERS[spec.study.sampler].by_estimate and _has_noise(spec)
-    return REACH * _horizons_read(spec) if is_matched and isinstance(spec.plant, PlantSettings) else REACH
+    is_told = spec.study.episode.peak_speed is not None or not isinstance(spec.plant, PlantSettings)
+    return _horizons_read(spec) if is_matched and not is_told else 1.0
 
 
 def _explicit(pushes: list[list[float]], njoint: int) -> Array:

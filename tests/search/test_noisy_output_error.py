@@ -189,4 +189,5 @@ def test_noisy_pushes_are_longer_and_stronger_the_fewer_links_there_are(nlink: i
     other = Problem(spec_of(nlink, 0, NOISE, sampler="random"))
     assert ours.episode.steps == pytest.approx(horizons * other.episode.steps, abs=1)
     assert ours.episode.pushes == pytest.approx(horizons * other.episode.pushes, rel=1e-9)
+    assert ours.episode.fall_rule.limit == pytest.approx(horizons * other.episode.fall_rule.limit)
     assert other.episode.readings_steps == other.episode.steps
