@@ -31,10 +31,10 @@ from statistics import median
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from benchmarks.common import NEEDS_MORE, Row, table
-from metaid.compiled.arms import ArmLoop, ArmObjective
-from metaid.episode import window_ends
-from metaid.episode.arms import ArmEpisode, resolution_hz
+from benchmarks.arm_rigs import OTHERS, SHIPPED, URDFS, WITHIN, experiment_on, plant_of
+from benchmarks.arms_minimised import MINIMISERS, minimise, minimised_table
+from benchmarks.common import Row, table
+from metaid.compiled.arms import ArmLoop
 from metaid.estimation.arms import (
     ArmEstimate,
     ArmReadTrial,
@@ -44,30 +44,10 @@ from metaid.estimation.arms import (
     read_arm_trial,
     watched_arm_trial,
 )
-from metaid.models import Array
-from metaid.models.tree import Belief, ModelError, Prior, Tree, model_error
-from metaid.plant import load_plant
-from metaid.plant.arms import ArmFaults, ArmPlant, ArmSettings, draw_starts
-from metaid.search import SamplerOptions, arm_sensitivity, believed_metric, make_searcher
-from metaid.study.arms import ArmSearchSettings, drawn_nominal
+from metaid.models.tree import ModelError, Tree, model_error
 
-SHIPPED = ("pa10", "crs-a465", "puma560")
-OTHERS = ("scara", "spatial-three-link")  # shipped, too
-URDFS = {
-    "ur5": "ur_description/urdf/ur5_robot.urdf",
-    "panda": "panda_description/urdf/panda.urdf",
-    "xarm7": "xarm_description/urdf/xarm7.urdf",
-    "kinova": "kinova_description/robots/kinova.urdf",
-}
-JOINTS = {"panda": tuple(f"panda_joint{i}" for i in range(1, 8))}  # of the others all move
-HORIZON, WINDOWS, STIFFNESS = 0.3, 6, 30.0  # s, their number, 1/s²
-# Of the torque limit: a rotor's inertia per rad/s², viscous friction per rad/s, dry friction.
-ROTOR, DAMPING, COULOMB = 0.004, 0.01, 0.02
-WITHIN = 0.01
 EXACT = 1e-8  # an error below which what is left is rounding, which differs by processor
 ERRORS = {"gravity": "gravity torque", "coriolis": "Coriolis torque", "mass_matrix": "mass matrix"}
-MINIMISERS = ("newton", "cmaes", "tpe", "optuna-cmaes")
-FARTHEST = 10.0  # standard deviations of the belief: no base parameter beyond is tried
 
 
 @dataclass(frozen=True)
@@ -93,77 +73,6 @@ class Identified:
         """After how many trials all errors were within 1 %; None where they were not."""
         within = [number for number, error in enumerate(self.errors, 1) if error.largest <= WITHIN]
         return within[0] if within else None
-
-
-@dataclass(frozen=True)
-class Minimised:
-    """One arm and seed under a sampler that minimises: pushes of a trial, trials and how many of them fell, after how
-    many the best had all errors within 1 %, None where none had; its value, what the measure can tell from none and the
-    value of the true arm's law, in Hz; errors of the nominal arm and of the best trial, seconds.
-    """
-
-    arm: str
-    seed: int
-    sampler: str
-    unknowns: int
-    pushes: int
-    trials: int
-    falls: int
-    trials_needed: int | None
-    value: float
-    resolution: float
-    value_of_truth: float
-    nominal: ModelError
-    error: ModelError
-    seconds: float
-
-
-def plant_of(name: str, seed: int, noise: float, is_smooth: bool = False) -> ArmPlant:
-    """The plant of that name; a smooth one has no dry friction."""
-    if name in (*SHIPPED, *OTHERS):
-        found = load_plant(name)
-        assert isinstance(found, ArmPlant), name
-        plant = found
-    else:
-        plant = ArmPlant(name, _settings(name, seed))
-    changes: dict[str, object] = {"faults": ArmFaults(angle_noise=noise, speed_sensor=not noise)}
-    if is_smooth:
-        changes["frictionloss"] = dict.fromkeys(plant.tree.names, 0.0)
-    return ArmPlant(plant.name, plant.settings.model_copy(update=changes))
-
-
-def experiment_on(plant: ArmPlant, seed: int) -> tuple[Belief, ArmEpisode]:
-    """What is believed of an arm, and what is done to it."""
-    n, steps = plant.njoint, round(HORIZON / plant.timestep)
-    starts = draw_starts(plant, 3 * n, HORIZON, seed)
-    stiffness = np.where(np.arange(3 * n) < 2 * n, 0.0, STIFFNESS)
-    episode = ArmEpisode(starts, stiffness, steps, window_ends(steps, WINDOWS), seed=seed)
-    return Belief(drawn_nominal(plant.tree, seed, Prior())), episode
-
-
-def _settings(name: str, seed: int) -> ArmSettings:
-    path = _robots() / URDFS[name]
-    plain = ArmSettings(urdf=str(path), joints=JOINTS.get(name))
-    tree, random = ArmPlant(name, plain).tree, np.random.default_rng(1000 + seed)
-    factors = random.uniform(0.5, 1.5, (3, tree.njoint)) * tree.torque_limit
-
-    def said(share: float, row: int, present: Array) -> dict[str, float]:
-        values = np.where(present > 0.0, present, share * factors[row])
-        return dict(zip(tree.names, values.tolist(), strict=True))
-
-    rotor, damping, coulomb = (
-        said(share, row, present)
-        for row, (share, present) in enumerate(((ROTOR, tree.rotor), (DAMPING, tree.damping), (COULOMB, tree.coulomb)))
-    )
-    return plain.model_copy(update={"rotor": rotor, "damping": damping, "frictionloss": coulomb})
-
-
-def _robots() -> Path:
-    for place in map(Path, sys.path):
-        for found in place.glob("cmeel.prefix/share/example-robot-data/robots"):
-            return found
-    print("the URDFs are those of example-robot-data, which make robots installs", file=sys.stderr)
-    sys.exit(NEEDS_MORE)
 
 
 def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
@@ -220,81 +129,6 @@ def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
         inside=0 if estimate is None else _inside(estimate, true),
         falls=falls,
         seconds=spent,
-    )
-
-
-def minimise(name: str, seed: int, sampler: str, trials: int, noise: float, is_smooth: bool) -> Minimised:
-    """Searches an arm by the value of each trial alone.
-
-    Args:
-        name: of the arm.
-        seed: of what is wrong, of the starts, of the noise and of the sampler.
-        sampler: by name.
-        trials: at most; fewer where the sampler is finished.
-        noise: of the angles, in rad.
-        is_smooth: whether it has no dry friction.
-    """
-    plant = plant_of(name, seed, noise, is_smooth)
-    belief, episode = experiment_on(plant, seed)
-    reach = FARTHEST * np.sqrt(np.diag(belief.covariance))
-    began = time.process_time()
-    h = arm_sensitivity(belief, episode, plant.timestep)
-    coordinates = believed_metric(h, belief, belief.values - reach, belief.values + reach, resolution_hz(HORIZON))
-    searcher = make_searcher(sampler, coordinates, seed, SamplerOptions(sigma=ArmSearchSettings().sigma))
-    objective = ArmObjective(plant, belief, episode)
-    number = falls = 0
-    needed, best, error = None, np.inf, model_error(plant.tree, belief.nominal.parameters)
-    nominal = error
-    while number < trials and not searcher.finished():
-        outcomes = []
-        for values in searcher.ask()[: trials - number]:
-            outcomes.append(objective.evaluate(values, number))
-            number += 1
-            falls += outcomes[-1].fell
-            if not outcomes[-1].fell and outcomes[-1].value < best:
-                best, error = outcomes[-1].value, model_error(plant.tree, belief.parameters_at(values))
-                needed = (needed or number) if error.largest <= WITHIN else None
-        if number < trials:
-            searcher.tell(outcomes)
-    return Minimised(
-        arm=name,
-        seed=seed,
-        sampler=sampler,
-        unknowns=len(belief.values),
-        pushes=episode.npush,
-        trials=number,
-        falls=falls,
-        trials_needed=needed,
-        value=float(best),
-        resolution=resolution_hz(HORIZON),
-        value_of_truth=objective.evaluate(belief.base.of(plant.tree.parameters), number).value,
-        nominal=nominal,
-        error=error,
-        seconds=time.process_time() - began,
-    )
-
-
-def minimised_table(runs: Sequence[Minimised]) -> str:
-    """A row for each arm and seed."""
-    return table(
-        [
-            {
-                "arm": run.arm,
-                "seed": run.seed,
-                "sampler": run.sampler,
-                "base parameters": run.unknowns,
-                "pushes a trial": run.pushes,
-                "falls": run.falls,
-                "pushes to 1 %": run.trials_needed * run.pushes if run.trials_needed else None,
-                "pushes": run.trials * run.pushes,
-                "error at the end": f"{run.error.largest:.2%}",
-                "best, Hz": run.value,
-                "under the true law, Hz": run.value_of_truth,
-                "can be told, Hz": run.resolution,
-                "seconds": round(run.seconds),
-            }
-            for run in runs
-        ]
     )
 
 

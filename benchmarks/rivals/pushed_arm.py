@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.arms import HORIZON, STIFFNESS, WINDOWS
+from benchmarks.arm_rigs import HORIZON, STIFFNESS, WINDOWS
 from benchmarks.rivals.conditions import Condition
 from benchmarks.rivals.judging import Found
 from benchmarks.rivals.pushed import trials_of
