@@ -201,8 +201,7 @@ def run(
         watch: called with the progress after each generation.
         patience: s after which a silent Ray worker or DB server is given up; default: 120 and 300.
         start_from: name of a study in the DB; what it identified is the nominal model of this one.
-        until: half the width of a 95 % interval as a share of its lump; the run ends once that of every lump is as
-            narrow (with `output-error`).
+        until: a share; the run ends once all lumps at once are known to it with 95 % (with `output-error`).
 
     Returns:
         The study's lumps, as `lumps` has them.

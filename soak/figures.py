@@ -23,7 +23,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -138,6 +138,12 @@ def run(command: str) -> Printed:
     return Printed(done.stdout, done.returncode, (time.perf_counter() - began) / 60.0)
 
 
+def begun(pool: Executor, stated: Sequence[Figures]) -> dict[str, Future[Printed]]:
+    """What each command prints of those that print the tables that are `stated`, each run once by the `pool`."""
+    commands = dict.fromkeys(command for table in stated for command in table.commands)
+    return {command: pool.submit(run, command) for command in commands}
+
+
 def judged(table: Figures, printed: Sequence[Printed]) -> tuple[str, list[str]]:
     """Whether a table is the same as what its commands have `printed`, in a few words, and what is otherwise."""
     if any(each.status == NEEDS_MORE for each in printed):
@@ -167,7 +173,7 @@ def main() -> None:
         return
     began = time.perf_counter()
     with ThreadPoolExecutor(given.workers) as pool:
-        running = {command: pool.submit(run, command) for table in stated for command in table.commands}
+        running = begun(pool, stated)
         verdicts = Counter[str]()
         for table in stated:
             printed = [running[command].result() for command in table.commands]

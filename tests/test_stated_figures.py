@@ -4,12 +4,25 @@ from __future__ import annotations
 
 import re
 import shlex
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from benchmarks.common import NEEDS_MORE
-from soak.figures import DIFFERS, NOT_COMPARED, ROOT, Figures, Printed, differences, documents, figures, judged, tables
+from soak.figures import (
+    DIFFERS,
+    NOT_COMPARED,
+    ROOT,
+    Figures,
+    Printed,
+    begun,
+    differences,
+    documents,
+    figures,
+    judged,
+    tables,
+)
 
 RESULTS = (
     "README.md",
@@ -49,6 +62,16 @@ def test_commands_are_there() -> None:
         python, option, module, *_ = shlex.split(command)
         assert (python, option) == ("python", "-m"), command
         assert (ROOT / f"{module.replace('.', '/')}.py").exists(), command
+
+
+def test_a_command_of_several_tables_is_run_once(tmp_path: Path) -> None:
+    """Some take minutes."""
+    path = tmp_path / "runs.txt"
+    tables_of_it = [Figures(ROOT / "README.md", line, (f"echo run | tee -a {path}",), ()) for line in (1, 2)]
+    with ThreadPoolExecutor(2) as pool:
+        outputs = [each.result().output for each in begun(pool, tables_of_it).values()]
+    assert outputs == ["run\n"]
+    assert path.read_text() == "run\n"
 
 
 def stated(text: str) -> list[str]:

@@ -284,7 +284,7 @@ def _undetermined(spec: StudySpec) -> str | None:
     "--until",
     callback=share,
     metavar="SHARE",
-    help="With output-error: end once every 95 % interval is so narrow, e.g. 0.5% either way.",
+    help="With output-error: end once all lumps at once are known so well with 95 %, e.g. 0.5%.",
 )
 @click.option("--quiet", is_flag=True, help="Print nothing while it runs.")
 def run(

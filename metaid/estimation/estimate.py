@@ -12,7 +12,7 @@ from metaid.estimation.faults import FoundFaults, SearchedFaults, found_faults
 from metaid.estimation.fit import Fit, Growing, find
 from metaid.estimation.trials import Replay
 from metaid.estimation.unknowns import Unknowns
-from metaid.models import Array, Lumps
+from metaid.models import DEVIATIONS, Array, Lumps, half_width
 
 
 class Comparison(Growing, Protocol):
@@ -65,6 +65,16 @@ class Estimate(Fit):
         """z (nunknown)."""
         return self.unknowns
 
+    @property
+    def half_width(self) -> float:
+        """Half the widest of intervals that hold all unknown lumps at once, as a share of its lump.  Eq. 64.
+
+        All models that count the same are within an extent at once.
+        """
+        if self.extent is not None:
+            return float(np.sinh(0.5 * (self.extent[1] - self.extent[0]).max()))
+        return half_width(self.deviations)
+
     def deviations_of(self, names: Sequence[str]) -> Array:
         """The standard deviation of each of these lumps (nlump), as a share of it.
 
@@ -83,7 +93,7 @@ class Estimate(Fit):
         known = dict(zip(self.names, values.tolist(), strict=True))
         return np.array([known.get(name, known.get(f"gravity_{name.rpartition('_')[2]}", np.nan)) for name in names])
 
-    def interval(self, deviations: float = 1.96) -> tuple[Array, Array]:
+    def interval(self, deviations: float = DEVIATIONS) -> tuple[Array, Array]:
         """Least and largest factor (nunknown) within so many standard `deviations`: 95 % of them by default.
 
         Eq. 27.

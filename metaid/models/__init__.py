@@ -10,6 +10,7 @@ Pure functions of arrays: nothing here knows MuJoCo, Optuna or files.
 from metaid.models.bodies import Bodies, bodies_of
 from metaid.models.chain import Chain, speeds_after
 from metaid.models.chain_of_lumps import ChainOfLumps, chain_of_lumps
+from metaid.models.intervals import DEVIATIONS, deviations_at_once, half_width
 from metaid.models.known_lumps import KnownLumps, known_lumps
 from metaid.models.law import SLIDING, compensation_basis, compensation_torque, mass_matrix
 from metaid.models.lumps import FRICTION, IDEAL, UNITS, Array, Lumps, factors_from_names, kind_of, lump_names, lump_unit
@@ -20,6 +21,7 @@ from metaid.models.same_motion import SameMotion
 from metaid.models.space import SearchSpace, Space, factor_space
 
 __all__ = [
+    "DEVIATIONS",
     "FRICTION",
     "IDEAL",
     "SLIDING",
@@ -40,8 +42,10 @@ __all__ = [
     "chain_of_lumps",
     "compensation_basis",
     "compensation_torque",
+    "deviations_at_once",
     "factor_space",
     "factors_from_names",
+    "half_width",
     "kind_of",
     "known_lumps",
     "least_inertia",

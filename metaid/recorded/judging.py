@@ -10,14 +10,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from metaid.models import Array
+from metaid.models import DEVIATIONS, Array
 from metaid.recorded.estimate import RecordedEstimate
 from metaid.recorded.linear_model import LinearModel
 from metaid.recorded.log import Record
 from metaid.results import missed, without_nan
 from metaid.study import COARSEST
 
-DEVIATIONS = 1.96  # of a normal distribution, to either side, hold 95 %
 LARGEST_ERROR = 0.2  # of the held-out torque, that a model may leave which is said to be found
 SCALE = (
     "every number scales with the torques of the log, and nothing in it shows a wrong scale of all of them, as of "

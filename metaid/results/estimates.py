@@ -11,7 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from metaid.episode import QUANTITIES, Episode, Outcome
-from metaid.models import Array
+from metaid.models import Array, half_width
 from metaid.store import Trial
 from metaid.study import COARSEST, MOST_TRIALS, Problem
 
@@ -96,6 +96,13 @@ class StudyEstimate:
         """
         own = self.estimate.deviations_of(names)
         return own if self.hinted is None else np.hypot(own, self.estimate.by_name(self.hinted.shift, names))
+
+    @property
+    def half_width(self) -> float:
+        """Half the widest of intervals that hold all unknown lumps at once, as a share of its lump.  Eq. 64."""
+        if self.estimate.extent is not None:
+            return self.estimate.half_width
+        return half_width(self.deviations_of(self.estimate.names))
 
     @cached_property
     def proposal(self) -> Proposal | None:

@@ -75,6 +75,7 @@ def _estimate(snapshot: Snapshot) -> dict[str, Any]:
         "trials": found.trials,
         "counts": found.estimate.counts,
         "known_from": found.known_from,
+        "half_width": found.half_width if found.explains else None,
         **_taken_up(found),
         **({"by_others": found.by_others} if found.by_others else {}),
     }

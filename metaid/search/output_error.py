@@ -25,7 +25,6 @@ from metaid.search.coordinates import Coordinates
 
 FEW = 4  # trials; so many are matched after each
 MANY = 8  # trials; where these were not explained from anywhere, a fit of more begins nowhere else
-DEVIATIONS = 1.96  # half a 95 % interval
 MORE = 1.5  # times the trials that no model explained; with fewer none is looked for again: each fit costs more
 
 
@@ -37,12 +36,16 @@ class OutputErrorOptions(Settings):
 
 
 class Matched(Protocol):
-    """What all trials so far say: whether the model explains them, and the deviation of each unknown (nunknown)."""
+    """What all trials so far say: whether the model explains them, the deviation of each unknown (nunknown), and, of a
+    chain, half the widest of intervals that hold all lumps at once, as a share of its lump.
+    """
 
     @property
     def is_explained(self) -> bool: ...
     @property
     def deviations(self) -> Array: ...
+    @property
+    def half_width(self) -> float: ...
 
 
 class Matching(Protocol):
@@ -134,10 +137,12 @@ class OutputError:
 
     @property
     def half_width(self) -> float:
-        """Half the widest 95 % interval, as a share of its lump; inf where nothing is explained yet.  Eq. 64."""
+        """Half the widest of intervals that hold all lumps at once with 95 %, as a share of its lump; inf where nothing
+        is explained yet.  Eq. 64.
+        """
         if self._estimate is None or not self._is_explained:
             return np.inf
-        return float(np.sinh(DEVIATIONS * self._estimate.deviations.max()))
+        return self._estimate.half_width
 
     def finished(self) -> bool:
         """Whether the plant coasts under the law of the estimate, or one more trial tells no more; given `until`, in

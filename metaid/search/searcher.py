@@ -54,7 +54,9 @@ class NarrowingSearcher(Searcher, Protocol):
 
     @property
     def half_width(self) -> float:
-        """Half the widest 95 % interval, as a share of its lump; inf where nothing is explained yet."""
+        """Half the widest of intervals that hold all lumps at once, as a share of its lump; inf where nothing is
+        explained yet.
+        """
 
 
 @runtime_checkable

@@ -19,7 +19,7 @@ import numpy as np
 
 from metaid.episode import NOISE_RESOLUTION, pushes_for
 from metaid.errors import StudyError
-from metaid.models import Array, lump_names
+from metaid.models import DEVIATIONS, Array, lump_names
 from metaid.plant import PlantSettings
 from metaid.search import SAMPLERS, NarrowingSearcher
 from metaid.study.arms import ArmSpec
@@ -35,7 +35,6 @@ OVER_COMPENSATED = (
     1.5,
     2.0,
 )  # factors of the gravity lumps in the first trials of an estimate, as many as it needs; between them
-DEVIATIONS = 1.96  # half a 95 % interval
 EPISODES = 32  # with exact lumps, which show how far noise moves the measure
 MARGIN = 0.7  # of the wanted width, on the nominal model: that of the plant differs by some tenths
 OWN_NOISE = 1  # added to the study's seed: a forecast has other noise than the study
@@ -153,9 +152,9 @@ def _from_estimate(problem: Problem) -> Identifiability:
 
 @dataclass(frozen=True)
 class Forecast:
-    """With how many `trials`, `pushes` and `seconds` of motion half of every 95 % interval is at most `until` of its
-    lump, if the nominal model were the truth. `half_width` is what the widest would then be; where it is above `until`,
-    the trials that an estimate is made of do not make it narrow enough, and `is_reached` is false.
+    """With how many `trials`, `pushes` and `seconds` of motion all lumps at once are known to `until` of each, with
+    95 %, if the nominal model were the truth. `half_width` is to what they would then be known; where it is above
+    `until`, the trials that an estimate is made of are not enough, and `is_reached` is false.
     """
 
     until: float

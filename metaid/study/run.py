@@ -69,8 +69,8 @@ def run_study(
         ray_address: of a running Ray cluster; default: one on this machine.
         watch: called with the progress after each generation, and once a second while a DB server does not answer.
         patience: s after which a silent Ray worker or DB server is given up; default: 120 and 300.
-        until: half the width of a 95 % interval as a share of its lump; the run ends once that of every lump is as
-            narrow, and not where intervals stop shrinking.
+        until: a share; the run ends once all lumps at once are known to it with 95 %, and not where intervals stop
+            shrinking.
 
     Returns:
         The progress at the end.

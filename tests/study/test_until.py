@@ -1,4 +1,4 @@
-"""A run ends once every interval is as narrow as wanted, and what that takes is known beforehand."""
+"""A run ends once all lumps at once are known as well as wanted, and what that takes is known beforehand."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from pandas.testing import assert_frame_equal
 from benchmarks.chains import random_chain
 from metaid import results
 from metaid.cli import app
-from metaid.cli.checks import describe_forecast
+from metaid.cli.checks import describe_forecast, describe_reached
 from metaid.errors import StudyError
+from metaid.models import DEVIATIONS, deviations_at_once
 from metaid.plant.faults import FaultSettings
 from metaid.plant.settings import PlantSettings
 from metaid.store.database import Store
@@ -44,12 +45,13 @@ def spec() -> StudySpec:
 
 
 def widest(store: Store, name: str) -> float:
-    """Half the widest interval of a study, as a share of its lump."""
+    """Half the widest interval of those that hold all lumps of a study at once, as a share of its lump."""
     lumps = results.lumps_frame(store, name)
-    return float(((lumps["high"] - lumps["low"]) / (2.0 * lumps["identified"])).max())
+    at_once = deviations_at_once(len(lumps)) / DEVIATIONS
+    return float(np.sinh(0.5 * at_once * np.log(lumps["high"] / lumps["low"])).max())
 
 
-def test_run_ends_once_every_interval_is_as_narrow(spec: StudySpec, tmp_path: Path) -> None:
+def test_run_ends_once_all_lumps_are_known_as_well(spec: StudySpec, tmp_path: Path) -> None:
     """And not before; its trials are the first of those of a run until they are narrower still."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
     for name in ("until", "longer"):
@@ -57,6 +59,10 @@ def test_run_ends_once_every_interval_is_as_narrow(spec: StudySpec, tmp_path: Pa
     ended = run_study(store, "until", until=WANTED).trials
     assert ended > 2, "the study's own trials are not the limit"
     assert widest(store, "until") <= WANTED
+    shown = results.summary(store, "until")
+    assert shown["estimate"]["half_width"] == pytest.approx(widest(store, "until"))
+    assert "reached, with 95 % all lumps at once are within" in describe_reached(shown, WANTED)
+    assert "not reached, the least known lump is" in describe_reached(shown, 0.5 * widest(store, "until"))
     run_study(store, "longer", trials=ended - 1, until=0.1 * WANTED)
     assert widest(store, "longer") > WANTED
     run_study(store, "longer", trials=ended, until=0.1 * WANTED)
@@ -95,9 +101,10 @@ def test_what_no_number_of_trials_reaches_is_said() -> None:
     foreseen = Forecast(until=0.001, trials=32, pushes=64, seconds=120.0, half_width=0.004)
     assert not foreseen.is_reached
     said = describe_forecast(foreseen)
-    assert said.startswith(
-        "--until 0.001: not reached, for after 32 trials, 64 pushes, 2 min of motion half the widest"
+    head = (
+        "--until 0.001: not reached, for after 32 trials, 64 pushes, 2 min of motion the least known lump is known to"
     )
+    assert said.startswith(f"{head} 0.004 of it")
     assert "no estimate explains 32 trials" in describe_forecast(replace(foreseen, half_width=np.inf))
 
 
@@ -131,7 +138,7 @@ def test_commands_say_what_it_takes_and_whether_it_was_reached(tmp_path: Path) -
     assert "--until 0.005: if the nominal model were right, " in checked.output
     run(app, ["study", "create", "noisy-three-link", "--storage", storage])
     ran = run(app, ["study", "run", "noisy-three-link", "--storage", storage, "--until", "0.5%", "--quiet"])
-    assert "--until 0.005: reached, half of every interval is at most " in ran.output
+    assert "--until 0.005: reached, with 95 % all lumps at once are within " in ran.output
     wrong = run(app, ["study", "check", "noisy-three-link", "--until", "much"])
     assert wrong.exit_code == 2
     assert "'much' is no share (allowed: above 0 to below 1, as 0.5% or 0.005)" in " ".join(wrong.output.split())

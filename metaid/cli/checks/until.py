@@ -1,4 +1,4 @@
-"""`--until`: how narrow intervals are to be, what that takes, and whether it was reached."""
+"""`--until`: how well all lumps are to be known, what that takes, and whether it was reached."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def share(context: click.Context, parameter: click.Parameter, value: str | None)
 
 
 def forecast_row(foreseen: Forecast) -> dict[str, Any]:
-    """What a run until intervals are narrow takes, as JSON."""
+    """What a run until all lumps are known takes, as JSON."""
     width = foreseen.half_width
     return {
         "half_width": foreseen.until,
@@ -42,23 +42,25 @@ def describe_forecast(foreseen: Forecast) -> str:
     """The same in a sentence."""
     cost = f"{foreseen.trials} trials, {foreseen.pushes} pushes, {foreseen.seconds / 60.0:.2g} min of motion"
     if foreseen.is_reached:
-        return f"--until {foreseen.until:.3g}: if the nominal model were right, {cost} make every interval so narrow"
+        return f"--until {foreseen.until:.3g}: if the nominal model were right, {cost} tell all lumps at once so well"
     if not math.isfinite(foreseen.half_width):
         return f"--until {foreseen.until:.3g}: not reached, for no estimate explains {cost} of the nominal model"
     return (
-        f"--until {foreseen.until:.3g}: not reached, for after {cost} half the widest interval is still "
-        f"{foreseen.half_width:.2g} of its lump: push harder, longer, or with more pushes"
+        f"--until {foreseen.until:.3g}: not reached, for after {cost} the least known lump is known to "
+        f"{foreseen.half_width:.2g} of it: push harder, longer, or with more pushes"
     )
 
 
 def describe_reached(shown: dict[str, Any], until: float) -> str:
-    """Whether every interval of a study in its summary is as narrow as wanted, and if not, which is the widest."""
-    widths = {
-        lump["name"]: (lump["high"] - lump["low"]) / (2.0 * lump["identified"]) if lump["determined"] else math.inf
-        for lump in shown["lumps"]
-    }
-    name, widest = max(widths.items(), key=lambda each: each[1])
-    if widest <= until:
-        return f"--until {until:.3g}: reached, half of every interval is at most {widest:.2g} of its lump"
-    how = "it is not determined" if math.isinf(widest) else f"half its interval is {widest:.2g} of it"
-    return f"--until {until:.3g}: not reached, the least known lump is {name}: {how}"
+    """Whether all lumps of a study in its summary are known as well as wanted, and if not, which is the least known."""
+    head = f"--until {until:.3g}: "
+    known = None if shown["estimate"] is None else shown["estimate"]["half_width"]
+    if known is None:
+        return f"{head}not reached, nothing was found"
+    loose = next((lump["name"] for lump in shown["lumps"] if not lump["determined"]), None)
+    if loose is not None:
+        return f"{head}not reached, {loose} is not determined"
+    if known <= until:
+        return f"{head}reached, with 95 % all lumps at once are within {known:.2g} of what was found"
+    name = max(shown["lumps"], key=lambda lump: lump["high"] / lump["low"])["name"]
+    return f"{head}not reached, the least known lump is {name}, which is known to {known:.2g} of it"

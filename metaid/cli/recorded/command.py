@@ -14,7 +14,6 @@ MODEL_HELP = "Write the model: .toml, .xml (MJCF), .urdf, .py, .h, .json."
 PLANT_HELP = "The plant that you believe: a name, a plant file, an MJCF or URDF."
 COLUMNS = ("nominal", "identified", "low", "high")
 NOT_FOUND = 3  # exit status
-DEVIATIONS = 1.96  # of a normal distribution, to either side, hold 95 %
 
 
 @click.command(epilog="\b\nExample:\n  metaid estimate --record log.csv --plant three-link -o model.xml")
@@ -84,6 +83,8 @@ def _pair(text: str) -> tuple[int, int]:
 
 def _print(shown: dict[str, Any]) -> None:
     """The table of what is unknown, then the verdict."""
+    from metaid.models import DEVIATIONS
+
     rows = [[lump["name"], *lump_cells(lump)[: len(COLUMNS)], lump["unit"]] for lump in shown["lumps"]]
     read = shown["record"]
     late = f"torques {1e3 * read['delay_s']:.3g} ms late" + (

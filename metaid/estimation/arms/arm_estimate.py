@@ -13,7 +13,7 @@ from metaid.estimation.arms.readings import ArmReadings
 from metaid.estimation.arms.trials import ArmReadTrial, WatchedArmTrial
 from metaid.estimation.arms.unknowns import ArmUnknowns
 from metaid.estimation.fit import Fit, find, refine
-from metaid.models import Array
+from metaid.models import DEVIATIONS, Array
 from metaid.models.tree import TreeModel
 
 RESTARTS = 3  # of a fit that explains nothing, from elsewhere
@@ -60,7 +60,7 @@ class ArmEstimate(Fit):
         """
         return self.value_deviations / np.sqrt(np.diag(self.searched.belief.covariance))
 
-    def interval(self, deviations: float = 1.96) -> tuple[Array, Array]:
+    def interval(self, deviations: float = DEVIATIONS) -> tuple[Array, Array]:
         """Least and largest base parameters (nbase) within so many standard `deviations`: 95 % of them by default."""
         reach = deviations * self.value_deviations
         return self.values - reach, self.values + reach

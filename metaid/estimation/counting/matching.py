@@ -11,7 +11,7 @@ from metaid.estimation.counting.programme import pairs, sides
 from metaid.estimation.descent import FARTHEST, descend, place_at
 from metaid.estimation.estimate import Estimate
 from metaid.estimation.fit import starting_points
-from metaid.models import Array
+from metaid.models import DEVIATIONS, Array
 
 STAGES = 9  # growing horizons of the first descent
 ROUGHLY, FINELY = 1e-2, 1e-4  # the last step in a log factor of the two descents
@@ -22,7 +22,6 @@ PROGRAMMES = 30
 POOR, GOOD = 0.3, 0.7  # shares of the promised gain, below and above which the next programme reaches less or more
 SHARES = 1.0, 0.5, 0.25, 0.1  # of the way to the centre of the set, until the counts there are right
 RIGHT_COUNTS = 1.0  # fewer counts than this differ where the model shows what was counted
-DEVIATIONS = 1.96  # of a normal distribution that half an extent is said to be
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,11 @@ from metaid.estimation.noisy.proposed import TRIED, Search, explanations, fault_
 from metaid.estimation.noisy.read_trial import ReadTrial
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.unmodelled import UNSEEN, by_chance, unmodelled_forces
+from metaid.models import DEVIATIONS
 
 SINGLE = tuple(kinds for kinds in TRIED if len(kinds) == 1)
 SEVERAL = tuple(kinds for kinds in TRIED if len(kinds) > 1)
-HALF_WIDTH, TRIFLE = 1.96, 1e-3  # of an interval, in deviations; and of a lump: a difference that does no harm
+TRIFLE = 1e-3  # of a lump: a difference that does no harm
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,7 @@ def _moved(best: Estimate, other: Estimate) -> int | None:
     One of which the best is a special case knows lumps less well. By so much they may differ by chance.
     """
     change = np.abs(other.log_factors - best.log_factors)
-    beyond = change / (HALF_WIDTH * best.deviations + TRIFLE)
+    beyond = change / (DEVIATIONS * best.deviations + TRIFLE)
     if _is_special(best, other):
         less = np.sqrt(np.maximum(other.deviations**2 - best.deviations**2, 0.0))
         beyond[change <= UNSEEN * less] = 0.0

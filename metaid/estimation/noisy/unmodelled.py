@@ -16,7 +16,7 @@ import numpy as np
 from metaid.estimation.estimate import Estimate
 from metaid.estimation.noisy.read_trial import ReadTrial
 from metaid.estimation.noisy.readings import Readings
-from metaid.models import SLIDING, Array
+from metaid.models import DEVIATIONS, SLIDING, Array
 
 CHANCE = 6.0  # standard deviations above what noise alone gains: it does not gain as much by chance
 LEAST_GAIN = 15.0  # for the tails of so many forces and joints
@@ -113,7 +113,7 @@ def unmodelled_forces(readings: Readings, estimate: Estimate) -> Iterator[Unmode
         after, step, covariance = _least(np.column_stack([slopes[:, :count], slopes[:, first:last]]), values)
         more = np.maximum(np.diag(covariance)[:lumps] - np.diag(alone)[:lumps], 0.0)
         resists = not (readings.is_led and kind in RESISTING and bool((step[count:] <= 0.0).all()))
-        matters = resists and bool((np.abs(step[:lumps]) > 1.96 * estimate.deviations + TRIFLE).any())
+        matters = resists and bool((np.abs(step[:lumps]) > DEVIATIONS * estimate.deviations + TRIFLE).any())
         yield Unmodelled(
             kind=kind,
             sizes=step[count:],

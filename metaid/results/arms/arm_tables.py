@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from metaid.models import Array
+from metaid.models import DEVIATIONS, Array
 from metaid.results.arms.arm_snapshot import ArmSnapshot
-from metaid.results.lump_tables import DEVIATIONS, table_of
+from metaid.results.lump_tables import table_of
 from metaid.results.snapshot import trial_columns
 from metaid.study import COARSEST
 

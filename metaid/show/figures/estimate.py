@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.ticker import MaxNLocator
 
-from metaid.models import Array
+from metaid.models import DEVIATIONS, Array
 from metaid.results import StudyEstimate
 from metaid.results.arms import ArmFound
-from metaid.show.figures.lumps import DEVIATIONS, LEAST, draw_correlation
+from metaid.show.figures.lumps import LEAST, draw_correlation
 from metaid.show.figures.style import COLOURS, FALL, INK, SURVIVOR, VALUES, every, new_axes, size_of, verbatim
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from metaid.models import Array
+from metaid.models import DEVIATIONS, Array
 from metaid.results import Findings
 from metaid.results.arms import ArmFindings
 from metaid.show.figures.style import INK, RANGE, SURVIVOR, every, new_axes, say_at, size_of
@@ -14,7 +14,6 @@ READABLE = 8  # lumps up to which a correlation is written in its cell
 LABELS = 5.5  # names below one another, an inch of the figure
 CLOSE_LABELS = 8.0  # the same in smaller letters
 LEAST = 1e-16  # of what is drawn on a logarithmic scale, in place of 0
-DEVIATIONS = 1.96  # of a normal distribution, to either side, hold 95 %
 
 
 def plot_ranges(found: Findings, axes: Axes | None = None) -> Axes:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from metaid.errors import StudyError
-from metaid.models import Array
+from metaid.models import DEVIATIONS, Array
 from metaid.study.arms.problem import ArmProblem
 from metaid.study.arms.settings import TreeSettings
 
@@ -57,7 +57,7 @@ def arm_identifiability(problem: ArmProblem) -> ArmIdentifiability:
         names=base.names,
         units=base.units,
         expressions=base.expressions,
-        resolution=1.96 * estimate.value_deviations,
-        beforehand=1.96 * np.sqrt(np.diag(belief.covariance)),
+        resolution=DEVIATIONS * estimate.value_deviations,
+        beforehand=DEVIATIONS * np.sqrt(np.diag(belief.covariance)),
         seen_by_bias=base.seen_by_bias,
     )
