@@ -38,10 +38,7 @@ def noisy_experiment(
     """
     from metaid.estimation import NoisyExperiment, searched_faults  # loads numba, which most readers do without
 
-    faults, spread, wanted = plant.settings.faults, None, spec.study.estimate
-    if faults.push_noise:
-        response = np.array([plant.start_speeds(Start.upright(impulse)) for impulse in np.eye(plant.njoint)]).T
-        spread = response * (faults.push_noise * episode.pushes[:, None])
+    faults, wanted = plant.settings.faults, spec.study.estimate
     of_encoder = faults.encoder_step / np.sqrt(12.0)  # at rest a coarse one shows no noise
     return NoisyExperiment(
         nominal=nominal,
@@ -49,7 +46,7 @@ def noisy_experiment(
         gravity=plant.gravity,
         timestep=plant.timestep,
         start_speeds=start_speeds,
-        start_spread=spread,
+        start_spread=spread_of_pushes(plant, episode.pushes),
         noise=np.maximum(np.hypot(rest_deviations(plant, spec, episode), of_encoder), QUIETEST),
         speed_weights=slope_weights(spec.timestep),
         substeps=faults.control_every,
@@ -59,6 +56,16 @@ def noisy_experiment(
         takes_up=wanted.takes_up_faults and not faults.torque_noise,
         torque_noise=np.full(plant.njoint, faults.torque_noise) if faults.torque_noise else None,
     )
+
+
+def spread_of_pushes(plant: MujocoPlant, pushes: Array) -> Array | None:
+    """A root of the covariance (npush x njoint x njoint) of the joint speeds, in rad/s, that `pushes` (npush x njoint),
+    in N s, give a plant about their means; None where pushes do not differ.
+    """
+    if not plant.settings.faults.push_noise:
+        return None
+    response = np.array([plant.start_speeds(Start.upright(impulse)) for impulse in np.eye(plant.njoint)]).T
+    return np.asarray(response * (plant.settings.faults.push_noise * pushes[:, None]), dtype=np.float64)
 
 
 def rig_experiment(

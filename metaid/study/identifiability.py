@@ -13,6 +13,7 @@ is smaller than that cannot be seen.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,11 +24,13 @@ from metaid.models import DEVIATIONS, Array, lump_names
 from metaid.plant import PlantSettings
 from metaid.search import SAMPLERS, NarrowingSearcher
 from metaid.study.arms import ArmSpec
+from metaid.study.experiments import spread_of_pushes
 from metaid.study.problem import MOST_TRIALS, Problem
 from metaid.study.settings import StudySpec
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective
+    from metaid.estimation import Experiment
 
 COARSEST = 0.1  # a lump that is not known better than to a tenth is not determined: its nominal value is as good
 NEGLIGIBLE = 0.02  # weight of a lump in a combination, of 1
@@ -132,7 +135,7 @@ def _from_estimate(problem: Problem) -> Identifiability:
     impulses are others.
     """
     pushes = pushes_for(problem.nominal_plant(), problem.start_speeds)
-    experiment, objective = problem.experiment(), _nominal_objective(problem, pushes)
+    experiment, objective = _nominal_experiment(problem, pushes), _nominal_objective(problem, pushes)
     assert experiment is not None
     nlink, random = problem.nominal.nlink, np.random.default_rng(problem.spec.study.seed)
     laws = np.ones((experiment.probes + 1, len(problem.names)))  # the last is the truth
@@ -174,18 +177,18 @@ def forecast(problem: Problem, until: float) -> Forecast:
     the study's.  Raises StudyError where there is no such run.
     """
     refuse_until(problem.spec, until)
-    searcher = problem.make_searcher()
+    pushes = pushes_for(problem.nominal_plant(), problem.start_speeds)
+    searcher = problem.make_searcher(partial(_nominal_experiment, problem, pushes))
     assert isinstance(searcher, NarrowingSearcher), "it goes by the estimate"
     searcher.until = MARGIN * until
-    objective = _nominal_objective(problem, pushes_for(problem.nominal_plant(), problem.start_speeds), OWN_NOISE)
+    objective = _nominal_objective(problem, pushes, OWN_NOISE)
     trials = steps = 0
     most = min(MOST_TRIALS, problem.trials_with_readings or problem.trials_with_windows)
     while trials < most and not searcher.finished():
         outcome = objective.evaluate(searcher.ask()[0], trials)
         searcher.tell([outcome])
         trials, steps = trials + 1, steps + outcome.steps
-    pushes = trials * len(problem.episode.pushes)
-    return Forecast(until, trials, pushes, steps * problem.timestep, searcher.half_width)
+    return Forecast(until, trials, trials * len(pushes), steps * problem.timestep, searcher.half_width)
 
 
 def refuse_until(spec: StudySpec | ArmSpec, until: float) -> None:
@@ -212,6 +215,18 @@ def _nominal_objective(problem: Problem, pushes: Array | None = None, further: i
     if pushes is not None:
         episode = replace(episode, pushes=pushes)
     return Objective(problem.nominal_plant(), problem.lumps, episode, problem.measure.name, rule=rule)
+
+
+def _nominal_experiment(problem: Problem, pushes: Array) -> Experiment | None:
+    """What an estimate would need to know if the nominal model were the truth: impulses that differ give it other
+    speeds than the plant. `pushes` (npush x njoint) in N s.
+    """
+    from metaid.estimation import NoisyExperiment  # loads numba, which other measures do without
+
+    experiment = problem.experiment()
+    if isinstance(experiment, NoisyExperiment) and isinstance(problem.spec.plant, PlantSettings):
+        return replace(experiment, start_spread=spread_of_pushes(problem.nominal_plant(), pushes))
+    return experiment
 
 
 def _one_by_one(problem: Problem) -> Array:

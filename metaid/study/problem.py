@@ -6,6 +6,7 @@ have one stage; with `[inertia]` a second searches the inertia lumps, by a law m
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -293,11 +294,11 @@ class Problem:
         rule = self.spec.study.episode.rule
         return Objective(self.open_plant(), self.lumps, self.episode, self.measure.name, physics, rule, space)
 
-    def make_searcher(self) -> Searcher:
-        """The searcher at the study's seed, knowing of no trial."""
+    def make_searcher(self, experiment: Callable[[], Experiment | None] | None = None) -> Searcher:
+        """The searcher at the study's seed, knowing of no trial; it may go by another `experiment` than the study's."""
         study, search = self.spec.study, self.spec.study.search
         if self.body_space is None:
-            return make_searcher(study.sampler, self.coordinates, study.seed, search, self.experiment)
+            return make_searcher(study.sampler, self.coordinates, study.seed, search, experiment or self.experiment)
         coordinates = self.body_space.coordinates
         searcher = make_searcher(study.sampler, coordinates, study.seed, search)
         return Walking(searcher, coordinates, study.seed, study.trials - search.walk)
