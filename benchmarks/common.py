@@ -34,6 +34,11 @@ Row = dict[str, Any]
 Run = TypeVar("Run", bound="Resumable")
 
 
+def two_digits(value: float) -> str:
+    """A number of two digits, and no power of ten of a large one: 410, where :.2g has 4.1e+02."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
 def make_spec(nlink: int, steps: int = STEPS, trials: int = 100, sampler: str = "cmaes") -> StudySpec:
     """A study of the shipped chain of `nlink` links in plain coordinates, `steps` in an episode of 2 rich pushes each.
 

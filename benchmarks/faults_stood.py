@@ -26,7 +26,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.chain_study import chain_study
 from benchmarks.chains import random_chain
-from benchmarks.common import made, resumed, table
+from benchmarks.common import made, resumed, table, two_digits
 from metaid.results import judge, read_snapshot
 from metaid.study import run_study
 
@@ -104,7 +104,7 @@ def rows_of(stood: list[Stood]) -> list[dict[str, Any]]:
         for setting in SETTINGS:
             own = [each for each in stood if each.sampler == f"{fault} / {setting}"]
             if own:
-                row[f"worst lump, {setting}"] = f"{100.0 * median(each.error for each in own):.2g} %"
+                row[f"worst lump, {setting}"] = f"{two_digits(100.0 * median(each.error for each in own))} %"
                 row[f"found, {setting}"] = f"{sum(each.found for each in own)} of {len(own)}"
                 if setting == "proposed":
                     kinds = Counter(kind for each in own for kind in each.taken_up)

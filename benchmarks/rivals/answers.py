@@ -9,6 +9,7 @@ from statistics import median
 
 import numpy as np
 
+from benchmarks.common import two_digits
 from benchmarks.rivals.comparing import METHODS, OURS, UNEXPLAINED, Cell
 from benchmarks.rivals.conditions import CONDITIONS
 from benchmarks.rivals.subjects import ARMS
@@ -105,7 +106,7 @@ def _lead(middle: dict[str, float]) -> str:
     others = [error for method, error in middle.items() if method != OURS]
     if OURS not in middle or not others or min(others) <= EXACT:
         return "–"
-    return f"{min(others) / max(middle[OURS], EXACT):.2g}"
+    return two_digits(min(others) / max(middle[OURS], EXACT))
 
 
 def medians(results: Sequence[Result], column: tuple[int, int]) -> dict[str, float]:
@@ -145,7 +146,7 @@ def _figure(middle: dict[str, float], stands: dict[str, float], method: str, mar
     if method not in middle:
         return "–"
     error = middle[method]
-    text = ("exact" if error <= EXACT else f"{error:.2g}" if not np.isfinite(error) else f"{100 * error:.2g}") + mark
+    text = ("exact" if error <= EXACT else two_digits(100.0 * error)) + mark
     return f"**{text}**" if "†" not in mark and method in winners(stands) else text
 
 

@@ -46,9 +46,7 @@ class StudyEstimate:
             return None
 
         def is_enough(count: int) -> bool:
-            whole = count == self.trials
-            thorough = count <= FEW_TRIALS  # they may lead elsewhere at first, and cost little
-            early = self.estimate if whole else self.experiment.estimate(self.watched[:count], thorough=thorough)
+            early = self.estimate if count == self.trials else self.experiment.estimate(self.watched[:count])
             return early is not None and np.abs(early.log_factors - self.estimate.log_factors).max() <= CLOSE
 
         with threadpool_limits(1):  # fewer than the probes cannot tell all

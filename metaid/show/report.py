@@ -268,5 +268,5 @@ def number_text(value: float | None, form: str = ".5g") -> str:
 
 
 def percent_text(share: float | None) -> str:
-    """A share as a percentage for the page, however small; a dash where it is not known."""
-    return "–" if share is None else f"{100.0 * share:.2g}%"
+    """A share as a percentage of two digits for the page, however small or large; a dash where it is not known."""
+    return "–" if share is None else f"{float(f'{100.0 * share:.2g}'):g}%"

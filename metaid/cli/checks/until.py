@@ -40,7 +40,8 @@ def forecast_row(foreseen: Forecast) -> dict[str, Any]:
 
 def describe_forecast(foreseen: Forecast) -> str:
     """The same in a sentence."""
-    cost = f"{foreseen.trials} trials, {foreseen.pushes} pushes, {foreseen.seconds / 60.0:.2g} min of motion"
+    minutes = float(f"{foreseen.seconds / 60.0:.2g}")
+    cost = f"{foreseen.trials} trials, {foreseen.pushes} pushes, {minutes:g} min of motion"
     if foreseen.is_reached:
         return f"--until {foreseen.until:.3g}: if the nominal model were right, {cost} tell all lumps at once so well"
     if not math.isfinite(foreseen.half_width):

@@ -24,7 +24,7 @@ def plot_angles(trajectory: Trajectory, timestep: float, axes: Axes | None = Non
     axes.set_xlabel("time, s")
     axes.set_ylabel("joint angle, degrees")
     axes.grid(True)
-    axes.legend(loc="upper left", ncols=min(len(trajectory.angles.T), 5))
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(len(trajectory.angles.T), 5))
     return axes
 
 

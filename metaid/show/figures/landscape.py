@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from metaid.models import Array
 from metaid.results import Findings, Plane, Sweep, best_rows
-from metaid.show.figures.style import FALL, INK, MANY, SURVIVOR, VALUES, new_axes
+from metaid.show.figures.style import FALL, INK, LINE_VALUES, MANY, SURVIVOR, new_axes
 
 LINES = 400  # of parallel coordinates at most: half of them the best, the others evenly over the trials
 
@@ -123,11 +123,12 @@ def plot_parallel(found: Findings, axes: Axes | None = None) -> Axes:
         )
     values = shown["value"].to_numpy()
     norm = LogNorm() if len(values) and values.min() > 0.0 else Normalize()
-    drawn = LineCollection(lines(shown), array=values, cmap=VALUES, norm=norm, linewidths=0.6, alpha=0.8)
+    drawn = LineCollection(lines(shown), array=values, cmap=LINE_VALUES, norm=norm, linewidths=0.6, alpha=0.8)
     axes.add_collection(drawn)
     axes.figure.colorbar(drawn, ax=axes, label=found.label, pad=0.01)
     if found.true_factors is not None:
-        axes.plot(places, found.true_factors, "*", color=INK, markersize=7, markeredgecolor="white", label="truth")
+        (truth,) = axes.plot(places, found.true_factors, "*", color=INK, markersize=7, label="truth")
+        truth.set(markeredgecolor="white", markeredgewidth=0.5)  # a wider edge leaves no star
     for place in places.tolist():
         axes.axvline(place, color=INK, linewidth=0.4, alpha=0.5)
     axes.autoscale_view()

@@ -14,12 +14,15 @@ from weakref import WeakKeyDictionary
 import matplotlib as mpl
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 INK = "#1b1b1f"  # of text, axes and the truth; the report puts the reader's own ink in its place
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", INK)  # Okabe and Ito, for all eyes
 SURVIVOR, FALL, RANGE = COLOURS[0], COLOURS[1], COLOURS[5]
 VALUES = "cividis"  # of frequencies: even in lightness, and the same for most eyes
+# The same for lines, seen on white and on black: neither end of cividis is.
+LINE_VALUES = LinearSegmentedColormap.from_list("line values", (COLOURS[0], "#8f8f96", COLOURS[4]))
 MANY = 600  # marks; more are drawn as pixels inside a vector file
 SUFFIXES = (".png", ".svg", ".pdf")
 COLUMN, PAGE = 3.5, 7.0  # inches: one column of a journal, and two
