@@ -46,6 +46,7 @@ FAULTS: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
     "0.03 N m of torque noise": ({"torque_noise": 0.03}, {}),
     "0.3 N m of torque noise": ({"torque_noise": 0.3}, {}),
     "torques of at most 8 N m": ({"torque_limit": 8.0}, {}),
+    "the same, and the study says so": ({"torque_limit": 8.0}, {}),
     "a base tilted by 3 mrad": ({"tilt": 0.003}, {}),
     "a base tilted by 30 mrad": ({"tilt": 0.03}, {}),
     "encoders that read 0.5° too much": ({"encoder_offset": HALF_A_DEGREE}, {}),
@@ -55,6 +56,7 @@ FAULTS: dict[str, tuple[dict[str, Any], dict[str, float]]] = {
     "springs of 0.3 N m/rad": ({}, {"stiffness": 0.3}),
 }
 SETTINGS = {"default": {}, "proposed": {"faults": "proposed"}}
+SAID = {"the same, and the study says so": {"torque_limit": 8.0}}  # in `[estimate]`
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,9 @@ def stand(named: str, nlink: int, seed: int) -> Stood:
     """Runs the study of one chain."""
     fault, setting = named.split(" / ")
     faults, every_link = FAULTS[fault]
-    spec = chain_study(random_chain(nlink, seed), TRIALS, seed, NOISE | faults, every_link, SETTINGS[setting])
+    spec = chain_study(
+        random_chain(nlink, seed), TRIALS, seed, NOISE | faults, every_link, SETTINGS[setting] | SAID.get(fault, {})
+    )
     began = time.process_time()
     with made(spec) as (store, name):
         run_study(store, name, workers=1)

@@ -211,6 +211,7 @@ class NoisyExperiment(Experiment):
         is_continuous: whether the plant moves continuously, as a real one does, and not in steps, as a simulated one.
         faults: that are searched beside the lumps.
         takes_up: whether faults are searched, too, once nothing explains the trials without them.
+        torque_limits: what the motors are said to give at most (njoint), in N m.
         torque_noise: what the noise of each joint's torque (njoint) is said to be, in N m; None where torques have
             none. How large it is, is found.
     """
@@ -225,6 +226,7 @@ class NoisyExperiment(Experiment):
     is_continuous: bool = False
     faults: SearchedFaults = NO_FAULTS
     takes_up: bool = False
+    torque_limits: Array | float = np.inf
     torque_noise: Array | None = None
 
     def trial(self, factors: Array, outcome: Outcome) -> ReadTrial | None:
@@ -235,7 +237,8 @@ class NoisyExperiment(Experiment):
         if speeds is None:
             speeds = filtered_speeds(read.angles, self.start_speeds, self.speed_weights)
         law = self.nominal.scaled(factors)
-        torques = commanded_torques(law, read.angles, speeds, self.gravity, self.lead, self.delay)
+        loop = self.lead, self.delay, self.torque_limits
+        torques = commanded_torques(law, read.angles, speeds, self.gravity, *loop)
         if self.is_continuous:
             torques = centred(torques, self.substeps)
         pushes = self.start_speeds, self.start_spread

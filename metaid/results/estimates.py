@@ -168,8 +168,8 @@ class StudyEstimate:
         force = self.unmodelled
         if force is None or (force.left > MOST_LEFT and not estimate.is_explained):
             return (
-                "the model does not explain what was seen, be it for friction, play, late torques or wrong lengths: "
-                f"{found}"
+                "the model does not explain what was seen, be it for friction, play, torques that come late or are cut "
+                f"off, or wrong lengths: {found}"
             )
         moved, change = _most_moved(estimate, force)
         return (

@@ -41,6 +41,7 @@ def check_settings(spec: StudySpec, nominal: Chain) -> None:
         raise StudyError("search: lumps: 'smoothed' does not see friction (allowed: gravity and coriolis)")
     noisy = not isinstance(plant, PlantSettings) or bool(plant.faults.named or study.episode.lead)
     _check_faults(study, len(nominal.length))
+    _check_torque_limit(study, len(nominal.length), noisy or bool(study.estimate.faults))
     if study.estimate.compare == "count" and noisy:
         raise StudyError(
             "estimate: compare: 'count' needs a plant without noise, and this is a rig, or has faults or a lead "
@@ -79,6 +80,20 @@ def _check_faults(study: StudySettings, nlink: int) -> None:
             "estimate: faults: 'gain' of one motor cannot be told from the lumps, which it multiplies "
             "(allowed: with two joints or more, where gains are those relative to the first motor)"
         )
+
+
+def _check_torque_limit(study: StudySettings, njoint: int, has_readings: bool) -> None:
+    """Raises StudyError where a torque limit is said that nothing is done with, or not of every joint."""
+    limit = study.estimate.torque_limit
+    if limit is None:
+        return
+    if not study.estimate.enabled or not has_readings:
+        raise StudyError(
+            "estimate: torque_limit: only an estimate from readings knows of it (allowed: on a rig or a plant with "
+            "[faults], with enabled = true)"
+        )
+    if isinstance(limit, tuple) and len(limit) != njoint:
+        raise StudyError(f"estimate: torque_limit has {len(limit)} numbers (allowed: one, or {njoint})")
 
 
 def _check_parameters(study: StudySettings) -> None:
@@ -166,7 +181,8 @@ def upper_bounds(spec: StudySpec) -> Factors:
     study, plant = spec.study, spec.plant
     if study.search.high is not None:
         return study.search.high
-    is_rough = isinstance(plant, PlantSettings) and plant.faults.torque_noise and not plant.faults.torque_limit
+    limited = study.estimate.torque_limit or (isinstance(plant, PlantSettings) and plant.faults.torque_limit)
+    is_rough = isinstance(plant, PlantSettings) and plant.faults.torque_noise and not limited
     if is_rough and study.search.space == "lumps" and SAMPLERS[study.sampler].by_estimate:
         return {f"gravity_{link + 1}": ROUGH_HIGH for link in range(len(spec.nominal))}
     return HIGH

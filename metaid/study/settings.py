@@ -19,6 +19,7 @@ from metaid.models import FRICTION, IDEAL, bodies_of, lump_names
 from metaid.plant import (
     FAULT_UNITS,
     ArmSettings,
+    Limit,
     LinkSettings,
     PlantSettings,
     SocketSettings,
@@ -91,7 +92,8 @@ class EstimateSettings(Settings):
     pushes, frequency after long ones), or the "count" of its half periods, of which the result is the set of models
     that count the same. `spread`: by how much the nominal lumps may be wrong, as a standard deviation. `faults`: what
     else of the plant is unknown (`metaid.plant.unknown_faults`), or "proposed", where such faults are taken up once
-    nothing explains the trials without them; what the plant file says of these is not believed.
+    nothing explains the trials without them; what the plant file says of these is not believed. `torque_limit`: what
+    the motors give at most, in N m, one number or one a joint, as far as you know; the plant file is not asked.
     """
 
     enabled: bool = True
@@ -108,6 +110,7 @@ class EstimateSettings(Settings):
         ]
         | Literal["proposed"]
     ) = ()
+    torque_limit: Limit | Annotated[tuple[Limit, ...], Field(min_length=1, strict=False)] | None = None
 
     @property
     def searched_faults(self) -> tuple[str, ...]:

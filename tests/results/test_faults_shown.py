@@ -161,12 +161,20 @@ def test_no_fault_is_taken_up_where_none_is_needed(tmp_path: Path) -> None:
             {"estimate.faults": ["viscous"], "estimate.lumps": ["gravity", "inertia", "damping"]},
             "already searched, as the lumps 'damping' .allowed: one of them",
         ),
+        ({"estimate.torque_limit": 5.0}, "torque_limit: only an estimate from readings knows of it .allowed: on a rig"),
     ],
 )
 def test_faults_that_cannot_be_searched_are_refused(changes: dict[str, Any], message: str) -> None:
     """In one line that says what is allowed."""
     with pytest.raises(StudyError, match=message):
         load_chain_study("three-link", changes)
+
+
+@pytest.mark.parametrize("change", [{"estimate.torque_limit": [5.0, 4.0]}, {"estimate.enabled": False}])
+def test_torque_limit_that_is_not_of_every_joint_or_that_nothing_uses_is_refused(change: dict[str, Any]) -> None:
+    """Nobody is to believe that it counts where it does not."""
+    with pytest.raises(StudyError, match=r"torque_limit.*allowed: (one, or 3|on a rig)"):
+        load_chain_study("noisy-three-link", {"estimate.torque_limit": 5.0, **change})
 
 
 def test_gain_of_the_only_motor_is_refused() -> None:

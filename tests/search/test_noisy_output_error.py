@@ -102,6 +102,7 @@ def test_every_other_law_swings_the_chain_hard_where_torques_are_noisy(store: St
         ({"search": SearchSettings(high=2.0)}, [2.0, 2.0, 2.0]),
         ({"sampler": "newton"}, [2.0, 2.0, 2.0]),
         ({"faults": {"torque_limit": 9.0}}, [2.0, 2.0, 2.0]),
+        ({"estimate": EstimateSettings(torque_limit=9.0)}, [2.0, 2.0, 2.0]),
     ],
 )
 def test_laws_may_over_compensate_much_where_torques_are_noisy(more: dict[str, Any], high: list[float]) -> None:
@@ -121,6 +122,24 @@ def test_misfit_tells_what_the_twin_does_not_know(faults: dict[str, Any], link: 
     assert snapshot.estimate is not None
     assert snapshot.estimate.estimate.misfit > 4.0
     assert judge(snapshot).lumps[["identified", "sd"]].isna().all(axis=None)
+
+
+@pytest.mark.parametrize("limits", [6.0, (6.0, 2.0, 1.0)])
+def test_torques_that_are_cut_off_do_no_harm_where_the_study_says_it(
+    limits: float | tuple[float, ...], store: Store
+) -> None:
+    """The twin gets no more than the motors give."""
+    faults = {**NOISE, "torque_limit": limits}
+    found = shown(store, spec_of(3, 1, faults, estimate=EstimateSettings(torque_limit=limits)))
+    assert 0.8 < found["misfit"] < 1.2
+    assert found["max_error"] < 0.001
+
+
+def test_torque_limit_that_is_said_wrong_shows_in_the_misfit(store: Store) -> None:
+    """Motors that give a tenth less than was said."""
+    found = shown(store, spec_of(3, 1, {**NOISE, "torque_limit": 5.4}, estimate=EstimateSettings(torque_limit=6.0)))
+    assert found["verdict"] == "not found"
+    assert found["misfit"] > 4.0
 
 
 def test_lengths_that_are_wrong_by_two_percent_show_in_the_misfit(store: Store) -> None:

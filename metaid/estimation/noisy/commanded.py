@@ -11,7 +11,13 @@ KINDS = ("gravity", "coriolis", "damping", "coulomb")
 
 
 def commanded_torques(
-    law: Lumps, readings: Array, speeds: Array, gravity: float, lead: float = 0.0, delay: int = 0
+    law: Lumps,
+    readings: Array,
+    speeds: Array,
+    gravity: float,
+    lead: float = 0.0,
+    delay: int = 0,
+    limits: Array | float = np.inf,
 ) -> Array:
     """The joint torques (npush x nstep x njoint), in N m, that were to act in each step. None follows from the last
     reading.
@@ -23,6 +29,7 @@ def commanded_torques(
         gravity: in m/s².
         lead: seconds by which the law looked ahead.
         delay: steps that a torque is late by; until the first is there, none acts.
+        limits: what the motors give at most (njoint), in N m.
     """
     angles, turning = np.cumsum(readings[:, :-1], axis=-1), np.cumsum(speeds[:, :-1], axis=-1)
     angles = angles + lead * turning
@@ -31,7 +38,7 @@ def commanded_torques(
     torques = np.zeros_like(readings[:, :-1])
     late = min(delay, torques.shape[1])
     torques[:, late:] = np.cumsum(force[..., ::-1], axis=-1)[:, : torques.shape[1] - late, ::-1]  # Eq. 6
-    return torques
+    return np.asarray(np.clip(torques, -limits, limits), dtype=np.float64)
 
 
 def centred(torques: Array, substeps: int) -> Array:

@@ -51,7 +51,8 @@ class ArmFound:
         if self.explains:
             return f"the model explains what was seen: {found}"
         return (
-            f"the model does not explain what was seen, be it for springs, play, late torques or wrong frames: {found}"
+            "the model does not explain what was seen, be it for springs, play, torques that come late or are cut off, "
+            f"or wrong frames: {found}"
         )
 
     @cached_property
