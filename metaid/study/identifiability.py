@@ -34,10 +34,8 @@ if TYPE_CHECKING:
 
 COARSEST = 0.1  # a lump that is not known better than to a tenth is not determined: its nominal value is as good
 NEGLIGIBLE = 0.02  # weight of a lump in a combination, of 1
-OVER_COMPENSATED = (
-    1.5,
-    2.0,
-)  # factors of the gravity lumps in the first trials of an estimate, as many as it needs; between them
+# Factors of the gravity lumps in the first trials of an estimate, as many as it needs; those of others are between.
+OVER_COMPENSATED = (1.5, 2.0)
 EPISODES = 32  # with exact lumps, which show how far noise moves the measure
 MARGIN = 0.7  # of the wanted width, on the nominal model: that of the plant differs by some tenths
 OWN_NOISE = 1  # added to the study's seed: a forecast has other noise than the study

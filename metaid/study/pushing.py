@@ -83,9 +83,8 @@ def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure
             steps = max(steps, read)
         check_size(spec, measure, count * wanted.repeats, steps, RESTS)
         pushes = _strong_pushes(plant, kind, spec, nominal, pushed)
-        fall_limit = RICH_FALL_LIMIT * _strength(
-            spec
-        )  # a link that is pushed past 180° on purpose has not fallen there
+        # A link that is pushed past 180° on purpose has not fallen there.
+        fall_limit = RICH_FALL_LIMIT * _strength(spec)
         runaway = np.inf if isinstance(spec.plant, PlantSettings) else RICH_RUNAWAY
     else:
         steps, fall_limit, runaway = wanted.steps or COUNTING_STEPS, FALL_LIMIT, np.inf
