@@ -43,7 +43,7 @@ def describe_forecast(foreseen: Forecast) -> str:
     minutes = float(f"{foreseen.seconds / 60.0:.2g}")
     cost = f"{foreseen.trials} trials, {foreseen.pushes} pushes, {minutes:g} min of motion"
     if foreseen.is_reached:
-        return f"--until {foreseen.until:.3g}: if the nominal model were right, {cost} tell all lumps at once so well"
+        return f"--until {foreseen.until:.3g}: if the nominal model were right, {cost} are enough"
     if not math.isfinite(foreseen.half_width):
         return f"--until {foreseen.until:.3g}: not reached, for no estimate explains {cost} of the nominal model"
     return (
