@@ -11,7 +11,8 @@ import os
 import signal
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -78,11 +79,14 @@ class RayEvaluator:
         """
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
-        if address is not None and (TOKEN.exists() or {"RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH"} & set(os.environ)):
-            os.environ.setdefault("RAY_AUTH_MODE", "token")  # as `ray start` does
-        import ray
+        with _token_of(address):
+            import ray
 
+            started = not ray.is_initialized()
+            if started:
+                _start_ray(ray, workers, address)
         self._ray: Any = ray
+        self._started_ray = started
         self._problem = problem
         self._worker_arguments = problem.spec.model_dump_json(), problem.found
         self._worker_count = workers
@@ -91,9 +95,6 @@ class RayEvaluator:
         self._without_worker = 0.0  # s
         self._last_error = ""  # of an actor that was lost
         self._actors: list[_Actor] = []
-        self._started_ray = not ray.is_initialized()
-        if self._started_ray:
-            _start_ray(ray, workers, address)
         self._start_missing_actors()
 
     def evaluate(self, batch: Array, first: int = 0, while_waiting: Callable[[], None] = do_nothing) -> list[Outcome]:
@@ -256,6 +257,23 @@ def _refuse_silence(address: str) -> None:
     except (OSError, OverflowError, UnicodeError) as problem:
         why = getattr(problem, "strerror", None) or str(problem)
         raise StudyError(f"no Ray cluster at {address}: nothing answers there ({why})") from None
+
+
+@contextmanager
+def _token_of(address: str | None) -> Iterator[None]:
+    """Within it Ray joins the cluster of an `address` by its token, where there is one, as `ray start` does.
+
+    Not longer: a Ray that is started on this machine afterwards would want a token of a process that had none before.
+    """
+    has_token = TOKEN.exists() or bool({"RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH"} & set(os.environ))
+    if address is None or not has_token or "RAY_AUTH_MODE" in os.environ:
+        yield
+        return
+    os.environ["RAY_AUTH_MODE"] = "token"
+    try:
+        yield
+    finally:
+        os.environ.pop("RAY_AUTH_MODE", None)
 
 
 def _start_ray(ray: Any, workers: int, address: str | None) -> None:
