@@ -10,7 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from metaid.plant.arms import ArmPlant, ArmSettings
-from metaid.plant.faults import FaultSettings, Limit, Noise, draw, slope_weights, stream
+from metaid.plant.faults import FaultSettings, Limit, Noise, draw, joint_limits, slope_weights, stream
 from metaid.plant.faulty_plant import FaultyPlant
 from metaid.plant.loading import load_chain, load_plant, load_rig, read_any_plant, read_plant
 from metaid.plant.mujoco_plant import MujocoPlant
@@ -43,6 +43,7 @@ __all__ = [
     "draw",
     "fault_names",
     "fault_unit",
+    "joint_limits",
     "load_chain",
     "load_plant",
     "load_rig",

@@ -27,6 +27,13 @@ Gain = Annotated[float, Field(ge=0.1, le=10)]
 PER_JOINT = ("torque_limit", "torque_gain", "encoder_offset")  # one number for all joints, or one each
 
 
+def joint_limits(limit: float | tuple[float, ...] | None, njoint: int) -> Array:
+    """What the motor of each joint (njoint) gives at most, in N m, where one number is said for all, one for each, or
+    none; inf then.
+    """
+    return np.full(njoint, np.inf if limit is None else limit, dtype=np.float64)
+
+
 class FaultSettings(Settings):
     """The `[faults]` table of a plant file; every fault is off unless it is named. Noise is normal, its size the
     standard deviation.
@@ -71,7 +78,7 @@ class FaultSettings(Settings):
 
     def torque_limits(self, njoint: int) -> Array:
         """The largest torque of each joint (njoint), in N m; infinite where there is no limit."""
-        return np.full(njoint, np.inf if self.torque_limit is None else self.torque_limit, dtype=np.float64)
+        return joint_limits(self.torque_limit, njoint)
 
     def torque_gains(self, njoint: int) -> Array:
         """What each motor (njoint) delivers, as a multiple of what it is told to."""

@@ -98,9 +98,7 @@ class StudyEstimate:
     @property
     def half_width(self) -> float:
         """Half the widest of intervals that hold all unknown lumps at once, as a share of its lump.  Eq. 64."""
-        if self.estimate.extent is not None:
-            return self.estimate.half_width
-        return half_width(self.deviations_of(self.estimate.names))
+        return self.estimate.half_width if self.hinted is None else half_width(self.deviations_of(self.estimate.names))
 
     @cached_property
     def proposal(self) -> Proposal | None:

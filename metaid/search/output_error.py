@@ -146,7 +146,7 @@ class OutputError:
 
     def finished(self) -> bool:
         """Whether the plant coasts under the law of the estimate, or one more trial tells no more; given `until`, in
-        place of the last whether all intervals are as narrow.
+        place of the last whether all lumps are known as well.
         """
         enough = self._settled if self.until is None else self.half_width <= self.until
         return self._coasts or enough or self._spent

@@ -50,7 +50,7 @@ class Searcher(Protocol):
 class NarrowingSearcher(Searcher, Protocol):
     """One whose intervals get narrower from trial to trial."""
 
-    until: float | None  # half the width of an interval as a share of its lump; once all are narrower it is finished
+    until: float | None  # a share; once all lumps at once are known to it, it is finished
 
     @property
     def half_width(self) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from metaid.episode import Episode
 from metaid.models import Array, Lumps
-from metaid.plant import MujocoPlant, SocketSettings, Start, slope_weights
+from metaid.plant import MujocoPlant, SocketSettings, Start, joint_limits, slope_weights
 from metaid.study.calibration import start_spread
 from metaid.study.pushing import rest_deviations
 from metaid.study.settings import EstimateSettings, PushedSettings, StudySpec
@@ -54,7 +54,7 @@ def noisy_experiment(
         lead=episode.lead,
         faults=searched_faults(wanted.searched_faults, unknowns.nominal, plant.gravity, start_speeds),
         takes_up=wanted.takes_up_faults and not faults.torque_noise,
-        torque_limits=_torque_limits(wanted, plant.njoint),
+        torque_limits=joint_limits(wanted.torque_limit, plant.njoint),
         torque_noise=np.full(plant.njoint, faults.torque_noise) if faults.torque_noise else None,
     )
 
@@ -110,10 +110,5 @@ def rig_experiment(
         is_continuous=is_continuous,
         faults=searched_faults(wanted.searched_faults, unknowns.nominal, rig.gravity, start_speeds),
         takes_up=wanted.takes_up_faults,
-        torque_limits=_torque_limits(wanted, rig.joints),
+        torque_limits=joint_limits(wanted.torque_limit, rig.joints),
     )
-
-
-def _torque_limits(wanted: EstimateSettings, njoint: int) -> Array:
-    """What the motor of each joint (njoint) is said to give at most, in N m; inf where nothing is said."""
-    return np.full(njoint, np.inf if wanted.torque_limit is None else wanted.torque_limit, dtype=np.float64)

@@ -40,8 +40,7 @@ def forecast_row(foreseen: Forecast) -> dict[str, Any]:
 
 def describe_forecast(foreseen: Forecast) -> str:
     """The same in a sentence."""
-    minutes = float(f"{foreseen.seconds / 60.0:.2g}")
-    cost = f"{foreseen.trials} trials, {foreseen.pushes} pushes, {minutes:g} min of motion"
+    cost = f"{foreseen.trials} trials, {foreseen.pushes} pushes, {foreseen.seconds / 60.0:.3g} min of motion"
     if foreseen.is_reached:
         return f"--until {foreseen.until:.3g}: if the nominal model were right, {cost} are enough"
     if not math.isfinite(foreseen.half_width):
