@@ -2,12 +2,14 @@
 
 `Tree` holds its kinematics and its inertial and friction parameters. Its torque is linear in these (`torque_regressor`)
 and depends on some combinations alone, the `BaseParameters`. A `Belief` says how wrong a nominal arm may be.
-`TreeModel` is an arm by its base parameters, on the face of every model.
+`TreeModel` is an arm by its base parameters, on the face of every model. `JointFriction` is what friction real joints
+have.
 """
 
 from metaid.models.tree.base import BaseParameters, base_parameters, random_states
 from metaid.models.tree.belief import Belief, Prior
 from metaid.models.tree.bodies import PossibleBodies, possible_bodies
+from metaid.models.tree.joint_friction import JointFriction
 from metaid.models.tree.model_error import ModelError, difference, model_error
 from metaid.models.tree.planar import planar_chain, planar_tree
 from metaid.models.tree.regressor import body_torque, joint_mass_matrix, joint_torque, torque_regressor
@@ -18,6 +20,7 @@ __all__ = [
     "PARAMETERS",
     "BaseParameters",
     "Belief",
+    "JointFriction",
     "ModelError",
     "PossibleBodies",
     "Prior",
