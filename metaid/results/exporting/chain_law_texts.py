@@ -39,6 +39,18 @@ def mass_matrix(q):
         [INERTIA[i] if i == j else CORIOLIS[i][j] * math.cos(angle[i] - angle[j]) for j in range(n)] for i in range(n)
     ]
     return [[sum(sum(row[j:]) for row in links[i:]) for j in range(n)] for i in range(n)]
+
+
+def inverse_dynamics(q, qd, qdd):
+    """The joint torques, in N m, that give the joints accelerations qdd, in rad/s^2.
+
+    q, qd and qdd are each of one state, or rows of states; so are the torques.
+    """
+    if hasattr(q[0], "__len__"):
+        return [inverse_dynamics(*state) for state in zip(q, qd, qdd)]
+    q, qd, qdd = ([float(each) for each in values] for values in (q, qd, qdd))
+    gained = [sum(a * b for a, b in zip(row, qdd)) for row in mass_matrix(q)]
+    return [a + b for a, b in zip(torque(q, qd), gained)]
 '''
 
 CHAIN_C = """
@@ -96,6 +108,20 @@ static inline void ${name}_mass_matrix(const double q[], double matrix[$njoint][
                 for (l = j; l < N; l++)
                     matrix[i][j] += k == l ? inertia[k] : coriolis[k][l] * cos(angle[k] - angle[l]);
         }
+}
+
+/* The joint torques, in N m, that give the joints accelerations qdd, in rad/s^2. */
+static inline void ${name}_inverse_dynamics(const double q[], const double qd[], const double qdd[], double torque[])
+{
+    enum { N = $njoint };
+    double matrix[N][N];
+    int i, j;
+
+    ${name}_mass_matrix(q, matrix);
+    ${name}_torque(q, qd, torque);
+    for (i = 0; i < N; i++)
+        for (j = 0; j < N; j++)
+            torque[i] += matrix[i][j] * qdd[j];
 }
 """
 

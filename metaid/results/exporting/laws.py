@@ -1,6 +1,7 @@
 """The compensation law of an identified model as source text, in Python and in C, that needs nothing but a sine.
 
-Both are the equations of docs/method.md written once more: 5, 6 and 15 for a chain, 36 to 38 for an arm.
+Both are the equations of docs/method.md written once more: 5, 6 and 15 for a chain, 36 to 38 for an arm. What is 0 of
+an arm's friction is left out.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from string import Template
 from typing import Protocol
 
@@ -15,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import FRICTION, SLIDING, Array, ChainModel, Lumps
-from metaid.models.tree import PARAMETERS, Tree, joint_mass_matrix, joint_torque
-from metaid.results.exporting.arm_law_texts import ARM_C, ARM_PYTHON
+from metaid.models.tree import PARAMETERS, JointFriction, Tree, body_torque, joint_mass_matrix
+from metaid.results.exporting.arm_law_c import ARM_C
+from metaid.results.exporting.arm_law_python import ARM_PYTHON
 from metaid.results.exporting.chain_law_texts import (
     CHAIN_C,
     CHAIN_MASS_MATRIX_C,
@@ -25,7 +28,8 @@ from metaid.results.exporting.chain_law_texts import (
     END_C,
 )
 
-Constants = Mapping[str, Array | NDArray[np.bool_]]
+Constants = Mapping[str, Array | NDArray[np.bool_] | NDArray[np.intp]]
+_ROTOR, _DAMPING, _COULOMB = (PARAMETERS.index(name) for name in ("rotor", "damping", "coulomb"))
 
 
 class Law(Protocol):
@@ -36,17 +40,28 @@ class Law(Protocol):
         """How many joints it is for."""
 
     def torque(self, angles: Array, speeds: Array) -> Array:
-        """The joint torque (njoint) that leaves nothing to accelerate the plant, in N m (of a slide in N)."""
+        """The joint torque (... x njoint) that leaves nothing to accelerate the plant, in N m (of a slide in N), of
+        angles and speeds (... x njoint each); dry friction is what the speeds alone say.
+        """
+
+    def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array | None:
+        """The joint torque (... x njoint) that gives the joints these accelerations (... x njoint), in N m; None where
+        the inertia lumps are not known. Rows (... x nrow x njoint) are in the order of time: where dry friction has
+        pre-sliding it follows the motion.
+        """
 
     def mass_matrix(self, angles: Array) -> Array | None:
-        """In joint coordinates (njoint x njoint), in kg m²; None where the inertia lumps are not known."""
+        """In joint coordinates (... x njoint x njoint), in kg m²; None where the inertia lumps are not known."""
 
     def python(self) -> str:
-        """A Python module with a function `torque(q, qd)`, and `mass_matrix(q)` where that is known."""
+        """A Python module with a function `torque(q, qd)`, and `mass_matrix(q)` and `inverse_dynamics(q, qd, qdd)`
+        where inertia is known; where dry friction has pre-sliding that takes the `slip` which `slide(slip, dq)` keeps.
+        """
 
     def c(self, name: str) -> str:
-        """A C99 header with a function `NAME_torque(q, qd, torque)`, and `NAME_mass_matrix(q, matrix)` where that is
-        known.
+        """A C99 header with a function `NAME_torque(q, qd, torque)`, and `NAME_mass_matrix(q, matrix)` and
+        `NAME_inverse_dynamics(q, qd, qdd, torque)` where inertia is known; where dry friction has pre-sliding that is
+        `NAME_inverse_dynamics(q, qd, qdd, slip, torque)`, with the slip that `NAME_slide(dq, slip)` keeps, or NULL.
         """
 
 
@@ -62,10 +77,23 @@ class ChainLaw:
         return self.lumps.nlink
 
     def torque(self, angles: Array, speeds: Array) -> Array:
-        return ChainModel(self.lumps, self.gravity).torque(angles, speeds)
+        return np.asarray(np.vectorize(self._model.torque, signature="(n),(n)->(n)")(angles, speeds), dtype=np.float64)
+
+    def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array | None:
+        matrix = self.mass_matrix(angles)
+        if matrix is None:
+            return None
+        gained = np.einsum("...ij,...j->...i", matrix, accelerations)
+        return np.asarray(self.torque(angles, speeds) + gained, dtype=np.float64)
 
     def mass_matrix(self, angles: Array) -> Array | None:
-        return ChainModel(self.lumps, self.gravity).mass_matrix(angles) if self.has_inertia else None
+        if not self.has_inertia:
+            return None
+        return np.asarray(np.vectorize(self._model.mass_matrix, signature="(n)->(n,n)")(angles), dtype=np.float64)
+
+    @property
+    def _model(self) -> ChainModel:
+        return ChainModel(self.lumps, self.gravity)
 
     @property
     def has_inertia(self) -> bool:
@@ -88,30 +116,56 @@ class ChainLaw:
 
 @dataclass(frozen=True)
 class ArmLaw:
-    """The bias force and the friction of an arm with the joints of a `tree` and these `parameters` (njoint x 13), which
-    need not be those of possible bodies.  Eqs. 36 to 38.
+    """The rigid bodies and the friction of an arm.  Eqs. 36 to 38.
+
+    Attributes:
+        tree: where the joints are.
+        parameters: of its bodies and rotors (njoint x 13), which need not be those of possible bodies.
+        friction: of its joints, in place of that among the parameters; None where it is that.
     """
 
     tree: Tree
     parameters: Array
+    friction: JointFriction | None = None
 
     @property
     def njoint(self) -> int:
         return self.tree.njoint
 
+    @cached_property
+    def joint_friction(self) -> JointFriction:
+        """The friction of the joints, wherever it is said."""
+        if self.friction is not None:
+            return self.friction
+        still = np.full(self.njoint, SLIDING)
+        return JointFriction.simple(self.parameters[:, _DAMPING], self.parameters[:, _COULOMB], still)
+
     def torque(self, angles: Array, speeds: Array) -> Array:
-        return joint_torque(self._arm, angles, speeds, np.zeros(self.njoint))
+        friction, steady = self.joint_friction, np.zeros_like(speeds)
+        rigid = self._rigid(angles, speeds, steady)
+        slip = friction.slip_at(speeds), friction.coupled_slip_at(speeds)
+        return rigid + friction.torque(speeds, steady, rigid, *slip)
 
-    def mass_matrix(self, angles: Array) -> Array | None:
-        return joint_mass_matrix(self._arm, angles)
+    def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
+        friction, rigid = self.joint_friction, self._rigid(angles, speeds, accelerations)
+        if angles.ndim == 1:
+            slip = friction.slip_at(speeds), friction.coupled_slip_at(speeds)
+        else:
+            slip = friction.slip_along(angles, speeds), friction.coupled_slip_along(angles, speeds)
+        return rigid + friction.torque(speeds, accelerations, rigid, *slip)
 
-    @property
-    def _arm(self) -> Tree:
-        return self.tree.with_parameters(self.parameters)
+    def mass_matrix(self, angles: Array) -> Array:
+        bodies = joint_mass_matrix(self.tree.with_parameters(self.parameters), angles)
+        return bodies + self.joint_friction.mass_matrix
+
+    def _rigid(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
+        """What bodies and rotors need (... x njoint), in N m."""
+        bodies = body_torque(self.tree, self.parameters, angles, speeds, accelerations)
+        return bodies + self.parameters[:, _ROTOR] * accelerations
 
     @property
     def _constants(self) -> Constants:
-        tree, parameters = self.tree, self.parameters
+        tree, parameters, friction = self.tree, self.parameters, self.joint_friction
         return {
             "gravity": tree.gravity,
             "position": tree.position,
@@ -121,22 +175,46 @@ class ArmLaw:
             "mass": parameters[:, 0],
             "moment": parameters[:, 1:4],
             "inertia": parameters[:, [4, 5, 6, 5, 7, 8, 6, 8, 9]].reshape(-1, 3, 3),
-            "rotor": parameters[:, PARAMETERS.index("rotor")],
-            "damping": parameters[:, PARAMETERS.index("damping")],
-            "coulomb": parameters[:, PARAMETERS.index("coulomb")],
+            "rotor": parameters[:, _ROTOR],
+            "damping": np.append(friction.viscous, friction.coupled_viscous),
+            "coulomb": np.append(friction.coulomb, friction.coupled_coulomb),
+            "root": np.append(friction.root, friction.coupled_root),
+            "still": np.append(friction.still, friction.coupled_still),
+            "presliding": np.append(friction.presliding, friction.coupled_presliding),
+            "load": friction.load,
+            "offset": friction.offset,
+            "coupled": np.array(friction.coupled, dtype=np.intp).reshape(-1, 2),
+            "coupled_rotor": friction.coupled_rotor,
         }
 
     def python(self) -> str:
-        return _python(ARM_PYTHON, self._constants)
+        constants = self._constants
+        return _python(_kept(ARM_PYTHON, constants), constants)
 
     def c(self, name: str) -> str:
-        return _c(ARM_C, name, self.tree.njoint, self._constants)
+        constants = self._constants
+        return _c(_kept(ARM_C, constants), name, self.njoint, constants)
 
 
 def c_name(name: str) -> str:
     """A word of C for a study of that `name`."""
     word = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")
     return word if re.match(r"[A-Za-z]", word) else f"study_{word}".rstrip("_")
+
+
+def _kept(template: str, constants: Constants) -> str:
+    """The lines of a template that an arm with these constants needs, without the %words that say so."""
+    has = {word: bool(np.any(constants[word])) for word in ("root", "load", "offset")}
+    has |= {"dahl": bool(np.any(constants["presliding"])), "pairs": len(constants["coupled"]) > 0}
+    lines = []
+    for line in template.splitlines(keepends=True):
+        text, needed = line, True
+        while found := re.match(r"%(!?)(\w+)(?: |$)", text):
+            needed &= has[found[2]] != bool(found[1])
+            text = text[found.end() :]
+        if needed:
+            lines.append(text)
+    return "".join(lines)
 
 
 def _python(template: str, constants: Constants) -> str:
@@ -146,14 +224,19 @@ def _python(template: str, constants: Constants) -> str:
 
 def _c(template: str, name: str, njoint: int, constants: Constants) -> str:
     texts = {key: _numbers(value, "{}", "        ") for key, value in constants.items()}
-    words = {"name": name, "guard": f"{name.upper()}_TORQUE_H", "njoint": str(njoint)}
+    words = {
+        "name": name,
+        "guard": f"{name.upper()}_TORQUE_H",
+        "njoint": str(njoint),
+        "nmotor": str(len(constants["damping"])),
+    }
     return Template(template).substitute(texts, **words, sliding=repr(SLIDING))
 
 
-def _numbers(values: Array | NDArray[np.bool_], brackets: str, indent: str) -> str:
+def _numbers(values: Array | NDArray[np.bool_] | NDArray[np.intp], brackets: str, indent: str) -> str:
     """Numbers as a literal, one row a line."""
     if values.ndim == 1:
-        kind = int if values.dtype == np.bool_ else float
+        kind = float if values.dtype == np.float64 else int
         return brackets[0] + ", ".join(repr(kind(each)) for each in values) + brackets[1]
     rows = f",\n{indent}".join(_numbers(row, brackets, indent + "    ") for row in values)
     return f"{brackets[0]}\n{indent}{rows}\n{indent[4:]}{brackets[1]}"

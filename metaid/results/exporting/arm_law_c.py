@@ -1,100 +1,7 @@
-"""What the source texts of an arm's law are filled into. A word after a dollar sign is a constant of the model."""
-
-ARM_PYTHON = '''
-import math
-
-GRAVITY = $gravity  # in the frame of the base, in m/s^2
-# Of each joint: origin of its frame in the frame before, in m; axes of its frame at q = 0 (the columns); its axis.
-POSITION = $position
-ROTATION = $rotation
-AXIS = $axis
-SLIDES = $slides  # 1 of a slide, 0 of a hinge
-# Of each link, about the origin of its frame: mass in kg, first moment in kg m, moments of inertia in kg m^2.
-MASS = $mass
-MOMENT = $moment
-INERTIA = $inertia
-ROTOR = $rotor  # of each joint, in kg m^2 (kg): what turns with its motor
-DAMPING = $damping  # of each joint, in N m s (N s/m)
-COULOMB = $coulomb  # of each joint, in N m (N)
-SLIDING = $sliding  # rad/s (m/s): a slower joint is sent that share of its dry friction
-
-
-def torque(q, qd):
-    """The joint torques, in N m (of a slide in N), that leave nothing to accelerate the arm.
-
-    q are joint coordinates in rad (m), qd joint speeds in rad/s (m/s).
-    """
-    bias = _inverse_dynamics(q, qd, [0.0] * len(MASS), GRAVITY)
-    sliding = [max(-1.0, min(1.0, each / SLIDING)) for each in qd]
-    return [bias[i] + DAMPING[i] * qd[i] + COULOMB[i] * sliding[i] for i in range(len(MASS))]
-
-
-def mass_matrix(q):
-    """The mass matrix, in kg m^2 (kg m and kg of slides), a list of rows, at joint coordinates q in rad (m)."""
-    n = len(MASS)
-    units = [[float(i == j) for j in range(n)] for i in range(n)]
-    return [_inverse_dynamics(q, [0.0] * n, unit, [0.0] * 3) for unit in units]
-
-
-def _inverse_dynamics(q, qd, qdd, gravity):
-    """The joint torques without friction that give the joints accelerations qdd, in rad/s^2 (m/s^2)."""
-    n = len(MASS)
-    spin, spin_rate, rate = [0.0] * 3, [0.0] * 3, [-each for each in gravity]
-    axes, origins, forces, moments = [], [], [], []
-    for i in range(n):
-        turned, origin = _place(i, q[i])
-        axes.append(turned)
-        origins.append(origin)
-        rate = _add(rate, _cross(spin_rate, origin), _cross(spin, _cross(spin, origin)))
-        spin, spin_rate, rate = _back(turned, spin), _back(turned, spin_rate), _back(turned, rate)
-        own, gained = [qd[i] * each for each in AXIS[i]], [qdd[i] * each for each in AXIS[i]]
-        if SLIDES[i]:
-            rate = _add(rate, gained, [2.0 * each for each in _cross(spin, own)])
-        else:
-            spin_rate = _add(spin_rate, gained, _cross(spin, own))
-            spin = _add(spin, own)
-        moment, turning = MOMENT[i], _forth(INERTIA[i], spin)
-        force = _add([MASS[i] * each for each in rate], _cross(spin_rate, moment), _cross(spin, _cross(spin, moment)))
-        forces.append(force)
-        moments.append(_add(_forth(INERTIA[i], spin_rate), _cross(spin, turning), _cross(moment, rate)))
-    torques, force, moment = [0.0] * n, [0.0] * 3, [0.0] * 3
-    for i in range(n - 1, -1, -1):
-        force, moment = _add(force, forces[i]), _add(moment, moments[i])
-        torques[i] = ROTOR[i] * qdd[i] + sum(a * b for a, b in zip(AXIS[i], force if SLIDES[i] else moment))
-        force = _forth(axes[i], force)
-        moment = _add(_forth(axes[i], moment), _cross(origins[i], force))
-    return torques
-
-
-def _place(i, q):
-    """Axes of the frame of a joint at q, as columns, and its origin, in the frame before."""
-    rotation, axis = ROTATION[i], AXIS[i]
-    if SLIDES[i]:
-        return rotation, _add(POSITION[i], [q * each for each in _forth(rotation, axis)])
-    sine, versine = math.sin(q), 1.0 - math.cos(q)
-    columns = []
-    for unit in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]):
-        across = _cross(axis, unit)
-        turned = _add(unit, [sine * each for each in across], [versine * each for each in _cross(axis, across)])
-        columns.append(_forth(rotation, turned))
-    return [list(row) for row in zip(*columns)], POSITION[i]
-
-
-def _add(*vectors):
-    return [sum(each) for each in zip(*vectors)]
-
-
-def _cross(a, b):
-    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-
-
-def _forth(matrix, vector):
-    return [sum(a * b for a, b in zip(row, vector)) for row in matrix]
-
-
-def _back(matrix, vector):
-    return _forth(list(zip(*matrix)), vector)
-'''
+"""What the source text of an arm's law in C is filled into. A word after a dollar sign is a constant of the
+model. A line after %word is left out where the model has no such thing, one after %!word where it has; %dahl is
+pre-sliding, %pairs are coupled motors.
+"""
 
 ARM_C = """
 #ifndef $guard
@@ -134,8 +41,8 @@ static inline void ${name}_turn_back(const double matrix[3][3], double vector[3]
 /* The joint torques without friction, in N m (of a slide in N), that give the joints accelerations qdd, in rad/s^2
    (m/s^2), in a gravity in the frame of the base, in m/s^2. q are joint coordinates in rad (m), qd joint speeds in
    rad/s (m/s). $njoint of each. */
-static inline void ${name}_inverse_dynamics(const double q[], const double qd[], const double qdd[],
-                                            const double gravity[3], double torque[])
+static inline void ${name}_rigid(const double q[], const double qd[], const double qdd[], const double gravity[3],
+                                 double torque[])
 {
     enum { N = $njoint };
     /* of each joint: origin of its frame in the frame before, in m; axes of its frame at q = 0 (the columns); its
@@ -226,23 +133,92 @@ static inline void ${name}_inverse_dynamics(const double q[], const double qd[],
     }
 }
 
+/* The joint torques, in N m (of a slide in N), that give the joints accelerations qdd, in rad/s^2 (m/s^2). q are joint
+   coordinates in rad (m), qd joint speeds in rad/s (m/s). $njoint of each. */
+%dahl /* slip, $nmotor numbers that ${name}_slide keeps, is the share of its dry friction that each joint has, or NULL:
+%dahl    then the speeds say it. */
+static inline void ${name}_inverse_dynamics(const double q[], const double qd[], const double qdd[],
+%!dahl                                             double torque[])
+%dahl                                             const double slip[], double torque[])
+{
+%!pairs     enum { N = $njoint, M = N };
+%pairs     enum { N = $njoint, M = $nmotor };
+    /* in the frame of the base, in m/s^2 */
+    static const double gravity[3] = $gravity;
+%pairs     /* pairs of joints, from 0 on, each with a motor that turns with the sum of both */
+%pairs     static const int coupled[M - N][2] = $coupled;
+%pairs     /* of each such motor, in kg m^2 */
+%pairs     static const double coupled_rotor[M - N] = $coupled_rotor;
+%!pairs     /* of each joint, in N m s and N m; what is slower than still, in rad/s, has that share of dry friction */
+%pairs     /* of each joint, then of each such motor, in N m s and N m; what is slower than still, in rad/s, has that
+%pairs        share of dry friction */
+    static const double damping[M] = $damping;
+    static const double coulomb[M] = $coulomb;
+    static const double still[M] = $still;
+%root     /* dry friction for a unit of the root of the speed, in N m s^0.5 */
+%root     static const double root[M] = $root;
+%dahl     /* displacement over which dry friction builds up, in rad; where it is 0 still counts */
+%dahl     static const double presliding[M] = $presliding;
+%load     /* of each joint: dry friction as a share of the size of the torque of bodies and rotors */
+%load     static const double load[N] = $load;
+%offset     /* of each joint, in N m: torque that is always there */
+%offset     static const double offset[N] = $offset;
+    double friction[M];
+    int i;
+
+    ${name}_rigid(q, qd, qdd, gravity, torque);
+    for (i = 0; i < M; i++) {
+%!pairs         const double speed = qd[i];
+%pairs         const double speed = i < N ? qd[i] : qd[coupled[i - N][0]] + qd[coupled[i - N][1]];
+        double share = fmax(-1.0, fmin(1.0, speed / still[i])), dry = coulomb[i];
+
+%dahl         if (slip && presliding[i] > 0.0)
+%dahl             share = slip[i];
+%root         dry += root[i] * sqrt(fabs(speed));
+%load         if (i < N)
+%load             dry += load[i] * fabs(torque[i]);
+        friction[i] = damping[i] * speed + share * dry;
+    }
+    for (i = 0; i < N; i++)
+%!offset         torque[i] += friction[i];
+%offset         torque[i] += friction[i] + offset[i];
+%pairs     for (i = N; i < M; i++) {
+%pairs         const int first = coupled[i - N][0], second = coupled[i - N][1];
+%pairs         const double together = coupled_rotor[i - N] * (qdd[first] + qdd[second]) + friction[i];
+%pairs
+%pairs         torque[first] += together;
+%pairs         torque[second] += together;
+%pairs     }
+}
+
+%dahl /* Lets slip, the share of its dry friction, -1 to 1, that each joint has, follow a displacement dq of the $njoint
+%dahl    joints, in rad (m). It is $nmotor numbers, all 0 at first. */
+%dahl static inline void ${name}_slide(const double dq[], double slip[])
+%dahl {
+%!pairs %dahl     enum { N = $njoint, M = N };
+%pairs %dahl     enum { N = $njoint, M = $nmotor };
+%pairs %dahl     static const int coupled[M - N][2] = $coupled;
+%dahl     static const double presliding[M] = $presliding;
+%dahl     int i;
+%dahl
+%dahl     for (i = 0; i < M; i++) {
+%!pairs %dahl         const double moved = dq[i], end = moved < 0.0 ? -1.0 : 1.0;
+%pairs %dahl         const double moved = i < N ? dq[i] : dq[coupled[i - N][0]] + dq[coupled[i - N][1]];
+%pairs %dahl         const double end = moved < 0.0 ? -1.0 : 1.0;
+%dahl
+%dahl         if (presliding[i] > 0.0)
+%dahl             slip[i] = end + (slip[i] - end) * exp(-fabs(moved) / presliding[i]);
+%dahl     }
+%dahl }
+%dahl
 /* The joint torques, in N m (of a slide in N), that leave nothing to accelerate the arm. q are joint coordinates in
    rad (m), qd joint speeds in rad/s (m/s). $njoint of each. */
 static inline void ${name}_torque(const double q[], const double qd[], double torque[])
 {
-    enum { N = $njoint };
-    /* in the frame of the base, in m/s^2 */
-    static const double gravity[3] = $gravity;
-    /* of each joint, in N m s and N m; a joint slower than sliding, in rad/s, is sent that share of its dry friction */
-    static const double damping[N] = $damping;
-    static const double coulomb[N] = $coulomb;
-    static const double sliding = $sliding;
-    const double still[N] = {0.0};
-    int i;
+    const double steady[$njoint] = {0.0};
 
-    ${name}_inverse_dynamics(q, qd, still, gravity, torque);
-    for (i = 0; i < N; i++)
-        torque[i] += damping[i] * qd[i] + coulomb[i] * fmax(-1.0, fmin(1.0, qd[i] / sliding));
+%!dahl     ${name}_inverse_dynamics(q, qd, steady, torque);
+%dahl     ${name}_inverse_dynamics(q, qd, steady, 0, torque);
 }
 
 /* The mass matrix, in kg m^2 (kg m and kg of slides), at joint coordinates q in rad (m). */
@@ -250,6 +226,8 @@ static inline void ${name}_mass_matrix(const double q[], double matrix[$njoint][
 {
     enum { N = $njoint };
     static const double weightless[3] = {0.0, 0.0, 0.0};
+%pairs     static const int coupled[$nmotor - N][2] = $coupled;
+%pairs     static const double coupled_rotor[$nmotor - N] = $coupled_rotor;
     const double still[N] = {0.0};
     int i, j;
 
@@ -258,8 +236,13 @@ static inline void ${name}_mass_matrix(const double q[], double matrix[$njoint][
 
         for (j = 0; j < N; j++)
             unit[j] = i == j ? 1.0 : 0.0;
-        ${name}_inverse_dynamics(q, still, unit, weightless, matrix[i]);
+        ${name}_rigid(q, still, unit, weightless, matrix[i]);
     }
+%pairs     for (i = 0; i < $nmotor - N; i++)
+%pairs         for (j = 0; j < 2; j++) {
+%pairs             matrix[coupled[i][j]][coupled[i][0]] += coupled_rotor[i];
+%pairs             matrix[coupled[i][j]][coupled[i][1]] += coupled_rotor[i];
+%pairs         }
 }
 
 #endif
