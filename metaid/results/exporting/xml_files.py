@@ -4,27 +4,64 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
 from metaid.models import Array
-from metaid.models.tree import Tree
+from metaid.models.tree import JointFriction, Tree
 
 UNKNOWN = 1e9  # a URDF must name a limit of speed and torque: where none is known it is this, in SI units
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)  # what those who read a URDF, which has none, take
 _MOMENTS = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)
 
 
-def mjcf(tree: Tree, name: str, timestep: float, heading: Sequence[str]) -> str:
-    """An MJCF that MuJoCo loads as it is.
+@dataclass(frozen=True)
+class Couple:
+    """A motor that turns with the sum of two joints, as an MJCF can hold it.
+
+    Attributes:
+        joints: the two, from 0 on.
+        rotor: its inertia, in kg m².
+        viscous: its friction by the speed, in N m s.
+        coulomb: its dry friction, in N m.
+    """
+
+    joints: tuple[int, int]
+    rotor: float
+    viscous: float
+    coulomb: float
+
+
+def couples_of(friction: JointFriction) -> tuple[Couple, ...]:
+    """The coupled motors of a `friction`, without their friction by the root of the speed."""
+    columns = (friction.coupled_rotor, friction.coupled_viscous, friction.coupled_coulomb)
+    rows = zip(friction.coupled, *(values.tolist() for values in columns), strict=True)
+    return tuple(Couple(*row) for row in rows)
+
+
+def not_in_xml(friction: JointFriction) -> list[str]:
+    """What neither an MJCF nor a URDF can say of a `friction`, in sentences without a full stop."""
+    terms = {
+        "dry friction that grows with load": friction.load.any(),
+        "friction by the root of the speed": friction.root.any() or friction.coupled_root.any(),
+        "pre-sliding": friction.presliding.any(),
+        "a torque that is always there": friction.offset.any(),
+    }
+    return [f"this format has no {term}" for term, is_there in terms.items() if is_there]
+
+
+def mjcf(tree: Tree, name: str, timestep: float, heading: Sequence[str], couples: Sequence[Couple] = ()) -> str:
+    """An MJCF that MuJoCo loads as it is. A motor that turns with the sum of two joints is a fixed tendon over both.
 
     Args:
         tree: the model, of possible bodies.
         name: of the model.
         timestep: in s.
         heading: lines of the comment at the top.
+        couples: motors that turn with the sum of two joints.
     """
     root = Element("mujoco", model=name)
     SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -43,14 +80,22 @@ def mjcf(tree: Tree, name: str, timestep: float, heading: Sequence[str]) -> str:
             joint.set("range", _text(tree.low[i], tree.high[i]))
         if math.isfinite(tree.torque_limit[i]):
             joint.set("actuatorfrcrange", _text(-tree.torque_limit[i], tree.torque_limit[i]))
-        for key, value in (
-            ("armature", tree.rotor[i]),
-            ("damping", tree.damping[i]),
-            ("frictionloss", tree.coulomb[i]),
-        ):
-            if value:
-                joint.set(key, _text(value))
+        _set_moved(joint, tree.rotor[i], tree.damping[i], tree.coulomb[i])
+    tendons = SubElement(root, "tendon") if couples else root
+    for couple in couples:
+        first, second = (tree.names[joint] for joint in couple.joints)
+        tendon = SubElement(tendons, "fixed", name=f"{first}+{second}")
+        _set_moved(tendon, couple.rotor, couple.viscous, couple.coulomb)
+        for each in (first, second):
+            SubElement(tendon, "joint", joint=each, coef="1")
     return _written(root, heading)
+
+
+def _set_moved(moved: Element, rotor: float, viscous: float, coulomb: float) -> None:
+    """Says what resists a joint or a tendon; what is 0 is left out."""
+    for key, value in (("armature", rotor), ("damping", viscous), ("frictionloss", coulomb)):
+        if value:
+            moved.set(key, _text(value))
 
 
 def urdf(tree: Tree, name: str, heading: Sequence[str]) -> str:
@@ -88,8 +133,8 @@ def urdf(tree: Tree, name: str, heading: Sequence[str]) -> str:
     return _written(root, heading)
 
 
-def not_in_urdf(tree: Tree) -> list[str]:
-    """What a URDF cannot say of a `tree`, in sentences."""
+def not_in_urdf(tree: Tree, couples: Sequence[Couple] = ()) -> list[str]:
+    """What a URDF cannot say of a `tree` and of motors that turn with the sum of two joints, in sentences."""
     said = []
     if tree.rotor.any():
         rotors = ", ".join(
@@ -98,6 +143,12 @@ def not_in_urdf(tree: Tree) -> list[str]:
             if value
         )
         said.append(f"a URDF has no inertia of rotors; add to the mass matrix: {rotors}")
+    for couple in couples:
+        first, second = (tree.names[joint] for joint in couple.joints)
+        said.append(
+            f"a URDF has no motor that turns with the sum of {first} and {second}; it has {couple.rotor:.6g} kg m², "
+            f"viscous friction {couple.viscous:.6g} N m s, dry friction {couple.coulomb:.6g} N m"
+        )
     if not np.allclose(tree.gravity, STANDARD_GRAVITY, rtol=0.0, atol=1e-12):
         said.append(f"a URDF has no gravity; it is {_text(*tree.gravity)} m/s² in the frame of the base")
     return said
