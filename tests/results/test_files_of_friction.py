@@ -247,13 +247,14 @@ def test_files_of_a_chain_predict_alike(tmp_path: Path) -> None:
 
 
 def test_friction_of_mujoco_is_late_where_a_joint_turns_back(tmp_path: Path) -> None:
-    """Its sign is that of q̈ + b q̇, with b about 105 1/s: a slow joint that speeds up has it early."""
+    """Its sign is that of q̈ + b q̇, with the largest b that the timestep allows, 1/dt of MuJoCo's dmax."""
     tree = replace(arm_named("one"), coulomb=np.array([0.3]), damping=np.zeros(1))
     path = tmp_path / "arm.xml"
     path.write_text(mjcf(tree, "arm", 0.002, ["an arm"]), encoding="utf-8")
     model = mujoco.MjModel.from_xml_path(str(path))
     rate = 2.0 / (model.dof_solimp[0, 1] * model.dof_solref[0, 0])
-    v, a = np.array([[0.5], [0.01]]), np.array([[-5.0], [-5.0]])
+    assert rate == pytest.approx(1.0 / (0.002 * 0.99))
+    v, a = np.array([[0.5], [0.005]]), np.array([[-5.0], [-5.0]])
     found = file_torques(path, "arm", np.zeros((2, 1)), v, a, tree.names).torques
     dry = found - joint_torque(replace(tree, coulomb=np.zeros(1)), np.zeros((2, 1)), v, a)
     np.testing.assert_allclose(dry[:, 0], 0.3 * np.sign(a + rate * v)[:, 0], atol=1e-9)

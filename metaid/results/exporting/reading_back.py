@@ -70,8 +70,9 @@ def file_torques(
 
     An MJCF and a URDF are asked through MuJoCo's inverse dynamics (`qfrc_inverse`), a plant file through the chain that
     metaid makes of it, the law in Python by running it and in C by compiling it. MuJoCo's dry friction is a soft
-    constraint, whose sign is that of q̈ + b q̇ (b = 2/(dmax timeconst), 105 1/s unless the file says otherwise), and less
-    than whole near 0. Ranges of joints and contacts, which would push back what was measured a little beyond, are off.
+    constraint, whose sign is that of q̈ + b q̇ and less than whole near 0; b = 2/(dmax timeconst) is 105 1/s unless the
+    file says otherwise, as those of metaid do. Ranges of joints and contacts, which would push back what was measured a
+    little beyond, are off.
 
     Args:
         path: of the file; its ending says what it is.

@@ -15,6 +15,7 @@ from metaid.models.tree import JointFriction, Tree
 
 UNKNOWN = 1e9  # a URDF must name a limit of speed and torque: where none is known it is this, in SI units
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)  # what those who read a URDF, which has none, take
+RIGID = 0.99  # impedance of dry friction (solimp); MuJoCo's own 0.9 lets a light joint creep
 _MOMENTS = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)
 
 
@@ -56,6 +57,9 @@ def not_in_xml(friction: JointFriction) -> list[str]:
 def mjcf(tree: Tree, name: str, timestep: float, heading: Sequence[str], couples: Sequence[Couple] = ()) -> str:
     """An MJCF that MuJoCo loads as it is. A motor that turns with the sum of two joints is a fixed tendon over both.
 
+    Dry friction is as sharp as MuJoCo lets it be at this timestep, two of which are its time constant, and nearly
+    rigid, so that a light joint sticks, too.
+
     Args:
         tree: the model, of possible bodies.
         name: of the model.
@@ -80,22 +84,25 @@ def mjcf(tree: Tree, name: str, timestep: float, heading: Sequence[str], couples
             joint.set("range", _text(tree.low[i], tree.high[i]))
         if math.isfinite(tree.torque_limit[i]):
             joint.set("actuatorfrcrange", _text(-tree.torque_limit[i], tree.torque_limit[i]))
-        _set_moved(joint, tree.rotor[i], tree.damping[i], tree.coulomb[i])
+        _set_moved(joint, tree.rotor[i], tree.damping[i], tree.coulomb[i], timestep)
     tendons = SubElement(root, "tendon") if couples else root
     for couple in couples:
         first, second = (tree.names[joint] for joint in couple.joints)
         tendon = SubElement(tendons, "fixed", name=f"{first}+{second}")
-        _set_moved(tendon, couple.rotor, couple.viscous, couple.coulomb)
+        _set_moved(tendon, couple.rotor, couple.viscous, couple.coulomb, timestep)
         for each in (first, second):
             SubElement(tendon, "joint", joint=each, coef="1")
     return _written(root, heading)
 
 
-def _set_moved(moved: Element, rotor: float, viscous: float, coulomb: float) -> None:
+def _set_moved(moved: Element, rotor: float, viscous: float, coulomb: float, timestep: float) -> None:
     """Says what resists a joint or a tendon; what is 0 is left out."""
     for key, value in (("armature", rotor), ("damping", viscous), ("frictionloss", coulomb)):
         if value:
             moved.set(key, _text(value))
+    if coulomb:
+        moved.set("solreffriction", _text(2.0 * timestep, 1.0))
+        moved.set("solimpfriction", _text(RIGID, RIGID))
 
 
 def urdf(tree: Tree, name: str, heading: Sequence[str]) -> str:
