@@ -11,6 +11,7 @@ Everything is imported when first used: `import metaid` itself is instant.
 from __future__ import annotations
 
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
         bodies,
         compare,
         estimate,
-        estimate_record,
         evaluate,
         load_findings,
         lumps,
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         perturb,
         run,
         studies,
+        study,
         summary,
         trials,
         validate,
@@ -45,7 +46,6 @@ _HOME = {
         "bodies",
         "compare",
         "estimate",
-        "estimate_record",
         "evaluate",
         "load_findings",
         "lumps",
@@ -72,7 +72,7 @@ _HOME = {
     "metaid.plant": ("Plant", "load_plant"),
     "metaid.study": ("NominalMetricSampler", "load_study"),
 }
-_MODULES = {"figures": "metaid.show.figures"}
+_MODULES = {"figures": "metaid.show.figures", "study": "metaid.study"}
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 __all__ = [
@@ -89,7 +89,6 @@ __all__ = [
     "bodies",
     "compare",
     "estimate",
-    "estimate_record",
     "evaluate",
     "figures",
     "load_findings",
@@ -102,10 +101,19 @@ __all__ = [
     "perturb",
     "run",
     "studies",
+    "study",
     "summary",
     "trials",
     "validate",
 ]
+
+
+class CallableStudy(ModuleType):
+    """The package `metaid.study`, which is called, too: `metaid.study(NAME)` is the study of that name."""
+
+    def __call__(self, name: Any, storage: str | None = None) -> Any:
+        """The study of that name in the DB, or an Optuna study that `metaid.objective` was optimized in."""
+        return import_module("metaid.api").study(name, storage)
 
 
 def __getattr__(name: str) -> Any:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
+from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
 
     from metaid.compiled import Objective  # loads MuJoCo and numba, which a reader of a DB does without
     from metaid.compiled.arms import ArmPush
-    from metaid.recorded import RecordedResult
+    from metaid.recorded import Log, RecordedResult
     from metaid.results.exporting import IdentifiedModel
 
 
@@ -253,47 +254,82 @@ def lumps(name: str, storage: str | None = None) -> pd.DataFrame:
         return results.lumps_frame(store, name)
 
 
-def estimate(study: str | optuna.Study, storage: str | None = None) -> pd.DataFrame:
-    """The lumps that all trials of a study together say, whichever sampler proposed them: columns as `lumps` has them,
-    `low` to `high` being the 95 % interval; NaN where the model does not explain what was seen. The study is a name in
-    the DB, or an Optuna study that `objective` was optimized in.  Raises StorageError, and StudyError where no estimate
-    can be made.
-    """
-    if not isinstance(study, str):
-        return results.optuna_estimate_frame(study)
-    with closing(Store(storage or default_storage())) as store:
-        return results.estimate_frame(store, study)
-
-
-def estimate_record(
-    path: str | Path,
-    plant: str | Path,
+def estimate(
+    logs: Log | Sequence[Log],
+    nominal: str | Path,
     *,
+    validate: Sequence[Log] = (),
     law: str | Path | None = None,
     friction: Sequence[str] | None = None,
     coupled: Sequence[tuple[int, int]] = (),
+    scale: Mapping[str, float] | None = None,
+    zero: Mapping[str, float] | None = None,
+    gravity: Sequence[float] | None = None,
     window: float | None = None,
     delay: float | None = None,
+    zeros: bool | None = None,
 ) -> RecordedResult:
-    """What a rig's log says of it: its `verdict` with the frame of `lumps`, its `summary`, and its `model` to write.
+    """What logs of a robot say of it: its `verdict` with the frame of `lumps`, its `summary`, and its `model` to write.
+
+    What trials of a study say is `metaid.study(NAME).estimate`.
 
     Args:
-        path: of the log, a CSV or parquet file.
-        plant: that you believe: a shipped name, or the path of a plant file, an MJCF or a URDF.
-        law: the plant that the torques compensated, where the log has no torques.
-        friction: the terms of every joint, of viscous, coulomb, root, offset and rotor; all but rotor by default.
+        logs: CSV or parquet files, or frames: each is a run of its own.
+        nominal: the nominal robot: a shipped name, or the path of a plant file, an MJCF or a URDF.
+        validate: logs that nothing is fitted to.
+        law: the plant that the torques compensated, where the logs have no torques.
+        friction: the terms of every joint, of viscous, coulomb, root, offset, load and hysteresis; by default those
+            that predict best what is left out.
         coupled: pairs of joints, from 1 on, whose motors are coupled.
+        scale: by joint, or of `all`, what the logged torques are multiplied with.
+        zero: by joint, in rad, what is added to the logged angles.
+        gravity: in the frame of the base, in m/s².
         window: length of the windows, in s.
         delay: by which torques act later than they are logged, in s.
+        zeros: whether encoders have zeros of their own in each log; by default where that predicts better.
 
     Raises:
-        RecordError: the log cannot be used, or says too little.
+        RecordError: a log cannot be used, or says too little.
         PlantError: a plant cannot be used.
     """
-    from metaid.recorded import Choices, identify_record
+    from metaid.recorded import Choices, identify
 
-    choices = Choices(span=window, delay=delay)
-    return identify_record(Path(path), plant, law=law, friction=friction, coupled=coupled, choices=choices)
+    return identify(
+        logs,
+        nominal,
+        validate=validate,
+        law=law,
+        friction=friction,
+        coupled=coupled,
+        scale=scale,
+        zero=zero,
+        gravity=gravity,
+        choices=Choices(span=window, delay=delay, zeros=zeros),
+    )
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study in the DB by its name, or one of Optuna that `objective` was optimized in."""
+
+    name: str | optuna.Study
+    storage: str | None = None
+
+    @property
+    def estimate(self) -> pd.DataFrame:
+        """The lumps that all trials together say, whichever sampler proposed them: columns as `metaid.lumps` has them,
+        `low` to `high` being the 95 % interval; NaN where the model does not explain what was seen.  Raises
+        StorageError, and StudyError where no estimate can be made.
+        """
+        if not isinstance(self.name, str):
+            return results.optuna_estimate_frame(self.name)
+        with closing(Store(self.storage or default_storage())) as store:
+            return results.estimate_frame(store, self.name)
+
+
+def study(name: str | optuna.Study, storage: str | None = None) -> Study:
+    """The study of that name, or an Optuna study that `objective` was optimized in: its `estimate`."""
+    return Study(name, storage)
 
 
 def bodies(name: str, storage: str | None = None) -> pd.DataFrame:

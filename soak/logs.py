@@ -27,7 +27,7 @@ import numpy as np
 
 from metaid.errors import MetaidError
 from metaid.plant import MujocoPlant
-from metaid.recorded import Choices, RecordedResult, identify_record
+from metaid.recorded import Choices, RecordedResult, identify
 from soak.common import SoakResult, soaked
 from soak.log_rigs import REFUSED, SEED, Case, Rig, draw, log_of, rig_of
 
@@ -85,7 +85,7 @@ def try_case(number: int) -> Judged:
         path = Path(place) / "log.csv"
         log_of(case, rig, random).to_csv(path, index=False, float_format="%.9g")
         try:
-            found = identify_record(path, rig.believed, friction=case.friction, choices=Choices(delay=case.delay))
+            found = identify(path, rig.believed, friction=case.friction, choices=Choices(delay=case.delay))
         except MetaidError as refusal:
             return Judged(case, "refused", str(refusal))
     table = found.verdict.lumps

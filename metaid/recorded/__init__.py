@@ -1,34 +1,43 @@
-"""What a rig's log says of it, for those who have data already: no plant is pushed.
+"""What logs of a robot say, for those who have data already: nothing is pushed.
 
-`read_record` reads a log, `linear_model` says what is unknown, and `estimate_record` finds it from short windows of the
-log by the weak form of the equations of motion, which is linear and needs no accelerations. `judge_record` says which
-of it the log has told.
+`identify` reads logs and a nominal robot and says what the logs tell. In steps: `read_record` reads a log,
+`chain_model` and `arm_model` say what is unknown, `estimate_records` finds it from short windows by the weak form of
+the equations of motion, over bodies that can be, with windows and terms chosen by the error on parts that were left
+out. `judge_records` says whether the result can be used.
 """
 
-from metaid.recorded.estimate import Choices, RecordedEstimate, estimate_record
-from metaid.recorded.judging import RecordedVerdict, judge_record, record_summary
+from metaid.recorded.checks import Fact, facts_of
+from metaid.recorded.choosing import Choices
+from metaid.recorded.estimate import RecordedEstimate, estimate_records
+from metaid.recorded.friction_curve import FrictionCurve, friction_curves
+from metaid.recorded.held_out import HeldOut
+from metaid.recorded.judging import RecordedVerdict, judge_records
 from metaid.recorded.laws import law_torques
-from metaid.recorded.linear_model import FRICTION, TERMS, LinearModel, arm_model, chain_model
+from metaid.recorded.linear_model import TERMS, LinearModel, arm_model, chain_model
 from metaid.recorded.log import Record, read_record
-from metaid.recorded.result import RecordedResult, identify_record
-from metaid.recorded.taking_out import recorded_identified_model
+from metaid.recorded.model_files import FileError
+from metaid.recorded.result import Log, RecordedResult, identify
 
 __all__ = [
-    "FRICTION",
     "TERMS",
     "Choices",
+    "Fact",
+    "FileError",
+    "FrictionCurve",
+    "HeldOut",
     "LinearModel",
+    "Log",
     "Record",
     "RecordedEstimate",
     "RecordedResult",
     "RecordedVerdict",
     "arm_model",
     "chain_model",
-    "estimate_record",
-    "identify_record",
-    "judge_record",
+    "estimate_records",
+    "facts_of",
+    "friction_curves",
+    "identify",
+    "judge_records",
     "law_torques",
     "read_record",
-    "record_summary",
-    "recorded_identified_model",
 ]

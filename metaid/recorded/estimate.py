@@ -1,238 +1,307 @@
-"""What a log says of the plant: the unknowns, their intervals, the delay of the torques, and the held-out error."""
+"""What logs say of a robot: its possible model, how well that predicts what was left out, how sure its numbers are."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from metaid.errors import RecordError
 from metaid.models import Array
-from metaid.recorded.fit import Fit
+from metaid.recorded.choosing import BASE, Choices, Chosen, choose, fastest, usual_still, with_cutoff
+from metaid.recorded.equations import Blocks, Equations, Solution, equations_of
+from metaid.recorded.held_out import HeldOut, Yardstick
 from metaid.recorded.linear_model import LinearModel
 from metaid.recorded.log import Record
-from metaid.recorded.suspects import SIGNIFICANT, suspects
-from metaid.recorded.window_rows import WindowRows
-from metaid.recorded.windows import Windows, cut_windows
+from metaid.recorded.possible import Possible, PossibleModel
+from metaid.recorded.smoothed import Smoothed, smoothed
+from metaid.recorded.suspects import examined, suspects
 
-SPANS = (0.06, 0.1, 0.2, 0.3, 0.5)  # s: how long windows may be, unless their user says it
-FOLDS = 3
-SLOW = 0.01  # of a joint's usual speed: below it dry friction is a share of its whole
-LITTLE_NOISE = 1e-3  # of the variance of averaged accelerations: by so much noise makes inertias smaller
-
-
-@dataclass(frozen=True)
-class Choices:
-    """What the user chose: `span` of the windows in s and `delay` of the torques in s; None where metaid is to."""
-
-    span: float | None = None
-    delay: float | None = None
+FAR = 2.0  # a scale of all torques that is farther from 1 is taken for another unit
+VAGUE = 100.0  # times the prior's deviations, while that scale is looked for
+FEW_STARTS = 10  # of simulations a fold, of an arm
+MANY_STARTS = 60  # of a chain
 
 
 @dataclass(frozen=True)
 class RecordedEstimate:
-    """What a log says.
+    """What logs say.
 
     Attributes:
+        names: of the logs.
         model: what is unknown.
-        values: the unknowns (nparam).
-        covariance: of them (nparam x nparam), in their units.
-        repeated: the unknowns without each third of the log (nfold x nparam).
-        delay: by which torques act later than they are logged, in s.
-        delay_deviation: its standard deviation in s; 0 where it was given.
-        span: of the windows, in s.
-        windows: how many there are.
-        held_out: relative error of the averaged torque of each third that was predicted from the others (nfold).
-        by_joint: the same of all thirds together, of each joint (njoint), as a share of its own torque.
-        error: the same of all joints together.
-        lacking: what the model has not, and would explain some of what is left: the intervals hold what is found with
-            it, too.
-        moved: how long the plant moved in the log, in s.
+        chosen: windows, terms, zeros and delay, and how they were chosen.
+        possible: the model that can be, with the unknowns as they are handed over (nparam).
+        simulator: the same with the terms of friction alone that a simulator has: viscous and Coulomb friction.
+        simulator_model: what is unknown of that.
+        covariance: of the unknowns, from repetition (nparam x nparam), in their units.
+        systematic: standard deviations of what wrong zeros, scales or geometry would change (nparam).
+        repeated: the unknowns without each fold (nfold x nparam).
+        zeros: of the encoders of each log (nlog x njoint), in rad; added to what was read.
+        scale: of all torques, by which they differ from what the nominal bodies need.
+        held_out: how well what was left out is predicted.
+        simulator_held_out: the same of `simulator`.
+        nominal_held_out: the same of the nominal bodies with fitted friction.
+        misfit: what is left of the torques, in deviations of what the noise of the angles would leave.
+        lacking: what the model has not, and would explain some of what is left.
+        logs: on their grids.
+        moved: how long the robot moved in all logs, in s.
     """
 
+    names: tuple[str, ...]
     model: LinearModel
-    values: Array
+    chosen: Chosen
+    possible: PossibleModel
+    simulator: PossibleModel
+    simulator_model: LinearModel
     covariance: Array
+    systematic: Array
     repeated: Array
-    delay: float
-    delay_deviation: float
-    span: float
-    windows: int
-    held_out: Array
-    by_joint: Array
-    error: float
+    zeros: Array
+    scale: float
+    held_out: HeldOut
+    simulator_held_out: HeldOut
+    nominal_held_out: HeldOut
+    misfit: float
     lacking: tuple[str, ...]
+    logs: tuple[Smoothed, ...]
     moved: float
 
     @property
+    def values(self) -> Array:
+        """The unknowns (nparam): the posterior mean over what can be."""
+        return self.possible.values
+
+    @property
     def deviations(self) -> Array:
-        """Standard deviations of the unknowns (nparam)."""
+        """Standard deviations of the unknowns (nparam), from repetition."""
         return np.sqrt(np.diag(self.covariance))
 
+    @property
+    def equations(self) -> Equations:
+        return self.chosen.equations
 
-def estimate_record(
-    record: Record, model: LinearModel, choices: Choices | None = None, without: tuple[float, float] | None = None
-) -> RecordedEstimate:
-    """What a log says of a plant.
+    @property
+    def delay(self) -> float:
+        """By which torques act later than they are logged, in s."""
+        return self.equations.delay
+
+    @property
+    def fastest(self) -> Array:
+        """The speed of each joint (njoint) that it hardly exceeds in the logs, in rad/s or m/s."""
+        return fastest(self.logs)
+
+
+def estimate_records(records: Sequence[Record], model: LinearModel, choices: Choices | None = None) -> RecordedEstimate:
+    """What logs say of a robot.
 
     Args:
-        record: the log.
-        model: what is unknown.
+        records: the logs, each a run of its own.
+        model: what is unknown; its terms of friction do not count.
         choices: what the user chose.
-        without: a part of the log that is not looked at, from and to in s.
 
     Raises:
-        RecordError: the log has too little of it.
+        RecordError: the logs have too little of it.
     """
     choices = choices or Choices()
-    model = model.with_still(_still(record, model))
-    every = {}
-    for span in SPANS if choices.span is None else (choices.span,):
-        windows = cut_windows(record, span)
-        if windows is not None:
-            if without is not None:
-                windows = _chosen(windows, ~windows.overlapping(*without))
-            every[span] = WindowRows(windows, record, model)
-    usable = {span: each for span, each in every.items() if each.is_enough}
-    if not usable:
-        raise RecordError(
-            f"{record.name}: too short for {len(model.names)} unknowns, or read too rarely "
-            f"(allowed: more motion, or fewer terms of friction)"
-        )
-    span = min(usable) if len(usable) == 1 else _best_span(usable)
-    return _estimate(usable, span, choices.delay)
-
-
-def _estimate(usable: dict[float, WindowRows], span: float, delay: float | None) -> RecordedEstimate:
-    """The estimate from windows of one length."""
-    chosen = usable[span]
-    windows, model, record = chosen.windows, chosen.model, chosen.record
-    found, late, covariance = chosen.fitted(chosen.all, delay)
-    nparam = len(model.names)
-    deviation = float(np.sqrt(covariance[-1, -1])) if delay is None else 0.0
-    values, covariance = found.values[:nparam], covariance[:nparam, :nparam]
-    torques = windows.torques(record, late)
-    repeated, misses = [], np.zeros_like(torques)
-    folds = _folds(windows)
-    for begin, end in folds:
-        held = windows.overlapping(begin, end)
-        inside = (windows.middles >= begin) & (windows.middles < end)
-        part = chosen.fitted(~held, late)[0].values[:nparam]
-        repeated.append(part)
-        misses[inside] = torques[inside] - chosen.rows[inside] @ part
-    thirds = [(windows.middles >= begin) & (windows.middles < end) for begin, end in folds]
-    longer = _longer(usable, span)
-    changes = [other.fitted(other.all, late)[0].values[:nparam] - values for other in longer]
-    change, lacking = _of_delay(chosen, found, late, delay)
-    changes.append(change)
-    beside = [np.sqrt(np.diag(covariance))]
-    for suspect in suspects(windows, chosen.rows, model, values):
-        change, deviations, joints = chosen.changed(suspect, torques, values)
-        changes.append(change)
-        beside.append(deviations)
-        lacking += [f"{suspect.what} of joint {model.joints[joint]}" for joint in joints]
-    covariance = _widened(covariance, np.max(beside, axis=0), np.array(repeated), changes)
+    logs: tuple[Smoothed, ...] = tuple(smoothed(record) for record in records)
+    if not all(own.judged.any() for own in logs):
+        still = next(record for record, own in zip(records, logs, strict=True) if not own.judged.any())
+        raise RecordError(f"{still.name}: too short, or no joint moves (allowed: some seconds of motion)")
+    model = model.with_still(usual_still(logs))
+    logs = with_cutoff(records, logs, model, model.is_chain and choices.zeros is not False)
+    scale = torque_scale(records, logs, model)
+    chosen = choose(records, logs, model, choices, scale)
+    equations = chosen.equations
+    refined, possible, solution = _refined(equations, logs)
+    yardstick = chosen.yardstick
+    solutions = [refined(equations, equations.without(fold)) for fold in yardstick.folds]
+    starts = MANY_STARTS if model.is_chain else FEW_STARTS
+    held_out = yardstick.judged(equations, solutions, True, starts)
+    simulator, simulator_model, simulator_held = _for_simulators(equations, logs, yardstick)
+    repeated = np.array([each.values for each in solutions])
+    covariance = _widened(_projected(equations, possible), repeated)
+    systematic, lacking = _systematic(equations, records, logs, possible.values)
     return RecordedEstimate(
-        model=model,
-        values=values,
+        names=tuple(record.name for record in records),
+        model=equations.model,
+        chosen=chosen,
+        possible=possible,
+        simulator=simulator,
+        simulator_model=simulator_model,
         covariance=covariance,
-        repeated=np.array(repeated),
-        delay=late,
-        delay_deviation=deviation,
-        span=span,
-        windows=len(windows),
-        held_out=np.array([_share(misses[third], torques[third]) for third in thirds]),
-        by_joint=np.array([_share(misses[..., j], torques[..., j]) for j in range(model.njoint)]),
-        error=_share(misses, torques),
-        lacking=tuple(lacking),
-        moved=float(np.diff(np.unique(np.concatenate([windows.middles - span / 2, windows.middles + span / 2]))).sum()),
+        systematic=systematic,
+        repeated=repeated,
+        zeros=solution.zeros,
+        scale=scale,
+        held_out=held_out,
+        simulator_held_out=simulator_held,
+        nominal_held_out=_nominal(equations, yardstick, starts),
+        misfit=_misfit(equations, possible.values),
+        lacking=lacking,
+        logs=logs,
+        moved=float(sum(own.judged.sum() * own.period for own in logs)),
     )
 
 
-def _of_delay(chosen: WindowRows, found: Fit, late: float, delay: float | None) -> tuple[Array, list[str]]:
-    """By which the unknowns (nparam) hang on the delay, and what to say of it.
+def torque_scale(records: Sequence[Record], logs: Sequence[Smoothed], model: LinearModel) -> float:
+    """By which factor all torques differ from what the nominal bodies need; 1 where that is within FAR.
 
-    Of a delay that was found: how much they would change without it. The more it explains, the less that counts. Of one
-    that was given: how much they change with that which the log says, so with what is not known of the time between a
-    reading and a torque.
+    The bodies are fitted with next to no prior, and the factor is that of the nominal ones that comes nearest.
     """
-    nparam = len(chosen.model.names)
-    values = found.values[:nparam]
-    if delay is None:
-        prompt = chosen.fitted(chosen.all, 0.0)[0]
-        share = _left(found) / max(_left(prompt), 1e-300)
-        return share * (prompt.values[:nparam] - values), []
-    other, later, covariance = chosen.fitted(chosen.all, None)
-    is_other = abs(later - late) > SIGNIFICANT * np.sqrt(covariance[-1, -1])
-    return other.values[:nparam] - values, [f"a delay of {1e3 * later:.3g} ms"] if is_other else []
+    equations = _plain(records, logs, model)
+    if equations is None:
+        return 1.0
+    vague = replace(equations.model, covariance=VAGUE**2 * equations.model.covariance)
+    solution = replace(equations, model=vague).solved[0]
+    nbody = model.nbody
+    inner = solution.precision - solution.prior
+    seen = inner[:nbody, :nbody] - inner[:nbody, nbody:] @ np.linalg.pinv(inner[nbody:, nbody:]) @ inner[nbody:, :nbody]
+    nominal = model.nominal
+    factor = float(nominal @ seen @ solution.values[:nbody]) / max(float(nominal @ seen @ nominal), 1e-300)
+    return factor if factor > 0.0 and not 1.0 / FAR <= factor <= FAR else 1.0
 
 
-def _longer(usable: dict[float, WindowRows], span: float) -> list[WindowRows]:
-    """The windows of the next longer length: in shorter ones noise may count."""
-    spans = sorted(usable)
-    at = spans.index(span)
-    return [usable[other] for other in spans[at + 1 : at + 2]]
+def _plain(records: Sequence[Record], logs: Sequence[Smoothed], model: LinearModel) -> Equations | None:
+    """Equations of windows of a middle length with the plainest friction; None where the logs are too short."""
+    for span, power in ((0.2, 6), (0.1, 5), (0.3, 8), (0.06, 4), (0.5, 10)):
+        equations = equations_of(records, logs, model.with_friction(BASE), span, power)
+        if equations is not None:
+            return equations
+    return None
 
 
-def _left(found: Fit) -> float:
-    """Root mean square of the torque that a fit leaves."""
-    return float(np.sqrt((found.left**2).mean()))
+def _refined(equations: Equations, logs: Sequence[Smoothed]) -> tuple[Refiner, PossibleModel, Solution]:
+    """What makes a possible model of a solution, that of all windows, and the zeros beside it."""
+    refiner = Refiner(Possible(equations.model, equations.scale, fastest(logs)))
+    solution, _, blocks = equations.solved
+    possible = refiner.possible.closest(solution.values, solution.precision)
+    return refiner, possible, _with_values(equations, solution, blocks, possible.values)
 
 
-def _widened(covariance: Array, beside: Array, repeated: Array, changes: list[Array]) -> Array:
-    """A covariance (nparam x nparam) that is at least as wide as the unknowns differ.  Eq. 60.
+@dataclass(frozen=True)
+class Refiner:
+    """Makes a solution possible."""
 
-    Args:
-        covariance: from what is left of the torques alone.
-        beside: the largest of the standard deviations beside anything that the model may lack (nparam).
-        repeated: the unknowns without each third of the log (nfold x nparam).
-        changes: by which they differ (nparam each) with other windows, another delay, and what the model may lack.
+    possible: Possible
+
+    def __call__(self, equations: Equations, solution: Solution) -> Solution:
+        found = self.possible.closest(solution.values, solution.precision)
+        return replace(solution, values=found.values)
+
+
+def _with_values(equations: Equations, solution: Solution, blocks: Blocks, values: Array) -> Solution:
+    """A solution with other values (nparam), and the zeros that follow from these."""
+    zeros = solution.zeros.copy()
+    if equations.zeros:
+        shift = values - solution.values
+        nparam = len(values)
+        for log in range(equations.nlog):
+            gram = blocks.grams[blocks.logs == log].sum(axis=0)
+            inner = gram[nparam:, nparam:] + np.eye(zeros.shape[1]) / ZERO_PRIOR
+            zeros[log] -= np.linalg.solve(inner, gram[nparam:, :nparam] @ shift)
+    return replace(solution, values=values, zeros=zeros)
+
+
+ZERO_PRIOR = 0.05**2
+
+
+def _for_simulators(
+    equations: Equations, logs: Sequence[Smoothed], yardstick: Yardstick
+) -> tuple[PossibleModel, LinearModel, HeldOut]:
+    """The model with viscous and Coulomb friction alone, and how well it predicts what was left out."""
+    plain = equations.with_model(equations.model.with_friction(BASE))
+    refiner, possible, _ = _refined(plain, logs)
+    return possible, plain.model, yardstick.held_out(plain, refiner)
+
+
+def _nominal(equations: Equations, yardstick: Yardstick, starts: int) -> HeldOut:
+    """How well the nominal bodies predict what was left out, with friction fitted to the rest."""
+    model, scale = equations.model, equations.scale
+    nbody = model.nbody
+    solution, _, _ = equations.solved
+    stiff = 1e12 * np.diag(solution.precision)[:nbody]
+    bodies = scale * model.nominal
+
+    def fixed(solution: Solution) -> Solution:
+        precision = solution.precision.copy()
+        precision[range(nbody), range(nbody)] += stiff
+        shift = np.zeros(len(solution.values))
+        shift[:nbody] = stiff * (bodies - solution.values[:nbody])
+        scales = 1.0 / np.sqrt(np.diag(precision))
+        moved = scales * np.linalg.solve(precision * np.outer(scales, scales), scales * shift)
+        return replace(solution, values=solution.values + moved)
+
+    folds = [fixed(equations.without(fold)) for fold in yardstick.folds]
+    return yardstick.judged(equations, folds, True, starts)
+
+
+def _projected(equations: Equations, possible: PossibleModel) -> Array:
+    """The covariance of the unknowns (nparam x nparam), that of a chain by its fewer free parameters.  Eq. 59."""
+    covariance = equations.covariance(equations.solved[0].values)
+    if possible.jacobian is None:
+        return covariance
+    precision, jacobian = equations.solved[0].precision, possible.jacobian
+    scale = 1.0 / np.sqrt(np.diag(precision))
+    weighed = jacobian / scale[:, None]
+    inner = weighed.T @ (precision * np.outer(scale, scale)) @ weighed
+    size = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    inverse = np.linalg.pinv(inner * np.outer(size, size), rcond=1e-12, hermitian=True) * np.outer(size, size)
+    onto = jacobian @ inverse @ jacobian.T @ precision
+    return np.asarray(onto @ covariance @ onto.T, dtype=np.float64)
+
+
+def _widened(covariance: Array, repeated: Array) -> Array:
+    """A covariance (nparam x nparam) that is at least as wide as the unknowns differ without each fold (nfold x
+    nparam): the jackknife is its lower bound.  Eq. 60.
     """
     folds = len(repeated)
-    deviations = np.sqrt(np.diag(covariance))
+    deviations = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     jackknife = (folds - 1.0) / folds * ((repeated - repeated.mean(axis=0)) ** 2).sum(axis=0)
-    wider = np.sqrt(np.maximum(np.maximum(beside, deviations) ** 2, jackknife) + np.sum(np.square(changes), axis=0))
-    growth = wider / np.where(deviations > 0.0, deviations, 1.0)
+    growth = np.sqrt(np.maximum(jackknife, deviations**2)) / deviations
     return np.asarray(covariance * np.outer(growth, growth), dtype=np.float64)
 
 
-def _best_span(usable: dict[float, WindowRows]) -> float:
-    """The shortest windows, in s, in which the noise of the angles hardly counts; those where it counts least, if it
-    counts in all.
+def _systematic(
+    equations: Equations, records: Sequence[Record], logs: Sequence[Smoothed], values: Array
+) -> tuple[Array, tuple[str, ...]]:
+    """Standard deviations of what the model may lack would change of the unknowns (nparam), and what the logs show of
+    it.  Eq. 60.
     """
-    noise = np.min([each.windows.noise for each in usable.values()], axis=0)
-    shares = {span: float(each.windows.noise_share(noise).max()) for span, each in sorted(usable.items())}
-    return next((span for span, share in shares.items() if share < LITTLE_NOISE), min(shares, key=shares.__getitem__))
+    changes, lacking = [], []
+    for suspect in suspects(equations, values):
+        suspicion = examined(equations, values, suspect)
+        changes.append(suspicion.change)
+        lacking += [f"{suspect.what} of joint {equations.model.joints[joint]}" for joint in suspicion.joints]
+    free = equations.solved[0].values
+    for span, power in ((0.1, 5), (0.2, 6), (0.3, 8), (0.5, 10)):
+        if span > equations.span:
+            other = equations_of(records, logs, equations.model, span, power)
+            if other is not None:
+                other = replace(other, zeros=equations.zeros, delay=equations.delay, scale=equations.scale)
+                changes.append(other.solved[0].values - free)
+            break
+    return np.sqrt(np.sum(np.square(changes), axis=0)), tuple(lacking)
 
 
-def _folds(windows: Windows) -> list[tuple[float, float]]:
-    """Parts of the log, from and to in s, in each of which the plant moves for a third of the time."""
-    parts = np.array_split(windows.middles, FOLDS)
-    edges = [-np.inf, *(float(part[0]) for part in parts[1:]), np.inf]
-    return list(pairwise(edges))
+def _misfit(equations: Equations, values: Array) -> float:
+    """What is left of the averaged torques in deviations of what the noise of the angles would leave of them: the
+    largest of all joints.
 
-
-def _still(record: Record, model: LinearModel) -> Array:
-    """Below which speed of each joint (njoint) dry friction is a share of its whole, in rad/s or m/s."""
-    stride = max(1, round(0.02 / record.period))
-    angles, times = record.angles[::stride], record.times[::stride]
-    usual = np.sqrt(((np.diff(angles, axis=0) / np.diff(times)[:, None]) ** 2).mean(axis=0))
-    return np.where(usual > 0.0, SLOW * usual, 1.0)
-
-
-def _chosen(windows: Windows, which: NDArray[np.bool_]) -> Windows:
-    return replace(
-        windows,
-        middles=windows.middles[which],
-        coordinates=windows.coordinates[which],
-        speeds=windows.speeds[which],
-        accelerations=windows.accelerations[which],
-    )
-
-
-def _share(missed: Array, whole: Array) -> float:
-    """The error as a share of the whole, both root mean square."""
-    scale = float((whole**2).sum())
-    return float(np.sqrt((missed**2).sum() / scale)) if scale else 0.0
+    The noise is what polynomials leave of the angles. Its torque is that of the accelerations which it makes, by the
+    mass matrix at the middle of each window.
+    """
+    model, n = equations.model, equations.model.njoint
+    rows = equations.solved[1]
+    left, noise = np.zeros(n), np.zeros(n)
+    for part, own, torques in zip(equations.parts, rows, equations.torques, strict=True):
+        windows = part.windows
+        poses = windows.coordinates[:, windows.coordinates.shape[1] // 2]
+        where = np.repeat(poses[:, None], n + 1, axis=1)
+        each = np.broadcast_to(np.vstack([np.zeros(n), np.eye(n)]), where.shape)
+        needed = model.bodies(where, np.zeros_like(where), each) @ values[: model.nbody]
+        matrices = (needed[:, 1:] - needed[:, :1]).swapaxes(-1, -2)
+        noise += ((matrices * windows.acceleration_noise) ** 2).sum(axis=(0, 2))
+        left += ((torques - own[..., : len(values)] @ values)[:, 0] ** 2).sum(axis=0)
+    return float(np.sqrt((left / np.maximum(noise, 1e-300)).max()))

@@ -1,8 +1,9 @@
-"""What is unknown of a recorded plant, and the torque for a unit of each: the rigid bodies and their friction.
+"""What is unknown of a recorded robot, and the torque for a unit of each: rigid bodies with their rotors, and friction.
 
-A planar chain is known by its lumps, an arm by its base parameters. Friction of joint j is any of: viscous q̇, Coulomb
-sign(q̇), root sign(q̇) √|q̇| (which bends between rest and fast motion as lubricated gears do), an offset of the torque,
-and the inertia of the rotor q̈. Two joints whose motors are coupled share all but the offset.
+A planar chain is known by its lumps and rotors, an arm by its base parameters. Friction of joint j is any of: viscous
+q̇, Coulomb s, root s √|q̇| (which bends between rest and fast motion as lubricated gears do), an offset of the torque,
+and load s |τ_rigid|. The sliding state s is the sign of the speed, or with `hysteresis` a state that builds up over a
+displacement (Dahl).  Eq. 57a. Two joints whose motors are coupled share all but offset and load.
 """
 
 from __future__ import annotations
@@ -16,31 +17,33 @@ from numpy.typing import NDArray
 from metaid.models import IDEAL, Array, Chain, lump_names, lump_unit
 from metaid.models.tree import PARAMETERS, Belief, Tree, torque_regressor
 
-FRICTION = ("viscous", "coulomb", "root", "offset")  # what is unknown of a joint unless its user says otherwise
-TERMS = (*FRICTION, "rotor")
+COLUMNS = ("viscous", "coulomb", "root", "offset", "load")  # terms that are linear in what is unknown of them
+TERMS = (*COLUMNS, "hysteresis")
+SHARED = ("viscous", "coulomb", "root")  # by two joints whose motors are coupled
 SPREAD = 0.3  # standard deviation of a nominal lump, as a share of it
 RIGID = len(PARAMETERS) - 2  # of an arm's parameters those that are no friction
 _NAMES = {"viscous": "damping"}  # where the name of a parameter is not that of its term
-_UNITS = {"viscous": "N m s", "coulomb": "N m", "root": "N m √s", "offset": "N m", "rotor": "kg m²"}
-_ON_SLIDES = {"viscous": "N s/m", "coulomb": "N", "root": "N √(s/m)", "offset": "N", "rotor": "kg"}
+_UNITS = {"viscous": "N m s", "coulomb": "N m", "root": "N m √s", "offset": "N m", "load": "", "rotor": "kg m²"}
+_ON_SLIDES = {"viscous": "N s/m", "coulomb": "N", "root": "N √(s/m)", "offset": "N", "load": "", "rotor": "kg"}
 Bodies = Callable[[Array, Array, Array], Array]
 
 
 @dataclass(frozen=True)
 class LinearModel:
-    """A plant whose torque is linear in what is unknown of it.
+    """A robot whose torque is linear in what is unknown of it.
 
     Attributes:
-        names: of the unknowns (nparam), those of the bodies first.
+        names: of the unknowns (nparam), those of the bodies and their rotors first.
         units: of them (nparam).
         expressions: what each is made of (nparam), empty where it is a parameter by itself.
-        nominal: what is believed of the bodies (nbody).
-        covariance: of that belief (nbody x nbody).
+        nominal: values of the bodies' unknowns beforehand (nbody).
+        covariance: of these (nbody x nbody).
         bodies: the torque (... x njoint x nbody) for a unit of each of the bodies' unknowns, of joint coordinates,
             speeds and accelerations (... x njoint each).
         joints: the names of the joints (njoint).
         slides: which joints (njoint) are slides.
-        friction: the terms of every joint, in the order of TERMS.
+        friction: the terms of every joint, in the order of COLUMNS.
+        presliding: displacement over which dry friction builds up, in rad or m; 0 where it follows the speed's sign.
         coupled: pairs of joints whose motors are coupled, from 0 on.
         still: joint speed below which dry friction is a share of its whole (njoint), in rad/s or m/s.
         source: the chain with its gravity in m/s², or the belief in the arm.
@@ -55,6 +58,7 @@ class LinearModel:
     joints: tuple[str, ...]
     slides: NDArray[np.bool_]
     friction: tuple[str, ...]
+    presliding: float
     coupled: tuple[tuple[int, int], ...]
     still: Array
     source: tuple[Chain, float] | Belief
@@ -71,91 +75,142 @@ class LinearModel:
     def is_chain(self) -> bool:
         return not isinstance(self.source, Belief)
 
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """The terms of friction, hysteresis among them, in the order of TERMS."""
+        return (*self.friction, *(["hysteresis"] if self.presliding else []))
+
     def regressor(self, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
         """The torque (... x njoint x nparam) for a unit of each unknown, of joint coordinates, speeds and accelerations
-        (... x njoint each).
+        (... x njoint each), where dry friction follows the sign of the speeds and no load adds to it.
         """
-        parts = [self.bodies(coordinates, speeds, accelerations)]
+        bodies = self.bodies(coordinates, speeds, accelerations)
+        nothing = np.zeros(speeds.shape)
+        friction = self.friction_columns(speeds, accelerations, self.sliding(speeds), nothing)
+        return np.concatenate([bodies, friction], axis=-1)
+
+    def friction_columns(self, speeds: Array, accelerations: Array, sliding: Array, rigid: Array) -> Array:
+        """The torque (... x njoint x nfriction) for a unit of each unknown of friction, and of coupled rotors.
+
+        Args:
+            speeds: of the joints (... x njoint), in rad/s or m/s.
+            accelerations: of the joints (... x njoint), in rad/s² or m/s².
+            sliding: the state of dry friction from −1 to 1, of each joint and each coupled pair (... x njoint + npair).
+            rigid: the torque of the bodies (... x njoint), in N m or N.
+        """
+        n = self.njoint
+        joints = np.arange(n)
+        parts = []
         for term in self.friction:
-            of_joint = friction_torque(term, speeds, accelerations, self.still)
-            columns = np.zeros((*of_joint.shape, self.njoint))
-            joints = np.arange(self.njoint)
-            columns[..., joints, joints] = of_joint
-            parts.append(columns[..., self._separate(term)])
-        for first, second in self.coupled:
-            parts += [
-                self._coupling(term, first, second, speeds, accelerations) for term in self.friction if term != "offset"
-            ]
-            if "rotor" not in self.friction:
-                parts.append(self._coupling("rotor", first, second, speeds, accelerations))
-        return np.concatenate(parts, axis=-1)
+            columns = np.zeros((*speeds.shape, n))
+            columns[..., joints, joints] = friction_torque(term, speeds, sliding[..., :n], rigid)
+            parts.append(columns)
+        for pair, (one, other) in enumerate(self.coupled):
+            together, state = speeds[..., one] + speeds[..., other], sliding[..., n + pair]
+            shared = [friction_torque(term, together, state, state) for term in self._shared]
+            for each in (*shared, accelerations[..., one] + accelerations[..., other]):
+                column = np.zeros((*speeds.shape, 1))
+                column[..., one, 0] = column[..., other, 0] = each
+                parts.append(column)
+        return np.concatenate(parts, axis=-1) if parts else np.zeros((*speeds.shape, 0))
+
+    def sliding(self, speeds: Array) -> Array:
+        """The state of dry friction (... x njoint + npair) that follows the speeds (... x njoint) at once."""
+        pairs = [speeds[..., [one]] + speeds[..., [other]] for one, other in self.coupled]
+        still = [*self.still, *(0.5 * (self.still[one] + self.still[other]) for one, other in self.coupled)]
+        return np.asarray(np.clip(np.concatenate([speeds, *pairs], axis=-1) / still, -1.0, 1.0), dtype=np.float64)
+
+    def presliding_along(self, coordinates: Array) -> Array:
+        """The state of dry friction (nrow x njoint + npair) along coordinates in the order of time (nrow x njoint).
+
+        Over a displacement Δq in direction g the state s comes nearer to it: s = g + (s − g) exp(−|Δq| / δ).  Eq. 57b.
+        """
+        pairs = [coordinates[:, [one]] + coordinates[:, [other]] for one, other in self.coupled]
+        moved = np.diff(np.concatenate([coordinates, *pairs], axis=1), axis=0)
+        towards, kept = np.sign(moved), np.exp(-np.abs(moved) / self.presliding)
+        states = np.zeros((len(moved) + 1, moved.shape[1]))
+        for row, (goal, share) in enumerate(zip(towards, kept, strict=True)):
+            states[row + 1] = goal + (states[row] - goal) * share
+        return states
 
     def with_still(self, still: Array) -> LinearModel:
         """The same with other speeds (njoint) below which dry friction is a share of its whole."""
         return replace(self, still=still)
 
-    def _separate(self, term: str) -> NDArray[np.intp]:
-        """The joints that have a term of their own: the rotor of a chain's first joint cannot be told from its link."""
-        return np.arange(1 if term == "rotor" else 0, self.njoint)
+    def with_friction(self, terms: tuple[str, ...], presliding: float = 0.0) -> LinearModel:
+        """The same with these terms of friction in every joint."""
+        return _with_friction(self, terms, presliding)
 
-    def _coupling(self, term: str, first: int, second: int, speeds: Array, accelerations: Array) -> Array:
-        """The column (... x njoint x 1) of a motor that turns with the sum of two joints."""
-        column = np.zeros((*speeds.shape, 1))
-        if term in ("viscous", "rotor"):  # what it adds to each joint by itself, that joint's own term has
-            moved = speeds if term == "viscous" else accelerations
-            column[..., first, 0], column[..., second, 0] = moved[..., second], moved[..., first]
-        else:
-            together = speeds[..., [first]] + speeds[..., [second]]
-            shared = friction_torque(term, together, together, self.still[[second]])
-            column[..., first, :] = column[..., second, :] = shared
-        return column
+    def with_coupled(self, coupled: tuple[tuple[int, int], ...]) -> LinearModel:
+        """The same with these pairs of joints, from 0 on, whose motors are coupled."""
+        return _with_friction(replace(self, coupled=coupled), self.friction, self.presliding)
+
+    @property
+    def _shared(self) -> tuple[str, ...]:
+        return tuple(term for term in self.friction if term in SHARED)
+
+    def column(self, term: str, joint: int) -> int:
+        """Which of the unknowns is that of a `term` of friction of a `joint`, from 0 on."""
+        return self.nbody + self.friction.index(term) * self.njoint + joint
+
+    def shared_column(self, term: str, pair: int) -> int:
+        """Which of the unknowns is that of a `term`, or of the rotor, of a coupled `pair`, from 0 on."""
+        each = (*self._shared, "rotor")
+        return self.nbody + len(self.friction) * self.njoint + pair * len(each) + each.index(term)
 
 
-def friction_torque(term: str, speeds: Array, accelerations: Array, still: Array) -> Array:
-    """The torque (... x njoint) for a unit of one term of friction.
-
-    Args:
-        term: one of TERMS.
-        speeds: of the joints (... x njoint), in rad/s or m/s.
-        accelerations: of the joints (... x njoint), in rad/s² or m/s².
-        still: joint speed below which dry friction is a share of its whole (njoint), in rad/s or m/s.
+def friction_torque(term: str, speeds: Array, sliding: Array, rigid: Array) -> Array:
+    """The torque (...) for a unit of one term of friction in COLUMNS, of a joint's speed in rad/s or m/s, its state of
+    dry friction from −1 to 1, and the torque of its bodies in N m or N (... each).
     """
     if term == "viscous":
         return speeds
-    if term == "rotor":
-        return accelerations
     if term == "offset":
         return np.ones_like(speeds)
-    sign = np.clip(speeds / still, -1.0, 1.0)
-    return np.asarray(sign * np.sqrt(np.abs(speeds)) if term == "root" else sign, dtype=np.float64)
+    if term == "load":
+        return np.asarray(sliding * np.abs(rigid), dtype=np.float64)
+    return np.asarray(sliding * np.sqrt(np.abs(speeds)) if term == "root" else sliding, dtype=np.float64)
 
 
-def chain_model(
-    chain: Chain, gravity: float, friction: tuple[str, ...] = FRICTION, coupled: tuple[tuple[int, int], ...] = ()
-) -> LinearModel:
-    """That of a planar chain, its lumps unknown.
+def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("viscous", "coulomb")) -> LinearModel:
+    """That of a planar chain, its lumps and the rotors of its joints unknown; that of the first joint cannot be told
+    from the link.
 
     Args:
         chain: the nominal one.
         gravity: in m/s².
         friction: the terms of every joint.
-        coupled: pairs of joints, from 0 on, whose motors are coupled.
     """
     n, kinds = chain.nlink, (*IDEAL, "inertia")
     names = lump_names(n, kinds)
-    nominal = chain.lumps_of(kinds).vector
+    lumps = chain.lumps_of(kinds).vector
+    rotors = lumps[len(lumps) - n + 1 :]
+
+    def bodies(angles: Array, speeds: Array, accelerations: Array) -> Array:
+        turned = np.zeros((*angles.shape, n - 1))
+        joints = np.arange(1, n)
+        turned[..., joints, joints - 1] = accelerations[..., 1:]
+        return np.concatenate([lump_regressor(angles, speeds, accelerations, gravity), turned], axis=-1)
+
+    names = [*names, *(f"rotor_{i + 1}" for i in range(1, n))]
     return _with_friction(
-        names,
-        [lump_unit(name) for name in names],
-        [""] * len(names),
-        nominal,
-        np.diag((SPREAD * nominal) ** 2),
-        lambda angles, speeds, accelerations: lump_regressor(angles, speeds, accelerations, gravity),
-        [f"{i + 1}" for i in range(n)],
-        np.zeros(n, dtype=np.bool_),
+        LinearModel(
+            names=tuple(names),
+            units=tuple("kg m²" if name.startswith("rotor") else lump_unit(name) for name in names),
+            expressions=("",) * len(names),
+            nominal=np.concatenate([lumps, np.zeros(n - 1)]),
+            covariance=np.diag(np.concatenate([SPREAD * lumps, rotors]) ** 2),
+            bodies=bodies,
+            joints=tuple(f"{i + 1}" for i in range(n)),
+            slides=np.zeros(n, dtype=np.bool_),
+            friction=(),
+            presliding=0.0,
+            coupled=(),
+            still=np.full(n, 0.01),
+            source=(chain, gravity),
+        ),
         friction,
-        coupled,
-        (chain, gravity),
+        0.0,
     )
 
 
@@ -183,13 +238,15 @@ def lump_regressor(angles: Array, speeds: Array, accelerations: Array, gravity: 
 
 
 def arm_model(
-    tree: Tree, friction: tuple[str, ...] = FRICTION, coupled: tuple[tuple[int, int], ...] = ()
+    tree: Tree,
+    friction: tuple[str, ...] = ("viscous", "coulomb"),
+    coupled: tuple[tuple[int, int], ...] = (),
 ) -> LinearModel:
     """That of an arm, its base parameters unknown, rotors among them.
 
     Args:
         tree: the nominal arm.
-        friction: the terms of every joint; a rotor need not be named.
+        friction: the terms of every joint.
         coupled: pairs of joints, from 0 on, whose motors are coupled.
     """
     belief = Belief(tree)
@@ -200,59 +257,47 @@ def arm_model(
         every = torque_regressor(tree, coordinates, speeds, accelerations)
         return every.reshape(*every.shape[:-2], -1)[..., columns]
 
-    def chosen(texts: tuple[str, ...]) -> list[str]:
-        return [text for text, is_kept in zip(texts, kept, strict=True) if is_kept]
+    def chosen(texts: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(text for text, is_kept in zip(texts, kept, strict=True) if is_kept)
 
     return _with_friction(
-        chosen(belief.base.names),
-        chosen(belief.base.units),
-        chosen(belief.base.expressions),
-        belief.values[kept],
-        belief.covariance[np.ix_(kept, kept)],
-        bodies,
-        list(tree.names),
-        tree.slides,
-        tuple(term for term in friction if term != "rotor"),
-        coupled,
-        belief,
+        LinearModel(
+            names=chosen(belief.base.names),
+            units=chosen(belief.base.units),
+            expressions=chosen(belief.base.expressions),
+            nominal=belief.values[kept],
+            covariance=belief.covariance[np.ix_(kept, kept)],
+            bodies=bodies,
+            joints=tuple(tree.names),
+            slides=tree.slides,
+            friction=(),
+            presliding=0.0,
+            coupled=coupled,
+            still=np.full(tree.njoint, 0.01),
+            source=belief,
+        ),
+        friction,
+        0.0,
     )
 
 
-def _with_friction(
-    names: list[str],
-    units: list[str],
-    expressions: list[str],
-    nominal: Array,
-    covariance: Array,
-    bodies: Bodies,
-    joints: list[str],
-    slides: NDArray[np.bool_],
-    friction: tuple[str, ...],
-    coupled: tuple[tuple[int, int], ...],
-    source: tuple[Chain, float] | Belief,
-) -> LinearModel:
-    """The model of bodies with these names, units and so on, and of the friction of their joints."""
-    n, between = len(joints), "" if isinstance(source, Belief) else "_"
-    friction = tuple(term for term in TERMS if term in friction)
+def _with_friction(model: LinearModel, terms: tuple[str, ...], presliding: float) -> LinearModel:
+    """The bodies of a model with these terms of friction in every joint, and those that coupled joints share."""
+    nbody, n, between = model.nbody, model.njoint, "_" if model.is_chain else ""
+    friction = tuple(term for term in COLUMNS if term in terms)
+    names, units = list(model.names[:nbody]), list(model.units[:nbody])
     for term in friction:
-        first = 1 if term == "rotor" else 0
-        names = names + [f"{_NAMES.get(term, term)}{between}{joint + 1}" for joint in range(first, n)]
-        units = units + [(_ON_SLIDES if slides[joint] else _UNITS)[term] for joint in range(first, n)]
-    for one, other in coupled:
-        terms = [term for term in friction if term != "offset"] + ["rotor"] * ("rotor" not in friction)
-        names = names + [f"{_NAMES.get(term, term)}{between}{one + 1}_{other + 1}" for term in terms]
-        units = units + [_UNITS[term] for term in terms]
-    return LinearModel(
+        names += [f"{_NAMES.get(term, term)}{between}{joint + 1}" for joint in range(n)]
+        units += [(_ON_SLIDES if model.slides[joint] else _UNITS)[term] for joint in range(n)]
+    for one, other in model.coupled:
+        each = [*(term for term in friction if term in SHARED), "rotor"]
+        names += [f"{_NAMES.get(term, term)}{between}{one + 1}_{other + 1}" for term in each]
+        units += [_UNITS[term] for term in each]
+    return replace(
+        model,
         names=tuple(names),
         units=tuple(units),
-        expressions=(*expressions, *[""] * (len(names) - len(expressions))),
-        nominal=nominal,
-        covariance=covariance,
-        bodies=bodies,
-        joints=tuple(joints),
-        slides=slides,
+        expressions=(*model.expressions[:nbody], *[""] * (len(names) - nbody)),
         friction=friction,
-        coupled=coupled,
-        still=np.full(n, 0.01),
-        source=source,
+        presliding=presliding,
     )

@@ -58,23 +58,31 @@ class Record:
         return replace(self, torques=torques)
 
 
-def read_record(path: Path, joints: Sequence[str], slides: NDArray[np.bool_], needs_torques: bool = True) -> Record:
-    """The log in a CSV or parquet file.
+def read_record(
+    log: str | Path | pd.DataFrame,
+    joints: Sequence[str],
+    slides: NDArray[np.bool_],
+    needs_torques: bool = True,
+    number: int = 1,
+) -> Record:
+    """The log in a CSV or parquet file, or in a frame.
 
     Its columns are `time` in s and, of every joint by its number or its name, `angle_1` in rad, `speed_1` in rad/s and
     `torque_1` in N m (of a slide in m, m/s and N). All speeds may be missing.
 
     Args:
-        path: of the file.
+        log: the path of the file, or the frame.
         joints: the names of the plant's joints, from the base on.
         slides: which of them (njoint) are slides.
         needs_torques: whether the torques must be in it; where not, and they are missing, they are 0.
+        number: of the log among several, for a frame, which has no name.
 
     Raises:
         RecordError: it is not such a log.
         MissingExtraError: it is in parquet, and pyarrow is not installed.
     """
-    frame = _frame(path)
+    path = Path(f"frame {number}") if isinstance(log, pd.DataFrame) else Path(log)
+    frame = log if isinstance(log, pd.DataFrame) else _frame(path)
     columns = {kind: _columns(path, frame, kind, joints) for kind in KINDS}
     if "time" not in frame:
         raise RecordError(f"{path}: no column 'time' (allowed: time in s, and {_allowed(joints)})")

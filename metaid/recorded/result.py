@@ -1,91 +1,199 @@
-"""All of it in one call: from the files of a log and of a nominal plant to what the log says."""
+"""All of it in one call: from logs and a nominal robot to what the logs say."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from metaid.errors import RecordError, unknown
 from metaid.plant import ArmPlant, load_plant
-from metaid.recorded.estimate import Choices, RecordedEstimate, estimate_record
-from metaid.recorded.judging import RecordedVerdict, judge_record, record_summary
+from metaid.recorded.checks import Fact, facts_of
+from metaid.recorded.choosing import Choices
+from metaid.recorded.equations import Fold
+from metaid.recorded.estimate import RecordedEstimate, estimate_records
+from metaid.recorded.held_out import HeldOut, Yardstick
+from metaid.recorded.judging import RecordedVerdict, judge_records
 from metaid.recorded.laws import law_torques
-from metaid.recorded.linear_model import FRICTION, TERMS, LinearModel, arm_model, chain_model
+from metaid.recorded.linear_model import TERMS, LinearModel, arm_model, chain_model
 from metaid.recorded.log import Record, read_record
-from metaid.recorded.taking_out import recorded_identified_model
+from metaid.recorded.model_files import FileError, file_error, recorded_identified_model, text_error
+from metaid.recorded.smoothed import Smoothed, smoothed
+from metaid.recorded.summary import summary
 from metaid.results.exporting import IdentifiedModel
+
+Log = str | Path | pd.DataFrame
 
 
 @dataclass(frozen=True)
 class RecordedResult:
-    """What a log says of the plant with the name `plant`: the `record` that was read, the `estimate`, the `verdict`."""
+    """What logs say of a robot.
+
+    Attributes:
+        plant: the name of the nominal robot.
+        records: the logs that were read.
+        estimate: what they say.
+        verdict: on it.
+        facts: what looks wrong in the logs, with the option that mends each.
+        validation: logs that nothing was fitted to, with how well they are predicted.
+    """
 
     plant: str
-    record: Record
+    records: tuple[Record, ...]
     estimate: RecordedEstimate
     verdict: RecordedVerdict
+    facts: tuple[Fact, ...]
+    validation: tuple[tuple[Smoothed, str, HeldOut], ...]
 
     @property
     def summary(self) -> dict[str, Any]:
-        """What `metaid estimate --json` prints."""
-        return record_summary(self.record, self.plant, self.estimate, self.verdict)
+        """What `metaid estimate --json` prints, of files that were not written."""
+        return self.summary_with(())
+
+    def summary_with(self, files: Sequence[FileError]) -> dict[str, Any]:
+        """The same with files that were written."""
+        validation = [
+            {"path": name, "torque": found.summary["torque"], "motion": found.summary["motion"]}
+            for _, name, found in self.validation
+        ]
+        return summary(self.plant, self.records, self.estimate, self.verdict, validation, files)
 
     @property
     def model(self) -> IdentifiedModel:
-        """The identified model, to be written.  Raises RecordError where nothing was found."""
-        return recorded_identified_model(self.record, self.plant, self.estimate, self.verdict)
+        """The identified model, to be written."""
+        return recorded_identified_model(self.records, self.plant, self.estimate, self.verdict)
+
+    def error_of(self, path: str | Path) -> FileError:
+        """How well a file that was written predicts, loaded again: logs that nothing was fitted to where there are any,
+        else the logs themselves.
+        """
+        return file_error(Path(path), self.model.name, self.estimate, *self._judged_logs)
+
+    def error_as(self, suffix: str) -> FileError:
+        """The same of a file with that `suffix` that is not kept."""
+        return text_error(self.model, suffix, self.estimate, *self._judged_logs)
+
+    @property
+    def _judged_logs(self) -> tuple[list[Smoothed], Any]:
+        if not self.validation:
+            return list(self.estimate.logs), self.estimate.zeros
+        logs = [own for own, _, _ in self.validation]
+        return logs, np.array([_zeros(self.estimate, own) for own in logs])
 
 
-def identify_record(
-    path: Path,
-    plant: str | Path,
+def identify(
+    logs: Sequence[Log] | Log,
+    nominal: str | Path,
     *,
+    validate: Sequence[Log] = (),
     law: str | Path | None = None,
     friction: Sequence[str] | None = None,
     coupled: Sequence[tuple[int, int]] = (),
+    scale: Mapping[str, float] | None = None,
+    zero: Mapping[str, float] | None = None,
+    gravity: Sequence[float] | None = None,
     choices: Choices | None = None,
 ) -> RecordedResult:
-    """What a log says of a plant.
+    """What logs say of a robot.
 
     Args:
-        path: of the log.
-        plant: the nominal plant: the name of a shipped one, or the path of a plant file, an MJCF or a URDF.
-        law: the plant that the torques compensated, where the log has none.
-        friction: the terms of every joint; by default those of FRICTION.
+        logs: paths or frames, each a run of its own.
+        nominal: the nominal robot: the name of a shipped plant, or the path of a plant file, an MJCF or a URDF.
+        validate: logs that nothing is fitted to.
+        law: the plant that the torques compensated, where the logs have none.
+        friction: the terms of every joint; by default those that predict best what is left out.
         coupled: pairs of joints, from 1 on, whose motors are coupled.
-        choices: the windows and the delay, where metaid is not to choose them.
+        scale: by joint, or of `all`, what the logged torques are multiplied with.
+        zero: by joint, in rad, what is added to the logged angles.
+        gravity: in the frame of the base, in m/s²; by default the robot's own.
+        choices: windows, delay and zeros, where metaid is not to choose them.
 
     Raises:
-        RecordError: the log cannot be used, or does not fit the plant.
+        RecordError: a log cannot be used, or does not fit the robot.
         PlantError: a plant cannot be used.
     """
-    nominal = load_plant(plant)
-    terms = tuple(FRICTION if friction is None else friction)
-    for term in terms:
-        if term not in TERMS:
-            raise RecordError(f"friction: {unknown('term', term, TERMS)}")
-    model = _model(nominal, terms, [_joints(pair, nominal.njoint) for pair in coupled])
-    record = read_record(path, model.joints, model.slides, needs_torques=law is None)
-    if law is not None:
-        compensated = load_plant(law)
-        if compensated.njoint != nominal.njoint:
-            raise RecordError(
-                f"law {law} is of {compensated.njoint} joints (allowed: {nominal.njoint}, as {nominal.name} has)"
-            )
-        record = record.with_torques(law_torques(record, compensated))
+    plant = load_plant(nominal)
+    choices = choices or Choices()
+    if friction is not None:
+        for term in friction:
+            if term not in TERMS:
+                raise RecordError(f"friction: {unknown('term', term, TERMS)}")
+        choices = replace(choices, friction=tuple(friction))
+    model = _model(plant, [_joints(pair, plant.njoint) for pair in coupled], gravity)
+    many = [logs] if isinstance(logs, str | Path | pd.DataFrame) else list(logs)
+    if not many:
+        raise RecordError("no log (allowed: one or more)")
+    factors = _by_joint("scale", scale or {}, model, 1.0)
+    offsets = _by_joint("zero", zero or {}, model, 0.0)
+
+    def read(log: Log, number: int) -> Record:
+        record = read_record(log, model.joints, model.slides, needs_torques=law is None, number=number)
+        if law is not None:
+            compensated = load_plant(law)
+            if compensated.njoint != plant.njoint:
+                raise RecordError(
+                    f"law {law} is of {compensated.njoint} joints (allowed: {plant.njoint}, as {plant.name} has)"
+                )
+            record = record.with_torques(law_torques(record, compensated))
+        return replace(record, angles=record.angles + offsets, torques=record.torques * factors)
+
+    records = tuple(read(log, number) for number, log in enumerate(many, 1))
+    others = tuple(read(log, number) for number, log in enumerate(validate, len(many) + 1))
     with threadpool_limits(1):  # matrices this small are slower on several
-        found = estimate_record(record, model, choices)
-    return RecordedResult(nominal.name, record, found, judge_record(record, found))
+        found = estimate_records(records, model, choices)
+        facts = facts_of(records, found)
+        verdict = judge_records(records, found, [fact.text for fact in facts])
+        validation = tuple(
+            (own, other.name, _validated(found, own)) for other in others if (own := _smoothed(found, other))
+        )
+    return RecordedResult(plant.name, records, found, verdict, facts, validation)
 
 
-def _model(nominal: Any, friction: tuple[str, ...], coupled: list[tuple[int, int]]) -> LinearModel:
+def _smoothed(found: RecordedEstimate, record: Record) -> Smoothed:
+    return replace(smoothed(record), cutoff=found.logs[0].cutoff)
+
+
+def _validated(found: RecordedEstimate, own: Smoothed) -> HeldOut:
+    """How well a log is predicted that nothing was fitted to, its zeros from its first half."""
+    yardstick = Yardstick((own,), (Fold((0,)),))
+    solution = replace(found.equations.solved[0], values=found.values, zeros=np.zeros((1, found.model.njoint)))
+    return yardstick.judged(found.equations, [solution], True)
+
+
+def _zeros(found: RecordedEstimate, own: Smoothed) -> Any:
+    if not found.equations.zeros:
+        return np.zeros(found.model.njoint)
+    return Yardstick((own,), ()).zeros_of(found.model, found.values, 0, found.delay)
+
+
+def _model(nominal: Any, coupled: list[tuple[int, int]], gravity: Sequence[float] | None) -> LinearModel:
     if isinstance(nominal, ArmPlant):
-        return arm_model(nominal.tree, friction, tuple(coupled))
-    return chain_model(nominal.chain, nominal.gravity, friction, tuple(coupled))
+        tree = nominal.tree if gravity is None else replace(nominal.tree, gravity=np.asarray(gravity, dtype=float))
+        return arm_model(tree, coupled=tuple(coupled))
+    if gravity is not None:
+        raise RecordError("gravity: a planar chain says its own in its plant file (allowed: of an MJCF or URDF)")
+    return chain_model(nominal.chain, nominal.gravity).with_coupled(tuple(coupled))
+
+
+def _by_joint(what: str, given: Mapping[str, float], model: LinearModel, usual: float) -> Any:
+    """One number a joint (njoint) from those that were given by name, by number, or of `all`."""
+    numbers = np.full(model.njoint, usual)
+    for name, number in given.items():
+        allowed = ("all", *model.joints, *(str(i + 1) for i in range(model.njoint)))
+        if name not in allowed:
+            raise RecordError(f"{what}: {unknown('joint', name, allowed)}")
+        if name == "all":
+            numbers[:] = number
+        elif name in model.joints:
+            numbers[model.joints.index(name)] = number
+        else:
+            numbers[int(name) - 1] = number
+    return numbers
 
 
 def _joints(pair: tuple[int, int], njoint: int) -> tuple[int, int]:

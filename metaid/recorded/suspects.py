@@ -1,8 +1,8 @@
-"""What a model may lack, and how much what is found hangs on that: what the log itself is asked about.
+"""What a model may lack that no log of it shows for certain, and by how much its unknowns hang on that.
 
-Springs, encoders that are off, friction that bends near rest or in terms that the model has not, torques of a joint in
-a wrong scale, and joints of an arm that are not where they are said to be. What is left of the torques is asked whether
-one of them would explain some of it, and what is found is no surer than it changes with that.
+Springs, encoders that are off, friction that bends near rest, torques of a joint in a wrong scale, and joints of an arm
+that are not where they are said to be. What each would change, were it as large as it may be, is the systematic part of
+the deviations (Eq. 60); what the logs show of it is named.
 """
 
 from __future__ import annotations
@@ -14,17 +14,18 @@ import numpy as np
 
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS, Belief, Tree, body_torque
-from metaid.recorded.linear_model import RIGID, LinearModel, friction_torque
-from metaid.recorded.windows import Windows
+from metaid.recorded.equations import Equations, Part, eliminated_covariance
+from metaid.recorded.linear_model import RIGID
 
-NOTICED, SIGNIFICANT = 1.0, 4.0  # standard deviations from nothing: intervals hold it; the verdict names it
-WORTH = 1e-4  # of the torque that it must explain to be named: the averages are no more exact
+SIGNIFICANT = 4.0  # standard deviations from nothing: the verdict names it
+WORTH = 0.01  # of the torque that it must explain to be named
 SHIFT = 1e-5  # rad or m, for the derivative by an angle, and by where a joint is
 THINNED = 4  # nodes: what is suspected need not be known as exactly as what is found
 BENDS = 10.0  # times the speed below which dry friction is a share of its whole: there friction bends
 SCALE = 0.1  # how much the torques of a joint may be larger than they are said to be, a standard deviation
 MISSING = {"viscous": "viscous friction", "coulomb": "dry friction", "offset": "a constant torque"}
 MISPLACED, TURNED = 0.005, 0.01  # m, rad: how far a joint may be from where it is said to be, a standard deviation
+OFF = 0.01  # rad: how far an encoder may be off that nobody has asked about
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class Suspect:
 
     Attributes:
         what: it is, in words.
-        columns: the averaged torque for a unit of it in each joint (nwindow x ntest x njoint x nother).
+        columns: the averaged torque for a unit of it (nwindow x ntest x njoint x nother) of each log.
         joints: of which joint each column is (nother).
         deviations: how much of it there may be, standard deviations (nother); None where that may be anything.
         of_joints: how much of each column the joints in `joints` have (len(joints) x nother), where that is not one
@@ -41,57 +42,113 @@ class Suspect:
     """
 
     what: str
-    columns: Array
+    columns: list[Array]
     joints: tuple[int, ...]
     deviations: Array | None = None
     of_joints: Array | None = None
 
 
-def suspects(windows: Windows, rows: Array, model: LinearModel, values: Array) -> Iterator[Suspect]:
-    """What a log is asked about.
+@dataclass(frozen=True)
+class Suspicion:
+    """By how much the unknowns hang on a suspect (nparam), and in which joints the logs show it."""
 
-    Args:
-        windows: of the log.
-        rows: of them (nwindow x ntest x njoint x nparam).
-        model: what is unknown.
-        values: the unknowns as they were found (nparam).
+    change: Array
+    joints: tuple[int, ...]
+
+
+def examined(equations: Equations, values: Array, suspect: Suspect) -> Suspicion:
+    """What a suspect would change of the unknowns (nparam).  Eq. 60.
+
+    What the logs say of it changes them as they say. A size that is expected changes them as far as it is not told from
+    them.
     """
-    n = model.njoint
-    joints = np.arange(n)
-    every = tuple(range(n))
+    solution, rows, _ = equations.solved
+    nparam, nother = len(values), suspect.columns[0].shape[-1]
+    weight = solution.weight
+    gram = np.zeros((nparam + nother, nparam + nother))
+    moment = np.zeros(nparam + nother)
+    squares, total, scores = np.zeros(nother), 0.0, []
+    for own, columns, torques in zip(rows, suspect.columns, equations.torques, strict=True):
+        wide = np.concatenate([own[..., :nparam], columns], axis=-1)
+        left = torques - own[..., :nparam] @ values
+        weighed = np.einsum("ij,wajp->waip", weight, wide)
+        gram += np.einsum("waip,waiq->pq", weighed, wide, optimize=True)
+        moment += np.einsum("waip,wai->p", weighed, left)
+        squares += (columns**2).sum(axis=(0, 1, 2))
+        total += float((torques**2).sum())
+        scores.append(np.einsum("waip,wai->wp", weighed, left))
+    gram[:nparam, :nparam] += solution.prior
+    if suspect.deviations is None:
+        other = (
+            1e-6 * (squares + squares.max()) / max(total / max(sum(each.size for each in equations.torques), 1), 1e-300)
+        )
+    else:
+        other = suspect.deviations**-2.0
+    at = np.arange(nparam, nparam + nother)
+    gram[at, at] += other
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    inverse = np.linalg.pinv(gram * np.outer(scale, scale), rcond=1e-13, hermitian=True) * np.outer(scale, scale)
+    found = inverse @ moment
+    covariance = eliminated_covariance(inverse, scores, equations.lags)
+    shares = np.eye(nother) if suspect.of_joints is None else suspect.of_joints
+    seen = shares @ found[nparam:]
+    deviations = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", shares, covariance[nparam:, nparam:], shares), 1e-300))
+    explained = np.sqrt(squares * found[nparam:] ** 2 / max(total, 1e-300))
+    worth = (np.abs(shares) @ explained) > WORTH
+    strong = (np.abs(seen) > SIGNIFICANT * deviations) & worth
+    joints = sorted({suspect.joints[place] for place in np.flatnonzero(strong)})
+    if suspect.deviations is None:
+        change = np.abs(found[:nparam]) if joints else np.zeros(nparam)
+    else:
+        left_open = np.minimum(suspect.deviations, np.sqrt(np.diag(inverse)[nparam:]))
+        across = np.linalg.solve(gram[:nparam, :nparam], gram[:nparam, nparam:])
+        change = np.sqrt(found[:nparam] ** 2 * bool(joints) + ((across * left_open) ** 2).sum(axis=1))
+    return Suspicion(np.asarray(change, dtype=np.float64), tuple(joints))
 
-    def of_each(at_nodes: Array) -> Array:
+
+def suspects(equations: Equations, values: Array) -> Iterator[Suspect]:
+    """What logs are asked about, with the unknowns as they were found (nparam)."""
+    model, n = equations.model, equations.model.njoint
+    every, parts = tuple(range(n)), equations.parts
+    joints = np.arange(n)
+
+    def of_each(part: Part, at_nodes: Array) -> Array:
         """What each joint has by itself (nwindow x nnode x njoint), averaged, as columns."""
-        columns = np.zeros((len(windows), rows.shape[1], n, n))
-        columns[..., joints, joints] = windows.averaged(at_nodes)
+        columns = np.zeros((len(part.windows), 2, n, n))
+        columns[..., joints, joints] = part.windows.averaged(at_nodes)
         return columns
 
-    yield Suspect("a spring", of_each(windows.coordinates), every)
+    yield Suspect("a spring", [of_each(part, part.windows.coordinates) for part in parts], every)
     for term, words in MISSING.items():
         if term not in model.friction:
-            yield Suspect(
-                words, of_each(friction_torque(term, windows.speeds, windows.accelerations, model.still)), every
-            )
-    if "coulomb" in model.friction or "root" in model.friction:
-        near_rest = windows.speeds * np.exp(-np.abs(windows.speeds) / (BENDS * model.still))
-        yield Suspect("friction that bends near rest", of_each(near_rest), every)
-    thinned = windows.thinned(THINNED)
-    needed = thinned.rows(model) @ values
-    offsets = np.empty((*needed.shape, n))
-    for joint in joints:
-        moved = thinned.coordinates + SHIFT * (joints == joint)
-        offsets[..., joint] = (replace(thinned, coordinates=moved).rows(model) @ values - needed) / SHIFT
-    yield Suspect("an offset of the encoder", offsets, every)
+            shapes = {
+                "viscous": lambda part: part.windows.speeds,
+                "coulomb": lambda part: part.sliding(model)[..., :n],
+                "offset": lambda part: np.ones_like(part.windows.speeds),
+            }
+            yield Suspect(words, [of_each(part, shapes[term](part)) for part in parts], every)
+    if not model.presliding and {"coulomb", "root"} & set(model.friction):
+        bent = [part.windows.speeds * np.exp(-np.abs(part.windows.speeds) / (BENDS * model.still)) for part in parts]
+        yield Suspect(
+            "friction that bends near rest", [of_each(*each) for each in zip(parts, bent, strict=True)], every
+        )
+    if not equations.zeros:
+        zeros = np.zeros(n)
+        columns = [part.zero_columns(model, values[: model.nbody], zeros) for part in parts]
+        yield Suspect("an offset of the encoder", columns, every, np.full(n, OFF))
     if n > 1:  # of one joint, or of all, no log shows it
-        one_each = np.zeros((*rows.shape[:-1], n))
-        one_each[..., joints, joints] = rows @ values
         against = np.linalg.svd(np.eye(n) - 1.0 / n)[0][:, :-1]  # those of all joints together are 0
-        yield Suspect("another scale of the torques", one_each @ against, every, np.full(n - 1, SCALE), against)
+        columns = []
+        for torques in equations.torques:
+            one_each = np.zeros((*torques.shape, n))
+            one_each[..., joints, joints] = torques
+            columns.append(one_each @ against)
+        yield Suspect("another scale of the torques", columns, every, np.full(n - 1, SCALE), against)
     if isinstance(model.source, Belief):
-        yield _misplaced(thinned, model.source, values[: model.nbody])
+        yield _misplaced(equations, model.source, values[: model.nbody])
 
 
-def _misplaced(windows: Windows, belief: Belief, bodies: Array) -> Suspect:
+def _misplaced(equations: Equations, belief: Belief, bodies: Array) -> Suspect:
     """Joints of an arm with these base parameters (nbody) that are not where they are said to be: six columns a joint.
 
     What the base parameters leave open of the links is as probable as can be.
@@ -99,23 +156,32 @@ def _misplaced(windows: Windows, belief: Belief, bodies: Array) -> Suspect:
     tree, base = belief.nominal, np.zeros_like(belief.values)
     base[belief.base.columns % len(PARAMETERS) < RIGID] = bodies
     parameters = belief.parameters_at(base)
+    windows = [part.windows.thinned(THINNED) for part in equations.parts]
 
-    def needed(moved: Tree) -> Array:
-        motion = windows.coordinates, windows.speeds, windows.accelerations
-        return windows.averaged(body_torque(moved, parameters, *motion))
+    def needed(moved: Tree) -> list[Array]:
+        return [
+            each.averaged(body_torque(moved, parameters, each.coordinates, each.speeds, each.accelerations))
+            for each in windows
+        ]
 
     usual = needed(tree)
-    columns, joints, deviations = [], [], []
+    columns: list[list[Array]] = [[] for _ in windows]
+    joints, deviations = [], []
+
+    def add(moved: Tree) -> None:
+        for own, before, after in zip(columns, usual, needed(moved), strict=True):
+            own.append((after - before) / SHIFT)
+
     for joint in range(tree.njoint):
         for axis in range(3):
             place = tree.position.copy()
             place[joint, axis] += SHIFT
-            columns.append((needed(replace(tree, position=place)) - usual) / SHIFT)
+            add(replace(tree, position=place))
             turn = np.zeros((3, 3))
             turn[(axis + 2) % 3, (axis + 1) % 3], turn[(axis + 1) % 3, (axis + 2) % 3] = SHIFT, -SHIFT
             rotation = tree.rotation.copy()
             rotation[joint] = rotation[joint] @ (np.eye(3) + turn)
-            columns.append((needed(replace(tree, rotation=rotation)) - usual) / SHIFT)
+            add(replace(tree, rotation=rotation))
             joints += [joint, joint]
             deviations += [MISPLACED, TURNED]
-    return Suspect("another place", np.stack(columns, axis=-1), tuple(joints), np.array(deviations))
+    return Suspect("another place", [np.stack(own, axis=-1) for own in columns], tuple(joints), np.array(deviations))

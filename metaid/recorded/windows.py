@@ -14,7 +14,6 @@ from numpy.polynomial import Polynomial, legendre
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.linear_model import LinearModel
 from metaid.recorded.log import Record
 
 OVERLAP = 0.5  # of a window with the next
@@ -30,6 +29,7 @@ class Windows:
 
     Attributes:
         span: how long each is, in s.
+        degree: of the polynomials that the angles are within a window.
         middles: when each is half over (nwindow), in s.
         coordinates: of the joints at the nodes (nwindow x nnode x njoint), in rad or m.
         speeds: there (nwindow x nnode x njoint), in rad/s or m/s.
@@ -40,6 +40,7 @@ class Windows:
     """
 
     span: float
+    degree: int
     middles: Array
     coordinates: Array
     speeds: Array
@@ -67,26 +68,23 @@ class Windows:
             nodes=self.nodes[kept],
         )
 
-    def noise_share(self, noise: Array) -> Array:
-        """How much of the variance of the averaged accelerations (njoint) noise of the angles is (njoint), in rad or m.
+    @property
+    def times(self) -> Array:
+        """When each node is (nwindow x nnode), in s."""
+        return np.asarray(self.middles[:, None] + 0.5 * self.span * self.nodes, dtype=np.float64)
+
+    @property
+    def acceleration_noise(self) -> Array:
+        """Standard deviation of averaged accelerations (njoint) that the noise of the angles makes, in rad/s² or m/s².
 
         The readings of a window are taken to be as many, and as evenly spaced, in all of them.
         """
-        nodes, power = self.nodes, degree(self.span)
+        nodes = self.nodes
         weights = TESTS[0](nodes) / len(nodes)
-        twice = legendre.legval(nodes, legendre.legder(np.eye(power + 1), 2)).T
+        twice = legendre.legval(nodes, legendre.legder(np.eye(self.degree + 1), 2)).T
         own = (np.arange(self.readings) + 0.5) / self.readings * 2.0 - 1.0
-        change = weights @ twice @ np.linalg.pinv(legendre.legvander(own, power))
-        from_noise = (noise * (2.0 / self.span) ** 2) ** 2 * float(change @ change)
-        seen = (np.einsum("n,wnj->wj", weights, self.accelerations) ** 2).mean(axis=0)
-        return np.asarray(from_noise / np.maximum(seen, 1e-300), dtype=np.float64)
-
-    def rows(self, model: LinearModel) -> Array:
-        """The averaged torque for a unit of each unknown (nwindow x ntest x njoint x nparam).  Eq. 57."""
-        shape = self.coordinates.shape
-        flat = (each.reshape(-1, shape[-1]) for each in (self.coordinates, self.speeds, self.accelerations))
-        columns = model.regressor(*flat).reshape(*shape, -1)
-        return self.averaged(columns)
+        change = weights @ twice @ np.linalg.pinv(legendre.legvander(own, self.degree))
+        return np.asarray(self.noise * (2.0 / self.span) ** 2 * float(np.sqrt(change @ change)), dtype=np.float64)
 
     def averaged(self, at_nodes: Array) -> Array:
         """What is known at nodes (nwindow x nnode x ...), averaged by each test function (nwindow x ntest x ...)."""
@@ -112,17 +110,11 @@ class Windows:
         return averaged
 
 
-def degree(span: float) -> int:
-    """Of the polynomial that the angles are within a window."""
-    return 4 if span < 0.08 else 5 if span < 0.15 else 6
-
-
-def cut_windows(record: Record, span: float, overlap: float = OVERLAP) -> Windows | None:
+def cut_windows(record: Record, span: float, power: int, overlap: float = OVERLAP) -> Windows | None:
     """The windows of a log in which the plant moves, `span` in s long; None where there is none with readings enough.
 
-    In a window's own time s, from −1 to 1, the angles are a sum of Legendre polynomials.
+    In a window's own time s, from −1 to 1, the angles are a sum of Legendre polynomials up to a `power`.
     """
-    power = degree(span)
     first, last = record.times[0], record.times[-1]
     middles = np.arange(first + 0.5 * span, last - 0.5 * span, (1.0 - overlap) * span)
     nodes = (np.arange(NODES) + 0.5) / NODES * 2.0 - 1.0
@@ -159,6 +151,7 @@ def cut_windows(record: Record, span: float, overlap: float = OVERLAP) -> Window
         return None
     return Windows(
         span,
+        power,
         np.array(kept)[moves],
         coordinates[moves],
         speeds[moves],

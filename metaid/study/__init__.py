@@ -3,6 +3,9 @@
 `StudySpec` is all that a run depends on, `Problem` what follows from it, `run_study` goes through the trials.
 """
 
+import sys
+
+from metaid import CallableStudy
 from metaid.study.arms import ArmProblem, ArmSpec, arm_identifiability
 from metaid.study.bounds import LumpAtBound, lumps_at_bounds
 from metaid.study.create import (
@@ -85,3 +88,5 @@ __all__ = [
     "stored_spec",
     "with_nominal",
 ]
+
+sys.modules[__name__].__class__ = CallableStudy

@@ -96,7 +96,7 @@ def test_estimate_from_an_optuna_study_in_memory_has_all_lumps() -> None:
     study = optuna.create_study(sampler=TPESampler(seed=1), pruner=MedianPruner(n_startup_trials=2))
     study.optimize(metaid.objective(STUDY), 10)
     assert {trial.state for trial in study.trials} == {TrialState.COMPLETE, TrialState.PRUNED}
-    lumps = metaid.estimate(study)
+    lumps = metaid.study(study).estimate
     assert len(lumps) == 5
     assert lumps["error"].abs().max() < 1e-9
 
@@ -188,7 +188,7 @@ def test_optuna_study_of_other_settings_is_refused_in_one_line(tmp_path: Path) -
     """Nothing is written to it; nor is one accepted that maximises, or that has no trial of the objective."""
     study = optuna.create_study()
     with pytest.raises(StudyError, match="has no trial of metaid's"):
-        metaid.estimate(study)
+        _ = metaid.study(study).estimate
     study.optimize(metaid.objective(STUDY), 1)
     with pytest.raises(StudyError, match="is of other settings than 'three-link'"):
         metaid.objective("three-link")(study.ask())

@@ -3,73 +3,120 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
-from metaid.cli.common import json_option, print_json, print_table, refuse_output, say, whole_file
-from metaid.cli.printed import lump_cells
+from metaid.cli.common import json_option, numbers, print_json, refuse_output, say, whole_file
+from metaid.cli.recorded.printing import print_result
 
-MODEL_HELP = "Write the model: .toml, .xml (MJCF), .urdf, .py, .h, .json."
-PLANT_HELP = "The plant that you believe: a name, a plant file, an MJCF or URDF."
-COLUMNS = ("nominal", "identified", "low", "high")
+if TYPE_CHECKING:
+    from metaid.recorded import FileError, RecordedResult
+
+MODEL_HELP = "Write the model, any number of times: .xml (MJCF), .urdf, .py, .h, .toml, .json."
+NOMINAL_HELP = "The nominal robot: a plant's name, a plant file, an MJCF or URDF."
+FRICTION_HELP = "Of: viscous,coulomb,root,offset,load,hysteresis; or none; default: what predicts best."
 NOT_FOUND = 3  # exit status
 
 
-@click.command(epilog="\b\nExample:\n  metaid estimate --record log.csv --plant three-link -o model.xml")
-@click.option("--record", "path", type=click.Path(path_type=Path), required=True, help="The log: .csv or .parquet.")
-@click.option("--plant", required=True, help=PLANT_HELP)
-@click.option("--law", metavar="PLANT", help="The torques were those that compensate this plant.")
-@click.option(
-    "--friction", metavar="TERMS", help="Of: viscous,coulomb,root,offset,rotor; default all but rotor; or none."
+@click.command(
+    epilog="\b\nExample:\n  metaid estimate run1.csv run2.csv run3.csv --nominal arm.urdf -o model.xml -o model.py"
 )
+@click.argument("logs", metavar="LOG [LOG ...]", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.option("--nominal", required=True, metavar="ROBOT", help=NOMINAL_HELP)
+@click.option(
+    "--validate",
+    "others",
+    metavar="LOG",
+    type=click.Path(path_type=Path),
+    multiple=True,
+    help="A log to predict alone.",
+)
+@click.option("--law", metavar="PLANT", help="The torques were those that compensate this plant.")
+@click.option("--friction", metavar="TERMS", help=FRICTION_HELP)
 @click.option("--couple", "couples", metavar="I,J", multiple=True, help="Two joints whose motors are coupled.")
+@click.option("--scale", metavar="JOINT=FACTOR", multiple=True, help="Multiply logged torques of a joint, or of 'all'.")
+@click.option("--zero", metavar="JOINT=RAD", multiple=True, help="Add to the logged angles of a joint.")
+@click.option("--gravity", metavar="X,Y,Z", help="In the frame of the base, in m/s².")
+@click.option("--zeros/--no-zeros", default=None, help="Encoders have a zero of their own in each log.")
 @click.option("--window", type=click.FloatRange(0.001, 100.0), help="Length of the windows, in s.")
 @click.option("--delay", type=click.FloatRange(-1.0, 1.0), help="Of the torques, in s; by default it is found.")
-@click.option("-o", "output", type=click.Path(path_type=Path), help=MODEL_HELP)
+@click.option("-o", "outputs", type=click.Path(path_type=Path), multiple=True, help=MODEL_HELP)
+@click.option("--even-if-not-found", is_flag=True, help="Print the numbers and write the files all the same.")
+@click.option("--all", "whole", is_flag=True, help="Print every parameter, and what was tried.")
 @json_option
 def estimate(
-    path: Path,
-    plant: str,
+    logs: tuple[Path, ...],
+    nominal: str,
+    others: tuple[Path, ...],
     law: str | None,
     friction: str | None,
     couples: tuple[str, ...],
+    scale: tuple[str, ...],
+    zero: tuple[str, ...],
+    gravity: str | None,
+    zeros: bool | None,
     window: float | None,
     delay: float | None,
-    output: Path | None,
+    outputs: tuple[Path, ...],
+    even_if_not_found: bool,
+    whole: bool,
     as_json: bool,
 ) -> int:
-    """Identify a plant from a log of its motion.
+    """Identify a robot from logs of its motion.
 
-    The log has a column `time` in s and, of every joint, `angle_1` in rad, `torque_1` in N m and perhaps `speed_1` in
-    rad/s. A torque holds until the next row. All that is found scales with the torques: currents are none until they
-    are multiplied by the motors' constants. The exit status is 3 where nothing is found.
+    A log has a column `time` in s and, of every joint, `angle_1` in rad, `torque_1` in N m and perhaps `speed_1` in
+    rad/s. A torque holds until the next row. Each log is a run of its own. What is handed over is what predicts best
+    the parts that were left out, and each file is loaded again and says how well it predicts. The exit status is 3
+    where nothing is found.
     """
-    from metaid.recorded import Choices, identify_record
+    from metaid.recorded import Choices, identify
     from metaid.results.exporting import SUFFIXES
 
     terms = None if friction is None else [term for term in friction.split(",") if term and friction != "none"]
     pairs = [_pair(text) for text in couples]
-    if output is not None:
+    for output in outputs:
         refuse_output(output, tuple(SUFFIXES))
-    found = identify_record(
-        path, plant, law=law, friction=terms, coupled=pairs, choices=Choices(span=window, delay=delay)
+    result = identify(
+        logs,
+        nominal,
+        validate=others,
+        law=law,
+        friction=terms,
+        coupled=pairs,
+        scale=numbers(scale, "--scale"),
+        zero=numbers(zero, "--zero"),
+        gravity=None if gravity is None else _vector(gravity),
+        choices=Choices(span=window, delay=delay, zeros=zeros),
     )
+    has_numbers = result.verdict.is_found or even_if_not_found
+    files = [_written(result, output) for output in outputs] if has_numbers else []
     if as_json:
-        print_json(found.summary)
+        print_json(result.summary_with(files))
     else:
-        _print(found.summary)
-    if not found.verdict.is_found:
-        return NOT_FOUND
-    if output is not None:
-        model = found.model
-        with whole_file(output, tuple(SUFFIXES)) as partial:
-            model.write(partial)
-        for line in (
-            () if as_json else (f"the model is in {output}", *(f"{note}." for note in model.notes(output.suffix)))
-        ):
-            say(line)
-    return 0
+        print_result(result, has_numbers, whole)
+        for output, each in zip(outputs, files, strict=False):
+            say(_of_file(output, each, result))
+            for note in result.model.dynamics.notes if output.suffix in (".xml", ".urdf") and whole else ():
+                say(f"  {note}")
+    return 0 if result.verdict.is_found else NOT_FOUND
+
+
+def _written(result: RecordedResult, output: Path) -> FileError:
+    """Writes a file and says how well it predicts, loaded again."""
+    from metaid.results.exporting import SUFFIXES
+
+    with whole_file(output, tuple(SUFFIXES)) as partial:
+        result.model.write(partial)
+    return result.error_of(output)
+
+
+def _of_file(output: Path, each: FileError, result: RecordedResult) -> str:
+    """A file and its error, in a line."""
+    if each.relative is None:
+        return f"{output}: written ({each.why_not})"
+    rows = "the logs to validate" if result.validation else "the logs, which it was fitted to"
+    return f"{output}: loaded again it predicts the torques of {rows}, to {each.relative:.2%}"
 
 
 def _pair(text: str) -> tuple[int, int]:
@@ -81,20 +128,10 @@ def _pair(text: str) -> tuple[int, int]:
     return one, other
 
 
-def _print(shown: dict[str, Any]) -> None:
-    """The table of what is unknown, then the verdict."""
-    from metaid.models import DEVIATIONS
-
-    rows = [[lump["name"], *lump_cells(lump)[: len(COLUMNS)], lump["unit"]] for lump in shown["lumps"]]
-    read = shown["record"]
-    late = f"torques {1e3 * read['delay_s']:.3g} ms late" + (
-        f" (± {1e3 * DEVIATIONS * read['delay_sd_s']:.2g})" if read["delay_sd_s"] else ""
-    )
-    note = (
-        f"{read['rows']} rows in {read['seconds']:.4g} s, of which {read['moving_s']:.4g} s move, "
-        f"in {read['windows']} windows of {read['window_s']:g} s; {late}"
-    )
-    print_table(f"{shown['name']}: {shown['plant']}", ["lump", *COLUMNS, "unit"], rows, note, words=["unit"])
-    known = sum(lump["determined"] for lump in shown["lumps"])
-    head = [f"{known} of {len(shown['lumps'])} unknowns"] if shown["verdict"] == "found" else []
-    say(f"{shown['verdict'].upper()}: {'; '.join([*head, *shown['reasons']])}")
+def _vector(text: str) -> tuple[float, ...]:
+    """`X,Y,Z` as three numbers."""
+    try:
+        x, y, z = (float(each) for each in text.split(","))
+    except ValueError:
+        raise click.UsageError(f"--gravity '{text}' (allowed: three numbers, as 0,0,-9.81)") from None
+    return x, y, z

@@ -8,7 +8,7 @@ have.
 
 from metaid.models.tree.base import BaseParameters, base_parameters, random_states
 from metaid.models.tree.belief import Belief, Prior
-from metaid.models.tree.bodies import PossibleBodies, possible_bodies
+from metaid.models.tree.bodies import PossibleBodies, nominal_pseudo_inertias, possible_bodies, pseudo_inertia
 from metaid.models.tree.joint_friction import JointFriction
 from metaid.models.tree.model_error import ModelError, difference, model_error
 from metaid.models.tree.planar import planar_chain, planar_tree
@@ -33,9 +33,11 @@ __all__ = [
     "joint_torque",
     "model_error",
     "nominal_model",
+    "nominal_pseudo_inertias",
     "planar_chain",
     "planar_tree",
     "possible_bodies",
+    "pseudo_inertia",
     "random_states",
     "torque_regressor",
 ]

@@ -47,11 +47,11 @@ def possible_bodies(belief: Belief, values: Array) -> PossibleBodies | None:
     directions = scale[:, None] * null_space(base.matrix * scale)
     start = belief.parameters_at(values)
     slope = directions.reshape(njoint, size, -1)
-    nominal_bodies = np.array([_thick(_pseudo_inertia(each)) for each in nominal.parameters])
+    nominal_bodies = nominal_pseudo_inertias(nominal)
     groups = [
         Matrices(
-            np.array([_pseudo_inertia(each) for each in start]),
-            np.array([[_pseudo_inertia(column) for column in each.T] for each in slope]).transpose(0, 2, 3, 1),
+            np.array([pseudo_inertia(each) for each in start]),
+            np.array([[pseudo_inertia(column) for column in each.T] for each in slope]).transpose(0, 2, 3, 1),
             nominal_bodies,
         )
     ]
@@ -69,8 +69,8 @@ def possible_bodies(belief: Belief, values: Array) -> PossibleBodies | None:
     return PossibleBodies(nominal.with_parameters(parameters), cut)
 
 
-def _pseudo_inertia(parameters: Array) -> Array:
-    """[[Σ, s], [sᵀ, m]] (4 x 4) of a link, linear in its `parameters` (13).  Eq. 53."""
+def pseudo_inertia(parameters: Array) -> Array:
+    """[[Σ, s], [sᵀ, m]] (4 x 4) of a link, linear in its `parameters` (10 or 13).  Eq. 53."""
     mass, moment, (xx, xy, xz, yy, yz, zz) = parameters[0], parameters[1:4], parameters[4:BODY]
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     matrix = np.empty((4, 4))
@@ -78,6 +78,11 @@ def _pseudo_inertia(parameters: Array) -> Array:
     matrix[:3, 3] = matrix[3, :3] = moment
     matrix[3, 3] = mass
     return matrix
+
+
+def nominal_pseudo_inertias(tree: Tree) -> Array:
+    """Those of the links of a nominal arm (njoint x 4 x 4), positive definite: what is thin has a thickness."""
+    return np.array([_thick(pseudo_inertia(each)) for each in tree.parameters])
 
 
 def _thick(pseudo_inertia: Array) -> Array:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from metaid.models import FRICTION, Array, Chain, Lumps, chain_of_lumps
 from metaid.models.tree import Belief, Tree, planar_tree, possible_bodies
 from metaid.results.exporting.laws import ArmLaw, ChainLaw, Law
+from metaid.results.exporting.xml_files import Couple
 
 EXACT = 1e-9  # by which lumps may differ from a chain's: rounding
 _PARTS = ("rotor", "damping", "coulomb")
@@ -28,6 +29,7 @@ class Dynamics:
         chain: the same as a planar chain; None of an arm, or where there is none.
         notes: what to know of the bodies, in sentences without a full stop.
         is_chain: whether it is a planar chain, and no arm.
+        couples: motors of the links that turn with the sum of two joints.
     """
 
     law: Law
@@ -35,6 +37,7 @@ class Dynamics:
     chain: Chain | None
     notes: tuple[str, ...]
     is_chain: bool
+    couples: tuple[Couple, ...] = ()
 
 
 def chain_dynamics(

@@ -53,34 +53,48 @@ class IdentifiedModel:
     timestep: float
 
     def torque(self, q: ArrayLike, v: ArrayLike) -> Array:
-        """The joint torque (njoint) of the compensation law, friction included, in N m (of a slide in N).
+        """The joint torque (... x njoint) of the compensation law, friction included, in N m (of a slide in N).
 
         Of a chain joint angles are relative to the link before, 0 upright.
 
         Args:
-            q: joint angles (njoint), in rad (of a slide in m).
-            v: joint speeds (njoint), in rad/s (of a slide in m/s).
+            q: joint angles (... x njoint), in rad (of a slide in m).
+            v: joint speeds (... x njoint), in rad/s (of a slide in m/s).
 
         Raises:
             StudyError: there are not as many numbers as joints.
         """
         return self.dynamics.law.torque(self._joints("q", q), self._joints("v", v))
 
+    def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
+        """The joint torque (... x njoint) that gives the joints accelerations `a` (... x njoint), in rad/s² (m/s²), in
+        N m (of a slide in N). Of rows, in the order of time, dry friction follows the motion.  Raises StudyError where
+        the inertia lumps are not known.
+        """
+        torque = self.dynamics.law.inverse_dynamics(self._joints("q", q), self._joints("v", v), self._joints("a", a))
+        if torque is None:
+            raise StudyError(self._no_inertia)
+        return torque
+
     def mass_matrix(self, q: ArrayLike) -> Array:
-        """The mass matrix (njoint x njoint) in joint coordinates `q` (njoint), in kg m² (kg m and kg where joints are
-        slides).  Raises StudyError where the inertia lumps are not known.
+        """The mass matrix (... x njoint x njoint) in joint coordinates `q` (... x njoint), in kg m² (kg m and kg where
+        joints are slides).  Raises StudyError where the inertia lumps are not known.
         """
         matrix = self.dynamics.law.mass_matrix(self._joints("q", q))
         if matrix is None:
-            raise StudyError(
-                f"study '{self.name}' has no inertia lumps, so no mass matrix (allowed: a study with an estimate, or "
-                "with a second stage)"
-            )
+            raise StudyError(self._no_inertia)
         return matrix
+
+    @property
+    def _no_inertia(self) -> str:
+        return (
+            f"study '{self.name}' has no inertia lumps, so no mass matrix (allowed: a study with an estimate, or "
+            "with a second stage)"
+        )
 
     def _joints(self, name: str, values: ArrayLike) -> Array:
         numbers, njoint = np.asarray(values, dtype=np.float64), self.dynamics.law.njoint
-        if numbers.shape != (njoint,):
+        if numbers.shape[-1:] != (njoint,):
             raise StudyError(f"{name} has the shape {numbers.shape} (allowed: {njoint} numbers, one a joint)")
         return numbers
 
@@ -109,7 +123,11 @@ class IdentifiedModel:
         """The links of a chain, as a plant file has them.  Raises StudyError where there are none."""
         _ = self.tree
         chain = self.dynamics.chain
-        assert chain is not None
+        if chain is None:
+            raise StudyError(
+                f"{self.origin}: no chain with centres of mass on its links has the lumps that were found "
+                f"(allowed: {', '.join(suffix for suffix in SUFFIXES if suffix != '.toml')})"
+            )
         columns = {"length": chain.length, "mass": chain.mass, "com": chain.com, "inertia": chain.inertia}
         friction = {"damping": chain.damping, "frictionloss": chain.coulomb}
         columns |= {key: values for key, values in friction.items() if values.any()}
@@ -127,7 +145,7 @@ class IdentifiedModel:
         if suffix in _BODIES:
             said += self.dynamics.notes
             if suffix == ".urdf" and self.dynamics.tree is not None:
-                said += not_in_urdf(self.dynamics.tree)
+                said += not_in_urdf(self.dynamics.tree, self.dynamics.couples)
         return said
 
     def write(self, path: str | Path) -> None:
@@ -179,7 +197,8 @@ def no_model(name: str, verdict: Verdict, can_be_forced: bool) -> StudyError:
 
 
 def _mjcf(model: IdentifiedModel) -> str:
-    return mjcf(model.tree, printable(model.name), model.timestep, model.heading(".xml"))
+    couples = model.dynamics.couples
+    return mjcf(model.tree, printable(model.name), model.timestep, model.heading(".xml"), couples)
 
 
 def _urdf(model: IdentifiedModel) -> str:

@@ -1,0 +1,119 @@
+"""What `metaid estimate` prints: a screen that begins with the verdict."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from metaid.cli.common import number_text, print_table, say
+
+if TYPE_CHECKING:
+    from metaid.recorded import RecordedResult
+
+FEW = 12  # parameters that a screen has
+REASONS = 4  # sentences
+
+
+def print_result(result: RecordedResult, has_numbers: bool, whole: bool) -> None:
+    """Prints the verdict and the error of what was left out, joint by joint, then parameters, the curve of friction and
+    what is not explained.
+
+    Args:
+        result: what logs say.
+        has_numbers: whether the numbers are printed.
+        whole: whether all of them are, and what was tried.
+    """
+    shown = result.summary
+    _print_held_out(shown, result)
+    if has_numbers:
+        _print_parameters(shown, whole)
+        _print_friction(shown)
+        if whole:
+            _print_tried(shown)
+    reasons = shown["reasons"] if whole or not has_numbers else shown["reasons"][:REASONS]
+    say(f"{shown['verdict'].upper()}: {'; '.join([_headline(shown), *reasons])}")
+    if result.estimate.equations.zeros and whole:
+        for log in shown["logs"]:
+            say(f"zeros of {log['path']}, added to its angles: " + ", ".join(f"{zero:+.4f}" for zero in log["zeros"]))
+
+
+def _headline(shown: dict[str, Any]) -> str:
+    held, nominal = shown["held_out"]["torque"]["relative"], shown["nominal_held_out"]["torque"]["relative"]
+    by = "whole logs" if shown["held_out"]["by"] == "logs" else "parts"
+    return (
+        f"torques of {by} that were left out are predicted to {held:.2%} of what they are, by the nominal bodies with "
+        f"fitted friction to {nominal:.2%}"
+    )
+
+
+def _print_held_out(shown: dict[str, Any], result: RecordedResult) -> None:
+    held, nominal = shown["held_out"], shown["nominal_held_out"]
+    motion = held["motion"]
+    seconds = motion["seconds"]
+    rows = []
+    for i, (joint, before) in enumerate(zip(held["torque"]["joints"], nominal["torque"]["joints"], strict=True)):
+        cells = [
+            joint["name"],
+            f"{joint['relative']:.1%}",
+            f"{joint['rms']:.3g}",
+            f"{joint['of']:.3g}",
+            f"{before['relative']:.1%}",
+            f"{1e3 * motion['angle'][i]:.3g}" if motion["angle"][i] is not None else "",
+            f"{1e3 * motion['constant_speed'][i]:.3g}" if motion["constant_speed"][i] is not None else "",
+        ]
+        rows.append(cells + [f"{each['torque']['joints'][i]['relative']:.1%}" for each in shown["validation"][:2]])
+    columns = ["joint", "error", "N m", "of", "nominal", f"mrad {seconds:g} s", "still going"]
+    columns += [each["path"] for each in shown["validation"][:2]]
+    logs, window, read = shown["logs"], shown["window"], shown["friction"]
+    note = (
+        f"{len(logs)} log{'s' if len(logs) > 1 else ''}, {sum(log['rows'] for log in logs)} rows in "
+        f"{sum(log['seconds'] for log in logs):.4g} s, of which {window['moving_s']:.4g} s move; windows of "
+        f"{window['seconds']:g} s; torques below {window['cutoff_hz']:g} Hz; "
+        f"friction: {', '.join(read['terms']) or 'none'}"
+        + (f"; torques {1e3 * shown['delay']:.3g} ms late" if shown["delay"] else "")
+    )
+    title = f"{shown['name']}: {shown['plant']}, what was left out"
+    print_table(title, columns, rows, note, dispensable=["still going", "of", "nominal"])
+
+
+def _print_parameters(shown: dict[str, Any], whole: bool) -> None:
+    friction = ("damping", "coulomb", "root", "offset", "load")
+    every = shown["parameters"]
+    bodies = [
+        each for each in every if whole or not each["name"].startswith(friction) or each["name"].startswith("rotor")
+    ]
+    known = [each for each in bodies if whole or each["determined"]] or bodies
+    rows = [
+        [
+            each["name"],
+            number_text(each["nominal"], ".4g"),
+            f"{each['value']:.5g}",
+            f"± {each['sd']:.2g}",
+            f"± {each['sd_systematic']:.2g}",
+            each["unit"],
+        ]
+        for each in (known if whole else known[:FEW])
+    ]
+    left = len(every) - len(rows)
+    print_table(
+        "bodies" if not whole else "parameters",
+        ["parameter", "nominal", "value", "sd", "systematic", "unit"],
+        rows,
+        f"{left} more parameters: --all" if left else "",
+        words=["unit"],
+    )
+
+
+def _print_friction(shown: dict[str, Any]) -> None:
+    rows = []
+    for curve in shown["friction"]["curve"]:
+        cells = [
+            f"{torque:.3g} ± {sd:.1g} at {speed:.2g}"
+            for speed, torque, sd in zip(curve["speed"], curve["torque"], curve["sd"], strict=True)
+        ]
+        rows.append([curve["joint"], *cells])
+    print_table("friction", ["joint", "slow", "middle", "fast (N m at rad/s)"], rows)
+
+
+def _print_tried(shown: dict[str, Any]) -> None:
+    rows = [[each["what"], f"{each['error']:.3f}"] for each in shown["friction"]["taken_up"]]
+    print_table("tried", ["what", "times the error"], rows, "a term is taken up below 0.97")

@@ -1,0 +1,276 @@
+"""What is chosen by the error on parts that were left out: windows, terms of friction, zeros, and the delay.
+
+One yardstick serves for all choices: the torque of what was left out, through the same filter (Eq. 61a), and of planar
+chains, which move freely, the angles at the end of short simulations. A term is taken up where it lowers the error by
+WORTH, never by its own significance alone.  Eq. 61.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from metaid.errors import RecordError
+from metaid.models import Array
+from metaid.recorded.equations import Equations, equations_of
+from metaid.recorded.held_out import HeldOut, Yardstick, folds_of
+from metaid.recorded.linear_model import COLUMNS, LinearModel
+from metaid.recorded.log import Record
+from metaid.recorded.smoothed import CUTOFFS, Smoothed
+
+# Length in s and degree of polynomials.
+WINDOWS = ((0.06, 4), (0.1, 5), (0.2, 6), (0.2, 9), (0.3, 8), (0.5, 10))
+BASE = ("viscous", "coulomb")
+PRESLIDING = (1e-4, 3e-4, 1e-3, 3e-3)  # rad or m
+WORTH = 0.97  # of the error: a term that leaves more is not taken up
+DELAYS = np.arange(-0.040, 0.0401, 0.002)  # s
+SLOW = 0.01  # of a joint's usual speed: below it dry friction is a share of its whole
+USUAL = 0.3  # s: the windows that the cut-off of the yardstick is chosen with are no longer
+NEARLY = 1.25  # times the least error
+STARTS = 24  # of simulations a fold, while something is chosen
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What the user chose; None where metaid is to.
+
+    Attributes:
+        span: length of the windows, in s.
+        delay: of the torques, in s.
+        friction: terms of every joint.
+        zeros: whether encoders have zeros of their own in each log.
+    """
+
+    span: float | None = None
+    delay: float | None = None
+    friction: tuple[str, ...] | None = None
+    zeros: bool | None = None
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What was chosen.
+
+    Attributes:
+        equations: of all windows, with what was chosen.
+        yardstick: what is held out.
+        held_out: how well it is predicted.
+        tried: what was tried, in words, and by which the error of what was left out changed (1: not at all).
+        delay_at_bound: whether the scan of delays ended at its end.
+    """
+
+    equations: Equations
+    yardstick: Yardstick
+    held_out: HeldOut
+    tried: tuple[tuple[str, float], ...]
+    delay_at_bound: bool
+
+
+class _Search:
+    """Equations by windows, and the error of each choice."""
+
+    def __init__(
+        self,
+        records: Sequence[Record],
+        logs: Sequence[Smoothed],
+        model: LinearModel,
+        spans: Sequence[tuple[float, int]],
+    ) -> None:
+        self._by_windows = {}
+        for span, power in spans:
+            equations = equations_of(records, logs, model, span, power)
+            if equations is not None:
+                self._by_windows[span, power] = equations
+        if not self._by_windows:
+            names = ", ".join(record.name for record in records)
+            raise RecordError(
+                f"{names}: too short for {len(model.names)} unknowns, or read too rarely "
+                f"(allowed: more motion, or fewer terms of friction)"
+            )
+        first = next(iter(self._by_windows.values()))
+        self.yardstick = Yardstick(tuple(logs), folds_of(logs, first))
+        self.tried: list[tuple[str, float]] = []
+
+    def equations(self, windows: tuple[float, int], like: Equations) -> Equations:
+        """Those of other windows, with the choices of others."""
+        own = self._by_windows[windows]
+        return replace(own, model=like.model, zeros=like.zeros, delay=like.delay, scale=like.scale)
+
+    @property
+    def windows(self) -> list[tuple[float, int]]:
+        return list(self._by_windows)
+
+    def error(self, equations: Equations) -> float:
+        """That of what is left out."""
+        is_chain = equations.model.is_chain
+        try:
+            held = self.yardstick.held_out(equations, with_motion=is_chain, most=STARTS)
+        except np.linalg.LinAlgError:
+            return float("inf")
+        return held.motion if is_chain and len(held.motions) else held.relative
+
+    def better(self, what: str, other: Equations, error: float) -> float | None:
+        """The error of another choice where it is worth its while; None where it is not."""
+        found = self.error(other)
+        self.tried.append((what, found / max(error, 1e-300)))
+        return found if found < WORTH * error and error > 0.0 else None
+
+
+def choose(
+    records: Sequence[Record],
+    logs: Sequence[Smoothed],
+    model: LinearModel,
+    choices: Choices,
+    scale: float = 1.0,
+) -> Chosen:
+    """The windows, terms, zeros and delay that predict best what is left out.
+
+    Args:
+        records: the logs.
+        logs: the same on their grids.
+        model: what is unknown, with any terms of friction.
+        choices: of the user.
+        scale: of the nominal bodies.
+
+    Raises:
+        RecordError: the logs have too little of it.
+    """
+    asked = choices.friction
+    terms = BASE if asked is None else tuple(term for term in COLUMNS if term in asked)
+    spans = WINDOWS if choices.span is None else tuple((choices.span, power) for power in (4, 6, 8))
+    search = _Search(records, logs, model.with_friction(terms), spans)
+    present = replace(
+        search.equations(search.windows[0], next(iter(search._by_windows.values()))),
+        zeros=bool(choices.zeros),
+        delay=choices.delay or 0.0,
+        scale=scale,
+    )
+    present, error = _best_windows(search, present)
+    if choices.zeros is None:
+        present, error = _with_zeros(search, present, error)
+    present, error = _with_friction(search, present, error, asked)
+    present, error = _best_windows(search, present)
+    at_bound = False
+    if choices.delay is None:
+        late, at_bound = _delay(present)
+        found = search.better("a delay", replace(present, delay=late), error)
+        if found is None:
+            at_bound = False
+        else:
+            present, error = replace(present, delay=late), found
+    held_out = search.yardstick.held_out(present)
+    return Chosen(present, search.yardstick, held_out, tuple(search.tried), at_bound)
+
+
+def _best_windows(search: _Search, present: Equations) -> tuple[Equations, float]:
+    every = [search.equations(windows, present) for windows in search.windows]
+    errors = [search.error(each) for each in every]
+    best = int(np.argmin(errors))
+    return every[best], errors[best]
+
+
+def _with_zeros(search: _Search, present: Equations, error: float) -> tuple[Equations, float]:
+    """With zeros of the encoders, where these are worth their while; each judged on the same rows."""
+    other = replace(present, zeros=True)
+    found = search.better("zeros of the encoders", other, error)
+    return (present, error) if found is None else (other, found)
+
+
+def _with_friction(
+    search: _Search, present: Equations, error: float, asked: tuple[str, ...] | None
+) -> tuple[Equations, float]:
+    """With the terms of friction that are worth their while, one after the other, the best first."""
+    model = present.model
+    while True:
+        free = [term for term in COLUMNS if asked is None and term not in model.friction]
+        candidates = [(term, model.with_friction((*model.friction, term), model.presliding)) for term in free]
+        if not model.presliding and (asked is None or "hysteresis" in asked):
+            candidates += [("hysteresis", model.with_friction(model.friction, size)) for size in PRESLIDING]
+        best: tuple[float, LinearModel] | None = None
+        must = asked is not None and "hysteresis" in asked and not model.presliding
+        for what, each in candidates:
+            other = present.with_model(each)
+            if must:
+                found: float | None = search.error(other)
+            else:
+                found = search.better(what, other, error)
+            if found is not None and (best is None or found < best[0]):
+                best = found, each
+        if best is None:
+            break
+        error, model = best
+        present = present.with_model(model)
+    if model.presliding:
+        present, error = _finer_presliding(search, present, error)
+    return present, error
+
+
+def _finer_presliding(search: _Search, present: Equations, error: float) -> tuple[Equations, float]:
+    """With the displacement over which friction builds up that is best between its neighbours of the scan."""
+    for factor in (0.55, 1.8, 0.75, 1.35):
+        other = present.with_model(
+            present.model.with_friction(present.model.friction, factor * present.model.presliding)
+        )
+        found = search.error(other)
+        if found < error:
+            present, error = other, found
+    return present, error
+
+
+def _delay(present: Equations) -> tuple[float, bool]:
+    """The delay of the torques that leaves least, in s, and whether it is an end of the scan."""
+    solution, rows, _ = present.solved
+    root, njoint, nparam = np.linalg.cholesky(solution.weight).T, present.model.njoint, len(solution.values)
+    whitened = np.concatenate([(root @ own[..., :nparam]).reshape(-1, nparam) for own in rows])
+    basis = np.linalg.qr(whitened / np.maximum(np.sqrt((whitened**2).sum(axis=0)), 1e-300))[0]
+
+    def left(delay: float) -> float:
+        sent = [part.windows.torques(part.record, delay) for part in present.parts]
+        target = (np.concatenate([each.reshape(-1, njoint) for each in sent]) @ root.T).ravel()
+        return float(target @ target - ((basis.T @ target) ** 2).sum())
+
+    errors = [left(float(delay)) for delay in DELAYS]
+    at = int(np.argmin(errors))
+    if at in (0, len(DELAYS) - 1):
+        return float(DELAYS[at]), True
+    from scipy.optimize import minimize_scalar
+
+    found = minimize_scalar(left, bounds=(DELAYS[at - 1], DELAYS[at + 1]), method="bounded", options={"xatol": 1e-6})
+    return float(found.x), False
+
+
+def with_cutoff(
+    records: Sequence[Record], logs: Sequence[Smoothed], model: LinearModel, zeros: bool
+) -> tuple[Smoothed, ...]:
+    """The logs with the highest cut-off of the torques' filter at which what is left out is predicted nearly as well as
+    with any: above it there is noise of the angles, differentiated twice, and no motion that a model could explain.
+    """
+    for span, power in WINDOWS[::-1]:
+        equations = equations_of(records, logs, model.with_friction(BASE), span, power)
+        if equations is not None and span <= USUAL:
+            break
+    if equations is None:
+        return tuple(logs)
+    equations = replace(equations, zeros=zeros)
+    errors = {}
+    for cutoff in CUTOFFS:
+        filtered = tuple(replace(own, cutoff=cutoff) for own in logs)
+        errors[cutoff] = Yardstick(filtered, folds_of(filtered, equations)).held_out(equations).relative
+    best = min(errors.values())
+    highest = next(cutoff for cutoff, error in errors.items() if error <= NEARLY * best)
+    return tuple(replace(own, cutoff=highest) for own in logs)
+
+
+def usual_still(logs: Sequence[Smoothed]) -> Array:
+    """Below which speed of each joint (njoint) dry friction is a share of its whole, in rad/s or m/s."""
+    squares = np.mean([(own.speeds**2).mean(axis=0) for own in logs], axis=0)
+    usual = np.sqrt(squares)
+    return np.asarray(np.where(usual > 0.0, SLOW * usual, 1.0), dtype=np.float64)
+
+
+def fastest(logs: Sequence[Smoothed]) -> Array:
+    """The speed of each joint (njoint) that it hardly exceeds, in rad/s or m/s."""
+    each = [np.quantile(np.abs(own.speeds), 0.99, axis=0) for own in logs]
+    return np.asarray(np.max(each, axis=0), dtype=np.float64)

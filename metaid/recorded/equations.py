@@ -1,0 +1,388 @@
+"""Windows of several logs as linear equations, and the unknowns that solve them.
+
+Every log has unknowns of its own, the zeros of its encoders: nuisance parameters with a prior, which are eliminated log
+by log (a Schur complement). Joints are weighed by the covariance of what is left, which is found in a few rounds.
+Equation numbers are those of docs/method.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.models import Array
+from metaid.recorded.linear_model import LinearModel
+from metaid.recorded.log import Record
+from metaid.recorded.smoothed import Smoothed
+from metaid.recorded.windows import Windows, cut_windows
+
+LASTS = 0.3  # s: how long an error of the model lasts at least
+ROUNDS = 3  # of the covariance across joints
+PASSES = 3  # of Newton's steps for zeros and for the friction that grows with load
+FLAT = 100.0  # how many times its torque a joint's friction may be beforehand: no prior at all
+LEAST = 1e-9  # of the largest torque, that any joint's error is at least: rounding
+UNCERTAIN = 1e-6  # of a prior's deviations, that all combinations of them have at least
+ZERO = 0.05  # rad: a standard deviation of the zero of an encoder beforehand
+SHIFT = 1e-5  # rad, for derivatives by a zero
+FOLDS_A_LOG = 3  # parts of a log that are held out in turn
+
+
+@dataclass(frozen=True)
+class Part:
+    """The windows of one log.
+
+    Attributes:
+        log: which of the logs.
+        record: the log.
+        windows: of it.
+        smoothed: its angles on a regular grid, from which the state of dry friction follows.
+        untrusted: whether a window (nwindow) is left out.
+    """
+
+    log: int
+    record: Record
+    windows: Windows
+    smoothed: Smoothed
+    _bodies: dict[str, Array] = field(default_factory=dict, repr=False, compare=False)
+
+    def at_nodes(self, model: LinearModel, zeros: Array) -> Array:
+        """The torque at nodes (nwindow x nnode x njoint x nbody) for a unit of each of the bodies' unknowns."""
+        key = zeros.tobytes().hex()
+        if key not in self._bodies:
+            windows = self.windows
+            moved = windows.coordinates + zeros
+            if len(self._bodies) > 1:
+                self._bodies.clear()
+            self._bodies[key] = model.bodies(moved, windows.speeds, windows.accelerations)
+        return self._bodies[key]
+
+    def rows(self, model: LinearModel, bodies: Array, zeros: Array) -> Array:
+        """The averaged torque for a unit of each unknown (nwindow x ntest x njoint x nparam), friction that grows with
+        load by the torque of `bodies` (nbody).  Eq. 57.
+        """
+        windows, at_nodes = self.windows, self.at_nodes(model, zeros)
+        rigid = at_nodes @ bodies if "load" in model.friction else np.zeros(windows.speeds.shape)
+        friction = model.friction_columns(windows.speeds, windows.accelerations, self.sliding(model), rigid)
+        return windows.averaged(np.concatenate([at_nodes, friction], axis=-1))
+
+    def sliding(self, model: LinearModel) -> Array:
+        """The state of dry friction at nodes (nwindow x nnode x njoint + npair)."""
+        if not model.presliding:
+            return model.sliding(self.windows.speeds)
+        return self.smoothed.sliding(model, self.windows.times)
+
+    def zero_columns(self, model: LinearModel, bodies: Array, zeros: Array) -> Array:
+        """How the averaged torque of `bodies` (nbody) changes with each zero (nwindow x ntest x njoint x njoint)."""
+        windows, n = self.windows.thinned(4), model.njoint
+        columns = np.empty((len(windows), 2, n, n))
+
+        def needed(moved: Array) -> Array:
+            return windows.averaged(model.bodies(moved, windows.speeds, windows.accelerations) @ bodies)
+
+        usual = needed(windows.coordinates + zeros)
+        for joint in range(n):
+            moved = windows.coordinates + zeros + SHIFT * (np.arange(n) == joint)
+            columns[..., joint] = (needed(moved) - usual) / SHIFT
+        return columns
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What solves the equations of some windows.
+
+    Attributes:
+        values: the unknowns (nparam).
+        precision: of them, were the rows independent (nparam x nparam), zeros eliminated.
+        prior: the part of it that was there beforehand (nparam x nparam).
+        zeros: of the encoders of each log (nlog x njoint), in rad.
+        weight: the inverse of the covariance of what is left of a torque (njoint x njoint).
+    """
+
+    values: Array
+    precision: Array
+    prior: Array
+    zeros: Array
+    weight: Array
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Normal equations of each block of windows, where the columns of zeros stand after those of the unknowns.
+
+    Attributes:
+        grams: (nblock x nparam + njoint x nparam + njoint).
+        moments: (nblock x nparam + njoint).
+        logs: of which log each block is (nblock).
+    """
+
+    grams: Array
+    moments: Array
+    logs: NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Fold:
+    """What is held out: `logs` whole, or of one log a `third`, from 0 on, which is from `begin` to `end` in s."""
+
+    logs: tuple[int, ...]
+    third: int | None = None
+    begin: float = -np.inf
+    end: float = np.inf
+
+
+@dataclass(frozen=True)
+class Equations:
+    """The equations of all windows of one length.
+
+    Attributes:
+        parts: one a log.
+        model: what is unknown.
+        zeros: whether the zeros of the encoders are unknown.
+        delay: by which torques act later than they are logged, in s.
+        scale: of the nominal bodies: by which all torques of the logs differ from theirs.
+    """
+
+    parts: tuple[Part, ...]
+    model: LinearModel
+    zeros: bool
+    delay: float = 0.0
+    scale: float = 1.0
+
+    @cached_property
+    def torques(self) -> list[Array]:
+        """The averaged torques (nwindow x ntest x njoint) of each log."""
+        return [part.windows.torques(part.record, self.delay) for part in self.parts]
+
+    @property
+    def nlog(self) -> int:
+        return max(part.log for part in self.parts) + 1
+
+    @property
+    def nwindow(self) -> int:
+        return sum(len(part.windows) for part in self.parts)
+
+    @property
+    def span(self) -> float:
+        """The length of the windows, in s."""
+        return self.parts[0].windows.span
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether there are a few times as many rows as unknowns, so that two thirds of them are enough, too."""
+        return 2 * self.nwindow * self.model.njoint >= 3 * len(self.model.names)
+
+    def with_model(self, model: LinearModel) -> Equations:
+        return replace(self, model=model)
+
+    @cached_property
+    def solved(self) -> tuple[Solution, list[Array], Blocks]:
+        """The solution of all windows, the rows that it was found with (one array a log, nwindow x ntest x njoint x
+        nparam + njoint), and the normal equations of its blocks.  Eq. 58.
+        """
+        model, n = self.model, self.model.njoint
+        nparam = len(model.names)
+        bodies = self.scale * model.nominal
+        zeros = np.zeros((self.nlog, n))
+        largest = max(float(np.abs(torques).max()) for torques in self.torques) or 1.0
+        floor = (LEAST * largest) ** 2 * np.eye(n)
+        every = np.concatenate([torques.reshape(-1, n) for torques in self.torques])
+        covariance = np.diag(np.maximum((every**2).mean(axis=0), LEAST * largest**2))
+        passes = PASSES if self.zeros or "load" in model.friction else 1
+        for step in range(passes):
+            rows = [self._rows(part, bodies, zeros[part.log], step > 0) for part in self.parts]
+            nominal, prior = prior_of(model, rows, every, self.scale)
+            for _ in range(ROUNDS):
+                weight = np.asarray(np.linalg.inv(covariance + floor), dtype=np.float64)
+                blocks = self._blocks(rows, weight, zeros)
+                values, changes, precision = eliminated(blocks, nominal, prior, zeros, self.zeros and step > 0)
+                left = self._left(rows, values, changes)
+                covariance = left.T @ left / len(left)
+            zeros = zeros + changes
+            bodies = values[: model.nbody]
+        solution = Solution(values[:nparam], precision, prior, zeros, weight)
+        return solution, rows, blocks
+
+    def without(self, fold: Fold) -> Solution:
+        """The solution without a fold, by the columns and weights of all."""
+        solution, _, blocks = self.solved
+        if fold.third is None:
+            kept = np.flatnonzero(~np.isin(blocks.logs, fold.logs))
+        else:
+            first = int(np.flatnonzero(np.isin(blocks.logs, fold.logs))[0]) + 2 * fold.third
+            kept = np.setdiff1d(np.arange(len(blocks.logs)), [first - 1, first, first + 1])
+        fewer = Blocks(blocks.grams[kept], blocks.moments[kept], blocks.logs[kept])
+        nominal = self._prior_mean
+        values, changes, precision = eliminated(fewer, nominal, solution.prior, solution.zeros, self.zeros)
+        return replace(solution, values=values, precision=precision, zeros=solution.zeros + changes)
+
+    @property
+    def _prior_mean(self) -> Array:
+        mean = np.zeros(len(self.model.names))
+        mean[: self.model.nbody] = self.scale * self.model.nominal
+        return mean
+
+    def _rows(self, part: Part, bodies: Array, zeros: Array, with_zeros: bool) -> Array:
+        model = self.model
+        rows = part.rows(model, bodies, zeros)
+        columns = (
+            part.zero_columns(model, bodies, zeros)
+            if with_zeros and self.zeros
+            else np.zeros((*rows.shape[:-1], model.njoint))
+        )
+        return np.concatenate([rows, columns], axis=-1)
+
+    def _blocks(self, rows: list[Array], weight: Array, zeros: Array) -> Blocks:
+        grams, moments, logs = [], [], []
+        root = np.linalg.cholesky(weight).T
+        for part, own, torques in zip(self.parts, rows, self.torques, strict=True):
+            for begin, end in block_edges(len(own)):
+                flat = (root @ own[begin:end]).reshape(-1, own.shape[-1])
+                sent = (torques[begin:end] @ root.T).ravel()
+                grams.append(flat.T @ flat)
+                moments.append(flat.T @ sent)
+                logs.append(part.log)
+        return Blocks(np.array(grams), np.array(moments), np.array(logs))
+
+    def _left(self, rows: list[Array], values: Array, changes: Array) -> Array:
+        """What is left of the averaged torques (nrow x njoint)."""
+        left = [
+            torques - own @ np.concatenate([values, changes[part.log]])
+            for part, own, torques in zip(self.parts, rows, self.torques, strict=True)
+        ]
+        return np.concatenate([each.reshape(-1, self.model.njoint) for each in left])
+
+    @property
+    def lags(self) -> int:
+        """How many windows an error lasts."""
+        return int(np.ceil(max(LASTS, self.span) / (0.5 * self.span)))
+
+    def covariance(self, values: Array) -> Array:
+        """The covariance of the unknowns (nparam x nparam), whatever the errors of a window are, and though those of
+        windows that are less than LASTS s apart belong together.  Eq. 59.
+        """
+        solution, rows, _ = self.solved
+        nparam = len(values)
+        scores, readings = [], 0
+        for own, torques in zip(rows, self.torques, strict=True):
+            columns, left = own[..., :nparam], torques - own[..., :nparam] @ values
+            if self.zeros:
+                columns, left = beside_zeros(own, left, nparam, solution.weight)
+            scores.append(np.einsum("wajp,jk,wak->wp", columns, solution.weight, left, optimize=True))
+            readings += left.size
+        scale = 1.0 / np.sqrt(np.diag(solution.precision))
+        inverse = np.linalg.inv(solution.precision * np.outer(scale, scale)) * np.outer(scale, scale)
+        few = readings / max(readings - nparam, 1)
+        return few * eliminated_covariance(inverse, scores, self.lags) + inverse @ solution.prior @ inverse
+
+
+def equations_of(
+    records: Sequence[Record], smoothed: Sequence[Smoothed], model: LinearModel, span: float, power: int
+) -> Equations | None:
+    """The equations of windows of one length, `span` in s, with polynomials of degree `power`; None where a log has no
+    such windows in which it moves, or there are too few of all.
+    """
+    parts = []
+    for log, (record, own) in enumerate(zip(records, smoothed, strict=True)):
+        windows = cut_windows(record, span, power)
+        if windows is None or len(windows) < FOLDS_A_LOG:
+            return None
+        parts.append(Part(log, record, windows, own))
+    equations = Equations(tuple(parts), model, False)
+    return equations if equations.is_enough else None
+
+
+def block_edges(nwindow: int) -> list[tuple[int, int]]:
+    """From and to of the blocks of a log's windows, and between each two of them the window that shares time with both
+    (2 FOLDS_A_LOG − 1).
+    """
+    edges = np.linspace(0, nwindow, FOLDS_A_LOG + 1).astype(int).tolist()
+    blocks = [(edges[0], edges[1])]
+    for begin, end in pairwise(edges[1:]):
+        blocks += [(begin, begin + 1), (begin + 1, end)]
+    return blocks
+
+
+def eliminated(blocks: Blocks, nominal: Array, prior: Array, zeros: Array, are_unknown: bool) -> tuple[Array, ...]:
+    """The unknowns (nparam), by how much the zeros change (nlog x njoint), and the precision of the unknowns.
+
+    Args:
+        blocks: the normal equations.
+        nominal: the prior mean (nparam).
+        prior: its precision (nparam x nparam).
+        zeros: of the encoders at which the columns were computed (nlog x njoint), in rad.
+        are_unknown: whether they are unknown.
+    """
+    nparam, n = len(nominal), zeros.shape[1]
+    precision, moment = prior.copy(), prior @ nominal
+    kept = {}
+    for log in np.unique(blocks.logs):
+        which = blocks.logs == log
+        gram, own = blocks.grams[which].sum(axis=0), blocks.moments[which].sum(axis=0)
+        precision += gram[:nparam, :nparam]
+        moment = moment + own[:nparam]
+        if are_unknown:
+            inner = np.linalg.inv(gram[nparam:, nparam:] + np.eye(n) / ZERO**2)
+            across, target = gram[:nparam, nparam:], own[nparam:] - zeros[log] / ZERO**2
+            precision -= across @ inner @ across.T
+            moment = moment - across @ inner @ target
+            kept[int(log)] = inner, across, target
+    scale = 1.0 / np.sqrt(np.diag(precision))
+    values = scale * np.linalg.solve(precision * np.outer(scale, scale), scale * moment)
+    changes = np.zeros_like(zeros)
+    for log, (inner, across, target) in kept.items():
+        changes[log] = inner @ (target - across.T @ values)
+    return values, changes, precision
+
+
+def eliminated_covariance(inverse: Array, scores: Sequence[Array], lags: int) -> Array:
+    """H⁻¹ S H⁻¹, with S the sum of the products of the scores (nwindow x nparam) of windows of one log that are at most
+    `lags` apart.  Eq. 59.
+    """
+    together = np.zeros_like(inverse)
+    for own in scores:
+        together += own.T @ own
+        for lag in range(1, min(lags, len(own) - 1) + 1):
+            pairs = own[lag:].T @ own[:-lag]
+            together += (1.0 - lag / (lags + 1.0)) * (pairs + pairs.T)
+    return np.asarray(inverse @ together @ inverse, dtype=np.float64)
+
+
+def beside_zeros(rows: Array, left: Array, nparam: int, weight: Array) -> tuple[Array, Array]:
+    """Columns of the unknowns and what is left of torques, both without what the zeros of a log explain."""
+    zero_columns = rows[..., nparam:]
+    weighed = np.einsum("wajz,jk->wakz", zero_columns, weight)
+    gram = np.einsum("wakz,waky->zy", weighed, zero_columns) + np.eye(zero_columns.shape[-1]) / ZERO**2
+    explained = np.linalg.solve(gram, np.einsum("wakz,wakp->zp", weighed, rows[..., :nparam]))
+    taken = np.linalg.solve(gram, np.einsum("wakz,wak->z", weighed, left))
+    return rows[..., :nparam] - zero_columns @ explained, left - zero_columns @ taken
+
+
+def prior_of(model: LinearModel, rows: Sequence[Array], torques: Array, scale: float) -> tuple[Array, Array]:
+    """The prior mean of the unknowns (nparam) and its precision (nparam x nparam): of friction next to none.
+
+    Args:
+        model: what is unknown.
+        rows: of each log (nwindow x ntest x njoint x nparam or more).
+        torques: averaged, of all logs (nrow x njoint).
+        scale: of the nominal bodies.
+    """
+    nparam, nbody = len(model.names), model.nbody
+    nominal, precision = np.zeros(nparam), np.zeros((nparam, nparam))
+    nominal[:nbody] = scale * model.nominal
+    covariance = scale**2 * model.covariance
+    deviations = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    deviations = np.where(deviations > 0.0, deviations, UNCERTAIN * max(float(deviations.max(initial=0.0)), UNCERTAIN))
+    correlation = covariance / np.outer(deviations, deviations) + UNCERTAIN * np.eye(nbody)
+    precision[:nbody, :nbody] = np.linalg.inv(correlation) / np.outer(deviations, deviations)
+    usual = np.sqrt((torques**2).mean())
+    squares = [(each[..., nbody:nparam] ** 2).mean(axis=(0, 1, 2)) for each in rows]
+    of_unit = np.sqrt(np.mean(squares, axis=0))
+    widest = FLAT * usual / np.where(of_unit > 0.0, of_unit, 1.0)
+    friction = np.arange(nbody, nparam)
+    precision[friction, friction] = 1.0 / widest**2
+    return nominal, precision

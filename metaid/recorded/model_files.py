@@ -1,0 +1,198 @@
+"""The model that logs have told, to be written to files, and what each file predicts once it is loaded again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pandas as pd
+
+import metaid
+from metaid.models import IDEAL, Array, Chain, chain_of_lumps
+from metaid.models.tree import PARAMETERS, JointFriction, Tree
+from metaid.recorded.estimate import RecordedEstimate
+from metaid.recorded.judging import RecordedVerdict
+from metaid.recorded.linear_model import LinearModel
+from metaid.recorded.log import Record
+from metaid.recorded.smoothed import Smoothed
+from metaid.results.exporting import ArmLaw, Dynamics, IdentifiedModel, couples_of, file_torques, not_in_xml
+
+BODIES = (".xml", ".urdf", ".toml")  # files for simulators, which have viscous and Coulomb friction alone
+
+
+@dataclass(frozen=True)
+class FileError:
+    """How well a written file predicts: the error of its torques as a share of what they are (`relative`), of each
+    joint (`by_joint`), on how many `rows`; None where it predicts none, and `why_not`.
+    """
+
+    path: str
+    relative: float | None
+    by_joint: tuple[float, ...]
+    rows: int
+    why_not: str = ""
+
+
+def friction_of(model: LinearModel, values: Array) -> JointFriction:
+    """The friction of the unknowns (nparam)."""
+    n = model.njoint
+
+    def of(term: str) -> Array:
+        if term not in model.friction:
+            return np.zeros(n)
+        return values[[model.column(term, joint) for joint in range(n)]]
+
+    def shared(term: str) -> Array:
+        has = term == "rotor" or term in model.friction
+        pairs = range(len(model.coupled))
+        return np.array([values[model.shared_column(term, pair)] if has else 0.0 for pair in pairs])
+
+    return JointFriction(
+        viscous=of("viscous"),
+        coulomb=of("coulomb"),
+        root=of("root"),
+        offset=of("offset"),
+        load=of("load"),
+        presliding=np.full(n, model.presliding),
+        still=model.still,
+        coupled=model.coupled,
+        coupled_rotor=shared("rotor"),
+        coupled_viscous=shared("viscous"),
+        coupled_coulomb=shared("coulomb"),
+        coupled_root=shared("root"),
+    )
+
+
+def recorded_identified_model(
+    records: Sequence[Record], plant: str, found: RecordedEstimate, verdict: RecordedVerdict
+) -> IdentifiedModel:
+    """What logs have told: the law has the whole posterior mean, and bodies for simulators the one with viscous and
+    Coulomb friction alone.
+
+    Args:
+        records: the logs.
+        plant: the name of the nominal robot.
+        found: what the logs say.
+        verdict: on it.
+    """
+    table = verdict.lumps.copy()
+    table["value"] = table["identified"]
+    names = table["name"].tolist()
+    about = {
+        "plant": plant,
+        "rows": sum(len(record.times) for record in records),
+        "logs": [record.name for record in records],
+        "verdict": verdict.word,
+        "reasons": list(verdict.reasons),
+        "source": "estimate",
+        "misfit": None,
+        "delay_s": found.delay,
+        "zeros": found.zeros.tolist(),
+        "held_out_error": found.held_out.relative,
+        "written": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "metaid": metaid.__version__,
+    }
+    gravity: float | tuple[float, ...] = tuple(found.possible.tree.gravity.tolist())
+    if found.model.is_chain and isinstance(found.model.source, tuple):
+        gravity = found.model.source[1]
+    name = records[0].name if len(records) == 1 else f"{records[0].name} and {len(records) - 1} more"
+    return IdentifiedModel(
+        name=name,
+        about=about,
+        lumps=table,
+        covariance=pd.DataFrame(found.covariance, index=names, columns=names),
+        dynamics=_dynamics(found),
+        gravity=gravity,
+        timestep=min(0.002, min(record.period for record in records)),
+    )
+
+
+def _dynamics(found: RecordedEstimate) -> Dynamics:
+    tree, friction = found.possible.tree, friction_of(found.model, found.values)
+    plain = friction_of(found.simulator_model, found.simulator.values)
+    parameters = np.zeros((tree.njoint, len(PARAMETERS)))
+    parameters[:, :] = tree.parameters
+    notes = not_in_xml(friction)
+    if notes:
+        notes = [
+            *notes,
+            "so bodies, viscous and Coulomb friction were fitted for it anew: left-out torques are predicted to "
+            f"{found.simulator_held_out.relative:.2%} by these, to {found.held_out.relative:.2%} by the .py and .h",
+        ]
+    simulator = _with_friction(found.simulator.tree, plain)
+    return Dynamics(
+        law=ArmLaw(tree, parameters, friction),
+        tree=simulator,
+        chain=_chain(found, simulator) if found.model.is_chain else None,
+        notes=tuple(notes),
+        is_chain=found.model.is_chain,
+        couples=couples_of(plain),
+    )
+
+
+def _with_friction(tree: Tree, friction: JointFriction) -> Tree:
+    parameters = tree.parameters.copy()
+    parameters[:, PARAMETERS.index("damping")] = np.maximum(friction.viscous, 0.0)
+    parameters[:, PARAMETERS.index("coulomb")] = np.maximum(friction.coulomb, 0.0)
+    return tree.with_parameters(parameters)
+
+
+def _chain(found: RecordedEstimate, tree: Tree) -> Chain | None:
+    """The planar chain with the same lumps and friction whose centres of mass are on its links, as a plant file has it;
+    None where there is none.
+    """
+    assert isinstance(found.model.source, tuple)
+    values, nominal = found.simulator.values, found.model.source[0]
+    lumps = replace(nominal.lumps_of((*IDEAL, "inertia")), damping=tree.damping, coulomb=tree.coulomb)
+    nlump = len(lumps.vector)
+    lumps = lumps.with_parameters(values[:nlump])
+    return chain_of_lumps(lumps, nominal, np.ones(nlump, dtype=np.bool_), np.eye(nlump)).chain
+
+
+def file_error(path: Path, name: str, found: RecordedEstimate, logs: Sequence[Smoothed], zeros: Array) -> FileError:
+    """How well a written file predicts the torques of logs, loaded again: those of the rows that are judged (Eq. 61a).
+
+    Args:
+        path: of the file.
+        name: of the model that was written.
+        found: what it is of.
+        logs: that are predicted.
+        zeros: of their encoders (nlog x njoint), in rad.
+    """
+    squares, whole, rows = np.zeros(found.model.njoint), np.zeros(found.model.njoint), 0
+    for own, zero in zip(logs, zeros, strict=True):
+        predicted = file_torques(
+            path,
+            name,
+            own.coordinates + zero,
+            own.speeds,
+            own.accelerations,
+            found.possible.tree.names,
+            gravity=found.possible.tree.gravity,
+        )
+        if predicted.torques is None:
+            return FileError(str(path), None, (), 0, predicted.why_not)
+        sent = own.torques
+        if found.delay:
+            shifted = [np.interp(own.times - found.delay, own.times, column) for column in sent.T]
+            sent = np.stack(shifted, axis=1)
+        left = (sent - own.filtered(predicted.torques))[own.judged]
+        squares, whole = squares + (left**2).sum(axis=0), whole + (sent[own.judged] ** 2).sum(axis=0)
+        rows += len(left)
+    relative = float(np.sqrt(squares.sum() / max(whole.sum(), 1e-300)))
+    by_joint = np.sqrt(squares / np.maximum(whole, 1e-300))
+    return FileError(str(path), relative, tuple(by_joint.tolist()), rows)
+
+
+def text_error(
+    model: IdentifiedModel, suffix: str, found: RecordedEstimate, logs: Sequence[Smoothed], zeros: Array
+) -> FileError:
+    """The same of a file that is written to a place of its own."""
+    with TemporaryDirectory(prefix="metaid-") as place:
+        path = Path(place) / f"model{suffix}"
+        model.write(path)
+        return file_error(path, model.name, found, logs, zeros)

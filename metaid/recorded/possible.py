@@ -1,0 +1,315 @@
+"""The fit over bodies that can be: unknowns that a robot with possible links, rotors and friction has.
+
+Links are possible where their pseudo-inertia is positive definite (Eq. 53), rotors and friction where they are not
+negative. The normal equations of the free fit say how much any other unknowns cost, so no log is looked at again. The
+log-det divergence from the nominal links (Eq. 54), with a small weight, keeps what is fitted inside and chooses among
+links that move alike.  Eq. 58b.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from metaid.models import Array
+from metaid.models.tree import PARAMETERS, Belief, Tree, nominal_pseudo_inertias, planar_tree, pseudo_inertia
+from metaid.recorded.linear_model import RIGID, LinearModel
+
+WEIGHT = 0.05  # of the divergence, beside χ² / 2
+PATH = 10.0  # by which the weight falls from solution to solution
+STEPS = 60  # of Newton's, for one weight
+CLOSE = 1e-8  # Newton's decrement where a point is at its centre
+SMALL = 1e-3  # of a friction's deviation: what is not above 0 is kept so near to it
+THIN = 0.1  # of what a rotor may be beforehand: a nominal rotor of 0 counts as this
+BODY = 10
+LONGEST = 10.0  # of the logarithm of a length in m
+SPEEDS = (0.0, 0.1, 0.3, 1.0)  # shares of a joint's fastest speed, at which friction is not negative
+
+
+@dataclass(frozen=True)
+class PossibleModel:
+    """A robot that can be.
+
+    Attributes:
+        values: the unknowns (nparam).
+        tree: its links and rotors, without friction.
+        lengths: of a chain's links but the last (nlink − 1), in m; None of an arm.
+        jacobian: how the unknowns (nparam) of a chain change with its free parameters (nparam x nfree), for Coriolis
+            lumps follow from lengths; None of an arm.
+    """
+
+    values: Array
+    tree: Tree
+    lengths: Array | None
+    jacobian: Array | None
+
+
+@dataclass(frozen=True)
+class _Cone:
+    """Symmetric matrices (count x size x size) that are linear in the free parameters, and positive definite.
+
+    `slope` (count x size x size x nfree), `nominal` (count x size x size).
+    """
+
+    slope: Array
+    nominal: Array
+
+    @cached_property
+    def scaled(self) -> Array:
+        """The slopes, scaled so that nominal matrices are 1 (nfree x count x size x size)."""
+        lower = np.linalg.inv(np.linalg.cholesky(self.nominal))
+        slope = np.moveaxis(self.slope, -1, 0)
+        return np.asarray(lower @ slope @ lower.swapaxes(-1, -2), dtype=np.float64)
+
+    def value(self, x: Array) -> float:
+        """The divergence from the nominal matrices; inf outside."""
+        matrices = np.tensordot(x, self.scaled, axes=1)
+        try:
+            diagonal = np.diagonal(np.linalg.cholesky(matrices), axis1=-2, axis2=-1)
+        except np.linalg.LinAlgError:
+            return float("inf")
+        return float(np.trace(matrices, axis1=-2, axis2=-1).sum() - 2.0 * np.log(diagonal).sum())
+
+    def slopes(self, x: Array) -> tuple[Array, Array]:
+        """Gradient (nfree) and curvature (nfree x nfree) of the divergence."""
+        lower = np.linalg.inv(np.linalg.cholesky(np.tensordot(x, self.scaled, axes=1)))
+        inside = lower @ self.scaled @ lower.swapaxes(-1, -2)
+        traces = np.trace(self.scaled, axis1=-2, axis2=-1) - np.trace(inside, axis1=-2, axis2=-1)
+        rows = inside.reshape(len(x), -1)
+        return traces.sum(axis=-1), rows @ rows.T
+
+
+class Possible:
+    """What can be of a model: how unknowns follow from free parameters, and which of these are possible.
+
+    The free parameters are, of each link, ten (of a chain three: mass, first and second moment) and its rotor, then the
+    unknowns of friction, then the logarithms of a chain's lengths.
+    """
+
+    def __init__(self, model: LinearModel, scale: float, fastest: Array) -> None:
+        self._model, self._scale, self._fastest = model, scale, fastest
+        self._friction = np.arange(model.nbody, len(model.names))
+        if isinstance(model.source, Belief):
+            self._tree = model.source.nominal
+            self._links = scale * self._tree.parameters[:, :RIGID].ravel()
+            base = model.source.base
+            kept = base.columns % len(PARAMETERS) < RIGID
+            matrix = base.matrix[kept].reshape(kept.sum(), self._tree.njoint, len(PARAMETERS))[..., :RIGID]
+            self._matrix = matrix.reshape(kept.sum(), -1)
+            self._lengths = np.zeros(0)
+            spread = np.sqrt(np.diag(model.source.parameter_covariance)).reshape(-1, len(PARAMETERS))[:, BODY]
+            self._usual_rotor = scale * np.maximum(self._tree.rotor, THIN * spread)
+        else:
+            chain, gravity = model.source
+            self._tree = planar_tree(chain, gravity)
+            own = np.stack([chain.mass, chain.mass * chain.com, chain.inertia + chain.mass * chain.com**2], axis=1)
+            self._links = scale * np.column_stack([own, np.zeros(chain.nlink)]).ravel()
+            self._lengths = np.log(chain.length[:-1])
+            self._usual_rotor = scale * THIN * chain.lumps_of(("inertia",)).vector
+        n = self._tree.njoint
+        self._nlink = len(self._links) // n
+        self._links.reshape(n, -1)[:, -1] = self._usual_rotor
+
+    @property
+    def _nfree(self) -> int:
+        return len(self._links) + len(self._friction) + len(self._lengths)
+
+    def lumps(self, x: Array) -> tuple[Array, Array]:
+        """The unknowns (nparam) of free parameters (nfree), and their Jacobian (nparam x nfree)."""
+        model, nlinks, nfriction = self._model, len(self._links), len(self._friction)
+        jacobian = np.zeros((len(model.names), self._nfree))
+        jacobian[self._friction, nlinks + np.arange(nfriction)] = 1.0
+        if isinstance(model.source, Belief):
+            jacobian[: model.nbody, :nlinks] = self._matrix
+            return jacobian @ x, jacobian
+        n = model.njoint
+        links, length = x[:nlinks].reshape(n, 4), np.append(np.exp(x[nlinks + nfriction :]), 0.0)
+        beyond = np.append(np.cumsum(links[::-1, 0])[::-1][1:], 0.0)  # the mass that each link carries
+        after = np.triu(np.ones((n, n)), 1)
+        gravity, inertia = links[:, 1] + length * beyond, links[:, 2] + length**2 * beyond  # Eqs. 1 and 3
+        of_gravity, of_inertia = np.zeros((n, self._nfree)), np.zeros((n, self._nfree))
+        for i in range(n):
+            of_gravity[i, 4 * i + 1] = of_inertia[i, 4 * i + 2] = 1.0
+            of_gravity[i, 0:nlinks:4], of_inertia[i, 0:nlinks:4] = length[i] * after[i], length[i] ** 2 * after[i]
+            if i < n - 1:
+                at = nlinks + nfriction + i
+                of_gravity[i, at], of_inertia[i, at] = length[i] * beyond[i], 2.0 * length[i] ** 2 * beyond[i]
+        first, second = np.triu_indices(n, 1)
+        coriolis = length[first] * gravity[second]  # Eq. 2
+        of_coriolis = length[first, None] * of_gravity[second]
+        of_coriolis[np.arange(len(first)), nlinks + nfriction + first] += coriolis
+        jacobian[:n], jacobian[n : n + len(first)] = of_gravity, of_coriolis
+        jacobian[n + len(first) : 2 * n + len(first)] = of_inertia
+        jacobian[2 * n + len(first) + np.arange(n - 1), 4 * np.arange(1, n) + 3] = 1.0
+        values = np.concatenate([gravity, coriolis, inertia, links[1:, 3], x[nlinks : nlinks + nfriction]])
+        return values, jacobian
+
+    def _cones(self, values: Array, deviations: Array) -> list[_Cone]:
+        """What is to be positive definite; unknowns and their deviations (nparam each) are those of the free fit."""
+        model, n, nlinks = self._model, self._tree.njoint, len(self._links)
+        each = np.eye(self._nfree)[:nlinks].reshape(n, self._nlink, self._nfree)
+        if model.is_chain:
+            of_links = np.moveaxis(np.array([[each[:, 2], each[:, 1]], [each[:, 1], each[:, 0]]]), 2, 0)
+            own = self._links.reshape(n, -1)
+            nominal = np.moveaxis(np.array([[own[:, 2], own[:, 1]], [own[:, 1], own[:, 0]]]), 2, 0)
+            thick = nominal.copy()
+            thick[:, 0, 0] = np.maximum(thick[:, 0, 0], 1.001 * own[:, 1] ** 2 / own[:, 0])
+            nominal = thick
+        else:
+            of_links = np.array([np.moveaxis(np.array([pseudo_inertia(one) for one in own.T]), 0, -1) for own in each])
+            nominal = self._scale * nominal_pseudo_inertias(self._tree)
+        cones = [_Cone(of_links, nominal), _Cone(each[:, -1, None, None, :], self._usual_rotor[:, None, None])]
+        rows, sizes = self._friction_rows(values, deviations)
+        slopes = np.zeros((len(rows), 1, 1, self._nfree))
+        slopes[:, 0, 0, nlinks : nlinks + len(self._friction)] = rows
+        return [*cones, _Cone(slopes, sizes[:, None, None])] if len(rows) else cones
+
+    def _friction_rows(self, values: Array, deviations: Array) -> tuple[Array, Array]:
+        """Combinations of the unknowns of friction (nrow x nfriction) that are not negative, and their usual sizes
+        (nrow): where there is a root, the curve at some speeds, else each term by itself.
+        """
+        model, nbody = self._model, self._model.nbody
+        rows: list[Array] = []
+        curve = [term for term in ("coulomb", "root", "viscous") if term in model.friction]
+        alone = ["load"] if "load" in model.friction else []
+        bare = () if "root" in curve else tuple(curve)
+        owners = [
+            ({term: model.column(term, joint) for term in (*curve, *alone)}, fastest, (*bare, *alone))
+            for joint, fastest in enumerate(self._fastest.tolist())
+        ]
+        for pair, both in enumerate(model.coupled):
+            columns = {term: model.shared_column(term, pair) for term in (*curve, "rotor")}
+            owners.append((columns, float(self._fastest[list(both)].max()), (*bare, "rotor")))
+        for columns, fastest, singles in owners:
+            shapes = [
+                {"coulomb": 1.0, "root": share**0.5 * fastest**0.5, "viscous": share * fastest} for share in SPEEDS
+            ]
+            for shape in shapes if "root" in curve else []:
+                row = np.zeros(len(values))
+                for term, size in shape.items():
+                    if term in curve:
+                        row[columns[term]] = size
+                rows.append(row)
+            for single in singles:
+                row = np.zeros(len(values))
+                row[columns[single]] = 1.0
+                rows.append(row)
+        stacked = np.array(rows).reshape(-1, len(values))
+        least = SMALL * np.abs(stacked) @ deviations
+        sizes = np.maximum(stacked @ values, np.maximum(least, 1e-12))
+        return stacked[:, nbody:], sizes
+
+    def _start(self, values: Array, deviations: Array) -> Array:
+        """A point inside: the nominal links, and friction of the sizes that it is expected to have."""
+        rows, sizes = self._friction_rows(values, deviations)
+        free = values[self._friction].copy()
+        if len(rows):
+            short = rows @ free < 0.5 * sizes
+            if short.any():  # as near as can be to what was fitted, and inside
+                from scipy.optimize import lsq_linear
+
+                slack = lsq_linear(
+                    np.vstack([np.eye(len(free)) / np.maximum(deviations[self._friction], 1e-300)]),
+                    free / np.maximum(deviations[self._friction], 1e-300),
+                    bounds=self._box(rows, free),
+                ).x
+                free = np.where(np.isfinite(slack), slack, free)
+                if (rows @ free <= 0.0).any():
+                    free = np.maximum(np.abs(values[self._friction]), SMALL * deviations[self._friction])
+        return np.concatenate([self._links, free, self._lengths])
+
+    @staticmethod
+    def _box(rows: Array, free: Array) -> tuple[Array, Array]:
+        low = np.full(len(free), -np.inf)
+        tiny = 1e-12 + 1e-6 * np.abs(free)
+        for row in rows:
+            used = np.flatnonzero(row)
+            low[used] = np.maximum(low[used], tiny[used])
+        return low, np.full(len(free), np.inf)
+
+    def closest(self, values: Array, precision: Array) -> PossibleModel:
+        """The possible model that costs least, from unknowns that were fitted freely (nparam) and their precision
+        (nparam x nparam).  Eq. 58b.
+        """
+        scale = 1.0 / np.sqrt(np.diag(precision))
+        deviations = scale * np.sqrt(np.maximum(np.diag(np.linalg.inv(precision * np.outer(scale, scale))), 0.0))
+        cones = self._cones(values, deviations)
+        x = self._start(values, deviations)
+
+        def cost(x: Array) -> float:
+            missed = self.lumps(x)[0] - values
+            return 0.5 * float(missed @ precision @ missed)
+
+        weight = max(WEIGHT, cost(x) / max(len(x), 1))
+        while True:
+            x = self._centre(x, values, precision, cones, weight)
+            if weight <= WEIGHT:
+                break
+            weight = max(WEIGHT, weight / PATH)
+        found, jacobian = self.lumps(x)
+        nlinks = len(self._links)
+        links = x[:nlinks].reshape(self._tree.njoint, -1)
+        length = np.exp(x[nlinks + len(self._friction) :])
+        is_chain = self._model.is_chain
+        return PossibleModel(
+            values=found,
+            tree=self._tree_of(links, length),
+            lengths=length if is_chain else None,
+            jacobian=jacobian if is_chain else None,
+        )
+
+    def _centre(self, x: Array, values: Array, precision: Array, cones: list[_Cone], weight: float) -> Array:
+        """The point of the least cost and divergence, by Newton's steps (Gauss's where lengths are unknown)."""
+        present = self._total(x, values, precision, cones, weight)
+        for _ in range(STEPS):
+            lumps, jacobian = self.lumps(x)
+            gradient = jacobian.T @ (precision @ (lumps - values))
+            curvature = jacobian.T @ precision @ jacobian
+            for cone in cones:
+                slope, bend = cone.slopes(x)
+                gradient, curvature = gradient + weight * slope, curvature + weight * bend
+            scale = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
+            step = -scale * np.linalg.lstsq(curvature * np.outer(scale, scale), scale * gradient, rcond=1e-14)[0]
+            decrement = -float(gradient @ step)
+            if not decrement > CLOSE * max(weight, 1e-12):
+                break
+            share = 1.0
+            while share > 1e-10:
+                tried = self._total(x + share * step, values, precision, cones, weight)
+                if tried <= present - 1e-4 * share * decrement:
+                    break
+                share *= 0.5
+            else:
+                break
+            x, present = x + share * step, tried
+        return x
+
+    def _total(self, x: Array, values: Array, precision: Array, cones: list[_Cone], weight: float) -> float:
+        divergence = sum(cone.value(x) for cone in cones)
+        if not np.isfinite(divergence) or np.abs(x[len(x) - len(self._lengths) :]).max(initial=0.0) > LONGEST:
+            return float("inf")
+        missed = self.lumps(x)[0] - values
+        return 0.5 * float(missed @ precision @ missed) + weight * divergence
+
+    def _tree_of(self, links: Array, length: Array) -> Tree:
+        """The arm that has these links (njoint x nlink)."""
+        nominal, n = self._tree, self._tree.njoint
+        friction = np.zeros((n, 2))
+        if not self._model.is_chain:
+            return nominal.with_parameters(np.column_stack([links, friction]))
+        mass, first, second, rotor = links.T
+        rotor = np.concatenate([[0.0], rotor[1:]])  # that of the first joint is part of its link
+        upright = np.array([0.0, 0.0, 1.0])
+        com = first / mass
+        return replace(
+            nominal,
+            position=np.concatenate([[0.0], length])[:, None] * upright,
+            mass=mass,
+            com=com[:, None] * upright,
+            inertia=(second - mass * com**2)[:, None, None] * np.eye(3),
+            rotor=rotor,
+            damping=np.zeros(n),
+            coulomb=np.zeros(n),
+        )

@@ -1,0 +1,127 @@
+"""A log on a regular grid through a low-pass filter without phase: the yardstick that is the same for all.
+
+The angles pass a Butterworth filter at ANGLES Hz, speeds and accelerations are differences of them, and both the
+torques that were sent and those that a model needs pass one at a cut-off.  Eq. 61a.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.models import Array
+from metaid.recorded.linear_model import LinearModel
+from metaid.recorded.log import Record
+
+ANGLES = 20.0  # Hz
+CUTOFFS = (10.0, 7.0, 5.0, 3.0, 2.0)  # Hz, of torques
+ORDER = 4
+FINEST = 0.004  # s: the grid is no finer
+LONGEST = 40_000  # rows of a grid
+EDGE = 0.2  # s at both ends that are not judged
+REST = 0.01  # of a joint's fastest speed: rows in which no joint is faster, for AROUND s, are not judged
+AROUND = 0.25  # s
+GAP = 0.05  # s between two readings, around which rows are not judged
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """A log on a regular grid.
+
+    Attributes:
+        times: of the rows (nrow), in s.
+        coordinates: through the filter (nrow x njoint), in rad or m.
+        speeds: (nrow x njoint), in rad/s or m/s.
+        accelerations: (nrow x njoint), in rad/s² or m/s².
+        sent: the torques as they were logged, averaged over a period (nrow x njoint), in N m or N.
+        judged: which rows count (nrow): the robot moves, and no gap is near.
+        cutoff: of the torques' filter, in Hz.
+    """
+
+    times: Array
+    coordinates: Array
+    speeds: Array
+    accelerations: Array
+    sent: Array
+    judged: NDArray[np.bool_]
+    cutoff: float
+    _states: dict[tuple[float, tuple[tuple[int, int], ...]], Array] = field(
+        default_factory=dict, repr=False, compare=False
+    )
+
+    @property
+    def period(self) -> float:
+        """The time between two rows, in s."""
+        return float(self.times[1] - self.times[0])
+
+    @property
+    def torques(self) -> Array:
+        """The logged torques through the filter (nrow x njoint), in N m or N."""
+        return self.filtered(self.sent)
+
+    def filtered(self, torques: Array) -> Array:
+        """Torques (nrow x njoint) through the filter."""
+        return low_pass(torques, self.cutoff, self.period)
+
+    def states(self, model: LinearModel) -> Array:
+        """The state of dry friction along the grid (nrow x njoint + npair)."""
+        if not model.presliding:
+            return model.sliding(self.speeds)
+        key = model.presliding, model.coupled
+        if key not in self._states:
+            self._states[key] = model.presliding_along(self.coordinates)
+        return self._states[key]
+
+    def sliding(self, model: LinearModel, times: Array) -> Array:
+        """The state of dry friction at some times (...), in s (... x njoint + npair)."""
+        states = self.states(model)
+        return np.stack([np.interp(times, self.times, state) for state in states.T], axis=-1)
+
+
+def low_pass(rows: Array, cutoff: float, period: float) -> Array:
+    """Rows (nrow x ncolumn) that are `period` s apart through a Butterworth filter without phase at `cutoff` Hz."""
+    from scipy import signal  # slow to load
+
+    weights = signal.butter(ORDER, min(2.0 * cutoff * period, 0.95), output="sos")
+    return np.asarray(signal.sosfiltfilt(weights, rows, axis=0), dtype=np.float64)
+
+
+def smoothed(record: Record) -> Smoothed:
+    """A log on a grid with its own period, or FINEST, whose torques are averages over a period."""
+    period = max(record.period, FINEST, (record.times[-1] - record.times[0]) / LONGEST)
+    times = np.arange(record.times[0], record.times[-1], period)
+    regular = np.arange(record.times[0], record.times[-1], record.period)
+    angles = np.stack([np.interp(regular, record.times, column) for column in record.angles.T], axis=1)
+    angles = low_pass(angles, ANGLES, record.period)
+    coordinates = np.stack([np.interp(times, regular, column) for column in angles.T], axis=1)
+    speeds = np.gradient(coordinates, period, axis=0)
+    sums = np.vstack([np.zeros(record.njoint), np.cumsum(record.torques[:-1] * np.diff(record.times)[:, None], axis=0)])
+    edges = np.append(times - 0.5 * period, times[-1] + 0.5 * period)
+    total = np.stack([np.interp(edges, record.times, column) for column in sums.T], axis=1)
+    sent = np.diff(total, axis=0) / period
+    sent[0], sent[-1] = record.torques[0], record.torques[-1]
+    return Smoothed(
+        times,
+        coordinates,
+        speeds,
+        np.gradient(speeds, period, axis=0),
+        sent,
+        _judged(record, times, speeds),
+        CUTOFFS[0],
+    )
+
+
+def _judged(record: Record, times: Array, speeds: Array) -> NDArray[np.bool_]:
+    """Rows in which some joint moves and whose neighbours were all read (nrow)."""
+    period = times[1] - times[0]
+    size = np.abs(speeds)
+    fastest = np.quantile(size, 0.99, axis=0)
+    moves = ((size > REST * fastest) & (fastest > 0.0)).any(axis=1).astype(np.float64)
+    reach = 2 * max(1, round(AROUND / period)) + 1
+    judged = np.convolve(moves, np.ones(reach), mode="same") > 0.5
+    judged &= (times > times[0] + EDGE) & (times < times[-1] - EDGE)
+    for late in np.flatnonzero(np.diff(record.times) > max(GAP, 3.0 * record.period)):
+        judged &= (times < record.times[late] - EDGE) | (times > record.times[late + 1] + EDGE)
+    return np.asarray(judged, dtype=np.bool_)
