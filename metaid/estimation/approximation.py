@@ -108,5 +108,5 @@ def has_mass(lumps: Lumps) -> bool:
     """Whether the mass matrix of a chain is positive definite, at random poses in which links are parallel."""
     if lumps.inertia is None:
         return True
-    poses = np.pi * np.random.default_rng(0).integers(0, 2, (POSES, lumps.nlink))
+    poses: Array = np.pi * np.random.default_rng(0).integers(0, 2, (POSES, lumps.nlink)).astype(np.float64)
     return bool((np.linalg.eigvalsh(mass_matrix(lumps, lumps.inertia, poses)) > 0.0).all())
