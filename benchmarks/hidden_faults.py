@@ -41,8 +41,15 @@ HIDDEN = {
     "none": "nothing",
 }
 KINDS = tuple(HIDDEN)
-OF_THESE = "of these wrong"
-COLUMNS = "hidden in the plant", "studies", "`found`", OF_THESE, "`approximate`", f"{OF_THESE} ", "`not found`"
+COLUMNS = (
+    "hidden in the plant",
+    "studies",
+    "`found`",
+    "of these wrong",
+    "`approximate`",
+    "wrong of those",
+    "`not found`",
+)
 HALF_WIDTHS, SLACK = 3.0, 1e-3
 
 
