@@ -18,15 +18,18 @@ from metaid.recorded.estimate import RecordedEstimate
 from metaid.recorded.linear_model import LinearModel, arm_model
 from metaid.recorded.log import Record
 from metaid.recorded.possible import Possible
+from metaid.recorded.scales import joint_scales
 from metaid.recorded.smoothed import Smoothed
 
-FEWEST, MOST = 60, 150  # windows of a check, of all logs
+MOST = 80  # windows of a check, of all logs
 NAMED = 0.75  # of the torque that the model leaves unexplained: a fact that leaves less is named
 SELDOM = 0.5  # the same of zeros and of gravity, which many other faults look like
 WRONG = 0.08  # of the torque, that must be unexplained for a fact to be looked for
 UNIT = 5.0  # a scale of a joint's torques that is farther from the others' is another unit
 QUARTERS = (0.5 * np.pi, -0.5 * np.pi, np.pi)
-BLIND = 0.5  # an error of the nominal robot above which its scales say nothing
+THOUSANDS = (1000.0, 0.001)
+FRICTION = 50.0  # times the torque of a joint's bodies that its friction may be
+LIGHT = 0.02  # of the strongest joint's torque, for a joint that bodies hardly load
 
 
 @dataclass(frozen=True)
@@ -47,11 +50,20 @@ class _Check:
     equations: Equations
     fastest: Array
 
-    def left(self, equations: Equations) -> float:
-        """The share of the torque that a possible model leaves unexplained."""
-        solution, rows, _ = equations.solved
+    def left(self, equations: Equations, enough: float = np.inf) -> float:
+        """The share of the torque that a possible model leaves unexplained; that of the free fit, which leaves less,
+        where this is not below `enough`.
+        """
+        solution, _, _ = equations.solved
+        free = self._unexplained(equations, solution.values)
+        if free >= enough:
+            return free
         possible = Possible(equations.model, equations.scale, self.fastest)
-        values = possible.closest(solution.values, solution.precision).values
+        return self._unexplained(equations, possible.closest(solution.values, solution.precision).values)
+
+    @staticmethod
+    def _unexplained(equations: Equations, values: Array) -> float:
+        rows = equations.solved[1]
         missed, whole = 0.0, 0.0
         weight = 1.0 / np.maximum(np.mean([(each**2).mean(axis=(0, 1)) for each in equations.torques], axis=0), 1e-300)
         for own, torques in zip(rows, equations.torques, strict=True):
@@ -100,11 +112,12 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate) -> tuple[Fact, 
         return ()
     check = _Check(equations, found.fastest)
     usual = check.left(equations)
-    units = list(_units(found, check))
+    units = list(_units(check))
     if usual < WRONG and not units:
         return ()
     tried = [
-        Fact(text, option, check.left(other) / max(usual, 1e-300)) for text, option, other in _suspected(found, check)
+        Fact(text, option, check.left(other, NAMED * usual) / max(usual, 1e-300))
+        for text, option, other in _suspected(found, check)
     ]
     worth = [fact for fact in tried if fact.left < (SELDOM if fact.option.startswith(("--zero", "--grav")) else NAMED)]
     worth.sort(key=lambda fact: fact.left)
@@ -190,43 +203,32 @@ def _suspected(found: RecordedEstimate, check: _Check) -> Iterator[tuple[str, st
             yield f"gravity points elsewhere in the frame of the base: {option}", option, check.with_model(other)
 
 
-def _units(found: RecordedEstimate, check: _Check) -> Iterator[Fact]:
+def _units(check: _Check) -> Iterator[Fact]:
     """Joints whose torques are so many times what the nominal bodies need that they are in another unit than those of
     the others.
     """
     equations = check.equations
-    model, n = equations.model, equations.model.njoint
-    if n < 2:
-        return
-    scales = []
-    for joint in range(n):
-        rows = np.concatenate([own[:, :, joint].reshape(-1, own.shape[-1]) for own in equations.solved[1]])
-        sent = np.concatenate([torques[:, :, joint].ravel() for torques in equations.torques])
-        columns = [rows[:, : model.nbody] @ (equations.scale * model.nominal)]
-        columns += [rows[:, model.column(term, joint)] for term in ("viscous", "coulomb", "offset")]
-        stacked = np.stack(columns, axis=1)
-        size = np.sqrt((stacked**2).sum(axis=0))
-        if not size[0] > 0.0:
-            scales.append(np.nan)
+    names, scales = equations.model.joints, np.abs(joint_scales(equations))
+    known = scales[np.isfinite(scales)]
+    middle = float(np.median(known)) if len(known) > 2 else equations.scale
+    for joint, scale in enumerate(scales.tolist()):
+        ratio = scale / middle if np.isfinite(scale) else _beyond_friction(equations, joint)
+        if 1.0 / UNIT < ratio < UNIT:
             continue
-        solved = np.linalg.lstsq(stacked / np.where(size > 0.0, size, 1.0), sent, rcond=1e-10)[0]
-        share = abs(solved[0]) / max(float(np.linalg.norm(sent)), 1e-300)
-        scales.append(abs(solved[0]) / size[0] if share > 0.5 else np.nan)
-    known = np.array(scales)
-    if np.isfinite(known).sum() < 2:
-        return
-    for joint in np.flatnonzero(np.isfinite(known)).tolist():
-        others = np.delete(known, joint)
-        middle = float(np.nanmedian(others))
-        ratio = float(known[joint] / middle) if middle > 0.0 else 1.0
-        if not 1.0 / UNIT < ratio < UNIT:
-            guess = next((each for each in (1000.0, 0.001) if 0.4 < ratio / each < 2.5), None)
-            unit = {1000.0: "mN m", 0.001: "kN m"}.get(guess or 0.0, "a motor current or another unit")
-            factor = f"{1.0 / (guess or ratio):.3g}"
-            option = f"--scale {model.joints[joint]}={factor}"
-            yield Fact(
-                f"the torque of joint {model.joints[joint]} is {ratio:.3g} times what the others' scale would make it: "
-                f"{unit}? {option}",
-                option,
-                0.0,
-            )
+        factor = next((1.0 / unit for unit in THOUSANDS if 0.3 < ratio / unit < 3.0), 1.0 / ratio)
+        unit = {0.001: "mN m", 1000.0: "kN m"}.get(factor, "a motor current or another unit")
+        option = f"--scale {names[joint]}={factor:.3g}"
+        text = f"the torque of joint {names[joint]} is {ratio:.3g} times what the others' scale would make it: {unit}?"
+        yield Fact(f"{text} {option}", option, 0.0)
+
+
+def _beyond_friction(equations: Equations, joint: int) -> float:
+    """By how much the torques of a joint whose bodies are hardly felt are larger than friction can make them; 1 where
+    they are not.
+    """
+    model = equations.model
+    needed = [(own[..., : model.nbody] @ (equations.scale * model.nominal)) for own in equations.solved[1]]
+    usual = np.sqrt(np.mean([(each**2).mean(axis=(0, 1)) for each in needed], axis=0))
+    sent = np.sqrt(np.mean([(each**2).mean(axis=(0, 1)) for each in equations.torques], axis=0))
+    most = FRICTION * max(float(usual[joint]), LIGHT * float(usual.max()))
+    return float(sent[joint] / most) * UNIT if sent[joint] > most > 0.0 else 1.0

@@ -25,11 +25,10 @@ from metaid.recorded.held_out import HeldOut, Yardstick
 from metaid.recorded.linear_model import LinearModel
 from metaid.recorded.log import Record
 from metaid.recorded.possible import Possible, PossibleModel
+from metaid.recorded.scales import torque_scale
 from metaid.recorded.smoothed import Smoothed, smoothed
 from metaid.recorded.suspects import examined, suspects
 
-FAR = 2.0  # a scale of all torques that is farther from 1 is taken for another unit
-VAGUE = 100.0  # times the prior's deviations, while that scale is looked for
 FEW_STARTS = 10  # of simulations a fold, of an arm
 MANY_STARTS = 60  # of a chain
 
@@ -121,7 +120,8 @@ def estimate_records(records: Sequence[Record], model: LinearModel, choices: Cho
         raise RecordError(f"{still.name}: too short, or no joint moves (allowed: some seconds of motion)")
     model = model.with_still(usual_still(logs))
     logs = with_cutoff(records, logs, model, model.is_chain and choices.zeros is not False)
-    scale = torque_scale(records, logs, model)
+    plain = _plain(records, logs, model)
+    scale = 1.0 if plain is None else torque_scale(plain)
     chosen = choose(records, logs, model, choices, scale)
     equations = chosen.equations
     refined, possible, solution = _refined(equations, logs)
@@ -154,24 +154,6 @@ def estimate_records(records: Sequence[Record], model: LinearModel, choices: Cho
         logs=logs,
         moved=float(sum(own.judged.sum() * own.period for own in logs)),
     )
-
-
-def torque_scale(records: Sequence[Record], logs: Sequence[Smoothed], model: LinearModel) -> float:
-    """By which factor all torques differ from what the nominal bodies need; 1 where that is within FAR.
-
-    The bodies are fitted with next to no prior, and the factor is that of the nominal ones that comes nearest.
-    """
-    equations = _plain(records, logs, model)
-    if equations is None:
-        return 1.0
-    vague = replace(equations.model, covariance=VAGUE**2 * equations.model.covariance)
-    solution = replace(equations, model=vague).solved[0]
-    nbody = model.nbody
-    inner = solution.precision - solution.prior
-    seen = inner[:nbody, :nbody] - inner[:nbody, nbody:] @ np.linalg.pinv(inner[nbody:, nbody:]) @ inner[nbody:, :nbody]
-    nominal = model.nominal
-    factor = float(nominal @ seen @ solution.values[:nbody]) / max(float(nominal @ seen @ nominal), 1e-300)
-    return factor if factor > 0.0 and not 1.0 / FAR <= factor <= FAR else 1.0
 
 
 def _plain(records: Sequence[Record], logs: Sequence[Smoothed], model: LinearModel) -> Equations | None:

@@ -124,9 +124,11 @@ def _fold(found: RecordedEstimate, number: int) -> str:
 def _unexplained(found: RecordedEstimate) -> Iterator[str]:
     """What is not explained, at most three sentences."""
     if found.scale != 1.0:
+        is_milli = 300.0 < found.scale < 3000.0
         yield (
-            f"all torques are {found.scale:.3g} times what the nominal bodies need: another unit, or motor currents? "
-            "(--scale all=FACTOR brings them into N m; every number of the model is in the log's unit)"
+            f"all torques are {found.scale:.3g} times what the nominal bodies need: "
+            + ("mN m? --scale all=0.001" if is_milli else f"motor currents? --scale all={1.0 / found.scale:.2g} or so")
+            + "; until then every number is in the unit of the log"
         )
     if found.misfit >= EXPLAINED and found.held_out.relative >= EXACT:
         held = found.held_out

@@ -18,9 +18,11 @@ from metaid.models.tree import PARAMETERS, Belief, Tree, nominal_pseudo_inertias
 from metaid.recorded.linear_model import RIGID, LinearModel
 
 WEIGHT = 0.05  # of the divergence, beside χ² / 2
-PATH = 10.0  # by which the weight falls from solution to solution
+PATH = 100.0  # by which the weight falls from solution to solution
+RIDGE = 1e-13  # of scaled curvatures: rounding
 STEPS = 60  # of Newton's, for one weight
-CLOSE = 1e-8  # Newton's decrement where a point is at its centre
+ROUGHLY = 0.1  # the same while the weight falls
+CLOSE = 1e-6  # Newton's decrement where a point is at its centre
 SMALL = 1e-3  # of a friction's deviation: what is not above 0 is kept so near to it
 THIN = 0.1  # of what a rotor may be beforehand: a nominal rotor of 0 counts as this
 BODY = 10
@@ -271,9 +273,11 @@ class Possible:
                 slope, bend = cone.slopes(x)
                 gradient, curvature = gradient + weight * slope, curvature + weight * bend
             scale = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
-            step = -scale * np.linalg.lstsq(curvature * np.outer(scale, scale), scale * gradient, rcond=1e-14)[0]
+            scaled = curvature * np.outer(scale, scale)
+            scaled[np.diag_indices_from(scaled)] += RIDGE
+            step = -scale * np.linalg.solve(scaled, scale * gradient)
             decrement = -float(gradient @ step)
-            if not decrement > CLOSE * max(weight, 1e-12):
+            if not decrement > (CLOSE if weight <= WEIGHT else ROUGHLY) * max(weight, 1e-12):
                 break
             share = 1.0
             while share > 1e-10:

@@ -78,9 +78,9 @@ def test_scale_of_all_torques_is_what_a_verdict_does_not_know(chain_log: tuple[R
 
 
 def test_friction_that_bends_near_rest_is_suspected() -> None:
-    """Dry friction that a joint has only from a fifth of its speed on is named, and nothing is surer than it allows."""
+    """Dry friction that a joint has only from some of its speed on is named, and nothing is surer than it allows."""
     chain = load_chain("two-link").chain
-    record = log_of(planar_tree(chain, 9.81), extra=lambda speeds: 0.2 * np.tanh(speeds / 0.5))
+    record = log_of(planar_tree(chain, 9.81), extra=lambda speeds: 0.2 * np.tanh(speeds / 1.0))
     asked = Choices(friction=("viscous", "coulomb"))
     found = judged(record, chain_model(wrong_chain(chain, 1), 9.81), asked)
     true = chain.lumps_of(("gravity", "coriolis", "inertia")).vector

@@ -1,4 +1,4 @@
-"""The files of what a log has told: each says the torque that was identified, and its printed error is that of itself."""
+"""The files of what a log has told: each says what was identified, and its printed error is that of itself."""
 
 from __future__ import annotations
 
