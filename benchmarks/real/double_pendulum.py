@@ -19,7 +19,7 @@ from benchmarks.real.judging import ANGLES, Log, Motion, free_model, motion_of, 
 from benchmarks.real.least_squares import tuned
 from benchmarks.real.lines import Line, Table
 from benchmarks.real.pendulum import Pendulum, lab_pendulum, of_values
-from benchmarks.real.printed import printed_and_measured
+from benchmarks.real.printed import printed_and_measured, printed_line
 from metaid.models import Array
 from metaid.plant import load_chain
 from metaid.recorded import chain_model
@@ -190,10 +190,9 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
         )
         ours, *labs = closed.values()
         better += [own < min(each) for own, *each in zip(ours, *labs, strict=True)]
-        yield Table(
-            f"double pendulum {name}, errors that are printed",
-            [printed_and_measured(result, path, design.learned) for path in files],
-        )
+        printed = [printed_and_measured(result, path, design.learned) for path in files]
+        yield Table(f"double pendulum {name}, errors that are printed", printed)
+        yield printed_line(f"double pendulum {name}", printed)
         yield from lines(name, scores, result)
     share = sum(better) / len(better)
     yield Line(

@@ -16,6 +16,7 @@ import numpy as np
 from scipy import ndimage
 
 from benchmarks.real.judging import ANGLES, Log, Motion, Rows, file_torques, low_pass, missed, motion_of
+from benchmarks.real.lines import Line
 
 FINEST = 0.004  # s
 MOVES, AROUND, EDGE, GAP = 0.01, 0.25, 0.2, 0.05  # share of the fastest speed; s each
@@ -48,3 +49,11 @@ def printed_and_measured(result: Any, path: Path, logs: Sequence[Log]) -> dict[s
         pairs.append((predicted[rows], sent[rows]))
     own = missed(pairs).relative
     return {"file": path.suffix, "printed": said.relative, "measured": own, "ratio": said.relative / own}
+
+
+def printed_line(machine: str, rows: Sequence[dict[str, Any]]) -> Line:
+    """Whether what is printed for the files of a machine is what is measured."""
+    worst = max(abs(row["ratio"] - 1.0) for row in rows)
+    return Line(
+        f"{machine}: error that is printed for a file beside the measured one, relative difference", worst, 0.02
+    )

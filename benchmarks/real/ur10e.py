@@ -32,7 +32,7 @@ from benchmarks.real.judging import (
 )
 from benchmarks.real.least_squares import prepared, tuned
 from benchmarks.real.lines import Line, Table
-from benchmarks.real.printed import judged_rows, printed_and_measured
+from benchmarks.real.printed import judged_rows, printed_and_measured, printed_line
 from benchmarks.real.urdf import bare_urdf, with_bodies
 from metaid.models import Array
 from metaid.plant import ArmPlant, load_plant
@@ -174,10 +174,9 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
     found |= {f"least squares, {name}, {how}": each for name, (how, each) in others.items()}
     title = f"UR10e, torque at {YARDSTICK} Hz, {LEARNED} to {len(tests)} others: {result.verdict.word}"
     yield Table(f"{title}; terms {' '.join(terms.terms)}", [_row(name, each) for name, each in found.items()])
-    yield Table(
-        "UR10e, errors that are printed",
-        [printed_and_measured(result, path, [learned]) for path in files.values()],
-    )
+    printed = [printed_and_measured(result, path, [learned]) for path in files.values()]
+    yield Table("UR10e, errors that are printed", printed)
+    yield printed_line("UR10e", printed)
     for ending, most in MOST_BY_FILE.items():
         yield Line(f"UR10e: torque by the {ending}", found[f"metaid, {ending}"].relative, most)
     yield Line("UR10e: joint 5 by the .py", found["metaid, .py"].by_joint[4], MOST_OF_JOINT_5)
