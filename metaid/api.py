@@ -373,8 +373,6 @@ def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: 
     """Coasting and tracking with the identified lumps of a study, and with its nominal ones and the true ones beside;
     of an arm with its base parameters.
 
-    A lump that the study does not determine keeps its nominal value.
-
     Args:
         name: of the study.
         storage: of the DB.

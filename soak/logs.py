@@ -26,6 +26,7 @@ from pathlib import Path
 import numpy as np
 
 from metaid.errors import MetaidError
+from metaid.models import DEVIATIONS
 from metaid.plant import MujocoPlant
 from metaid.recorded import Choices, RecordedResult, identify
 from soak.common import SoakResult, soaked
@@ -66,11 +67,11 @@ def true_values(found: RecordedResult, rig: Rig) -> dict[str, float]:
 
 
 def far_off(found: RecordedResult, rig: Rig) -> tuple[str, ...]:
-    """What is determined and lies further from the truth than its interval and SLACK allow."""
+    """What is determined and lies further from the truth than both its deviations and SLACK allow."""
     true = true_values(found, rig)
     far = []
     for row in found.verdict.lumps[found.verdict.lumps["determined"]].to_dict("records"):
-        right, half = true.get(row["name"], 0.0), 0.5 * (row["high"] - row["low"])
+        right, half = true.get(row["name"], 0.0), DEVIATIONS * float(np.hypot(row["sd"], row["sd_systematic"]))
         missed = row["identified"] - right
         if not abs(missed) <= HALF_WIDTHS * half + SLACK * abs(right):
             far.append(f"{row['name']} {row['identified']:.5g}, true {right:.5g}, {abs(missed) / half:.1f} half-widths")
@@ -93,7 +94,7 @@ def try_case(number: int) -> Judged:
         case,
         found.verdict.word,
         "; ".join(found.verdict.reasons),
-        far_off(found, rig) if found.verdict.is_found else (),
+        far_off(found, rig) if found.verdict.word == "found" or case.well_posed else (),
         int(table["determined"].sum()),
         len(table),
     )
@@ -116,7 +117,8 @@ def run(scale: float) -> list[SoakResult]:
 
     def well_posed() -> tuple[int, list[str]]:
         posed = [each for each in judged if each.case.well_posed]
-        missed = [f"{_about(each)}: {each.verdict}, {each.reasons}" for each in posed if each.verdict != "found"]
+        has_model = ("found", "approximate")
+        missed = [f"{_about(each)}: {each.verdict}, {each.reasons}" for each in posed if each.verdict not in has_model]
         return len(posed), missed if len(missed) > (1.0 - WELL_POSED_FOUND) * len(posed) else []
 
     def refused() -> tuple[int, list[str]]:

@@ -22,13 +22,13 @@ def print_study(store: Any, name: str, with_bodies: bool = False) -> dict[str, A
     """Every lump beside its nominal value, and the truth where the plant knows it; what was tried, and the best; what
     that says of each link, where this is to be said; last of all the verdict. Returns the summary that this is of.
     """
-    from metaid.results import summary
+    from metaid.results import shown_rows, summary
 
     shown = summary(store, name, with_bodies)
     title = f"{shown['name']}: {shown['plant']}, {shown['sampler']}, {shown['measure']}, seed {shown['seed']}"
-    _print_lumps(title, shown["lumps"], "; ".join(describe_tried(shown)))
+    _print_lumps(title, shown_rows(shown), "; ".join(describe_tried(shown)))
     if shown.get("faults"):
-        _print_faults(shown["faults"])
+        _print_faults(shown_rows(shown, "faults"))
     _say_foreign(shown.get("foreign_trials", []), _unit(shown["measure"]))
     if "parameters" in shown:
         _show_parameters(shown)
@@ -72,29 +72,37 @@ def describe_tried(shown: dict[str, Any]) -> list[str]:
 
 def _origin(shown: dict[str, Any]) -> str:
     """What the lumps are of, and what the estimate from all trials says beside them."""
-    from metaid.results import describe_known_from, describe_trials, interval_name
+    from metaid.results import RESULTS, describe_known_from, describe_trials, interval_name
 
     estimate, total = shown["estimate"], shown["trials"]["total"]
     if estimate is None:
         return f"no estimate from all trials: {shown['why_no_estimate']}"
     text = f"estimate from {describe_trials(estimate, total)}"
-    if shown["verdict"] == "found" and shown["source"] == "estimate":
-        text += f"; {describe_known_from(estimate, total)}; low to high is the {interval_name(estimate['counts'])}"
+    if shown["verdict"] in RESULTS and shown["source"] == "estimate":
+        known = f"{describe_known_from(estimate, total)}; " if estimate["explains"] else ""
+        text += f"; {known}low to high is the {interval_name(estimate['counts'])}"
     return f"{text}; {estimate['description']}"
 
 
 def describe_verdict(shown: dict[str, Any]) -> str:
-    """The verdict in a `summary`: how well the lumps are known, the largest error where it is known, and reasons."""
-    parts = list(shown["reasons"])
+    """The verdict in a `summary`: how well the lumps are known, the largest error where it is known, and reasons; of
+    what is approximate how well it predicts before all.
+    """
+    from metaid.results import RESULTS
+
+    reasons = list(shown["reasons"])
+    if shown["verdict"] not in RESULTS:
+        return f"{shown['verdict'].upper()}: {'; '.join(reasons)}"
     known = [lump for lump in shown["lumps"] if lump["determined"]]
-    if shown["verdict"] == "found" and "expression" in known[0]:
-        parts = [f"{len(known)} base parameters", *_model_error(shown["model_error"]), *parts]
-    elif shown["verdict"] == "found":
+    first = reasons[: shown["verdict"] == "approximate"]
+    if "expression" in known[0]:
+        said = [f"{len(known)} base parameters", *_model_error(shown["model_error"])]
+    else:
         widest = max((lump["high"] - lump["low"]) / (2.0 * lump["identified"]) for lump in known)
         head = f"{len(known)} lumps, each to within {error_text(widest, '')} or better"
         error = [] if shown["max_error"] is None else [f"largest error {error_text(shown['max_error'], '')}"]
-        parts = [head, *error, *_fault_texts(shown.get("faults", [])), *parts]
-    return f"{shown['verdict'].upper()}: {'; '.join(parts)}"
+        said = [head, *error, *_fault_texts(shown.get("faults", []))]
+    return f"{shown['verdict'].upper()}: {'; '.join([*first, *said, *reasons[len(first) :]])}"
 
 
 def _fault_texts(faults: list[dict[str, Any]]) -> list[str]:

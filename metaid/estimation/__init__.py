@@ -9,11 +9,13 @@ All trials are used, whichever sampler proposed their laws. A trial that ended i
 knows of files, studies or the truth.
 """
 
+from metaid.estimation.approximation import Approximation, has_mass
 from metaid.estimation.estimate import Estimate, fit
 from metaid.estimation.experiment import Compared, Experiment, NoisyExperiment, SeenTrial, SilentExperiment
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults, searched_faults
 from metaid.estimation.motions import Motions, Quantity
 from metaid.estimation.noisy import (
+    HeldOut,
     Proposal,
     Readings,
     ReadTrial,
@@ -22,15 +24,17 @@ from metaid.estimation.noisy import (
     commanded_torques,
     filtered_speeds,
 )
-from metaid.estimation.trials import Replay, WatchedTrial
+from metaid.estimation.trials import Replay, WatchedTrial, numbered_joints
 from metaid.estimation.unknowns import FULL, Unknowns
 
 __all__ = [
     "FULL",
     "NO_FAULTS",
+    "Approximation",
     "Compared",
     "Estimate",
     "Experiment",
+    "HeldOut",
     "Motions",
     "NoisyExperiment",
     "Proposal",
@@ -48,5 +52,7 @@ __all__ = [
     "commanded_torques",
     "filtered_speeds",
     "fit",
+    "has_mass",
+    "numbered_joints",
     "searched_faults",
 ]

@@ -15,6 +15,7 @@ from metaid.estimation.estimate import Comparison, Estimate, fit
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults, searched_faults
 from metaid.estimation.motions import Motions, Quantity
 from metaid.estimation.noisy import (
+    HeldOut,
     Innovations,
     Proposal,
     Readings,
@@ -26,6 +27,7 @@ from metaid.estimation.noisy import (
     explanations,
     filtered_speeds,
     fit_with_torque_noise,
+    hold_out,
     proposed_faults,
     take_up,
     unmodelled_forces,
@@ -144,6 +146,12 @@ class Experiment(ABC):
     def proposed(self, trials: Sequence[Any], estimate: Estimate) -> Proposal | None:
         """Faults that would explain what an `estimate` of the `trials` does not, if they were searched, too. None where
         none does, or no readings were kept to try it.
+        """
+        return None
+
+    def held_out(self, trials: Sequence[Any], estimate: Estimate) -> HeldOut | None:
+        """How well fits to some of the pushes of the `trials` predict the others, from an `estimate` on. None without
+        noise, where a model that leaves more than rounding is wrong, and where there are too few pushes.
         """
         return None
 
@@ -305,6 +313,10 @@ class NoisyExperiment(Experiment):
             return None  # none of them explains the trials; or gains of a filter that are those without it
         declared = self.delay * self.timestep * self.substeps
         return proposed_faults(self._comparison(trials), estimate, self._search, declared)
+
+    def held_out(self, trials: Sequence[ReadTrial], estimate: Estimate) -> HeldOut | None:
+        led = self._led(trials, estimate)
+        return None if led is None else hold_out(led, estimate.point)
 
     def _search(self, kinds: tuple[str, ...]) -> SearchedFaults:
         """Faults of these `kinds` as unknowns."""

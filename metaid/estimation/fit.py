@@ -143,6 +143,14 @@ def refine(comparison: Growing, start: Array) -> Fit | None:
     return _fit(comparison, found, found.iterations, 1)
 
 
+def settled(comparison: Growing, point: Array) -> Array | None:
+    """The unknowns (nunknown) where a descent on all windows at once ends that begins at a `point` (nunknown + nextra),
+    whatever it explains; None where the twin cannot follow from there.
+    """
+    found = _descent(comparison, point, comparison.stages)
+    return None if found is None else found.place.point[: len(comparison.spreads)]
+
+
 def grow(comparison: Growing, point: Array, gives_up: bool = False) -> Descent | None:
     """The descent from a `point`, on the shortest windows first; None where the twin cannot follow from there, or, if
     it `gives_up`, where windows are not explained.

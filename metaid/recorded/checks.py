@@ -22,8 +22,9 @@ from metaid.recorded.smoothed import Smoothed
 
 FEWEST, MOST = 60, 150  # windows of a check, of all logs
 NAMED = 0.75  # of the torque that the model leaves unexplained: a fact that leaves less is named
+SELDOM = 0.5  # the same of zeros and of gravity, which many other faults look like
 WRONG = 0.08  # of the torque, that must be unexplained for a fact to be looked for
-UNIT = 3.0  # a scale of a joint's torques that is farther from the others' is another unit
+UNIT = 5.0  # a scale of a joint's torques that is farther from the others' is another unit
 QUARTERS = (0.5 * np.pi, -0.5 * np.pi, np.pi)
 BLIND = 0.5  # an error of the nominal robot above which its scales say nothing
 
@@ -87,6 +88,13 @@ class _Check:
 
 def facts_of(records: Sequence[Record], found: RecordedEstimate) -> tuple[Fact, ...]:
     """What looks wrong in logs, the most telling first; of one joint one thing."""
+    dead = [
+        f"every torque of joint {name} is 0"
+        for joint, name in enumerate(found.model.joints)
+        if not any(record.torques[:, joint].any() for record in records)
+    ]
+    if dead:
+        return tuple(Fact(text, "", 0.0) for text in dead)
     equations = _thinned(records, found.logs, found)
     if equations is None:
         return ()
@@ -98,7 +106,8 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate) -> tuple[Fact, 
     tried = [
         Fact(text, option, check.left(other) / max(usual, 1e-300)) for text, option, other in _suspected(found, check)
     ]
-    worth = sorted((fact for fact in tried if fact.left < NAMED), key=lambda fact: fact.left)
+    worth = [fact for fact in tried if fact.left < (SELDOM if fact.option.startswith(("--zero", "--grav")) else NAMED)]
+    worth.sort(key=lambda fact: fact.left)
     telling = [fact for fact in worth if fact.left < worth[0].left * 1.15][:2]
     return (*units, *(telling if usual >= WRONG else ()))
 
@@ -202,7 +211,7 @@ def _units(found: RecordedEstimate, check: _Check) -> Iterator[Fact]:
             continue
         solved = np.linalg.lstsq(stacked / np.where(size > 0.0, size, 1.0), sent, rcond=1e-10)[0]
         share = abs(solved[0]) / max(float(np.linalg.norm(sent)), 1e-300)
-        scales.append(abs(solved[0]) / size[0] if share > 0.2 else np.nan)
+        scales.append(abs(solved[0]) / size[0] if share > 0.5 else np.nan)
     known = np.array(scales)
     if np.isfinite(known).sum() < 2:
         return

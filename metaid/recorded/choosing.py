@@ -26,6 +26,7 @@ BASE = ("viscous", "coulomb")
 PRESLIDING = (1e-4, 3e-4, 1e-3, 3e-3)  # rad or m
 WORTH = 0.97  # of the error: a term that leaves more is not taken up
 DELAYS = np.arange(-0.040, 0.0401, 0.002)  # s
+PROMPT = 0.002  # s: a delay as of a control step is looked for before friction is, which a longer one looks like
 SLOW = 0.01  # of a joint's usual speed: below it dry friction is a share of its whole
 USUAL = 0.3  # s: the windows that the cut-off of the yardstick is chosen with are no longer
 NEARLY = 1.25  # times the least error
@@ -139,7 +140,7 @@ def choose(
     """
     asked = choices.friction
     terms = BASE if asked is None else tuple(term for term in COLUMNS if term in asked)
-    spans = WINDOWS if choices.span is None else tuple((choices.span, power) for power in (4, 6, 8))
+    spans = WINDOWS if choices.span is None else ((choices.span, _usual_power(choices.span)),)
     search = _Search(records, logs, model.with_friction(terms), spans)
     present = replace(
         search.equations(search.windows[0], next(iter(search._by_windows.values()))),
@@ -148,20 +149,23 @@ def choose(
         scale=scale,
     )
     present, error = _best_windows(search, present)
+    if choices.delay is None:
+        present, error, _ = _with_delay(search, present, error, PROMPT)
     if choices.zeros is None:
         present, error = _with_zeros(search, present, error)
     present, error = _with_friction(search, present, error, asked)
     present, error = _best_windows(search, present)
     at_bound = False
-    if choices.delay is None:
-        late, at_bound = _delay(present)
-        found = search.better("a delay", replace(present, delay=late), error)
-        if found is None:
-            at_bound = False
-        else:
-            present, error = replace(present, delay=late), found
+    if choices.delay is None:  # friction that was taken up may have looked like a delay
+        prompt = replace(present, delay=0.0)
+        present, error, at_bound = _with_delay(search, prompt, search.error(prompt) if present.delay else error)
     held_out = search.yardstick.held_out(present)
     return Chosen(present, search.yardstick, held_out, tuple(search.tried), at_bound)
+
+
+def _usual_power(span: float) -> int:
+    """The degree of the polynomials of windows whose length, in s, the user has said."""
+    return min(WINDOWS, key=lambda windows: abs(np.log(windows[0] / span)))[1]
 
 
 def _best_windows(search: _Search, present: Equations) -> tuple[Equations, float]:
@@ -219,7 +223,21 @@ def _finer_presliding(search: _Search, present: Equations, error: float) -> tupl
     return present, error
 
 
-def _delay(present: Equations) -> tuple[float, bool]:
+def _with_delay(
+    search: _Search, present: Equations, error: float, longest: float = np.inf
+) -> tuple[Equations, float, bool]:
+    """With a delay of the torques that is no longer than so many s, where it is worth its while, and whether it is an
+    end of what was scanned.
+    """
+    late, at_bound = likely_delay(present)
+    if abs(late) > longest:
+        return present, error, False
+    other = replace(present, delay=late)
+    found = search.better("a delay", other, error)
+    return (present, error, False) if found is None else (other, found, at_bound)
+
+
+def likely_delay(present: Equations) -> tuple[float, bool]:
     """The delay of the torques that leaves least, in s, and whether it is an end of the scan."""
     solution, rows, _ = present.solved
     root, njoint, nparam = np.linalg.cholesky(solution.weight).T, present.model.njoint, len(solution.values)

@@ -145,6 +145,7 @@ class Equations:
         zeros: whether the zeros of the encoders are unknown.
         delay: by which torques act later than they are logged, in s.
         scale: of the nominal bodies: by which all torques of the logs differ from theirs.
+        nlog: how many logs there are, those included that have no part.
     """
 
     parts: tuple[Part, ...]
@@ -152,15 +153,12 @@ class Equations:
     zeros: bool
     delay: float = 0.0
     scale: float = 1.0
+    nlog: int = 1
 
     @cached_property
     def torques(self) -> list[Array]:
         """The averaged torques (nwindow x ntest x njoint) of each log."""
         return [part.windows.torques(part.record, self.delay) for part in self.parts]
-
-    @property
-    def nlog(self) -> int:
-        return max(part.log for part in self.parts) + 1
 
     @property
     def nwindow(self) -> int:
@@ -219,6 +217,17 @@ class Equations:
         nominal = self._prior_mean
         values, changes, precision = eliminated(fewer, nominal, solution.prior, solution.zeros, self.zeros)
         return replace(solution, values=values, precision=precision, zeros=solution.zeros + changes)
+
+    def apart_from(self, fold: Fold) -> Equations:
+        """The equations of the windows that share no time with a fold."""
+        parts = []
+        for part in self.parts:
+            if part.log not in fold.logs:
+                parts.append(part)
+            elif fold.third is not None:
+                kept = ~part.windows.overlapping(fold.begin, fold.end)
+                parts.append(Part(part.log, part.record, part.windows.only(kept), part.smoothed))
+        return replace(self, parts=tuple(parts))
 
     @property
     def _prior_mean(self) -> Array:
@@ -292,7 +301,7 @@ def equations_of(
         if windows is None or len(windows) < FOLDS_A_LOG:
             return None
         parts.append(Part(log, record, windows, own))
-    equations = Equations(tuple(parts), model, False)
+    equations = Equations(tuple(parts), model, False, nlog=len(parts))
     return equations if equations.is_enough else None
 
 

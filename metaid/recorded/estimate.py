@@ -9,7 +9,17 @@ import numpy as np
 
 from metaid.errors import RecordError
 from metaid.models import Array
-from metaid.recorded.choosing import BASE, Choices, Chosen, choose, fastest, usual_still, with_cutoff
+from metaid.recorded.choosing import (
+    BASE,
+    WORTH,
+    Choices,
+    Chosen,
+    choose,
+    fastest,
+    likely_delay,
+    usual_still,
+    with_cutoff,
+)
 from metaid.recorded.equations import Blocks, Equations, Solution, equations_of
 from metaid.recorded.held_out import HeldOut, Yardstick
 from metaid.recorded.linear_model import LinearModel
@@ -116,7 +126,8 @@ def estimate_records(records: Sequence[Record], model: LinearModel, choices: Cho
     equations = chosen.equations
     refined, possible, solution = _refined(equations, logs)
     yardstick = chosen.yardstick
-    solutions = [refined(equations, equations.without(fold)) for fold in yardstick.folds]
+    apart = [equations.apart_from(fold) for fold in yardstick.folds]
+    solutions = [refined(each, each.solved[0]) for each in apart]
     starts = MANY_STARTS if model.is_chain else FEW_STARTS
     held_out = yardstick.judged(equations, solutions, True, starts)
     simulator, simulator_model, simulator_held = _for_simulators(equations, logs, yardstick)
@@ -212,8 +223,9 @@ def _for_simulators(
 ) -> tuple[PossibleModel, LinearModel, HeldOut]:
     """The model with viscous and Coulomb friction alone, and how well it predicts what was left out."""
     plain = equations.with_model(equations.model.with_friction(BASE))
-    refiner, possible, _ = _refined(plain, logs)
-    return possible, plain.model, yardstick.held_out(plain, refiner)
+    refined, possible, _ = _refined(plain, logs)
+    apart = [plain.apart_from(fold) for fold in yardstick.folds]
+    return possible, plain.model, yardstick.judged(plain, [refined(each, each.solved[0]) for each in apart])
 
 
 def _nominal(equations: Equations, yardstick: Yardstick, starts: int) -> HeldOut:
@@ -233,7 +245,7 @@ def _nominal(equations: Equations, yardstick: Yardstick, starts: int) -> HeldOut
         moved = scales * np.linalg.solve(precision * np.outer(scales, scales), scales * shift)
         return replace(solution, values=solution.values + moved)
 
-    folds = [fixed(equations.without(fold)) for fold in yardstick.folds]
+    folds = [fixed(equations.apart_from(fold).solved[0]) for fold in yardstick.folds]
     return yardstick.judged(equations, folds, True, starts)
 
 
@@ -275,6 +287,11 @@ def _systematic(
         changes.append(suspicion.change)
         lacking += [f"{suspect.what} of joint {equations.model.joints[joint]}" for joint in suspicion.joints]
     free = equations.solved[0].values
+    late, _ = likely_delay(equations)
+    prompt = replace(equations, delay=late)
+    changes.append(prompt.solved[0].values - free)
+    if _unexplained(prompt) < WORTH * _unexplained(equations):
+        lacking.append(f"a delay of {1e3 * late:.2g} ms")
     for span, power in ((0.1, 5), (0.2, 6), (0.3, 8), (0.5, 10)):
         if span > equations.span:
             other = equations_of(records, logs, equations.model, span, power)
@@ -283,6 +300,16 @@ def _systematic(
                 changes.append(other.solved[0].values - free)
             break
     return np.sqrt(np.sum(np.square(changes), axis=0)), tuple(lacking)
+
+
+def _unexplained(equations: Equations) -> float:
+    """Root mean square of the averaged torques that the free fit leaves, in N m or N."""
+    solution, rows, _ = equations.solved
+    squares = [
+        (torques - own[..., : len(solution.values)] @ solution.values) ** 2
+        for own, torques in zip(rows, equations.torques, strict=True)
+    ]
+    return float(np.sqrt(np.mean(np.concatenate([each.ravel() for each in squares]))))
 
 
 def _misfit(equations: Equations, values: Array) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,7 +19,6 @@ MOST_FOLDS = 8  # logs are held out in so many groups at most
 WHOLE = 3  # so many logs or more: whole ones are held out
 MOST_STARTS = 60  # of simulations a fold
 ZERO_STEPS = 3  # of Newton's, for the zeros of a log that was held out
-Refine = Callable[[Equations, Solution], Solution]  # as possible bodies are made of a solution
 
 
 @dataclass(frozen=True)
@@ -164,22 +163,16 @@ class Yardstick:
             zeros = zeros + np.linalg.solve(gram, rows.T @ (left / spread).ravel() / correlated - zeros / ZERO**2)
         return zeros
 
-    def held_out(
-        self, equations: Equations, refine: Refine | None = None, with_motion: bool = False, most: int = MOST_STARTS
-    ) -> HeldOut:
-        """How well each fold is predicted from the others.
+    def held_out(self, equations: Equations, with_motion: bool = False, most: int = MOST_STARTS) -> HeldOut:
+        """How well each fold is predicted from the others, whose joints are weighed as those of all are: quick, while
+        something is chosen.
 
         Args:
             equations: of all logs.
-            refine: what is made of a solution before it predicts.
             with_motion: whether motion is simulated, too.
             most: simulations a fold.
         """
-        solutions = []
-        for fold in self.folds:
-            solution = equations.without(fold)
-            solutions.append(solution if refine is None else refine(equations, solution))
-        return self.judged(equations, solutions, with_motion, most)
+        return self.judged(equations, [equations.without(fold) for fold in self.folds], with_motion, most)
 
     def judged(
         self, equations: Equations, solutions: Sequence[Solution], with_motion: bool = False, most: int = MOST_STARTS
@@ -251,10 +244,6 @@ class Yardstick:
             for fold in np.unique(owner)
         ]
         return ends, constant, np.sqrt(np.mean(shares, axis=1))
-
-    def of_all(self, equations: Equations, solution: Solution, with_motion: bool = False) -> HeldOut:
-        """How well a solution predicts all of the logs, those that it is of."""
-        return replace(self, folds=self.folds).judged(equations, [solution] * len(self.folds), with_motion)
 
 
 def _middle(own: Smoothed) -> float:

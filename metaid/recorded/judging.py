@@ -16,13 +16,15 @@ from metaid.recorded.log import Record
 from metaid.study import COARSEST
 
 EXPLAINED = 3.0  # deviations of the noise: a misfit below explains what was seen
-EXACT = 0.005  # of the torque that was left out: an error below explains it, too
+EXACT = 0.002  # of the torque that was left out: an error below explains it, too
 LARGEST_ERROR = 0.3  # of the torque that was left out
+WORSE = 1.1  # times the error of the nominal bodies, from which on these are better
 CONTRADICTS = 1.5  # times the error of the nominal bodies, in one part of the logs
 SCALE = (
     "every number scales with the torques of the log, and nothing in it shows a wrong scale of all of them, as of "
     "motor currents with a wrong constant"
 )
+MOST_NAMED = 4  # of what the model may lack
 LEAST_TURN, LEAST_SLIDE = 0.02, 0.002  # rad, m, from end to end: within less joints do not slide, they bend and creep
 
 
@@ -97,7 +99,7 @@ def _against(records: Sequence[Record], found: RecordedEstimate, determined: NDA
             "lengths, for forces that are in no term, and for torques that are late"
         )
         return
-    if held.relative > nominal.relative and held.relative > EXACT and found.misfit > EXPLAINED:
+    if held.relative > WORSE * nominal.relative and held.relative > EXACT and found.misfit > EXPLAINED:
         yield (
             f"{what} that were left out are predicted to {held.relative:.1%}, no better than by the nominal bodies "
             f"with fitted friction, {nominal.relative:.1%}: move faster, farther, or longer"
@@ -134,7 +136,9 @@ def _unexplained(found: RecordedEstimate) -> Iterator[str]:
             f"({held.missed[worst]:.3g} of {held.of[worst]:.3g} N m)"
         )
     if found.lacking:
-        yield f"{', '.join(found.lacking)} would explain some of what is left, which sd_systematic holds"
+        more = len(found.lacking) - MOST_NAMED
+        named = ", ".join(found.lacking[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+        yield f"{named} would explain some of what is left, which sd_systematic holds"
     if found.chosen.delay_at_bound:
         yield (
             f"the delay of the torques, {1e3 * found.delay:.3g} ms, is an end of what was tried: it stands for "

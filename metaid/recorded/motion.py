@@ -57,7 +57,8 @@ def simulated(
     n, nbody = model.njoint, model.nbody
     fine = max(1, int(np.ceil(own.period / STEP)))
     step, steps = own.period / fine, round(AHEAD / own.period)
-    late = round(delay / own.period)
+    middles = own.times + 0.5 * own.period - delay  # a step has the torque at its middle
+    sent = np.stack([np.interp(middles, own.times, column) for column in own.sent.T], axis=1)
     angles, speeds, sliding = own.coordinates[starts] + zeros, own.speeds[starts], own.states(model)[starts]
     bodies, rubbing = values[:, :nbody], values[:, nbody:]
     units = np.vstack([np.zeros(n), np.eye(n)])
@@ -94,7 +95,7 @@ def simulated(
     ends = starts + steps
     with np.errstate(all="ignore"):
         for row in range(steps):
-            torques = own.sent[np.clip(starts + row - late, 0, len(own.times) - 1)]
+            torques = sent[starts + row]
             rigid = np.einsum("sjp,sp->sj", model.bodies(angles, speeds, rest), bodies)  # load, without chatter
             for _ in range(fine):
                 faster = rate(angles, speeds, torques, speeds, speeds, rigid)

@@ -18,7 +18,7 @@ from metaid.recorded.equations import Equations, Part, eliminated_covariance
 from metaid.recorded.linear_model import RIGID
 
 SIGNIFICANT = 4.0  # standard deviations from nothing: the verdict names it
-WORTH = 0.01  # of the torque that it must explain to be named
+WORTH = 0.001  # of the torque that it must explain to be named
 SHIFT = 1e-5  # rad or m, for the derivative by an angle, and by where a joint is
 THINNED = 4  # nodes: what is suspected need not be known as exactly as what is found
 BENDS = 10.0  # times the speed below which dry friction is a share of its whole: there friction bends
@@ -67,21 +67,20 @@ def examined(equations: Equations, values: Array, suspect: Suspect) -> Suspicion
     weight = solution.weight
     gram = np.zeros((nparam + nother, nparam + nother))
     moment = np.zeros(nparam + nother)
-    squares, total, scores = np.zeros(nother), 0.0, []
+    squares, total = np.zeros(nother), 0.0
+    wide, left = [], []
     for own, columns, torques in zip(rows, suspect.columns, equations.torques, strict=True):
-        wide = np.concatenate([own[..., :nparam], columns], axis=-1)
-        left = torques - own[..., :nparam] @ values
-        weighed = np.einsum("ij,wajp->waip", weight, wide)
-        gram += np.einsum("waip,waiq->pq", weighed, wide, optimize=True)
-        moment += np.einsum("waip,wai->p", weighed, left)
+        wide.append(np.concatenate([own[..., :nparam], columns], axis=-1))
+        left.append(torques - own[..., :nparam] @ values)
+        weighed = np.einsum("ij,wajp->waip", weight, wide[-1])
+        gram += np.einsum("waip,waiq->pq", weighed, wide[-1], optimize=True)
+        moment += np.einsum("waip,wai->p", weighed, left[-1])
         squares += (columns**2).sum(axis=(0, 1, 2))
         total += float((torques**2).sum())
-        scores.append(np.einsum("waip,wai->wp", weighed, left))
     gram[:nparam, :nparam] += solution.prior
     if suspect.deviations is None:
-        other = (
-            1e-6 * (squares + squares.max()) / max(total / max(sum(each.size for each in equations.torques), 1), 1e-300)
-        )
+        mean_square = total / max(sum(each.size for each in left), 1)
+        other = 1e-6 * (squares + squares.max()) / max(mean_square, 1e-300)
     else:
         other = suspect.deviations**-2.0
     at = np.arange(nparam, nparam + nother)
@@ -89,6 +88,10 @@ def examined(equations: Equations, values: Array, suspect: Suspect) -> Suspicion
     scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
     inverse = np.linalg.pinv(gram * np.outer(scale, scale), rcond=1e-13, hermitian=True) * np.outer(scale, scale)
     found = inverse @ moment
+    scores = [
+        np.einsum("waip,ij,waj->wp", own, weight, missed - own @ found, optimize=True)
+        for own, missed in zip(wide, left, strict=True)
+    ]
     covariance = eliminated_covariance(inverse, scores, equations.lags)
     shares = np.eye(nother) if suspect.of_joints is None else suspect.of_joints
     seen = shares @ found[nparam:]

@@ -57,6 +57,16 @@ class Windows:
         half = 0.5 * self.span
         return np.asarray((self.middles + half > begin) & (self.middles - half < end), dtype=np.bool_)
 
+    def only(self, which: NDArray[np.bool_]) -> Windows:
+        """Those of `which` (nwindow)."""
+        return replace(
+            self,
+            middles=self.middles[which],
+            coordinates=self.coordinates[which],
+            speeds=self.speeds[which],
+            accelerations=self.accelerations[which],
+        )
+
     def thinned(self, every: int) -> Windows:
         """The same with one of `every` nodes."""
         kept = slice(every // 2, None, every)

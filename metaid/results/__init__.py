@@ -16,7 +16,7 @@ from metaid.results.estimates import (
 )
 from metaid.results.findings import Findings, findings_of, read_any_findings, read_findings
 from metaid.results.lump_tables import without_nan
-from metaid.results.overview import summary
+from metaid.results.overview import shown_rows, summary
 from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.results.sweeps import Plane, Sweep, plane, sweep
 from metaid.results.tables import (
@@ -30,11 +30,12 @@ from metaid.results.tables import (
     trials_frame,
 )
 from metaid.results.validation import PUSHES, Validation, validate_factors
-from metaid.results.verdict import Verdict, judge, missed
+from metaid.results.verdict import RESULTS, Verdict, judge, missed
 
 __all__ = [
     "BANDWIDTH",
     "PUSHES",
+    "RESULTS",
     "Comparison",
     "Findings",
     "Plane",
@@ -66,6 +67,7 @@ __all__ = [
     "read_any_findings",
     "read_findings",
     "read_snapshot",
+    "shown_rows",
     "smooth_sinusoids",
     "studies_frame",
     "summary",

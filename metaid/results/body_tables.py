@@ -60,14 +60,14 @@ def bodies_table(problem: Problem, found: StudyEstimate | None, verdict: Verdict
     Raises:
         StudyError: the verdict is not that the estimate found lumps, or no body has such lumps.
     """
-    if not verdict.is_found:
+    if not verdict.has_result:
         raise StudyError(f"no bodies: the verdict is '{verdict.word}': {'; '.join(verdict.reasons)}")
     if found is None or verdict.source != "estimate":
         raise StudyError("no bodies: the lumps are those of the best trial, without intervals (allowed: an estimate)")
     estimate, nominal = found.estimate, problem.nominal
     is_given = problem.spec.study.estimate.lengths == "exact" or "coriolis" not in problem.estimated_kinds
     length = nominal.length if is_given else None
-    lumps = known_lumps(estimate.names, found.lumps_of(estimate), estimate.covariance, DEVIATIONS, length)
+    lumps = known_lumps(estimate.names, found.lumps_of(estimate), found.covariance, DEVIATIONS, length)
     with threadpool_limits(1):
         extents = body_extents(lumps)
     if extents is None:

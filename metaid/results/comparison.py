@@ -74,7 +74,7 @@ def compare(store: Store, names: Sequence[str]) -> Comparison:
     _refuse_other_plants(snapshots)
     verdicts = [judge_any(snapshot) for snapshot in snapshots]
     rows = [_study_row(*each) for each in zip(snapshots, verdicts, strict=True)]
-    tables = [verdict.lumps.assign(study=name) for verdict, name in zip(verdicts, names, strict=True)]
+    tables = [verdict.shown.assign(study=name) for verdict, name in zip(verdicts, names, strict=True)]
     lumps = pd.concat(tables, ignore_index=True)
     order = {name: place for place, name in enumerate(dict.fromkeys(lumps["name"]))}
     lumps = lumps.sort_values("name", key=lambda column: column.map(order), kind="stable", ignore_index=True)

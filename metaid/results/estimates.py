@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -16,7 +16,7 @@ from metaid.store import Trial
 from metaid.study import COARSEST, MOST_TRIALS, Problem
 
 if TYPE_CHECKING:
-    from metaid.estimation import Estimate, Experiment, Proposal, Replay, SeenTrial, TakenUp, Unmodelled
+    from metaid.estimation import Approximation, Estimate, Experiment, Proposal, Replay, SeenTrial, TakenUp, Unmodelled
 
 FIRST_TRIALS = 12  # of which it is looked for how early the estimate was there
 FEW_TRIALS = 3
@@ -90,10 +90,53 @@ class StudyEstimate:
 
     def deviations_of(self, names: Sequence[str]) -> Array:
         """The standard deviation of each of these lumps (nlump), as a share of it. It holds what a force would change
-        that the trials hint at.
+        that the trials hint at, and where the estimate does not explain them what the misfit and repetition say.
         """
+        if self.approximation is not None:
+            return self.estimate.by_name(self.approximation.deviations, names)
         own = self.estimate.deviations_of(names)
         return own if self.hinted is None else np.hypot(own, self.estimate.by_name(self.hinted.shift, names))
+
+    @cached_property
+    def approximation(self) -> Approximation | None:
+        """What the estimate is worth where it does not explain what was seen to the noise; None where it does, where
+        something else speaks against it, and where no push can be left out.
+        """
+        from metaid.estimation import Approximation, has_mass, numbered_joints  # loads numba
+
+        estimate = self.estimate
+        if estimate.is_explained or estimate.counts is not None:
+            return None
+        with threadpool_limits(1):
+            held = self.experiment.held_out(self.watched, estimate)
+        if held is None:
+            return None
+        force = self.hinted
+        count = len(estimate.names)
+        return Approximation(
+            held,
+            estimate.misfit,
+            estimate.residuals,
+            numbered_joints(estimate.residuals[0].shape[1]),
+            estimate.deviations,
+            np.zeros(count) if force is None else force.shift,
+            np.full(count, COARSEST),
+            not self._impossible and has_mass(estimate.lumps),
+        )
+
+    @property
+    def widening(self) -> float:
+        """By how much the misfit makes standard deviations larger than if the model explained all."""
+        return 1.0 if self.estimate.is_explained else self.estimate.misfit
+
+    @property
+    def covariance(self) -> Array:
+        """Of the unknowns (nunknown x nunknown): where the estimate is approximate, as wide as its intervals are."""
+        estimate = self.estimate
+        if self.approximation is None:
+            return estimate.covariance
+        wider = self.approximation.deviations / estimate.deviations
+        return np.asarray(estimate.covariance * np.outer(wider, wider), dtype=np.float64)
 
     @property
     def half_width(self) -> float:
@@ -326,3 +369,19 @@ def describe_known_from(shown: dict[str, Any], total: int) -> str:
         return f"the first {first} of {total} trials were not enough to know every lump to {CLOSE:.1%}"
     which = "the first" if known == 1 else f"the first {known}"
     return f"every lump was known to {CLOSE:.1%} after {which} of {total} trials"
+
+
+class Approximated(Protocol):
+    """An estimate of a chain or of an arm."""
+
+    @property
+    def approximation(self) -> Approximation | None:
+        """What it is worth where it does not explain what was seen to the noise."""
+
+
+def approximation_rows(found: Approximated, verdict: str) -> dict[str, Any]:
+    """What pushes that were left out say of an estimate that was `found`, as `study show --json` has it under
+    `estimate`; nothing where the `verdict` did not ask them.
+    """
+    worth = found.approximation if verdict in ("approximate", "not found") else None
+    return {} if worth is None else worth.summary()

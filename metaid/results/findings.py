@@ -56,12 +56,12 @@ class Findings:
         """The lumps that the study stands by: of an estimate all of them, those of inertia too; else those of this
         stage.
         """
-        return self.verdict.lumps if self.verdict.source == "estimate" else self.lumps
+        return self.verdict.shown if self.verdict.source == "estimate" else self.lumps
 
     @cached_property
     def validation(self) -> Validation | None:
         """On new pushes and along a trajectory; None where nothing was found, or the plant is a rig."""
-        if self.snapshot is None or not self.verdict.is_found or not self.problem.is_simulated:
+        if self.snapshot is None or not self.verdict.has_result or not self.problem.is_simulated:
             return None
         return validate_chain(self.snapshot, self.verdict)
 
@@ -175,7 +175,7 @@ def read_any_findings(store: Store, name: str) -> Findings | ArmFindings:
 def findings_of(snapshot: Snapshot) -> Findings:
     """The findings of a study that has been read."""
     trials, verdict = trials_table(snapshot), judge(snapshot)
-    lumps, shown = verdict.lumps, summarized(snapshot, verdict)
+    lumps, shown = verdict.shown, summarized(snapshot, verdict)
 
     def of(problem: Problem, second: Findings | None = None) -> Findings:
         own = trials if problem.is_only else trials[trials["stage"] == problem.stage]

@@ -36,26 +36,29 @@ def _lumps_of(stage: Stage) -> pd.DataFrame:
         values = np.array([trial.outcome.value for trial in survivors])
         found = identified_factors(problem, factors, values), *factor_range(problem, factors, values, resolution)
         determined &= found[2] - found[1] <= 2.0 * COARSEST * found[0]
-        factor, low, high = (np.where(determined, each, np.nan) for each in found)
+        # Of a lump that the measure does not see, a trial says nothing.
+        factor, low, high = (np.where(np.isfinite(resolution), each, np.nan) for each in found)
     return _lump_rows(problem, problem.lumps.searched, factor, (unknown, low * nominal, high * nominal), determined)
 
 
-def estimate_table(problem: Problem, found: StudyEstimate | None) -> pd.DataFrame:
-    """One row a lump, those of inertia included, as `lumps_frame` has them; NaN where nothing was found."""
+def estimate_table(problem: Problem, found: StudyEstimate | None, is_result: bool) -> pd.DataFrame:
+    """One row a lump, those of inertia included, as `lumps_frame` has them; NaN where there is no estimate. There are
+    intervals where it `is_result`: it explains what was seen, or is approximate.
+    """
     kinds = problem.estimated_kinds
     names = lump_names(problem.nominal.nlink, kinds)
     nominal = problem.nominal.lumps_of(kinds).vector_of(kinds)
     factor = deviation = low = high = np.full(len(names), np.nan)
     determined = np.zeros(len(names), dtype=np.bool_)
-    if found is not None and found.explains:
+    if found is not None:
         factor = found.estimate.lumps.vector_of(kinds) / nominal
+    if found is not None and is_result:
         deviation = found.deviations_of(names)
         low, high = factor * np.exp(-DEVIATIONS * deviation), factor * np.exp(DEVIATIONS * deviation)
         determined = deviation <= COARSEST
         if (extent := found.estimate.extent_of(names)) is not None:
             low, high = np.exp(extent[0]), np.exp(extent[1])
             deviation, determined = np.full(len(names), np.nan), high - low <= 2.0 * COARSEST * factor
-    factor, low, high = (np.where(determined, each, np.nan) for each in (factor, low, high))
     intervals = factor * nominal * deviation, low * nominal, high * nominal
     return _lump_rows(problem, kinds, factor, intervals, determined)
 
@@ -136,10 +139,10 @@ def without_nan(row: dict[Any, Any]) -> dict[str, Any]:
     return {str(key): None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()}
 
 
-def fault_table(problem: Problem, found: StudyEstimate | None) -> pd.DataFrame:
+def fault_table(problem: Problem, found: StudyEstimate | None, is_result: bool) -> pd.DataFrame:
     """One row a fault that was searched or taken up, see `[estimate] faults`: `name`, `unit`, `identified`, `sd`, `low`
     and `high` of the 95 % interval, `true`, `error`, which is the difference of the two, and whether it is
-    `determined`. NaN where nothing was found; no row where no fault was searched.
+    `determined`. NaN as in `estimate_table`; no row where no fault was searched.
     """
     kinds = problem.spec.study.estimate.searched_faults
     if found is not None and found.estimate.faults is not None:
@@ -149,10 +152,10 @@ def fault_table(problem: Problem, found: StudyEstimate | None) -> pd.DataFrame:
     # Here, and only here, the truth meets the result.
     true = true_faults(plant, kinds) if isinstance(plant, MujocoPlant) else nothing
     value, deviation, determined = nothing, nothing, np.zeros(len(names), dtype=np.bool_)
-    faults = None if found is None or not found.explains else found.estimate.faults
-    if faults is not None:
-        determined = faults.determined
-        value, deviation = (np.where(determined, each, np.nan) for each in (faults.values, faults.deviations))
+    if found is not None and (faults := found.estimate.faults) is not None:
+        value = faults.values
+        if is_result:
+            determined, deviation = faults.determined, found.widening * faults.deviations
     columns = {
         "name": names,
         "unit": [fault_unit(name) for name in names],
@@ -167,8 +170,8 @@ def fault_table(problem: Problem, found: StudyEstimate | None) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def fault_rows(problem: Problem, found: StudyEstimate | None) -> dict[str, Any]:
+def fault_rows(problem: Problem, found: StudyEstimate | None, is_result: bool) -> dict[str, Any]:
     """The same as `study show --json` has it, under `faults`; nothing where no fault is ever searched."""
     if not problem.spec.study.estimate.faults:
         return {}
-    return {"faults": [without_nan(row) for row in fault_table(problem, found).to_dict("records")]}
+    return {"faults": [without_nan(row) for row in fault_table(problem, found, is_result).to_dict("records")]}

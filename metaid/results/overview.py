@@ -10,10 +10,10 @@ from metaid.errors import StudyError
 from metaid.results.arms import ArmSnapshot, arm_summary, judge_any, read_any_snapshot
 from metaid.results.best import best_trial
 from metaid.results.body_tables import body_rows, parameters_table
-from metaid.results.estimates import StudyEstimate, why_no_estimate
+from metaid.results.estimates import StudyEstimate, approximation_rows, why_no_estimate
 from metaid.results.lump_tables import fault_rows, largest_error, without_nan
 from metaid.results.snapshot import Snapshot, Stage, counted_states, surviving
-from metaid.results.verdict import Verdict
+from metaid.results.verdict import NUMBERS, Verdict
 from metaid.store import ForeignTrial, Store, Trial
 from metaid.study import Problem
 
@@ -49,11 +49,11 @@ def summarized(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
         "trials": counted_states(snapshot.trials),
         "best": {**_best(first), **_error_of_best(first, verdict)},
         "lumps": [without_nan(row) for row in verdict.lumps.to_dict("records")],
-        **fault_rows(snapshot.first, snapshot.estimate),
+        **fault_rows(snapshot.first, snapshot.estimate, verdict.has_result),
         "max_error": largest_error(verdict.lumps),
         "model_error": None,
         "periods": sum(sum(trial.outcome.periods) for trial in surviving(snapshot.trials)),
-        **_estimate(snapshot),
+        **_estimate(snapshot, verdict),
         **({"foreign_trials": [_foreign(trial, snapshot) for trial in snapshot.foreign]} if snapshot.foreign else {}),
         **_noise_floor(first.problem),
         **_parameters(snapshot),
@@ -61,7 +61,13 @@ def summarized(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
     }
 
 
-def _estimate(snapshot: Snapshot) -> dict[str, Any]:
+def shown_rows(shown: dict[str, Any], key: str = "lumps") -> list[dict[str, Any]]:
+    """The rows of a summary's `lumps` or `faults` as tables show them: without numbers where nothing was found."""
+    rows: list[dict[str, Any]] = shown.get(key, [])
+    return [row | dict.fromkeys(row.keys() & NUMBERS) for row in rows] if shown["verdict"] == "not found" else rows
+
+
+def _estimate(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
     """How well the model explains what was seen, and what of; where there is no estimate, why."""
     problem, found = snapshot.first, snapshot.estimate
     if found is None:
@@ -77,6 +83,7 @@ def _estimate(snapshot: Snapshot) -> dict[str, Any]:
         "known_from": found.known_from,
         "half_width": found.half_width if found.explains else None,
         **_taken_up(found),
+        **approximation_rows(found, verdict.word),
         **({"by_others": found.by_others} if found.by_others else {}),
     }
     return {"estimate": estimate, "why_no_estimate": None}

@@ -42,16 +42,17 @@ def trials_frame(store: Store, name: str) -> pd.DataFrame:
 
 def lumps_frame(store: Store, name: str) -> pd.DataFrame:
     """One row a lump: `name`, `unit`, `nominal`, `factor`, `identified`, `sd`, `low`, `high`, `true`,
-    `error`, `determined`; NaN where not known. A lump that the trials cannot determine has no identified value, and
-    none has one where the verdict is `not found`. `sd`, a standard deviation, and `low` to `high` as a 95 % interval
-    are of an estimate; of a best trial `low` to `high` is the range of what cannot be told from it. The frame's `attrs`
-    are the `verdict`, its `reasons`, the `source` of the lumps, and, where a study searches or takes up faults, these
-    as `faults`, a row each as `study show --json` has it. Of an arm a row is a base parameter, with its `expression`.
+    `error`, `determined`; NaN where not known. `determined` says whether a lump is known to a tenth. There are no
+    intervals where the verdict is `not found`: then values are those of the last estimate, or the best trial. `sd`, a
+    standard deviation, and `low` to `high` as a 95 % interval are of an estimate; of a best trial `low` to `high` is
+    the range of what cannot be told from it. The frame's `attrs` are the `verdict`, its `reasons`, the `source` of the
+    lumps, and, where a study searches or takes up faults, these as `faults`, a row each as `study show --json` has it.
+    Of an arm a row is a base parameter, with its `expression`.
     """
     snapshot = read_any_snapshot(store, name)
     verdict = judge_any(snapshot)
     if not isinstance(snapshot, ArmSnapshot):
-        verdict.lumps.attrs |= fault_rows(snapshot.first, snapshot.estimate)
+        verdict.lumps.attrs |= fault_rows(snapshot.first, snapshot.estimate, verdict.has_result)
     verdict.lumps.attrs |= {"verdict": verdict.word, "reasons": list(verdict.reasons), "source": verdict.source}
     return verdict.lumps
 
@@ -65,7 +66,8 @@ def best_trial_frame(store: Store, name: str) -> pd.DataFrame:
 
 def estimate_frame(store: Store, name: str) -> pd.DataFrame:
     """One row a lump of the estimate from all trials of a study, whichever sampler proposed them, as `lumps_frame` has
-    them; NaN where the model does not explain what was seen.  Raises StudyError where no estimate can be made.
+    them; without intervals where the model does not explain what was seen.  Raises StudyError where no estimate can be
+    made.
     """
     return _estimated(read_snapshot(store, name))
 
@@ -74,7 +76,7 @@ def _estimated(snapshot: Snapshot) -> pd.DataFrame:
     if snapshot.estimate is None:
         why = why_no_estimate(snapshot.first, snapshot.all_shown)
         raise StudyError(f"study '{snapshot.name}' has no estimate: {why}")
-    return estimate_table(snapshot.first, snapshot.estimate)
+    return estimate_table(snapshot.first, snapshot.estimate, snapshot.estimate.explains)
 
 
 def optuna_estimate_frame(study: optuna.Study) -> pd.DataFrame:

@@ -128,7 +128,7 @@ def fresh_seed(study_seed: int, seed: int) -> int:
 
 
 def validate_chain(snapshot: Snapshot, verdict: Verdict, pushes: int = PUSHES, seed: int = 0) -> Validation:
-    """`validate_factors` of what a study found; a lump that it does not determine keeps its nominal value.
+    """`validate_factors` of what a study found.
 
     Args:
         snapshot: of the study.
@@ -140,9 +140,9 @@ def validate_chain(snapshot: Snapshot, verdict: Verdict, pushes: int = PUSHES, s
         StudyError: no lump was found, or as `validate_factors` does.
     """
     found = verdict.lumps.set_index("name")
-    factors = found["factor"].where(found["determined"], 1.0)
-    if factors.isna().any() or not found["determined"].any():
+    if not (verdict.has_result or (found["determined"] & found["factor"].notna()).any()):
         raise verdict.refusal(snapshot.name, "nothing to validate")
+    factors = found["factor"].fillna(1.0)
     inertia = factors[[lump for lump in found.index if kind_of(lump) == "inertia"]]
     values = (inertia * found["nominal"][inertia.index]).to_numpy() if len(inertia) else None
     return validate_factors(snapshot.first, factors[snapshot.first.names].to_numpy(), pushes, seed, values)

@@ -19,12 +19,14 @@ from metaid.results.best import best_trial
 from metaid.results.estimates import StudyEstimate, why_no_estimate
 from metaid.results.lump_tables import best_table, estimate_table, fault_table
 from metaid.results.snapshot import Snapshot, Stage
-from metaid.study import COARSEST, lumps_at_bounds
+from metaid.study import COARSEST, Problem, lumps_at_bounds
 
-Word = Literal["found", "not found", "unfinished"]
+Word = Literal["found", "approximate", "not found", "unfinished"]
 Source = Literal["estimate", "best trial"]
 Reason = str | StudyEstimate  # what an estimate says of faults takes fits: only who reads the reason waits for them
 
+RESULTS = "found", "approximate"  # the words of what has numbers to use
+NUMBERS = frozenset({"factor", "identified", "error"})  # columns of lumps that are not shown where nothing was found
 FAR = 3.0  # resolutions of the measure: the value of a minimum is not so far above zero
 
 
@@ -49,9 +51,21 @@ class Verdict:
         return self.word == "found"
 
     @property
+    def has_result(self) -> bool:
+        """Whether there are numbers to use, with intervals: of what is found, or approximate."""
+        return self.word in RESULTS
+
+    @property
     def values(self) -> Array:
-        """The lumps as they are to be used: one that is not determined keeps its nominal value."""
-        return self.lumps["identified"].where(self.lumps["determined"], self.lumps["nominal"]).to_numpy()
+        """The lumps (nlump) as they are to be used: as identified, all of them, for what is not known of one hangs
+        together with the others. What a best trial says nothing of is as beforehand.
+        """
+        return self.lumps["identified"].fillna(self.lumps["nominal"]).to_numpy()
+
+    @property
+    def shown(self) -> pd.DataFrame:
+        """The lumps as tables and figures show them: without numbers where nothing was found."""
+        return self.lumps.assign(**dict.fromkeys(NUMBERS, np.nan)) if self.word == "not found" else self.lumps
 
     def refusal(self, name: str, nothing: str, way_out: str = "") -> StudyError:
         """The error of a study of that `name` that has `nothing` to give without a result, and what can be done."""
@@ -63,30 +77,44 @@ def judge(snapshot: Snapshot) -> Verdict:
     """The verdict on a study as it is in the DB."""
     problem, estimate = snapshot.first, snapshot.estimate
     if estimate is not None and estimate.explains:
-        lumps = estimate_table(problem, estimate)
+        lumps = estimate_table(problem, estimate, is_result=True)
         if lumps["determined"].any():
-            tables = lumps, fault_table(problem, estimate)
-            missing = (why for table in tables for why in missed(table, "these trials do"))
-            reasons = (*estimate.reasons, *missing, *estimate.provisos)
-            return Verdict("found", "estimate", reasons, lumps)
+            missing = _missing(problem, estimate, lumps)
+            return Verdict("found", "estimate", (*estimate.reasons, *missing, *estimate.provisos), lumps)
         reasons = (f"the trials show no lump to better than {COARSEST:.0%}: push more, or harder",)
         return _not_yet(snapshot, "estimate", reasons, lumps)
     if problem.goes_by_estimate:
-        why = estimate or why_no_estimate(problem, snapshot.all_shown)
-        return _not_yet(snapshot, "estimate", (why,), estimate_table(problem, estimate))
-    lumps = best_table(snapshot)
-    if against := tuple(_against_best(snapshot, lumps)):
-        return _not_yet(snapshot, "best trial", against, lumps)
-    return Verdict("found", "best trial", tuple(missed(lumps, f"{problem.measure.name} with these pushes does")), lumps)
+        against: tuple[Reason, ...] = (estimate or why_no_estimate(problem, snapshot.all_shown),)
+        source: Source = "estimate"
+        lumps = estimate_table(problem, estimate, is_result=False)
+    else:
+        lumps, source = best_table(snapshot), "best trial"
+        against = tuple(_against_best(snapshot, lumps))
+        if not against:
+            missing = missed(lumps, f"{problem.measure.name} with these pushes does")
+            return Verdict("found", source, tuple(missing), lumps)
+    worth = estimate.approximation if estimate is not None and snapshot.is_finished else None
+    if estimate is None or worth is None:
+        return _not_yet(snapshot, source, against, lumps)
+    if not worth.holds:
+        return _not_yet(snapshot, source, (*against, worth.why_not), lumps)
+    lumps = estimate_table(problem, estimate, is_result=True)
+    missing = _missing(problem, estimate, lumps)
+    return Verdict("approximate", "estimate", (worth.predicted, worth.not_explained, *missing, estimate), lumps)
+
+
+def _missing(problem: Problem, estimate: StudyEstimate, lumps: pd.DataFrame) -> Iterator[str]:
+    """Which of the `lumps` and faults of an `estimate` are not determined."""
+    for table in (lumps, fault_table(problem, estimate, is_result=True)):
+        yield from missed(table, "these trials do")
 
 
 def missed(lumps: pd.DataFrame, who: str) -> Iterator[str]:
     """Which of the `lumps`, or faults, in a table are not determined, though others are."""
     names = lumps["name"][~lumps["determined"]].tolist()
     if names:
-        yield f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} not found: {who} not determine " + (
-            "it" if len(names) == 1 else "them"
-        )
+        be, them = ("is", "it") if len(names) == 1 else ("are", "them")
+        yield f"{', '.join(names)} {be} not determined: {who} not know {them} to a tenth"
 
 
 def _not_yet(snapshot: Snapshot, source: Source, reasons: tuple[Reason, ...], lumps: pd.DataFrame) -> Verdict:
@@ -97,7 +125,8 @@ def _not_yet(snapshot: Snapshot, source: Source, reasons: tuple[Reason, ...], lu
 def not_yet(
     is_finished: bool, done: tuple[int, int], source: Source, reasons: tuple[Reason, ...], lumps: pd.DataFrame
 ) -> Verdict:
-    """Unfinished where trials are left, else not found; no number is given for a lump that was not found.
+    """Unfinished where trials are left, else not found: then lumps have the numbers of the last estimate or the best
+    trial, and none is said to be known.
 
     Args:
         is_finished: whether nothing is left to do.
@@ -111,7 +140,6 @@ def not_yet(
     if not is_finished:
         left = f"{done[0]} of {done[1]} trials are done"
         return Verdict("unfinished", source, (left, *reasons) if done[0] else (left,), lumps)
-    lumps[["factor", "identified", "error"]] = np.nan
     lumps["determined"] = False
     return Verdict("not found", source, reasons, lumps)
 

@@ -9,7 +9,7 @@ import numpy as np
 import tomli_w
 
 from metaid.models import Array
-from metaid.results import Findings
+from metaid.results import Findings, shown_rows
 from metaid.results.arms import ArmFindings
 from metaid.show.figures import COLUMN, ArmGallery, rods_figure
 from metaid.show.report import cost, estimate_texts, falls, file_stem, filled_in, inline_svg, page_figures, render
@@ -85,15 +85,15 @@ def base_rows(found: ArmFindings) -> list[dict[str, Any]]:
     beforehand: Array = np.sqrt(np.diag(found.problem.belief.covariance))
     return [
         {**row, "error": None if row["true"] is None or abs(row["true"]) < NOTHING * scale else row["error"]}
-        for row, scale in zip(found.summary["lumps"], beforehand.tolist(), strict=True)
+        for row, scale in zip(shown_rows(found.summary), beforehand.tolist(), strict=True)
     ]
 
 
 def unidentified(found: ArmFindings) -> list[dict[str, Any]]:
     """Base parameters that the study does not determine, each with the reason."""
-    if not found.verdict.is_found:
+    if not found.verdict.has_result:
         return [{"name": "all", "why": f"{found.verdict.word}: see the verdict"}]
-    why = "these trials do not determine it to a tenth of what it is, or of what it may have been wrong by beforehand"
+    why = "these trials do not know it to a tenth of what it is, or of what it may have been wrong by beforehand"
     return [{"name": row["name"], "why": why} for row in found.summary["lumps"] if not row["determined"]]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from metaid.results import Findings, describe_known_from, describe_trials, interval_name
+from metaid.results import RESULTS, Findings, describe_known_from, describe_trials, interval_name, shown_rows
 from metaid.results.arms import ArmSnapshot, arm_summary, judge_arm
 from metaid.show.companions import companion_name, is_long
 
@@ -34,8 +34,8 @@ they survived to, and their value ranks them behind every survivor.
 
 **Verdict: {shown["verdict"]}.** {escaped("; ".join(shown["reasons"]))}
 
-{_table(shown["lumps"])}
-{_fault_table(shown.get("faults", []))}
+{_table(shown_rows(shown))}
+{_fault_table(shown_rows(shown, "faults"))}
 {_estimate(shown)}
 
 {SIGNED}
@@ -59,7 +59,7 @@ where the arm coasts, or swings as on the springs that its law asks for.
 
 **Verdict: {shown["verdict"]}.** {escaped("; ".join(shown["reasons"]))}
 
-{_table(shown["lumps"])}
+{_table(shown_rows(shown))}
 
 {_estimate(shown)}
 
@@ -73,10 +73,10 @@ def _estimate(shown: dict[str, Any]) -> str:
     if estimate is None:
         return f"No estimate: {escaped(shown['why_no_estimate'])}."
     text = f"Estimate from {describe_trials(estimate, total)}: {estimate['description']}."
-    if shown["verdict"] != "found" or shown["source"] != "estimate":
+    if shown["verdict"] not in RESULTS or shown["source"] != "estimate":
         return text
-    interval = interval_name(estimate["counts"])
-    return f"{text} Low and high are the {interval}. Here {describe_known_from(estimate, total)}."
+    text += f" Low and high are the {interval_name(estimate['counts'])}."
+    return f"{text} Here {describe_known_from(estimate, total)}." if estimate["explains"] else text
 
 
 def _table(lumps: list[dict[str, Any]]) -> str:

@@ -33,6 +33,7 @@ from metaid.results import (
     describe_possible_bodies,
     describe_trials,
     interval_name,
+    shown_rows,
 )
 from metaid.show.figures import COLUMN, INK, PAGE, Gallery, Picture, plant_figure, said_in, style, with_titles
 
@@ -58,6 +59,8 @@ def render(found: Findings) -> str:
         "report.html",
         found=found,
         summary=found.summary,
+        lumps=shown_rows(found.summary),
+        faults=shown_rows(found.summary, "faults"),
         study=found.spec.study,
         unit=found.problem.measure.unit,
         episode=found.problem.episode,
@@ -225,7 +228,7 @@ def unidentified(found: Findings) -> list[dict[str, Any]]:
             why = "not found: see the verdict"
         elif not lump["determined"]:
             who = "these trials do" if by_estimate else f"{found.problem.measure.name} with these pushes does"
-            why = f"{who} not determine it to a tenth of its value"
+            why = f"{who} not know it to a tenth of its value"
         elif lump["identified"] is None:
             why = "not found yet"
         elif lump["low"] is not None and (width := (lump["high"] - lump["low"]) / lump["identified"]) > WIDEST:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from metaid.compiled import Objective
     from metaid.estimation import Experiment
 
-COARSEST = 0.1  # a lump that is not known better than to a tenth is not determined: its nominal value is as good
+COARSEST = 0.1  # a lump that is not known better than to a tenth is not determined
 NEGLIGIBLE = 0.02  # weight of a lump in a combination, of 1
 # Factors of the gravity lumps in the first trials of an estimate, as many as it needs; those of others are between.
 OVER_COMPENSATED = (1.5, 2.0)

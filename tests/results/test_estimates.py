@@ -124,15 +124,18 @@ def test_no_bodies_are_shown_where_no_lumps_were_found(metaid: Metaid, estimated
 
 
 @pytest.mark.parametrize("name", ["hidden", "hidden-searched"])
-def test_json_of_a_model_that_explains_nothing_has_nulls(metaid: Metaid, estimated: Path, name: str) -> None:
-    """It is JSON all the same: no lump has a number or is determined, nor is there a largest error."""
+def test_json_of_a_model_that_explains_nothing_has_its_values_without_intervals(
+    metaid: Metaid, estimated: Path, name: str
+) -> None:
+    """It holds what the estimate came to, though no lump is known or determined, nor is there a largest error."""
     shown = json.loads(metaid("study", "show", name, "--storage", str(estimated), "--json").out)
     assert shown["verdict"] == "not found"
     assert shown["misfit"] > 1e3
     assert not shown["estimate"]["explains"]
     assert shown["estimate"]["known_from"] is shown["max_error"] is None
     for lump in shown["lumps"]:
-        assert {lump[key] for key in ("factor", "identified", "sd", "low", "high", "error")} == {None}
+        assert lump["identified"] == pytest.approx(lump["factor"] * lump["nominal"])
+        assert {lump[key] for key in ("sd", "low", "high")} == {None}
         assert not lump["determined"]
 
 
@@ -184,7 +187,7 @@ def test_list_and_frame_have_the_verdict(estimated: Path) -> None:
 
 
 def test_frame_of_an_estimate_is_that_of_lumps_whichever_sampler(estimated: Path) -> None:
-    """The same columns; the same table where the study stands by its estimate; NaN where nothing was found."""
+    """The same columns; the same table where the study stands by its estimate; no interval where nothing was found."""
     lumps = {name: package.lumps(name, str(estimated)) for name in ("matched", "searched")}
     matched, searched, hidden = (
         package.estimate(name, str(estimated)) for name in ("matched", "searched", "hidden-searched")
@@ -195,7 +198,8 @@ def test_frame_of_an_estimate_is_that_of_lumps_whichever_sampler(estimated: Path
     assert searched["identified"].to_numpy() == pytest.approx(matched["identified"].to_numpy(), rel=1e-9)
     assert (searched["low"] <= searched["identified"]).all()
     assert (searched["identified"] <= searched["high"]).all()
-    assert hidden[["factor", "identified", "sd", "low", "high", "error"]].isna().all(axis=None)
+    assert hidden["identified"].notna().all()
+    assert hidden[["sd", "low", "high"]].isna().all(axis=None)
 
 
 def test_validation_is_of_the_estimate_with_its_inertia_lumps(metaid: Metaid) -> None:

@@ -14,7 +14,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import pandas as pd
 import pytest
 from conftest import Finished, random_plant, wrong_chain
 from exported import FULL, model_of
@@ -304,14 +303,13 @@ def test_name_of_a_study_cannot_break_a_file() -> None:
 
 
 def test_lumps_that_are_not_determined_are_named() -> None:
-    """In what a command prints and at the top of every file, with the reasons of the verdict."""
+    """In what a command prints and at the top of every file, with the reasons of the verdict; no nominal value is."""
     model = identified_as("chain-2").model
-    lumps = pd.DataFrame({"name": ["gravity_1", "inertia_2"], "determined": [True, False]})
-    about = {**model.about, "reasons": ["inertia_2 is not found: these trials do not determine it"]}
-    model = replace(model, lumps=lumps, about=about)
-    assert model.notes(".h") == [*about["reasons"], "inertia_2 has the nominal value"]
+    about = {**model.about, "reasons": ["inertia_2 is not determined: these trials do not know it to a tenth"]}
+    model = replace(model, about=about)
+    assert model.notes(".h") == about["reasons"]
     for suffix in (".toml", ".xml", ".urdf", ".py", ".h"):
-        assert "inertia_2 has the nominal value." in model.text(suffix)
+        assert "inertia_2 is not determined: these trials do not know it to a tenth." in model.text(suffix)
 
 
 def test_model_without_possible_bodies_has_its_law() -> None:

@@ -101,21 +101,22 @@ def test_friction_without_a_nominal_value_is_found_on_a_plant_without_other_faul
     assert [fault["identified"] for fault in shown["faults"]] == pytest.approx([0.02, 0.02], rel=1e-6)
 
 
-def test_fault_that_is_not_explained_has_no_number(tmp_path: Path) -> None:
-    """Nor have the lumps, where a tilt is there and a delay is searched. Who reads the reasons, and nobody else, waits
-    for the fits that propose to search both.
+def test_fault_that_is_not_explained_has_no_interval(tmp_path: Path) -> None:
+    """Where a tilt is there and a delay is searched. Who reads the reasons, and nobody else, waits for the fits that
+    propose to search both.
     """
     with closing(Store(str(tmp_path / "metaid.db"), create=True)) as store:
         create_study(store, late_and_tilted("delay", nlink=1, trials=1))
         run_study(store, "late")
         snapshot = read_snapshot(store, "late")
     verdict, estimate = judge(snapshot), snapshot.estimate
-    (delay,) = fault_rows(snapshot.first, estimate)["faults"]
+    (delay,) = fault_rows(snapshot.first, estimate, verdict.has_result)["faults"]
     assert verdict.word == "not found"
-    assert delay["identified"] is delay["sd"] is delay["low"] is delay["error"] is None
+    assert delay["identified"] is not None
+    assert delay["sd"] is delay["low"] is delay["high"] is None
     assert estimate is not None
     assert "proposal" not in vars(estimate)
-    (reason,) = verdict.reasons
+    reason = verdict.reasons[0]
     assert "the model does not explain what was seen, but with a tilt of " in reason
     assert 'set [estimate] faults = ["delay", "tilt"]' in reason
     assert "proposal" in vars(estimate)

@@ -1,4 +1,4 @@
-"""Verdicts: what was found, what was not and why, whatever the sampler; no number where there is no result."""
+"""Verdicts: what was found, what was not and why, whatever the sampler; nothing is known where there is no result."""
 
 from __future__ import annotations
 
@@ -40,17 +40,18 @@ def verdict_of(
     return judge(read_snapshot(store, "study"))
 
 
-def has_no_number(verdict: Verdict) -> bool:
-    """Whether no lump of it has a value, a range or an error, nor is said to be determined."""
-    numbers = verdict.lumps[["factor", "identified", "sd", "low", "high", "error"]]
-    return bool(numbers.isna().all(axis=None) and not verdict.lumps["determined"].any())
+def knows_nothing(verdict: Verdict) -> bool:
+    """Whether no lump of it has a range or is said to be determined, and tables show no value of it."""
+    ranges, shown = verdict.lumps[["sd", "low", "high"]], verdict.shown[["factor", "identified", "error"]]
+    is_blank = ranges.isna().all(axis=None) and shown.isna().all(axis=None)
+    return bool(is_blank and not verdict.lumps["determined"].any())
 
 
 def test_bounds_that_exclude_the_truth_are_named(tmp_path: Path) -> None:
     """A search held back by its bounds is not found: the reasons have its best value, and lumps with what to set."""
     verdict = verdict_of(tmp_path, {**TIGHT, **NO_ESTIMATE, "trials": 150})
     assert (verdict.word, verdict.source) == ("not found", "best trial")
-    assert has_no_number(verdict)
+    assert knows_nothing(verdict)
     value, *lumps = verdict.reasons
     assert "times the 0.00053 Hz that spectral can tell from none" in value
     assert lumps
@@ -100,7 +101,7 @@ def test_what_the_model_does_not_know_is_not_found(
     verdict = judge(read_snapshot(store, "study"))
     assert verdict.word == "not found"
     assert "the model does not explain what was seen" in verdict.reasons[-1]
-    assert has_no_number(verdict)
+    assert knows_nothing(verdict)
 
 
 def test_count_alone_is_not_called_found(tmp_path: Path) -> None:
@@ -108,7 +109,7 @@ def test_count_alone_is_not_called_found(tmp_path: Path) -> None:
     changes = {"episode.measure": "count", "search.coordinates": "plain", "trials": 40, **NO_ESTIMATE}
     verdict = verdict_of(tmp_path, changes)
     assert verdict.word == "not found"
-    assert has_no_number(verdict)
+    assert knows_nothing(verdict)
     assert "count alone cannot tell friction from wrong lumps" in verdict.reasons[-1]
 
 
@@ -209,7 +210,7 @@ def test_counts_that_no_model_shows_are_not_found(tmp_path: Path) -> None:
     changes["nominal"] = str(tmp_path / "longer.toml")
     verdict = verdict_of(tmp_path, changes, "two-link-counted")
     assert (verdict.word, verdict.source) == ("not found", "estimate")
-    assert has_no_number(verdict)
+    assert knows_nothing(verdict)
     assert "of 320 counts differ" in verdict.reasons[0]
 
 

@@ -111,17 +111,30 @@ def test_laws_may_over_compensate_much_where_torques_are_noisy(more: dict[str, A
 
 
 @pytest.mark.parametrize(
-    ("faults", "link"),
-    [({}, {"damping": 0.02}), ({}, {"stiffness": 0.2}), ({"torque_limit": 2.5}, {}), ({"tilt": 0.03}, {})],
+    ("faults", "link"), [({}, {"damping": 0.02}), ({}, {"stiffness": 0.2}), ({"torque_limit": 2.5}, {})]
 )
 def test_misfit_tells_what_the_twin_does_not_know(faults: dict[str, Any], link: dict[str, Any], store: Store) -> None:
-    """Hidden friction, a spring, drives that are too weak, a tilted base: then there is no number to show."""
+    """Hidden friction, a spring, drives that are too weak: then no lump is known, nor is it approximate, for parts of
+    the pushes contradict each other.
+    """
     create_study(store, spec_of(3, 3, {**NOISE, **faults}, link=link))
     run_study(store, "chain")
     snapshot = read_snapshot(store, "chain")
     assert snapshot.estimate is not None
     assert snapshot.estimate.estimate.misfit > 4.0
-    assert judge(snapshot).lumps[["identified", "sd"]].isna().all(axis=None)
+    verdict = judge(snapshot)
+    assert verdict.word == "not found"
+    assert verdict.lumps[["sd", "low", "high"]].isna().all(axis=None)
+    assert "but parts of the pushes agree to a tenth on " in verdict.reasons[-1]
+
+
+def test_tilted_base_leaves_lumps_that_are_known_as_badly_as_the_misfit_says(store: Store) -> None:
+    """Thirty milliradians: approximate, known to percents, and wrong by at most twice the half-width of an interval."""
+    found = shown(store, spec_of(3, 3, {**NOISE, "tilt": 0.03}))
+    assert found["verdict"] == "approximate"
+    assert found["misfit"] > 4.0
+    assert all(lump["sd"] > 0.01 * lump["identified"] for lump in found["lumps"])
+    assert all(abs(lump["identified"] - lump["true"]) < lump["high"] - lump["low"] for lump in found["lumps"])
 
 
 @pytest.mark.parametrize("limits", [6.0, (6.0, 2.0, 1.0)])

@@ -133,8 +133,8 @@ def test_estimate_never_sees_the_truth(store: Store) -> None:
     assert results.lumps_frame(store, "closed")["error"].isna().all()
 
 
-def test_hidden_friction_is_told_by_the_misfit_and_no_number_is_printed(store: Store) -> None:
-    """A model that cannot explain what was seen has no lumps to show."""
+def test_hidden_friction_is_told_by_the_misfit_and_no_lump_is_known(store: Store) -> None:
+    """A model that cannot explain what was seen says of no lump how well it is known."""
     spec = spec_of(3, 11, trials=4)
     assert isinstance(spec.plant, PlantSettings)
     links = tuple(link.model_copy(update={"damping": 0.05}) for link in spec.plant.links)
@@ -143,7 +143,7 @@ def test_hidden_friction_is_told_by_the_misfit_and_no_number_is_printed(store: S
     shown = results.summary(store, "chain")
     assert shown["misfit"] > 100.0
     for lump in shown["lumps"]:
-        assert lump["identified"] is lump["low"] is lump["high"] is lump["error"] is None
+        assert lump["sd"] is lump["low"] is lump["high"] is None
         assert not lump["determined"]
 
 

@@ -95,12 +95,12 @@ def test_newton_finds_an_arm_without_a_twin(searched: Path) -> None:
 
 
 def test_search_that_was_cut_short_has_found_nothing(searched: Path) -> None:
-    """No number is given, and the reason names the value and what the measure can tell."""
+    """No lump is known, and the reason names the value and what the measure can tell."""
     with closing(Store(str(searched))) as store:
         shown = results.summary(store, "cmaes")
     assert (shown["verdict"], shown["source"]) == ("not found", "best trial")
     assert "that kinetic can tell from none" in shown["reasons"][0]
-    assert all(lump["identified"] is None and lump["low"] is None for lump in shown["lumps"])
+    assert all(lump["low"] is None and not lump["determined"] for lump in shown["lumps"])
     assert shown["model_error"] is None
 
 

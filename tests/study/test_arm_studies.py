@@ -74,12 +74,12 @@ def test_estimate_of_all_trials_begins_at_that_of_the_first(arms: Path) -> None:
 
 
 def test_arm_of_another_shape_is_not_found(arms: Path, metaid: Metaid) -> None:
-    """Links one percent longer than the nominal model says explain nothing: no number is given."""
+    """Links one percent longer than the nominal model says explain nothing: no base parameter is known."""
     done = metaid("study", "show", "bent", "--storage", str(arms))
     assert done.out.splitlines()[-1].startswith("NOT FOUND: the model does not explain what was seen")
     with closing(Store(str(arms))) as store:
         shown = results.summary(store, "bent")
-    assert all(lump["identified"] is None and lump["low"] is None for lump in shown["lumps"])
+    assert all(lump["low"] is None and not lump["determined"] for lump in shown["lumps"])
     assert shown["model_error"] is None
 
 

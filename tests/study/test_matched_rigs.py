@@ -19,8 +19,6 @@ from rig import ROOT, Serve
 from metaid import results
 from metaid.episode.readings import SensorReadings
 from metaid.plant.settings import PlantSettings, chain_of
-from metaid.results.findings import read_findings
-from metaid.results.lump_tables import estimate_table
 from metaid.store.database import Store
 from metaid.study.create import create_study
 from metaid.study.kinds import load_chain_study
@@ -69,8 +67,7 @@ def matched(liar: Liar, seed: int = 0, motion: str = "stepped", **changes: Any) 
         settings = {"sampler": "output-error", "trials": 5, "seed": seed, "search.low": 0.5, "search.high": 2.0}
         create_study(store, load_chain_study("study.toml", {**settings, **changes}), "study")
         run_study(store, "study")
-        found = read_findings(store, "study")
-        return estimate_table(found.problem, found.estimate), results.summary(store, "study")
+        return results.estimate_frame(store, "study"), results.summary(store, "study")
 
 
 def test_trials_of_cmaes_on_the_example_rig_hold_the_truth() -> None:

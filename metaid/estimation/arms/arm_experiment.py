@@ -10,8 +10,10 @@ import numpy as np
 from metaid.episode import Outcome
 from metaid.episode.arms import ArmEpisode
 from metaid.estimation.arms.arm_estimate import ArmEstimate, estimate_arm
+from metaid.estimation.arms.readings import ArmReadings
 from metaid.estimation.arms.trials import ArmReadTrial, WatchedArmTrial, read_arm_trial, watched_arm_trial
 from metaid.estimation.arms.unknowns import ArmUnknowns
+from metaid.estimation.noisy import HeldOut, hold_out
 from metaid.models import Array
 
 PROBES = 1  # the nominal arm's law alone: it leaves much to see
@@ -74,6 +76,13 @@ class ArmExperiment:
         fit begins elsewhere.
         """
         return estimate_arm(list(trials), self.searched, start, thorough)
+
+    def held_out(self, trials: Sequence[SeenArmTrial], estimate: ArmEstimate) -> HeldOut | None:
+        """How well fits to some of the pushes of the `trials` predict the others, from an `estimate` on. None without
+        noise, where a model that leaves more than rounding is wrong, and where there are too few pushes.
+        """
+        read = [trial for trial in trials if isinstance(trial, ArmReadTrial)]
+        return hold_out(ArmReadings(read, self.searched), estimate.point) if read else None
 
     def factors(self, estimate: ArmEstimate) -> Array:
         """The base parameters (nbase) of the law that an `estimate` has."""

@@ -7,6 +7,7 @@ Where torques are noisy, `fit_with_torque_noise` compares `Innovations` instead:
 """
 
 from metaid.estimation.noisy.commanded import centred, commanded_torques, filtered_speeds
+from metaid.estimation.noisy.held_out import HeldOut, hold_out
 from metaid.estimation.noisy.innovations import Innovations
 from metaid.estimation.noisy.proposed import Proposal, Search, explanations, proposed_faults
 from metaid.estimation.noisy.read_trial import ReadTrial
@@ -16,6 +17,7 @@ from metaid.estimation.noisy.torque_noise import fit_with_torque_noise
 from metaid.estimation.noisy.unmodelled import Unmodelled, unmodelled_forces
 
 __all__ = [
+    "HeldOut",
     "Innovations",
     "Proposal",
     "ReadTrial",
@@ -28,6 +30,7 @@ __all__ = [
     "explanations",
     "filtered_speeds",
     "fit_with_torque_noise",
+    "hold_out",
     "proposed_faults",
     "take_up",
     "unmodelled_forces",

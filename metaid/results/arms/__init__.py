@@ -3,7 +3,7 @@
 from metaid.results.arms.arm_findings import ArmFindings
 from metaid.results.arms.arm_snapshot import ArmFound, ArmSnapshot
 from metaid.results.arms.arm_tables import arm_trials_table
-from metaid.results.arms.arm_verdict import arm_summary, identified_values, judge_arm
+from metaid.results.arms.arm_verdict import arm_summary, judge_arm
 from metaid.results.arms.either import AnySnapshot, judge_any, laws_of, read_any_snapshot, validate_any
 
 __all__ = [
@@ -13,7 +13,6 @@ __all__ = [
     "ArmSnapshot",
     "arm_summary",
     "arm_trials_table",
-    "identified_values",
     "judge_any",
     "judge_arm",
     "laws_of",

@@ -48,8 +48,8 @@ class ArmFindings:
 
     @property
     def lumps(self) -> pd.DataFrame:
-        """The base parameters, as `metaid.lumps` has them."""
-        return self.verdict.lumps
+        """The base parameters, as `metaid.lumps` has them; without numbers where nothing was found."""
+        return self.verdict.shown
 
     @cached_property
     def summary(self) -> dict[str, Any]:
@@ -102,4 +102,4 @@ class ArmFindings:
     @cached_property
     def validation(self) -> Validation | None:
         """On new pushes and along a trajectory; None where nothing was found."""
-        return validate_arm(self.snapshot, self.verdict) if self.verdict.is_found else None
+        return validate_arm(self.snapshot, self.verdict) if self.verdict.has_result else None

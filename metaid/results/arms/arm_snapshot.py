@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from metaid.models.tree import Tree
+from metaid.models import Array
+from metaid.models.tree import Tree, possible_bodies
 from metaid.results.best import best_trial
 from metaid.results.estimates import first_enough, interval_name, worst_shown
 from metaid.results.snapshot import surviving
 from metaid.store import ForeignTrial, Trial
-from metaid.study import ArmProblem, ArmSpec
+from metaid.study import COARSEST, ArmProblem, ArmSpec
 
 if TYPE_CHECKING:
-    from metaid.estimation import Replay
+    from metaid.estimation import Approximation, Replay
     from metaid.estimation.arms import ArmEstimate, ArmExperiment, SeenArmTrial
 
 CLOSE = 1e-3  # of every unknown's deviation beforehand: so near its last value an estimate was there
@@ -54,6 +55,43 @@ class ArmFound:
             "the model does not explain what was seen, be it for springs, play, torques that come late or are cut off, "
             f"or wrong frames: {found}"
         )
+
+    @cached_property
+    def approximation(self) -> Approximation | None:
+        """What the estimate is worth where it does not explain what was seen to the noise, base parameter by base
+        parameter; None where it does, and where no push can be left out.
+        """
+        from metaid.estimation import Approximation  # loads numba
+
+        estimate, belief = self.estimate, self.experiment.searched.belief
+        if self.explains:
+            return None
+        with threadpool_limits(1):
+            held = self.experiment.held_out(self.watched, estimate)
+        if held is None:
+            return None
+        values, beforehand = estimate.values, np.sqrt(np.diag(belief.covariance))
+        return Approximation(
+            replace(held, unknowns=estimate.searched.values(held.unknowns)),
+            estimate.misfit,
+            estimate.residuals,
+            belief.nominal.names,
+            estimate.value_deviations,
+            np.zeros(len(values)),
+            COARSEST * np.maximum(np.abs(values), beforehand),
+            possible_bodies(belief, values) is not None,
+        )
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviation of each base parameter (nbase), in its unit."""
+        return self.estimate.value_deviations if self.approximation is None else self.approximation.deviations
+
+    @property
+    def covariance(self) -> Array:
+        """Of the base parameters (nbase x nbase)."""
+        wider = self.deviations / self.estimate.value_deviations
+        return np.asarray(self.estimate.value_covariance * np.outer(wider, wider), dtype=np.float64)
 
     @cached_property
     def known_from(self) -> int | None:

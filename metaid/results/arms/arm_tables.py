@@ -26,16 +26,17 @@ def arm_trials_table(snapshot: ArmSnapshot) -> pd.DataFrame:
     return pd.DataFrame({**heads, **{name: values[:, i] for i, name in enumerate(names)}})
 
 
-def estimate_table(snapshot: ArmSnapshot) -> pd.DataFrame:
+def estimate_table(snapshot: ArmSnapshot, is_result: bool) -> pd.DataFrame:
     """One row a base parameter, with the columns of `lumps_frame` and its `expression`, by the estimate from all
-    trials; NaN where nothing was found.
+    trials; NaN where there is none. There are intervals where it `is_result`: it explains what was seen, or is
+    approximate.
 
     One is determined that is known to a tenth of what it is, or of what it may have been wrong by beforehand.
     """
     found, unknown = snapshot.estimate, np.full(len(snapshot.problem.names), np.nan)
-    if found is None or not found.explains:
+    if found is None:
         return _base_rows(snapshot, unknown, unknown, unknown)
-    values, deviation = found.estimate.values, found.estimate.value_deviations
+    values, deviation = found.estimate.values, found.deviations if is_result else unknown
     return _base_rows(snapshot, values, DEVIATIONS * deviation, deviation, deviation)
 
 
@@ -69,15 +70,18 @@ def _base_rows(
     belief = snapshot.problem.belief
     nominal, beforehand = belief.values, np.sqrt(np.diag(belief.covariance))
     determined = coarse <= COARSEST * np.maximum(np.abs(values), beforehand)
-    identified, low, high = (np.where(determined, each, np.nan) for each in (values, values - reach, values + reach))
     units, truth = belief.base.units, snapshot.truth
     unknown = np.full(len(nominal), np.nan)
     true = unknown if truth is None else _settled(belief.base.of(truth.parameters), units)
     believed = _settled(nominal, units)
-    factor = identified / np.where(believed == 0.0, np.nan, believed)
+    factor = values / np.where(believed == 0.0, np.nan, believed)
     spread = unknown if deviation is None else deviation
     table = table_of(
-        (belief.base.names, units), believed, (factor, identified), (spread, low, high), (determined, true)
+        (belief.base.names, units),
+        believed,
+        (factor, values),
+        (spread, values - reach, values + reach),
+        (determined, true),
     )
     return table.assign(expression=belief.base.expressions)
 

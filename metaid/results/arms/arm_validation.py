@@ -28,7 +28,7 @@ def validate_arm(snapshot: ArmSnapshot, verdict: Verdict, pushes: int = PUSHES, 
 
     Args:
         snapshot: of a study.
-        verdict: on it; a base parameter that is not determined keeps its nominal value.
+        verdict: on it.
         pushes: how many coasts, which the search never used.
         seed: of these.
 
@@ -38,7 +38,7 @@ def validate_arm(snapshot: ArmSnapshot, verdict: Verdict, pushes: int = PUSHES, 
     from metaid.compiled.arms import arm_coasting_steps  # loads numba
     from metaid.plant.arms import draw_free_starts  # loads MuJoCo
 
-    if not verdict.is_found:
+    if not verdict.has_result:
         raise verdict.refusal(snapshot.name, "nothing to validate")
     check_pushes(pushes, seed)
     plant, nominal = snapshot.problem.open_plant(), snapshot.problem.nominal

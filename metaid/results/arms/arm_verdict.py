@@ -12,9 +12,10 @@ from metaid.models import Array
 from metaid.models.tree import model_error
 from metaid.results.arms.arm_snapshot import ArmSnapshot
 from metaid.results.arms.arm_tables import best_table, estimate_table
+from metaid.results.estimates import approximation_rows
 from metaid.results.lump_tables import without_nan
 from metaid.results.snapshot import counted_states
-from metaid.results.verdict import FAR, Verdict, missed, not_yet
+from metaid.results.verdict import FAR, Source, Verdict, missed, not_yet
 from metaid.study import COARSEST
 
 
@@ -22,8 +23,10 @@ def judge_arm(snapshot: ArmSnapshot) -> Verdict:
     """The verdict on a study as it is in the DB: that on its estimate, and where the sampler does without one and none
     explains the trials, that on its best trial.
     """
-    found, table = snapshot.estimate, estimate_table(snapshot)
-    if found is not None and found.explains and table["determined"].any():
+    found = snapshot.estimate
+    explains = found is not None and found.explains
+    table = estimate_table(snapshot, explains)
+    if explains and table["determined"].any():
         return Verdict("found", "estimate", tuple(missed(table, "these trials do")), table)
     if found is None:
         why = snapshot.why_no_estimate
@@ -32,12 +35,24 @@ def judge_arm(snapshot: ArmSnapshot) -> Verdict:
     else:
         why = found.description
     done = len(snapshot.trials), snapshot.spec.study.trials
-    if snapshot.problem.goes_by_estimate or (found is not None and found.explains):
-        return not_yet(snapshot.is_finished, done, "estimate", (why,), table)
-    table = best_table(snapshot)
-    if against := tuple(_against_best(snapshot, table)):
-        return not_yet(snapshot.is_finished, done, "best trial", against, table)
-    return Verdict("found", "best trial", tuple(missed(table, f"{snapshot.problem.measure.name} alone does")), table)
+    if snapshot.problem.goes_by_estimate or explains:
+        source: Source = "estimate"
+        against: tuple[str, ...] = (why,)
+    else:
+        table, source = best_table(snapshot), "best trial"
+        against = tuple(_against_best(snapshot, table))
+        if not against:
+            missing = tuple(missed(table, f"{snapshot.problem.measure.name} alone does"))
+            return Verdict("found", source, missing, table)
+    worth = found.approximation if found is not None and snapshot.is_finished else None
+    if found is None or worth is None:
+        return not_yet(snapshot.is_finished, done, source, against, table)
+    if not worth.holds:
+        return not_yet(True, done, source, (*against, worth.why_not), table)
+    table = estimate_table(snapshot, is_result=True)
+    missing = tuple(missed(table, "these trials do"))
+    said = (worth.predicted, worth.not_explained, *missing, found.description)
+    return Verdict("approximate", "estimate", said, table)
 
 
 def _against_best(snapshot: ArmSnapshot, table: pd.DataFrame) -> Iterator[str]:
@@ -72,6 +87,7 @@ def arm_summary(snapshot: ArmSnapshot, verdict: Verdict) -> dict[str, Any]:
             "trials": found.trials,
             "counts": None,
             "known_from": found.known_from,
+            **approximation_rows(found, verdict.word),
         }
     best = snapshot.best
     return {
@@ -99,22 +115,14 @@ def _model_error(snapshot: ArmSnapshot, verdict: Verdict) -> dict[str, float] | 
     """How wrong the identified arm is on states that no trial has seen; None where nothing was found, or the truth is
     not known.
     """
-    if snapshot.truth is None or not verdict.is_found:
+    if snapshot.truth is None or not verdict.has_result:
         return None
     return asdict(model_error(snapshot.truth, identified_parameters(snapshot, verdict)))
 
 
-def identified_values(snapshot: ArmSnapshot, verdict: Verdict) -> Array:
-    """The base parameters (nbase) of the arm that was found: of an estimate nominal where they are not determined, of a
-    best trial all of its law, for together they make it coast.
-    """
-    best = snapshot.best if verdict.source == "best trial" else None
-    return verdict.values if best is None else best.factors
-
-
 def identified_parameters(snapshot: ArmSnapshot, verdict: Verdict) -> Array:
     """Parameters of the identified arm (njoint x 13), the most probable that have its base parameters."""
-    return snapshot.problem.belief.parameters_at(identified_values(snapshot, verdict))
+    return snapshot.problem.belief.parameters_at(verdict.values)
 
 
 def laws(snapshot: ArmSnapshot, verdict: Verdict) -> dict[str, Array]:
@@ -124,7 +132,7 @@ def laws(snapshot: ArmSnapshot, verdict: Verdict) -> dict[str, Array]:
     """
     problem = snapshot.problem
     found = {"nominal": problem.nominal.parameters}
-    if verdict.is_found:
+    if verdict.has_result:
         found["identified"] = identified_parameters(snapshot, verdict)
     elif snapshot.best is not None:
         found["best trial"] = problem.belief.parameters_at(snapshot.best.factors)

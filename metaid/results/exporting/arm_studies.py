@@ -8,7 +8,7 @@ import pandas as pd
 
 import metaid
 from metaid.models import Array
-from metaid.results.arms import ArmSnapshot, identified_values, judge_arm
+from metaid.results.arms import ArmSnapshot, judge_arm
 from metaid.results.exporting.dynamics import arm_dynamics
 from metaid.results.exporting.identified import IdentifiedModel, no_model
 from metaid.results.verdict import Verdict
@@ -21,8 +21,8 @@ def identified_arm(snapshot: ArmSnapshot, even_if_not_found: bool = False) -> Id
     verdict, problem, found = judge_arm(snapshot), snapshot.problem, snapshot.estimate
     if verdict.source == "best trial":
         found = None
-    values = identified_values(snapshot, verdict) if verdict.is_found else _best_guess(snapshot, verdict)
-    if values is None or not (verdict.is_found or even_if_not_found):
+    values = verdict.values if verdict.has_result else _best_guess(snapshot, verdict)
+    if values is None or not (verdict.has_result or even_if_not_found):
         raise no_model(snapshot.name, verdict, can_be_forced=values is not None)
     table = verdict.lumps.assign(value=values)
     spec = snapshot.spec
@@ -42,7 +42,8 @@ def identified_arm(snapshot: ArmSnapshot, even_if_not_found: bool = False) -> Id
     names = table["name"].tolist()
     covariance = None
     if found is not None:
-        covariance = pd.DataFrame(found.estimate.value_covariance, index=names, columns=names)
+        own = found.covariance if verdict.has_result else found.estimate.value_covariance
+        covariance = pd.DataFrame(own, index=names, columns=names)
     dynamics = arm_dynamics(problem.belief, values)
     gravity = tuple(problem.nominal.gravity.tolist())
     return IdentifiedModel(snapshot.name, about, table, covariance, dynamics, gravity, problem.timestep)

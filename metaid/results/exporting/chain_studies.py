@@ -23,23 +23,23 @@ def identified_chain(snapshot: Snapshot, even_if_not_found: bool = False) -> Ide
     StudyError where there is none, and says why.
     """
     verdict, problem = judge(snapshot), snapshot.first
-    guess = None if verdict.is_found else _best_guess(snapshot, verdict)
-    if not verdict.is_found and (guess is None or not even_if_not_found):
+    guess = None if verdict.has_result else _best_guess(snapshot, verdict)
+    if not verdict.has_result and (guess is None or not even_if_not_found):
         raise no_model(snapshot.name, verdict, can_be_forced=guess is not None)
     table = verdict.lumps.copy()
     table["value"] = verdict.values if guess is None else guess
     lumps = _lumps_of(dict(zip(table["name"], table["value"], strict=True)), problem.nominal.lumps_of(IDEAL))
     names = lumps.names
-    known = np.isin(names, table["name"] if guess is not None else table["name"][table["determined"]])
+    known = np.isin(names, table["name"][table["identified"].notna()] if guess is None else table["name"])
     relative, covariance = EQUAL**2 * np.eye(len(names)), None
     found = snapshot.estimate
-    if guess is None and verdict.source == "estimate" and found is not None and found.estimate.counts is None:
-        estimate = found.estimate
+    if guess is None and verdict.source == "estimate" and found is not None:
+        estimate, own = found.estimate, found.covariance
         # With exact lengths Coriolis lumps follow from gravity lumps, and are not in the covariance.
         known &= np.isin(names, estimate.names)
-        relative = _covariance_of(names, known, list(estimate.names), estimate.covariance)
+        relative = _covariance_of(names, known, list(estimate.names), own)
         values = table.set_index("name")["value"][list(estimate.names)].to_numpy()
-        covariance = covariance_frame(list(estimate.names), values, estimate.covariance)
+        covariance = covariance_frame(list(estimate.names), values, own) if estimate.counts is None else None
     plant = snapshot.spec.plant
     about = {
         "plant": snapshot.spec.plant_name,

@@ -22,10 +22,13 @@ from metaid.plant import LinkSettings
 from metaid.results.exporting.dynamics import Dynamics
 from metaid.results.exporting.laws import c_name
 from metaid.results.exporting.xml_files import mjcf, not_in_urdf, urdf
-from metaid.results.verdict import Verdict
+from metaid.results.verdict import RESULTS, Verdict
 
 _BODIES = (".toml", ".xml", ".urdf")
 _COLUMNS = ["name", "unit", "nominal", "factor", "identified", "sd", "low", "high", "determined"]
+
+
+DID = {"found": "identified", "approximate": "identified approximately"}  # with the model, by the verdict
 
 
 @dataclass(frozen=True)
@@ -36,9 +39,9 @@ class IdentifiedModel:
         name: of the study, or of a rig's log.
         about: what is known of it: `plant`, `verdict`, `reasons`, `source`, `misfit`, `written` (the date), `metaid`
             (its version), and of a study `sampler`, `seed` and `trials`.
-        lumps: one row a lump, or a base parameter of an arm, as `metaid.lumps` has them, with its `value` in the law: a
-            lump that is not determined has the nominal one.
-        covariance: of the determined lumps that an estimate knows, by name, in their units; None where it is not known.
+        lumps: one row a lump, or a base parameter of an arm, as `metaid.lumps` has them, with its `value` in the law:
+            as it was identified, whether it is determined or not.
+        covariance: of the lumps that an estimate knows, by name, in their units; None where it is not known.
         dynamics: how it moves.
         gravity: in m/s²; of an arm in the frame of its base (3).
         timestep: of the plant, in s.
@@ -104,14 +107,6 @@ class IdentifiedModel:
         return f"study '{self.name}'" if "sampler" in self.about else f"log {self.name}"
 
     @property
-    def kept(self) -> list[str]:
-        """The lumps that keep their nominal value, for they are not determined."""
-        if self.about["verdict"] != "found":
-            return []
-        names: list[str] = self.lumps["name"][~self.lumps["determined"]].tolist()
-        return names
-
-    @property
     def nominal(self) -> tuple[LinkSettings, ...] | Tree:
         """The nominal model of a study that starts from this one: the links of a plant file, or an arm.  Raises
         StudyError where no possible bodies have the lumps.
@@ -137,11 +132,8 @@ class IdentifiedModel:
     def notes(self, suffix: str) -> list[str]:
         """What to know of a file with that `suffix`, in sentences without a full stop."""
         said = list(self.about["reasons"])
-        if self.about["verdict"] != "found":
+        if self.about["verdict"] not in RESULTS:
             said.append(f"nothing is identified: these are the values of the {self.about['source']}, and may be wrong")
-        if self.kept:
-            names = ", ".join(self.kept)
-            said.append(f"{names} {'has the nominal value' if len(self.kept) == 1 else 'have the nominal values'}")
         if suffix in _BODIES:
             said += self.dynamics.notes
             if suffix == ".urdf" and self.dynamics.tree is not None:
@@ -173,7 +165,7 @@ class IdentifiedModel:
     def heading(self, suffix: str) -> list[str]:
         """The lines at the top of a file with that `suffix`."""
         about, misfit = self.about, self.about["misfit"]
-        did = "identified" if about["verdict"] == "found" else "did not identify, but came to,"
+        did = DID.get(about["verdict"], "did not identify, but came to,")
         what = "lumps" if self.dynamics.is_chain else "base parameters"
         seeded = f", sampler {about['sampler']}, seed {about['seed']}" if "sampler" in about else ""
         lines = [

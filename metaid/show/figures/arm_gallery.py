@@ -32,7 +32,7 @@ class ArmGallery:
     def pictures(self, width: str = "page") -> Iterator[Picture]:
         """One after another, for a `width` of "page" or "column"."""
         makers = [self._convergence] if len(self.found.survivors) >= FEWEST else []
-        if self.found.verdict.is_found:
+        if self.found.verdict.has_result:
             makers += [self._known, self._tracking]
         if self.found.estimate is not None:
             makers += [*([self._motion] if self._hinges.any() else []), self._residuals]
@@ -47,7 +47,7 @@ class ArmGallery:
         nothing, slides = self.found.estimate is None, ~self._hinges
         why = f"the verdict is '{self.found.verdict.word}'"
         return [
-            *([] if self.found.verdict.is_found else [("Base parameters, coasting and tracking", why)]),
+            *([] if self.found.verdict.has_result else [("Base parameters, coasting and tracking", why)]),
             *([("Motion beside the twin's", "no estimate has a twin")] if nothing else []),
             *([("The motion of slides", "it has another unit")] if slides.any() and not nothing else []),
             ("The shapes of the arm", "the DB has its joints and links alone"),

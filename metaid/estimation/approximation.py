@@ -1,0 +1,112 @@
+"""Whether an estimate that does not explain what was seen to the noise is good for something all the same.
+
+No model of a real machine explains all to the noise. One is approximate that predicts pushes that were left out far
+better than the nominal model, that a plant can have, and on which parts of the pushes agree (Eq. 69). Its intervals
+hold what the misfit and repetition say, and what a force that the model has not would change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.special import stdtrit
+
+from metaid.estimation.noisy import HeldOut
+from metaid.models import DEVIATIONS, Array, Lumps, mass_matrix
+
+MOST = 0.5  # of the unknowns: on so many parts of the pushes agree to a tenth
+PROBABILITY = 0.975  # below the upper end of a 95 % interval
+POSES = 64  # at which a mass matrix is looked at
+BETTER = 0.5  # of the nominal model's misfit of pushes that were left out: what is approximate has no more
+
+
+@dataclass(frozen=True)
+class Approximation:
+    """What speaks for and against an estimate that does not explain what was seen to the noise.
+
+    Attributes:
+        held_out: what pushes that were left out say.
+        misfit: of the estimate.
+        residuals: of each trial (npush x njoint), in units of the noise; NaN where a push was not seen.
+        joints: their names (njoint).
+        own: standard deviation of each unknown (nunknown), as if the model explained all.
+        shift: by how much a force that the model has not would change each (nunknown).
+        coarsest: what a standard deviation of each (nunknown) is at most where it is determined.
+        is_possible: whether a plant can have what was found.
+    """
+
+    held_out: HeldOut
+    misfit: float
+    residuals: Sequence[Array]
+    joints: Sequence[str]
+    own: Array
+    shift: Array
+    coarsest: Array
+    is_possible: bool
+
+    @cached_property
+    def deviations(self) -> Array:
+        """Standard deviation of each unknown (nunknown), so that DEVIATIONS of it reach as far as 95 % intervals.
+
+        Eq. 69.
+        """
+        parts = len(self.held_out.unknowns)
+        reach = float(stdtrit(parts - 1, PROBABILITY)) / DEVIATIONS  # Student's
+        repeated = reach * self.held_out.deviations[: len(self.own)]
+        return np.asarray(np.sqrt((max(self.misfit, 1.0) * self.own) ** 2 + repeated**2 + self.shift**2))
+
+    @property
+    def holds(self) -> bool:
+        """Whether the estimate is approximate."""
+        return not self.why_not
+
+    @cached_property
+    def why_not(self) -> str:
+        """Why it is not, in a sentence; empty where it is."""
+        held = self.held_out
+        if not self.is_possible:
+            return "no plant has the model that fits best: its mass matrix is not positive definite, or no bodies are"
+        if not held.misfit <= BETTER * held.nominal:
+            return f"{self.predicted}: it is not approximate, which takes half of that"
+        agreed, all_of_them = int((self.deviations <= self.coarsest).sum()), len(self.own)
+        if not agreed >= MOST * all_of_them:
+            return f"{self.predicted}, but parts of the pushes agree to a tenth on {agreed} of {all_of_them} numbers"
+        return ""
+
+    @property
+    def predicted(self) -> str:
+        """How well pushes that were left out are predicted, in a sentence."""
+        held, nominal = self.held_out.misfit, self.held_out.nominal
+        by_nominal = f"{nominal:.4g} by the nominal model" if np.isfinite(nominal) else "the nominal model follows none"
+        return f"pushes that were left out have a misfit of {held:.4g} by fits to the others, {by_nominal}"
+
+    @property
+    def by_joint(self) -> dict[str, float]:
+        """The misfit of each joint, by its name."""
+        left = np.sqrt(np.nanmean(np.concatenate(self.residuals) ** 2, axis=0))
+        return dict(zip(self.joints, left.tolist(), strict=True))
+
+    @property
+    def not_explained(self) -> str:
+        """What the model leaves of what was seen, joint by joint, in a sentence."""
+        each = ", ".join(f"{name} {left:.3g}" for name, left in self.by_joint.items())
+        return f"not explained is, in units of the noise: {each}"
+
+    def summary(self) -> dict[str, Any]:
+        """As `study show --json` has it under `estimate`; None where the nominal model cannot follow."""
+        held = self.held_out
+        nominal = held.nominal if np.isfinite(held.nominal) else None
+        shown = {"misfit": held.misfit, "nominal_misfit": nominal, "parts": len(held.unknowns)}
+        return {"held_out": shown, "misfit_by_joint": self.by_joint}
+
+
+def has_mass(lumps: Lumps) -> bool:
+    """Whether the mass matrix of a chain is positive definite, at random poses in which links are parallel."""
+    if lumps.inertia is None:
+        return True
+    poses: Array = np.pi * np.random.default_rng(0).integers(0, 2, (POSES, lumps.nlink)).astype(np.float64)
+    return bool((np.linalg.eigvalsh(mass_matrix(lumps, lumps.inertia, poses)) > 0.0).all())

@@ -1,0 +1,92 @@
+"""How well fits to some pushes predict the others: what an estimate is worth that does not explain all to the noise.
+
+The pushes of all trials are parted. Each part is left out once, and predicted by the unknowns of a fit to the others.
+Only what concerns a push alone, its start speeds, is fitted to it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.estimation.fit import settled
+from metaid.estimation.noisy.windows import ReadingsInWindows
+from metaid.models import Array
+
+PARTS = 3  # of the pushes, each of which is left out once
+ROUNDS = 4  # Gauss-Newton steps of what concerns a push alone
+
+Compared = TypeVar("Compared", bound=ReadingsInWindows[Any, Any])
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """What the pushes that are left out say of the fits to the others.
+
+    Attributes:
+        misfit: root mean square of what these fits leave of the pushes left out, in units of what noise explains.
+        nominal: the same of the nominal model; inf where it cannot follow.
+        unknowns: of each fit (npart x nunknown).
+    """
+
+    misfit: float
+    nominal: float
+    unknowns: Array
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviation of each unknown (nunknown) by repetition: the jackknife over the parts."""
+        count = len(self.unknowns)
+        scatter = ((self.unknowns - self.unknowns.mean(axis=0)) ** 2).sum(axis=0)
+        return np.asarray(np.sqrt((count - 1) / count * scatter), dtype=np.float64)
+
+
+def hold_out(compared: ReadingsInWindows[Any, Any], point: Array) -> HeldOut | None:
+    """What pushes that are left out say of an estimate; None where there are too few, or no fit to the others.
+
+    Args:
+        compared: the readings of all pushes.
+        point: all unknowns of the estimate (nunknown + nextra), from which the fits begin.
+    """
+    pushes, count = max(len(trial.steps) for trial in compared.trials), len(compared.spreads)
+    parts = min(PARTS, pushes)
+    if parts < 2:
+        return None
+    fits, squares = [], np.zeros((3, parts))
+    for part in range(parts):
+        is_out = np.arange(pushes) % parts == part
+        try:
+            kept, left = _only(compared, ~is_out), _only(compared, is_out)
+        except ValueError:  # every push of a part fell at once
+            return None
+        unknowns = settled(kept, point)
+        if unknowns is None:
+            return None
+        fits.append(unknowns)
+        squares[:2, part] = _squares(left, unknowns)
+        squares[2, part] = _squares(left, np.zeros(count))[0]
+    own, seen, nominal = squares.sum(axis=1)
+    return HeldOut(float(np.sqrt(own / seen)), float(np.sqrt(nominal / seen)), np.array(fits))
+
+
+def _only(compared: Compared, pushes: NDArray[np.bool_]) -> Compared:
+    """The same of these `pushes` (npush) alone.  Raises ValueError where none of them shows anything."""
+    trials = [replace(trial, steps=np.where(pushes[: len(trial.steps)], trial.steps, 0)) for trial in compared.trials]
+    return replace(compared, trials=trials)
+
+
+def _squares(compared: ReadingsInWindows[Any, Any], unknowns: Array) -> tuple[float, int]:
+    """The least sum of squares of the residuals at these `unknowns` (nunknown), what concerns a push alone being where
+    it serves best, and how many residuals there are; inf where the twin cannot follow.
+    """
+    point, least, seen = np.append(unknowns, np.zeros(compared.extras)), np.inf, 1
+    for _ in range(ROUNDS if compared.extras else 1):
+        residuals = compared.residuals(point, compared.stages)
+        if residuals is None:
+            break
+        least, seen = min(least, 2.0 * residuals.cost), residuals.count
+        point[len(unknowns) :] += residuals.following[:, 0] if compared.extras else 0.0
+    return least, seen
