@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from metaid.api import (
         bodies,
         compare,
-        estimate,
         evaluate,
         load_findings,
         lumps,
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
     from metaid.episode import Outcome
     from metaid.errors import EpisodeError, MetaidError, PlantError, RecordError, RenderError, StorageError, StudyError
     from metaid.plant import Plant, load_plant
+    from metaid.recorded import estimate
     from metaid.show import figures
     from metaid.study import NominalMetricSampler, load_study
 
@@ -45,7 +45,6 @@ _HOME = {
     "metaid.api": (
         "bodies",
         "compare",
-        "estimate",
         "evaluate",
         "load_findings",
         "lumps",
@@ -70,6 +69,7 @@ _HOME = {
     ),
     "metaid.episode": ("Outcome",),
     "metaid.plant": ("Plant", "load_plant"),
+    "metaid.recorded": ("estimate",),
     "metaid.study": ("NominalMetricSampler", "load_study"),
 }
 _MODULES = {"figures": "metaid.show.figures", "study": "metaid.study"}

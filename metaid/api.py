@@ -5,7 +5,7 @@ METAID_STORAGE, else metaid.db.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from numbers import Real
@@ -48,7 +48,6 @@ if TYPE_CHECKING:
 
     from metaid.compiled import Objective  # loads MuJoCo and numba, which a reader of a DB does without
     from metaid.compiled.arms import ArmPush
-    from metaid.recorded import Log, RecordedResult
     from metaid.results.exporting import IdentifiedModel
 
 
@@ -252,60 +251,6 @@ def lumps(name: str, storage: str | None = None) -> pd.DataFrame:
     """
     with closing(Store(storage or default_storage())) as store:
         return results.lumps_frame(store, name)
-
-
-def estimate(
-    logs: Log | Sequence[Log],
-    nominal: str | Path,
-    *,
-    validate: Sequence[Log] = (),
-    law: str | Path | None = None,
-    friction: Sequence[str] | None = None,
-    coupled: Sequence[tuple[int, int]] = (),
-    scale: Mapping[str, float] | None = None,
-    zero: Mapping[str, float] | None = None,
-    gravity: Sequence[float] | None = None,
-    window: float | None = None,
-    delay: float | None = None,
-    zeros: bool | None = None,
-) -> RecordedResult:
-    """What logs of a robot say of it: its `verdict` with the frame of `lumps`, its `summary`, and its `model` to write.
-
-    What trials of a study say is `metaid.study(NAME).estimate`.
-
-    Args:
-        logs: CSV or parquet files, or frames: each is a run of its own.
-        nominal: the nominal robot: a shipped name, or the path of a plant file, an MJCF or a URDF.
-        validate: logs that nothing is fitted to.
-        law: the plant that the torques compensated, where the logs have no torques.
-        friction: the terms of every joint, of viscous, coulomb, root, offset, load and hysteresis; by default those
-            that predict best what is left out.
-        coupled: pairs of joints, from 1 on, whose motors are coupled.
-        scale: by joint, or of `all`, what the logged torques are multiplied with.
-        zero: by joint, in rad, what is added to the logged angles.
-        gravity: in the frame of the base, in m/s².
-        window: length of the windows, in s.
-        delay: by which torques act later than they are logged, in s.
-        zeros: whether encoders have zeros of their own in each log; by default where that predicts better.
-
-    Raises:
-        RecordError: a log cannot be used, or says too little.
-        PlantError: a plant cannot be used.
-    """
-    from metaid.recorded import Choices, identify
-
-    return identify(
-        logs,
-        nominal,
-        validate=validate,
-        law=law,
-        friction=friction,
-        coupled=coupled,
-        scale=scale,
-        zero=zero,
-        gravity=gravity,
-        choices=Choices(span=window, delay=delay, zeros=zeros),
-    )
 
 
 @dataclass(frozen=True)

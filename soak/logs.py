@@ -28,7 +28,7 @@ import numpy as np
 from metaid.errors import MetaidError
 from metaid.models import DEVIATIONS
 from metaid.plant import MujocoPlant
-from metaid.recorded import Choices, RecordedResult, identify
+from metaid.recorded import RecordedResult, estimate
 from soak.common import SoakResult, soaked
 from soak.log_rigs import REFUSED, SEED, Case, Rig, draw, log_of, rig_of
 
@@ -86,7 +86,7 @@ def try_case(number: int) -> Judged:
         path = Path(place) / "log.csv"
         log_of(case, rig, random).to_csv(path, index=False, float_format="%.9g")
         try:
-            found = identify(path, rig.believed, friction=case.friction, choices=Choices(delay=case.delay))
+            found = estimate(path, rig.believed, friction=case.friction, delay=case.delay)
         except MetaidError as refusal:
             return Judged(case, "refused", str(refusal))
     table = found.verdict.lumps

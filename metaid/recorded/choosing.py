@@ -14,14 +14,14 @@ import numpy as np
 
 from metaid.errors import RecordError
 from metaid.models import Array
-from metaid.recorded.equations import Equations, equations_of
 from metaid.recorded.held_out import HeldOut, Yardstick, folds_of
-from metaid.recorded.linear_model import COLUMNS, LinearModel
-from metaid.recorded.log import Record
-from metaid.recorded.smoothed import CUTOFFS, Smoothed
+from metaid.recorded.reading.log import Record
+from metaid.recorded.weak_form.equations import Equations, equations_of
+from metaid.recorded.weak_form.linear_model import COLUMNS, LinearModel
+from metaid.recorded.weak_form.smoothed import CUTOFFS, Smoothed
 
 # Length in s and degree of polynomials.
-WINDOWS = ((0.06, 4), (0.1, 5), (0.2, 6), (0.2, 9), (0.3, 8), (0.5, 10))
+WINDOWS = ((0.06, 4), (0.1, 5), (0.15, 4), (0.2, 6), (0.25, 4), (0.35, 4), (0.3, 8), (0.5, 10))
 BASE = ("viscous", "coulomb")
 PRESLIDING = (1e-4, 3e-4, 1e-3, 3e-3)  # rad or m
 WORTH = 0.97  # of the error: a term that leaves more is not taken up
@@ -264,8 +264,14 @@ def with_cutoff(
 ) -> tuple[Smoothed, ...]:
     """The logs with the highest cut-off of the torques' filter at which what is left out is predicted nearly as well as
     with any: above it there is noise of the angles, differentiated twice, and no motion that a model could explain.
+
+    Args:
+        records: the logs.
+        logs: the same on their grids.
+        model: what is unknown.
+        zeros: whether those of the encoders are unknown.
     """
-    for span, power in WINDOWS[::-1]:
+    for span, power in sorted(WINDOWS, reverse=True):
         equations = equations_of(records, logs, model.with_friction(BASE), span, power)
         if equations is not None and span <= USUAL:
             break

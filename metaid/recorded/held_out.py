@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.equations import ZERO, Equations, Fold, Solution, block_edges
-from metaid.recorded.linear_model import LinearModel
 from metaid.recorded.motion import AHEAD, simulated, starts_of
-from metaid.recorded.smoothed import Smoothed
+from metaid.recorded.weak_form.equations import Equations, Fold, Solution
+from metaid.recorded.weak_form.linear_model import LinearModel
+from metaid.recorded.weak_form.normal import ZERO, block_edges
+from metaid.recorded.weak_form.smoothed import Smoothed
 
 MOST_FOLDS = 8  # logs are held out in so many groups at most
 WHOLE = 3  # so many logs or more: whole ones are held out
@@ -120,7 +121,14 @@ class Yardstick:
         return self._bodies[key]
 
     def predicted(self, model: LinearModel, values: Array, log: int, zeros: Array) -> Array:
-        """The torques of a log (nrow x njoint) by unknowns (nparam), through the filter."""
+        """The torques of a log (nrow x njoint), through the filter.
+
+        Args:
+            model: what is unknown.
+            values: the unknowns (nparam).
+            log: which of the logs.
+            zeros: of its encoders (njoint), in rad.
+        """
         own = self.logs[log]
         rigid = self.at_rows(model, log, zeros) @ values[: model.nbody]
         columns = model.friction_columns(own.speeds, own.accelerations, own.states(model), rigid)
@@ -143,7 +151,14 @@ class Yardstick:
         return inside
 
     def zeros_of(self, model: LinearModel, values: Array, log: int, delay: float) -> Array:
-        """The zeros of a log that was held out (njoint), in rad, from its first half."""
+        """The zeros of a log that was held out (njoint), in rad, from its first half.
+
+        Args:
+            model: what is unknown.
+            values: the unknowns (nparam).
+            log: which of the logs.
+            delay: by which torques act later than they are logged, in s.
+        """
         own = self.logs[log]
         first = own.judged & (own.times < _middle(own))
         zeros = np.zeros(model.njoint)

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.linear_model import LinearModel
-from metaid.recorded.smoothed import Smoothed
+from metaid.recorded.weak_form.linear_model import LinearModel
+from metaid.recorded.weak_form.smoothed import Smoothed
 
 AHEAD = 0.3  # s that are simulated
 APART = 0.05  # s between two starts
@@ -77,6 +77,14 @@ def simulated(
     def rate(angles: Array, speeds: Array, torques: Array, before: Array, after: Array, rigid: Array) -> Array:
         """Accelerations at a state, with friction at the end of a step from the speeds `before` to about those `after`:
         linear between these two, so that no step turns a joint back and forth.
+
+        Args:
+            angles: of the joints (nstart x njoint), in rad.
+            speeds: of the joints (nstart x njoint), in rad/s.
+            torques: that are sent (nstart x njoint), in N m.
+            before: speeds at the beginning of the step (nstart x njoint), in rad/s.
+            after: about those at its end (nstart x njoint), in rad/s.
+            rigid: the torque that loads the joints (nstart x njoint), in N m.
         """
         shape = (len(angles), n + 1, n)
         where, moving = (np.broadcast_to(part[:, None], shape) for part in (angles, speeds))

@@ -13,18 +13,18 @@ from threadpoolctl import threadpool_limits
 
 from metaid.errors import RecordError, unknown
 from metaid.plant import ArmPlant, load_plant
-from metaid.recorded.checks import Fact, facts_of
 from metaid.recorded.choosing import Choices
-from metaid.recorded.equations import Fold
-from metaid.recorded.estimate import RecordedEstimate, estimate_records
+from metaid.recorded.doubts.checks import Fact, facts_of
+from metaid.recorded.estimating import RecordedEstimate, estimate_records
 from metaid.recorded.held_out import HeldOut, Yardstick
-from metaid.recorded.judging import RecordedVerdict, judge_records
-from metaid.recorded.laws import law_torques
-from metaid.recorded.linear_model import TERMS, LinearModel, arm_model, chain_model
-from metaid.recorded.log import Record, read_record
-from metaid.recorded.model_files import FileError, file_error, recorded_identified_model, text_error
-from metaid.recorded.smoothed import Smoothed, smoothed
-from metaid.recorded.summary import summary
+from metaid.recorded.reading.laws import law_torques
+from metaid.recorded.reading.log import Record, read_record
+from metaid.recorded.telling.judging import RecordedVerdict, judge_records
+from metaid.recorded.telling.model_files import FileError, file_error, recorded_identified_model, text_error
+from metaid.recorded.telling.summary import summary
+from metaid.recorded.weak_form.equations import Fold
+from metaid.recorded.weak_form.linear_model import TERMS, LinearModel, arm_model, chain_model
+from metaid.recorded.weak_form.smoothed import Smoothed, smoothed
 from metaid.results.exporting import IdentifiedModel
 
 Log = str | Path | pd.DataFrame
@@ -86,7 +86,7 @@ class RecordedResult:
         return logs, np.array([_zeros(self.estimate, own) for own in logs])
 
 
-def identify(
+def estimate(
     logs: Sequence[Log] | Log,
     nominal: str | Path,
     *,
@@ -97,28 +97,35 @@ def identify(
     scale: Mapping[str, float] | None = None,
     zero: Mapping[str, float] | None = None,
     gravity: Sequence[float] | None = None,
-    choices: Choices | None = None,
+    window: float | None = None,
+    delay: float | None = None,
+    zeros: bool | None = None,
 ) -> RecordedResult:
-    """What logs say of a robot.
+    """What logs say of a robot: its `verdict` with the frame of `lumps`, its `summary`, and its `model` to write.
+
+    What trials of a study say is `metaid.study(NAME).estimate`.
 
     Args:
         logs: paths or frames, each a run of its own.
         nominal: the nominal robot: the name of a shipped plant, or the path of a plant file, an MJCF or a URDF.
         validate: logs that nothing is fitted to.
         law: the plant that the torques compensated, where the logs have none.
-        friction: the terms of every joint; by default those that predict best what is left out.
+        friction: the terms of every joint, of viscous, coulomb, root, offset, load and hysteresis; by default those
+            that predict best what is left out.
         coupled: pairs of joints, from 1 on, whose motors are coupled.
         scale: by joint, or of `all`, what the logged torques are multiplied with.
         zero: by joint, in rad, what is added to the logged angles.
         gravity: in the frame of the base, in m/s²; by default the robot's own.
-        choices: windows, delay and zeros, where metaid is not to choose them.
+        window: length of the windows, in s; by default what predicts best what is left out, as the next two are.
+        delay: by which torques act later than they are logged, in s.
+        zeros: whether encoders have zeros of their own in each log.
 
     Raises:
         RecordError: a log cannot be used, or does not fit the robot.
         PlantError: a plant cannot be used.
     """
     plant = load_plant(nominal)
-    choices = choices or Choices()
+    choices = Choices(span=window, delay=delay, zeros=zeros)
     if friction is not None:
         for term in friction:
             if term not in TERMS:

@@ -5,7 +5,7 @@
 
 import sys
 
-from metaid import CallableStudy
+import metaid
 from metaid.study.arms import ArmProblem, ArmSpec, arm_identifiability
 from metaid.study.bounds import LumpAtBound, lumps_at_bounds
 from metaid.study.create import (
@@ -89,4 +89,4 @@ __all__ = [
     "with_nominal",
 ]
 
-sys.modules[__name__].__class__ = CallableStudy
+sys.modules[__name__].__class__ = metaid.CallableStudy

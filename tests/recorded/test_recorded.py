@@ -26,8 +26,8 @@ from metaid.recorded import (
     RecordedEstimate,
     arm_model,
     chain_model,
+    estimate,
     estimate_records,
-    identify,
     judge_records,
 )
 
@@ -73,7 +73,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_log_of_a_simulated_rig_tells_its_lumps(rig: Path) -> None:
     """All of them to 1 %, within their intervals, from nominal masses that are wrong by half."""
-    found = identify(rig / "log.csv", rig / "believed.toml", friction=["viscous"])
+    found = estimate(rig / "log.csv", rig / "believed.toml", friction=["viscous"])
     lumps = load_chain("two-link").chain.lumps_of(("gravity", "coriolis", "inertia"))
     table = found.verdict.lumps.set_index("name").loc[lumps.names]
     assert found.verdict.is_found

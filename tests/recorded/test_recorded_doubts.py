@@ -24,7 +24,7 @@ from metaid.recorded import (
     estimate_records,
     judge_records,
 )
-from metaid.recorded.windows import cut_windows
+from metaid.recorded.weak_form.windows import cut_windows
 
 
 def judged(record: Record, model: LinearModel, choices: Choices | None = None) -> RecordedVerdict:

@@ -18,7 +18,7 @@ from swinging import log_of, swinging_arm
 from metaid.models import Array
 from metaid.models.tree import joint_torque
 from metaid.plant import ArmPlant, load_plant
-from metaid.recorded import RecordedResult, identify
+from metaid.recorded import RecordedResult, estimate
 
 Metaid = Callable[..., Finished]
 DAMPING, DRY = np.array([0.5, 0.3, 0.2]), np.array([0.4, 0.3, 0.2])
@@ -44,7 +44,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def found(log: Path) -> RecordedResult:
     """What it says."""
-    return identify(log, "spatial-three-link", friction=["viscous", "coulomb"])
+    return estimate(log, "spatial-three-link", friction=["viscous", "coulomb"])
 
 
 def test_all_of_the_posterior_mean_is_in_the_file(found: RecordedResult) -> None:

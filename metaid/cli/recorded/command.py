@@ -70,14 +70,14 @@ def estimate(
     the parts that were left out, and each file is loaded again and says how well it predicts. The exit status is 3
     where nothing is found.
     """
-    from metaid.recorded import Choices, identify
+    from metaid.recorded import estimate as estimated
     from metaid.results.exporting import SUFFIXES
 
     terms = None if friction is None else [term for term in friction.split(",") if term and friction != "none"]
     pairs = [_pair(text) for text in couples]
     for output in outputs:
         refuse_output(output, tuple(SUFFIXES))
-    result = identify(
+    result = estimated(
         logs,
         nominal,
         validate=others,
@@ -87,7 +87,9 @@ def estimate(
         scale=numbers(scale, "--scale"),
         zero=numbers(zero, "--zero"),
         gravity=None if gravity is None else _vector(gravity),
-        choices=Choices(span=window, delay=delay, zeros=zeros),
+        window=window,
+        delay=delay,
+        zeros=zeros,
     )
     has_numbers = result.verdict.is_found or even_if_not_found
     files = [_written(result, output) for output in outputs] if has_numbers else []

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from metaid.models import Array
-from metaid.recorded.estimate import RecordedEstimate
+from metaid.recorded.estimating import RecordedEstimate
 
 SHARES = (0.1, 0.4, 1.0)  # of a joint's fastest speed
 

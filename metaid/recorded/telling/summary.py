@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from metaid.recorded.estimate import RecordedEstimate
-from metaid.recorded.friction_curve import friction_curves
-from metaid.recorded.judging import RecordedVerdict
-from metaid.recorded.log import Record
-from metaid.recorded.model_files import FileError
+from metaid.recorded.estimating import RecordedEstimate
+from metaid.recorded.reading.log import Record
+from metaid.recorded.telling.friction_curve import friction_curves
+from metaid.recorded.telling.judging import RecordedVerdict
+from metaid.recorded.telling.model_files import FileError
 from metaid.results import without_nan
 
 KEYS = ("name", "unit", "nominal", "value", "sd", "sd_systematic", "low", "high", "determined", "expression")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from metaid.models import Array
-from metaid.recorded.equations import Equations
+from metaid.recorded.weak_form.equations import Equations
 
 KNOWN = 4.0  # deviations from nothing: a factor that is less sure is not known
 FAR = 2.0  # a factor of all torques that is farther from 1 is taken for another unit

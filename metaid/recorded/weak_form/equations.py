@@ -10,26 +10,29 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.linear_model import LinearModel
-from metaid.recorded.log import Record
-from metaid.recorded.smoothed import Smoothed
-from metaid.recorded.windows import Windows, cut_windows
+from metaid.recorded.reading.log import Record
+from metaid.recorded.weak_form.linear_model import LinearModel
+from metaid.recorded.weak_form.normal import (
+    FOLDS_A_LOG,
+    Blocks,
+    beside_zeros,
+    block_edges,
+    eliminated,
+    eliminated_covariance,
+    prior_of,
+)
+from metaid.recorded.weak_form.smoothed import Smoothed
+from metaid.recorded.weak_form.windows import Windows, cut_windows
 
 LASTS = 0.3  # s: how long an error of the model lasts at least
 ROUNDS = 3  # of the covariance across joints
 PASSES = 3  # of Newton's steps for zeros and for the friction that grows with load
-FLAT = 100.0  # how many times its torque a joint's friction may be beforehand: no prior at all
 LEAST = 1e-9  # of the largest torque, that any joint's error is at least: rounding
-UNCERTAIN = 1e-6  # of a prior's deviations, that all combinations of them have at least
-ZERO = 0.05  # rad: a standard deviation of the zero of an encoder beforehand
 SHIFT = 1e-5  # rad, for derivatives by a zero
-FOLDS_A_LOG = 3  # parts of a log that are held out in turn
 
 
 @dataclass(frozen=True)
@@ -108,21 +111,6 @@ class Solution:
     prior: Array
     zeros: Array
     weight: Array
-
-
-@dataclass(frozen=True)
-class Blocks:
-    """Normal equations of each block of windows, where the columns of zeros stand after those of the unknowns.
-
-    Attributes:
-        grams: (nblock x nparam + njoint x nparam + njoint).
-        moments: (nblock x nparam + njoint).
-        logs: of which log each block is (nblock).
-    """
-
-    grams: Array
-    moments: Array
-    logs: NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -292,8 +280,15 @@ class Equations:
 def equations_of(
     records: Sequence[Record], smoothed: Sequence[Smoothed], model: LinearModel, span: float, power: int
 ) -> Equations | None:
-    """The equations of windows of one length, `span` in s, with polynomials of degree `power`; None where a log has no
-    such windows in which it moves, or there are too few of all.
+    """The equations of windows of one length; None where a log has no such windows in which it moves, or there are too
+    few of all.
+
+    Args:
+        records: the logs.
+        smoothed: the same on their grids.
+        model: what is unknown.
+        span: length of the windows, in s.
+        power: degree of the polynomials.
     """
     parts = []
     for log, (record, own) in enumerate(zip(records, smoothed, strict=True)):
@@ -303,95 +298,3 @@ def equations_of(
         parts.append(Part(log, record, windows, own))
     equations = Equations(tuple(parts), model, False, nlog=len(parts))
     return equations if equations.is_enough else None
-
-
-def block_edges(nwindow: int) -> list[tuple[int, int]]:
-    """From and to of the blocks of a log's windows, and between each two of them the window that shares time with both
-    (2 FOLDS_A_LOG − 1).
-    """
-    edges = np.linspace(0, nwindow, FOLDS_A_LOG + 1).astype(int).tolist()
-    blocks = [(edges[0], edges[1])]
-    for begin, end in pairwise(edges[1:]):
-        blocks += [(begin, begin + 1), (begin + 1, end)]
-    return blocks
-
-
-def eliminated(blocks: Blocks, nominal: Array, prior: Array, zeros: Array, are_unknown: bool) -> tuple[Array, ...]:
-    """The unknowns (nparam), by how much the zeros change (nlog x njoint), and the precision of the unknowns.
-
-    Args:
-        blocks: the normal equations.
-        nominal: the prior mean (nparam).
-        prior: its precision (nparam x nparam).
-        zeros: of the encoders at which the columns were computed (nlog x njoint), in rad.
-        are_unknown: whether they are unknown.
-    """
-    nparam, n = len(nominal), zeros.shape[1]
-    precision, moment = prior.copy(), prior @ nominal
-    kept = {}
-    for log in np.unique(blocks.logs):
-        which = blocks.logs == log
-        gram, own = blocks.grams[which].sum(axis=0), blocks.moments[which].sum(axis=0)
-        precision += gram[:nparam, :nparam]
-        moment = moment + own[:nparam]
-        if are_unknown:
-            inner = np.linalg.inv(gram[nparam:, nparam:] + np.eye(n) / ZERO**2)
-            across, target = gram[:nparam, nparam:], own[nparam:] - zeros[log] / ZERO**2
-            precision -= across @ inner @ across.T
-            moment = moment - across @ inner @ target
-            kept[int(log)] = inner, across, target
-    scale = 1.0 / np.sqrt(np.diag(precision))
-    values = scale * np.linalg.solve(precision * np.outer(scale, scale), scale * moment)
-    changes = np.zeros_like(zeros)
-    for log, (inner, across, target) in kept.items():
-        changes[log] = inner @ (target - across.T @ values)
-    return values, changes, precision
-
-
-def eliminated_covariance(inverse: Array, scores: Sequence[Array], lags: int) -> Array:
-    """H⁻¹ S H⁻¹, with S the sum of the products of the scores (nwindow x nparam) of windows of one log that are at most
-    `lags` apart.  Eq. 59.
-    """
-    together = np.zeros_like(inverse)
-    for own in scores:
-        together += own.T @ own
-        for lag in range(1, min(lags, len(own) - 1) + 1):
-            pairs = own[lag:].T @ own[:-lag]
-            together += (1.0 - lag / (lags + 1.0)) * (pairs + pairs.T)
-    return np.asarray(inverse @ together @ inverse, dtype=np.float64)
-
-
-def beside_zeros(rows: Array, left: Array, nparam: int, weight: Array) -> tuple[Array, Array]:
-    """Columns of the unknowns and what is left of torques, both without what the zeros of a log explain."""
-    zero_columns = rows[..., nparam:]
-    weighed = np.einsum("wajz,jk->wakz", zero_columns, weight)
-    gram = np.einsum("wakz,waky->zy", weighed, zero_columns) + np.eye(zero_columns.shape[-1]) / ZERO**2
-    explained = np.linalg.solve(gram, np.einsum("wakz,wakp->zp", weighed, rows[..., :nparam]))
-    taken = np.linalg.solve(gram, np.einsum("wakz,wak->z", weighed, left))
-    return rows[..., :nparam] - zero_columns @ explained, left - zero_columns @ taken
-
-
-def prior_of(model: LinearModel, rows: Sequence[Array], torques: Array, scale: float) -> tuple[Array, Array]:
-    """The prior mean of the unknowns (nparam) and its precision (nparam x nparam): of friction next to none.
-
-    Args:
-        model: what is unknown.
-        rows: of each log (nwindow x ntest x njoint x nparam or more).
-        torques: averaged, of all logs (nrow x njoint).
-        scale: of the nominal bodies.
-    """
-    nparam, nbody = len(model.names), model.nbody
-    nominal, precision = np.zeros(nparam), np.zeros((nparam, nparam))
-    nominal[:nbody] = scale * model.nominal
-    covariance = scale**2 * model.covariance
-    deviations = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    deviations = np.where(deviations > 0.0, deviations, UNCERTAIN * max(float(deviations.max(initial=0.0)), UNCERTAIN))
-    correlation = covariance / np.outer(deviations, deviations) + UNCERTAIN * np.eye(nbody)
-    precision[:nbody, :nbody] = np.linalg.inv(correlation) / np.outer(deviations, deviations)
-    usual = np.sqrt((torques**2).mean())
-    squares = [(each[..., nbody:nparam] ** 2).mean(axis=(0, 1, 2)) for each in rows]
-    of_unit = np.sqrt(np.mean(squares, axis=0))
-    widest = FLAT * usual / np.where(of_unit > 0.0, of_unit, 1.0)
-    friction = np.arange(nbody, nparam)
-    precision[friction, friction] = 1.0 / widest**2
-    return nominal, precision

@@ -8,7 +8,7 @@ from metaid.errors import RecordError
 from metaid.models import Array, compensation_basis
 from metaid.models.tree import joint_torque
 from metaid.plant import ArmPlant, MujocoPlant
-from metaid.recorded.log import Record
+from metaid.recorded.reading.log import Record
 
 
 def law_torques(record: Record, plant: MujocoPlant | ArmPlant) -> Array:

@@ -11,8 +11,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from metaid.models import DEVIATIONS
-from metaid.recorded.estimate import RecordedEstimate
-from metaid.recorded.log import Record
+from metaid.recorded.estimating import RecordedEstimate
+from metaid.recorded.reading.log import Record
 from metaid.study import COARSEST
 
 EXPLAINED = 3.0  # deviations of the noise: a misfit below explains what was seen

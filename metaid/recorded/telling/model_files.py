@@ -14,11 +14,11 @@ import pandas as pd
 import metaid
 from metaid.models import IDEAL, Array, Chain, chain_of_lumps
 from metaid.models.tree import PARAMETERS, JointFriction, Tree
-from metaid.recorded.estimate import RecordedEstimate
-from metaid.recorded.judging import RecordedVerdict
-from metaid.recorded.linear_model import LinearModel
-from metaid.recorded.log import Record
-from metaid.recorded.smoothed import Smoothed
+from metaid.recorded.estimating import RecordedEstimate
+from metaid.recorded.reading.log import Record
+from metaid.recorded.telling.judging import RecordedVerdict
+from metaid.recorded.weak_form.linear_model import LinearModel
+from metaid.recorded.weak_form.smoothed import Smoothed
 from metaid.results.exporting import ArmLaw, Dynamics, IdentifiedModel, couples_of, file_torques, not_in_xml
 
 BODIES = (".xml", ".urdf", ".toml")  # files for simulators, which have viscous and Coulomb friction alone
@@ -191,7 +191,15 @@ def file_error(path: Path, name: str, found: RecordedEstimate, logs: Sequence[Sm
 def text_error(
     model: IdentifiedModel, suffix: str, found: RecordedEstimate, logs: Sequence[Smoothed], zeros: Array
 ) -> FileError:
-    """The same of a file that is written to a place of its own."""
+    """The same of a file that is written to a place of its own.
+
+    Args:
+        model: what is written.
+        suffix: of the file.
+        found: what it is of.
+        logs: that are predicted.
+        zeros: of their encoders (nlog x njoint), in rad.
+    """
     with TemporaryDirectory(prefix="metaid-") as place:
         path = Path(place) / f"model{suffix}"
         model.write(path)

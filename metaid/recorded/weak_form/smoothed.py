@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.linear_model import LinearModel
-from metaid.recorded.log import Record
+from metaid.recorded.reading.log import Record
+from metaid.recorded.weak_form.linear_model import LinearModel
 
 ANGLES = 20.0  # Hz
 CUTOFFS = (10.0, 7.0, 5.0, 3.0, 2.0)  # Hz, of torques

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from metaid.models import Array
-from metaid.recorded.equations import Equations, Part, equations_of
-from metaid.recorded.estimate import RecordedEstimate
-from metaid.recorded.linear_model import LinearModel, arm_model
-from metaid.recorded.log import Record
-from metaid.recorded.possible import Possible
-from metaid.recorded.scales import joint_scales
-from metaid.recorded.smoothed import Smoothed
+from metaid.recorded.doubts.scales import joint_scales
+from metaid.recorded.estimating import RecordedEstimate
+from metaid.recorded.reading.log import Record
+from metaid.recorded.weak_form.equations import Equations, Part, equations_of
+from metaid.recorded.weak_form.linear_model import LinearModel, arm_model
+from metaid.recorded.weak_form.possible import Possible
+from metaid.recorded.weak_form.smoothed import Smoothed
 
 MOST = 80  # windows of a check, of all logs
 NAMED = 0.75  # of the torque that the model leaves unexplained: a fact that leaves less is named
@@ -50,27 +50,26 @@ class _Check:
     equations: Equations
     fastest: Array
 
-    def left(self, equations: Equations, enough: float = np.inf) -> float:
-        """The share of the torque that a possible model leaves unexplained; that of the free fit, which leaves less,
-        where this is not below `enough`.
+    def left(self, equations: Equations, usual: Array | None = None, of_a_zero: bool = False) -> Array:
+        """The share of its torque that a possible model leaves unexplained in each joint (njoint); that of the free
+        fit, which leaves less, where this is not far below the `usual` (njoint).
         """
         solution, _, _ = equations.solved
         free = self._unexplained(equations, solution.values)
-        if free >= enough:
+        if usual is not None and improvement(free, usual, of_a_zero) >= NAMED:
             return free
         possible = Possible(equations.model, equations.scale, self.fastest)
         return self._unexplained(equations, possible.closest(solution.values, solution.precision).values)
 
     @staticmethod
-    def _unexplained(equations: Equations, values: Array) -> float:
+    def _unexplained(equations: Equations, values: Array) -> Array:
         rows = equations.solved[1]
-        missed, whole = 0.0, 0.0
-        weight = 1.0 / np.maximum(np.mean([(each**2).mean(axis=(0, 1)) for each in equations.torques], axis=0), 1e-300)
+        missed, whole = np.zeros(equations.model.njoint), np.zeros(equations.model.njoint)
         for own, torques in zip(rows, equations.torques, strict=True):
             left = torques - own[..., : len(values)] @ values
-            missed += float((left**2 * weight).sum())
-            whole += float((torques**2 * weight).sum())
-        return float(np.sqrt(missed / max(whole, 1e-300)))
+            missed += (left**2).sum(axis=(0, 1))
+            whole += (torques**2).sum(axis=(0, 1))
+        return np.asarray(np.sqrt(missed / np.maximum(whole, 1e-300)), dtype=np.float64)
 
     def with_torques(self, factors: Array) -> Equations:
         parts = [replace(part, record=part.record.with_torques(part.record.torques * factors)) for part in self._parts]
@@ -98,6 +97,21 @@ class _Check:
         return self.equations.parts
 
 
+def together(left: Array, usual: Array) -> float:
+    """What is left unexplained (njoint) as a share of the usual, of all joints together."""
+    return float(np.linalg.norm(left) / max(float(np.linalg.norm(usual)), 1e-300))
+
+
+def improvement(left: Array, usual: Array, of_a_zero: bool) -> float:
+    """The same; of a wrong zero, which adds no unknowns, that of the joint that gains most, if all together do not
+    lose.
+    """
+    share = together(left, usual)
+    if not of_a_zero or share > 1.0:
+        return share
+    return min(share, float(np.where(usual >= WRONG, left / np.maximum(usual, WRONG), 1.0).min()))
+
+
 def facts_of(records: Sequence[Record], found: RecordedEstimate) -> tuple[Fact, ...]:
     """What looks wrong in logs, the most telling first; of one joint one thing."""
     dead = [
@@ -113,16 +127,17 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate) -> tuple[Fact, 
     check = _Check(equations, found.fastest)
     usual = check.left(equations)
     units = list(_units(check))
-    if usual < WRONG and not units:
+    if usual.max() < WRONG and not units:
         return ()
-    tried = [
-        Fact(text, option, check.left(other, NAMED * usual) / max(usual, 1e-300))
-        for text, option, other in _suspected(found, check)
-    ]
-    worth = [fact for fact in tried if fact.left < (SELDOM if fact.option.startswith(("--zero", "--grav")) else NAMED)]
+    worth = []
+    for text, option, other in _suspected(found, check):
+        is_zero = option.startswith("--zero")
+        left = check.left(other, usual, is_zero)
+        if improvement(left, usual, is_zero) < (SELDOM if option.startswith("--gravity") else NAMED):
+            worth.append(Fact(text, option, together(left, usual)))
     worth.sort(key=lambda fact: fact.left)
     telling = [fact for fact in worth if fact.left < worth[0].left * 1.15][:2]
-    return (*units, *(telling if usual >= WRONG else ()))
+    return (*units, *(telling if usual.max() >= WRONG else ()))
 
 
 def _thinned(records: Sequence[Record], logs: Sequence[Smoothed], found: RecordedEstimate) -> Equations | None:

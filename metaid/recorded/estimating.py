@@ -20,14 +20,15 @@ from metaid.recorded.choosing import (
     usual_still,
     with_cutoff,
 )
-from metaid.recorded.equations import Blocks, Equations, Solution, equations_of
+from metaid.recorded.doubts.scales import torque_scale
+from metaid.recorded.doubts.suspects import examined, suspects
 from metaid.recorded.held_out import HeldOut, Yardstick
-from metaid.recorded.linear_model import LinearModel
-from metaid.recorded.log import Record
-from metaid.recorded.possible import Possible, PossibleModel
-from metaid.recorded.scales import torque_scale
-from metaid.recorded.smoothed import Smoothed, smoothed
-from metaid.recorded.suspects import examined, suspects
+from metaid.recorded.reading.log import Record
+from metaid.recorded.weak_form.equations import Equations, Solution, equations_of
+from metaid.recorded.weak_form.linear_model import LinearModel
+from metaid.recorded.weak_form.normal import ZERO, Blocks
+from metaid.recorded.weak_form.possible import Possible, PossibleModel
+from metaid.recorded.weak_form.smoothed import Smoothed, smoothed
 
 FEW_STARTS = 10  # of simulations a fold, of an arm
 MANY_STARTS = 60  # of a chain
@@ -192,12 +193,9 @@ def _with_values(equations: Equations, solution: Solution, blocks: Blocks, value
         nparam = len(values)
         for log in range(equations.nlog):
             gram = blocks.grams[blocks.logs == log].sum(axis=0)
-            inner = gram[nparam:, nparam:] + np.eye(zeros.shape[1]) / ZERO_PRIOR
+            inner = gram[nparam:, nparam:] + np.eye(zeros.shape[1]) / ZERO**2
             zeros[log] -= np.linalg.solve(inner, gram[nparam:, :nparam] @ shift)
     return replace(solution, values=values, zeros=zeros)
-
-
-ZERO_PRIOR = 0.05**2
 
 
 def _for_simulators(

@@ -15,7 +15,7 @@ import numpy as np
 
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS, Belief, Tree, nominal_pseudo_inertias, planar_tree, pseudo_inertia
-from metaid.recorded.linear_model import RIGID, LinearModel
+from metaid.recorded.weak_form.linear_model import RIGID, LinearModel
 
 WEIGHT = 0.05  # of the divergence, beside χ² / 2
 PATH = 100.0  # by which the weight falls from solution to solution

@@ -160,8 +160,13 @@ class LinearModel:
 
 
 def friction_torque(term: str, speeds: Array, sliding: Array, rigid: Array) -> Array:
-    """The torque (...) for a unit of one term of friction in COLUMNS, of a joint's speed in rad/s or m/s, its state of
-    dry friction from −1 to 1, and the torque of its bodies in N m or N (... each).
+    """The torque (...) for a unit of one term of friction, in N m or N.
+
+    Args:
+        term: one of COLUMNS.
+        speeds: of the joint (...), in rad/s or m/s.
+        sliding: its state of dry friction (...), from −1 to 1.
+        rigid: the torque of its bodies (...), in N m or N.
     """
     if term == "viscous":
         return speeds

@@ -14,7 +14,7 @@ from numpy.polynomial import Polynomial, legendre
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.log import Record
+from metaid.recorded.reading.log import Record
 
 OVERLAP = 0.5  # of a window with the next
 NODES = 32  # in a window, at which the model's torque is evaluated
@@ -121,9 +121,15 @@ class Windows:
 
 
 def cut_windows(record: Record, span: float, power: int, overlap: float = OVERLAP) -> Windows | None:
-    """The windows of a log in which the plant moves, `span` in s long; None where there is none with readings enough.
+    """The windows of a log in which the robot moves; None where there is none with readings enough.
 
-    In a window's own time s, from −1 to 1, the angles are a sum of Legendre polynomials up to a `power`.
+    In a window's own time s, from −1 to 1, the angles are a sum of Legendre polynomials.
+
+    Args:
+        record: the log.
+        span: length of a window, in s.
+        power: degree of the polynomials.
+        overlap: of a window with the next.
     """
     first, last = record.times[0], record.times[-1]
     middles = np.arange(first + 0.5 * span, last - 0.5 * span, (1.0 - overlap) * span)

@@ -1,0 +1,135 @@
+"""Normal equations of blocks of windows: zeros of encoders eliminated log by log, the prior, and covariance.
+
+Equation numbers are those of docs/method.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.models import Array
+from metaid.recorded.weak_form.linear_model import LinearModel
+
+FLAT = 100.0  # how many times its torque a joint's friction may be beforehand: no prior at all
+UNCERTAIN = 1e-6  # of a prior's deviations, that all combinations of them have at least
+ZERO = 0.05  # rad: a standard deviation of the zero of an encoder beforehand
+FOLDS_A_LOG = 3  # parts of a log that are held out in turn
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Normal equations of each block of windows, where the columns of zeros stand after those of the unknowns.
+
+    Attributes:
+        grams: (nblock x nparam + njoint x nparam + njoint).
+        moments: (nblock x nparam + njoint).
+        logs: of which log each block is (nblock).
+    """
+
+    grams: Array
+    moments: Array
+    logs: NDArray[np.intp]
+
+
+def block_edges(nwindow: int) -> list[tuple[int, int]]:
+    """From and to of the blocks of a log's windows, and between each two of them the window that shares time with both
+    (2 FOLDS_A_LOG − 1).
+    """
+    edges = np.linspace(0, nwindow, FOLDS_A_LOG + 1).astype(int).tolist()
+    blocks = [(edges[0], edges[1])]
+    for begin, end in pairwise(edges[1:]):
+        blocks += [(begin, begin + 1), (begin + 1, end)]
+    return blocks
+
+
+def eliminated(blocks: Blocks, nominal: Array, prior: Array, zeros: Array, are_unknown: bool) -> tuple[Array, ...]:
+    """The unknowns (nparam), by how much the zeros change (nlog x njoint), and the precision of the unknowns.
+
+    Args:
+        blocks: the normal equations.
+        nominal: the prior mean (nparam).
+        prior: its precision (nparam x nparam).
+        zeros: of the encoders at which the columns were computed (nlog x njoint), in rad.
+        are_unknown: whether they are unknown.
+    """
+    nparam, n = len(nominal), zeros.shape[1]
+    precision, moment = prior.copy(), prior @ nominal
+    kept = {}
+    for log in np.unique(blocks.logs):
+        which = blocks.logs == log
+        gram, own = blocks.grams[which].sum(axis=0), blocks.moments[which].sum(axis=0)
+        precision += gram[:nparam, :nparam]
+        moment = moment + own[:nparam]
+        if are_unknown:
+            inner = np.linalg.inv(gram[nparam:, nparam:] + np.eye(n) / ZERO**2)
+            across, target = gram[:nparam, nparam:], own[nparam:] - zeros[log] / ZERO**2
+            precision -= across @ inner @ across.T
+            moment = moment - across @ inner @ target
+            kept[int(log)] = inner, across, target
+    scale = 1.0 / np.sqrt(np.diag(precision))
+    values = scale * np.linalg.solve(precision * np.outer(scale, scale), scale * moment)
+    changes = np.zeros_like(zeros)
+    for log, (inner, across, target) in kept.items():
+        changes[log] = inner @ (target - across.T @ values)
+    return values, changes, precision
+
+
+def eliminated_covariance(inverse: Array, scores: Sequence[Array], lags: int) -> Array:
+    """H⁻¹ S H⁻¹, with S the sum of the products of the scores (nwindow x nparam) of windows of one log that are at most
+    `lags` apart.  Eq. 59.
+    """
+    together = np.zeros_like(inverse)
+    for own in scores:
+        together += own.T @ own
+        for lag in range(1, min(lags, len(own) - 1) + 1):
+            pairs = own[lag:].T @ own[:-lag]
+            together += (1.0 - lag / (lags + 1.0)) * (pairs + pairs.T)
+    return np.asarray(inverse @ together @ inverse, dtype=np.float64)
+
+
+def beside_zeros(rows: Array, left: Array, nparam: int, weight: Array) -> tuple[Array, Array]:
+    """Columns of the unknowns and what is left of torques, both without what the zeros of a log explain.
+
+    Args:
+        rows: columns of the unknowns, then of the zeros (nwindow x ntest x njoint x nparam + njoint).
+        left: of the torques (nwindow x ntest x njoint).
+        nparam: how many unknowns there are.
+        weight: of the joints (njoint x njoint).
+    """
+    zero_columns = rows[..., nparam:]
+    weighed = np.einsum("wajz,jk->wakz", zero_columns, weight)
+    gram = np.einsum("wakz,waky->zy", weighed, zero_columns) + np.eye(zero_columns.shape[-1]) / ZERO**2
+    explained = np.linalg.solve(gram, np.einsum("wakz,wakp->zp", weighed, rows[..., :nparam]))
+    taken = np.linalg.solve(gram, np.einsum("wakz,wak->z", weighed, left))
+    return rows[..., :nparam] - zero_columns @ explained, left - zero_columns @ taken
+
+
+def prior_of(model: LinearModel, rows: Sequence[Array], torques: Array, scale: float) -> tuple[Array, Array]:
+    """The prior mean of the unknowns (nparam) and its precision (nparam x nparam): of friction next to none.
+
+    Args:
+        model: what is unknown.
+        rows: of each log (nwindow x ntest x njoint x nparam or more).
+        torques: averaged, of all logs (nrow x njoint).
+        scale: of the nominal bodies.
+    """
+    nparam, nbody = len(model.names), model.nbody
+    nominal, precision = np.zeros(nparam), np.zeros((nparam, nparam))
+    nominal[:nbody] = scale * model.nominal
+    covariance = scale**2 * model.covariance
+    deviations = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    deviations = np.where(deviations > 0.0, deviations, UNCERTAIN * max(float(deviations.max(initial=0.0)), UNCERTAIN))
+    correlation = covariance / np.outer(deviations, deviations) + UNCERTAIN * np.eye(nbody)
+    precision[:nbody, :nbody] = np.linalg.inv(correlation) / np.outer(deviations, deviations)
+    usual = np.sqrt((torques**2).mean())
+    squares = [(each[..., nbody:nparam] ** 2).mean(axis=(0, 1, 2)) for each in rows]
+    of_unit = np.sqrt(np.mean(squares, axis=0))
+    widest = FLAT * usual / np.where(of_unit > 0.0, of_unit, 1.0)
+    friction = np.arange(nbody, nparam)
+    precision[friction, friction] = 1.0 / widest**2
+    return nominal, precision
