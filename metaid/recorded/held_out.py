@@ -192,7 +192,14 @@ class Yardstick:
     def judged(
         self, equations: Equations, solutions: Sequence[Solution], with_motion: bool = False, most: int = MOST_STARTS
     ) -> HeldOut:
-        """How well each fold is predicted by a solution of its own (nfold)."""
+        """How well each fold is predicted by a solution of its own.
+
+        Args:
+            equations: of all logs.
+            solutions: one a fold (nfold).
+            with_motion: whether motion is simulated, too.
+            most: simulations a fold.
+        """
         model, delay, n = equations.model, equations.delay, equations.model.njoint
         squares, whole, count = np.zeros(n), np.zeros(n), 0
         folds, begun = [], []

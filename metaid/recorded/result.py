@@ -20,7 +20,7 @@ from metaid.recorded.held_out import HeldOut, Yardstick
 from metaid.recorded.reading.laws import law_torques
 from metaid.recorded.reading.log import Record, read_record
 from metaid.recorded.telling.judging import RecordedVerdict, judge_records
-from metaid.recorded.telling.model_files import FileError, file_error, recorded_identified_model, text_error
+from metaid.recorded.telling.model_files import FileError, file_error, recorded_identified_model
 from metaid.recorded.telling.summary import summary
 from metaid.recorded.weak_form.equations import Fold
 from metaid.recorded.weak_form.linear_model import TERMS, LinearModel, arm_model, chain_model
@@ -73,10 +73,6 @@ class RecordedResult:
         else the logs themselves.
         """
         return file_error(Path(path), self.model.name, self.estimate, *self._judged_logs)
-
-    def error_as(self, suffix: str) -> FileError:
-        """The same of a file with that `suffix` that is not kept."""
-        return text_error(self.model, suffix, self.estimate, *self._judged_logs)
 
     @property
     def _judged_logs(self) -> tuple[list[Smoothed], Any]:

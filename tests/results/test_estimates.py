@@ -161,7 +161,7 @@ def test_study_without_an_estimate_says_why_in_one_line(metaid: Metaid, why: str
     assert shown["estimate"] is shown["misfit"] is None
     assert shown["why_no_estimate"] == why
     with pytest.raises(StudyError, match="study 'without' has no estimate: ") as refused:
-        package.estimate("without")
+        _ = package.study("without").estimate
     assert str(refused.value).endswith(why)
 
 
@@ -170,7 +170,7 @@ def test_study_without_a_trial_says_nothing_of_an_estimate(metaid: Metaid) -> No
     metaid("study", "create", "three-link-coast")
     assert "stimate" not in metaid("study", "show", "three-link-coast").out
     with pytest.raises(StudyError, match="no trial yet: run it first"):
-        package.estimate("three-link-coast")
+        _ = package.study("three-link-coast").estimate
 
 
 def test_list_and_frame_have_the_verdict(estimated: Path) -> None:
@@ -190,7 +190,7 @@ def test_frame_of_an_estimate_is_that_of_lumps_whichever_sampler(estimated: Path
     """The same columns; the same table where the study stands by its estimate; no interval where nothing was found."""
     lumps = {name: package.lumps(name, str(estimated)) for name in ("matched", "searched")}
     matched, searched, hidden = (
-        package.estimate(name, str(estimated)) for name in ("matched", "searched", "hidden-searched")
+        package.study(name, str(estimated)).estimate for name in ("matched", "searched", "hidden-searched")
     )
     assert_frame_equal(matched, lumps["matched"], check_exact=True)
     assert_frame_equal(searched, lumps["searched"], check_exact=True)

@@ -48,7 +48,7 @@ def test_report_and_note_show_the_estimate_with_its_intervals(
     text = shown(name, estimated)
     assert f"Estimate from {which}: the model explains what was seen: misfit " in text
     assert "ow and high are the 95 % interval" in text
-    for lump in package.estimate(name, str(estimated)).to_dict("records"):
+    for lump in package.study(name, str(estimated)).estimate.to_dict("records"):
         assert lump["name"] in text
         assert f"{lump['identified']:.5g}" in text
 

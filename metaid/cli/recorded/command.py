@@ -13,15 +13,13 @@ from metaid.cli.recorded.printing import print_result
 if TYPE_CHECKING:
     from metaid.recorded import FileError, RecordedResult
 
-MODEL_HELP = "Write the model, any number of times: .xml (MJCF), .urdf, .py, .h, .toml, .json."
-NOMINAL_HELP = "The nominal robot: a plant's name, a plant file, an MJCF or URDF."
-FRICTION_HELP = "Of: viscous,coulomb,root,offset,load,hysteresis; or none; default: what predicts best."
+MODEL_HELP = "Write .xml (MJCF), .urdf, .py, .h, .toml, .json."
+NOMINAL_HELP = "A plant's name, a plant file, MJCF or URDF."
+FRICTION_HELP = "Of viscous,coulomb,root,offset,load,hysteresis."
 NOT_FOUND = 3  # exit status
 
 
-@click.command(
-    epilog="\b\nExample:\n  metaid estimate run1.csv run2.csv run3.csv --nominal arm.urdf -o model.xml -o model.py"
-)
+@click.command(epilog="\b\nExample:\n  metaid estimate log.csv --nominal three-link -o model.xml -o model.py")
 @click.argument("logs", metavar="LOG [LOG ...]", type=click.Path(path_type=Path), nargs=-1, required=True)
 @click.option("--nominal", required=True, metavar="ROBOT", help=NOMINAL_HELP)
 @click.option(
@@ -39,8 +37,8 @@ NOT_FOUND = 3  # exit status
 @click.option("--zero", metavar="JOINT=RAD", multiple=True, help="Add to the logged angles of a joint.")
 @click.option("--gravity", metavar="X,Y,Z", help="In the frame of the base, in m/s².")
 @click.option("--zeros/--no-zeros", default=None, help="Encoders have a zero of their own in each log.")
-@click.option("--window", type=click.FloatRange(0.001, 100.0), help="Length of the windows, in s.")
-@click.option("--delay", type=click.FloatRange(-1.0, 1.0), help="Of the torques, in s; by default it is found.")
+@click.option("--window", type=click.FloatRange(0.001, 100.0), metavar="S", help="Length of the windows, in s.")
+@click.option("--delay", type=click.FloatRange(-1.0, 1.0), metavar="S", help="Of the torques, in s; else found.")
 @click.option("-o", "outputs", type=click.Path(path_type=Path), multiple=True, help=MODEL_HELP)
 @click.option("--even-if-not-found", is_flag=True, help="Print the numbers and write the files all the same.")
 @click.option("--all", "whole", is_flag=True, help="Print every parameter, and what was tried.")
@@ -66,9 +64,7 @@ def estimate(
     """Identify a robot from logs of its motion.
 
     A log has a column `time` in s and, of every joint, `angle_1` in rad, `torque_1` in N m and perhaps `speed_1` in
-    rad/s. A torque holds until the next row. Each log is a run of its own. What is handed over is what predicts best
-    the parts that were left out, and each file is loaded again and says how well it predicts. The exit status is 3
-    where nothing is found.
+    rad/s. Each log is a run of its own. Each file that is written says how well it predicts. Exit status 3: not found.
     """
     from metaid.recorded import estimate as estimated
     from metaid.results.exporting import SUFFIXES

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from metaid.recorded import RecordedResult
 
 FEW = 12  # parameters that a screen has
-REASONS = 4  # sentences
+REASONS = 5  # sentences: what is predicted, and four on what is not explained
 
 
 def print_result(result: RecordedResult, has_numbers: bool, whole: bool) -> None:
@@ -30,19 +30,10 @@ def print_result(result: RecordedResult, has_numbers: bool, whole: bool) -> None
         if whole:
             _print_tried(shown)
     reasons = shown["reasons"] if whole or not has_numbers else shown["reasons"][:REASONS]
-    say(f"{shown['verdict'].upper()}: {'; '.join([_headline(shown), *reasons])}")
+    say(f"{shown['verdict'].upper()}: {'; '.join(reasons)}")
     if result.estimate.equations.zeros and whole:
         for log in shown["logs"]:
             say(f"zeros of {log['path']}, added to its angles: " + ", ".join(f"{zero:+.4f}" for zero in log["zeros"]))
-
-
-def _headline(shown: dict[str, Any]) -> str:
-    held, nominal = shown["held_out"]["torque"]["relative"], shown["nominal_held_out"]["torque"]["relative"]
-    by = "whole logs" if shown["held_out"]["by"] == "logs" else "parts"
-    return (
-        f"torques of {by} that were left out are predicted to {held:.2%} of what they are, by the nominal bodies with "
-        f"fitted friction to {nominal:.2%}"
-    )
 
 
 def _print_held_out(shown: dict[str, Any], result: RecordedResult) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
@@ -20,8 +19,6 @@ from metaid.recorded.telling.judging import RecordedVerdict
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.smoothed import Smoothed
 from metaid.results.exporting import ArmLaw, Dynamics, IdentifiedModel, couples_of, file_torques, not_in_xml
-
-BODIES = (".xml", ".urdf", ".toml")  # files for simulators, which have viscous and Coulomb friction alone
 
 
 @dataclass(frozen=True)
@@ -154,7 +151,7 @@ def _chain(found: RecordedEstimate, tree: Tree) -> Chain | None:
 
 
 def file_error(path: Path, name: str, found: RecordedEstimate, logs: Sequence[Smoothed], zeros: Array) -> FileError:
-    """How well a written file predicts the torques of logs, loaded again: those of the rows that are judged (Eq. 61a).
+    """How well a written file predicts the torques of logs, loaded again: those of the rows that are judged (Eq. 74).
 
     Args:
         path: of the file.
@@ -186,21 +183,3 @@ def file_error(path: Path, name: str, found: RecordedEstimate, logs: Sequence[Sm
     relative = float(np.sqrt(squares.sum() / max(whole.sum(), 1e-300)))
     by_joint = np.sqrt(squares / np.maximum(whole, 1e-300))
     return FileError(str(path), relative, tuple(by_joint.tolist()), rows)
-
-
-def text_error(
-    model: IdentifiedModel, suffix: str, found: RecordedEstimate, logs: Sequence[Smoothed], zeros: Array
-) -> FileError:
-    """The same of a file that is written to a place of its own.
-
-    Args:
-        model: what is written.
-        suffix: of the file.
-        found: what it is of.
-        logs: that are predicted.
-        zeros: of their encoders (nlog x njoint), in rad.
-    """
-    with TemporaryDirectory(prefix="metaid-") as place:
-        path = Path(place) / f"model{suffix}"
-        model.write(path)
-        return file_error(path, model.name, found, logs, zeros)

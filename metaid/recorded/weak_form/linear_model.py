@@ -3,7 +3,7 @@
 A planar chain is known by its lumps and rotors, an arm by its base parameters. Friction of joint j is any of: viscous
 q̇, Coulomb s, root s √|q̇| (which bends between rest and fast motion as lubricated gears do), an offset of the torque,
 and load s |τ_rigid|. The sliding state s is the sign of the speed, or with `hysteresis` a state that builds up over a
-displacement (Dahl).  Eq. 57a. Two joints whose motors are coupled share all but offset and load.
+displacement (Dahl).  Eq. 70. Two joints whose motors are coupled share all but offset and load.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ class LinearModel:
     def presliding_along(self, coordinates: Array) -> Array:
         """The state of dry friction (nrow x njoint + npair) along coordinates in the order of time (nrow x njoint).
 
-        Over a displacement Δq in direction g the state s comes nearer to it: s = g + (s − g) exp(−|Δq| / δ).  Eq. 57b.
+        Over a displacement Δq in direction g the state s comes nearer to it: s = g + (s − g) exp(−|Δq| / δ).  Eq. 71.
         """
         pairs = [coordinates[:, [one]] + coordinates[:, [other]] for one, other in self.coupled]
         moved = np.diff(np.concatenate([coordinates, *pairs], axis=1), axis=0)

@@ -3,7 +3,7 @@
 Links are possible where their pseudo-inertia is positive definite (Eq. 53), rotors and friction where they are not
 negative. The normal equations of the free fit say how much any other unknowns cost, so no log is looked at again. The
 log-det divergence from the nominal links (Eq. 54), with a small weight, keeps what is fitted inside and chooses among
-links that move alike.  Eq. 58b.
+links that move alike.  Eq. 72.
 """
 
 from __future__ import annotations
@@ -233,7 +233,7 @@ class Possible:
 
     def closest(self, values: Array, precision: Array) -> PossibleModel:
         """The possible model that costs least, from unknowns that were fitted freely (nparam) and their precision
-        (nparam x nparam).  Eq. 58b.
+        (nparam x nparam).  Eq. 72.
         """
         scale = 1.0 / np.sqrt(np.diag(precision))
         deviations = scale * np.sqrt(np.maximum(np.diag(np.linalg.inv(precision * np.outer(scale, scale))), 0.0))
