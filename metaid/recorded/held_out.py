@@ -66,7 +66,7 @@ class HeldOut:
 
     @property
     def summary(self) -> dict[str, object]:
-        """As it is in `metaid estimate --json`."""
+        """As it is in `metaid estimate --json`: None where nothing could be simulated."""
         rows = zip(self.joints, self.by_joint.tolist(), self.missed.tolist(), self.of.tolist(), strict=True)
         return {
             "by": self.by,
@@ -78,8 +78,8 @@ class HeldOut:
             },
             "motion": {
                 "seconds": self.seconds,
-                "angle": self.angle.tolist(),
-                "constant_speed": self.constant_speed.tolist(),
+                "angle": [each if np.isfinite(each) else None for each in self.angle.tolist()],
+                "constant_speed": [each if np.isfinite(each) else None for each in self.constant_speed.tolist()],
             },
         }
 

@@ -150,3 +150,10 @@ def test_file_of_an_arm_is_a_plant_with_about_the_true_torque(
     expected = joint_torque(true, *states) + DAMPING * states[1] + DRY * np.sign(states[1])
     ours = joint_torque(plant.tree, *states)
     assert np.linalg.norm(ours - expected) < 0.05 * np.linalg.norm(expected)
+
+
+def test_log_that_is_too_short_to_simulate_is_summed_up_all_the_same(log: Path) -> None:
+    """What is not known is null in its JSON, never NaN."""
+    short = pd.read_csv(log)[:500]
+    shown = estimate(short, "spatial-three-link", friction=["viscous"]).summary
+    assert json.loads(json.dumps(shown, allow_nan=False)) == shown

@@ -1,0 +1,129 @@
+"""What logs of machines need: zeros of their own, bodies that can be, friction of geared joints, and facts named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import wrong_chain
+from random_arm import wrong_tree
+from swinging import log_of, swinging_arm
+
+from metaid.models import Array
+from metaid.models.tree import joint_mass_matrix, planar_tree
+from metaid.plant import load_chain
+from metaid.recorded import (
+    Choices,
+    Record,
+    RecordedEstimate,
+    arm_model,
+    chain_model,
+    estimate_records,
+    facts_of,
+    judge_records,
+)
+
+DRY = np.array([3.0, 2.0, 1.0])
+
+
+def arm_log(extra: Callable[[Array], Array] | None = None, noise: float = 1e-5) -> Record:
+    return log_of(swinging_arm(), noise=noise, extra=extra, seconds=4.0)
+
+
+def estimated(*records: Record, friction: tuple[str, ...] | None = ("viscous", "coulomb")) -> RecordedEstimate:
+    model = arm_model(wrong_tree(swinging_arm(), 0))
+    return estimate_records(records, model, Choices(friction=friction, zeros=False, delay=0.0))
+
+
+def test_each_log_has_zeros_of_its_own() -> None:
+    """Encoders that are zeroed anew for each run are found to 3 mrad, and whole logs are held out."""
+    chain = load_chain("two-link").chain
+    zeros = np.array([[0.03, -0.02], [-0.05, 0.04], [0.01, 0.0]])
+    whole = log_of(planar_tree(chain, 9.81), noise=1e-4, seconds=9.0)
+    thirds = np.array_split(np.arange(len(whole.times)), 3)
+    records = [
+        Record(f"{i}", whole.times[rows], whole.angles[rows] - zero, None, whole.torques[rows])
+        for i, (rows, zero) in enumerate(zip(thirds, zeros, strict=True))
+    ]
+    found = estimate_records(records, chain_model(wrong_chain(chain, 1), 9.81), Choices(friction=("viscous",)))
+    assert found.held_out.by == "logs"
+    np.testing.assert_allclose(found.zeros, zeros, atol=3e-3)
+    true = chain.lumps_of(("gravity", "coriolis", "inertia")).vector
+    np.testing.assert_allclose(found.values[: len(true)], true, rtol=0.01)
+
+
+def test_log_of_what_cannot_be_tells_bodies_that_can_be() -> None:
+    """The free fit has a rotor below 0; what is handed over has none, and moves with a positive mass matrix."""
+    record = arm_log()
+    rates = np.gradient(np.gradient(record.angles, record.period, axis=0), record.period, axis=0)
+    found = estimated(record.with_torques(record.torques - np.array([0.0, 0.0, 0.03]) * rates))
+    free = found.equations.solved[0].values
+    rotors = [i for i, name in enumerate(found.model.names) if name.startswith("rotor")]
+    assert free[rotors].min() < 0.0
+    tree = found.possible.tree
+    assert (tree.rotor >= 0.0).all()
+    assert np.linalg.eigvalsh(joint_mass_matrix(tree, record.angles[::50])).min() > 0.0
+    assert np.linalg.eigvalsh(tree.inertia).min() > 0.0
+
+
+def test_hysteresis_is_taken_up_where_it_predicts_what_was_left_out() -> None:
+    """Dry friction that builds up over 2 mrad is no sign of the speed, and none is taken up of an arm without it."""
+
+    def builds_up(record: Record) -> Record:
+        moved = np.diff(record.angles, axis=0)
+        state, states = np.zeros(3), np.zeros_like(record.angles)
+        for row, step in enumerate(moved):
+            state = np.sign(step) + (state - np.sign(step)) * np.exp(-np.abs(step) / 0.02)
+            states[row + 1] = state
+        return record.with_torques(record.torques + DRY * states)
+
+    found = estimated(builds_up(arm_log(noise=0.0)), friction=None)
+    plain = estimated(arm_log(lambda speeds: DRY * np.sign(speeds), noise=0.0), friction=None)
+    assert "hysteresis" in found.model.terms
+    assert 0.005 < found.model.presliding < 0.06
+    assert plain.model.presliding < 0.002
+
+
+def test_another_unit_of_all_torques_is_named_and_does_not_bend_the_answer() -> None:
+    """In mN m every number is a thousand times what it is in N m."""
+    record = arm_log(lambda speeds: 0.2 * speeds)
+    ours, milli = estimated(record), estimated(record.with_torques(1e3 * record.torques))
+    np.testing.assert_allclose(1e-3 * milli.values, ours.values, atol=0.02 * np.abs(ours.values).max())
+    assert any("mN m? --scale all=0.001" in reason for reason in judge_records([record], milli).reasons)
+
+
+def turned(record: Record) -> Record:
+    return record.with_torques(record.torques * np.array([1.0, -1.0, 1.0]))
+
+
+def in_milli(record: Record) -> Record:
+    return record.with_torques(record.torques * np.array([1.0, 1000.0, 1.0]))
+
+
+def quarter(record: Record) -> Record:
+    return replace(record, angles=record.angles - np.array([0.0, 0.5 * np.pi, 0.0]))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "option"),
+    [(turned, "--scale {}=-1"), (in_milli, "--scale {}=0.001"), (quarter, "--zero {}=1.5708")],
+)
+def test_fact_that_is_wrong_is_named_with_what_mends_it(spoil: Callable[[Record], Record], option: str) -> None:
+    """Of the second joint, first of all that is named."""
+    record = spoil(arm_log(lambda speeds: DRY * np.sign(speeds)))
+    found = estimated(record)
+    facts = facts_of([record], found)
+    assert facts[0].option == option.format(found.model.joints[1])
+
+
+def test_motor_that_turns_with_two_joints_is_named() -> None:
+    """Where nobody said so; of an arm that has none nothing is."""
+
+    def coupled(speeds: Array) -> Array:
+        return 4.0 * np.sign(speeds[:, 1:2] + speeds[:, 2:3]) * np.array([0.0, 1.0, 1.0])
+
+    record, plain = arm_log(coupled), arm_log(lambda speeds: DRY * np.sign(speeds))
+    assert [fact.option for fact in facts_of([record], estimated(record))][:1] == ["--couple 2,3"]
+    assert facts_of([plain], estimated(plain)) == ()
