@@ -106,7 +106,7 @@ def examined(equations: Equations, values: Array, suspect: Suspect) -> Suspicion
     else:
         left_open = np.minimum(suspect.deviations, np.sqrt(np.diag(inverse)[nparam:]))
         across = np.linalg.solve(gram[:nparam, :nparam], gram[:nparam, nparam:])
-        change = np.sqrt(found[:nparam] ** 2 * bool(joints) + ((across * left_open) ** 2).sum(axis=1))
+        change = np.sqrt(found[:nparam] ** 2 + ((across * left_open) ** 2).sum(axis=1))
     return Suspicion(np.asarray(change, dtype=np.float64), tuple(joints))
 
 

@@ -62,8 +62,8 @@ def judge_records(records: Sequence[Record], found: RecordedEstimate, facts: Seq
     if against:
         return RecordedVerdict("not found", (*facts, *against), lumps)
     reasons = (predicted(found), *facts, *_unexplained(found), SCALE)
-    is_explained = found.misfit < EXPLAINED or found.held_out.relative < EXACT
-    return RecordedVerdict("found" if is_explained and not facts else "approximate", reasons, lumps)
+    is_explained = (found.misfit < EXPLAINED or found.held_out.relative < EXACT) and not found.lacking and not facts
+    return RecordedVerdict("found" if is_explained else "approximate", reasons, lumps)
 
 
 def predicted(found: RecordedEstimate) -> str:
