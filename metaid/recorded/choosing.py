@@ -14,7 +14,7 @@ import numpy as np
 
 from metaid.errors import RecordError
 from metaid.models import Array
-from metaid.recorded.held_out import HeldOut, Yardstick, folds_of
+from metaid.recorded.held_out import Yardstick, folds_of
 from metaid.recorded.reading.log import Record
 from metaid.recorded.weak_form.equations import Equations, equations_of
 from metaid.recorded.weak_form.linear_model import COLUMNS, LinearModel
@@ -57,14 +57,12 @@ class Chosen:
     Attributes:
         equations: of all windows, with what was chosen.
         yardstick: what is held out.
-        held_out: how well it is predicted.
         tried: what was tried, in words, and by which the error of what was left out changed (1: not at all).
         delay_at_bound: whether the scan of delays ended at its end.
     """
 
     equations: Equations
     yardstick: Yardstick
-    held_out: HeldOut
     tried: tuple[tuple[str, float], ...]
     delay_at_bound: bool
 
@@ -159,8 +157,7 @@ def choose(
     if choices.delay is None:  # friction that was taken up may have looked like a delay
         prompt = replace(present, delay=0.0)
         present, error, at_bound = _with_delay(search, prompt, search.error(prompt) if present.delay else error)
-    held_out = search.yardstick.held_out(present)
-    return Chosen(present, search.yardstick, held_out, tuple(search.tried), at_bound)
+    return Chosen(present, search.yardstick, tuple(search.tried), at_bound)
 
 
 def _usual_power(span: float) -> int:
