@@ -22,6 +22,7 @@ from metaid.models import Array
 
 Rows = NDArray[np.bool_]  # which rows count (nrow)
 
+LAW_STEP = 5e-4  # s, of simulations by the law in Python
 ANGLES = 20.0  # Hz, of the filter that angles pass where torques pass one of their own
 
 
@@ -160,6 +161,29 @@ def simulated(model: Any, angles: Array, speeds: Array, log: Log, starts: Array,
     states, _ = rollout.rollout(model, mujoco.MjData(model), initial, sent, control_spec=applied)
     last = states[:, -1]
     return np.asarray(last[:, 1 : 1 + n]), np.asarray(last[:, 1 + n : 1 + 2 * n])
+
+
+def simulated_by_law(path: Path, motion: Motion, starts: NDArray[np.intp], log: Log, seconds: float) -> Array:
+    """Speeds (nstart x njoint) after some `seconds` of a simulation by the law in Python from rows `starts` (nstart) of
+    a motion, under the torques of a log. Its pre-sliding follows the motion up to there.
+    """
+    law = runpy.run_path(str(path))
+    slide: Callable[..., Any] = law.get("slide", lambda slip, moved: None)
+    slip, slips = None, {}
+    for row, moved in enumerate(np.diff(motion.angles[: starts[-1] + 1], axis=0, prepend=motion.angles[:1])):
+        slip = slide(slip, moved)
+        slips[row] = slip
+    ends = []
+    for row in starts:
+        q, v, a, slip = motion.angles[row], motion.speeds[row], motion.accelerations[row], slips[row]
+        for time in motion.times[row] + LAW_STEP * np.arange(round(seconds / LAW_STEP)):
+            sent = held(log, time)
+            needed = law["inverse_dynamics"](q.tolist(), v.tolist(), a.tolist(), *([] if slip is None else [slip]))
+            a = a + np.linalg.solve(law["mass_matrix"](q.tolist()), sent - np.array(needed))
+            slip = slide(slip, LAW_STEP * (v + 0.5 * LAW_STEP * a))
+            q, v = q + LAW_STEP * (v + 0.5 * LAW_STEP * a), v + LAW_STEP * a
+        ends.append(v)
+    return np.array(ends)
 
 
 @dataclass(frozen=True)

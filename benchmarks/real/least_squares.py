@@ -65,7 +65,7 @@ class Prepared:
 def prepared(model: LinearModel, motion: Motion) -> Prepared:
     """What a model needs of a motion."""
     bodies = model.bodies(motion.angles, motion.speeds, motion.accelerations)
-    sliding = model.presliding_along(motion.angles) if model.presliding else model.sliding(motion.speeds)
+    sliding = model.sliding_along(motion.angles, motion.speeds)
     return Prepared(model, motion, bodies, sliding)
 
 

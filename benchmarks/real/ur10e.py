@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 
 import metaid
+from benchmarks.real.facts import rows_of
 from benchmarks.real.judging import (
     ANGLES,
     Log,
@@ -182,6 +183,7 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
     yield Line("UR10e: joint 5 by the .py", found["metaid, .py"].by_joint[4], MOST_OF_JOINT_5)
     best = min(each.relative for _, each in others.values())
     yield Line("UR10e: .py beside tuned least squares", found["metaid, .py"].relative / best, 1.02)
+    yield Table("UR10e, facts made wrong", list(rows_of(learned.frame, urdf, arm.tree.names, GAINS)))
     yield from coverage([result, *(metaid.estimate(log.frame, urdf) for log in logs.values())])
 
 

@@ -23,7 +23,8 @@ from metaid.recorded.weak_form.smoothed import CUTOFFS, Smoothed
 # Length in s and degree of polynomials.
 WINDOWS = ((0.06, 4), (0.1, 5), (0.15, 4), (0.2, 6), (0.25, 4), (0.35, 4), (0.3, 8), (0.5, 10))
 BASE = ("viscous", "coulomb")
-PRESLIDING = (1e-4, 3e-4, 1e-3, 3e-3)  # rad or m
+PRESLIDING = (1e-4, 3e-4, 1e-3, 3e-3)  # rad or m, of all joints alike
+FINER = (0.3, 3.3, 0.55, 1.8, 0.75, 1.35)  # times that, of each joint by itself
 WORTH = 0.97  # of the error: a term that leaves more is not taken up
 DELAYS = np.arange(-0.040, 0.0401, 0.002)  # s
 PROMPT = 0.002  # s: a delay as of a control step is looked for before friction is, which a longer one looks like
@@ -101,14 +102,18 @@ class _Search:
     def windows(self) -> list[tuple[float, int]]:
         return list(self._by_windows)
 
-    def error(self, equations: Equations) -> float:
-        """That of what is left out."""
+    def errors(self, equations: Equations) -> tuple[float, Array]:
+        """That of what is left out, and that of each joint's torque (njoint)."""
         is_chain = equations.model.is_chain
         try:
             held = self.yardstick.held_out(equations, with_motion=is_chain, most=STARTS)
         except np.linalg.LinAlgError:
-            return float("inf")
-        return held.motion if is_chain and len(held.motions) else held.relative
+            return float("inf"), np.full(equations.model.njoint, np.inf)
+        return held.motion if is_chain and len(held.motions) else held.relative, held.by_joint
+
+    def error(self, equations: Equations) -> float:
+        """That of what is left out."""
+        return self.errors(equations)[0]
 
     def better(self, what: str, other: Equations, error: float) -> float | None:
         """The error of another choice where it is worth its while; None where it is not."""
@@ -187,10 +192,10 @@ def _with_friction(
     while True:
         free = [term for term in COLUMNS if asked is None and term not in model.friction]
         candidates = [(term, model.with_friction((*model.friction, term), model.presliding)) for term in free]
-        if not model.presliding and (asked is None or "hysteresis" in asked):
+        if not model.has_hysteresis and (asked is None or "hysteresis" in asked):
             candidates += [("hysteresis", model.with_friction(model.friction, size)) for size in PRESLIDING]
         best: tuple[float, LinearModel] | None = None
-        must = asked is not None and "hysteresis" in asked and not model.presliding
+        must = asked is not None and "hysteresis" in asked and not model.has_hysteresis
         for what, each in candidates:
             other = present.with_model(each)
             if must:
@@ -203,20 +208,27 @@ def _with_friction(
             break
         error, model = best
         present = present.with_model(model)
-    if model.presliding:
+    if model.has_hysteresis:
         present, error = _finer_presliding(search, present, error)
     return present, error
 
 
 def _finer_presliding(search: _Search, present: Equations, error: float) -> tuple[Equations, float]:
-    """With the displacement over which friction builds up that is best between its neighbours of the scan."""
-    for factor in (0.55, 1.8, 0.75, 1.35):
-        other = present.with_model(
-            present.model.with_friction(present.model.friction, factor * present.model.presliding)
-        )
-        found = search.error(other)
+    """With the displacement over which the friction of each joint builds up that predicts its own torque best."""
+
+    def tried(presliding: Array) -> tuple[Equations, float, Array]:
+        other = present.with_model(present.model.with_friction(present.model.friction, presliding))
+        return other, *search.errors(other)
+
+    by_joint = search.errors(present)[1]
+    for factor in FINER:
+        presliding = present.model.presliding
+        other, found, own = tried(factor * presliding)
+        is_better = own < by_joint
+        if is_better.any() and not is_better.all():
+            other, found, own = tried(np.where(is_better, factor * presliding, presliding))
         if found < error:
-            present, error = other, found
+            present, error, by_joint = other, found, own
     return present, error
 
 

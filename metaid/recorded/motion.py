@@ -70,7 +70,7 @@ def simulated(
         spun = np.einsum("kjp,sp->sjk", columns[1:] - columns[:1], rubbing)
 
     def friction(speeds: Array, rigid: Array) -> Array:
-        state = _after(model, sliding, speeds, step)
+        state = model.sliding_after(sliding, speeds, step)
         columns = model.friction_columns(speeds, rest, state, rigid)
         return np.asarray(np.einsum("sjp,sp->sj", columns, rubbing), dtype=np.float64)
 
@@ -110,19 +110,9 @@ def simulated(
                 half = angles + 0.5 * step * speeds, speeds + 0.5 * step * faster
                 faster = rate(*half, torques, speeds, speeds + step * faster, rigid)
                 after = speeds + step * faster
-                sliding = _after(model, sliding, 0.5 * (speeds + after), step)
+                sliding = model.sliding_after(sliding, 0.5 * (speeds + after), step)
                 angles, speeds = angles + 0.5 * step * (speeds + after), after
         seen = own.coordinates[ends] + zeros
         missed = np.nan_to_num(angles - seen, nan=LOST, posinf=LOST, neginf=-LOST)
     constant = own.coordinates[starts] + zeros + steps * own.period * own.speeds[starts] - seen
     return Motion(steps * own.period, np.clip(missed, -LOST, LOST), constant)
-
-
-def _after(model: LinearModel, sliding: Array, speeds: Array, step: float) -> Array:
-    """The state of dry friction (nstart x njoint + npair) after a step, in s, with these speeds (nstart x njoint)."""
-    if not model.presliding:
-        return model.sliding(speeds)
-    pairs = [speeds[:, [one]] + speeds[:, [other]] for one, other in model.coupled]
-    moved = step * np.concatenate([speeds, *pairs], axis=1)
-    goal = np.sign(moved)
-    return np.asarray(goal + (sliding - goal) * np.exp(-np.abs(moved) / model.presliding), dtype=np.float64)

@@ -9,7 +9,7 @@ have.
 from metaid.models.tree.base import BaseParameters, base_parameters, random_states
 from metaid.models.tree.belief import Belief, Prior
 from metaid.models.tree.bodies import PossibleBodies, nominal_pseudo_inertias, possible_bodies, pseudo_inertia
-from metaid.models.tree.joint_friction import JointFriction
+from metaid.models.tree.joint_friction import JointFriction, dahl, dry_states
 from metaid.models.tree.model_error import ModelError, difference, model_error
 from metaid.models.tree.planar import planar_chain, planar_tree
 from metaid.models.tree.regressor import body_torque, joint_mass_matrix, joint_torque, torque_regressor
@@ -28,7 +28,9 @@ __all__ = [
     "TreeModel",
     "base_parameters",
     "body_torque",
+    "dahl",
     "difference",
+    "dry_states",
     "joint_mass_matrix",
     "joint_torque",
     "model_error",

@@ -1,8 +1,7 @@
 """The friction of joints, and of motors that turn with the sum of two joints.
 
 Dry friction is a share s of its whole, −1 to 1: the sign of the speed, cut short below a slow speed, or, where there is
-pre-sliding, the state of Dahl's model, which follows the motion: over a displacement δ of sign g
-s ← g + (s − g) exp(−|δ| / presliding).
+pre-sliding, the state of Dahl's model, which follows the motion.
 """
 
 from __future__ import annotations
@@ -87,11 +86,11 @@ class JointFriction:
         """The share of its dry friction (... x nrow x njoint) that each joint has along a motion: coordinates and
         speeds (... x nrow x njoint), rows in the order of time. Pre-sliding begins at 0.
         """
-        return _along(q, self.slip_at(v), self.presliding)
+        return dry_states(q, self.slip_at(v), self.presliding)
 
     def coupled_slip_along(self, q: Array, v: Array) -> Array:
         """The same of the coupled motors (... x nrow x ncouple)."""
-        return _along(q @ self.sums.T, self.coupled_slip_at(v), self.coupled_presliding)
+        return dry_states(q @ self.sums.T, self.coupled_slip_at(v), self.coupled_presliding)
 
     def torque(self, v: Array, a: Array, rigid: Array, slip: Array, slip_coupled: Array) -> Array:
         """What friction and the rotors of coupled motors need (... x njoint), in N m.
@@ -116,17 +115,32 @@ class JointFriction:
         return np.asarray(self.sums.T @ (self.coupled_rotor[:, None] * self.sums), dtype=np.float64)
 
 
-def _along(position: Array, at_speed: Array, presliding: Array) -> Array:
-    """The states along a motion (... x nrow x n): Dahl's where there is pre-sliding (n), else those `at_speed`."""
+def dahl(state: Array, moved: Array, presliding: Array) -> Array:
+    """The share of dry friction (... x n) after a displacement δ (... x n) in direction g, in rad or m, of a state
+    (... x n) before it and the displacement over which friction builds up (n), above 0:
+    s ← g + (s − g) exp(−|δ| / presliding).  Eq. 71.
+    """
+    goal = np.sign(moved)
+    return np.asarray(goal + (state - goal) * np.exp(-np.abs(moved) / presliding), dtype=np.float64)
+
+
+def dry_states(position: Array, at_speed: Array, presliding: Array) -> Array:
+    """The share of dry friction along a motion (... x nrow x n), rows in the order of time: Dahl's state, which begins
+    at 0, where there is pre-sliding, else what the speed makes of it.
+
+    Args:
+        position: coordinates (... x nrow x n), in rad or m.
+        at_speed: the share by the speed alone (... x nrow x n).
+        presliding: displacement over which friction builds up (n), in rad or m; 0 where the speed alone counts.
+    """
     builds_up = presliding > 0.0
-    slip = np.array(at_speed, dtype=np.float64)
-    if not builds_up.any() or not len(position):
-        return slip
-    moved = np.diff(position[..., builds_up], axis=-2)
-    kept = np.exp(-np.abs(moved) / presliding[builds_up])
-    gained = np.sign(moved) * (1.0 - kept)
-    states = np.zeros((*slip.shape[:-1], int(builds_up.sum())))
+    states = np.array(at_speed, dtype=np.float64)
+    if not builds_up.any() or not states.shape[-2]:
+        return states
+    moved, over = np.diff(position[..., builds_up], axis=-2), presliding[builds_up]
+    state = np.zeros((*states.shape[:-2], len(over)))
+    states[..., 0, builds_up] = state
     for row in range(moved.shape[-2]):
-        states[..., row + 1, :] = kept[..., row, :] * states[..., row, :] + gained[..., row, :]
-    slip[..., builds_up] = states
-    return slip
+        state = dahl(state, moved[..., row, :], over)
+        states[..., row + 1, builds_up] = state
+    return states

@@ -131,7 +131,7 @@ def suspects(equations: Equations, values: Array) -> Iterator[Suspect]:
                 "offset": lambda part: np.ones_like(part.windows.speeds),
             }
             yield Suspect(words, [of_each(part, shapes[term](part)) for part in parts], every)
-    if not model.presliding and {"coulomb", "root"} & set(model.friction):
+    if not model.has_hysteresis and {"coulomb", "root"} & set(model.friction):
         bent = [part.windows.speeds * np.exp(-np.abs(part.windows.speeds) / (BENDS * model.still)) for part in parts]
         yield Suspect(
             "friction that bends near rest", [of_each(*each) for each in zip(parts, bent, strict=True)], every

@@ -54,7 +54,7 @@ def friction_of(model: LinearModel, values: Array) -> JointFriction:
         root=of("root"),
         offset=of("offset"),
         load=of("load"),
-        presliding=np.full(n, model.presliding),
+        presliding=model.presliding,
         still=model.still,
         coupled=model.coupled,
         coupled_rotor=shared("rotor"),

@@ -75,7 +75,7 @@ class Part:
 
     def sliding(self, model: LinearModel) -> Array:
         """The state of dry friction at nodes (nwindow x nnode x njoint + npair)."""
-        if not model.presliding:
+        if not model.has_hysteresis:
             return model.sliding(self.windows.speeds)
         return self.smoothed.sliding(model, self.windows.times)
 

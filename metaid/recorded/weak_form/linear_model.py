@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import IDEAL, Array, Chain, lump_names, lump_unit
-from metaid.models.tree import PARAMETERS, Belief, Tree, torque_regressor
+from metaid.models.tree import PARAMETERS, Belief, Tree, dahl, dry_states, torque_regressor
 
 COLUMNS = ("viscous", "coulomb", "root", "offset", "load")  # terms that are linear in what is unknown of them
 TERMS = (*COLUMNS, "hysteresis")
@@ -43,7 +43,7 @@ class LinearModel:
         joints: the names of the joints (njoint).
         slides: which joints (njoint) are slides.
         friction: the terms of every joint, in the order of COLUMNS.
-        presliding: displacement over which dry friction builds up, in rad or m; 0 where it follows the speed's sign.
+        presliding: displacement over which dry friction builds up (njoint), in rad or m; 0 where it follows the speed.
         coupled: pairs of joints whose motors are coupled, from 0 on.
         still: joint speed below which dry friction is a share of its whole (njoint), in rad/s or m/s.
         source: the chain with its gravity in m/s², or the belief in the arm.
@@ -58,7 +58,7 @@ class LinearModel:
     joints: tuple[str, ...]
     slides: NDArray[np.bool_]
     friction: tuple[str, ...]
-    presliding: float
+    presliding: Array
     coupled: tuple[tuple[int, int], ...]
     still: Array
     source: tuple[Chain, float] | Belief
@@ -78,7 +78,12 @@ class LinearModel:
     @property
     def terms(self) -> tuple[str, ...]:
         """The terms of friction, hysteresis among them, in the order of TERMS."""
-        return (*self.friction, *(["hysteresis"] if self.presliding else []))
+        return (*self.friction, *(["hysteresis"] if self.has_hysteresis else []))
+
+    @property
+    def has_hysteresis(self) -> bool:
+        """Whether dry friction of any joint builds up over a displacement."""
+        return bool(self.presliding.any())
 
     def regressor(self, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
         """The torque (... x njoint x nparam) for a unit of each unknown, of joint coordinates, speeds and accelerations
@@ -116,30 +121,37 @@ class LinearModel:
 
     def sliding(self, speeds: Array) -> Array:
         """The state of dry friction (... x njoint + npair) that follows the speeds (... x njoint) at once."""
-        pairs = [speeds[..., [one]] + speeds[..., [other]] for one, other in self.coupled]
-        still = [*self.still, *(0.5 * (self.still[one] + self.still[other]) for one, other in self.coupled)]
-        return np.asarray(np.clip(np.concatenate([speeds, *pairs], axis=-1) / still, -1.0, 1.0), dtype=np.float64)
+        return np.clip(self._with_sums(speeds) / self._with_means(self.still), -1.0, 1.0)
 
-    def presliding_along(self, coordinates: Array) -> Array:
-        """The state of dry friction (nrow x njoint + npair) along coordinates in the order of time (nrow x njoint).
-
-        Over a displacement Δq in direction g the state s comes nearer to it: s = g + (s − g) exp(−|Δq| / δ).  Eq. 71.
+    def sliding_along(self, coordinates: Array, speeds: Array) -> Array:
+        """The state of dry friction (nrow x njoint + npair) along coordinates and speeds (nrow x njoint each), rows in
+        the order of time.  Eq. 71.
         """
-        pairs = [coordinates[:, [one]] + coordinates[:, [other]] for one, other in self.coupled]
-        moved = np.diff(np.concatenate([coordinates, *pairs], axis=1), axis=0)
-        towards, kept = np.sign(moved), np.exp(-np.abs(moved) / self.presliding)
-        states = np.zeros((len(moved) + 1, moved.shape[1]))
-        for row, (goal, share) in enumerate(zip(towards, kept, strict=True)):
-            states[row + 1] = goal + (states[row] - goal) * share
-        return states
+        return dry_states(self._with_sums(coordinates), self.sliding(speeds), self._with_means(self.presliding))
+
+    def sliding_after(self, sliding: Array, speeds: Array, step: float) -> Array:
+        """The state of dry friction (... x njoint + npair) after a step, in s, with these speeds (... x njoint)."""
+        presliding = self._with_means(self.presliding)
+        if not presliding.any():
+            return self.sliding(speeds)
+        after = dahl(sliding, step * self._with_sums(speeds), np.where(presliding > 0.0, presliding, 1.0))
+        return np.where(presliding > 0.0, after, self.sliding(speeds))
+
+    def _with_sums(self, each: Array) -> Array:
+        """Of each joint (... x njoint), and the sums of coupled joints (... x njoint + npair)."""
+        return np.concatenate([each, *(each[..., [one]] + each[..., [other]] for one, other in self.coupled)], axis=-1)
+
+    def _with_means(self, each: Array) -> Array:
+        """Of each joint (njoint), and the means of coupled joints (njoint + npair)."""
+        return np.array([*each, *(0.5 * (each[one] + each[other]) for one, other in self.coupled)])
 
     def with_still(self, still: Array) -> LinearModel:
         """The same with other speeds (njoint) below which dry friction is a share of its whole."""
         return replace(self, still=still)
 
-    def with_friction(self, terms: tuple[str, ...], presliding: float = 0.0) -> LinearModel:
-        """The same with these terms of friction in every joint."""
-        return _with_friction(self, terms, presliding)
+    def with_friction(self, terms: tuple[str, ...], presliding: Array | float = 0.0) -> LinearModel:
+        """The same with these terms of friction in every joint, and pre-sliding of each joint (njoint) or of all."""
+        return _with_friction(self, terms, np.broadcast_to(np.asarray(presliding, dtype=np.float64), self.njoint))
 
     def with_coupled(self, coupled: tuple[tuple[int, int], ...]) -> LinearModel:
         """The same with these pairs of joints, from 0 on, whose motors are coupled."""
@@ -209,13 +221,13 @@ def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("visc
             joints=tuple(f"{i + 1}" for i in range(n)),
             slides=np.zeros(n, dtype=np.bool_),
             friction=(),
-            presliding=0.0,
+            presliding=np.zeros(n),
             coupled=(),
             still=np.full(n, 0.01),
             source=(chain, gravity),
         ),
         friction,
-        0.0,
+        np.zeros(n),
     )
 
 
@@ -276,17 +288,17 @@ def arm_model(
             joints=tuple(tree.names),
             slides=tree.slides,
             friction=(),
-            presliding=0.0,
+            presliding=np.zeros(tree.njoint),
             coupled=coupled,
             still=np.full(tree.njoint, 0.01),
             source=belief,
         ),
         friction,
-        0.0,
+        np.zeros(tree.njoint),
     )
 
 
-def _with_friction(model: LinearModel, terms: tuple[str, ...], presliding: float) -> LinearModel:
+def _with_friction(model: LinearModel, terms: tuple[str, ...], presliding: Array) -> LinearModel:
     """The bodies of a model with these terms of friction in every joint, and those that coupled joints share."""
     nbody, n, between = model.nbody, model.njoint, "_" if model.is_chain else ""
     friction = tuple(term for term in COLUMNS if term in terms)

@@ -47,7 +47,7 @@ class Smoothed:
     sent: Array
     judged: NDArray[np.bool_]
     cutoff: float
-    _states: dict[tuple[float, tuple[tuple[int, int], ...]], Array] = field(
+    _states: dict[tuple[bytes, bytes, tuple[tuple[int, int], ...]], Array] = field(
         default_factory=dict, repr=False, compare=False
     )
 
@@ -67,11 +67,11 @@ class Smoothed:
 
     def states(self, model: LinearModel) -> Array:
         """The state of dry friction along the grid (nrow x njoint + npair)."""
-        if not model.presliding:
+        if not model.has_hysteresis:
             return model.sliding(self.speeds)
-        key = model.presliding, model.coupled
+        key = model.presliding.tobytes(), model.still.tobytes(), model.coupled
         if key not in self._states:
-            self._states[key] = model.presliding_along(self.coordinates)
+            self._states[key] = model.sliding_along(self.coordinates, self.speeds)
         return self._states[key]
 
     def sliding(self, model: LinearModel, times: Array) -> Array:
