@@ -110,8 +110,9 @@ def match(links: int, seed: int) -> Match:
     half = covers = None
     if found.extent is not None:
         half = float(0.5 * np.expm1(np.ptp(found.extent, axis=0)).max())
-        covers = bool(((found.extent[0] <= truth) & (truth <= found.extent[1])).all())
-    error = float(np.abs(np.expm1(found.log_factors - truth)).max())
+        true = found.design @ truth
+        covers = bool(((found.extent[0] <= true) & (true <= found.extent[1])).all())
+    error = float(np.abs(np.expm1(found.design @ (found.log_factors - truth))).max())
     return Match(links, seed, half_periods, found.counts, round(found.misfit), error, half, covers, seconds)
 
 
@@ -154,7 +155,7 @@ def observables(links: int, seed: int) -> Iterator[Row]:
             used = [replace(trial, windows=_last(trial)) for trial in trials]
         found = replace(experiment, compared=compared).estimate(used, thorough=False)
         explained = found is not None and found.is_explained
-        values = found.lumps.vector_of(experiment.unknowns.searched) if explained and found is not None else None
+        values = found.lumps.vector_of(experiment.unknowns.kinds) if explained and found is not None else None
         yield _row(links, name, "matched", len(used), values, problem)
 
 
@@ -237,7 +238,7 @@ def by_cmaes(links: int, seed: int, most: int) -> Row:
                 best, at = value, z
         tried += len(told)
         optimizer.tell(told)
-    error = 100.0 * float(np.abs(np.expm1(at - truth)).max())
+    error = 100.0 * float(np.abs(np.expm1(experiment.unknowns.design @ (at - truth))).max())
     seconds = time.perf_counter() - began
     return {
         "links": links,

@@ -94,7 +94,7 @@ def stand(named: str, nlink: int, seed: int) -> Stood:
     error, taken_up = np.inf, list[str]()
     if found is not None:
         off = found.estimate.log_factors - found.experiment.unknowns.log_factors(truth)
-        error = float(np.abs(np.expm1(off)).max())
+        error = float(np.abs(np.expm1(found.estimate.design @ off)).max())
         taken_up = list(found.estimate.faults.searched.kinds) if found.estimate.faults else []
     motion = sum(trial.outcome.steps for trial in trials) * spec.timestep
     return Stood(named, nlink, seed, error, verdict.is_found, taken_up, motion, cpu)

@@ -46,7 +46,7 @@ EXPLAINED = 3.0  # a misfit below this: the next fit may start from the estimate
 @dataclass(frozen=True)
 class Match:
     """One chain: the worst relative `errors` of any lump after each fit, from how many `trials` the last one was, and
-    its misfit; how many of its lumps are unknown, trials that ended in a fall, and seconds.
+    its misfit; how many unknowns it has, trials that ended in a fall, and seconds.
     """
 
     links: int
@@ -132,10 +132,10 @@ def match(links: int, seed: int, experiment: Experiment) -> Match:
         comparison = Motions(trials, unknowns, plant.gravity, experiment.compared)
         estimate = fit(comparison, start, experiment.most_restarts(links))
         spent["fits"] += time.perf_counter() - ended
-        errors.append(float(np.abs(np.expm1(estimate.log_factors - truth)).max()))
+        errors.append(float(np.abs(np.expm1(estimate.design @ (estimate.log_factors - truth))).max()))
     falls = sum(not trial.seen(len(trial.ends)).all() for trial in trials)
     misfit = np.nan if estimate is None else estimate.misfit
-    return Match(links, len(truth), seed, errors, len(trials), misfit, falls, spent["trials"], spent["fits"])
+    return Match(links, len(unknowns.names), seed, errors, len(trials), misfit, falls, spent["trials"], spent["fits"])
 
 
 def _trial(compiled: CompiledLoop, law: Lumps, starts: Array) -> WatchedTrial:

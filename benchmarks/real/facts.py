@@ -59,7 +59,7 @@ def wrongs(names: Sequence[str], gains: np.ndarray) -> Iterator[Wrong]:
 
     for joint, name in enumerate(names):
         yield Wrong(f"sign of {name}", f"--scale {name}=-1", one(joint, -1.0), none)
-        yield Wrong(f"mN m of {name}", f"--scale {name}=0.001", one(joint, 1000.0), none)
+        yield Wrong(f"mN m of {name}", f"--scale {name}=", one(joint, 1000.0), none)
         yield Wrong(f"current of {name}", f"--scale {name}=", one(joint, 1.0 / gains[joint]), none)
         yield Wrong(f"zero of {name} by 90°", f"--zero {name}=-1.5708", ones, one(joint, 1.0 + QUARTER) - ones)
     yield Wrong("sign of all", "--scale all=-1", -ones, none)

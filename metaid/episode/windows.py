@@ -75,6 +75,11 @@ class Windows:
             output[pushes:] = 0
         return replace(self, seen=seen, motion=motion, half_periods=half_periods)
 
+    def thinned(self, every: int) -> Windows:
+        """The same of the first of `every` so many pushes."""
+        rows = slice(None, None, every)
+        return replace(self, seen=self.seen[rows], motion=self.motion[rows], half_periods=self.half_periods[rows])
+
 
 def windows_seen(ends: NDArray[np.int64], ran: Sequence[int], fell: bool, npush: int) -> NDArray[np.int64]:
     """How many windows of each push (npush) ended before a fall.

@@ -15,7 +15,7 @@ from scipy.linalg import solve_triangular
 from metaid.models import Array
 
 LONGEST_STEP = 0.5  # in a log factor: a factor of 1.65
-SHORTEST_STEP = 1e-12
+SHORTEST_STEP = 1e-10
 NOTHING = 1e-6  # of cost, where a residual of one unit costs 0.5; a step that gains less is the last,
 NEXT_TO_NOTHING = 1e-9  # as is one that gains less than this share of the cost: what remains is not explained
 FARTHEST = 6.0  # standard deviations of the prior; no chain beyond is tried

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -32,11 +31,14 @@ class Comparison(Growing, Protocol):
 
 @dataclass(frozen=True)
 class Estimate(Fit):
-    """What all trials say of a chain, whose unknowns are log factors z: a lump is e^z times the nominal's.
+    """What all trials say of a chain, whose unknowns are log factors z of its parameters; see `Unknowns`. Its lumps are
+    a view of these.
 
     Attributes:
         lumps: the chain's lumps; those that were known are the nominal's.
-        extent: least and largest log factor (2 x nunknown) of the models that show exactly the counts that were seen;
+        lump_names: of those that follow from the unknowns (nlump).
+        design: how the logarithms of these follow from z (nlump x nunknown).
+        extent: least and largest log factor (2 x nlump) of the models that show exactly the counts that were seen;
             None where no counts were compared, or no model shows them. Half of it is 1.96 times the deviation.
         counts: how many counts were compared, of which the misfit is the number that differs; None where none were.
         faults: that were searched beside the lumps; None where none were.
@@ -45,6 +47,8 @@ class Estimate(Fit):
     """
 
     lumps: Lumps
+    lump_names: tuple[str, ...]
+    design: Array
     extent: Array | None = None
     counts: int | None = None
     faults: FoundFaults | None = None
@@ -66,6 +70,16 @@ class Estimate(Fit):
         return self.unknowns
 
     @property
+    def lump_covariance(self) -> Array:
+        """Of the log factors of the lumps (nlump x nlump)."""
+        return np.asarray(self.design @ self.covariance @ self.design.T, dtype=np.float64)
+
+    @property
+    def lump_deviations(self) -> Array:
+        """The standard deviation of each lump (nlump), as a share of it."""
+        return np.sqrt(np.diag(self.lump_covariance))
+
+    @property
     def half_width(self) -> float:
         """Half the widest of intervals that hold all unknown lumps at once, as a share of its lump.  Eq. 64.
 
@@ -73,33 +87,15 @@ class Estimate(Fit):
         """
         if self.extent is not None:
             return float(np.sinh(0.5 * (self.extent[1] - self.extent[0]).max()))
-        return half_width(self.deviations)
-
-    def deviations_of(self, names: Sequence[str]) -> Array:
-        """The standard deviation of each of these lumps (nlump), as a share of it.
-
-        With exact lengths a_ij = l_i μ_j is as well known as μ_j.
-        """
-        return self.by_name(self.deviations, names)
-
-    def extent_of(self, names: Sequence[str]) -> tuple[Array, Array] | None:
-        """The least and the largest log factor of each of these lumps (nlump), or None where no extent is known."""
-        if self.extent is None:
-            return None
-        return self.by_name(self.extent[0], names), self.by_name(self.extent[1], names)
-
-    def by_name(self, values: Array, names: Sequence[str]) -> Array:
-        """The `values` (nunknown) of the lumps of these names (nlump)."""
-        known = dict(zip(self.names, values.tolist(), strict=True))
-        return np.array([known.get(name, known.get(f"gravity_{name.rpartition('_')[2]}", np.nan)) for name in names])
+        return half_width(self.lump_deviations)
 
     def interval(self, deviations: float = DEVIATIONS) -> tuple[Array, Array]:
-        """Least and largest factor (nunknown) within so many standard `deviations`: 95 % of them by default.
+        """Least and largest factor (nlump) of each lump within so many standard `deviations`: 95 % of them by default.
 
         Eq. 27.
         """
-        reach = deviations * self.deviations
-        return np.exp(self.log_factors - reach), np.exp(self.log_factors + reach)
+        reach, log_factors = deviations * self.lump_deviations, self.design @ self.log_factors
+        return np.exp(log_factors - reach), np.exp(log_factors + reach)
 
 
 def fit(
@@ -127,4 +123,13 @@ def fit(
     if comparison.faults.names:
         faults = found_faults(comparison.faults, found.unknowns[count:], found.deviations[count:])
     own = vars(found) | {"unknowns": log_factors, "covariance": found.covariance[:count, :count]}
-    return Estimate(**own, lumps=comparison.unknowns.lumps(log_factors), faults=faults)
+    return Estimate(**own, **lump_view(comparison.unknowns, log_factors), faults=faults)
+
+
+def lump_view(unknowns: Unknowns, log_factors: Array) -> dict[str, Any]:
+    """What an `Estimate` has of the lumps that follow from `log_factors` (nunknown)."""
+    return {
+        "lumps": unknowns.lumps(log_factors),
+        "lump_names": tuple(unknowns.lump_names),
+        "design": unknowns.design,
+    }

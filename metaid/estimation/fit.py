@@ -36,6 +36,10 @@ class Growing(Fitted, Protocol):
         """What is unknown."""
 
     @property
+    def rough_stages(self) -> int:
+        """How many of the first stages lead on to longer windows, so that a rough fit is enough."""
+
+    @property
     def stride(self) -> int:
         """By how many windows the fit goes on at once, a power of two."""
 
@@ -192,7 +196,7 @@ def _descent(
     place = place_at(comparison, point, windows)
     if place is None:
         return None
-    grows = windows < comparison.stages
+    grows = windows <= comparison.rough_stages
     tolerance, most = (EXACTLY if exactly or not grows else ROUGHLY), (MOST_ROUGH if grows else MOST_EXACT)
     ends = comparison.ends_when_cut, comparison.least_gain
     if not gives_up:

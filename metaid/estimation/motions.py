@@ -19,6 +19,7 @@ from metaid.models import Array
 
 Quantity = Literal["speed", "frequency", "both"]
 DRAWN = 400  # times at which a replay has the twin, which may oscillate
+ENOUGH = 4  # residuals an unknown, of windows that are to grow
 TINY = 1e-100  # in place of a denominator that is 0
 EXPLAINED = 3.0  # a misfit below this is rounding
 RESOLUTION = 1e-9  # of the largest speed or frequency seen: what rounding leaves of agreement between two simulations
@@ -41,6 +42,11 @@ class WatchedTrials:
     def stages(self) -> int:
         """How many windows the longest trial has."""
         return max(len(trial.ends) for trial in self.trials)
+
+    @property
+    def rough_stages(self) -> int:
+        """All but those of the longest windows."""
+        return max(len(trial.ends) for trial in self.trials) - 1
 
     @property
     def faults(self) -> SearchedFaults:
@@ -69,6 +75,11 @@ class Motions(WatchedTrials):
             raise ValueError("no push of any trial was seen to the end of its shortest window: nothing to compare")
 
     @property
+    def stages(self) -> int:
+        """A last one is of all pushes, where a share of them leads there."""
+        return self.rough_stages + 1 + (self._stride > 1)
+
+    @property
     def stride(self) -> int:
         """Windows grow one by one."""
         return 1
@@ -89,9 +100,11 @@ class Motions(WatchedTrials):
         return EXPLAINED
 
     def residuals(self, log_factors: Array, windows: int) -> Residuals | None:
-        """Those of the first `windows` windows, or None where the twin did not get through them."""
-        parts = []
-        for trial in self.trials:
+        """Those of the first `windows` windows, or None where the twin did not get through them. While these are to
+        grow, a share of the pushes is enough.
+        """
+        parts, every = [], 1 if windows >= self.stages else self._stride
+        for trial in (each.thinned(every) for each in self.trials):
             seen = trial.seen(windows)
             if not seen.any():
                 continue
@@ -146,6 +159,12 @@ class Motions(WatchedTrials):
         seen[:, np.searchsorted(steps, trial.ends)] = np.where(windows[..., None], trial.windows.angles, np.nan)
         noise = np.zeros(trial.start_speeds.shape[1])
         return Replay(trial.timestep * steps, seen, simulated, noise, numbered_joints(len(noise)))
+
+    @cached_property
+    def _stride(self) -> int:
+        """Of pushes, so that one window of each has ENOUGH times as many residuals as there are unknowns."""
+        residuals = sum(trial.start_speeds.size for trial in self.trials)
+        return max(1, residuals // (ENOUGH * max(1, len(self.unknowns.names))))
 
     @cached_property
     def _largest_frequency(self) -> float:

@@ -89,9 +89,9 @@ def _slopes_of_joints(balance, work):  # type: ignore[no-untyped-def]
 
 @fused
 def force_by_unknowns(derivatives, work):  # type: ignore[no-untyped-def]
-    """Fills `changed` (nlink x nunknown) with M⁻¹ Y. A lump that is known has the column −1."""
-    speed, acceleration, sine, pulls = work.speed, work.acceleration, work.sine, work.pulls
-    gravity_column, inertia_column, damping_column, coulomb_column = derivatives.columns
+    """Fills `changed` (nlink x nunknown) with M⁻¹ Y. What is known has the column −1."""
+    speed, acceleration, sine = work.speed, work.acceleration, work.sine
+    gravity_column, length_column, inertia_column, damping_column, coulomb_column, begin = derivatives.columns
     n = speed.shape[0]
     _pull_by_coriolis(derivatives, work)
     work.changed[:] = 0.0
@@ -102,12 +102,10 @@ def force_by_unknowns(derivatives, work):  # type: ignore[no-untyped-def]
                 row[gravity_column + i] += inverse[i] * sine[i] * derivatives.gravity[i]
             if inertia_column >= 0:
                 row[inertia_column + i] -= inverse[i] * acceleration[i] * derivatives.inertia[i]
-            column = derivatives.coriolis_columns[i]
-            if column >= 0:
-                pairs, own, other = row[column : column + n - 1 - i], pulls[i, i + 1 :], pulls[n + i, i + 1 :]
-                outer, weight = inverse[i + 1 : n], inverse[i]
-                for p in range(pairs.shape[0]):
-                    pairs[p] += weight * own[p] + outer[p] * other[p]
+            if begin >= 0 and i < n - 1:
+                by_length = _add_pulls(i, inverse, work.pulls, row[begin + i + 1 : begin + n])
+                if length_column >= 0:
+                    row[length_column + i] += by_length
             if damping_column >= 0 or coulomb_column >= 0:
                 joint_speed, lever = speed[i], inverse[i]
                 if i > 0:
@@ -118,6 +116,21 @@ def force_by_unknowns(derivatives, work):  # type: ignore[no-untyped-def]
                 if coulomb_column >= 0:
                     share = min(max(joint_speed * (1.0 / SLIDING), -1.0), 1.0)
                     row[coulomb_column + i] -= lever * share * derivatives.coulomb[i]
+
+
+@fused
+def _add_pulls(i, inverse, pulls, by_gravity):  # type: ignore[no-untyped-def]
+    """Adds what the lumps a_ij of link i do to one link, by its row of the `inverse` of M, to the derivatives
+    `by_gravity` lumps j > i (nlink − 1 − i); returns their sum, the derivative by the length of link i.
+    """
+    n, total = inverse.shape[0] // 3, 0.0
+    own, other = pulls[i, i + 1 :], pulls[n + i, i + 1 :]
+    outer, weight = inverse[i + 1 : n], inverse[i]
+    for p in range(by_gravity.shape[0]):
+        pull = weight * own[p] + outer[p] * other[p]
+        by_gravity[p] += pull
+        total += pull
+    return total
 
 
 @fused

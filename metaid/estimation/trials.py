@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,12 @@ class WatchedTrial:
     def seen(self, windows: int) -> NDArray[np.bool_]:
         """Which of the first `windows` windows of each push were seen (npush x nwindow)."""
         return np.arange(min(windows, len(self.ends))) < self.windows.seen[:, None]
+
+    def thinned(self, every: int) -> WatchedTrial:
+        """The same with the first of `every` so many pushes."""
+        if every == 1:
+            return self
+        return replace(self, start_speeds=self.start_speeds[::every].copy(), windows=self.windows.thinned(every))
 
 
 @dataclass(frozen=True)

@@ -1,37 +1,43 @@
-"""What is unknown of a chain: log factors of its nominal lumps (Eq. 24)."""
+"""What is unknown of a chain: the logarithms of its parameters as factors of the nominal ones (Eq. 24).
+
+A Coriolis lump is a length times a gravity lump, a_ij = l_i μ_j (Eq. 2). So n links have n gravity lumps, n inertia
+lumps and n − 1 lengths, and the logarithm of every lump is linear in theirs.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from metaid.models import UNITS, Array, Lumps, lump_names
+from metaid.models import Array, Lumps, lump_names
 
 FULL = ("gravity", "coriolis", "inertia")  # the full dynamics of a chain without friction
 
 
-@dataclass(frozen=True)
-class Columns:
-    """Where the unknowns of each kind of lump begin in the vector of all unknowns; −1 for lumps that are known.
+class Columns(NamedTuple):
+    """Where the unknowns of each kind begin in the vector of all unknowns, one a link; −1 for what is known.
 
-    `first` (4) is of gravity, inertia, damping and coulomb lumps, one a link. The Coriolis lumps a_ij of one i and
-    all j > i are neighbours; `coriolis` (nlink) is where they begin.
+    `coriolis` is where the gravity lumps begin that the Coriolis lumps grow with; −1 where these are known.
     """
 
-    first: NDArray[np.int64]
-    coriolis: NDArray[np.int64]
+    gravity: int
+    length: int
+    inertia: int
+    damping: int
+    coulomb: int
+    coriolis: int
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """The log factors z (nunknown) of the lumps of some `kinds`: a lump is its `nominal` value times e^z.
+    """The log factors z (nunknown) of the parameters that lumps of some `kinds` follow from: a parameter is its nominal
+    value times e^z. Those of the Coriolis lumps are the gravity lumps and the lengths l_1 … l_{n−1}.
 
-    With exact `lengths` l (nlink), in m, the Coriolis lumps follow from the gravity lumps, a_ij = l_i μ_j, and are not
-    among the unknowns. Lumps of other kinds are known to be as the nominal has them. `spread` is the standard deviation
-    of what the nominal may be wrong by, as a log factor.
+    With exact `lengths` l (nlink), in m, these are not among the unknowns. Lumps of other kinds are known to be as the
+    nominal has them. `spread` is the standard deviation of what the nominal may be wrong by, as a log factor.
 
     Raises ValueError where a nominal lump that is searched is not above 0, for it would have no log factor.
     """
@@ -42,7 +48,7 @@ class Unknowns:
     spread: float = 0.3
 
     def __post_init__(self) -> None:
-        for name, value in zip(self.names, self._searched, strict=True):
+        for name, value in zip(self.lump_names, self.nominal.vector_of(self.kinds), strict=True):
             if not value > 0.0:
                 raise ValueError(f"nominal {name} is {value:g} (allowed: above 0 for a lump that is unknown)")
 
@@ -50,46 +56,75 @@ class Unknowns:
     def nlink(self) -> int:
         return self.nominal.nlink
 
+    @property
+    def lump_names(self) -> list[str]:
+        """Of the lumps (nlump)."""
+        return lump_names(self.nlink, self.kinds)
+
     @cached_property
-    def searched(self) -> tuple[str, ...]:
-        """The kinds that unknowns of their own belong to: not the Coriolis lumps where lengths are exact."""
-        return tuple(kind for kind in self.kinds if not (kind == "coriolis" and self.lengths is not None))
+    def _lengths(self) -> int:
+        """How many lengths are unknown."""
+        return self.nlink - 1 if self.lengths is None and "coriolis" in self.kinds else 0
 
     @cached_property
     def names(self) -> list[str]:
-        """The name of the lump that each unknown is the log factor of (nunknown)."""
-        return lump_names(self.nlink, self.searched)
-
-    @cached_property
-    def _searched(self) -> Array:
-        return self.nominal.vector_of(self.searched)
+        """Of the parameter that each unknown is the log factor of (nunknown)."""
+        names: list[str] = []
+        for kind in self.kinds:
+            own = [f"length_{i + 1}" for i in range(self._lengths)] if kind == "coriolis" else []
+            names += own or ([] if kind == "coriolis" else lump_names(self.nlink, (kind,)))
+        return names
 
     @cached_property
     def columns(self) -> Columns:
         """Where the unknowns of each kind begin."""
-        n, first, begins = self.nlink, 0, dict.fromkeys(UNITS, -1)
-        for kind in self.searched:
-            begins[kind] = first
-            first += n * (n - 1) // 2 if kind == "coriolis" else n
-        links = np.arange(n)
-        coriolis = np.full(n, -1)
-        if self.lengths is not None and begins["gravity"] >= 0:
-            coriolis = begins["gravity"] + links + 1
-        elif begins["coriolis"] >= 0:
-            above = n - 1 - links
-            coriolis = begins["coriolis"] + np.cumsum(above) - above
-        return Columns(np.array([begins[kind] for kind in ("gravity", "inertia", "damping", "coulomb")]), coriolis)
+        first = {name.partition("_")[0]: column for column, name in reversed(list(enumerate(self.names)))}
+        begins = {kind: first.get(kind, -1) for kind in ("gravity", "length", "inertia", "damping", "coulomb")}
+        return Columns(**begins, coriolis=begins["gravity"] if "coriolis" in self.kinds else -1)
+
+    @cached_property
+    def design(self) -> Array:
+        """How the logarithms of lumps follow from z (nlump x nunknown)."""
+        place = {name: column for column, name in enumerate(self.names)}
+        design = np.zeros((len(self.lump_names), len(self.names)))
+        for row, name in zip(design, self.lump_names, strict=True):
+            kind, *links = name.split("_")
+            parts = [f"length_{links[0]}", f"gravity_{links[1]}"] if kind == "coriolis" else [name]
+            row[[place[part] for part in parts if part in place]] = 1.0
+        return design
 
     def lumps(self, log_factors: Array) -> Lumps:
         """The chain with these `log_factors` (nunknown)."""
-        lumps = replace(self.nominal, searched=self.searched).scaled(np.exp(log_factors))
-        if self.lengths is None:
+        free = tuple(kind for kind in self.kinds if kind != "coriolis")
+        is_lump = np.array([not name.startswith("length") for name in self.names], dtype=np.bool_)
+        lumps = replace(self.nominal, searched=free).scaled(np.exp(log_factors[is_lump]))
+        if "coriolis" not in self.kinds:
             return lumps
-        return replace(lumps, coriolis=coriolis_of(self.lengths, lumps.gravity))
+        lengths = self.lengths
+        if lengths is None:
+            lengths = np.append(lengths_of(self.nominal) * np.exp(log_factors[~is_lump]), 0.0)
+        return replace(lumps, coriolis=coriolis_of(lengths, lumps.gravity), searched=self.kinds)
 
     def log_factors(self, lumps: Lumps) -> Array:
-        """The log factors (nunknown) of `lumps`."""
-        return np.log(lumps.vector_of(self.searched) / self._searched)
+        """The log factors (nunknown) of `lumps`, those of a chain."""
+        return np.log(self._parameters_of(lumps) / self._parameters_of(self.nominal))
+
+    def parameters(self, log_factors: Array) -> Array:
+        """The parameters (nunknown), in SI units, with these `log_factors` (nunknown)."""
+        return np.asarray(self._parameters_of(self.nominal) * np.exp(log_factors), dtype=np.float64)
+
+    def _parameters_of(self, lumps: Lumps) -> Array:
+        kinds = dict.fromkeys(name.partition("_")[0] for name in self.names)
+        parts = [lengths_of(lumps) if kind == "length" else lumps.of(kind) for kind in kinds]
+        return np.concatenate([*parts, np.empty(0)])
+
+
+def lengths_of(lumps: Lumps) -> Array:
+    """The lengths (nlink − 1), in m, of the chain that has these `lumps`, a_ij = l_i μ_j: those of the neighbours j.
+
+    Eq. 2.
+    """
+    return np.asarray(np.diag(lumps.coriolis, 1) / lumps.gravity[1:], dtype=np.float64)
 
 
 def coriolis_of(lengths: Array, gravity: Array) -> Array:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from metaid.estimation.unknowns import Unknowns
+from metaid.estimation.unknowns import Columns, Unknowns
 from metaid.models import Array, Lumps
 
 BLOCK = 4  # rows and columns that are multiplied at once, held in registers
@@ -37,8 +36,8 @@ class Balance(NamedTuple):
 
 
 class Derivatives(NamedTuple):
-    """The derivative of each lump by its unknown, `gravity` times g; and the columns of unknowns, see
-    `unknowns.Columns`.
+    """The derivative of each lump by the log factor of what it is a multiple of, `gravity` times g; and the `columns`
+    of these.
     """
 
     gravity: Array
@@ -46,8 +45,7 @@ class Derivatives(NamedTuple):
     inertia: Array
     damping: Array
     coulomb: Array
-    columns: NDArray[np.int64]
-    coriolis_columns: NDArray[np.int64]
+    columns: Columns
 
 
 class Workspace(NamedTuple):
@@ -124,15 +122,16 @@ def balance(
 
 
 def derivatives(unknowns: Unknowns, lumps: Lumps, gravity: float) -> Derivatives:
-    """Those of the `lumps` by the `unknowns`: of a lump by its log factor it is the lump itself. `gravity` in m/s²."""
+    """Those of the `lumps` by the `unknowns`: of what is a multiple of a parameter, by the logarithm of that, it is
+    itself. `gravity` in m/s².
+    """
     return Derivatives(
         gravity=gravity * lumps.gravity,
         coriolis=np.array(lumps.coriolis),
         inertia=np.array(lumps.of("inertia")),
         damping=np.array(lumps.of("damping")),
         coulomb=np.array(lumps.of("coulomb")),
-        columns=unknowns.columns.first,
-        coriolis_columns=unknowns.columns.coriolis,
+        columns=unknowns.columns,
     )
 
 

@@ -1,8 +1,8 @@
 """A chain that has given lumps: its lengths follow from them, its bodies are the possible ones closest to a nominal
 chain's.
 
-Lumps that were found with noise are no chain's exactly, for a_ij / μ_j is the length of link i whatever j is (Eq. 2).
-Then it is the chain whose lumps are closest to them.
+Lumps that a sampler found one by one are no chain's exactly, for a_ij / μ_j is the length of link i whatever j is
+(Eq. 2). Then it is the chain whose lumps are closest to them.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from metaid.models.chain import Chain
 from metaid.models.closest_bodies import Matrices, closest
-from metaid.models.known_lumps import whitening
 from metaid.models.lumps import Array, Lumps
 from metaid.models.possible import LEAST_GYRATION
 from metaid.models.possible_bodies import masses_beyond
@@ -32,14 +31,13 @@ class ChainOfLumps:
     excess: Array
 
 
-def chain_of_lumps(lumps: Lumps, nominal: Chain, known: NDArray[np.bool_], covariance: Array) -> ChainOfLumps:
+def chain_of_lumps(lumps: Lumps, nominal: Chain, known: NDArray[np.bool_]) -> ChainOfLumps:
     """The chain with these `lumps`. Its friction is that of the lumps, and it has no springs.  Eqs. 48 and 54.
 
     Args:
         lumps: `searched` are gravity, Coriolis and, unless the inertias of the links are free, inertia lumps.
         nominal: the chain whose bodies it is to be close to. A length that no lump tells is as its.
         known: which of the lumps (nlump) count.
-        covariance: of the logs of the lumps (nlump x nlump): what to change where they are no chain's.
     """
     if not (lumps.vector > 0.0).all():
         return ChainOfLumps(None, np.zeros(len(lumps.vector)))
@@ -55,9 +53,8 @@ def chain_of_lumps(lumps: Lumps, nominal: Chain, known: NDArray[np.bool_], covar
     used = known.copy()
     used[pairs] &= told[first]
     free = design[used].any(axis=0)
-    whiten = whitening(covariance[np.ix_(used, used)])
-    unexplained = whiten @ (logs - design @ unknowns)[used]
-    unknowns[free] += np.linalg.lstsq(whiten @ design[np.ix_(used, free)], unexplained, rcond=None)[0]
+    unexplained = (logs - design @ unknowns)[used]
+    unknowns[free] += np.linalg.lstsq(design[np.ix_(used, free)], unexplained, rcond=None)[0]
     values, fitted = np.exp(unknowns), design @ unknowns
     inertia = values[2 * n :] if "inertia" in lumps.searched else None
     return ChainOfLumps(_closest(values[:n], values[n : 2 * n], inertia, lumps, nominal), np.expm1(logs - fitted))

@@ -1,4 +1,4 @@
-"""What is known of gravity and inertia lumps and of lengths, whether these are given or follow from Coriolis lumps."""
+"""What is known of gravity and inertia lumps and of lengths, whether these are given or were found."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 from metaid.models.lumps import Array
 
 PARAMETER_UNITS = {"mass": "kg", "com": "m", "inertia": "kg m²", "length": "m"}
-SINGULAR = 1e-14  # of the largest variance in a correlation matrix: what is below it is rounding
 
 
 @dataclass(frozen=True)
@@ -49,42 +48,21 @@ class KnownLumps:
 def known_lumps(
     names: Sequence[str], values: Array, covariance: Array, reach: float, length: Array | None
 ) -> KnownLumps:
-    """What an estimate of lumps knows of the links.
+    """What an estimate knows of the links.
 
     Args:
-        names: of the lumps (nlump), all gravity and inertia lumps among them; without a `length` also all Coriolis
-            lumps.
-        values: of the lumps (nlump), in SI units.
-        covariance: of their relative errors (nlump x nlump).
+        names: of the parameters (nparameter), all gravity and inertia lumps among them; without a `length` also those
+            of the links but the last.
+        values: of the parameters (nparameter), in SI units.
+        covariance: of their relative errors (nparameter x nparameter).
         reach: how many standard deviations any of them may be off.
-        length: of the links (nlink), in m; None where they follow from the lumps, l_i = a_ij / μ_j.
+        length: of the links (nlink), in m; None where they are among the parameters.
     """
-    place = {name: i for i, name in enumerate(names)}
+    kinds = ("gravity", "inertia") if length is not None else ("gravity", "inertia", "length")
     n = sum(name.startswith("gravity_") for name in names)
-    links = range(1, n + 1)
-    used = [place[f"{kind}_{i}"] for kind in ("gravity", "inertia") for i in links]
-    rows = list(np.eye(2 * n, 2 * n if length is not None else 3 * n - 1))
-    logs = np.log(values)
-    known = logs[used]
-    if length is None:
-        pairs = [(i, j) for i in links for j in links if i < j]
-        used += [place[f"coriolis_{i}_{j}"] for i, j in pairs]
-        each = np.eye(3 * n - 1)
-        rows += [each[2 * n + i - 1] + each[j - 1] for i, j in pairs]  # log a_ij = log l_i + log μ_j
-        ratio = {(i, j): logs[place[f"coriolis_{i}_{j}"]] - known[j - 1] for i, j in pairs}
-        known = np.append(known, [np.mean([ratio[i, j] for j in links if i < j]) for i in links[:-1]])
-    # Generalised least squares: with three links and more, not all Coriolis lumps are those of some lengths.
-    system = np.array(rows)
-    whiten = whitening(covariance[np.ix_(used, used)])
-    q, r = np.linalg.qr(whiten @ system)
-    known = known + np.linalg.solve(r, q.T @ whiten @ (logs[used] - system @ known))
-    found = np.exp(known)
-    lengths = np.append(found[2 * n :], np.nan) if length is None else length
-    return KnownLumps(found[:n], found[n : 2 * n], lengths, reach * np.linalg.inv(r))
-
-
-def whitening(covariance: Array) -> Array:
-    """The matrix (n x n) that makes errors with this `covariance` (n x n) independent and of size 1."""
-    deviations = np.sqrt(np.diag(covariance))
-    own, axes = np.linalg.eigh(covariance / np.outer(deviations, deviations))
-    return np.asarray((axes / np.sqrt(np.maximum(own, SINGULAR * own[-1]))).T / deviations, dtype=np.float64)
+    used = [i for kind in kinds for i, name in enumerate(names) if name.startswith(f"{kind}_")]
+    own = covariance[np.ix_(used, used)]
+    deviations = np.sqrt(np.diag(own))
+    root = deviations[:, None] * np.linalg.cholesky(own / np.outer(deviations, deviations))
+    lengths = np.append(values[used[2 * n :]], np.nan) if length is None else length
+    return KnownLumps(values[used[:n]], values[used[n : 2 * n]], lengths, reach * root)

@@ -67,7 +67,8 @@ def bodies_table(problem: Problem, found: StudyEstimate | None, verdict: Verdict
     estimate, nominal = found.estimate, problem.nominal
     is_given = problem.spec.study.estimate.lengths == "exact" or "coriolis" not in problem.estimated_kinds
     length = nominal.length if is_given else None
-    lumps = known_lumps(estimate.names, found.lumps_of(estimate), found.covariance, DEVIATIONS, length)
+    parameters = found.experiment.unknowns.parameters(estimate.log_factors)
+    lumps = known_lumps(estimate.names, parameters, found.covariance, DEVIATIONS, length)
     with threadpool_limits(1):
         extents = body_extents(lumps)
     if extents is None:

@@ -88,14 +88,15 @@ class StudyEstimate:
         """The force that the model has not and that the trials hint at best, though noise may look like it."""
         return min((each for each in self._forces if each.is_hinted), key=lambda each: each.left, default=None)
 
-    def deviations_of(self, names: Sequence[str]) -> Array:
-        """The standard deviation of each of these lumps (nlump), as a share of it. It holds what a force would change
-        that the trials hint at, and where the estimate does not explain them what the misfit and repetition say.
+    @cached_property
+    def lump_deviations(self) -> Array:
+        """The standard deviation of each lump (nlump), as a share of it. It holds what a force would change that the
+        trials hint at, and where the estimate does not explain them what the misfit and repetition say.
         """
-        if self.approximation is not None:
-            return self.estimate.by_name(self.approximation.deviations, names)
-        own = self.estimate.deviations_of(names)
-        return own if self.hinted is None else np.hypot(own, self.estimate.by_name(self.hinted.shift, names))
+        own = np.sqrt(np.diag(self.lump_covariance))
+        if self.approximation is not None or self.hinted is None:
+            return own
+        return np.hypot(own, self.estimate.design @ self.hinted.shift)
 
     @cached_property
     def approximation(self) -> Approximation | None:
@@ -139,9 +140,15 @@ class StudyEstimate:
         return np.asarray(estimate.covariance * np.outer(wider, wider), dtype=np.float64)
 
     @property
+    def lump_covariance(self) -> Array:
+        """The same of the log factors of the lumps (nlump x nlump)."""
+        design = self.estimate.design
+        return np.asarray(design @ self.covariance @ design.T, dtype=np.float64)
+
+    @property
     def half_width(self) -> float:
         """Half the widest of intervals that hold all unknown lumps at once, as a share of its lump.  Eq. 64."""
-        return self.estimate.half_width if self.hinted is None else half_width(self.deviations_of(self.estimate.names))
+        return self.estimate.half_width if self.hinted is None else half_width(self.lump_deviations)
 
     @cached_property
     def proposal(self) -> Proposal | None:
@@ -223,9 +230,9 @@ class StudyEstimate:
         """What `low` to `high` is."""
         return interval_name(self.estimate.counts)
 
-    def lumps_of(self, estimate: Estimate) -> Array:
-        """The lumps (nunknown) of an `estimate`, in the order of its names."""
-        return estimate.lumps.vector_of(self.experiment.unknowns.searched)
+    def values(self, estimate: Estimate) -> Array:
+        """The lumps (nlump) of an `estimate`."""
+        return estimate.lumps.vector_of(self.experiment.unknowns.kinds)
 
     def replay(self, number: int | None = None) -> Replay:
         """One of the trials as the plant showed it and as the twin at the estimate moves. `number` is that of its table
@@ -237,7 +244,7 @@ class StudyEstimate:
 
 
 def _most_moved(estimate: Estimate, force: Unmodelled) -> tuple[str, str]:
-    """The lump of an `estimate` that a `force` would change most, and by how much, in words."""
+    """The unknown of an `estimate` that a `force` would change most, and by how much, in words."""
     moved = int(np.argmax(np.abs(force.shift)))
     by = 100.0 * float(np.expm1(force.shift[moved]))
     return estimate.names[moved], f"{abs(by):.2g} % {'larger' if by > 0.0 else 'smaller'}"

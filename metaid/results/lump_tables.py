@@ -53,10 +53,10 @@ def estimate_table(problem: Problem, found: StudyEstimate | None, is_result: boo
     if found is not None:
         factor = found.estimate.lumps.vector_of(kinds) / nominal
     if found is not None and is_result:
-        deviation = found.deviations_of(names)
+        deviation = found.lump_deviations
         low, high = factor * np.exp(-DEVIATIONS * deviation), factor * np.exp(DEVIATIONS * deviation)
         determined = deviation <= COARSEST
-        if (extent := found.estimate.extent_of(names)) is not None:
+        if (extent := found.estimate.extent) is not None:
             low, high = np.exp(extent[0]), np.exp(extent[1])
             deviation, determined = np.full(len(names), np.nan), high - low <= 2.0 * COARSEST * factor
     intervals = factor * nominal * deviation, low * nominal, high * nominal

@@ -94,7 +94,7 @@ class OutputError:
 
     @property
     def spread(self) -> float | None:
-        """The largest standard deviation of a lump by the estimate, as a share of the lump."""
+        """The largest standard deviation of an unknown by the estimate."""
         return None if self._estimate is None else float(self._estimate.deviations.max())
 
     def ask(self) -> Array:

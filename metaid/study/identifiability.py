@@ -148,7 +148,7 @@ def _from_estimate(problem: Problem) -> Identifiability:
     unbounded = np.zeros(len(names)), np.full(len(names), np.inf)
     if estimate is None:
         return Identifiability(tuple(names), np.full(len(names), np.inf), *unbounded)
-    return Identifiability(tuple(names), DEVIATIONS * estimate.deviations_of(names), *unbounded)
+    return Identifiability(tuple(names), DEVIATIONS * estimate.lump_deviations, *unbounded)
 
 
 @dataclass(frozen=True)

@@ -202,7 +202,7 @@ def test_descent_in_short_steps_goes_on_if_asked_to() -> None:
 class LongGorge(Gorge):
     """That seen by a fit on one window, whose lowest point, far away, is still no explanation; how often it looked."""
 
-    stages, stride, ends_when_cut, least_gain, explained_below = 1, 1, False, 1e-6, 1.5
+    stages, rough_stages, stride, ends_when_cut, least_gain, explained_below = 1, 0, 1, False, 1e-6, 1.5
 
     def __init__(self) -> None:
         self.looked = 0

@@ -56,7 +56,7 @@ def test_intervals_cover() -> None:
         unknowns = Unknowns(seen.nominal.lumps)
         estimate = fit(Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, GRAVITY))
         low, high = estimate.interval()
-        true = np.exp(unknowns.log_factors(seen.plant.chain.lumps))
+        true = np.exp(unknowns.design @ unknowns.log_factors(seen.plant.chain.lumps))
         inside += ((low < true) & (true < high)).tolist()
     assert np.mean(inside) >= 0.85
 

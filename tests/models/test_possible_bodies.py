@@ -12,16 +12,19 @@ from threadpoolctl import threadpool_limits
 from metaid.models import Array, Chain, KnownLumps, body_extents, known_lumps, lump_names
 
 LENGTHS_GIVEN = ("gravity", "inertia")
-LENGTHS_FREE = ("gravity", "coriolis", "inertia")
+LENGTHS_FREE = ("gravity", "inertia", "length")
 
 
 def known(chain: Chain, spread: float, kinds: tuple[str, ...] = LENGTHS_GIVEN, reach: float = 1.96) -> KnownLumps:
-    """The lumps of a chain, as an estimate knows them whose relative errors are correlated and about `spread`."""
-    names = lump_names(chain.nlink, kinds)
+    """The parameters of a chain, as an estimate knows them whose relative errors are correlated and about `spread`."""
+    names, values = lump_names(chain.nlink, LENGTHS_GIVEN), chain.lumps_of(LENGTHS_GIVEN).vector
+    if kinds != LENGTHS_GIVEN:
+        names = [*names, *(f"length_{i + 1}" for i in range(chain.nlink - 1))]
+        values = np.append(values, chain.length[:-1])
     mixed = np.random.default_rng(len(names)).normal(size=(len(names), len(names)))
     covariance = spread**2 * (mixed @ mixed.T) / len(names)
     length = chain.length if kinds == LENGTHS_GIVEN else None
-    return known_lumps(names, chain.lumps_of(kinds).vector_of(kinds), covariance, reach, length)
+    return known_lumps(names, values, covariance, reach, length)
 
 
 def extents_of(lumps: KnownLumps) -> Array:

@@ -57,7 +57,7 @@ def chain_of(nlink: int) -> Identified:
     chain = replace(random_plant(nlink).chain, damping=damping, coulomb=coulomb)
     lumps, count = chain.lumps_of((*FULL, "damping", "coulomb")), len(chain.lumps_of(FULL).vector)
     known = np.ones(count, dtype=np.bool_)
-    dynamics = chain_dynamics(lumps, 9.81, wrong_chain(chain, nlink), known, np.eye(count))
+    dynamics = chain_dynamics(lumps, 9.81, wrong_chain(chain, nlink), known)
     ideal = ChainModel(chain.lumps_of(FULL), 9.81)
     return Identified(model_of(dynamics, f"chain {nlink}"), ideal.torque, ideal.mass_matrix, damping, coulomb)
 

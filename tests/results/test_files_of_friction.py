@@ -231,7 +231,7 @@ def test_files_of_a_chain_predict_alike(tmp_path: Path) -> None:
     chain = random_plant(3).chain
     lumps = chain.lumps_of(("gravity", "coriolis", "inertia", "damping", "coulomb"))
     count = len(chain.lumps_of(("gravity", "coriolis", "inertia")).vector)
-    dynamics = chain_dynamics(lumps, 9.81, chain, np.ones(count, dtype=np.bool_), np.eye(count))
+    dynamics = chain_dynamics(lumps, 9.81, chain, np.ones(count, dtype=np.bool_))
     model = model_of(dynamics, "chain")
     motion = motion_of(3)
     wanted = dynamics.law.inverse_dynamics(*motion)

@@ -86,7 +86,7 @@ def test_controller_of_ten_lines_coasts(metaid: Metaid, found: Path, monkeypatch
 
     assert metaid("study", "model", "exact", "-o", "law.py", "--storage", str(found)).status == 0
     spec = package.load_plant("two-link").chain
-    true = chain_dynamics(spec.lumps_of(FULL), 9.81, spec, np.ones(5, dtype=np.bool_), np.eye(5))
+    true = chain_dynamics(spec.lumps_of(FULL), 9.81, spec, np.ones(5, dtype=np.bool_))
     text = model_of(true, "plant").text(".xml")
     motors = "".join(f'<motor joint="joint_{i + 1}"/>' for i in range(2))
     Path("plant.xml").write_text(text.replace("</mujoco>", f"<actuator>{motors}</actuator></mujoco>"), encoding="utf-8")

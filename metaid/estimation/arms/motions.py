@@ -46,6 +46,11 @@ class ArmMotions(ComparedOfArm):
         return max(len(trial.windows.ends) for trial in self.trials)
 
     @property
+    def rough_stages(self) -> int:
+        """All but the last."""
+        return self.stages - 1
+
+    @property
     def stride(self) -> int:
         """Windows grow one by one."""
         return 1

@@ -9,7 +9,7 @@ import numpy as np
 from metaid.estimation.counting.counts import Counted, Counts
 from metaid.estimation.counting.programme import pairs, sides
 from metaid.estimation.descent import FARTHEST, descend, place_at
-from metaid.estimation.estimate import Estimate
+from metaid.estimation.estimate import Estimate, lump_view
 from metaid.estimation.fit import starting_points
 from metaid.models import DEVIATIONS, Array
 
@@ -128,14 +128,16 @@ def _centred(counts: Counts, model: Model) -> Model:
 
 def _estimate(counts: Counts, model: Model, steps: int, starts: int) -> Estimate:
     log_factors, unknowns = model.log_factors, counts.unknowns
-    extremes = None if model.counted.differing else sides(model.counted).extremes()
-    covariance, extent = np.diag(counts.spreads**2), None
-    if extremes is not None:
-        extent = log_factors + np.diagonal(extremes, axis1=1, axis2=2)
-        covariance = _covariance(extremes)
+    covariance, extent, directions = np.diag(counts.spreads**2), None, np.eye(len(log_factors))
+    if not model.counted.differing:
+        inside = sides(model.counted)
+        extremes, of_lumps = inside.extremes(directions), inside.extremes(unknowns.design)
+        if extremes is not None and of_lumps is not None:
+            extent = unknowns.design @ log_factors + np.einsum("ekp,kp->ek", of_lumps, unknowns.design)
+            covariance = _covariance(extremes)
     return Estimate(
         names=tuple(unknowns.names),
-        lumps=unknowns.lumps(log_factors),
+        **lump_view(unknowns, log_factors),
         unknowns=log_factors,
         covariance=covariance,
         cost=model.wrong,

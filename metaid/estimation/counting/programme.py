@@ -53,17 +53,15 @@ class Inequalities:
         found = _least(cost, system, self.right, bounds)
         return None if found.x is None else np.asarray(found.x[:unknowns])
 
-    def extremes(self) -> Array | None:
-        """The changes (2 x nunknown x nunknown) that violate none and have the least and the largest x_k, for each k;
-        None where each violates one.
+    def extremes(self, directions: Array) -> Array | None:
+        """The changes (2 x ndirection x nunknown) that violate none and go least and most far along each of the
+        `directions` (ndirection x nunknown); None where each violates one.
         """
-        unknowns = self.left.shape[1]
-        found = np.zeros((2, unknowns, unknowns))
-        bounds = [(-FARTHEST, FARTHEST)] * unknowns
+        found = np.zeros((2, *directions.shape))
+        bounds = [(-FARTHEST, FARTHEST)] * directions.shape[1]
         for end, sign in enumerate((1.0, -1.0)):
-            for k in range(unknowns):
-                cost = sign * np.eye(unknowns)[k]
-                vertex = _least(cost, self.left, self.right, bounds).x
+            for k, direction in enumerate(directions):
+                vertex = _least(sign * direction, self.left, self.right, bounds).x
                 if vertex is None:
                     return None
                 found[end, k] = vertex

@@ -90,6 +90,11 @@ class ReadingsInWindows(ABC, Generic[Trial, What]):
         return max(len(ends) for ends, _ in self._windows)
 
     @property
+    def rough_stages(self) -> int:
+        """All but the last."""
+        return self.stages - 1
+
+    @property
     def stride(self) -> int:
         """Windows grow to twice their length at once, where that leads nowhere by less."""
         return STRIDE

@@ -147,7 +147,7 @@ def _chain(found: RecordedEstimate, tree: Tree) -> Chain | None:
     lumps = replace(nominal.lumps_of((*IDEAL, "inertia")), damping=tree.damping, coulomb=tree.coulomb)
     nlump = len(lumps.vector)
     lumps = lumps.with_parameters(values[:nlump])
-    return chain_of_lumps(lumps, nominal, np.ones(nlump, dtype=np.bool_), np.eye(nlump)).chain
+    return chain_of_lumps(lumps, nominal, np.ones(nlump, dtype=np.bool_)).chain
 
 
 def file_error(path: Path, name: str, found: RecordedEstimate, logs: Sequence[Smoothed], zeros: Array) -> FileError:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from datetime import UTC, datetime
 
 import numpy as np
-from numpy.typing import NDArray
 
 import metaid
 from metaid.models import IDEAL, Array, Lumps, kind_of
@@ -14,8 +13,6 @@ from metaid.results.exporting.dynamics import chain_dynamics
 from metaid.results.exporting.identified import IdentifiedModel, covariance_frame, no_model
 from metaid.results.snapshot import Snapshot
 from metaid.results.verdict import Verdict, judge
-
-EQUAL = 1.0  # the deviation of a log of a lump whose own is not known: then all count alike
 
 
 def identified_chain(snapshot: Snapshot, even_if_not_found: bool = False) -> IdentifiedModel:
@@ -31,15 +28,12 @@ def identified_chain(snapshot: Snapshot, even_if_not_found: bool = False) -> Ide
     lumps = _lumps_of(dict(zip(table["name"], table["value"], strict=True)), problem.nominal.lumps_of(IDEAL))
     names = lumps.names
     known = np.isin(names, table["name"][table["identified"].notna()] if guess is None else table["name"])
-    relative, covariance = EQUAL**2 * np.eye(len(names)), None
-    found = snapshot.estimate
+    covariance, found = None, snapshot.estimate
     if guess is None and verdict.source == "estimate" and found is not None:
-        estimate, own = found.estimate, found.covariance
-        # With exact lengths Coriolis lumps follow from gravity lumps, and are not in the covariance.
-        known &= np.isin(names, estimate.names)
-        relative = _covariance_of(names, known, list(estimate.names), own)
-        values = table.set_index("name")["value"][list(estimate.names)].to_numpy()
-        covariance = covariance_frame(list(estimate.names), values, own) if estimate.counts is None else None
+        estimated = list(found.estimate.lump_names)
+        values = table.set_index("name")["value"][estimated].to_numpy()
+        if found.estimate.counts is None:
+            covariance = covariance_frame(estimated, values, found.lump_covariance)
     plant = snapshot.spec.plant
     about = {
         "plant": snapshot.spec.plant_name,
@@ -54,7 +48,7 @@ def identified_chain(snapshot: Snapshot, even_if_not_found: bool = False) -> Ide
         "written": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "metaid": metaid.__version__,
     }
-    dynamics = chain_dynamics(lumps, plant.gravity, problem.nominal, known, relative)
+    dynamics = chain_dynamics(lumps, plant.gravity, problem.nominal, known)
     return IdentifiedModel(snapshot.name, about, table, covariance, dynamics, plant.gravity, plant.timestep)
 
 
@@ -88,13 +82,3 @@ def _lumps_of(values: dict[str, float], nominal: Lumps) -> Lumps:
     vector = [values.get(name, usual) for name, usual in zip(shaped.names, shaped.vector.tolist(), strict=True)]
     filled = shaped.with_parameters(np.array(vector))
     return Lumps(**{kind: getattr(filled, kind) for kind in kinds}, searched=searched)
-
-
-def _covariance_of(names: list[str], known: NDArray[np.bool_], estimated: list[str], covariance: Array) -> Array:
-    """The covariance of the lumps of these `names` (nlump x nlump) from that of those that were `estimated`; lumps that
-    are not `known` have that of the prior, whatever it is: they do not count.
-    """
-    matrix = EQUAL**2 * np.eye(len(names))
-    at = [estimated.index(name) for name, is_known in zip(names, known, strict=True) if is_known]
-    matrix[np.ix_(known, known)] = covariance[np.ix_(at, at)]
-    return matrix

@@ -40,9 +40,7 @@ class Dynamics:
     couples: tuple[Couple, ...] = ()
 
 
-def chain_dynamics(
-    lumps: Lumps, gravity: float, nominal: Chain, known: NDArray[np.bool_], covariance: Array
-) -> Dynamics:
+def chain_dynamics(lumps: Lumps, gravity: float, nominal: Chain, known: NDArray[np.bool_]) -> Dynamics:
     """That of a planar chain.
 
     Args:
@@ -50,13 +48,12 @@ def chain_dynamics(
         gravity: in m/s².
         nominal: the chain whose bodies those of the result are to be close to.
         known: which of the gravity, Coriolis and inertia lumps (nlump) are identified.
-        covariance: of the logs of these lumps (nlump x nlump).
     """
     kinds = ("gravity", "coriolis") if lumps.inertia is None else ("gravity", "coriolis", "inertia")
     lumps = replace(lumps, searched=kinds)
     # A plant has no friction below zero, which noise may make of none.
     damping, coulomb = (np.maximum(lumps.of(kind), 0.0) for kind in FRICTION)
-    found = chain_of_lumps(replace(lumps, damping=damping, coulomb=coulomb), nominal, known, covariance)
+    found = chain_of_lumps(replace(lumps, damping=damping, coulomb=coulomb), nominal, known)
     notes = []
     excess = np.where(known, np.abs(found.excess), 0.0)
     if excess.max() > EXACT and found.chain is not None:

@@ -95,7 +95,7 @@ def plot_residuals(found: StudyEstimate | ArmFound, axes: Axes | None = None) ->
 
 
 def plot_covariance(found: StudyEstimate, axes: Axes | None = None) -> Axes:
-    """Correlation of the lumps by the covariance of the estimate."""
+    """Correlation of the unknowns by the covariance of the estimate."""
     deviations = found.estimate.deviations
     matrix = found.estimate.covariance / np.outer(deviations, deviations)
     return draw_correlation(matrix, list(found.estimate.names), "correlation by the estimate", new_axes(axes))
@@ -106,16 +106,15 @@ def plot_growth(found: StudyEstimate, true: Array | None, axes: Axes | None = No
 
     Args:
         found: the estimate.
-        true: the true lumps (nunknown), where they are known.
+        true: the true lumps (nlump), where they are known.
         axes: to draw on; default: a new one.
     """
     axes = new_axes(axes)
     counts, estimates = found.growth
-    deviations = [100.0 * each.deviations.max() for each in estimates]
+    deviations = [100.0 * each.lump_deviations.max() for each in estimates]
     axes.plot(counts, deviations, "o-", color=SURVIVOR, markersize=3, label="standard deviation")
     if true is not None:
-        last = found.estimate.log_factors + np.log(true / found.lumps_of(found.estimate))
-        errors = [100.0 * max(np.abs(np.expm1(each.log_factors - last)).max(), LEAST) for each in estimates]
+        errors = [100.0 * max(np.abs(found.values(each) / true - 1.0).max(), LEAST) for each in estimates]
         axes.plot(counts, errors, "x--", color=FALL, markersize=4, label="error")
     axes.set_yscale("log")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))

@@ -242,7 +242,7 @@ class Gallery:
 
     def _growth(self, width: float) -> Picture:
         assert self.found.estimate is not None
-        kinds = self.found.estimate.experiment.unknowns.searched
+        kinds = self.found.estimate.experiment.unknowns.kinds
         truth = self.found.problem.open_plant().true_lumps()  # the truth meets the result in reports alone
         true = None if truth is None else truth.vector_of(kinds)
         figure = Figure(figsize=(width, 2.4), layout="constrained")
