@@ -89,6 +89,14 @@ def test_base_parameters_tell_the_torque_and_no_fewer_would(njoint: int, slides:
     assert np.linalg.matrix_rank(rows) == len(base.names)
 
 
+def test_which_parameters_count_is_no_matter_of_rounding() -> None:
+    """Of columns that are equal the first is taken, though the last digits of the arm differ."""
+    for seed in range(4):
+        tree, random = random_arm(5, seed, (2,)), np.random.default_rng(seed)
+        rounded = replace(tree, position=tree.position * (1.0 + 1e-13 * random.standard_normal((5, 3))))
+        assert base_parameters(rounded).names == base_parameters(tree).names
+
+
 def test_expressions_name_what_is_added() -> None:
     """Of two parallel hinges the second link's mass shows as a first moment of the first link, at the second's axis."""
     n = 2
@@ -135,7 +143,8 @@ def test_most_probable_arm_moves_most_what_is_least_sure() -> None:
     belief = Belief(tree, Prior(mass=1e-4, com=1e-4))
     values = belief.values + 0.1 * np.sqrt(np.diag(belief.covariance))
     changed = belief.parameters_at(values) - tree.parameters
-    assert np.abs(changed[:, 0] / tree.mass).max() < 1e-3 * np.abs(changed[:, 4:10]).max()
+    moved = np.abs(changed[:, 4:10]).max(axis=1) / np.trace(tree.inertia, axis1=1, axis2=2)
+    assert np.abs(changed[:, 0] / tree.mass).max() < 1e-2 * moved.max()
 
 
 def test_belief_spreads_as_random_arms_do() -> None:

@@ -20,6 +20,7 @@ STATES = 200  # random ones, of which torques are compared
 FAST = 10.0  # rad/s² or m/s², of random accelerations
 NOTHING = 1e-9  # of the largest singular value: what rounding leaves of a combination that no torque shows
 RARELY_FIRST = 1e-3  # by which masses are chosen after what they can be added to
+EARLIER = 0.99  # of the size of the first column, of the last: what is as large and comes earlier is taken first
 _KINDS = {"m": "kg", "rotor": "kg m²", "damping": "N m s", "coulomb": "N m"}
 _ON_SLIDES = {"rotor": "kg", "damping": "N s/m", "coulomb": "N"}
 
@@ -78,8 +79,7 @@ def random_states(tree: Tree, count: int, random: np.random.Generator) -> tuple[
 def base_parameters(tree: Tree, counted_by: Sequence[str] | None = None) -> BaseParameters:
     """Those of an arm, from its kinematics alone.  Eq. 40.
 
-    They are `counted_by` the parameters of these names (nbase). By default independent ones are looked for: which they
-    are may depend on how a processor rounds.
+    They are `counted_by` the parameters of these names (nbase). By default independent ones are looked for.
     """
     coordinates, speeds, accelerations = random_states(tree, STATES, np.random.default_rng(0))
     rows = _reduced(torque_regressor(tree, coordinates, speeds, accelerations))
@@ -118,6 +118,7 @@ def _independent(rows: Array, kinds: list[str]) -> NDArray[np.intp]:
     singular = np.linalg.svd(rows, compute_uv=False)
     rank = int((singular > NOTHING * singular[0]).sum())
     weights = np.array([RARELY_FIRST if kind == "m" else 1.0 for kind in kinds])
+    weights *= np.linspace(1.0, EARLIER, len(kinds))  # of equal columns the first, however a processor rounds
     order = qr(rows * weights, mode="r", pivoting=True)[1]
     return np.sort(order[:rank])
 

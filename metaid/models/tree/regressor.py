@@ -34,9 +34,8 @@ def torque_regressor(tree: Tree, coordinates: Array, speeds: Array, acceleration
     """
     n = tree.njoint
     regressor = np.zeros((*coordinates.shape, n, len(PARAMETERS)))
-    for i, (wrench, down) in enumerate(_links(tree, coordinates, speeds, accelerations)):
-        for j, column in _passed_on(tree, wrench, down):
-            regressor[..., j, i, :BODY] = column
+    for i, (wrench, twists) in enumerate(_links(tree, coordinates, speeds, accelerations)):
+        regressor[..., : i + 1, i, :BODY] = twists @ wrench  # Eq. 38
         friction = accelerations[..., i], speeds[..., i], sliding(speeds[..., i])
         for parameter, each in enumerate(friction, start=BODY):
             regressor[..., i, i, parameter] = each
@@ -55,45 +54,45 @@ def body_torque(tree: Tree, parameters: Array, coordinates: Array, speeds: Array
         accelerations: of the joints (... x njoint), in rad/s² or m/s².
     """
     torque = np.zeros(coordinates.shape)
-    for i, ((force, moment), down) in enumerate(_links(tree, coordinates, speeds, accelerations)):
-        known = parameters[i, :BODY, None]
-        for j, column in _passed_on(tree, (force @ known, moment @ known), down):
-            torque[..., j] += column[..., 0]
+    for i, (wrench, twists) in enumerate(_links(tree, coordinates, speeds, accelerations)):
+        torque[..., : i + 1] += (twists @ (wrench @ parameters[i, :BODY, None]))[..., 0]
     return torque
 
 
-def _links(
-    tree: Tree, coordinates: Array, speeds: Array, accelerations: Array
-) -> Iterator[tuple[tuple[Array, Array], list[tuple[Array, Array]]]]:
-    """Of each link, from the base on, force and moment (... x 3 x 10 each) for a unit of each parameter of its body,
-    and how every frame so far is turned and placed in that before it.
+def _links(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) -> Iterator[tuple[Array, Array]]:
+    """Of each link, from the base on, in the frame of the base: moment and force for a unit of each parameter of its
+    body (... x 6 x 10), and the twist of the link for a unit speed of each joint up to its own (... x i + 1 x 6), which
+    they do their work on.
     """
-    spin = spin_rate = np.zeros((*coordinates.shape[:-1], 3))
+    spin = spin_rate = origin = np.zeros((*coordinates.shape[:-1], 3))
     rate = np.broadcast_to(-tree.gravity, spin.shape)
-    down: list[tuple[Array, Array]] = []
+    turned = np.broadcast_to(np.eye(3), (*spin.shape, 3))
+    axes, origins = np.zeros((2, *spin.shape[:-1], tree.njoint, 3))
     for i in range(tree.njoint):
         axis, own = tree.axis[i], coordinates[..., i, None]
         matrix, place = _placed(tree, i, own)
-        down.append((matrix, place))
         rate = rate + np.cross(spin_rate, place) + np.cross(spin, np.cross(spin, place))  # Eq. 36
-        spin, spin_rate, rate = (np.einsum("...ji,...j->...i", matrix, each) for each in (spin, spin_rate, rate))
+        spin, spin_rate, rate = ((each[..., None, :] @ matrix)[..., 0, :] for each in (spin, spin_rate, rate))
         turning, faster = speeds[..., i, None] * axis, accelerations[..., i, None] * axis
         if tree.slides[i]:
             rate = rate + faster + 2.0 * np.cross(spin, turning)
         else:
             spin_rate = spin_rate + faster + np.cross(spin, turning)
             spin = spin + turning
-        yield _of_body(spin, spin_rate, rate), down
+        origin, turned = origin + (turned @ place[..., None])[..., 0], turned @ matrix
+        axes[..., i, :], origins[..., i, :] = turned @ axis, origin
+        force, moment = _of_body(spin, spin_rate, rate)
+        yield np.concatenate([turned @ moment, turned @ force], axis=-2), _twists(tree, axes, origins, i)
 
 
-def _passed_on(tree: Tree, wrench: tuple[Array, Array], down: list[tuple[Array, Array]]) -> Iterator[tuple[int, Array]]:
-    """What the force and the moment of a link (... x 3 x ncolumn each) ask of its joint and of each before it."""
-    force, moment = wrench
-    for j in range(len(down) - 1, -1, -1):
-        matrix, place = down[j]
-        yield j, np.einsum("i,...ip->...p", tree.axis[j], force if tree.slides[j] else moment)
-        force, moment = matrix @ force, matrix @ moment  # Eq. 38
-        moment = moment + np.einsum("ijk,...j,...kp->...ip", _SKEW, place, force)
+def _twists(tree: Tree, axes: Array, origins: Array, link: int) -> Array:
+    """How a link turns and moves for a unit speed of each joint up to its own (... x link + 1 x 6), by the `axes` and
+    `origins` of all joints (... x njoint x 3), in the frame of the base.
+    """
+    known = slice(0, link + 1)
+    axis, slides = axes[..., known, :], tree.slides[known, None]
+    moving = np.cross(axis, origins[..., link, None, :] - origins[..., known, :])
+    return np.concatenate([np.where(slides, 0.0, axis), np.where(slides, axis, moving)], axis=-1)
 
 
 def joint_torque(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
@@ -135,9 +134,15 @@ def _of_body(spin: Array, spin_rate: Array, rate: Array) -> tuple[Array, Array]:
     turns with `spin`, in rad/s, changing by `spin_rate`, in rad/s², while its origin accelerates by `rate`, in m/s²,
     each (... x 3).  Eq. 37.
     """
-    turning, faster, forward = (np.einsum("ijk,...j->...ik", _SKEW, each) for each in (spin, spin_rate, rate))
-    of_spin, of_rate = (np.einsum("ijm,...j->...im", _MOMENTS, each) for each in (spin, spin_rate))
+    turning, faster, forward = (_tensor(each, _SKEW) for each in (spin, spin_rate, rate))
+    of_spin, of_rate = (_tensor(each, _MOMENTS) for each in (spin, spin_rate))
     none = np.zeros_like(turning)
     force = np.concatenate([rate[..., None], faster + turning @ turning, none, none], axis=-1)
     moment = np.concatenate([none[..., :1], -forward, of_rate + turning @ of_spin], axis=-1)
     return force, moment
+
+
+def _tensor(vector: Array, tensor: Array) -> Array:
+    """Σ_j T_ijk v_j (... x 3 x k) of vectors v (... x 3) and a tensor T (3 x 3 x k)."""
+    flat = vector @ tensor.swapaxes(0, 1).reshape(3, -1)
+    return flat.reshape(*vector.shape[:-1], 3, tensor.shape[-1])
