@@ -35,9 +35,9 @@ from benchmarks.arm_rigs import OTHERS, SHIPPED, URDFS, WITHIN, experiment_on, p
 from benchmarks.arms_minimised import MINIMISERS, minimise, minimised_table
 from benchmarks.common import Row, table
 from metaid.compiled.arms import ArmLoop
+from metaid.estimation import ReadTrial
 from metaid.estimation.arms import (
     ArmEstimate,
-    ArmReadTrial,
     ArmUnknowns,
     WatchedArmTrial,
     estimate_arm,
@@ -92,7 +92,7 @@ def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
     searched = ArmUnknowns(belief)
     loop, law = ArmLoop(plant, nominal, episode), nominal.parameters
     estimate: ArmEstimate | None = None
-    watched: list[WatchedArmTrial | ArmReadTrial] = []
+    watched: list[WatchedArmTrial | ReadTrial] = []
     errors: list[ModelError] = []
     misfits: list[float] = []
     explained: list[bool] = []

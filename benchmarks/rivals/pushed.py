@@ -12,7 +12,7 @@ from benchmarks.rivals.conditions import Condition
 from benchmarks.rivals.judging import Found
 from metaid.compiled import Objective
 from metaid.episode import Outcome
-from metaid.estimation import Experiment, NoisyExperiment, ReadTrial
+from metaid.estimation import ChainExperiment, NoisyExperiment, ReadTrial
 from metaid.models import Array, Lumps, compensation_basis
 from metaid.results import estimate_of, identified_factors
 from metaid.search import make_searcher
@@ -64,7 +64,7 @@ class Rig:
         self.problem = Problem(self.spec)
         self.objective = self.problem.make_objective()
 
-    def experiment(self) -> Experiment | None:
+    def experiment(self) -> ChainExperiment | None:
         """What the estimate knows: not that torques are late, unless it finds that by itself."""
         known = self.problem.experiment()
         return replace(known, delay=0) if isinstance(known, NoisyExperiment) else known

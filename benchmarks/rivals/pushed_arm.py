@@ -11,9 +11,9 @@ from benchmarks.rivals.pushed import trials_of
 from metaid.compiled.arms import ArmLoop, commanded_arm_torques
 from metaid.episode import window_ends
 from metaid.episode.arms import ArmEpisode
+from metaid.estimation import ReadTrial
 from metaid.estimation.arms import (
     ArmEstimate,
-    ArmReadTrial,
     ArmUnknowns,
     WatchedArmTrial,
     estimate_arm,
@@ -48,7 +48,7 @@ def output_error_of_arm(plant: ArmPlant, belief: Belief, condition: Condition, s
     episode = ArmEpisode(starts, stiffness, steps, window_ends(steps, WINDOWS), seed=seed)
     searched, loop, law = ArmUnknowns(belief), ArmLoop(rig, belief.nominal, episode), belief.nominal.parameters
     estimate: ArmEstimate | None = None
-    watched: list[WatchedArmTrial | ArmReadTrial] = []
+    watched: list[WatchedArmTrial | ReadTrial] = []
     torque, reach = 0.0, 0.0
     for number in range(trials):
         record = loop.run(law, number)

@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from metaid.estimation.approximation import Approximation, HeldOut, has_mass
-from metaid.estimation.estimate import Estimate, fit
+from metaid.estimation.estimate import Estimate, Found, fit
 from metaid.estimation.faults import (
     NO_FAULTS,
     FoundFaults,
@@ -23,11 +23,18 @@ from metaid.estimation.faults import (
     Unmodelled,
     searched_faults,
 )
-from metaid.estimation.trials import Replay, WatchedTrial, numbered_joints
+from metaid.estimation.trials import Replay, WatchedTrial
 from metaid.estimation.unknowns import FULL, Unknowns
 
 if TYPE_CHECKING:
-    from metaid.estimation.experiment import Compared, Experiment, NoisyExperiment, SeenTrial, SilentExperiment
+    from metaid.estimation.chain_experiment import (
+        ChainExperiment,
+        Compared,
+        NoisyExperiment,
+        SeenTrial,
+        SilentExperiment,
+    )
+    from metaid.estimation.experiment import Experiment
     from metaid.estimation.motions import Motions, Quantity
     from metaid.estimation.noisy import Readings, ReadTrial, commanded_torques, filtered_speeds
 
@@ -35,9 +42,11 @@ __all__ = [
     "FULL",
     "NO_FAULTS",
     "Approximation",
+    "ChainExperiment",
     "Compared",
     "Estimate",
     "Experiment",
+    "Found",
     "FoundFaults",
     "HeldOut",
     "Motions",
@@ -58,13 +67,12 @@ __all__ = [
     "filtered_speeds",
     "fit",
     "has_mass",
-    "numbered_joints",
     "searched_faults",
 ]
 _LOADS_NUMBA = dict.fromkeys(("Motions", "Quantity"), "motions")
 _LOADS_NUMBA |= dict.fromkeys(("Readings", "ReadTrial", "commanded_torques", "filtered_speeds"), "noisy")
-_EXPERIMENT = "Compared", "Experiment", "NoisyExperiment", "SeenTrial", "SilentExperiment"
-_LOADS_NUMBA |= dict.fromkeys(_EXPERIMENT, "experiment")
+_CHAIN = "ChainExperiment", "Compared", "NoisyExperiment", "SeenTrial", "SilentExperiment"
+_LOADS_NUMBA |= {"Experiment": "experiment"} | dict.fromkeys(_CHAIN, "chain_experiment")
 
 
 def __getattr__(name: str) -> Any:

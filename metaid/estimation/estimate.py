@@ -1,4 +1,4 @@
-"""What all trials of a study say of a chain."""
+"""What all trials of a study say of a robot: the `Estimate` of a chain, and what it shares with that of an arm."""
 
 from __future__ import annotations
 
@@ -8,29 +8,55 @@ from typing import Any, Protocol
 import numpy as np
 
 from metaid.estimation.faults import FoundFaults, SearchedFaults, found_faults
-from metaid.estimation.fit import Fit, Growing, find
-from metaid.estimation.trials import Replay
-from metaid.estimation.unknowns import Unknowns
+from metaid.estimation.fit import Fit, Growing, Named, find, refine
 from metaid.models import DEVIATIONS, Array, Lumps, half_width
 
 
+class Robot(Named, Protocol):
+    """What is unknown of a robot."""
+
+    def estimated(self, found: dict[str, Any]) -> Any:
+        """The `Found` with the fields of a `Fit` that were `found`, and the faults."""
+
+
 class Comparison(Growing, Protocol):
-    """What is compared: `Motions` of a plant without noise, or `Readings` of noisy sensors."""
+    """What is compared: motions of a plant without noise, or `Readings` of noisy sensors."""
 
     @property
-    def unknowns(self) -> Unknowns:
-        """The lumps that are unknown."""
+    def unknowns(self) -> Robot:
+        """What is unknown of the robot."""
 
     @property
     def faults(self) -> SearchedFaults:
         """The faults that are unknown beside them."""
 
-    def replay(self, number: int, point: Array) -> Replay:
-        """The trial of that `number`, and the twin at a `point` in its place."""
+
+@dataclass(frozen=True, kw_only=True)
+class Found(Fit):
+    """What all trials say of a robot.
+
+    Attributes:
+        faults: that were searched beside what is unknown of it; None where none were.
+        torque_noise: standard deviation of the noise of each joint's torque (njoint), in N m, that was found; None
+            where none was looked for.
+    """
+
+    faults: FoundFaults | None = None
+    torque_noise: Array | None = None
+
+    @property
+    def point(self) -> Array:
+        """All unknowns of the fit: of the robot, faults, and the start speeds of each push."""
+        return np.concatenate([self.start, self.extras])
+
+    @property
+    def start(self) -> Array:
+        """The unknowns of the robot and the faults, from which a fit to more trials begins."""
+        return self.unknowns if self.faults is None else np.append(self.unknowns, self.faults.unknowns)
 
 
-@dataclass(frozen=True)
-class Estimate(Fit):
+@dataclass(frozen=True, kw_only=True)
+class Estimate(Found):
     """What all trials say of a chain, whose unknowns are log factors z of its parameters; see `Unknowns`. Its lumps are
     a view of these.
 
@@ -41,9 +67,6 @@ class Estimate(Fit):
         extent: least and largest log factor (2 x nlump) of the models that show exactly the counts that were seen;
             None where no counts were compared, or no model shows them. Half of it is 1.96 times the deviation.
         counts: how many counts were compared, of which the misfit is the number that differs; None where none were.
-        faults: that were searched beside the lumps; None where none were.
-        torque_noise: standard deviation of the noise of each joint's torque (njoint), in N m, that was found; None
-            where none was looked for.
     """
 
     lumps: Lumps
@@ -51,18 +74,6 @@ class Estimate(Fit):
     design: Array
     extent: Array | None = None
     counts: int | None = None
-    faults: FoundFaults | None = None
-    torque_noise: Array | None = None
-
-    @property
-    def point(self) -> Array:
-        """All unknowns of the fit: log factors, faults, and the start speeds of each push."""
-        return np.concatenate([self.start, self.extras])
-
-    @property
-    def start(self) -> Array:
-        """The log factors and the faults, from which a fit to more trials begins."""
-        return self.unknowns if self.faults is None else np.append(self.unknowns, self.faults.unknowns)
 
     @property
     def log_factors(self) -> Array:
@@ -99,37 +110,35 @@ class Estimate(Fit):
 
 
 def fit(
-    comparison: Comparison, start: Array | None = None, restarts: int = 3, seed: int = 0, gives_up: bool = False
-) -> Estimate:
-    """The chain that all trials of a `comparison` lead to.
+    comparison: Comparison,
+    start: Array | None = None,
+    restarts: int = 3,
+    seed: int = 0,
+    gives_up: bool = False,
+    refines: bool = False,
+) -> Any:
+    """The robot that all trials of a `comparison` lead to: a `Found`.
 
     Args:
         comparison: what is compared with the twin.
-        start: log factors, with faults behind them (nunknown), to try before the nominal model, such as those of the
-            estimate before.
+        start: unknowns of the robot, with faults behind them (nunknown), to try before the nominal model, such as
+            those of the estimate before.
         restarts: how often the fit may begin at a random point of the prior, where the misfit says that it ended in a
             wrong minimum.
         seed: of these points; the same seed gives the same estimate.
         gives_up: whether the fit ends as soon as it explains nothing any more.
+        refines: whether all windows are compared from the `start` on, where that is in the valley of the truth.
 
     Raises:
         ValueError: the twin cannot follow the trials from any start, or the fit gave up.
     """
-    found = find(comparison, start, restarts, seed, gives_up)
+    found = refine(comparison, start) if refines and start is not None else None
+    found = found or find(comparison, start, restarts, seed, gives_up)
     if found is None:
-        raise ValueError("no chain near the nominal one moves through any window: the nominal lumps are no chain's")
+        raise ValueError("no robot near the nominal one moves through any window: the nominal model is none's")
     count = len(found.names)
-    log_factors, faults = found.unknowns[:count], None
+    faults = None
     if comparison.faults.names:
         faults = found_faults(comparison.faults, found.unknowns[count:], found.deviations[count:])
-    own = vars(found) | {"unknowns": log_factors, "covariance": found.covariance[:count, :count]}
-    return Estimate(**own, **lump_view(comparison.unknowns, log_factors), faults=faults)
-
-
-def lump_view(unknowns: Unknowns, log_factors: Array) -> dict[str, Any]:
-    """What an `Estimate` has of the lumps that follow from `log_factors` (nunknown)."""
-    return {
-        "lumps": unknowns.lumps(log_factors),
-        "lump_names": tuple(unknowns.lump_names),
-        "design": unknowns.design,
-    }
+    own = {"unknowns": found.unknowns[:count], "covariance": found.covariance[:count, :count], "faults": faults}
+    return comparison.unknowns.estimated(vars(found) | own)

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from metaid.estimation.descent import NOTHING, Residuals
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults
-from metaid.estimation.trials import Replay, WatchedTrial, numbered_joints
+from metaid.estimation.trials import Replay, WatchedTrial
 from metaid.estimation.twin import Motion, simulate
-from metaid.estimation.unknowns import Unknowns, known_alone
+from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 
 Quantity = Literal["speed", "frequency", "both"]
@@ -150,7 +150,7 @@ class Motions(WatchedTrials):
         trial = self.trials[number]
         dense = np.linspace(1, trial.ends[-1], DRAWN).astype(np.int64)
         steps = np.unique(np.concatenate([trial.ends, dense]))
-        twin, watched = known_alone(self.unknowns, log_factors), replace(trial.windows, ends=steps)
+        twin, watched = self.unknowns.alone(log_factors), replace(trial.windows, ends=steps)
         motion = simulate(replace(trial, windows=watched), twin, np.empty(0), self.gravity, len(steps))
         last = np.append(0, trial.ends)[trial.windows.seen]
         shown = (steps <= last[:, None]) & (np.arange(len(steps)) < motion.reached[:, None])
@@ -158,7 +158,7 @@ class Motions(WatchedTrials):
         windows = trial.seen(len(trial.ends))
         seen[:, np.searchsorted(steps, trial.ends)] = np.where(windows[..., None], trial.windows.angles, np.nan)
         noise = np.zeros(trial.start_speeds.shape[1])
-        return Replay(trial.timestep * steps, seen, simulated, noise, numbered_joints(len(noise)))
+        return Replay(trial.timestep * steps, seen, simulated, noise, self.unknowns.joints)
 
     @cached_property
     def _stride(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +46,21 @@ class WatchedTrial:
         return replace(self, start_speeds=self.start_speeds[::every].copy(), windows=self.windows.thinned(every))
 
 
+class Joints(NamedTuple):
+    """What the joints of a robot have that its parameters do not say.
+
+    `viscous` in N m s, `dry` in N m and `spring` in N m/rad (njoint each): friction, and the stiffness of a spring that
+    is at rest where the joint is straight. `offset` (njoint), in rad: what an encoder reads there. `tilt`, in rad: of
+    the base, one angle in the plane of a chain, two of an arm about horizontal axes.
+    """
+
+    viscous: Array
+    dry: Array
+    spring: Array
+    offset: Array
+    tilt: Array
+
+
 @dataclass(frozen=True)
 class Replay:
     """A trial as the plant showed it, and as the twin at an estimate moves under the same law.
@@ -62,8 +78,3 @@ class Replay:
     simulated: Array
     noise: Array
     joints: tuple[str, ...]
-
-
-def numbered_joints(njoint: int) -> tuple[str, ...]:
-    """What the joints of a chain are called."""
-    return tuple(f"joint {i + 1}" for i in range(njoint))

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +14,10 @@ from numpy.typing import NDArray
 from metaid.compiled import compiled
 from metaid.estimation.driven import watch_readings
 from metaid.estimation.motion import watch_push
-from metaid.estimation.trials import WatchedTrial
+from metaid.estimation.noisy.read_trial import Coefficients, Driven
+from metaid.estimation.trials import Joints, WatchedTrial
 from metaid.estimation.unknowns import Unknowns
-from metaid.estimation.workspace import Joints, balance, derivatives, workspace
+from metaid.estimation.workspace import balance, derivatives, workspace
 from metaid.models import Array
 
 THREADED = 200_000  # multiplications; threads do not pay for less
@@ -76,50 +76,20 @@ def simulate(
     return Motion(*shown, *slopes, reached)
 
 
-class Driven(Protocol):
-    """What the twin needs to know of a trial on a noisy plant; see `readings.ReadTrial`."""
-
-    @property
-    def timestep(self) -> float: ...
-    @property
-    def substeps(self) -> int: ...
-    @property
-    def forces(self) -> Array: ...
-    @property
-    def start_spread(self) -> Array | None: ...
-
-
-@dataclass(frozen=True)
-class Coefficients:
-    """Of the twin's angles in polynomials: `values` (npush x njoint x ncoefficient), in rad, and their `slopes` (npush
-    x njoint x ncoefficient x nunknown, and njoint more by the start speeds where these are unknown).
-    """
-
-    values: Array
-    slopes: Array
-
-
 def drive(
-    trial: Driven,
-    starts: Array,
-    steps: NDArray[np.int64],
-    basis: Array,
-    unknowns: Unknowns,
-    log_factors: Array,
-    gravity: float,
-    joints: Joints | None = None,
+    driven: Driven, unknowns: Unknowns, log_factors: Array, gravity: float, joints: Joints | None = None
 ) -> Coefficients | None:
-    """The twin of a noisy `trial`, driven by what was commanded; None where it cannot follow.
+    """The twin of a noisy trial, `driven` by what was commanded; None where it cannot follow.
 
     Args:
-        trial: timestep, how many of these a torque holds, forces, and whether start speeds are unknown.
-        starts: joint speeds (npush x njoint) right after each push, in rad/s.
-        steps: how many steps (npush) of each push to follow.
-        basis: the polynomials (npush x nstep + 1 x ncoefficient) that each push is seen in.
-        unknowns, log_factors: what is unknown of the chain, and where (nunknown).
+        driven: the trial.
+        unknowns: what is unknown of the chain.
+        log_factors: where it is (nunknown).
         gravity: in m/s².
         joints: what they have beside the lumps; None for nothing.
     """
+    trial, states, steps, basis = driven
+    starts = np.ascontiguousarray(states[:, 1])
     lumps = unknowns.lumps(log_factors)
     npush, n = starts.shape
     columns = len(log_factors) + (n if trial.start_spread is not None else 0)

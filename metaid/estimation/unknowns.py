@@ -8,11 +8,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from metaid.estimation.descent import NOTHING
+from metaid.estimation.trials import Joints
 from metaid.models import Array, Lumps, lump_names
+
+if TYPE_CHECKING:
+    from metaid.estimation.estimate import Estimate
+    from metaid.estimation.noisy.read_trial import Coefficients, Driven
 
 FULL = ("gravity", "coriolis", "inertia")  # the full dynamics of a chain without friction
 
@@ -47,6 +53,11 @@ class Unknowns:
     lengths: Array | None = None
     spread: float = 0.3
 
+    tilts: ClassVar[int] = 1  # a base turns in the plane
+    ends_when_cut: ClassVar[bool] = True  # longer windows lead a chain on
+    least_gain: ClassVar[float] = NOTHING  # what rounding leaves
+    begin: ClassVar[None] = None  # a fit begins at the nominal chain
+
     def __post_init__(self) -> None:
         for name, value in zip(self.lump_names, self.nominal.vector_of(self.kinds), strict=True):
             if not value > 0.0:
@@ -60,6 +71,15 @@ class Unknowns:
     def lump_names(self) -> list[str]:
         """Of the lumps (nlump)."""
         return lump_names(self.nlink, self.kinds)
+
+    @property
+    def njoint(self) -> int:
+        return self.nlink
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """What the joints are called (njoint)."""
+        return tuple(f"joint {i + 1}" for i in range(self.nlink))
 
     @cached_property
     def _lengths(self) -> int:
@@ -118,6 +138,37 @@ class Unknowns:
         parts = [lengths_of(lumps) if kind == "length" else lumps.of(kind) for kind in kinds]
         return np.concatenate([*parts, np.empty(0)])
 
+    def torque(self, gravity: float, speed: float) -> float:
+        """About what the joints need, in N m, under `gravity` in m/s² and at a `speed` in rad/s."""
+        return max(gravity * float(self.nominal.gravity.max()), float(self.nominal.of("inertia").max()) * speed**2)
+
+    def drive(
+        self, driven: Driven, log_factors: Array, gravity: float, joints: Joints | None = None
+    ) -> Coefficients | None:
+        """The twin of a noisy trial, `driven` by what was commanded; None where it cannot follow.
+
+        Args:
+            driven: the trial.
+            log_factors: of the chain (nunknown).
+            gravity: in m/s².
+            joints: what these have beside the lumps; None for nothing.
+        """
+        from metaid.estimation.twin import drive  # loads numba
+
+        return drive(driven, self, log_factors, gravity, joints)
+
+    def alone(self, log_factors: Array) -> Unknowns:
+        """A chain with these `log_factors` (nunknown), of which nothing is unknown any more."""
+        return Unknowns(self.lumps(log_factors), ())
+
+    def estimated(self, found: dict[str, Any]) -> Estimate:
+        """The estimate with the fields of a `Fit` that were `found`."""
+        from metaid.estimation.estimate import Estimate  # which says what it is of
+
+        log_factors = found["unknowns"]
+        lumps, names = self.lumps(log_factors), tuple(self.lump_names)
+        return Estimate(**found, lumps=lumps, lump_names=names, design=self.design)
+
 
 def lengths_of(lumps: Lumps) -> Array:
     """The lengths (nlink − 1), in m, of the chain that has these `lumps`, a_ij = l_i μ_j: those of the neighbours j.
@@ -131,8 +182,3 @@ def coriolis_of(lengths: Array, gravity: Array) -> Array:
     """a_ij = l_i μ_j, i < j (nlink x nlink, symmetric), in kg m², of `lengths` (nlink) in m and μ (nlink) in kg m."""
     upper = np.triu(np.outer(lengths, gravity), 1)  # Eq. 2
     return np.asarray(upper + upper.T, dtype=np.float64)
-
-
-def known_alone(unknowns: Unknowns, log_factors: Array) -> Unknowns:
-    """A chain with these `log_factors` (nunknown), of which nothing is unknown any more: nothing is differentiated."""
-    return Unknowns(unknowns.lumps(log_factors), ())

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from metaid.estimation.trials import Joints
 from metaid.estimation.unknowns import Columns, Unknowns
 from metaid.models import Array, Lumps
 
@@ -74,23 +75,6 @@ class Workspace(NamedTuple):
     acceleration_slopes: Array
 
 
-class Joints(NamedTuple):
-    """What a chain's joints have that its lumps do not say, each (njoint): viscous friction in N m s, dry friction in
-    N m, the stiffness of a spring in N m/rad, and the true absolute angle in rad of the link whose angle is read as 0.
-    """
-
-    viscous: Array
-    dry: Array
-    spring: Array
-    lean: Array
-
-
-def ideal_joints(njoint: int) -> Joints:
-    """Joints without friction, springs and leaning links."""
-    viscous, dry, spring, lean = np.zeros((4, njoint))
-    return Joints(viscous, dry, spring, lean)
-
-
 def balance(
     law: Lumps | None, lumps: Lumps, gravity: float, stiffness: float = 0.0, joints: Joints | None = None
 ) -> Balance:
@@ -103,7 +87,9 @@ def balance(
         stiffness: of the law, in 1/s².
         joints: what they have beside the lumps; None for nothing.
     """
-    joints = ideal_joints(lumps.nlink) if joints is None else joints
+    if joints is None:
+        none = np.zeros(lumps.nlink)
+        joints = Joints(none, none, none, none, np.zeros(1))
     if law is None:
         law = Lumps(np.zeros(lumps.nlink), np.zeros((lumps.nlink, lumps.nlink)))
     return Balance(
@@ -112,7 +98,7 @@ def balance(
         damping=law.of("damping") - lumps.of("damping") - joints.viscous,
         coulomb=law.of("coulomb") - lumps.of("coulomb") - joints.dry,
         spring=0.0 - joints.spring,
-        lean=joints.lean,
+        lean=joints.tilt[0] - np.cumsum(joints.offset),  # what reads too much leans the other way.  Eq. 56
         mass_coriolis=np.array(lumps.coriolis),
         mass_inertia=np.array(lumps.of("inertia")),
         law_coriolis=np.array(law.coriolis),

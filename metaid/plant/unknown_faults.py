@@ -27,12 +27,15 @@ FAULT_UNITS = {
 OF_PLANT = ("delay", "tilt")  # the others are of each joint
 
 
-def fault_names(kinds: Sequence[str], njoint: int) -> list[str]:
-    """`delay`, `tilt`, `viscous_1` … `viscous_n`, `gain_2` … `gain_n` and so on, by `kinds`."""
+def fault_names(kinds: Sequence[str], njoint: int, tilts: int = 1) -> list[str]:
+    """`delay`, `tilt`, `viscous_1` … `viscous_n`, `gain_2` … `gain_n` and so on, by `kinds`; `tilt_x` and `tilt_y` of a
+    base that may tilt about two axes.
+    """
     names: list[str] = []
     for kind in kinds:
         joints = range(2 if kind == "gain" else 1, njoint + 1)
-        names += [kind] if kind in OF_PLANT else [f"{kind}_{joint}" for joint in joints]
+        own = [f"{kind}_{joint}" for joint in joints]
+        names += ["tilt_x", "tilt_y"] if (kind, tilts) == ("tilt", 2) else [kind] if kind in OF_PLANT else own
     return names
 
 

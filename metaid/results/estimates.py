@@ -16,7 +16,16 @@ from metaid.store import Trial
 from metaid.study import COARSEST, MOST_TRIALS, Problem
 
 if TYPE_CHECKING:
-    from metaid.estimation import Approximation, Estimate, Experiment, Proposal, Replay, SeenTrial, TakenUp, Unmodelled
+    from metaid.estimation import (
+        Approximation,
+        ChainExperiment,
+        Estimate,
+        Proposal,
+        Replay,
+        SeenTrial,
+        TakenUp,
+        Unmodelled,
+    )
 
 FIRST_TRIALS = 12  # of which it is looked for how early the estimate was there
 FEW_TRIALS = 3
@@ -32,7 +41,7 @@ class StudyEstimate:
     """
 
     estimate: Estimate
-    experiment: Experiment
+    experiment: ChainExperiment
     watched: tuple[SeenTrial, ...]
     by_others: int = 0
     taken_up: TakenUp | None = None
@@ -103,7 +112,7 @@ class StudyEstimate:
         """What the estimate is worth where it does not explain what was seen to the noise; None where it does, where
         something else speaks against it, and where no push can be left out.
         """
-        from metaid.estimation import Approximation, has_mass, numbered_joints  # loads numba
+        from metaid.estimation import Approximation, has_mass  # loads numba
 
         estimate = self.estimate
         if estimate.is_explained or estimate.counts is not None:
@@ -118,7 +127,7 @@ class StudyEstimate:
             held,
             estimate.misfit,
             estimate.residuals,
-            numbered_joints(estimate.residuals[0].shape[1]),
+            self.experiment.unknowns.joints,
             estimate.deviations,
             np.zeros(count) if force is None else force.shift,
             np.full(count, COARSEST),
@@ -305,7 +314,7 @@ def study_estimate(problem: Problem, tried: Sequence[Trial], by_others: Sequence
 
 
 def estimate_of(
-    experiment: Experiment, trials: tuple[SeenTrial, ...], is_probed: bool, by_others: int = 0
+    experiment: ChainExperiment, trials: tuple[SeenTrial, ...], is_probed: bool, by_others: int = 0
 ) -> StudyEstimate | None:
     """The estimate from all `trials` of an `experiment`; None where there is none to be made.
 

@@ -52,7 +52,7 @@ def noisy_experiment(
         substeps=faults.control_every,
         delay=0 if "delay" in wanted.unbelieved_faults else faults.delay,
         lead=episode.lead,
-        faults=searched_faults(wanted.searched_faults, unknowns.nominal, plant.gravity, start_speeds),
+        faults=searched_faults(wanted.searched_faults, unknowns, plant.gravity, start_speeds),
         takes_up=wanted.takes_up_faults and not faults.torque_noise,
         torque_limits=joint_limits(wanted.torque_limit, plant.njoint),
         torque_noise=np.full(plant.njoint, faults.torque_noise) if faults.torque_noise else None,
@@ -108,7 +108,7 @@ def rig_experiment(
         lead=episode.lead,
         has_unknown_encoders=True,
         is_continuous=is_continuous,
-        faults=searched_faults(wanted.searched_faults, unknowns.nominal, rig.gravity, start_speeds),
+        faults=searched_faults(wanted.searched_faults, unknowns, rig.gravity, start_speeds),
         takes_up=wanted.takes_up_faults,
         torque_limits=joint_limits(wanted.torque_limit, rig.joints),
     )

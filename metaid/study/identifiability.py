@@ -30,7 +30,7 @@ from metaid.study.settings import StudySpec
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective
-    from metaid.estimation import Experiment
+    from metaid.estimation import ChainExperiment
 
 COARSEST = 0.1  # a lump that is not known better than to a tenth is not determined
 NEGLIGIBLE = 0.02  # weight of a lump in a combination, of 1
@@ -215,7 +215,7 @@ def _nominal_objective(problem: Problem, pushes: Array | None = None, further: i
     return Objective(problem.nominal_plant(), problem.lumps, episode, problem.measure.name, rule=rule)
 
 
-def _nominal_experiment(problem: Problem, pushes: Array) -> Experiment | None:
+def _nominal_experiment(problem: Problem, pushes: Array) -> ChainExperiment | None:
     """What an estimate would need to know if the nominal model were the truth: impulses that differ give it other
     speeds than the plant. `pushes` (npush x njoint) in N s.
     """

@@ -55,7 +55,7 @@ from metaid.study.settings import EpisodeSettings, StudySpec
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective
-    from metaid.estimation import Experiment
+    from metaid.estimation import ChainExperiment
 
 WINDOW_BUDGET = 4_000_000  # bytes a study, before they are made a text
 READING_BUDGET = 16_000_000  # likewise
@@ -294,7 +294,7 @@ class Problem:
         rule = self.spec.study.episode.rule
         return Objective(self.open_plant(), self.lumps, self.episode, self.measure.name, physics, rule, space)
 
-    def make_searcher(self, experiment: Callable[[], Experiment | None] | None = None) -> Searcher:
+    def make_searcher(self, experiment: Callable[[], ChainExperiment | None] | None = None) -> Searcher:
         """The searcher at the study's seed, knowing of no trial; it may go by another `experiment` than the study's."""
         study, search = self.spec.study, self.spec.study.search
         if self.body_space is None:
@@ -334,7 +334,7 @@ class Problem:
             return study.estimate.lumps
         return (*IDEAL, "inertia", *(kind for kind in study.search.lumps if kind in FRICTION))
 
-    def experiment(self) -> Experiment | None:
+    def experiment(self) -> ChainExperiment | None:
         """What an estimate needs to know of this stage; None where none can be made."""
         from metaid.estimation import SilentExperiment, Unknowns  # loads numba, which most readers do without
 

@@ -13,15 +13,14 @@ from random_arm import random_arm, wrong_tree
 from metaid.compiled.arms import ArmLoop
 from metaid.episode import window_ends
 from metaid.episode.arms import ArmEpisode
+from metaid.estimation import Readings, ReadTrial
 from metaid.estimation.arms import (
     ArmMotions,
-    ArmReadings,
     ArmUnknowns,
     estimate_arm,
     read_arm_trial,
     watched_arm_trial,
 )
-from metaid.estimation.arms.trials import ArmReadTrial
 from metaid.models import Array
 from metaid.models.tree import Belief, Tree
 from metaid.plant.arms import ArmFaults, ArmPlant, ArmSettings, ArmStart
@@ -50,7 +49,7 @@ def episode_of(tree: Tree, pushes: int, seed: int = 1) -> ArmEpisode:
     return ArmEpisode(tuple(ArmStart(*state) for state in states), stiffness, STEPS, window_ends(STEPS))
 
 
-def read(plant: ArmPlant, searched: ArmUnknowns, law: Array, episode: ArmEpisode, number: int) -> ArmReadTrial:
+def read(plant: ArmPlant, searched: ArmUnknowns, law: Array, episode: ArmEpisode, number: int) -> ReadTrial:
     """A trial on noisy sensors."""
     record = ArmLoop(plant, searched.belief.nominal, episode).run(law, number)
     assert record.readings is not None
@@ -89,7 +88,7 @@ def test_fit_begins_at_an_arm_with_heavier_rotors() -> None:
     """Nothing else of it differs from the nominal arm, so its mass matrix is farther from singular."""
     searched = ArmUnknowns(Belief(random_arm(3, 2)))
     base = searched.belief.base
-    change = searched.values(searched.geared) - searched.belief.values
+    change = searched.values(searched.begin) - searched.belief.values
     rotors = np.array(["rotor" in expression for expression in base.expressions])
     assert (change[rotors] > 0.0).all()
     np.testing.assert_allclose(change[~rotors], 0.0, atol=1e-9)
@@ -177,8 +176,9 @@ def test_starts_that_are_not_exact_are_found_with_the_rest() -> None:
     # The law acts on the pose that the arm was to have; here that is where its springs are.
     assert record.readings is not None
     trial = read_arm_trial(searched.frames, law, moved, record.timestep, record.readings, np.full(3, NOISE))
-    trial = replace(trial, starts=episode.states)
-    wrong, right = (estimate_arm([replace(trial, start_spread=each)], searched, None, False) for each in (None, spread))
+    trial = replace(trial, poses=episode.states[:, 0], start_speeds=episode.states[:, 1])
+    root = np.broadcast_to(np.diag(spread.ravel()), (9, 6, 6))
+    wrong, right = (estimate_arm([replace(trial, start_spread=each)], searched, None, False) for each in (None, root))
     assert wrong is not None
     assert not wrong.is_explained
     assert right is not None
@@ -188,14 +188,14 @@ def test_starts_that_are_not_exact_are_found_with_the_rest() -> None:
     assert np.abs(away).max() < 4.5
 
 
-def compared_of(tree: Tree, noise: float) -> Sequence[ArmMotions | ArmReadings]:
+def compared_of(tree: Tree, noise: float) -> Sequence[ArmMotions | Readings]:
     """What is compared of one trial."""
     searched = ArmUnknowns(Belief(nominal_of(tree)))
     nominal, episode, plant = searched.belief.nominal, episode_of(tree, 3), plant_of(tree, noise)
     if noise:
         trial = read(plant, searched, nominal.parameters, episode, 0)
-        spread = np.array([[0.0] * tree.njoint, [1e-2] * tree.njoint])
-        return [ArmReadings([replace(trial, start_spread=spread)], searched)]
+        spread = np.broadcast_to(1e-2 * np.eye(tree.njoint), (episode.npush, tree.njoint, tree.njoint))
+        return [Readings([replace(trial, start_spread=spread)], searched)]
     record = ArmLoop(plant, nominal, episode).run(nominal.parameters)
     return [ArmMotions([watched_arm_trial(nominal.parameters, episode, record.timestep, record.windows)], searched)]
 

@@ -31,7 +31,7 @@ def test_faults_that_explain_the_misfit_are_proposed(
     readings = Readings([seen.read_trial(raised(seen.nominal.lumps, each)) for each in (1.2, 1.5)], unknowns, GRAVITY)
 
     def search(kinds: tuple[str, ...]) -> SearchedFaults:
-        return searched_faults(kinds, unknowns.nominal, GRAVITY, seen.starts)
+        return searched_faults(kinds, unknowns, GRAVITY, seen.starts)
 
     estimate = fit(readings, restarts=0)
     assert not estimate.is_explained
@@ -48,7 +48,7 @@ def test_fault_that_does_not_explain_the_misfit_is_not_proposed() -> None:
     readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, GRAVITY)
 
     def search(kinds: tuple[str, ...]) -> SearchedFaults:
-        return searched_faults(kinds, unknowns.nominal, GRAVITY, seen.starts)
+        return searched_faults(kinds, unknowns, GRAVITY, seen.starts)
 
     estimate = fit(readings, restarts=0)
     assert not estimate.is_explained

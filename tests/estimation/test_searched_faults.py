@@ -40,7 +40,7 @@ def test_faults_are_found_beside_the_lumps(
     """Within four deviations each, and within a hundredth of their size."""
     seen = watched(2, 1, faults=FaultSettings(**NOISY, **faults), longer=2.0, **joints)
     unknowns = Unknowns(seen.nominal.lumps)
-    searched = searched_faults(kinds, unknowns.nominal, GRAVITY, seen.starts)
+    searched = searched_faults(kinds, unknowns, GRAVITY, seen.starts)
     trials = [seen.read_trial(raised(seen.nominal.lumps, factor)) for factor in (1.2, 1.5)]
     estimate = fit(Readings(trials, unknowns, GRAVITY, faults=searched), restarts=0)
     error = estimate.log_factors - unknowns.log_factors(seen.plant.chain.lumps)
@@ -67,7 +67,7 @@ def test_slopes_by_faults_are_those_of_the_residuals() -> None:
     kinds = ("delay", "offset", "viscous", "dry", "spring", "gain")
     seen = watched(2, 3, faults=FaultSettings(**NOISY))
     unknowns = Unknowns(seen.nominal.lumps)
-    searched = searched_faults(kinds, unknowns.nominal, GRAVITY, seen.starts)
+    searched = searched_faults(kinds, unknowns, GRAVITY, seen.starts)
     readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, GRAVITY, faults=searched)
     random = np.random.default_rng(0)
     point, direction = (0.1 * random.standard_normal(len(readings.spreads)) for _ in range(2))
@@ -84,7 +84,7 @@ def test_fault_that_is_searched_is_no_force_that_the_model_has_not() -> None:
     """Nor is another seen, nor does the replay of the trial differ from its readings by more than noise."""
     seen = watched(1, 1, damping=0.02, faults=FaultSettings(**NOISY, delay=2), longer=2.0)
     unknowns = Unknowns(seen.nominal.lumps)
-    searched = searched_faults(("delay", "viscous"), unknowns.nominal, GRAVITY, seen.starts)
+    searched = searched_faults(("delay", "viscous"), unknowns, GRAVITY, seen.starts)
     trials = [seen.read_trial(raised(seen.nominal.lumps, factor)) for factor in (1.2, 1.5)]
     readings = Readings(trials, unknowns, GRAVITY, faults=searched)
     estimate = fit(readings, restarts=0)
@@ -99,7 +99,7 @@ def test_fit_goes_on_from_the_faults_that_it_found() -> None:
     """Begun at the estimate of the same trials, it has the same faults; what a fit begins at has them behind lumps."""
     seen = watched(1, 1, faults=FaultSettings(**NOISY, delay=2), longer=2.0)
     unknowns = Unknowns(seen.nominal.lumps)
-    searched = searched_faults(("delay",), unknowns.nominal, GRAVITY, seen.starts)
+    searched = searched_faults(("delay",), unknowns, GRAVITY, seen.starts)
     readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, GRAVITY, faults=searched)
     first = fit(readings, restarts=0)
     again = fit(readings, first.start, restarts=0)
@@ -123,7 +123,7 @@ def test_spring_that_pushes_away_explains_nothing() -> None:
     readings = Readings(trials, unknowns, GRAVITY)
 
     def search(kinds: tuple[str, ...]) -> SearchedFaults:
-        return searched_faults(kinds, unknowns.nominal, GRAVITY, seen.starts)
+        return searched_faults(kinds, unknowns, GRAVITY, seen.starts)
 
     found = fit(replace(readings, faults=search(("spring",))), restarts=0)
     assert found.is_explained

@@ -27,7 +27,7 @@ def taken_up(seen: Watched, readings: Readings, begun_with: tuple[str, ...] = ()
     """What is taken up, begun from the estimate with some faults that a study has got to by its first trial."""
 
     def search(kinds: tuple[str, ...]) -> SearchedFaults:
-        return searched_faults(kinds, readings.unknowns.nominal, GRAVITY, seen.starts)
+        return searched_faults(kinds, readings.unknowns, GRAVITY, seen.starts)
 
     begun = replace(readings, trials=readings.trials[:1], faults=search(begun_with)) if begun_with else readings
     return take_up(readings, fit(begun, restarts=0), search)
@@ -113,7 +113,7 @@ def test_fault_is_taken_up_where_sensors_are_exact() -> None:
     exact = [replace(seen.read_trial(raised(seen.nominal.lumps, law)), noise=np.full(1, 1e-9)) for law in LAWS]
     unknowns = Unknowns(seen.nominal.lumps)
     readings = Readings(exact, unknowns, GRAVITY)
-    searched = searched_faults(("tilt",), unknowns.nominal, GRAVITY, seen.starts)
+    searched = searched_faults(("tilt",), unknowns, GRAVITY, seen.starts)
     estimate = fit(replace(readings, faults=searched), restarts=0, gives_up=True)
     assert estimate.is_explained
     assert estimate.faults is not None

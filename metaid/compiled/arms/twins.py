@@ -72,6 +72,7 @@ def follow_torques(
     seen: tuple[Array, NDArray[np.int64], NDArray[np.int64]],
     timestep: float,
     threads: int = 2,
+    spring: Array | None = None,
 ) -> Followed:
     """Coefficients of the joint coordinates (ncandidate x npush x ncoefficient x njoint) of twins that are driven by
     the torques that were commanded.  Eq. 28.
@@ -85,11 +86,13 @@ def follow_torques(
             and for how many steps it is followed (npush).
         timestep: in s.
         threads: that share the candidates.
+        spring: stiffness of springs in the joints (njoint), in N m/rad or N/m; None for none.
     """
+    pulled = np.zeros(torques.shape[2]) if spring is None else spring
     shape = len(candidates), len(torques), seen[0].shape[2], torques.shape[2]
 
     def share(*rest: Any) -> None:
-        _follow_torque(frames, candidates, starts, torques, seen, timestep, *rest)
+        _follow_torque(frames, candidates, starts, torques, pulled, seen, timestep, *rest)
 
     return _shared(share, shape, threads)
 
@@ -135,7 +138,7 @@ def _follow_law(frames, law, candidates, pushes, windows, timestep, share, rooms
 
 
 @compiled
-def _follow_torque(frames, candidates, starts, torques, seen, timestep, share, rooms, coefficients, arrived):  # type: ignore[no-untyped-def]
+def _follow_torque(frames, candidates, starts, torques, spring, seen, timestep, share, rooms, coefficients, arrived):  # type: ignore[no-untyped-def]
     """The same, driven."""
     (basis, chosen, steps), (first, stride), (_, motion, space) = seen, share, rooms
     for candidate in range(first, candidates.shape[0], stride):
@@ -146,7 +149,7 @@ def _follow_torque(frames, candidates, starts, torques, seen, timestep, share, r
             if steps[push] > 0:
                 _add_reading(polynomials[0], motion, filled)
             while follows and step < steps[push]:
-                _push_by_torque(frames, parameters, torques[push, step], motion, space)
+                _push_by_torque(frames, parameters, torques[push, step], spring, motion, space)
                 follows = _advance(frames, parameters, timestep, motion, space)
                 step += 1
                 _add_reading(polynomials[step], motion, filled)
@@ -174,13 +177,13 @@ def _set_off(frames, parameters, start, motion, space):  # type: ignore[no-untyp
 
 
 @compiled
-def _push_by_torque(frames, parameters, torque, motion, space):  # type: ignore[no-untyped-def]
+def _push_by_torque(frames, parameters, torque, spring, motion, space):  # type: ignore[no-untyped-def]
     """The force that a torque leaves beside the bias, dry friction apart."""
     force = motion.force
     move_links(frames, motion.position, motion.speed, motion.zero, space)
     joint_torques(frames, parameters, space, force)
     for i in range(force.shape[0]):
-        force[i] = torque[i] - force[i] - parameters[i, 11] * motion.speed[i]
+        force[i] = torque[i] - force[i] - parameters[i, 11] * motion.speed[i] - spring[i] * motion.position[i]
 
 
 @compiled

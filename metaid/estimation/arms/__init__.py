@@ -7,9 +7,8 @@ seen.
     estimate = estimate_arm([trial, ...], ArmUnknowns(Belief(nominal)))
     law = estimate.parameters                                    # what the next trial sends
 
-`ArmMotions` compares windows of arms without noise, `ArmReadings` what the sensors of a noisy one read. An
-`ArmExperiment` is all of this for a study. `replay_arm` shows a trial beside its twin. numba is loaded when something
-is compared.
+`ArmMotions` compares windows of arms without noise; what the sensors of a noisy one read is compared as a chain's is.
+An `ArmExperiment` is all of this for a study. numba is loaded when something is compared.
 """
 
 from importlib import import_module
@@ -19,29 +18,25 @@ from metaid.estimation.arms.arm_estimate import ArmEstimate
 from metaid.estimation.arms.unknowns import ArmUnknowns
 
 if TYPE_CHECKING:
-    from metaid.estimation.arms.arm_experiment import ArmExperiment, SeenArmTrial, estimate_arm
+    from metaid.estimation.arms.arm_experiment import ArmExperiment, SeenArmTrial, compared_of_arm, estimate_arm
     from metaid.estimation.arms.motions import ArmMotions
-    from metaid.estimation.arms.readings import ArmReadings
-    from metaid.estimation.arms.replaying import replay_arm
-    from metaid.estimation.arms.trials import ArmReadTrial, WatchedArmTrial, read_arm_trial, watched_arm_trial
+    from metaid.estimation.arms.trials import WatchedArmTrial, read_arm_trial, watched_arm_trial
 
 __all__ = [
     "ArmEstimate",
     "ArmExperiment",
     "ArmMotions",
-    "ArmReadTrial",
-    "ArmReadings",
     "ArmUnknowns",
     "SeenArmTrial",
     "WatchedArmTrial",
+    "compared_of_arm",
     "estimate_arm",
     "read_arm_trial",
-    "replay_arm",
     "watched_arm_trial",
 ]
-_LOADS_NUMBA = {"ArmMotions": "motions", "ArmReadings": "readings", "replay_arm": "replaying"}
-_LOADS_NUMBA |= dict.fromkeys(("ArmExperiment", "SeenArmTrial", "estimate_arm"), "arm_experiment")
-_LOADS_NUMBA |= dict.fromkeys(("ArmReadTrial", "WatchedArmTrial", "read_arm_trial", "watched_arm_trial"), "trials")
+_LOADS_NUMBA = {"ArmMotions": "motions"}
+_LOADS_NUMBA |= dict.fromkeys(("ArmExperiment", "SeenArmTrial", "compared_of_arm", "estimate_arm"), "arm_experiment")
+_LOADS_NUMBA |= dict.fromkeys(("WatchedArmTrial", "read_arm_trial", "watched_arm_trial"), "trials")
 
 
 def __getattr__(name: str) -> Any:

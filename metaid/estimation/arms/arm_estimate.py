@@ -8,13 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from metaid.estimation.arms.unknowns import ArmUnknowns
-from metaid.estimation.fit import Fit
+from metaid.estimation.estimate import Found
 from metaid.models import DEVIATIONS, Array
 from metaid.models.tree import TreeModel
 
 
-@dataclass(frozen=True)
-class ArmEstimate(Fit):
+@dataclass(frozen=True, kw_only=True)
+class ArmEstimate(Found):
     """What all trials say of an arm, whose base parameters are those of what was `searched`.
 
     `names` are the base parameters'; `unknowns` and `covariance` are of the z of Eq. 51.

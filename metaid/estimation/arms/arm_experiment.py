@@ -4,31 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from metaid.episode import Outcome
 from metaid.episode.arms import ArmEpisode
-from metaid.estimation.approximation import HeldOut
 from metaid.estimation.arms.arm_estimate import ArmEstimate
 from metaid.estimation.arms.motions import ArmMotions
-from metaid.estimation.arms.readings import ArmReadings
-from metaid.estimation.arms.trials import ArmReadTrial, WatchedArmTrial, read_arm_trial, watched_arm_trial
+from metaid.estimation.arms.trials import WatchedArmTrial, read_arm_trial, watched_arm_trial
 from metaid.estimation.arms.unknowns import ArmUnknowns
-from metaid.estimation.fit import find, refine
-from metaid.estimation.noisy import hold_out
+from metaid.estimation.estimate import Found, fit
+from metaid.estimation.experiment import RESTARTS, OfReadings
+from metaid.estimation.faults import NO_FAULTS, SearchedFaults, searched_faults
+from metaid.estimation.noisy import Readings, ReadTrial
 from metaid.models import Array
 
 PROBES = 1  # the nominal arm's law alone: it leaves much to see
 AGREED = 1e-6  # of what an unknown may be beforehand: two estimates that are so near each other are the same
-RESTARTS = 3  # of a fit that explains nothing, from elsewhere
 STILL_SHRINKS = 0.95  # of the widest interval before: a trial that leaves more of it is worth no other
 
-SeenArmTrial = WatchedArmTrial | ArmReadTrial
+SeenArmTrial = WatchedArmTrial | ReadTrial
 
 
 @dataclass(frozen=True, eq=False)
-class ArmExperiment:
+class ArmExperiment(OfReadings):
     """What is the same in all trials of a study of an arm.
 
     Attributes:
@@ -37,6 +37,9 @@ class ArmExperiment:
         timestep: between two torques, in s.
         resolution: of the measure, in Hz; a value below it passes for coasting.
         noise: standard deviation of a reading of each joint (njoint), in rad or m; None where sensors are exact.
+        faults: that are searched beside what is unknown of the arm.
+        takes_up: whether faults are searched, too, once nothing explains the trials without them.
+        torque_noise: None: an arm's torques have none.
     """
 
     episode: ArmEpisode
@@ -44,6 +47,9 @@ class ArmExperiment:
     timestep: float
     resolution: float
     noise: Array | None = None
+    faults: SearchedFaults = NO_FAULTS
+    takes_up: bool = False
+    torque_noise: Array | None = None
 
     @property
     def probes(self) -> int:
@@ -71,22 +77,22 @@ class ArmExperiment:
         frames = self.searched.frames
         return None if read is None else read_arm_trial(frames, law, episode, self.timestep, read, self.noise)
 
-    def estimate(
-        self, trials: Sequence[SeenArmTrial], start: ArmEstimate | None = None, thorough: bool = True
-    ) -> ArmEstimate | None:
-        """What all `trials` say; None where they showed nothing, or no arm shows what they did.
+    @property
+    def declared_delay(self) -> float:
+        return 0.0
 
-        A `start` that explained the trials before is where the fit begins. Where that explains nothing, a `thorough`
-        fit begins elsewhere.
-        """
-        return estimate_arm(list(trials), self.searched, start, thorough)
+    def _fit(self, compared: Any, begin: Array | None, restarts: int) -> Found:
+        found: Found = fit(compared, self._begin(begin), restarts, refines=begin is not None)
+        return found
 
-    def held_out(self, trials: Sequence[SeenArmTrial], estimate: ArmEstimate) -> HeldOut | None:
-        """How well fits to some of the pushes of the `trials` predict the others, from an `estimate` on. None without
-        noise, where a model that leaves more than rounding is wrong, and where there are too few pushes.
-        """
-        read = [trial for trial in trials if isinstance(trial, ArmReadTrial)]
-        return hold_out(ArmReadings(read, self.searched), estimate.point) if read else None
+    def _begin(self, begin: Array | None) -> Array:
+        return np.append(self.searched.begin, np.zeros(len(self.faults.names))) if begin is None else begin
+
+    def _search(self, kinds: tuple[str, ...]) -> SearchedFaults:
+        return searched_faults(kinds, self.searched, 0.0, self.episode.states[:, 1])
+
+    def _comparison(self, trials: Sequence[Any]) -> Any:
+        return compared_of_arm(trials, self.searched, self.faults)
 
     def factors(self, estimate: ArmEstimate) -> Array:
         """The base parameters (nbase) of the law that an `estimate` has."""
@@ -96,7 +102,7 @@ class ArmExperiment:
         """Whether a trial with this `value` of the measure coasts."""
         return self.noise is None and value <= self.resolution
 
-    def is_settled(self, before: ArmEstimate, after: ArmEstimate) -> bool:
+    def is_settled(self, before: Any, after: Any) -> bool:
         """Whether one more trial tells no more, from the estimate `before` the last one to the one `after` it: without
         noise where they agree, else where intervals have stopped shrinking. An arm with dry friction never coasts as
         well as can be told: a law that takes it for smooth chatters.
@@ -107,11 +113,24 @@ class ArmExperiment:
         return float(after.deviations.max()) > STILL_SHRINKS * float(before.deviations.max())
 
 
+def compared_of_arm(
+    trials: Sequence[SeenArmTrial], searched: ArmUnknowns, faults: SearchedFaults = NO_FAULTS
+) -> ArmMotions | Readings:
+    """What is compared of `trials`, all of one kind.  Raises ValueError where they show nothing.
+
+    Args:
+        trials: of an arm.
+        searched: what is unknown of it.
+        faults: that are unknown beside that.
+    """
+    read = [trial for trial in trials if isinstance(trial, ReadTrial)]
+    if read:
+        return Readings(read, searched, faults=faults)
+    return ArmMotions([trial for trial in trials if isinstance(trial, WatchedArmTrial)], searched)
+
+
 def estimate_arm(
-    trials: Sequence[WatchedArmTrial | ArmReadTrial],
-    searched: ArmUnknowns,
-    start: ArmEstimate | None = None,
-    thorough: bool = True,
+    trials: Sequence[SeenArmTrial], searched: ArmUnknowns, start: ArmEstimate | None = None, thorough: bool = True
 ) -> ArmEstimate | None:
     """What all `trials` say; None where they showed nothing, or no arm shows what they did.
 
@@ -121,16 +140,12 @@ def estimate_arm(
         start: where the fit begins, where it explained the trials before.
         thorough: whether a fit that explains nothing begins elsewhere.
     """
-    begin = start.unknowns if start is not None and start.is_explained else None
+    begin = start.start if start is not None and start.is_explained else None
     try:
-        compared: ArmMotions | ArmReadings
-        if isinstance(trials[0], WatchedArmTrial):
-            compared = ArmMotions([trial for trial in trials if isinstance(trial, WatchedArmTrial)], searched)
-        else:
-            compared = ArmReadings([trial for trial in trials if isinstance(trial, ArmReadTrial)], searched)
+        compared = compared_of_arm(trials, searched)
+        found: ArmEstimate = fit(
+            compared, searched.begin if begin is None else begin, RESTARTS if thorough else 0, refines=begin is not None
+        )
     except ValueError:
         return None
-    found = None if begin is None else refine(compared, begin)
-    if found is None:
-        found = find(compared, searched.geared if begin is None else begin, RESTARTS if thorough else 0)
-    return None if found is None else ArmEstimate(**vars(found), searched=searched)
+    return found

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from metaid.compiled.arms import follow_laws
 from metaid.estimation.arms.trials import WatchedArmTrial
-from metaid.estimation.arms.unknowns import ArmUnknowns, ComparedOfArm
+from metaid.estimation.arms.unknowns import ArmUnknowns
 from metaid.estimation.descent import NOTHING, Residuals
+from metaid.estimation.faults import NO_FAULTS, SearchedFaults
+from metaid.estimation.trials import Replay
 from metaid.models import Array
 
 RESOLUTION = 1e-7  # of the largest speed at a start: more than rounding leaves between two simulations
@@ -22,7 +24,7 @@ THREADS = 2
 
 
 @dataclass(frozen=True, eq=False)
-class ArmMotions(ComparedOfArm):
+class ArmMotions:
     """All `trials` of a study. Compared is the signed change of each joint's speed from the start to the end of each
     window (Eq. 52), in units of the `resolution`, a share of the fastest start.
     """
@@ -56,9 +58,19 @@ class ArmMotions(ComparedOfArm):
         return 1
 
     @property
+    def ends_when_cut(self) -> bool:
+        """As it is for an arm."""
+        return self.unknowns.ends_when_cut
+
+    @property
     def least_gain(self) -> float:
         """What rounding leaves."""
         return NOTHING
+
+    @property
+    def faults(self) -> SearchedFaults:
+        """None: they are searched in readings."""
+        return NO_FAULTS
 
     @property
     def explained_below(self) -> float:
@@ -101,6 +113,24 @@ class ArmMotions(ComparedOfArm):
                 table = np.sqrt(np.divide(squares.sum(axis=1), count, out=table, where=count > 0))
             tables.append(table)
         return tuple(tables)
+
+    def replay(self, number: int, point: Array) -> Replay:
+        """The trial of that `number`, and the twin at a `point` in its place. Steps are Euler's, so the speeds after
+        each are all that there is to know of where the twin is.
+        """
+        trial, frames, candidates = self.trials[number], self.unknowns.frames, self.unknowns.parameters(point[None])
+        ends, seen = trial.windows.ends, np.arange(len(trial.windows.ends)) < trial.windows.seen[:, None]
+        last = np.append(0, ends)[trial.windows.seen]
+        steps = np.arange(1, ends[-1] + 1)
+        twin = follow_laws(
+            frames, trial.law, candidates, (trial.starts, trial.stiffness), (steps, last), trial.timestep
+        )
+        angles = trial.starts[:, 0, None] + trial.timestep * np.cumsum(twin.values[0], axis=1)
+        shown = (steps <= last[:, None]) & twin.arrived[0][:, None]
+        watched = np.full(angles.shape, np.nan)
+        watched[:, ends - 1] = np.where(seen[..., None], trial.windows.angles, np.nan)
+        simulated = np.where(shown[..., None], angles, np.nan)
+        return Replay(trial.timestep * steps, watched, simulated, np.zeros(self.unknowns.njoint), self.unknowns.joints)
 
     def _unit(self, trial: WatchedArmTrial) -> float:
         return 1.0 / (self.resolution * float(np.abs(trial.starts[:, 1]).max()))

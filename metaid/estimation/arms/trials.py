@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from metaid.compiled.arms import Frames, commanded_arm_torques
 from metaid.episode import SensorReadings, Windows
 from metaid.episode.arms import ArmEpisode
-from metaid.estimation.noisy import filtered_speeds
+from metaid.estimation.noisy import ReadTrial, filtered_speeds
 from metaid.models import Array
 from metaid.plant import slope_weights
 
@@ -34,35 +31,6 @@ class WatchedArmTrial:
     windows: Windows
 
 
-@dataclass(frozen=True, eq=False)
-class ArmReadTrial:
-    """What noisy sensors of an arm read in one trial, and what it was sent.
-
-    Attributes:
-        timestep: between two torques, in s.
-        readings: joint coordinates (npush x nstep + 1 x njoint), in rad or m, that of the start first.
-        torques: as they were commanded (npush x nstep x njoint), in N m or N.
-        steps: how many steps (npush) of each push were seen before a fall.
-        starts: joint coordinates and speeds (npush x 2 x njoint) to which the arm was brought.
-        start_spread: standard deviation of what it was brought to, coordinates and speeds (2 x njoint); None where that
-            is exact.
-        noise: standard deviation of a reading of each joint (njoint), in rad or m.
-    """
-
-    timestep: float
-    readings: Array
-    torques: Array
-    steps: NDArray[np.int64]
-    starts: Array
-    start_spread: Array | None
-    noise: Array
-
-    @property
-    def extras(self) -> int:
-        """How many coordinates and speeds of starts are unknown."""
-        return 0 if self.start_spread is None else len(self.starts) * int(np.count_nonzero(self.start_spread))
-
-
 def watched_arm_trial(law: Array, episode: ArmEpisode, timestep: float, windows: Windows) -> WatchedArmTrial:
     """The trial on exact sensors in which a law led to these windows.
 
@@ -82,8 +50,7 @@ def read_arm_trial(
     timestep: float,
     read: SensorReadings,
     noise: Array,
-    start_spread: Array | None = None,
-) -> ArmReadTrial:
+) -> ReadTrial:
     """The trial on noisy sensors in which a law led to these readings.
 
     Args:
@@ -93,10 +60,10 @@ def read_arm_trial(
         timestep: between two torques, in s.
         read: what the sensors read.
         noise: standard deviation of a reading of each joint (njoint), in rad or m.
-        start_spread: see `ArmReadTrial`.
     """
     speeds = read.speeds
     if speeds is None:
         speeds = filtered_speeds(read.angles, episode.states[:, 1], slope_weights(timestep))
     torques = commanded_arm_torques(frames, law, episode, read.angles, speeds)
-    return ArmReadTrial(timestep, read.angles, torques, read.steps, episode.states, start_spread, noise)
+    poses, begun = episode.states.swapaxes(0, 1)
+    return ReadTrial(timestep, read.angles, torques, read.steps, begun, None, noise, poses=poses)

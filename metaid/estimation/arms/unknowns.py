@@ -2,34 +2,56 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from metaid.estimation.trials import Joints
 from metaid.models import Array
-from metaid.models.tree import PARAMETERS, Belief
+from metaid.models.tree import PARAMETERS, Belief, joint_torque, random_states
 
 if TYPE_CHECKING:
     from metaid.compiled.arms import Frames
+    from metaid.estimation.arms.arm_estimate import ArmEstimate
+    from metaid.estimation.noisy.read_trial import Coefficients, Driven
 
 ROTOR = PARAMETERS.index("rotor")
 GEARED = 0.1  # standard deviations of a rotor's inertia
+LEAST_GAIN = 1e-3  # of cost: dry friction makes it uneven, and a descent would feel its way to no avail
+POSES = 64  # at which torques are looked at
 SPREAD = 0.3  # of an unknown: a descent takes steps of as much as of a chain's log factors
 
 
 @dataclass(frozen=True, eq=False)
 class ArmUnknowns:
-    """The unknowns z (nbase) of an arm: its base parameters are β₀ + S z, of which `belief` has β₀ and S."""
+    """The unknowns z (nbase) of an arm: its base parameters are β₀ + S z, of which `belief` has β₀ and S. Where `known`
+    has them all (nbase), nothing is unknown any more.
+    """
 
     belief: Belief
     spread: float = SPREAD
+    known: Array | None = None
+
+    kinds: ClassVar[tuple[str, ...]] = ("damping", "coulomb")  # friction is among the base parameters
+    tilts: ClassVar[int] = 2  # a base turns about two horizontal axes
+    ends_when_cut: ClassVar[bool] = False  # near a singular mass matrix steps are cut, and lead to a wrong minimum
+    least_gain: ClassVar[float] = LEAST_GAIN
 
     @property
     def names(self) -> list[str]:
-        """Of the base parameters (nbase), of which there are as many as unknowns."""
-        return list(self.belief.base.names)
+        """Of the base parameters (nbase), of which there are as many as unknowns; none where they are known."""
+        return [] if self.known is not None else list(self.belief.base.names)
+
+    @property
+    def njoint(self) -> int:
+        return self.belief.nominal.njoint
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """What the joints are called (njoint)."""
+        return tuple(self.belief.nominal.names)
 
     @cached_property
     def frames(self) -> Frames:
@@ -47,7 +69,7 @@ class ArmUnknowns:
         return np.asarray(self.belief.root / self.spread)
 
     @cached_property
-    def geared(self) -> Array:
+    def begin(self) -> Array:
         """The unknowns (nbase) of the nominal arm with heavier rotors: a share of what their inertia may be more.
 
         Its mass matrix is far from singular, so a descent that begins there is less often led to where it is.
@@ -64,13 +86,38 @@ class ArmUnknowns:
 
     def parameters(self, unknowns: Array) -> Array:
         """The most probable parameters of every joint and its link (... x njoint x 13)."""
+        if self.known is not None:
+            unknowns = np.broadcast_to(self.known, (*unknowns.shape[:-1], len(self.known)))
         return np.ascontiguousarray(self.belief.parameters_at(self.values(unknowns)))
 
+    def alone(self, unknowns: Array) -> ArmUnknowns:
+        """The arm there, of which nothing is unknown any more."""
+        return replace(self, known=unknowns)
 
-class ComparedOfArm:
-    """What all that is compared of an arm has in common."""
+    def torque(self, gravity: float, speed: float) -> float:
+        """About what the joints need, in N m, at a `speed` in rad/s; the arm has its own gravity."""
+        states = random_states(self.belief.nominal, POSES, np.random.default_rng(0))[0]
+        rest, each = np.zeros_like(states), np.full_like(states, speed**2)
+        needed = joint_torque(self.belief.nominal, states, rest, each)
+        return float(np.abs(np.stack([needed, joint_torque(self.belief.nominal, states, rest, rest)])).max())
 
-    @property
-    def ends_when_cut(self) -> bool:
-        """Near a singular mass matrix steps are cut, and a descent that ends there is led to a wrong minimum."""
-        return False
+    def drive(
+        self, driven: Driven, unknowns: Array, gravity: float, joints: Joints | None = None
+    ) -> Coefficients | None:
+        """The twin of a noisy trial, `driven` by what was commanded; None where it cannot follow.
+
+        Args:
+            driven: the trial.
+            unknowns: of the arm (nunknown).
+            gravity: that of the arm counts.
+            joints: what these have beside the base parameters; None for nothing.
+        """
+        from metaid.estimation.arms.driven import drive_arm  # loads numba
+
+        return drive_arm(driven, self, unknowns, joints)
+
+    def estimated(self, found: dict[str, Any]) -> ArmEstimate:
+        """The estimate with the fields of a `Fit` that were `found`."""
+        from metaid.estimation.arms.arm_estimate import ArmEstimate  # which says what it is of
+
+        return ArmEstimate(**found, searched=self)

@@ -9,7 +9,7 @@ import numpy as np
 from metaid.estimation.counting.counts import Counted, Counts
 from metaid.estimation.counting.programme import pairs, sides
 from metaid.estimation.descent import FARTHEST, descend, place_at
-from metaid.estimation.estimate import Estimate, lump_view
+from metaid.estimation.estimate import Estimate
 from metaid.estimation.fit import starting_points
 from metaid.models import DEVIATIONS, Array
 
@@ -137,7 +137,9 @@ def _estimate(counts: Counts, model: Model, steps: int, starts: int) -> Estimate
             covariance = _covariance(extremes)
     return Estimate(
         names=tuple(unknowns.names),
-        **lump_view(unknowns, log_factors),
+        lumps=unknowns.lumps(log_factors),
+        lump_names=tuple(unknowns.lump_names),
+        design=unknowns.design,
         unknowns=log_factors,
         covariance=covariance,
         cost=model.wrong,

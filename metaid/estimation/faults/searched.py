@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.workspace import Joints
-from metaid.models import Array, Lumps
+from metaid.estimation.trials import Joints
+from metaid.models import Array
 from metaid.plant import fault_names
 
 TURN = 0.05  # rad that the fastest joint turns by within a delay of one standard deviation
@@ -29,17 +30,19 @@ DETERMINED = 0.3  # of what was believed of a fault: a deviation below this tell
 @dataclass(frozen=True)
 class SearchedFaults:
     """Faults of some `kinds` of a plant with `njoint` joints, see `metaid.plant.unknown_faults`. `scales` (nfault): the
-    standard deviation of each beforehand, in its unit; of a gain, of its logarithm.
+    standard deviation of each beforehand, in its unit; of a gain, of its logarithm. `tilts`: about how many axes the
+    base may be tilted.
     """
 
     kinds: tuple[str, ...]
     njoint: int
     scales: Array
+    tilts: int = 1
 
     @cached_property
     def names(self) -> list[str]:
         """Of the faults (nfault)."""
-        return fault_names(self.kinds, self.njoint)
+        return fault_names(self.kinds, self.njoint, self.tilts)
 
     @cached_property
     def _is_gain(self) -> Array:
@@ -58,17 +61,15 @@ class SearchedFaults:
     def _by_kind(self, unknowns: Array) -> dict[str, Array]:
         values, first, found = self.values(unknowns), 0, {}
         for kind in self.kinds:
-            last = first + len(fault_names((kind,), self.njoint))
+            last = first + len(fault_names((kind,), self.njoint, self.tilts))
             found[kind], first = values[first:last], last
         return found
 
     def joints(self, unknowns: Array) -> Joints:
         """What the joints have at these `unknowns` (nfault)."""
         found, nothing = self._by_kind(unknowns), np.zeros(self.njoint)
-        # An encoder that reads too much makes its link, and all above it, lean the other way.  Eq. 56.
-        lean = nothing + found.get("tilt", 0.0) - np.cumsum(found.get("offset", nothing))
-        viscous, dry, spring = (found.get(kind, nothing) for kind in ("viscous", "dry", "spring"))
-        return Joints(viscous, dry, spring, lean)
+        viscous, dry, spring, offset = (found.get(kind, nothing) for kind in ("viscous", "dry", "spring", "offset"))
+        return Joints(viscous, dry, spring, offset, found.get("tilt", np.zeros(self.tilts)))
 
     def delivered(self, torques: Array, period: float, unknowns: Array) -> Array:
         """The torques (npush x nstep x njoint), in N m, that act in place of those commanded, one every `period` in s,
@@ -110,17 +111,27 @@ class FoundFaults:
 NO_FAULTS = SearchedFaults((), 0, np.empty(0))
 
 
-def searched_faults(kinds: tuple[str, ...], nominal: Lumps, gravity: float, start_speeds: Array) -> SearchedFaults:
+class Strong(Protocol):
+    """What is unknown of a robot, as far as the size of its faults depends on it."""
+
+    @property
+    def njoint(self) -> int: ...
+    @property
+    def tilts(self) -> int: ...
+    def torque(self, gravity: float, speed: float, /) -> float: ...
+
+
+def searched_faults(kinds: tuple[str, ...], robot: Strong, gravity: float, start_speeds: Array) -> SearchedFaults:
     """Faults of these `kinds`, with what they may be beforehand.
 
     Args:
         kinds: of the faults.
-        nominal: the lumps, inertia included, whose torques friction and springs are shares of.
+        robot: whose torques friction and springs are shares of.
         gravity: in m/s².
         start_speeds: joint speeds (npush x njoint) right after the pushes, in rad/s.
     """
     speed = float(np.abs(start_speeds).max())
-    torque = max(gravity * float(nominal.gravity.max()), float(nominal.of("inertia").max()) * speed**2)
+    torque = robot.torque(gravity, speed)
     scales = {
         "delay": TURN / speed,
         "tilt": LEAN,
@@ -130,8 +141,8 @@ def searched_faults(kinds: tuple[str, ...], nominal: Lumps, gravity: float, star
         "spring": OF_TORQUE["spring"] * torque,
         "gain": LOG_GAIN,
     }
-    each = [scales[name.partition("_")[0]] for name in fault_names(kinds, nominal.nlink)]
-    return SearchedFaults(kinds, nominal.nlink, np.array(each))
+    each = [scales[name.partition("_")[0]] for name in fault_names(kinds, robot.njoint, robot.tilts)]
+    return SearchedFaults(kinds, robot.njoint, np.array(each), robot.tilts)
 
 
 def found_faults(searched: SearchedFaults, unknowns: Array, deviations: Array) -> FoundFaults:

@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 
 from metaid.compiled import compiled
 from metaid.estimation.noisy.filtered import lead, spread_of, watch_innovations
-from metaid.estimation.noisy.read_trial import ReadTrial
+from metaid.estimation.noisy.read_trial import Coefficients, ReadTrial
 from metaid.estimation.noisy.readings import Readings, started
-from metaid.estimation.twin import Coefficients, share_out
-from metaid.estimation.workspace import Joints, balance, derivatives, workspace
+from metaid.estimation.trials import Joints
+from metaid.estimation.twin import share_out
+from metaid.estimation.unknowns import Unknowns
+from metaid.estimation.workspace import balance, derivatives, workspace
 from metaid.models import Array
 
 
@@ -40,6 +42,7 @@ class Innovations(Readings):
     A twin that is led by its readings does not lose the plant, so windows need not grow: the longest is the first.
     """
 
+    unknowns: Unknowns
     gains: tuple[Gains, ...] = field(default=(), kw_only=True)
 
     @property
@@ -58,13 +61,14 @@ class Innovations(Readings):
     ) -> Coefficients | None:
         (chosen, steps), (_, basis) = self._longest(number, windows), self._windows[number]
         led, lumps = self.gains[number], self.unknowns.lumps(log_factors)
-        (npush, n), coefficients = starts.shape, basis.shape[2]
+        (npush, _, n), coefficients = starts.shape, basis.shape[2]
         columns = len(log_factors) + (n if trial.start_spread is not None else 0)
         start_column = len(log_factors) if trial.start_spread is not None else -1
         values, slopes = np.empty((npush, n, coefficients)), np.empty((npush, n, coefficients, columns))
         followed = np.zeros(npush, dtype=np.bool_)
         forces = balance(None, lumps, self.gravity, joints=joints), derivatives(self.unknowns, lumps, self.gravity)
-        pushed = starts, trial.forces, np.cumsum(trial.readings, axis=-1)
+        speeds = np.ascontiguousarray(starts[:, 1])
+        pushed = speeds, trial.forces, np.cumsum(trial.readings, axis=-1)
         settings = trial.timestep, start_column, trial.substeps
         compared = settings, (led.gains, led.weights), basis[chosen], steps
 
@@ -105,7 +109,8 @@ class Innovations(Readings):
         unknowns, whitened = self._of_trial(number, point)
         log_factors, faults = self._parted(unknowns)
         trial = self._delivered(self.trials[number], faults)
-        starts, (npush, readings, n) = started(trial, whitened), trial.readings.shape
+        (npush, readings, n) = trial.readings.shape
+        starts = np.ascontiguousarray(started(trial, whitened)[:, 1])
         forces = balance(None, self.unknowns.lumps(log_factors), self.gravity, joints=self._joints(faults))
         links = np.tril(np.ones((n, n)))  # absolute angles are sums of the joints'
         torques = np.eye(n) - np.eye(n, k=1)  # the torque of a joint turns its link, and the one below the other way

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from metaid.estimation.estimate import Estimate, fit
+from metaid.estimation.estimate import Found, fit
 from metaid.estimation.faults import FoundFaults, Proposal, SearchedFaults
 from metaid.estimation.noisy.readings import Readings
 from metaid.models import Array
@@ -21,7 +21,7 @@ LUMP_OF = {"viscous": "damping"}  # friction that is searched as a lump is not t
 IN_THOUSANDTHS = {"s": "ms", "rad": "mrad"}
 
 
-def proposed_faults(readings: Readings, estimate: Estimate, search: Search, declared: float) -> Proposal | None:
+def proposed_faults(readings: Readings, estimate: Found, search: Search, declared: float) -> Proposal | None:
     """The faults that explain what an `estimate` of some `readings` does not; None where none of those tried does.
 
     Args:
@@ -39,8 +39,8 @@ def proposed_faults(readings: Readings, estimate: Estimate, search: Search, decl
 
 
 def explanations(
-    readings: Readings, estimate: Estimate, search: Search, tried: Sequence[tuple[str, ...]] = TRIED
-) -> Iterator[Estimate]:
+    readings: Readings, estimate: Found, search: Search, tried: Sequence[tuple[str, ...]] = TRIED
+) -> Iterator[Found]:
     """The estimates, with faults as unknowns, that explain what an estimate does not, one by one as they are asked for;
     none with friction that would drive, or a spring that would push away.
 
@@ -55,7 +55,7 @@ def explanations(
         searched = {*known, *readings.unknowns.kinds}
         if searched & {*kinds, *(LUMP_OF.get(kind, kind) for kind in kinds)} or _is_twofold((*known, *kinds)):
             continue
-        if "offset" in kinds and readings.unknowns.nominal.nlink == 1:
+        if "offset" in kinds and readings.unknowns.njoint == 1:
             continue  # of one link it is a tilt
         wanted = search(tuple(kind for kind in FAULT_UNITS if kind in (*known, *kinds)))
         try:
@@ -71,7 +71,7 @@ def _is_twofold(kinds: Sequence[str]) -> bool:
     return {"tilt", "offset"} <= set(kinds)
 
 
-def _explained(readings: Readings, start: Array) -> Estimate:
+def _explained(readings: Readings, start: Array) -> Found:
     """The fit to `readings` from a `start` (nunknown), first to the trial alone that shows most: what does not explain
     that one explains all of them no more, which is known sooner.  Raises ValueError where nothing is explained.
     """
@@ -81,7 +81,8 @@ def _explained(readings: Readings, start: Array) -> Estimate:
         if not alone.is_explained:
             raise ValueError("a trial is not explained")
         start = alone.start
-    return fit(readings, start, 0, gives_up=True)
+    found: Found = fit(readings, start, 0, gives_up=True)
+    return found
 
 
 def fault_sizes(kinds: Sequence[str], found: FoundFaults, declared: float = 0.0) -> tuple[str, ...]:
@@ -91,12 +92,12 @@ def fault_sizes(kinds: Sequence[str], found: FoundFaults, declared: float = 0.0)
     return tuple(_size(kind, found, declared if kind == "delay" else 0.0) for kind in kinds)
 
 
-def _begin(estimate: Estimate, searched: SearchedFaults) -> Array:
+def _begin(estimate: Found, searched: SearchedFaults) -> Array:
     """The unknowns (nunknown) of an `estimate`, with none of the faults that it has not `searched`."""
     own = estimate.faults
     found = {} if own is None else dict(zip(own.searched.names, own.unknowns.tolist(), strict=True))
     faults = [found.get(name, 0.0) for name in searched.names]
-    return np.asarray(np.append(estimate.log_factors, faults), dtype=np.float64)
+    return np.asarray(np.append(estimate.unknowns, faults), dtype=np.float64)
 
 
 def _size(kind: str, found: FoundFaults, declared: float) -> str:

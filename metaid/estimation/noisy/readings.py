@@ -6,19 +6,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
 
 import numpy as np
 
 from metaid.estimation.descent import Residuals
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults
 from metaid.estimation.noisy.polynomials import before
-from metaid.estimation.noisy.read_trial import ReadTrial
+from metaid.estimation.noisy.read_trial import Coefficients, Driven, ReadTrial
 from metaid.estimation.noisy.smoothed import smoothed
-from metaid.estimation.noisy.windows import Compared, ReadingsInWindows
-from metaid.estimation.trials import Replay, numbered_joints
-from metaid.estimation.twin import Coefficients, drive
-from metaid.estimation.unknowns import Unknowns, known_alone
-from metaid.estimation.workspace import Joints
+from metaid.estimation.noisy.windows import Compared, ReadingsInWindows, Spread
+from metaid.estimation.trials import Joints, Replay
 from metaid.models import Array
 
 DRAWN = 100  # readings of a push that a replay keeps
@@ -26,13 +24,53 @@ DIFFERENCE, TINY = 1e-3, 1e-12  # of a further torque, as a share of the largest
 STEP = 1e-6  # in an unknown fault, for the derivative by it
 
 
+class Drivable(Spread, Protocol):
+    """What is unknown of a robot whose twin is driven: of a chain or of an arm."""
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds of lumps, or of parameters that a force may be taken for, among the unknowns."""
+
+    @property
+    def njoint(self) -> int: ...
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """What the joints are called (njoint)."""
+
+    @property
+    def tilts(self) -> int:
+        """About how many axes the base may be tilted."""
+
+    @property
+    def ends_when_cut(self) -> bool:
+        """Whether a descent ends with a short step though it was cut, for longer windows may lead on."""
+
+    @property
+    def least_gain(self) -> float:
+        """Of cost; a step that promises less is not made."""
+
+    def torque(self, gravity: float, speed: float, /) -> float:
+        """About what the joints need, in N m, under `gravity` in m/s² and at a `speed` in rad/s."""
+
+    def drive(
+        self, driven: Driven, log_factors: Array, gravity: float, joints: Joints | None = None, /
+    ) -> Coefficients | None:
+        """The twin of a noisy trial, `driven` by what was commanded; None where it cannot follow."""
+
+    def alone(self, log_factors: Array, /) -> Drivable:
+        """The robot there, of which nothing is unknown any more."""
+
+    def estimated(self, found: dict[str, Any], /) -> Any:
+        """The estimate with the fields of a `Fit` that were `found`."""
+
+
 @dataclass(frozen=True, eq=False)
-class Readings(ReadingsInWindows[ReadTrial, Unknowns]):
-    """All `trials` of a noisy study of a chain. `gravity` in m/s². The unknowns of all pushes are the log factors of
-    lumps, and behind them the `faults` that are searched.
+class Readings(ReadingsInWindows[ReadTrial, Drivable]):
+    """All `trials` of a noisy study. `gravity` in m/s², of a chain; an arm has its own. The unknowns of all pushes are
+    those of the robot, and behind them the `faults` that are searched.
     """
 
-    gravity: float
+    gravity: float = 0.0
     faults: SearchedFaults = field(default=NO_FAULTS, kw_only=True)
 
     @property
@@ -42,8 +80,13 @@ class Readings(ReadingsInWindows[ReadTrial, Unknowns]):
 
     @property
     def ends_when_cut(self) -> bool:
-        """Longer windows lead a chain on."""
-        return True
+        """As it is for such a robot."""
+        return self.unknowns.ends_when_cut
+
+    @property
+    def least_gain(self) -> float:
+        """As it is for such a robot."""
+        return self.unknowns.least_gain
 
     def residuals_with(self, point: Array, torques: Sequence[Array]) -> Residuals | None:
         """Those on all windows with further joint `torques` of each trial (ntorque x npush x nstep x njoint), in N m,
@@ -79,17 +122,16 @@ class Readings(ReadingsInWindows[ReadTrial, Unknowns]):
         kept = np.unique(np.linspace(0, last, min(last, DRAWN) + 1).round().astype(int))
         basis = np.zeros((nreading, len(kept)))
         basis[kept, np.arange(len(kept))] = 1.0  # each coefficient is the angle at one reading
-        twin, steps = known_alone(self.unknowns, log_factors), np.minimum(trial.steps, last)
+        twin, steps = self.unknowns.alone(log_factors), np.minimum(trial.steps, last)
         alike, joints = replace(self._delivered(trial, faults), start_spread=None), self._joints(faults)
-        motion = drive(alike, starts, steps, np.tile(basis, (npush, 1, 1)), twin, np.empty(0), self.gravity, joints)
+        driven = Driven(alike, starts, steps, np.tile(basis, (npush, 1, 1)))
+        motion = twin.drive(driven, np.empty(0), self.gravity, joints)
         shown = (kept <= steps[:, None]) & (steps[:, None] > 0)
         seen = np.where(shown[..., None], trial.readings[:, kept], np.nan)
         simulated = np.full_like(seen, np.nan)
         if motion is not None:
             simulated[shown] = motion.values.swapaxes(1, 2)[shown]
-        return Replay(
-            trial.timestep * trial.substeps * kept, seen, simulated, trial.noise, numbered_joints(len(trial.noise))
-        )
+        return Replay(trial.timestep * trial.substeps * kept, seen, simulated, trial.noise, self.unknowns.joints)
 
     def _compare(self, number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
         """What a trial shows; derivatives by the `whitened` start speeds are the last."""
@@ -128,13 +170,14 @@ class Readings(ReadingsInWindows[ReadTrial, Unknowns]):
         Args:
             number: of the trial.
             trial: with the torques that acted.
-            starts: joint speeds (npush x njoint) right after each push, in rad/s.
+            starts: joint coordinates and speeds (npush x 2 x njoint) right after each push.
             windows: of which the longest is watched.
             log_factors: the unknowns (nlump).
             joints: what they have beside the lumps; None for nothing.
         """
         (chosen, steps), (_, basis) = self._longest(number, windows), self._windows[number]
-        twin = drive(trial, starts, steps, basis[chosen], self.unknowns, log_factors, self.gravity, joints)
+        driven = Driven(trial, starts, steps, basis[chosen])
+        twin = self.unknowns.drive(driven, log_factors, self.gravity, joints)
         if twin is None:
             return None
         plants = np.einsum("ptk,ptj->pjk", basis[chosen], trial.readings * before(steps, trial.readings.shape[1]))
@@ -142,7 +185,7 @@ class Readings(ReadingsInWindows[ReadTrial, Unknowns]):
         return Coefficients(unit * (twin.values - plants), unit[..., None] * twin.slopes)
 
     def _parted(self, unknowns: Array) -> tuple[Array, Array]:
-        """The log factors (nlump) and the faults (nfault) among the `unknowns` of all pushes."""
+        """The unknowns of the robot (nunknown) and the faults (nfault) among the `unknowns` of all pushes."""
         return unknowns[: len(self.unknowns.names)], unknowns[len(self.unknowns.names) :]
 
     def _delivered(self, trial: ReadTrial, faults: Array) -> ReadTrial:
@@ -156,8 +199,8 @@ class Readings(ReadingsInWindows[ReadTrial, Unknowns]):
         return self.faults.joints(faults) if self.faults.names else None
 
     def _alone(self, log_factors: Array) -> Readings:
-        """The same with the lumps of these `log_factors` (nlump), of which none is unknown any more."""
-        return replace(self, unknowns=known_alone(self.unknowns, log_factors))
+        """The same with the robot of these `log_factors` (nunknown), of which nothing is unknown any more."""
+        return replace(self, unknowns=self.unknowns.alone(log_factors))
 
     def _compare_faulty(
         self, number: int, unknowns: Array, whitened: Array, values: Array, windows: int
@@ -199,7 +242,14 @@ def _with_slopes(compared: Compared, count: int, further: Array) -> Compared:
 
 
 def started(trial: ReadTrial, whitened: Array) -> Array:
-    """The start speeds q̇_0 + L u of each push (npush x njoint), in rad/s, u being `whitened` (npush x njoint)."""
+    """Joint coordinates and speeds at the start of each push (npush x 2 x njoint): those it was to have and L u, u
+    being `whitened` (npush x nextra).
+    """
+    poses = np.zeros_like(trial.start_speeds) if trial.poses is None else trial.poses
+    starts = np.stack([poses, trial.start_speeds], axis=1)
     if trial.start_spread is None:
-        return trial.start_speeds
-    return np.asarray(trial.start_speeds + np.einsum("pij,pj->pi", trial.start_spread, whitened), dtype=np.float64)
+        return starts
+    moved = np.einsum("pij,pj->pi", trial.start_spread, whitened)
+    flat = starts.reshape(len(starts), -1)
+    flat[:, flat.shape[1] - moved.shape[1] :] += moved
+    return flat.reshape(starts.shape)

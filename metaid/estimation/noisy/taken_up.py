@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from metaid.estimation.estimate import Estimate, fit
+from metaid.estimation.estimate import Found, fit
 from metaid.estimation.faults import UNSEEN, TakenUp, named_faults
 from metaid.estimation.noisy.polynomials import explained_by_noise
 from metaid.estimation.noisy.proposed import TRIED, Search, explanations, fault_sizes
@@ -26,7 +26,7 @@ SEVERAL = tuple(kinds for kinds in TRIED if len(kinds) > 1)
 TRIFLE = 1e-3  # of a lump: a difference that does no harm
 
 
-def take_up(readings: Readings, estimate: Estimate, search: Search) -> tuple[Estimate, TakenUp | None]:
+def take_up(readings: Readings, estimate: Found, search: Search) -> tuple[Found, TakenUp | None]:
     """The estimate of some `readings` with the faults that explain them, and what speaks for these; without any where
     none is needed, or none explains everything.  Eq. 65.
 
@@ -40,7 +40,7 @@ def take_up(readings: Readings, estimate: Estimate, search: Search) -> tuple[Est
     plain = estimate if estimate.faults is None else _without(readings, estimate)
     if plain is not None and _is_whole(readings, plain):
         return plain, None
-    explained: list[Estimate] = []
+    explained: list[Found] = []
     for tried in (SINGLE, SEVERAL):
         found = explanations(readings, estimate, search, tried)
         explained = explained or [each for each in found if _is_whole(_with_faults(readings, each), each)]
@@ -60,26 +60,27 @@ def take_up(readings: Readings, estimate: Estimate, search: Search) -> tuple[Est
     return best, TakenUp(kinds, sizes, before, best.misfit, *foretold, tuple(each for each in rivals if each))
 
 
-def _without(readings: Readings, estimate: Estimate) -> Estimate | None:
+def _without(readings: Readings, estimate: Found) -> Found | None:
     """The estimate without faults, from the lumps of one with them; None where the twin cannot follow."""
     try:
-        return fit(readings, estimate.log_factors, 0)
+        found: Found = fit(readings, estimate.unknowns, 0)
     except ValueError:
         return None
+    return found
 
 
-def _with_faults(readings: Readings, estimate: Estimate) -> Readings:
+def _with_faults(readings: Readings, estimate: Found) -> Readings:
     """The same `readings`, of which the faults of an `estimate` are searched."""
     assert estimate.faults is not None
     return replace(readings, faults=estimate.faults.searched)
 
 
-def _is_whole(readings: Readings, estimate: Estimate) -> bool:
+def _is_whole(readings: Readings, estimate: Found) -> bool:
     """Whether an estimate explains what was seen, and no further force is seen."""
     return estimate.is_explained and not any(force.is_seen for force in unmodelled_forces(readings, estimate))
 
 
-def _best(explained: Sequence[Estimate]) -> Estimate:
+def _best(explained: Sequence[Found]) -> Found:
     """The one with the least cost, or a special case of its fault that explains as much with the same lumps, for that
     has fewer unknowns.
     """
@@ -88,14 +89,14 @@ def _best(explained: Sequence[Estimate]) -> Estimate:
     return next((each for each in special if _moved(each, best) is None), best)
 
 
-def _is_special(one: Estimate, other: Estimate) -> bool:
+def _is_special(one: Found, other: Found) -> bool:
     """Whether what `one` has taken up is a special case of what the `other` has: a tilt is an offset of the first
     encoder, where all others read right.
     """
     return "tilt" in _kinds(one) and "offset" in _kinds(other)
 
 
-def _explains_as_much(one: Estimate, other: Estimate) -> bool:
+def _explains_as_much(one: Found, other: Found) -> bool:
     """Whether noise may be all that makes the cost of `one` larger than that of the `other`."""
     assert one.faults is not None
     assert other.faults is not None
@@ -103,12 +104,12 @@ def _explains_as_much(one: Estimate, other: Estimate) -> bool:
     return 2.0 * (one.cost - other.cost) <= by_chance(fewer)
 
 
-def _moved(best: Estimate, other: Estimate) -> int | None:
+def _moved(best: Found, other: Found) -> int | None:
     """The lump that an `other` explanation has farthest out of the interval of the `best`; None where all are inside.
 
     One of which the best is a special case knows lumps less well. By so much they may differ by chance.
     """
-    change = np.abs(other.log_factors - best.log_factors)
+    change = np.abs(other.unknowns - best.unknowns)
     beyond = change / (DEVIATIONS * best.deviations + TRIFLE)
     if _is_special(best, other):
         less = np.sqrt(np.maximum(other.deviations**2 - best.deviations**2, 0.0))
@@ -117,13 +118,13 @@ def _moved(best: Estimate, other: Estimate) -> int | None:
     return moved if beyond[moved] > 1.0 else None
 
 
-def _kinds(estimate: Estimate) -> tuple[str, ...]:
+def _kinds(estimate: Found) -> tuple[str, ...]:
     """The kinds of faults of an `estimate` that has some."""
     assert estimate.faults is not None
     return estimate.faults.searched.kinds
 
 
-def _rival(best: Estimate, other: Estimate) -> str:
+def _rival(best: Found, other: Found) -> str:
     """What speaks for an `other` explanation than the `best`, in words; nothing where the readings refute it, it has
     the same lumps, or it is a special case: where that is right, so is the best.
     """
@@ -131,12 +132,12 @@ def _rival(best: Estimate, other: Estimate) -> str:
     if moved is None or _is_special(other, best) or not _explains_as_much(other, best):
         return ""
     assert other.faults is not None
-    by = 100.0 * float(np.expm1(other.log_factors[moved] - best.log_factors[moved]))
+    by = 100.0 * float(np.expm1(other.unknowns[moved] - best.unknowns[moved]))
     named = named_faults(_kinds(other), fault_sizes(_kinds(other), other.faults))
     return f"{named}, with which {best.names[moved]} would be {abs(by):.2g} % {'larger' if by > 0.0 else 'smaller'}"
 
 
-def _foretold(readings: Readings, estimate: Estimate) -> tuple[float, float]:
+def _foretold(readings: Readings, estimate: Found) -> tuple[float, float]:
     """The misfit of pushes that are held out, by what the others say of the same unknowns and how surely, and how much
     of it noise explains.
 

@@ -33,7 +33,8 @@ def fit_with_torque_noise(innovations: Innovations, start: Array | None, torque_
         ValueError: the twin cannot follow the trials.
     """
     count = len(innovations.spreads)
-    begin, sizes, found = np.zeros(count) if start is None else start, torque_noise, None
+    begin, sizes = np.zeros(count) if start is None else start, torque_noise
+    found: Estimate | None = None
     point = np.append(begin, np.zeros(innovations.extras))
     for _ in range(MOST_ROUNDS):
         if found is None:

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from metaid.estimation.estimate import Estimate
+from metaid.estimation.estimate import Found
 from metaid.estimation.faults import FORCES, UNSEEN, Unmodelled
 from metaid.estimation.noisy.read_trial import ReadTrial
 from metaid.estimation.noisy.readings import Readings
@@ -28,7 +28,7 @@ RESISTING = ("damping", "coulomb")
 FORCE_OF = {"viscous": "damping", "dry": "coulomb"}  # the force that a fault is, where it has another name
 
 
-def unmodelled_forces(readings: Readings, estimate: Estimate) -> Iterator[Unmodelled]:
+def unmodelled_forces(readings: Readings, estimate: Found) -> Iterator[Unmodelled]:
     """What each kind of force would be, beside unknowns that may change with it.  Eq. 47.
 
     Forces that are among the unknowns, as lumps or as faults, are not looked for.

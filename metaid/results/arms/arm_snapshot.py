@@ -117,10 +117,8 @@ class ArmFound:
 
     def replay(self) -> Replay:
         """A trial as the plant showed it, and as the twin at the estimate moves: see `worst_shown`."""
-        from metaid.estimation.arms import replay_arm  # loads numba
-
         number = worst_shown(self.estimate.residuals, self.explains)
-        return replay_arm(self.experiment.searched.belief.nominal, self.estimate.parameters, self.watched[number])
+        return self.experiment.replay(self.watched, self.estimate, number)
 
 
 @dataclass(frozen=True)

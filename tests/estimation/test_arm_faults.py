@@ -1,0 +1,109 @@
+"""Faults of an arm as unknowns of the fit, on MuJoCo's arm that has them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from random_arm import random_arm
+
+from metaid.estimation import Readings, ReadTrial, fit, searched_faults
+from metaid.estimation.arms import ArmUnknowns
+from metaid.estimation.noisy import explanations
+from metaid.models import Array
+from metaid.models.tree import Belief, Tree, joint_torque
+from metaid.plant.arms import arm_model
+
+NOISE, TIMESTEP, STEPS, PUSHES = 1e-4, 0.002, 150, 8
+DELAY, TILT, OFFSET, SPRING = 0.004, np.array([0.02, -0.03]), np.array([0.0, 0.02, -0.015]), np.array([1.0, 0.6, 0.8])
+TRUE = {"delay": [DELAY], "tilt": TILT, "offset": OFFSET, "spring": SPRING}
+
+
+def nominal_of(tree: Tree) -> Tree:
+    """An arm that is believed to be 5 to 10 % other."""
+    return replace(tree, mass=1.1 * tree.mass, com=0.95 * tree.com, inertia=1.1 * tree.inertia)
+
+
+def pushed(tree: Tree, kinds: tuple[str, ...], seed: int = 0) -> ReadTrial:
+    """What sensors of MuJoCo's arm read that has faults of these `kinds`, under torques that no law makes."""
+    random, n = np.random.default_rng(seed), tree.njoint
+    model = arm_model(tree, TIMESTEP)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT)
+    if "tilt" in kinds:
+        about_x, about_y = np.zeros(4), np.zeros(4)
+        mujoco.mju_axisAngle2Quat(about_x, np.array([1.0, 0.0, 0.0]), TILT[0])
+        mujoco.mju_axisAngle2Quat(about_y, np.array([0.0, 1.0, 0.0]), TILT[1])
+        both, gravity = np.zeros(4), np.zeros(3)
+        mujoco.mju_mulQuat(both, about_y, about_x)
+        mujoco.mju_negQuat(about_x, both)
+        mujoco.mju_rotVecQuat(gravity, np.array(tree.gravity), about_x)
+        model.opt.gravity[:] = gravity
+    if "spring" in kinds:
+        model.jnt_stiffness[:], model.qpos_spring[:] = SPRING, 0.0
+    data, late = mujoco.MjData(model), round(DELAY / TIMESTEP) if "delay" in kinds else 0
+    poses, speeds = random.uniform(-1.0, 1.0, (PUSHES, n)), random.uniform(-2.0, 2.0, (PUSHES, n))
+    times = TIMESTEP * np.arange(STEPS)[:, None]
+    readings, torques = np.zeros((PUSHES, STEPS + 1, n)), np.zeros((PUSHES, STEPS, n))
+    offset = OFFSET if "offset" in kinds else np.zeros(n)
+    for push in range(PUSHES):
+        held = joint_torque(tree, poses[push], np.zeros(n), np.zeros(n))
+        torques[push] = held * (1.0 + random.uniform(-0.5, 0.5, n) * np.sin(random.uniform(5.0, 20.0, n) * times))
+        mujoco.mj_resetData(model, data)
+        data.qpos[:], data.qvel[:] = poses[push], speeds[push]
+        for step in range(STEPS + 1):
+            readings[push, step] = data.qpos + offset
+            if step < STEPS:
+                data.qfrc_applied[:] = torques[push, step - late] if step >= late else 0.0
+                mujoco.mj_step(model, data)
+    noisy = readings + NOISE * random.standard_normal(readings.shape)
+    steps = np.full(PUSHES, STEPS)
+    return ReadTrial(TIMESTEP, noisy, torques, steps, speeds, None, np.full(n, NOISE), poses=poses + offset)
+
+
+def searched_of(searched: ArmUnknowns, kinds: tuple[str, ...], trial: ReadTrial) -> Array:
+    """The faults of these `kinds` that one trial shows, in deviations from the truth."""
+    wanted = searched_faults(kinds, searched, 0.0, trial.start_speeds)
+    estimate = fit(Readings([trial], searched, faults=wanted), searched_start(searched, len(wanted.names)), 0)
+    assert estimate.is_explained
+    found = estimate.faults
+    true = np.concatenate([np.asarray(TRUE[kind]) for kind in kinds])
+    return np.asarray((found.values - true) / found.deviations)
+
+
+def searched_start(searched: ArmUnknowns, count: int) -> Array:
+    """Where a fit with so many faults begins."""
+    return np.append(searched.begin, np.zeros(count))
+
+
+@pytest.mark.parametrize("kinds", [("delay",), ("tilt",), ("offset",), ("spring",), ("delay", "tilt")])
+def test_faults_of_an_arm_are_found_with_its_base_parameters(kinds: tuple[str, ...]) -> None:
+    """Within four deviations; without them the model does not explain what was read."""
+    tree = random_arm(3, 2, friction=False)
+    searched, trial = ArmUnknowns(Belief(nominal_of(tree))), pushed(tree, kinds)
+    plain = fit(Readings([trial], searched), searched.begin, 0)
+    assert not plain.is_explained
+    assert np.abs(searched_of(searched, kinds, trial)).max() < 4.0
+
+
+def test_arm_without_faults_needs_none() -> None:
+    """Its base parameters lie within five deviations each."""
+    tree = random_arm(3, 2, friction=False)
+    searched, trial = ArmUnknowns(Belief(nominal_of(tree))), pushed(tree, ())
+    estimate = fit(Readings([trial], searched), searched.begin, 0)
+    assert estimate.is_explained
+    off = (estimate.values - searched.belief.base.of(tree.parameters)) / estimate.value_deviations
+    assert np.abs(off).max() < 5.0
+
+
+def test_fault_that_explains_an_arm_is_proposed() -> None:
+    """A delay that nobody has named is what explains the readings of an arm."""
+    tree = random_arm(3, 2, friction=False)
+    searched, trial = ArmUnknowns(Belief(nominal_of(tree))), pushed(tree, ("delay",))
+    readings = Readings([trial], searched)
+    plain = fit(readings, searched.begin, 0)
+    found = next(explanations(readings, plain, lambda kinds: searched_faults(kinds, searched, 0.0, trial.start_speeds)))
+    assert found.faults is not None
+    assert found.faults.searched.kinds == ("delay",)
+    assert found.faults.values[0] == pytest.approx(DELAY, rel=0.1)
