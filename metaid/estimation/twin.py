@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from metaid.compiled import compiled
 from metaid.estimation.driven import watch_readings
 from metaid.estimation.motion import watch_push
-from metaid.estimation.noisy.read_trial import Coefficients, Driven
-from metaid.estimation.trials import Joints, WatchedTrial
+from metaid.estimation.trials import Coefficients, Driven, Joints, WatchedTrial
 from metaid.estimation.unknowns import Unknowns
 from metaid.estimation.workspace import balance, derivatives, workspace
 from metaid.models import Array

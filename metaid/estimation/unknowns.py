@@ -8,17 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from metaid.estimation.descent import NOTHING
-from metaid.estimation.trials import Joints
+from metaid.estimation.estimate import Estimate
 from metaid.models import Array, Lumps, lump_names
-
-if TYPE_CHECKING:
-    from metaid.estimation.estimate import Estimate
-    from metaid.estimation.noisy.read_trial import Coefficients, Driven
 
 FULL = ("gravity", "coriolis", "inertia")  # the full dynamics of a chain without friction
 
@@ -53,6 +49,7 @@ class Unknowns:
     lengths: Array | None = None
     spread: float = 0.3
 
+    kernel: ClassVar[Literal["planar"]] = "planar"
     tilts: ClassVar[int] = 1  # a base turns in the plane
     ends_when_cut: ClassVar[bool] = True  # longer windows lead a chain on
     least_gain: ClassVar[float] = NOTHING  # what rounding leaves
@@ -142,29 +139,12 @@ class Unknowns:
         """About what the joints need, in N m, under `gravity` in m/s² and at a `speed` in rad/s."""
         return max(gravity * float(self.nominal.gravity.max()), float(self.nominal.of("inertia").max()) * speed**2)
 
-    def drive(
-        self, driven: Driven, log_factors: Array, gravity: float, joints: Joints | None = None
-    ) -> Coefficients | None:
-        """The twin of a noisy trial, `driven` by what was commanded; None where it cannot follow.
-
-        Args:
-            driven: the trial.
-            log_factors: of the chain (nunknown).
-            gravity: in m/s².
-            joints: what these have beside the lumps; None for nothing.
-        """
-        from metaid.estimation.twin import drive  # loads numba
-
-        return drive(driven, self, log_factors, gravity, joints)
-
     def alone(self, log_factors: Array) -> Unknowns:
         """A chain with these `log_factors` (nunknown), of which nothing is unknown any more."""
         return Unknowns(self.lumps(log_factors), ())
 
     def estimated(self, found: dict[str, Any]) -> Estimate:
         """The estimate with the fields of a `Fit` that were `found`."""
-        from metaid.estimation.estimate import Estimate  # which says what it is of
-
         log_factors = found["unknowns"]
         lumps, names = self.lumps(log_factors), tuple(self.lump_names)
         return Estimate(**found, lumps=lumps, lump_names=names, design=self.design)

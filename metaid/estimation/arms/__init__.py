@@ -14,13 +14,19 @@ An `ArmExperiment` is all of this for a study. numba is loaded when something is
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from metaid.estimation.arms.arm_estimate import ArmEstimate
-from metaid.estimation.arms.unknowns import ArmUnknowns
+from metaid.estimation.arms.unknowns import ArmEstimate, ArmUnknowns
+from metaid.estimation.trials import WatchedArmTrial
 
 if TYPE_CHECKING:
-    from metaid.estimation.arms.arm_experiment import ArmExperiment, SeenArmTrial, compared_of_arm, estimate_arm
+    from metaid.estimation.arms.arm_experiment import (
+        ArmExperiment,
+        SeenArmTrial,
+        compared_of_arm,
+        estimate_arm,
+        read_arm_trial,
+        watched_arm_trial,
+    )
     from metaid.estimation.arms.motions import ArmMotions
-    from metaid.estimation.arms.trials import WatchedArmTrial, read_arm_trial, watched_arm_trial
 
 __all__ = [
     "ArmEstimate",
@@ -35,8 +41,8 @@ __all__ = [
     "watched_arm_trial",
 ]
 _LOADS_NUMBA = {"ArmMotions": "motions"}
-_LOADS_NUMBA |= dict.fromkeys(("ArmExperiment", "SeenArmTrial", "compared_of_arm", "estimate_arm"), "arm_experiment")
-_LOADS_NUMBA |= dict.fromkeys(("WatchedArmTrial", "read_arm_trial", "watched_arm_trial"), "trials")
+_EXPERIMENT = "ArmExperiment", "SeenArmTrial", "compared_of_arm", "estimate_arm", "read_arm_trial", "watched_arm_trial"
+_LOADS_NUMBA |= dict.fromkeys(_EXPERIMENT, "arm_experiment")
 
 
 def __getattr__(name: str) -> Any:

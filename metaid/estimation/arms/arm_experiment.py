@@ -8,17 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from metaid.episode import Outcome
+from metaid.compiled.arms import Frames, commanded_arm_torques
+from metaid.episode import Outcome, SensorReadings, Windows
 from metaid.episode.arms import ArmEpisode
-from metaid.estimation.arms.arm_estimate import ArmEstimate
 from metaid.estimation.arms.motions import ArmMotions
-from metaid.estimation.arms.trials import WatchedArmTrial, read_arm_trial, watched_arm_trial
-from metaid.estimation.arms.unknowns import ArmUnknowns
+from metaid.estimation.arms.unknowns import ArmEstimate, ArmUnknowns
 from metaid.estimation.estimate import Found, fit
 from metaid.estimation.experiment import RESTARTS, OfReadings
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults, searched_faults
-from metaid.estimation.noisy import Readings, ReadTrial
+from metaid.estimation.noisy import Readings, filtered_speeds
+from metaid.estimation.trials import ReadTrial, WatchedArmTrial
 from metaid.models import Array
+from metaid.plant import slope_weights
 
 PROBES = 1  # the nominal arm's law alone: it leaves much to see
 AGREED = 1e-6  # of what an unknown may be beforehand: two estimates that are so near each other are the same
@@ -149,3 +150,41 @@ def estimate_arm(
     except ValueError:
         return None
     return found
+
+
+def watched_arm_trial(law: Array, episode: ArmEpisode, timestep: float, windows: Windows) -> WatchedArmTrial:
+    """The trial on exact sensors in which a law led to these windows.
+
+    Args:
+        law: parameters of the candidate that was sent (njoint x 13).
+        episode: what was done.
+        timestep: between two torques, in s.
+        windows: what was seen.
+    """
+    return WatchedArmTrial(law, timestep, episode.states, episode.stiffness, windows)
+
+
+def read_arm_trial(
+    frames: Frames,
+    law: Array,
+    episode: ArmEpisode,
+    timestep: float,
+    read: SensorReadings,
+    noise: Array,
+) -> ReadTrial:
+    """The trial on noisy sensors in which a law led to these readings.
+
+    Args:
+        frames: of the arm.
+        law: parameters of the candidate that was sent (njoint x 13).
+        episode: what was done.
+        timestep: between two torques, in s.
+        read: what the sensors read.
+        noise: standard deviation of a reading of each joint (njoint), in rad or m.
+    """
+    speeds = read.speeds
+    if speeds is None:
+        speeds = filtered_speeds(read.angles, episode.states[:, 1], slope_weights(timestep))
+    torques = commanded_arm_torques(frames, law, episode, read.angles, speeds)
+    poses, begun = episode.states.swapaxes(0, 1)
+    return ReadTrial(timestep, read.angles, torques, read.steps, begun, None, noise, poses=poses)

@@ -7,15 +7,16 @@ import numpy as np
 from metaid.compiled.arms import Frames, follow_torques
 from metaid.estimation.arms.motions import STEP, THREADS, beside
 from metaid.estimation.arms.unknowns import ArmUnknowns
-from metaid.estimation.noisy.read_trial import Coefficients, Driven
-from metaid.estimation.trials import Joints
+from metaid.estimation.trials import Coefficients, Driven, Joints
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS
 
 DAMPING, COULOMB = PARAMETERS.index("damping"), PARAMETERS.index("coulomb")
 
 
-def drive_arm(driven: Driven, searched: ArmUnknowns, unknowns: Array, joints: Joints | None) -> Coefficients | None:
+def drive_arm(
+    driven: Driven, searched: ArmUnknowns, unknowns: Array, gravity: float, joints: Joints | None = None
+) -> Coefficients | None:
     """The twin of a trial, `driven` by what was commanded, and one beside it along each unknown; None where one of them
     cannot follow.
 
@@ -23,6 +24,7 @@ def drive_arm(driven: Driven, searched: ArmUnknowns, unknowns: Array, joints: Jo
         driven: the trial.
         searched: what is unknown of the arm.
         unknowns: where it is (nunknown).
+        gravity: that of the arm counts.
         joints: what these have beside the base parameters; None for nothing.
     """
     trial, states, steps, basis = driven

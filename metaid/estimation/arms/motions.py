@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.compiled.arms import follow_laws
-from metaid.estimation.arms.trials import WatchedArmTrial
 from metaid.estimation.arms.unknowns import ArmUnknowns
 from metaid.estimation.descent import NOTHING, Residuals
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults
-from metaid.estimation.trials import Replay
+from metaid.estimation.trials import Replay, WatchedArmTrial
 from metaid.models import Array
 
 RESOLUTION = 1e-7  # of the largest speed at a start: more than rounding leaves between two simulations

@@ -1,21 +1,21 @@
-"""What is unknown of an arm: its base parameters, as steps along what is believed of them (Eq. 51)."""
+"""What is unknown of an arm, its base parameters as steps along what is believed of them (Eq. 51), and what all trials
+say of it.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from metaid.estimation.trials import Joints
-from metaid.models import Array
-from metaid.models.tree import PARAMETERS, Belief, joint_torque, random_states
+from metaid.estimation.estimate import Found
+from metaid.models import DEVIATIONS, Array
+from metaid.models.tree import PARAMETERS, Belief, TreeModel, joint_torque, random_states
 
 if TYPE_CHECKING:
     from metaid.compiled.arms import Frames
-    from metaid.estimation.arms.arm_estimate import ArmEstimate
-    from metaid.estimation.noisy.read_trial import Coefficients, Driven
 
 ROTOR = PARAMETERS.index("rotor")
 GEARED = 0.1  # standard deviations of a rotor's inertia
@@ -34,6 +34,7 @@ class ArmUnknowns:
     spread: float = SPREAD
     known: Array | None = None
 
+    kernel: ClassVar[Literal["spatial"]] = "spatial"
     kinds: ClassVar[tuple[str, ...]] = ("damping", "coulomb")  # friction is among the base parameters
     tilts: ClassVar[int] = 2  # a base turns about two horizontal axes
     ends_when_cut: ClassVar[bool] = False  # near a singular mass matrix steps are cut, and lead to a wrong minimum
@@ -101,23 +102,53 @@ class ArmUnknowns:
         needed = joint_torque(self.belief.nominal, states, rest, each)
         return float(np.abs(np.stack([needed, joint_torque(self.belief.nominal, states, rest, rest)])).max())
 
-    def drive(
-        self, driven: Driven, unknowns: Array, gravity: float, joints: Joints | None = None
-    ) -> Coefficients | None:
-        """The twin of a noisy trial, `driven` by what was commanded; None where it cannot follow.
-
-        Args:
-            driven: the trial.
-            unknowns: of the arm (nunknown).
-            gravity: that of the arm counts.
-            joints: what these have beside the base parameters; None for nothing.
-        """
-        from metaid.estimation.arms.driven import drive_arm  # loads numba
-
-        return drive_arm(driven, self, unknowns, joints)
-
     def estimated(self, found: dict[str, Any]) -> ArmEstimate:
         """The estimate with the fields of a `Fit` that were `found`."""
-        from metaid.estimation.arms.arm_estimate import ArmEstimate  # which says what it is of
-
         return ArmEstimate(**found, searched=self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmEstimate(Found):
+    """What all trials say of an arm, whose base parameters are those of what was `searched`.
+
+    `names` are the base parameters'; `unknowns` and `covariance` are of the z of Eq. 51.
+    """
+
+    searched: ArmUnknowns
+
+    @property
+    def values(self) -> Array:
+        """The base parameters (nbase)."""
+        return self.searched.values(self.unknowns)
+
+    @property
+    def parameters(self) -> Array:
+        """The most probable parameters of every joint and its link (njoint x 13): the law that is to be sent next."""
+        return self.searched.parameters(self.unknowns)
+
+    @property
+    def model(self) -> TreeModel:
+        """The arm."""
+        return TreeModel(self.searched.belief, self.values)
+
+    @cached_property
+    def value_covariance(self) -> Array:
+        """Of the base parameters (nbase x nbase)."""
+        return np.asarray(self.searched.root @ self.covariance @ self.searched.root.T, dtype=np.float64)
+
+    @property
+    def value_deviations(self) -> Array:
+        """Standard deviation of each base parameter (nbase), in its unit."""
+        return np.sqrt(np.diag(self.value_covariance))
+
+    @property
+    def left_unknown(self) -> Array:
+        """Which share of what was not known beforehand of each base parameter the trials left unknown (nbase): 1 where
+        they tell nothing.
+        """
+        return self.value_deviations / np.sqrt(np.diag(self.searched.belief.covariance))
+
+    def interval(self, deviations: float = DEVIATIONS) -> tuple[Array, Array]:
+        """Least and largest base parameters (nbase) within so many standard `deviations`: 95 % of them by default."""
+        reach = deviations * self.value_deviations
+        return self.values - reach, self.values + reach

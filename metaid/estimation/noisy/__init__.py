@@ -10,11 +10,11 @@ from metaid.estimation.noisy.commanded import centred, commanded_torques, filter
 from metaid.estimation.noisy.held_out import hold_out
 from metaid.estimation.noisy.innovations import Innovations
 from metaid.estimation.noisy.proposed import Search, explanations, proposed_faults
-from metaid.estimation.noisy.read_trial import ReadTrial
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.taken_up import take_up
 from metaid.estimation.noisy.torque_noise import fit_with_torque_noise
 from metaid.estimation.noisy.unmodelled import unmodelled_forces
+from metaid.estimation.trials import ReadTrial
 
 __all__ = [
     "Innovations",

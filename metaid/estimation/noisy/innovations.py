@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from metaid.compiled import compiled
 from metaid.estimation.noisy.filtered import lead, spread_of, watch_innovations
-from metaid.estimation.noisy.read_trial import Coefficients, ReadTrial
 from metaid.estimation.noisy.readings import Readings, started
-from metaid.estimation.trials import Joints
+from metaid.estimation.trials import Coefficients, Joints, ReadTrial
 from metaid.estimation.twin import share_out
 from metaid.estimation.unknowns import Unknowns
 from metaid.estimation.workspace import balance, derivatives, workspace

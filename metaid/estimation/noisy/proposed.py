@@ -16,7 +16,7 @@ from metaid.plant import FAULT_UNITS
 Search = Callable[[tuple[str, ...]], SearchedFaults]  # makes faults of given kinds unknown
 
 # The next only where those before explain nothing.
-TRIED = (("delay",), ("tilt",), ("viscous",), ("spring",), ("offset",), ("delay", "tilt"))
+TRIED: tuple[tuple[str, ...], ...] = (("delay",), ("tilt",), ("viscous",), ("spring",), ("offset",), ("delay", "tilt"))
 LUMP_OF = {"viscous": "damping"}  # friction that is searched as a lump is not tried
 IN_THOUSANDTHS = {"s": "ms", "rad": "mrad"}
 

@@ -4,24 +4,27 @@ and whose start speeds are unknown within what pushes differ by.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
+from metaid.estimation.arms.driven import drive_arm
 from metaid.estimation.descent import Residuals
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults
 from metaid.estimation.noisy.polynomials import before
-from metaid.estimation.noisy.read_trial import Coefficients, Driven, ReadTrial
 from metaid.estimation.noisy.smoothed import smoothed
 from metaid.estimation.noisy.windows import Compared, ReadingsInWindows, Spread
-from metaid.estimation.trials import Joints, Replay
+from metaid.estimation.trials import Coefficients, Driven, Joints, ReadTrial, Replay
+from metaid.estimation.twin import drive
 from metaid.models import Array
 
 DRAWN = 100  # readings of a push that a replay keeps
 DIFFERENCE, TINY = 1e-3, 1e-12  # of a further torque, as a share of the largest commanded; and no torque, in N m
 STEP = 1e-6  # in an unknown fault, for the derivative by it
+# The twin of a trial, driven by what was commanded, of what is unknown, where that is, gravity, and what joints have.
+KERNELS: dict[str, Callable[..., Coefficients | None]] = {"planar": drive, "spatial": drive_arm}
 
 
 class Drivable(Spread, Protocol):
@@ -52,10 +55,9 @@ class Drivable(Spread, Protocol):
     def torque(self, gravity: float, speed: float, /) -> float:
         """About what the joints need, in N m, under `gravity` in m/s² and at a `speed` in rad/s."""
 
-    def drive(
-        self, driven: Driven, log_factors: Array, gravity: float, joints: Joints | None = None, /
-    ) -> Coefficients | None:
-        """The twin of a noisy trial, `driven` by what was commanded; None where it cannot follow."""
+    @property
+    def kernel(self) -> Literal["planar", "spatial"]:
+        """Which twin it has."""
 
     def alone(self, log_factors: Array, /) -> Drivable:
         """The robot there, of which nothing is unknown any more."""
@@ -125,7 +127,7 @@ class Readings(ReadingsInWindows[ReadTrial, Drivable]):
         twin, steps = self.unknowns.alone(log_factors), np.minimum(trial.steps, last)
         alike, joints = replace(self._delivered(trial, faults), start_spread=None), self._joints(faults)
         driven = Driven(alike, starts, steps, np.tile(basis, (npush, 1, 1)))
-        motion = twin.drive(driven, np.empty(0), self.gravity, joints)
+        motion = KERNELS[twin.kernel](driven, twin, np.empty(0), self.gravity, joints)
         shown = (kept <= steps[:, None]) & (steps[:, None] > 0)
         seen = np.where(shown[..., None], trial.readings[:, kept], np.nan)
         simulated = np.full_like(seen, np.nan)
@@ -177,7 +179,7 @@ class Readings(ReadingsInWindows[ReadTrial, Drivable]):
         """
         (chosen, steps), (_, basis) = self._longest(number, windows), self._windows[number]
         driven = Driven(trial, starts, steps, basis[chosen])
-        twin = self.unknowns.drive(driven, log_factors, self.gravity, joints)
+        twin = KERNELS[self.unknowns.kernel](driven, self.unknowns, log_factors, self.gravity, joints)
         if twin is None:
             return None
         plants = np.einsum("ptk,ptj->pjk", basis[chosen], trial.readings * before(steps, trial.readings.shape[1]))

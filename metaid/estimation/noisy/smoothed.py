@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import legendre
 
-from metaid.estimation.noisy.read_trial import ReadTrial
+from metaid.estimation.trials import ReadTrial
 from metaid.models import Array
 
 DEGREE = 9  # of the polynomials that smooth the angles of a push

@@ -16,9 +16,9 @@ from metaid.estimation.estimate import Found, fit
 from metaid.estimation.faults import UNSEEN, TakenUp, named_faults
 from metaid.estimation.noisy.polynomials import explained_by_noise
 from metaid.estimation.noisy.proposed import TRIED, Search, explanations, fault_sizes
-from metaid.estimation.noisy.read_trial import ReadTrial
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.unmodelled import by_chance, unmodelled_forces
+from metaid.estimation.trials import ReadTrial
 from metaid.models import DEVIATIONS
 
 SINGLE = tuple(kinds for kinds in TRIED if len(kinds) == 1)

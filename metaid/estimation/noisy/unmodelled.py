@@ -14,8 +14,8 @@ import numpy as np
 
 from metaid.estimation.estimate import Found
 from metaid.estimation.faults import FORCES, UNSEEN, Unmodelled
-from metaid.estimation.noisy.read_trial import ReadTrial
 from metaid.estimation.noisy.readings import Readings
+from metaid.estimation.trials import ReadTrial
 from metaid.models import DEVIATIONS, SLIDING, Array
 
 CHANCE = 6.0  # standard deviations above what noise alone gains: it does not gain as much by chance
