@@ -13,12 +13,12 @@ from threadpoolctl import threadpool_limits
 from metaid.errors import StudyError
 from metaid.models import DEVIATIONS, Array, Chain, bodies_of, body_extents, known_lumps
 from metaid.plant import MujocoPlant
-from metaid.results.estimates import StudyEstimate
 from metaid.results.lump_tables import without_nan
 from metaid.results.snapshot import surviving
 from metaid.results.verdict import Verdict
 from metaid.store import Trial
 from metaid.study import COARSEST, Problem
+from metaid.study.estimates import StudyEstimate
 
 
 def parameters_table(problem: Problem, trials: list[Trial]) -> pd.DataFrame:

@@ -21,6 +21,7 @@ from metaid.models import Array
 from metaid.plant import SocketSettings
 from metaid.store import Lease, Store, Trial
 from metaid.study.create import stored_spec
+from metaid.study.estimates import keep_estimate
 from metaid.study.evaluation import Evaluator, make_evaluator
 from metaid.study.identifiability import refuse_until
 from metaid.study.kinds import AnyProblem, AnySpec, problem_of
@@ -110,6 +111,7 @@ def run_study(
                 _run_stage(run, evaluator, writer, watch)
         if run.number < total and store.attribute(name, ENDED_KEY) != run.number:
             store.set_attribute(name, ENDED_KEY, run.number)
+        keep_estimate(store, name, problem_of(spec), lease)
     store.check_written(name, run.number)
     return run.progress
 

@@ -10,10 +10,9 @@ from matplotlib.colors import LogNorm
 from matplotlib.ticker import MaxNLocator
 
 from metaid.models import DEVIATIONS, Array
-from metaid.results import StudyEstimate
-from metaid.results.arms import ArmFound
 from metaid.show.figures.lumps import LEAST, draw_correlation
 from metaid.show.figures.style import COLOURS, FALL, INK, SURVIVOR, VALUES, every, new_axes, size_of, verbatim
+from metaid.study.estimates import ArmFound, StudyEstimate
 
 if TYPE_CHECKING:
     from metaid.estimation import Replay
