@@ -17,7 +17,7 @@ import pandas as pd
 from metaid.errors import StudyError
 from metaid.results.best import first_of_best
 from metaid.store import EXPERIMENT, ForeignTrial, Store, Trial, shown_trial
-from metaid.study import ENDED_KEY, ArmSpec, Problem, StudySpec, optuna_spec, stored_spec
+from metaid.study import ENDED_KEY, ArmSpec, Problem, StudySpec, optuna_spec, problem_of, stored_spec
 from metaid.study.estimates import StudyEstimate, estimate_from, kept_with, shown_by_others
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class Snapshot:
     @cached_property
     def stages(self) -> list[Stage]:
         """The stages of the study, those without a trial included."""
-        first, grouped = Problem(self.spec), trials_by_stage(self.spec, self.trials)
+        first, grouped = problem_of(self.spec), trials_by_stage(self.spec, self.trials)
         if first.body_space is not None:
             return [Stage(first, [replace(each, factors=first.lump_factors(each.factors)) for each in self.trials])]
         survivors = surviving(grouped[0])

@@ -11,6 +11,7 @@ from __future__ import annotations
 import logging
 import platform
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from datetime import UTC, datetime
 
@@ -118,7 +119,8 @@ def run_study(
 
 def _replayed(store: Store, name: str, spec: AnySpec, total: int, until: float | None) -> Run:
     stored = store.trials(name, *spec.names)
-    run, here = Run(problem_of(spec), max(total, len(stored)), until), arithmetic()
+    # A run moves bounds, and what follows from the settings is not to be changed.
+    run, here = Run(copy(problem_of(spec)), max(total, len(stored)), until), arithmetic()
     if not stored:
         store.set_attribute(name, ARITHMETIC_KEY, here)
         return run

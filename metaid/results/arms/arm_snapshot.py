@@ -10,7 +10,7 @@ from metaid.models.tree import Tree
 from metaid.results.best import best_trial
 from metaid.results.snapshot import surviving
 from metaid.store import ForeignTrial, Trial
-from metaid.study import ArmProblem, ArmSpec
+from metaid.study import ArmProblem, ArmSpec, problem_of
 from metaid.study.estimates import ArmFound, estimate_from
 
 
@@ -35,7 +35,7 @@ class ArmSnapshot:
     @cached_property
     def problem(self) -> ArmProblem:
         """What follows from its settings."""
-        return ArmProblem(self.spec)
+        return problem_of(self.spec)
 
     @cached_property
     def estimate(self) -> ArmFound | None:
