@@ -17,7 +17,7 @@ from pathlib import Path
 
 from benchmarks.common import machine, table
 
-NAMES = ("engine", "study", "overhead", "workers", "fits")
+NAMES = ("engine", "study", "overhead", "workers", "fits", "showing")
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1"}  # for the scripts that metaid is compared with; metaid sees to it itself
 
 

@@ -93,8 +93,8 @@ def stand(named: str, nlink: int, seed: int) -> Stood:
     assert truth is not None
     error, taken_up = np.inf, list[str]()
     if found is not None:
-        off = found.estimate.log_factors - found.experiment.unknowns.log_factors(truth)
-        error = float(np.abs(np.expm1(found.estimate.design @ off)).max())
+        off = np.log(found.lumps_of(found.estimate) / truth.vector_of(found.kinds))
+        error = float(np.abs(np.expm1(off)).max())
         taken_up = list(found.estimate.faults.searched.kinds) if found.estimate.faults else []
     motion = sum(trial.outcome.steps for trial in trials) * spec.timestep
     return Stood(named, nlink, seed, error, verdict.is_found, taken_up, motion, cpu)

@@ -33,11 +33,11 @@ from metaid.study import (
     TIP_SPEED,
     AnySpec,
     OptunaObjective,
-    Problem,
     Progress,
     ensure_study,
     load_study,
     of_chain,
+    problem_of,
     run_study,
     stored_spec,
 )
@@ -171,7 +171,7 @@ def evaluate(study: str | Path | AnySpec, factors: Mapping[str, float] | None = 
     """One candidate of a study, `factors` of its nominal lumps by name, without any DB.  Raises StudyError,
     PlantError, EpisodeError.
     """
-    with closing(Problem(of_chain(_spec(study))).make_lump_objective()) as objective:
+    with closing(problem_of(of_chain(_spec(study))).make_lump_objective()) as objective:
         return objective.evaluate(check_factors(factors or {}, objective.nominal))
 
 

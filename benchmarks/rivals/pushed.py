@@ -14,9 +14,10 @@ from metaid.compiled import Objective
 from metaid.episode import Outcome
 from metaid.estimation import ChainExperiment, NoisyExperiment, ReadTrial
 from metaid.models import Array, Lumps, compensation_basis
-from metaid.results import estimate_of, identified_factors
+from metaid.results import identified_factors
 from metaid.search import make_searcher
 from metaid.study import Problem, StudySettings, StudySpec
+from metaid.study.estimates import estimate_of
 
 SEARCHED = {"friction": "viscous", "tilt": "tilt", "delay": "delay", "offset": "offset"}  # as a study has them
 # Of `output-error`: there are more pushes in a trial where there is more time, and fewer where there is little. One law

@@ -139,9 +139,9 @@ def check(source: str, changes: tuple[str, ...], until: float | None, as_json: b
     from metaid.models import lump_unit
     from metaid.study import (
         ArmSpec,
-        Problem,
         forecast,
         identifiability,
+        problem_of,
         question,
         refuse_until,
         refuse_what_cannot_be_run,
@@ -158,8 +158,8 @@ def check(source: str, changes: tuple[str, ...], until: float | None, as_json: b
         return
     if asked := question(spec):
         say(asked, err=True)
-    stages = [identifiability(problem) for problem in Problem(spec).stages()]
-    foreseen = None if until is None else forecast(Problem(spec), until)
+    stages = [identifiability(problem) for problem in problem_of(spec).stages()]
+    foreseen = None if until is None else forecast(problem_of(spec), until)
     rows = [
         row
         for found in stages
@@ -221,9 +221,9 @@ def check(source: str, changes: tuple[str, ...], until: float | None, as_json: b
 
 def _and_widened(spec: StudySpec) -> str:
     """What becomes of the bounds, as the end of a sentence."""
-    from metaid.study import Problem
+    from metaid.study import problem_of
 
-    widens = Problem(spec).widens_by_itself
+    widens = problem_of(spec).widens_by_itself
     return ": one that holds the search back is moved away, once" if widens else " (search.low, search.high)"
 
 
@@ -233,18 +233,18 @@ def _share(value: float) -> str:
 
 def _judge(spec: StudySpec) -> str:
     """What determines the lumps of a study: its measure, or the estimate where that answers."""
-    from metaid.study import Problem
+    from metaid.study import problem_of
 
-    return "the estimate" if Problem(spec).is_told_by_estimate else spec.study.episode.measure
+    return "the estimate" if problem_of(spec).is_told_by_estimate else spec.study.episode.measure
 
 
 def _undetermined(spec: StudySpec) -> str | None:
     """What the pushes of a study do not determine, in one line; None if they do, or if it costs nothing to see it in
     the verdict: the estimate from simulated trials says the same, and trying it beforehand takes as long.
     """
-    from metaid.study import Problem, identifiability
+    from metaid.study import identifiability, problem_of
 
-    first = Problem(spec)
+    first = problem_of(spec)
     if first.is_simulated and first.is_told_by_estimate:
         return None
     names = [name for problem in first.stages() for name in identifiability(problem).undetermined_names]

@@ -6,7 +6,7 @@ import numpy as np
 
 from metaid.errors import PlantError
 from metaid.models import Array, Chain
-from metaid.plant import Plant, Start
+from metaid.plant import MujocoPlant, Plant, Start
 
 REACH = 1.0  # rad that the fastest link of a rich push coasts through within the horizon: short of the fall limit
 
@@ -19,8 +19,10 @@ SLOWEST_LINK, SLOWEST_JOINT = 0.3, 0.2  # of the peak speed, in a rich push
 
 def pushed_speeds(plant: Plant, pushes: Array) -> Array:
     """The absolute link speeds (npush x njoint), in rad/s, that are seen right after each of the `pushes` (npush x
-    njoint), in N s.
+    njoint), in N s. A simulated plant is not moved: it knows them.
     """
+    if isinstance(plant, MujocoPlant):
+        return np.array([np.cumsum(plant.start_speeds(Start.upright(impulses))) for impulses in pushes])
     seen = []
     for impulses in pushes:
         plant.push(Start.upright(impulses))

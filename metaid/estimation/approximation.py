@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
 
 from metaid.models import DEVIATIONS, Array, Lumps, mass_matrix
 
@@ -75,6 +74,8 @@ class Approximation:
 
         Eq. 69.
         """
+        from scipy.special import stdtrit  # which a command that only reads a DB mostly does without
+
         parts = len(self.held_out.unknowns)
         reach = float(stdtrit(parts - 1, PROBABILITY)) / DEVIATIONS  # Student's
         repeated = reach * self.held_out.deviations[: len(self.own)]

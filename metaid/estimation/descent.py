@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from metaid.models import Array
 
@@ -153,6 +152,8 @@ def step_within(factor: Array, target: Array, radius: float) -> Array:
     """The step s (nunknown) that minimises |R s − b|² + λ |s|², λ being 0 if no unknown then changes by more than
     `radius`, or else so large that the largest change is NEARLY all of it.  Eq. 26.
     """
+    from scipy.linalg import solve_triangular  # which a command that only reads a DB does without
+
     step: Array = solve_triangular(factor, target)
     if float(np.abs(step).max()) <= radius:
         return step

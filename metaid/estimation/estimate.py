@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -81,6 +82,11 @@ class Estimate(Found):
         return self.unknowns
 
     @property
+    def parameters(self) -> Array:
+        """What the unknowns are the log factors of (nunknown), in SI units."""
+        return parameters_of(self.names, self.lumps)
+
+    @property
     def lump_covariance(self) -> Array:
         """Of the log factors of the lumps (nlump x nlump)."""
         return np.asarray(self.design @ self.covariance @ self.design.T, dtype=np.float64)
@@ -107,6 +113,21 @@ class Estimate(Found):
         """
         reach, log_factors = deviations * self.lump_deviations, self.design @ self.log_factors
         return np.exp(log_factors - reach), np.exp(log_factors + reach)
+
+
+def parameters_of(names: Sequence[str], lumps: Lumps) -> Array:
+    """The parameters of a chain by their `names` (nparameter), in SI units, from its lumps."""
+    kinds = dict.fromkeys(name.partition("_")[0] for name in names)
+    parts = [lengths_of(lumps) if kind == "length" else lumps.of(kind) for kind in kinds]
+    return np.concatenate([*parts, np.empty(0)])
+
+
+def lengths_of(lumps: Lumps) -> Array:
+    """The lengths (nlink − 1), in m, of the chain that has these `lumps`, a_ij = l_i μ_j: those of the neighbours j.
+
+    Eq. 2.
+    """
+    return np.asarray(np.diag(lumps.coriolis, 1) / lumps.gravity[1:], dtype=np.float64)
 
 
 def fit(

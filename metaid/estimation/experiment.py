@@ -94,11 +94,15 @@ class Experiment(ABC):
         """
         return []
 
-    def taken_up(self, trials: Sequence[Any], estimate: Found) -> tuple[Any, Any, TakenUp | None]:
-        """What the `trials` say with the faults that explain them, where an experiment takes up faults by itself: the
-        experiment that searches these, its estimate, and what speaks for them; else this experiment and the `estimate`.
+    def taken_up(self, trials: Sequence[Any], estimate: Found) -> tuple[Any, TakenUp | None]:
+        """What the `trials` say with the faults that explain them, where an experiment takes up faults by itself, and
+        what speaks for these; else the `estimate`.
         """
-        return self, estimate, None
+        return estimate, None
+
+    def searching(self, estimate: Found) -> Any:
+        """The same where the faults that an `estimate` has taken up are searched from the first trial on."""
+        return self
 
     def proposed(self, trials: Sequence[Any], estimate: Found) -> Proposal | None:
         """Faults that would explain what an `estimate` of the `trials` does not, if they were searched, too. None where
@@ -168,11 +172,11 @@ class OfReadings(Experiment):
             return super().estimate(trials, start)
         return explained or found
 
-    def taken_up(self, trials: Sequence[Any], estimate: Found) -> tuple[Any, Any, TakenUp | None]:
-        if not self.takes_up:
-            return self, estimate, None
-        found, taken = take_up(self._comparison(trials), estimate, self._search)
-        return (self if found.faults is None else self._searching(found.faults.searched)), found, taken
+    def taken_up(self, trials: Sequence[Any], estimate: Found) -> tuple[Any, TakenUp | None]:
+        return take_up(self._comparison(trials), estimate, self._search) if self.takes_up else (estimate, None)
+
+    def searching(self, estimate: Found) -> Any:
+        return self._searching(estimate.faults.searched) if self.takes_up and estimate.faults is not None else self
 
     def proposed(self, trials: Sequence[Any], estimate: Found) -> Proposal | None:
         if self.takes_up or self.torque_noise is not None:

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from metaid.estimation.descent import NOTHING
-from metaid.estimation.estimate import Estimate
+from metaid.estimation.estimate import Estimate, lengths_of, parameters_of
 from metaid.models import Array, Lumps, lump_names
 
 FULL = ("gravity", "coriolis", "inertia")  # the full dynamics of a chain without friction
@@ -124,16 +124,7 @@ class Unknowns:
 
     def log_factors(self, lumps: Lumps) -> Array:
         """The log factors (nunknown) of `lumps`, those of a chain."""
-        return np.log(self._parameters_of(lumps) / self._parameters_of(self.nominal))
-
-    def parameters(self, log_factors: Array) -> Array:
-        """The parameters (nunknown), in SI units, with these `log_factors` (nunknown)."""
-        return np.asarray(self._parameters_of(self.nominal) * np.exp(log_factors), dtype=np.float64)
-
-    def _parameters_of(self, lumps: Lumps) -> Array:
-        kinds = dict.fromkeys(name.partition("_")[0] for name in self.names)
-        parts = [lengths_of(lumps) if kind == "length" else lumps.of(kind) for kind in kinds]
-        return np.concatenate([*parts, np.empty(0)])
+        return np.log(parameters_of(self.names, lumps) / parameters_of(self.names, self.nominal))
 
     def torque(self, gravity: float, speed: float) -> float:
         """About what the joints need, in N m, under `gravity` in m/s² and at a `speed` in rad/s."""
@@ -148,14 +139,6 @@ class Unknowns:
         log_factors = found["unknowns"]
         lumps, names = self.lumps(log_factors), tuple(self.lump_names)
         return Estimate(**found, lumps=lumps, lump_names=names, design=self.design)
-
-
-def lengths_of(lumps: Lumps) -> Array:
-    """The lengths (nlink − 1), in m, of the chain that has these `lumps`, a_ij = l_i μ_j: those of the neighbours j.
-
-    Eq. 2.
-    """
-    return np.asarray(np.diag(lumps.coriolis, 1) / lumps.gravity[1:], dtype=np.float64)
 
 
 def coriolis_of(lengths: Array, gravity: Array) -> Array:

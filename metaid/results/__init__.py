@@ -8,11 +8,8 @@ from metaid.results.body_tables import body_rows, describe_bodies, describe_poss
 from metaid.results.comparison import Comparison, compare
 from metaid.results.control import BANDWIDTH, smooth_sinusoids, track
 from metaid.results.estimates import (
-    StudyEstimate,
     describe_known_from,
     describe_trials,
-    estimate_of,
-    interval_name,
 )
 from metaid.results.findings import Findings, findings_of, read_any_findings, read_findings
 from metaid.results.lump_tables import without_nan
@@ -31,6 +28,7 @@ from metaid.results.tables import (
 )
 from metaid.results.validation import PUSHES, Validation, validate_factors
 from metaid.results.verdict import RESULTS, Verdict, judge, missed
+from metaid.study.estimates import interval_name
 
 __all__ = [
     "BANDWIDTH",
@@ -40,7 +38,6 @@ __all__ = [
     "Findings",
     "Plane",
     "Snapshot",
-    "StudyEstimate",
     "Sweep",
     "Validation",
     "Verdict",
@@ -54,7 +51,6 @@ __all__ = [
     "describe_possible_bodies",
     "describe_trials",
     "estimate_frame",
-    "estimate_of",
     "findings_of",
     "identified_factors",
     "interval_name",

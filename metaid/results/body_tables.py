@@ -13,12 +13,12 @@ from threadpoolctl import threadpool_limits
 from metaid.errors import StudyError
 from metaid.models import DEVIATIONS, Array, Chain, bodies_of, body_extents, known_lumps
 from metaid.plant import MujocoPlant
-from metaid.results.estimates import StudyEstimate
 from metaid.results.lump_tables import without_nan
 from metaid.results.snapshot import surviving
 from metaid.results.verdict import Verdict
 from metaid.store import Trial
 from metaid.study import COARSEST, Problem
+from metaid.study.estimates import StudyEstimate
 
 
 def parameters_table(problem: Problem, trials: list[Trial]) -> pd.DataFrame:
@@ -67,8 +67,7 @@ def bodies_table(problem: Problem, found: StudyEstimate | None, verdict: Verdict
     estimate, nominal = found.estimate, problem.nominal
     is_given = problem.spec.study.estimate.lengths == "exact" or "coriolis" not in problem.estimated_kinds
     length = nominal.length if is_given else None
-    parameters = found.experiment.unknowns.parameters(estimate.log_factors)
-    lumps = known_lumps(estimate.names, parameters, found.covariance, DEVIATIONS, length)
+    lumps = known_lumps(estimate.names, estimate.parameters, found.covariance, DEVIATIONS, length)
     with threadpool_limits(1):
         extents = body_extents(lumps)
     if extents is None:

@@ -13,7 +13,6 @@ from metaid.errors import StorageError, unknown
 from metaid.models import Array
 from metaid.results.arms import ArmFindings, ArmSnapshot, read_any_snapshot
 from metaid.results.best import best_index, best_rows
-from metaid.results.estimates import StudyEstimate
 from metaid.results.overview import summarized
 from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.results.tables import trials_table
@@ -21,6 +20,7 @@ from metaid.results.validation import Validation, validate_chain
 from metaid.results.verdict import Verdict, judge
 from metaid.store import Store
 from metaid.study import Problem, StudySpec
+from metaid.study.estimates import StudyEstimate
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective

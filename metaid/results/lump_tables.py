@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from metaid.models import DEVIATIONS, Array, lump_names, lump_unit
 from metaid.plant import MujocoPlant, fault_names, fault_unit, true_faults
 from metaid.results.best import factor_range, identified_factors
-from metaid.results.estimates import StudyEstimate
 from metaid.results.snapshot import Snapshot, Stage
 from metaid.study import COARSEST, Problem, identifiability_by_measure
+from metaid.study.estimates import StudyEstimate
 
 
 def best_table(snapshot: Snapshot) -> pd.DataFrame:

@@ -10,12 +10,13 @@ from metaid.errors import StudyError
 from metaid.results.arms import ArmSnapshot, arm_summary, judge_any, read_any_snapshot
 from metaid.results.best import best_trial
 from metaid.results.body_tables import body_rows, parameters_table
-from metaid.results.estimates import StudyEstimate, approximation_rows, why_no_estimate
+from metaid.results.estimates import approximation_rows, why_no_estimate
 from metaid.results.lump_tables import fault_rows, largest_error, without_nan
 from metaid.results.snapshot import Snapshot, Stage, counted_states, surviving
 from metaid.results.verdict import NUMBERS, Verdict
 from metaid.store import ForeignTrial, Store, Trial
 from metaid.study import Problem
+from metaid.study.estimates import StudyEstimate
 
 
 def summary(store: Store, name: str, with_bodies: bool = False) -> dict[str, Any]:

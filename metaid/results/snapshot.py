@@ -16,9 +16,9 @@ import pandas as pd
 
 from metaid.errors import StudyError
 from metaid.results.best import first_of_best
-from metaid.results.estimates import StudyEstimate, has_motion_of, study_estimate
 from metaid.store import EXPERIMENT, ForeignTrial, Store, Trial, shown_trial
-from metaid.study import ENDED_KEY, ArmSpec, Problem, StudySpec, optuna_spec, stored_spec
+from metaid.study import ENDED_KEY, ArmSpec, Problem, StudySpec, optuna_spec, problem_of, stored_spec
+from metaid.study.estimates import StudyEstimate, estimate_from, kept_with, shown_by_others
 
 if TYPE_CHECKING:
     import optuna
@@ -42,7 +42,8 @@ class Stage:
 @dataclass(frozen=True)
 class Snapshot:
     """A study's `name`, its settings, and all its `trials`, with factors of what was searched; the `foreign` trials of
-    the study, which metaid did not write; and with how many trials its search `ended`, None where no run got so far.
+    the study, which metaid did not write; with how many trials its search `ended`, None where no run got so far; and
+    what the DB has `kept` of the estimate.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Snapshot:
     trials: list[Trial]
     foreign: tuple[ForeignTrial, ...] = ()
     ended: int | None = None
+    kept: Any = None
 
     @property
     def is_finished(self) -> bool:
@@ -59,37 +61,25 @@ class Snapshot:
     @cached_property
     def stages(self) -> list[Stage]:
         """The stages of the study, those without a trial included."""
-        first, grouped = Problem(self.spec), trials_by_stage(self.spec, self.trials)
+        first, grouped = problem_of(self.spec), trials_by_stage(self.spec, self.trials)
         if first.body_space is not None:
             return [Stage(first, [replace(each, factors=first.lump_factors(each.factors)) for each in self.trials])]
         survivors = surviving(grouped[0])
         problems = first.stages(first_of_best(survivors).factors if survivors else None)
         return [Stage(problem, own) for problem, own in zip(problems, grouped, strict=True)]
 
-    @cached_property
-    def evaluated(self) -> list[ForeignTrial]:
-        """The trials of others that `metaid.objective` evaluated with the settings of this study."""
-        return [each for each in self.foreign if each.experiment == self.spec.experiment]
-
-    @cached_property
-    def shown_by_others(self) -> list[Trial]:
-        """Those of them that carry motion, each once, with factors of lumps, whatever was searched."""
-        carried = [each.shown for each in self.evaluated if each.shown is not None]
-        fits = [each for each in carried if has_motion_of(self.first.episode, each.outcome)]
-        alone = [each for i, each in enumerate(fits) if not any(_is_copy(each, earlier) for earlier in fits[:i])]
-        return [replace(each, factors=self.first.lump_factors(each.factors)) for each in alone]
-
     @property
     def all_shown(self) -> list[Trial]:
         """The trials of the first stage that an estimate may be made of."""
-        return [*self.stages[0].trials, *self.shown_by_others]
+        return [*self.stages[0].trials, *shown_by_others(self.first, self.foreign)]
 
     @cached_property
     def estimate(self) -> StudyEstimate | None:
         """What all trials of the first stage say together, those of others that carry motion included; None where
         nothing can be made of them.
         """
-        return study_estimate(self.first, self.stages[0].trials, self.shown_by_others)
+        found: StudyEstimate | None = estimate_from(self.kept, self.first, self.trials, self.foreign)
+        return found
 
     @property
     def first(self) -> Problem:
@@ -109,7 +99,7 @@ def read_snapshot(store: Store, name: str) -> Snapshot:
             "metaid.summary, lumps and trials)"
         )
     stored = store.read(name, *spec.names)
-    return Snapshot(name, spec, stored.own, stored.foreign, store.attribute(name, ENDED_KEY))
+    return Snapshot(name, spec, stored.own, stored.foreign, store.attribute(name, ENDED_KEY), kept_with(store, name))
 
 
 def snapshot_of(study: optuna.Study) -> Snapshot:
@@ -129,20 +119,6 @@ def snapshot_of(study: optuna.Study) -> Snapshot:
         for each in study.get_trials(deepcopy=False)
     ]
     return Snapshot(study.study_name, spec, [], tuple(foreign))
-
-
-def _is_copy(one: Trial, other: Trial) -> bool:
-    """Whether two trials are one trial and its copy, as Optuna's `add_trials` makes them."""
-    shown, read = one.outcome.windows, one.outcome.readings
-    if not np.array_equal(one.factors, other.factors):
-        return False
-    if shown is not None:
-        return other.outcome.windows is not None and np.array_equal(shown.motion, other.outcome.windows.motion)
-    return (
-        read is not None
-        and other.outcome.readings is not None
-        and np.array_equal(read.angles, other.outcome.readings.angles)
-    )
 
 
 def trials_by_stage(spec: StudySpec, trials: list[Trial]) -> list[list[Trial]]:

@@ -122,6 +122,7 @@ def _study_row(store: Store, name: str) -> dict[str, object]:
     if isinstance(snapshot, ArmSnapshot):
         return {**known, **_judged(snapshot.problem.measure.name, surviving(snapshot.trials), judge_any(snapshot))}
     try:
+        snapshot.first.check()
         survivors = snapshot.stages[0].survivors
     except StudyError:  # too large to be computed: the others are listed all the same, and `show` says why
         return {**known, "measure": snapshot.spec.study.episode.measure, "verdict": ""}

@@ -16,14 +16,14 @@ import pandas as pd
 from metaid.errors import StudyError
 from metaid.models import Array
 from metaid.results.best import best_trial
-from metaid.results.estimates import StudyEstimate, why_no_estimate
+from metaid.results.estimates import why_no_estimate
 from metaid.results.lump_tables import best_table, estimate_table, fault_table
 from metaid.results.snapshot import Snapshot, Stage
 from metaid.study import COARSEST, Problem, lumps_at_bounds
+from metaid.study.estimates import StudyEstimate
 
 Word = Literal["found", "approximate", "not found", "unfinished"]
 Source = Literal["estimate", "best trial"]
-Reason = str | StudyEstimate  # what an estimate says of faults takes fits: only who reads the reason waits for them
 
 RESULTS = "found", "approximate"  # the words of what has numbers to use
 NUMBERS = frozenset({"factor", "identified", "error"})  # columns of lumps that are not shown where nothing was found
@@ -32,19 +32,14 @@ FAR = 3.0  # resolutions of the measure: the value of a minimum is not so far ab
 
 @dataclass(frozen=True)
 class Verdict:
-    """The `word`, the `source` of the lumps, `why`, and the table of `lumps` that the study stands by, as `lumps_frame`
-    has it.
+    """The `word`, the `source` of the lumps, the `reasons`, which are sentences without a full stop that name a lump, a
+    bound or a number, and the table of `lumps` that the study stands by, as `lumps_frame` has it.
     """
 
     word: Word
     source: Source
-    why: tuple[Reason, ...]
+    reasons: tuple[str, ...]
     lumps: pd.DataFrame
-
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        """Sentences without a full stop that name a lump, a bound or a number."""
-        return tuple(each if isinstance(each, str) else each.description for each in self.why)
 
     @property
     def is_found(self) -> bool:
@@ -84,7 +79,8 @@ def judge(snapshot: Snapshot) -> Verdict:
         reasons = (f"the trials show no lump to better than {COARSEST:.0%}: push more, or harder",)
         return _not_yet(snapshot, "estimate", reasons, lumps)
     if problem.goes_by_estimate:
-        against: tuple[Reason, ...] = (estimate or why_no_estimate(problem, snapshot.all_shown),)
+        why = why_no_estimate(problem, snapshot.all_shown) if estimate is None else estimate.description
+        against: tuple[str, ...] = (why,)
         source: Source = "estimate"
         lumps = estimate_table(problem, estimate, is_result=False)
     else:
@@ -100,7 +96,9 @@ def judge(snapshot: Snapshot) -> Verdict:
         return _not_yet(snapshot, source, (*against, worth.why_not), lumps)
     lumps = estimate_table(problem, estimate, is_result=True)
     missing = _missing(problem, estimate, lumps)
-    return Verdict("approximate", "estimate", (worth.predicted, worth.not_explained, *missing, estimate), lumps)
+    return Verdict(
+        "approximate", "estimate", (worth.predicted, worth.not_explained, *missing, estimate.description), lumps
+    )
 
 
 def _missing(problem: Problem, estimate: StudyEstimate, lumps: pd.DataFrame) -> Iterator[str]:
@@ -117,13 +115,13 @@ def missed(lumps: pd.DataFrame, who: str) -> Iterator[str]:
         yield f"{', '.join(names)} {be} not determined: {who} not know {them} to a tenth"
 
 
-def _not_yet(snapshot: Snapshot, source: Source, reasons: tuple[Reason, ...], lumps: pd.DataFrame) -> Verdict:
+def _not_yet(snapshot: Snapshot, source: Source, reasons: tuple[str, ...], lumps: pd.DataFrame) -> Verdict:
     done = len(snapshot.trials), snapshot.spec.study.total_trials
     return not_yet(snapshot.is_finished, done, source, reasons, lumps)
 
 
 def not_yet(
-    is_finished: bool, done: tuple[int, int], source: Source, reasons: tuple[Reason, ...], lumps: pd.DataFrame
+    is_finished: bool, done: tuple[int, int], source: Source, reasons: tuple[str, ...], lumps: pd.DataFrame
 ) -> Verdict:
     """Unfinished where trials are left, else not found: then lumps have the numbers of the last estimate or the best
     trial, and none is said to be known.
@@ -144,7 +142,7 @@ def not_yet(
     return Verdict("not found", source, reasons, lumps)
 
 
-def _against_best(snapshot: Snapshot, lumps: pd.DataFrame) -> Iterator[Reason]:
+def _against_best(snapshot: Snapshot, lumps: pd.DataFrame) -> Iterator[str]:
     """What speaks against taking the best trial of each stage for the result."""
     for stage in snapshot.stages:
         if not stage.survivors:
@@ -155,7 +153,7 @@ def _against_best(snapshot: Snapshot, lumps: pd.DataFrame) -> Iterator[Reason]:
     yield from _untested(snapshot)
 
 
-def _untested(snapshot: Snapshot) -> Iterator[Reason]:
+def _untested(snapshot: Snapshot) -> Iterator[str]:
     """Why the model of a best trial was not tested, or what refuted it.
 
     Wrong lumps can make up for friction or a spring so well that noise, or a count, does not show what is left over.
@@ -166,7 +164,7 @@ def _untested(snapshot: Snapshot) -> Iterator[Reason]:
     shows_all = problem.measure.sees_coriolis and not problem.measure.is_noisy
     if estimate is not None:
         if not (shows_all and best <= problem.resolution):
-            yield estimate
+            yield estimate.description
     elif not shows_all:
         why = why_no_estimate(problem, snapshot.all_shown)
         name = problem.measure.name

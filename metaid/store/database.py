@@ -29,6 +29,7 @@ from metaid.store.optuna_tables import (
     SchemaVersionError,
     StudyDirectionModel,
     StudyModel,
+    StudySystemAttributeModel,
     StudyUserAttributeModel,
     TrialModel,
 )
@@ -47,6 +48,7 @@ MOST_SHOWN = 64  # trials of others whose motion is read
 WriteCheck = Callable[[sa.Connection, int], None]
 SPOILED = ValueError, TypeError, LookupError, ArithmeticError  # what reading a row of another type or form raises
 
+_ATTRIBUTES: dict[bool, Any] = {True: StudyUserAttributeModel, False: StudySystemAttributeModel}  # by who sees them
 _STUDY = sa.select(StudyModel.study_id).where(StudyModel.study_name == sa.bindparam("study"))
 
 
@@ -174,18 +176,31 @@ class Store:
         with self._errors(), self._engine.connect() as connection:
             return str(connection.scalar(query))
 
-    def attribute(self, name: str, key: str) -> Any:
-        """What a user attribute of the study says; None where it has none of that `key`."""
-        attribute = StudyUserAttributeModel
+    def attribute(self, name: str, key: str, shown: bool = True) -> Any:
+        """What an attribute of the study says, one that Optuna's tools have `shown` or one that they do not show; None
+        where it has none of that `key`.
+        """
+        attribute = _ATTRIBUTES[shown]
         query = sa.select(attribute.value_json).where(attribute.study_id == self._study_id(name), attribute.key == key)
         with self._errors(), self._engine.connect() as connection:
             text = connection.scalar(query)
             return None if text is None else json.loads(text)
 
-    def set_attribute(self, name: str, key: str, value: Any) -> None:
-        """Gives the study a user attribute, in place of the one that it has of that `key`."""
-        attribute = StudyUserAttributeModel
+    def set_attribute(
+        self, name: str, key: str, value: Any, shown: bool = True, write_check: WriteCheck = unchecked
+    ) -> None:
+        """Gives the study an attribute, in place of the one that it has of that `key`.
+
+        Args:
+            name: the study's.
+            key: the attribute's.
+            value: of it, as JSON can say it.
+            shown: whether Optuna's tools show it.
+            write_check: called within the transaction, before anything is written; raises where it must not be.
+        """
+        attribute = _ATTRIBUTES[shown]
         with self.writing(name) as (connection, study_id):
+            write_check(connection, study_id)
             connection.execute(sa.delete(attribute).where(attribute.study_id == study_id, attribute.key == key))
             row = {"study_id": study_id, "key": key, "value_json": json.dumps(value)}
             connection.execute(sa.insert(attribute).values(row))

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from metaid.episode import Measure
+from metaid.episode import Measure, get_measure
 from metaid.errors import EpisodeError, StudyError, unknown
 from metaid.models import FRICTION, IDEAL, Array, Chain, factors_from_names
 from metaid.plant import PlantSettings
 from metaid.search import SAMPLERS
-from metaid.study.settings import Factors, SearchSettings, StudySettings, StudySpec
+from metaid.study.settings import EpisodeSettings, Factors, SearchSettings, StudySettings, StudySpec
 
 MOST_STEPS = 100_000_000  # of a trial: some ten seconds of a core at two links, minutes at ten
 MOST_MEMORY = 8 * 2**30  # bytes
@@ -222,3 +222,11 @@ def lump_factors(key: str, given: Factors, nlink: int, search: SearchSettings, s
     except EpisodeError as problem:
         raise StudyError(f"search: {key}: {problem}") from None
     return factors[-nlink:] if stage == 2 else factors[:-nlink]
+
+
+def measure_of(episode: EpisodeSettings) -> Measure:
+    """The measure of an `episode`.  Raises StudyError where its settings contradict each other."""
+    try:
+        return get_measure(episode.measure, episode.rule)
+    except EpisodeError as problem:
+        raise StudyError(f"episode: measure: {problem}") from None

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections import deque
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 from metaid.errors import StudyError
 from metaid.models import Array
@@ -17,6 +18,8 @@ from metaid.study.settings import NominalSettings, StudySpec, read_study
 AnySpec = StudySpec | ArmSpec
 AnyProblem = Problem | ArmProblem
 
+_latest: deque[AnyProblem] = deque(maxlen=4)  # so that a command makes what follows from a study once
+
 
 def spec_from(text: str) -> AnySpec:
     """The study whose settings a JSON `text` holds.  Raises ValueError where it holds none."""
@@ -25,11 +28,25 @@ def spec_from(text: str) -> AnySpec:
     return (ArmSpec if is_arm else StudySpec).model_validate_json(text)
 
 
+@overload
+def problem_of(spec: StudySpec) -> Problem: ...
+@overload
+def problem_of(spec: ArmSpec) -> ArmProblem: ...
+@overload
+def problem_of(spec: AnySpec, found: Array | None = None) -> AnyProblem: ...
 def problem_of(spec: AnySpec, found: Array | None = None) -> AnyProblem:
     """What follows from a study's settings; of a chain in its second stage given the factors `found` (nlump) in the
-    first.  Raises StudyError where the settings contradict each other.
+    first. It is made once: settings that were asked about before have the same one, which is not to be changed.
+
+    Raises StudyError where the settings contradict each other.
     """
-    return ArmProblem(spec) if isinstance(spec, ArmSpec) else Problem(spec, found)
+    if found is not None and isinstance(spec, StudySpec):
+        return Problem(spec, found)
+    known = next((each for each in tuple(_latest) if each.spec == spec), None)
+    if known is None:
+        known = ArmProblem(spec) if isinstance(spec, ArmSpec) else Problem(spec)
+        _latest.append(known)
+    return known
 
 
 def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> AnySpec:
@@ -37,7 +54,7 @@ def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> AnySp
     Raises StudyError, PlantError.
     """
     spec = read_study(name, changes)
-    problem_of(spec)
+    problem_of(spec).check()
     return spec
 
 
@@ -61,7 +78,7 @@ def with_nominal(spec: AnySpec, nominal: tuple[LinkSettings, ...] | Tree) -> Any
         )
     study = spec.study.model_copy(update={"nominal": NominalSettings(links=nominal)})
     changed = spec.model_copy(update={"nominal": nominal, "study": study})
-    problem_of(changed)
+    problem_of(changed).check()
     return changed
 
 

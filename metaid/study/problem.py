@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from metaid.episode import QUANTITIES, Episode, Measure, Outcome, failure, get_measure, pushed_speeds
+from metaid.episode import QUANTITIES, Episode, Outcome, failure, pushed_speeds
 from metaid.errors import EpisodeError, StudyError
 from metaid.models import (
     FRICTION,
@@ -46,12 +46,13 @@ from metaid.study.contradictions import (
     check_rig,
     check_settings,
     lump_factors,
+    measure_of,
     parameter_factors,
     upper_bounds,
 )
 from metaid.study.experiments import noisy_experiment, rig_experiment
 from metaid.study.pushing import make_episode, refuse_unseen_pushes, rest_noise
-from metaid.study.settings import EpisodeSettings, StudySpec
+from metaid.study.settings import StudySpec
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective
@@ -65,7 +66,8 @@ MOST_READ = 12  # that keep readings where the sampler does without the estimate
 
 class Problem:
     """All that a study's settings determine before any trial of a stage: of the first, or, given the factors `found`
-    (nlump) there, of the second.  Raises StudyError where they contradict each other.
+    (nlump) there, of the second. Nothing is pushed before the episode is asked for.  Raises StudyError where the
+    settings contradict each other, those of the pushes when they are asked for, as by `check`.
     """
 
     def __init__(self, spec: StudySpec, found: Array | None = None) -> None:
@@ -73,7 +75,7 @@ class Problem:
         self.found = found
         self.stage = 1 if found is None else 2
         self.nominal: Chain = chain_of(spec.nominal)
-        self.measure = _measure(spec.study.episode)
+        self.measure = measure_of(spec.study.episode)
         check_settings(spec, self.nominal)
         plant = self.open_plant()
         if plant.njoint != self.nominal.nlink:
@@ -102,13 +104,20 @@ class Problem:
             self.start = np.clip(found[: self.nominal.nlink], self.low, self.high)
         self._first_low, self._first_high = self.low, self.high
         check_bounds(self.names, self.start, self.low, self.high)
-        try:
-            self.episode, self.start_speeds = self._pushed(plant)
-        except EpisodeError as problem:
-            raise StudyError(f"episode: {problem}") from None
-        refuse_unseen_pushes(self.start_speeds, plant.timestep)
-        if self.measure.is_noisy and isinstance(plant, MujocoPlant):
-            self.episode = replace(self.episode, noise_floor=rest_noise(plant, spec, self.episode, self.start_speeds))
+
+    @property
+    def episode(self) -> Episode:
+        """What is done to the plant with each candidate."""
+        return self._pushed[0]
+
+    @property
+    def start_speeds(self) -> Array:
+        """Absolute link speeds (npush x nlink) right after the pushes, in rad/s."""
+        return self._pushed[1]
+
+    def check(self) -> None:
+        """Raises StudyError where the pushes that the settings ask for contradict them."""
+        _ = self._pushed
 
     @property
     def counted_joints(self) -> int:
@@ -364,27 +373,26 @@ class Problem:
         lumps = self.nominal.lumps_of(self.spec.study.search.lumps)
         return lumps if self.found is None else replace(lumps.scaled(self.found), searched=("inertia",))
 
-    def _pushed(self, plant: Plant) -> tuple[Episode, Array]:
-        """The episode, and the absolute link speeds (npush x njoint) after its pushes.
-
-        Of a rig they are what was found at it when the study was created; before that, the nominal model's.
-        """
-        if not self.is_simulated:
-            plant = self.nominal_plant()
-        episode, pushed = self.at_plant(plant), self.spec.pushed
-        if pushed is None:
-            return episode, pushed_speeds(plant, episode.pushes)
-        repeats = self.spec.study.episode.repeats
-        calibration = calibration_of(pushed, self.nominal, self.spec.plant.gravity, repeats)
-        return replace(episode, pushes=np.array(pushed.impulses), calibration=calibration), np.array(pushed.speeds)
+    @cached_property
+    def _pushed(self) -> tuple[Episode, Array]:
+        """Of a rig what was found at it when the study was created; before that, the nominal model's."""
+        plant, pushed = self.open_plant(), self.spec.pushed
+        moved = plant if isinstance(plant, MujocoPlant) else self.nominal_plant()
+        try:
+            episode = self.at_plant(moved)
+            if pushed is None:
+                speeds = pushed_speeds(moved, episode.pushes)
+            else:
+                speeds = np.array(pushed.speeds)
+                known = calibration_of(pushed, self.nominal, plant.gravity, self.spec.study.episode.repeats)
+                episode = replace(episode, pushes=np.array(pushed.impulses), calibration=known)
+        except EpisodeError as problem:
+            raise StudyError(f"episode: {problem}") from None
+        refuse_unseen_pushes(speeds, plant.timestep)
+        if self.measure.is_noisy and isinstance(plant, MujocoPlant):
+            episode = replace(episode, noise_floor=rest_noise(plant, self.spec, episode, speeds))
+        return episode, speeds
 
     def at_plant(self, plant: Plant) -> Episode:
         """The episode that this `plant` is pushed in; pushes it to find out."""
         return make_episode(plant, self.spec, self.nominal, self.measure, self.stage)
-
-
-def _measure(episode: EpisodeSettings) -> Measure:
-    try:
-        return get_measure(episode.measure, episode.rule)
-    except EpisodeError as problem:
-        raise StudyError(f"episode: measure: {problem}") from None

@@ -11,6 +11,7 @@ from __future__ import annotations
 import logging
 import platform
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from datetime import UTC, datetime
 
@@ -21,6 +22,7 @@ from metaid.models import Array
 from metaid.plant import SocketSettings
 from metaid.store import Lease, Store, Trial
 from metaid.study.create import stored_spec
+from metaid.study.estimates import keep_estimate
 from metaid.study.evaluation import Evaluator, make_evaluator
 from metaid.study.identifiability import refuse_until
 from metaid.study.kinds import AnyProblem, AnySpec, problem_of
@@ -110,13 +112,15 @@ def run_study(
                 _run_stage(run, evaluator, writer, watch)
         if run.number < total and store.attribute(name, ENDED_KEY) != run.number:
             store.set_attribute(name, ENDED_KEY, run.number)
+        keep_estimate(store, name, problem_of(spec), lease)
     store.check_written(name, run.number)
     return run.progress
 
 
 def _replayed(store: Store, name: str, spec: AnySpec, total: int, until: float | None) -> Run:
     stored = store.trials(name, *spec.names)
-    run, here = Run(problem_of(spec), max(total, len(stored)), until), arithmetic()
+    # A run moves bounds, and what follows from the settings is not to be changed.
+    run, here = Run(copy(problem_of(spec)), max(total, len(stored)), until), arithmetic()
     if not stored:
         store.set_attribute(name, ARITHMETIC_KEY, here)
         return run

@@ -14,7 +14,7 @@ from metaid.estimation.faults import FoundFaults
 from metaid.estimation.faults.searched import late
 from metaid.estimation.noisy import explanations, unmodelled_forces
 from metaid.plant import FaultSettings, fault_names, true_faults
-from metaid.results.estimates import StudyEstimate
+from metaid.study.estimates import StudyEstimate
 
 NOISY: dict[str, Any] = {"angle_noise": NOISE, "speed_sensor": False}
 
@@ -129,8 +129,8 @@ def test_spring_that_pushes_away_explains_nothing() -> None:
     assert found.is_explained
     assert found.faults is not None
     assert found.faults.impossible == ["spring_1"]
-    experiment: Any = None  # nothing is asked of it where a fault refutes the estimate
-    shown = StudyEstimate(found, experiment, tuple(trials))
+    trials_of: Any = None  # nothing is asked of the trials where a fault refutes the estimate
+    shown = StudyEstimate(found, unknowns.kinds, len(trials), trials_of)
     assert not shown.explains
     assert shown.description.startswith("what was seen is explained only with spring_1 below 0, which no plant has: ")
     assert list(explanations(readings, fit(readings, restarts=0), search, [("spring",)])) == []

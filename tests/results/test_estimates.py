@@ -13,10 +13,10 @@ from pandas.testing import assert_frame_equal
 
 import metaid as package
 from metaid.errors import StudyError
-from metaid.results.estimates import first_enough
 from metaid.results.validation import validate_factors
 from metaid.store.database import Store
 from metaid.study.create import create_study
+from metaid.study.estimates.making import first_enough
 from metaid.study.kinds import load_chain_study
 from metaid.study.problem import Problem
 from metaid.study.run import run_study

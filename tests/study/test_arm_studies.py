@@ -18,7 +18,7 @@ from optuna_dashboard import get_note
 from metaid import results
 from metaid.files import shipped_folder
 from metaid.models.tree import joint_torque
-from metaid.results.arms import ArmFound, read_any_snapshot
+from metaid.results.arms import ArmSnapshot, read_any_snapshot
 from metaid.show.dashboard import make_dashboard
 from metaid.store import Store
 from metaid.study import ArmSpec, create_study, load_study, run_study
@@ -66,11 +66,15 @@ def test_intervals_on_noisy_sensors_hold_the_truth(arms: Path) -> None:
 def test_estimate_of_all_trials_begins_at_that_of_the_first(arms: Path) -> None:
     """It takes a step or two, where the first grew windows from the nominal arm."""
     with closing(Store(str(arms))) as store:
-        found = read_any_snapshot(store, "noisy").estimate
-    assert isinstance(found, ArmFound)
-    assert found.probed is not None
+        snapshot = read_any_snapshot(store, "noisy")
+    assert isinstance(snapshot, ArmSnapshot)
+    found, experiment = snapshot.estimate, snapshot.problem.experiment()
+    assert found is not None
+    assert experiment is not None
+    first = experiment.estimate(found.seen()[:1], thorough=False)
+    assert first is not None
     assert found.trials > 1
-    assert found.estimate.iterations <= 3 < found.probed.iterations
+    assert found.estimate.iterations <= 3 < first.iterations
 
 
 def test_arm_of_another_shape_is_not_found(arms: Path, metaid: Metaid) -> None:

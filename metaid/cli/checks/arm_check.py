@@ -12,9 +12,9 @@ if TYPE_CHECKING:
 
 def check_arm(spec: ArmSpec, as_json: bool) -> None:
     """What one trial of the study tells of each base parameter, and whether coasts show it or springs alone."""
-    from metaid.study import COARSEST, ArmProblem, arm_identifiability
+    from metaid.study import COARSEST, arm_identifiability, problem_of
 
-    problem = ArmProblem(spec)
+    problem = problem_of(spec)
     found = arm_identifiability(problem)
     rows = list(
         zip(

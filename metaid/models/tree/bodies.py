@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import null_space
 
 from metaid.models.closest_bodies import Matrices, closest
 from metaid.models.lumps import Array
@@ -40,6 +39,8 @@ def possible_bodies(belief: Belief, values: Array) -> PossibleBodies | None:
     Returns:
         The arm; None where no possible bodies have these base parameters.
     """
+    from scipy.linalg import null_space  # which a command that only reads a DB does without
+
     nominal, base = belief.nominal, belief.base
     njoint, size = nominal.njoint, len(PARAMETERS)
     spread = np.sqrt(np.diag(belief.parameter_covariance))

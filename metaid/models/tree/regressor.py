@@ -114,7 +114,8 @@ def joint_mass_matrix(tree: Tree, coordinates: Array) -> Array:
     still = np.zeros((*coordinates.shape, tree.njoint))
     where = np.broadcast_to(coordinates[..., None, :], still.shape)
     each = np.broadcast_to(np.eye(tree.njoint), still.shape)
-    columns = joint_torque(tree, where, still, each) - joint_torque(tree, where, still, still)
+    rest = np.zeros_like(coordinates)
+    columns = joint_torque(tree, where, still, each) - joint_torque(tree, coordinates, rest, rest)[..., None, :]
     return np.asarray(columns.swapaxes(-1, -2), dtype=np.float64)
 
 

@@ -10,13 +10,14 @@ import numpy as np
 import pandas as pd
 
 from metaid.models.tree import model_error
-from metaid.results.arms.arm_snapshot import ArmFound, ArmSnapshot
+from metaid.results.arms.arm_snapshot import ArmSnapshot
 from metaid.results.arms.arm_tables import arm_trials_table
 from metaid.results.arms.arm_validation import validate_arm
 from metaid.results.arms.arm_verdict import arm_summary, judge_arm
 from metaid.results.validation import Validation
 from metaid.results.verdict import Verdict
 from metaid.study import ArmProblem, ArmSpec
+from metaid.study.estimates import ArmFound
 
 
 @dataclass(frozen=True)

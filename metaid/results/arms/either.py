@@ -16,6 +16,7 @@ from metaid.results.validation import PUSHES, Validation, validate_chain
 from metaid.results.verdict import Verdict, judge
 from metaid.store import Store
 from metaid.study import ENDED_KEY, ArmSpec, stored_spec
+from metaid.study.estimates import kept_with
 
 AnySnapshot = Snapshot | ArmSnapshot
 
@@ -26,7 +27,7 @@ def read_any_snapshot(store: Store, name: str) -> AnySnapshot:
     if not isinstance(spec, ArmSpec):
         return read_snapshot(store, name)
     stored = store.read(name, *spec.names)
-    return ArmSnapshot(name, spec, stored.own, stored.foreign, store.attribute(name, ENDED_KEY))
+    return ArmSnapshot(name, spec, stored.own, stored.foreign, store.attribute(name, ENDED_KEY), kept_with(store, name))
 
 
 def judge_any(snapshot: AnySnapshot) -> Verdict:

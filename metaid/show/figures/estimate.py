@@ -10,10 +10,9 @@ from matplotlib.colors import LogNorm
 from matplotlib.ticker import MaxNLocator
 
 from metaid.models import DEVIATIONS, Array
-from metaid.results import StudyEstimate
-from metaid.results.arms import ArmFound
 from metaid.show.figures.lumps import LEAST, draw_correlation
 from metaid.show.figures.style import COLOURS, FALL, INK, SURVIVOR, VALUES, every, new_axes, size_of, verbatim
+from metaid.study.estimates import ArmFound, StudyEstimate
 
 if TYPE_CHECKING:
     from metaid.estimation import Replay
@@ -114,7 +113,7 @@ def plot_growth(found: StudyEstimate, true: Array | None, axes: Axes | None = No
     deviations = [100.0 * each.lump_deviations.max() for each in estimates]
     axes.plot(counts, deviations, "o-", color=SURVIVOR, markersize=3, label="standard deviation")
     if true is not None:
-        errors = [100.0 * max(np.abs(found.values(each) / true - 1.0).max(), LEAST) for each in estimates]
+        errors = [100.0 * max(np.abs(found.lumps_of(each) / true - 1.0).max(), LEAST) for each in estimates]
         axes.plot(counts, errors, "x--", color=FALL, markersize=4, label="error")
     axes.set_yscale("log")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from metaid.episode import Trajectory
 from metaid.errors import StorageError
 from metaid.models import Array
-from metaid.results import Findings, Plane, StudyEstimate, Sweep, plane, sweep
-from metaid.results.arms import ArmFound
+from metaid.results import Findings, Plane, Sweep, plane, sweep
 from metaid.show.figures.episodes import plot_angles, plot_phase
 from metaid.show.figures.estimate import plot_covariance, plot_difference, plot_growth, plot_motion, plot_residuals
 from metaid.show.figures.landscape import plot_boundary, plot_parallel, plot_sweep
@@ -22,6 +21,7 @@ from metaid.show.figures.lumps import plot_correlation, plot_ranges
 from metaid.show.figures.panels import pair_of_panels, pairs_of_panels, panels, share_legend
 from metaid.show.figures.search import plot_convergence, plot_error, plot_factor
 from metaid.show.figures.style import COLUMN, PAGE, style
+from metaid.study.estimates import ArmFound, StudyEstimate
 
 if TYPE_CHECKING:
     from metaid.estimation import Replay
@@ -242,9 +242,8 @@ class Gallery:
 
     def _growth(self, width: float) -> Picture:
         assert self.found.estimate is not None
-        kinds = self.found.estimate.experiment.unknowns.kinds
         truth = self.found.problem.open_plant().true_lumps()  # the truth meets the result in reports alone
-        true = None if truth is None else truth.vector_of(kinds)
+        true = None if truth is None else truth.vector_of(self.found.estimate.kinds)
         figure = Figure(figsize=(width, 2.4), layout="constrained")
         plot_growth(self.found.estimate, true, figure.subplots())
         caption = (

@@ -143,6 +143,9 @@ class ArmProblem:
         options = SamplerOptions(probes=wanted.probes, sigma=wanted.sigma, generation=wanted.generation)
         return make_searcher(study.sampler, self.coordinates, study.seed, options, self.experiment)
 
+    def check(self) -> None:
+        """Nothing is left that its settings could contradict."""
+
     def second(self, found: Array) -> None:
         """There is no second stage: springs are among the pushes of each trial."""
 

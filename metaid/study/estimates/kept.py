@@ -1,0 +1,110 @@
+"""The estimate that is kept with a study in the DB, and whether it is still that of its trials.
+
+A run makes it once its trials are there, and writes it while the study is its own. Whoever reads the study reads it.
+A reader makes it anew, and writes nothing, where the kept one is of other trials, as when others have added some or a
+run was killed, and where another version of metaid made it. What is made anew is read back from its text as well, so
+both are the same to the last bit. It is a system attribute of the study, which Optuna's tools do not show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from hashlib import blake2b
+from pathlib import Path
+from typing import Any
+
+import metaid
+from metaid.estimation.arms import ArmUnknowns
+from metaid.store import ForeignTrial, Lease, Store, Trial
+from metaid.study.arms import ArmProblem
+from metaid.study.estimates.arm import ArmFound, arm_estimate, watched_arm_trials
+from metaid.study.estimates.chain import StudyEstimate
+from metaid.study.estimates.making import study_estimate, watched_trials
+from metaid.study.estimates.text import text_of, value_of
+from metaid.study.kinds import AnyProblem
+
+KEY = "metaid:estimate"
+SOURCES = "models", "plant", "episode", "compiled", "estimation", "study"  # the packages that an estimate follows from
+
+
+def keep_estimate(store: Store, name: str, problem: AnyProblem, lease: Lease) -> None:
+    """Keeps the estimate of all trials in the DB with their study, unless it is there.
+
+    Args:
+        store: the study DB.
+        name: of the study.
+        problem: its first stage.
+        lease: by which this driver holds the study.
+
+    Raises:
+        StorageError: the DB cannot be used, or another driver has taken the study.
+    """
+    stored = store.read(name, *problem.spec.names)
+    is_of = _is_of(problem, stored.own, stored.foreign)
+    kept = kept_with(store, name)
+    if not (isinstance(kept, dict) and kept.get("of") == is_of):
+        made = {"of": is_of, "estimate": _made(problem, stored.own, stored.foreign)}
+        store.set_attribute(name, KEY, made, shown=False, write_check=lease.renew)
+
+
+def kept_with(store: Store, name: str) -> Any:
+    """What the DB has of the estimate of a study; None where it has nothing."""
+    return store.attribute(name, KEY, shown=False)
+
+
+def estimate_from(kept: Any, problem: AnyProblem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial] = ()) -> Any:
+    """What all trials of a study say: a `StudyEstimate`, or of an arm an `ArmFound`; None where nothing can be made of
+    them.
+
+    Args:
+        kept: what the DB has of it.
+        problem: the first stage of the study.
+        trials: metaid's own.
+        foreign: those of others, with the motion that they carry.
+    """
+    is_arm, given = isinstance(problem, ArmProblem), _given(problem, trials, foreign)
+    try:
+        if kept["of"] == _is_of(problem, trials, foreign):
+            found = value_of(kept["estimate"], given)
+            if found is None or isinstance(found, ArmFound if is_arm else StudyEstimate):
+                return found
+    except (ValueError, TypeError, LookupError, AttributeError):
+        pass  # there is none, or one that metaid did not write
+    return value_of(_made(problem, trials, foreign), given)
+
+
+def _given(problem: AnyProblem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial]) -> dict[str, Any]:
+    """What an estimate has that follows from the study and its trials, and is not kept."""
+    if isinstance(problem, ArmProblem):
+        arm = problem
+        return {"seen": lambda: watched_arm_trials(arm, trials), "searched": ArmUnknowns(problem.belief)}
+    chain = problem
+    return {"seen": lambda: watched_trials(chain, trials, foreign)[:2]}
+
+
+def _made(problem: AnyProblem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial]) -> str:
+    """The text of the estimate that is made of all trials."""
+    if isinstance(problem, ArmProblem):
+        of_arm = arm_estimate(problem, trials)
+        return text_of(of_arm, {} if of_arm is None else {"seen": of_arm.seen, "searched": of_arm.estimate.searched})
+    found = study_estimate(problem, trials, foreign)
+    return text_of(found, {} if found is None else {"seen": found.seen})
+
+
+def _is_of(problem: AnyProblem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial]) -> dict[str, Any]:
+    """What an estimate is of: the settings and the code that it follows from, how many trials metaid wrote, and which
+    of others carry motion.
+    """
+    made_by = blake2b(f"{_code()}{problem.spec.model_dump_json()}".encode(), digest_size=10).hexdigest()
+    return {"made_by": made_by, "trials": len(trials), "others": [each.number for each in foreign if each.shown]}
+
+
+@cache
+def _code() -> str:
+    """A digest of the sources that an estimate follows from."""
+    found = blake2b(metaid.__version__.encode(), digest_size=10)
+    for package in SOURCES:
+        for path in sorted((Path(metaid.__file__).parent / package).rglob("*.py")):
+            found.update(path.read_bytes())
+    return found.hexdigest()

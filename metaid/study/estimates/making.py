@@ -1,0 +1,153 @@
+"""The estimate of a study of a chain, made of its trials and of those that others had evaluated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from metaid.episode import QUANTITIES, Episode, Outcome
+from metaid.store import ForeignTrial, Trial
+from metaid.study.estimates.chain import StudyEstimate
+from metaid.study.problem import MOST_TRIALS, Problem
+
+if TYPE_CHECKING:
+    from metaid.estimation import ChainExperiment, SeenTrial
+
+FIRST_TRIALS = 12  # of which it is looked for how early the estimate was there
+CLOSE = 1e-3  # of every lump: so near its last value an estimate was there
+
+
+def watched_trials(
+    problem: Problem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial] = ()
+) -> tuple[ChainExperiment | None, tuple[SeenTrial, ...], int]:
+    """The experiment of a study, and the trials of its first stage as that has them, metaid's own before those of
+    others, at most MOST_TRIALS of each; and of how many others there are. No experiment where none can be made.
+
+    Args:
+        problem: the first stage.
+        trials: metaid's own.
+        foreign: those of others.
+    """
+    shown = [each for each in trials if each.outcome.windows is not None or each.outcome.readings is not None]
+    own = [replace(each, factors=problem.lump_factors(each.factors)) for each in shown if each.stage in (None, 1)]
+    others = shown_by_others(problem, foreign)[:MOST_TRIALS]
+    shown = [*own[:MOST_TRIALS], *others]
+    experiment = problem.experiment() if shown else None
+    if experiment is None:
+        return None, (), 0
+    seen = (experiment.trial(each.factors, each.outcome) for each in shown)
+    return experiment, tuple(trial for trial in seen if trial is not None), len(others)
+
+
+def study_estimate(
+    problem: Problem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial] = ()
+) -> StudyEstimate | None:
+    """The estimate from the `trials` of a study's first stage, which `problem` is, and after these from those of the
+    `foreign` ones that carry its motion. None where there is none to be made.
+    """
+    with threadpool_limits(1):  # at these sizes BLAS threads cost far more than they give
+        experiment, watched, others = watched_trials(problem, trials, foreign)
+        return None if experiment is None else estimate_of(experiment, watched, problem.goes_by_estimate, others)
+
+
+def estimate_of(
+    experiment: ChainExperiment, trials: tuple[SeenTrial, ...], is_probed: bool, by_others: int = 0
+) -> StudyEstimate | None:
+    """The estimate from all `trials` of an `experiment`; None where there is none to be made.
+
+    Args:
+        experiment: of the study.
+        trials: as the experiment has them.
+        is_probed: whether the first of them are the probes of a sampler. An estimate is better begun from that of the
+            probes alone than from the nominal model, for squares of a motion that nearly coasts carry no sign.
+        by_others: how many of the last trials are not metaid's own.
+    """
+    probes = trials[: experiment.probes] if is_probed and len(trials) > experiment.probes else ()
+    estimate = experiment.estimate(trials, experiment.estimate(probes) if probes else None)
+    if estimate is None:
+        return None
+    estimate, taken_up = experiment.taken_up(trials, estimate)
+    searching, left = experiment.searching(estimate), not estimate.is_explained
+    found = StudyEstimate(
+        estimate,
+        searching.unknowns.kinds,
+        len(trials),
+        lambda: (experiment, trials),
+        by_others,
+        taken_up,
+        tuple(searching.unmodelled(trials, estimate)),
+        searching.held_out(trials, estimate) if left and estimate.counts is None else None,
+        searching.proposed(trials, estimate) if left else None,
+    )
+    return replace(found, known_from=_known_from(found, searching, trials))
+
+
+def _known_from(found: StudyEstimate, experiment: ChainExperiment, trials: tuple[SeenTrial, ...]) -> int | None:
+    """How many of the first `trials` were enough for what was `found`; None where that is not said."""
+    if not found.explains or found.estimate.counts is not None:
+        return None
+
+    def is_enough(count: int) -> bool:
+        early = found.estimate if count == len(trials) else experiment.estimate(trials[:count])
+        return early is not None and np.abs(early.log_factors - found.estimate.log_factors).max() <= CLOSE
+
+    return first_enough(experiment.probes, min(len(trials), FIRST_TRIALS), is_enough)  # fewer cannot tell all
+
+
+def first_enough(fewest: int, most: int, is_enough: Callable[[int], bool]) -> int | None:
+    """The least number from `fewest` to `most` that is enough; None where `most` is not.
+
+    What is enough is taken to stay so. It is looked for in steps that double, then by halves: an estimate from too few
+    trials may take seconds to explain nothing.
+    """
+    if fewest > most:
+        return None
+    too_few, enough, step = fewest - 1, fewest, 1
+    while not is_enough(enough):
+        if enough == most:
+            return None
+        too_few, enough, step = enough, min(enough + step, most), 2 * step
+    while enough - too_few > 1:
+        middle = (too_few + enough) // 2
+        too_few, enough = (too_few, middle) if is_enough(middle) else (middle, enough)
+    return enough
+
+
+def shown_by_others(problem: Problem, foreign: Sequence[ForeignTrial]) -> list[Trial]:
+    """The `foreign` trials that `metaid.objective` evaluated with the settings of the study whose first stage `problem`
+    is, and that carry motion: each once, with factors of lumps, whatever was searched.
+    """
+    of_study = [each.shown for each in foreign if each.experiment == problem.spec.experiment] if foreign else []
+    carried = [each for each in of_study if each is not None]
+    fits = [each for each in carried if has_motion_of(problem.episode, each.outcome)]
+    alone = [each for i, each in enumerate(fits) if not any(_is_copy(each, earlier) for earlier in fits[:i])]
+    return [replace(each, factors=problem.lump_factors(each.factors)) for each in alone]
+
+
+def has_motion_of(episode: Episode, outcome: Outcome) -> bool:
+    """Whether the windows or the readings of an `outcome` are of such an `episode`."""
+    npush, njoint = episode.pushes.shape
+    if episode.readings_steps:
+        read = outcome.readings
+        return read is not None and read.angles.shape == (npush, episode.readings_steps + 1, njoint)
+    shown, ends = outcome.windows, episode.window_ends
+    same = shown is not None and shown.motion.shape == (npush, len(ends), QUANTITIES, njoint)
+    return same and shown is not None and tuple(shown.ends.tolist()) == ends
+
+
+def _is_copy(one: Trial, other: Trial) -> bool:
+    """Whether two trials are one trial and its copy, as Optuna's `add_trials` makes them."""
+    shown, read = one.outcome.windows, one.outcome.readings
+    if not np.array_equal(one.factors, other.factors):
+        return False
+    if shown is not None:
+        return other.outcome.windows is not None and np.array_equal(shown.motion, other.outcome.windows.motion)
+    return (
+        read is not None
+        and other.outcome.readings is not None
+        and np.array_equal(read.angles, other.outcome.readings.angles)
+    )
