@@ -64,10 +64,6 @@ class Live:
             self._true_factors = np.where(true == 0.0, np.nan, true) / self._nominal
         self._determined = problem.measure.determined(problem.lumps)
 
-    def _shown(self, values: Array) -> Array:
-        """What is shown of a candidate with these `values`: factors of lumps, or base parameters of an arm."""
-        return values if isinstance(self._problem, ArmProblem) else self._problem.lump_factors(values)
-
     def update(self, progress: RunProgress) -> None:
         """Shows how far the run is."""
         if progress.problem.stage != self._problem.stage:
@@ -77,7 +73,7 @@ class Live:
         self.trials = progress.trials
         state = self._state(progress, now)
         if progress.best is not None:
-            self._bests.append(self._shown(progress.best.factors))
+            self._bests.append(progress.best.factors)
         self._bar.update(self._task, completed=progress.trials, total=progress.total, state=state)
         if self._prints_lines and now - self._last_line >= INTERVAL:
             self._last_line = now
@@ -97,8 +93,7 @@ class Live:
             name = SAMPLERS[self._problem.spec.study.sampler].spread_name
             parts.append(f"{name} {progress.spread:.2g}")
         if progress.best is not None and self._true_factors is not None:
-            factors = self._shown(progress.best.factors)
-            errors = np.abs(factors / self._true_factors - 1.0)[self._determined]
+            errors = np.abs(progress.best.factors / self._true_factors - 1.0)[self._determined]
             parts.append(f"error {np.nanmax(errors):.2%}")
         return ", ".join(parts)
 

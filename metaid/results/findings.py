@@ -152,7 +152,7 @@ class Findings:
 
     def objective(self) -> Objective:
         """What the study evaluated its candidates with."""
-        return self.problem.make_lump_objective()
+        return self.problem.make_objective()
 
     def index(self, lump: str) -> int:
         """Where a lump stands.  Raises StorageError, naming the allowed ones."""

@@ -9,7 +9,7 @@ import numpy as np
 from metaid.errors import StudyError
 from metaid.results.arms import ArmSnapshot, arm_summary, judge_any, read_any_snapshot
 from metaid.results.best import best_trial
-from metaid.results.body_tables import body_rows, parameters_table
+from metaid.results.body_tables import body_rows
 from metaid.results.estimates import StudyEstimate, approximation_rows, why_no_estimate
 from metaid.results.lump_tables import fault_rows, largest_error, without_nan
 from metaid.results.snapshot import Snapshot, Stage, counted_states, surviving
@@ -56,7 +56,6 @@ def summarized(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
         **_estimate(snapshot, verdict),
         **({"foreign_trials": [_foreign(trial, snapshot) for trial in snapshot.foreign]} if snapshot.foreign else {}),
         **_noise_floor(first.problem),
-        **_parameters(snapshot),
         **({"stages": [_stage_summary(stage) for stage in snapshot.stages]} if several else {}),
     }
 
@@ -124,14 +123,6 @@ def _error_of_best(stage: Stage, verdict: Verdict) -> dict[str, float | None]:
 
 def _noise_floor(problem: Problem) -> dict[str, float]:
     return {"noise_floor_hz": problem.episode.noise_floor.frequency} if problem.measure.is_noisy else {}
-
-
-def _parameters(snapshot: Snapshot) -> dict[str, Any]:
-    """What is known of individual parameters; nothing for a search of lumps."""
-    if snapshot.spec.study.search.space == "lumps":
-        return {}
-    frame = parameters_table(snapshot.first, snapshot.trials)
-    return {"parameters": [without_nan(row) for row in frame.to_dict("records")]}
 
 
 def _stage_summary(stage: Stage) -> dict[str, Any]:

@@ -7,7 +7,7 @@ snapshot, so they agree with one another whatever a run writes meanwhile.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +28,7 @@ STATES = ["COMPLETE", "PRUNED", "FAIL"]
 
 @dataclass(frozen=True)
 class Stage:
-    """One stage of a study: its `problem`, and its `trials` with factors of lumps, whatever was searched."""
+    """One stage of a study: its `problem`, and its `trials`."""
 
     problem: Problem
     trials: list[Trial]
@@ -41,8 +41,8 @@ class Stage:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A study's `name`, its settings, and all its `trials`, with factors of what was searched; the `foreign` trials of
-    the study, which metaid did not write; and with how many trials its search `ended`, None where no run got so far.
+    """A study's `name`, its settings, and all its `trials`; the `foreign` trials of the study, which metaid did not
+    write; and with how many trials its search `ended`, None where no run got so far.
     """
 
     name: str
@@ -60,8 +60,6 @@ class Snapshot:
     def stages(self) -> list[Stage]:
         """The stages of the study, those without a trial included."""
         first, grouped = Problem(self.spec), trials_by_stage(self.spec, self.trials)
-        if first.body_space is not None:
-            return [Stage(first, [replace(each, factors=first.lump_factors(each.factors)) for each in self.trials])]
         survivors = surviving(grouped[0])
         problems = first.stages(first_of_best(survivors).factors if survivors else None)
         return [Stage(problem, own) for problem, own in zip(problems, grouped, strict=True)]
@@ -73,11 +71,10 @@ class Snapshot:
 
     @cached_property
     def shown_by_others(self) -> list[Trial]:
-        """Those of them that carry motion, each once, with factors of lumps, whatever was searched."""
+        """Those of them that carry motion, each once."""
         carried = [each.shown for each in self.evaluated if each.shown is not None]
         fits = [each for each in carried if has_motion_of(self.first.episode, each.outcome)]
-        alone = [each for i, each in enumerate(fits) if not any(_is_copy(each, earlier) for earlier in fits[:i])]
-        return [replace(each, factors=self.first.lump_factors(each.factors)) for each in alone]
+        return [each for i, each in enumerate(fits) if not any(_is_copy(each, earlier) for earlier in fits[:i])]
 
     @property
     def all_shown(self) -> list[Trial]:

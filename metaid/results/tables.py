@@ -11,7 +11,7 @@ import pandas as pd
 from metaid.errors import StudyError
 from metaid.results.arms import ArmSnapshot, arm_trials_table, judge_any, read_any_snapshot
 from metaid.results.best import best_trial
-from metaid.results.body_tables import bodies_table, parameters_table
+from metaid.results.body_tables import bodies_table
 from metaid.results.estimates import why_no_estimate
 from metaid.results.lump_tables import best_table, estimate_table, fault_rows, largest_error
 from metaid.results.snapshot import (
@@ -32,9 +32,8 @@ if TYPE_CHECKING:
 
 def trials_frame(store: Store, name: str) -> pd.DataFrame:
     """One row a trial: `number`, `state`, `value` (NaN where it failed), `generation`, `steps`, `periods_i`, `stage` if
-    the study has two, then a factor per lump, under its name; NaN where the trial's stage does not search it. A search
-    of individual parameters has a factor per parameter before those of the lumps that follow from them. Of an arm there
-    are no periods, and base parameters in SI units in place of factors.
+    the study has two, then a factor per lump, under its name; NaN where the trial's stage does not search it. Of an arm
+    there are no periods, and base parameters in SI units in place of factors.
     """
     snapshot = read_any_snapshot(store, name)
     return arm_trials_table(snapshot) if isinstance(snapshot, ArmSnapshot) else trials_table(snapshot)
@@ -95,17 +94,6 @@ def bodies_frame(store: Store, name: str) -> pd.DataFrame:
     return bodies_table(snapshot.first, snapshot.estimate, judge(snapshot))
 
 
-def parameters_frame(store: Store, name: str) -> pd.DataFrame:
-    """One row a parameter of a study that searches individual ones: `name`, `unit`, `nominal`, its range `low` to
-    `high` over the bodies that are as good as the best, `true` where the plant knows it, and how many `bodies` these
-    are.  Raises StudyError of another study.
-    """
-    snapshot = read_snapshot(store, name)
-    if snapshot.spec.study.search.space == "lumps":
-        raise StudyError(f"study '{name}' searches lumps (allowed: one with search.space = 'parameters')")
-    return parameters_table(snapshot.first, snapshot.trials)
-
-
 def studies_frame(store: Store) -> pd.DataFrame:
     """One row a study: `name`, `plant`, `sampler`, `measure`, `verdict`, `trials`, `pruned`, `best`, `max_error`."""
     words = {"name": str, "plant": str, "sampler": str, "measure": str, "verdict": str}
@@ -154,8 +142,4 @@ def trials_table(snapshot: Snapshot) -> pd.DataFrame:
         rows, columns = slice(row, row + len(own)), slice(column, column + len(searched))
         factors[rows, columns] = np.array([trial.factors for trial in own]).reshape(len(own), len(searched))
         row, column = rows.stop, columns.stop
-    searched_factors = {name: factors[:, i] for i, name in enumerate(names)}
-    if spec.study.search.space == "parameters":
-        lumps = snapshot.first.lump_factors(factors)
-        searched_factors |= dict(zip(snapshot.first.names, lumps.T, strict=True))
-    return pd.DataFrame({**heads, **periods, **searched_factors})
+    return pd.DataFrame({**heads, **periods, **dict(zip(names, factors.T, strict=True))})

@@ -184,6 +184,6 @@ def _against_stage(stage: Stage, lumps: pd.DataFrame) -> Iterator[str]:
             f"{measure.name} can tell from none: try more trials, another seed or another sampler"
         )
         tried = np.array([trial.factors for trial in stage.trials])
-        yield from map(str, lumps_at_bounds(problem, best.factors, tried) if problem.body_space is None else ())
+        yield from map(str, lumps_at_bounds(problem, best.factors, tried))
     if not is_far and not lumps["determined"].any():
         yield f"{measure.name} with these pushes determines no lump to better than {COARSEST:.0%}"

@@ -28,7 +28,6 @@ from metaid.plant import PlantSettings
 from metaid.results import (
     Findings,
     body_rows,
-    describe_bodies,
     describe_known_from,
     describe_possible_bodies,
     describe_trials,
@@ -80,7 +79,6 @@ def render(found: Findings) -> str:
         ],
         unidentified=unidentified(found),
         estimate=estimate_texts(found.summary),
-        describe_bodies=describe_bodies(found.summary) if "parameters" in found.summary else None,
         bodies=bodies,
         describe_possible_bodies=describe_possible_bodies(bodies) if bodies else None,
         files=files(found),

@@ -4,8 +4,6 @@ factors that name what is not there.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from metaid.episode import Measure
@@ -27,8 +25,6 @@ ROUGH_HIGH = 8.0  # the same of gravity lumps where torques are noisy, for there
 def check_settings(spec: StudySpec, nominal: Chain) -> None:
     """Raises StudyError where settings contradict each other."""
     study, plant = spec.study, spec.plant
-    if study.search.space == "parameters":
-        _check_parameters(study)
     if study.sampler not in SAMPLERS:
         raise StudyError(f"sampler: {unknown('sampler', study.sampler, SAMPLERS)}")
     if study.inertia is not None and SAMPLERS[study.sampler].by_estimate:
@@ -94,24 +90,6 @@ def _check_torque_limit(study: StudySettings, njoint: int, has_readings: bool) -
         )
     if isinstance(limit, tuple) and len(limit) != njoint:
         raise StudyError(f"estimate: torque_limit has {len(limit)} numbers (allowed: one, or {njoint})")
-
-
-def _check_parameters(study: StudySettings) -> None:
-    """Raises StudyError where a search of individual parameters has a setting that is not for it."""
-    search = study.search
-    given = {
-        "search.lumps": search.lumps != IDEAL,
-        "search.coordinates": search.coordinates != "nominal-metric",
-        "search.target": search.target is not None,
-        "inertia": study.inertia is not None,
-    }
-    for key, has in given.items():
-        if has:
-            raise StudyError(f"{key}: space = 'parameters' has none of these: leave it out")
-    if study.episode.measure != "spectral":
-        raise StudyError("search: space: 'parameters' follow from the Coriolis lumps too, so measure = 'spectral'")
-    if search.walk >= study.trials:
-        raise StudyError(f"search: walk is {search.walk} of {study.trials} trials (allowed: less than all)")
 
 
 def check_rig(spec: StudySpec) -> None:
@@ -183,7 +161,7 @@ def upper_bounds(spec: StudySpec) -> Factors:
         return study.search.high
     limited = study.estimate.torque_limit or (isinstance(plant, PlantSettings) and plant.faults.torque_limit)
     is_rough = isinstance(plant, PlantSettings) and plant.faults.torque_noise and not limited
-    if is_rough and study.search.space == "lumps" and SAMPLERS[study.sampler].by_estimate:
+    if is_rough and SAMPLERS[study.sampler].by_estimate:
         return {f"gravity_{link + 1}": ROUGH_HIGH for link in range(len(spec.nominal))}
     return HIGH
 
@@ -191,16 +169,6 @@ def upper_bounds(spec: StudySpec) -> Factors:
 def _default(key: str) -> float:
     """The factor that `[search]` has under a `key` where a table leaves it out."""
     return HIGH if key == "high" else float(SearchSettings.model_fields[key].default)
-
-
-def parameter_factors(key: str, given: Factors, names: Sequence[str]) -> Array:
-    """What `[search]` gives under a `key` for the parameters of these `names` (nsearched).  Raises StudyError."""
-    if not isinstance(given, dict):
-        return np.full(len(names), given)
-    for name in given:
-        if name not in names:
-            raise StudyError(f"search: {key}: {unknown('parameter', name, names)}")
-    return np.array([given.get(name, _default(key)) for name in names])
 
 
 def lump_factors(key: str, given: Factors, nlink: int, search: SearchSettings, stage: int) -> Array:

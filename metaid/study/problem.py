@@ -21,19 +21,14 @@ from metaid.models import (
     Array,
     Chain,
     Lumps,
-    SearchSpace,
-    factor_space,
     refuse_impossible,
 )
 from metaid.plant import MujocoPlant, Plant, PlantSettings, SocketPlant, SocketSettings, chain_of
 from metaid.search import (
     SAMPLERS,
-    BodySpace,
     Coordinates,
     Searcher,
-    Walking,
     at_bounds,
-    body_space,
     make_searcher,
     nominal_metric,
     plain_coordinates,
@@ -46,7 +41,6 @@ from metaid.study.contradictions import (
     check_rig,
     check_settings,
     lump_factors,
-    parameter_factors,
     upper_bounds,
 )
 from metaid.study.experiments import noisy_experiment, rig_experiment
@@ -87,15 +81,8 @@ class Problem:
         self.names = self.lumps.names
         search = spec.study.search
         given = {"start": search.start, "low": search.low, "high": upper_bounds(spec)}
-        self.body_space: BodySpace | None = None
-        if search.space == "lumps":
-            nlink = self.nominal.nlink
-            factors = [lump_factors(key, value, nlink, search, self.stage) for key, value in given.items()]
-        else:
-            factors = [parameter_factors(key, value, self.spec.names[0]) for key, value in given.items()]
-            self.body_space = body_space(self.nominal, *factors)
-            check_bounds(self.body_space.names, self.body_space.start, self.body_space.low, self.body_space.high)
-            factors = [self.lump_factors(bound) for bound in factors]
+        nlink = self.nominal.nlink
+        factors = (lump_factors(key, value, nlink, search, self.stage) for key, value in given.items())
         self.start, self.low, self.high = factors
         if found is not None:
             # A link that holds more mass than was believed has larger gravity and inertia lumps alike.
@@ -119,23 +106,6 @@ class Problem:
     def is_simulated(self) -> bool:
         """Whether the plant is simulated here, and not a rig, which is not to be moved without need."""
         return isinstance(self.spec.plant, PlantSettings)
-
-    @property
-    def space(self) -> SearchSpace:
-        """What candidates are values in: factors of lumps, or of the parameters of bodies."""
-        return self.body_space or factor_space(self.lumps, self.start, self.low, self.high)
-
-    def lump_factors(self, values: Array) -> Array:
-        """The factors of the lumps (... x nlump) that candidates with these `values` (... x nsearched) have."""
-        if self.body_space is None:
-            return values
-        factors: Array = self.body_space.parameters(values) / self._nominal_body_lumps
-        return factors
-
-    @cached_property
-    def _nominal_body_lumps(self) -> Array:
-        assert self.body_space is not None
-        return self.body_space.parameters(np.ones(len(self.body_space.names)))
 
     @property
     def is_last(self) -> bool:
@@ -221,8 +191,8 @@ class Problem:
 
     @property
     def widens_by_itself(self) -> bool:
-        """Whether that is so with the study's sampler and space."""
-        return self.widens and self.body_space is None and SAMPLERS[self.spec.study.sampler].widens
+        """Whether that is so with the study's sampler."""
+        return self.widens and SAMPLERS[self.spec.study.sampler].widens
 
     def widen(self, factors: Array) -> Coordinates | None:
         """Moves away, once each, the bounds that these `factors` (nlump) are at, of lumps that the measure can see.
@@ -271,11 +241,7 @@ class Problem:
         )
 
     def make_objective(self) -> Objective:
-        """An objective of its own for each worker, in values of what is searched."""
-        return self._objective(self.spec.study.episode.physics, self.space)
-
-    def make_lump_objective(self) -> Objective:
-        """An objective in factors of the nominal lumps, whatever is searched."""
+        """An objective of its own for each worker, in factors of the nominal lumps."""
         return self._objective(self.spec.study.episode.physics)
 
     def verify(self, factors: Array, number: int) -> Outcome:
@@ -288,20 +254,16 @@ class Problem:
         """What the searcher is told of a candidate that could not be evaluated for that `reason`."""
         return failure(self.measure, self.episode, self.timestep, reason)
 
-    def _objective(self, physics: str, space: SearchSpace | None = None) -> Objective:
+    def _objective(self, physics: str) -> Objective:
         from metaid.compiled import Objective  # loads MuJoCo and numba, which most readers of a study do without
 
         rule = self.spec.study.episode.rule
-        return Objective(self.open_plant(), self.lumps, self.episode, self.measure.name, physics, rule, space)
+        return Objective(self.open_plant(), self.lumps, self.episode, self.measure.name, physics, rule)
 
     def make_searcher(self, experiment: Callable[[], Experiment | None] | None = None) -> Searcher:
         """The searcher at the study's seed, knowing of no trial; it may go by another `experiment` than the study's."""
-        study, search = self.spec.study, self.spec.study.search
-        if self.body_space is None:
-            return make_searcher(study.sampler, self.coordinates, study.seed, search, experiment or self.experiment)
-        coordinates = self.body_space.coordinates
-        searcher = make_searcher(study.sampler, coordinates, study.seed, search)
-        return Walking(searcher, coordinates, study.seed, study.trials - search.walk)
+        study = self.spec.study
+        return make_searcher(study.sampler, self.coordinates, study.seed, study.search, experiment or self.experiment)
 
     @property
     def goes_by_estimate(self) -> bool:

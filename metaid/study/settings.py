@@ -15,7 +15,7 @@ from pydantic import Field, field_validator
 from metaid.episode import FALL_MARGIN
 from metaid.errors import PlantError, StudyError
 from metaid.files import Settings, check, find_file, find_file_beside, read_toml
-from metaid.models import FRICTION, IDEAL, bodies_of, lump_names
+from metaid.models import FRICTION, IDEAL, lump_names
 from metaid.plant import (
     FAULT_UNITS,
     ArmSettings,
@@ -23,7 +23,6 @@ from metaid.plant import (
     LinkSettings,
     PlantSettings,
     SocketSettings,
-    chain_of,
     read_any_plant,
     read_plant,
 )
@@ -50,17 +49,12 @@ class SearchSettings(SamplerOptions):
     name (`upper_bounds` has the default of `high`); whether a bound that holds the search back may be moved away, once
     (`widen`; default: yes, but for a rig); the coordinates; a `target` of the measure at which the search may stop; and
     the options of the sampler.
-
-    With the `space` "parameters", factors are of each link's mass and centre of mass instead, in coordinates of their
-    own, and the last `walk` trials go through the bodies that are as good as the best.
     """
 
     lumps: Annotated[tuple[Literal["gravity", "coriolis", "damping", "coulomb"], ...], Field(strict=False)] = (
         "gravity",
         "coriolis",
     )
-    space: Literal["lumps", "parameters"] = "lumps"
-    walk: Annotated[int, Field(ge=0, le=100_000_000)] = 64
     coordinates: Literal["nominal-metric", "plain"] = "nominal-metric"
     start: Factors = 1.0
     low: Factors = 0.5
@@ -237,14 +231,12 @@ class StudySpec(Settings):
         study = self.study
         parts = (self.plant, *self.nominal, study.episode, self.pushed)
         texts = ["" if part is None else part.model_dump_json() for part in parts]
-        searched = [study.search.space, *study.search.lumps, str(study.seed)]
+        searched = [*study.search.lumps, str(study.seed)]
         return blake2b("\n".join([*texts, *searched]).encode(), digest_size=6).hexdigest()
 
     @property
     def names(self) -> tuple[list[str], ...]:
         """The names under which the factors of each stage's candidates are in the DB."""
-        if self.study.search.space == "parameters":
-            return (bodies_of(chain_of(self.nominal)).names,)
         kinds = [self.study.search.lumps] + [("inertia",)] * (self.study.inertia is not None)
         return tuple(lump_names(len(self.nominal), searched) for searched in kinds)
 

@@ -58,10 +58,8 @@ class Writer:
     def _append(self) -> None:
         # A server that goes away in the middle of a commit may have written them all the same.
         if not self._is_unreachable or self._store.count(self._name) != self.trials[-1].number + 1:
-            space = self._problem.space
-            self._store.append(
-                self._name, space.names, space.low, space.high, self.trials, write_check=self._lease.renew
-            )
+            of = self._problem
+            self._store.append(self._name, of.names, of.low, of.high, self.trials, write_check=self._lease.renew)
 
     def _report_waiting(self, reason: str) -> None:
         self._is_unreachable = True

@@ -63,9 +63,7 @@ def _best_guess(snapshot: Snapshot, verdict: Verdict) -> Array | None:
     if not snapshot.stages[0].survivors:
         return None
     factors = [
-        stage.problem.lump_factors(best_trial(stage.survivors).factors)
-        if stage.survivors
-        else np.ones(len(stage.problem.names))
+        best_trial(stage.survivors).factors if stage.survivors else np.ones(len(stage.problem.names))
         for stage in snapshot.stages
     ]
     return np.asarray(nominal * np.concatenate(factors), dtype=np.float64)

@@ -61,14 +61,14 @@ class OptunaObjective:
     @property
     def space(self) -> dict[str, FloatDistribution]:
         """What is suggested, by name: for `study.ask(objective.space)`."""
-        space = self._problem.space
-        bounds = zip(space.names, space.low.tolist(), space.high.tolist(), strict=True)
+        problem = self._problem
+        bounds = zip(problem.names, problem.low.tolist(), problem.high.tolist(), strict=True)
         return {name: FloatDistribution(low, high) for name, low, high in bounds}
 
     @property
     def start(self) -> dict[str, float]:
         """Where the study's own search begins: for `study.enqueue_trial(objective.start)`."""
-        return dict(zip(self._problem.space.names, self._problem.space.start.tolist(), strict=True))
+        return dict(zip(self._problem.names, self._problem.start.tolist(), strict=True))
 
     def __reduce__(self) -> tuple[type[OptunaObjective], tuple[StudySpec]]:
         return OptunaObjective, (self.spec,)
