@@ -64,8 +64,7 @@ def describe_tried(shown: dict[str, Any]) -> list[str]:
         parts.append(f"noise floor {shown['noise_floor_hz']:.3g} Hz, subtracted")
     if "mujoco" in best:
         parts.append(_verification(best["mujoco"]))
-    later = [stage["best"] for stage in shown.get("stages", [])[1:] if stage["best"]["value"] is not None]
-    return parts + [f"stage 2: best {each['value']:.3g} {unit} at trial {each['number']}" for each in later]
+    return parts
 
 
 def _origin(shown: dict[str, Any]) -> str:

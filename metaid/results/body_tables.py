@@ -21,7 +21,7 @@ def bodies_table(problem: Problem, found: StudyEstimate | None, verdict: Verdict
     """One row a parameter of the links: what `metaid.bodies` gives.
 
     Args:
-        problem: the first stage of a study.
+        problem: of a study.
         found: its estimate.
         verdict: on the study.
 

@@ -288,8 +288,8 @@ def has_motion_of(episode: Episode, outcome: Outcome) -> bool:
 
 
 def study_estimate(problem: Problem, tried: Sequence[Trial], by_others: Sequence[Trial] = ()) -> StudyEstimate | None:
-    """The estimate from the trials that were `tried` in a study's first stage, which `problem` is, and after these from
-    those that others had evaluated; at most MOST_TRIALS of each. None where there is none to be made.
+    """The estimate from the trials of a study that were `tried`, whose `problem` is given, and after these from those
+    that others had evaluated; at most MOST_TRIALS of each. None where there is none to be made.
     """
     shown = [each for each in tried if each.outcome.windows is not None or each.outcome.readings is not None]
     own, others = shown[:MOST_TRIALS], by_others[:MOST_TRIALS]
@@ -325,7 +325,7 @@ def estimate_of(
 
 
 def why_no_estimate(problem: Problem, tried: Sequence[Trial]) -> str:
-    """Why there is no estimate from the trials that were `tried` in a study's first stage, which `problem` is."""
+    """Why there is no estimate from the trials that were `tried` in the study of this `problem`."""
     if not problem.spec.study.estimate.enabled:
         return "[estimate] enabled is false"
     if not problem.can_be_estimated:

@@ -1,6 +1,6 @@
 """A study as the DB has it at one moment. Everything else that is known of the study follows from it.
 
-The trials are read once, and each stage's `Problem` is made once. Tables, summary and findings are functions of the
+The trials are read once, and the study's `Problem` is made once. Tables, summary and findings are functions of the
 snapshot, so they agree with one another whatever a run writes meanwhile.
 """
 
@@ -15,7 +15,6 @@ import numpy as np
 import pandas as pd
 
 from metaid.errors import StudyError
-from metaid.results.best import first_of_best
 from metaid.results.estimates import StudyEstimate, has_motion_of, study_estimate
 from metaid.store import EXPERIMENT, ForeignTrial, Store, Trial, shown_trial
 from metaid.study import ENDED_KEY, ArmSpec, Problem, StudySpec, optuna_spec, stored_spec
@@ -24,19 +23,6 @@ if TYPE_CHECKING:
     import optuna
 
 STATES = ["COMPLETE", "PRUNED", "FAIL"]
-
-
-@dataclass(frozen=True)
-class Stage:
-    """One stage of a study: its `problem`, and its `trials`."""
-
-    problem: Problem
-    trials: list[Trial]
-
-    @property
-    def survivors(self) -> list[Trial]:
-        """Trials that did not fall."""
-        return surviving(self.trials)
 
 
 @dataclass(frozen=True)
@@ -54,15 +40,17 @@ class Snapshot:
     @property
     def is_finished(self) -> bool:
         """Whether nothing is left to do: all trials of the study are there, or its search stopped before."""
-        return len(self.trials) >= self.spec.study.total_trials or len(self.trials) == self.ended
+        return len(self.trials) >= self.spec.study.trials or len(self.trials) == self.ended
 
     @cached_property
-    def stages(self) -> list[Stage]:
-        """The stages of the study, those without a trial included."""
-        first, grouped = Problem(self.spec), trials_by_stage(self.spec, self.trials)
-        survivors = surviving(grouped[0])
-        problems = first.stages(first_of_best(survivors).factors if survivors else None)
-        return [Stage(problem, own) for problem, own in zip(problems, grouped, strict=True)]
+    def problem(self) -> Problem:
+        """What follows from its settings."""
+        return Problem(self.spec)
+
+    @property
+    def survivors(self) -> list[Trial]:
+        """Trials that did not fall."""
+        return surviving(self.trials)
 
     @cached_property
     def evaluated(self) -> list[ForeignTrial]:
@@ -73,25 +61,20 @@ class Snapshot:
     def shown_by_others(self) -> list[Trial]:
         """Those of them that carry motion, each once."""
         carried = [each.shown for each in self.evaluated if each.shown is not None]
-        fits = [each for each in carried if has_motion_of(self.first.episode, each.outcome)]
+        fits = [each for each in carried if has_motion_of(self.problem.episode, each.outcome)]
         return [each for i, each in enumerate(fits) if not any(_is_copy(each, earlier) for earlier in fits[:i])]
 
     @property
     def all_shown(self) -> list[Trial]:
-        """The trials of the first stage that an estimate may be made of."""
-        return [*self.stages[0].trials, *self.shown_by_others]
+        """The trials that an estimate may be made of."""
+        return [*self.trials, *self.shown_by_others]
 
     @cached_property
     def estimate(self) -> StudyEstimate | None:
-        """What all trials of the first stage say together, those of others that carry motion included; None where
-        nothing can be made of them.
+        """What all trials say together, those of others that carry motion included; None where nothing can be made of
+        them.
         """
-        return study_estimate(self.first, self.stages[0].trials, self.shown_by_others)
-
-    @property
-    def first(self) -> Problem:
-        """The problem of the first stage."""
-        return self.stages[0].problem
+        return study_estimate(self.problem, self.trials, self.shown_by_others)
 
 
 def read_snapshot(store: Store, name: str) -> Snapshot:
@@ -105,7 +88,7 @@ def read_snapshot(store: Store, name: str) -> Snapshot:
             "(allowed of an arm: study run, show, list, validate, plot, report, export, model and delete; "
             "metaid.summary, lumps and trials)"
         )
-    stored = store.read(name, *spec.names)
+    stored = store.read(name, spec.names)
     return Snapshot(name, spec, stored.own, stored.foreign, store.attribute(name, ENDED_KEY))
 
 
@@ -120,9 +103,7 @@ def snapshot_of(study: optuna.Study) -> Snapshot:
             "(allowed: one that has been optimized with metaid.objective)"
         )
     foreign = [
-        ForeignTrial(
-            each.number, each.state.name, each.user_attrs.get(EXPERIMENT), None, shown_trial(each, spec.names[0])
-        )
+        ForeignTrial(each.number, each.state.name, each.user_attrs.get(EXPERIMENT), None, shown_trial(each, spec.names))
         for each in study.get_trials(deepcopy=False)
     ]
     return Snapshot(study.study_name, spec, [], tuple(foreign))
@@ -140,11 +121,6 @@ def _is_copy(one: Trial, other: Trial) -> bool:
         and other.outcome.readings is not None
         and np.array_equal(read.angles, other.outcome.readings.angles)
     )
-
-
-def trials_by_stage(spec: StudySpec, trials: list[Trial]) -> list[list[Trial]]:
-    """The trials of each stage."""
-    return [[trial for trial in trials if trial.stage in (None, i + 1)] for i in range(len(spec.names))]
 
 
 def counted_states(trials: Sequence[Trial]) -> dict[str, int]:

@@ -69,14 +69,8 @@ def render(found: Findings) -> str:
         validation=None if found.validation is None else found.validation.summary(),
         left_out=gallery.left_out,
         figures=page_figures(gallery.pictures("page"), gallery.pictures("column")),
-        stages=[
-            {
-                "found": stage,
-                "falls": falls(stage.trials, stage.problem.episode.total_steps),
-                "cost": cost(stage.trials, stage.problem.timestep, reached(stage)),
-            }
-            for stage in found.stages
-        ],
+        falls=falls(found.trials, found.problem.episode.total_steps),
+        cost=cost(found.trials, found.problem.timestep, reached(found)),
         unidentified=unidentified(found),
         estimate=estimate_texts(found.summary),
         bodies=bodies,

@@ -27,12 +27,6 @@ def check_settings(spec: StudySpec, nominal: Chain) -> None:
     study, plant = spec.study, spec.plant
     if study.sampler not in SAMPLERS:
         raise StudyError(f"sampler: {unknown('sampler', study.sampler, SAMPLERS)}")
-    if study.inertia is not None and SAMPLERS[study.sampler].by_estimate:
-        raise StudyError(
-            f"inertia: sampler '{study.sampler}' finds the inertia lumps in one stage: leave out the table [inertia]"
-        )
-    if study.inertia is not None and study.episode.measure != "spectral":
-        raise StudyError("inertia: a second stage needs the Coriolis lumps, so measure = 'spectral'")
     if study.episode.measure == "smoothed" and study.search.lumps != IDEAL:
         raise StudyError("search: lumps: 'smoothed' does not see friction (allowed: gravity and coriolis)")
     noisy = not isinstance(plant, PlantSettings) or bool(plant.faults.named or study.episode.lead)
@@ -145,7 +139,7 @@ def check_size(spec: StudySpec, measure: Measure, pushes: int, steps: int, rests
     copies = rests / pushes if measure.is_noisy else 0.0  # readings of a plant at rest
     copies += (5 if faulty else 0) * spec.study.workers  # noise of three kinds, angles and speeds
     copies += AT_ONCE if measure.keeps_angles and not faulty else 0
-    coasting = pushes * SAMPLED * njoint * (njoint + len(spec.names[0])) * NUMBER  # Eq. 11
+    coasting = pushes * SAMPLED * njoint * (njoint + len(spec.names)) * NUMBER  # Eq. 11
     needed = copies * pushes * (steps + 1) * njoint * NUMBER + coasting
     if needed > MOST_MEMORY:
         raise StudyError(
@@ -171,22 +165,20 @@ def _default(key: str) -> float:
     return HIGH if key == "high" else float(SearchSettings.model_fields[key].default)
 
 
-def lump_factors(key: str, given: Factors, nlink: int, search: SearchSettings, stage: int) -> Array:
-    """What `[search]` gives for the lumps of a stage (nsearched).
+def lump_factors(key: str, given: Factors, nlink: int, search: SearchSettings) -> Array:
+    """What `[search]` gives for its lumps (nlump).
 
     Args:
         key: "start", "low" or "high".
-        given: its value; a table may name lumps of both stages.
+        given: its value.
         nlink: the number of links.
         search: the table itself.
-        stage: 1, or 2 for the inertia lumps.
 
     Raises:
         StudyError: a lump is not known.
     """
     one, table = (_default(key), given) if isinstance(given, dict) else (given, {})
     try:
-        factors = factors_from_names(table, nlink, one, (*search.lumps, "inertia"))
+        return factors_from_names(table, nlink, one, search.lumps)
     except EpisodeError as problem:
         raise StudyError(f"search: {key}: {problem}") from None
-    return factors[-nlink:] if stage == 2 else factors[:-nlink]

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from metaid.errors import StudyError
-from metaid.models import Array
 from metaid.models.tree import Tree
 from metaid.plant import LinkSettings
 from metaid.study.arms import ArmProblem, ArmSpec, with_nominal_arm
@@ -25,11 +24,9 @@ def spec_from(text: str) -> AnySpec:
     return (ArmSpec if is_arm else StudySpec).model_validate_json(text)
 
 
-def problem_of(spec: AnySpec, found: Array | None = None) -> AnyProblem:
-    """What follows from a study's settings; of a chain in its second stage given the factors `found` (nlump) in the
-    first.  Raises StudyError where the settings contradict each other.
-    """
-    return ArmProblem(spec) if isinstance(spec, ArmSpec) else Problem(spec, found)
+def problem_of(spec: AnySpec) -> AnyProblem:
+    """What follows from a study's settings.  Raises StudyError where they contradict each other."""
+    return ArmProblem(spec) if isinstance(spec, ArmSpec) else Problem(spec)
 
 
 def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> AnySpec:

@@ -1,7 +1,6 @@
 """What follows from a study's settings before any trial.
 
-`Problem` is that for one stage of the study: the nominal lumps, the pushes, the episode, the coordinates. Most studies
-have one stage; with `[inertia]` a second searches the inertia lumps, by a law made of what the first has found.
+`Problem` is that: the nominal lumps, the pushes, the episode, the coordinates.
 """
 
 from __future__ import annotations
@@ -58,14 +57,10 @@ MOST_READ = 12  # that keep readings where the sampler does without the estimate
 
 
 class Problem:
-    """All that a study's settings determine before any trial of a stage: of the first, or, given the factors `found`
-    (nlump) there, of the second.  Raises StudyError where they contradict each other.
-    """
+    """All that a study's settings determine before any trial.  Raises StudyError where they contradict each other."""
 
-    def __init__(self, spec: StudySpec, found: Array | None = None) -> None:
+    def __init__(self, spec: StudySpec) -> None:
         self.spec = spec
-        self.found = found
-        self.stage = 1 if found is None else 2
         self.nominal: Chain = chain_of(spec.nominal)
         self.measure = _measure(spec.study.episode)
         check_settings(spec, self.nominal)
@@ -77,16 +72,12 @@ class Problem:
         refuse_impossible("nominal model", self.nominal)
         if not self.is_simulated:
             check_rig(spec)
-        self.lumps = self._nominal_lumps()
+        self.lumps: Lumps = self.nominal.lumps_of(spec.study.search.lumps)  # what candidates' factors are of
         self.names = self.lumps.names
         search = spec.study.search
         given = {"start": search.start, "low": search.low, "high": upper_bounds(spec)}
         nlink = self.nominal.nlink
-        factors = (lump_factors(key, value, nlink, search, self.stage) for key, value in given.items())
-        self.start, self.low, self.high = factors
-        if found is not None:
-            # A link that holds more mass than was believed has larger gravity and inertia lumps alike.
-            self.start = np.clip(found[: self.nominal.nlink], self.low, self.high)
+        self.start, self.low, self.high = (lump_factors(key, each, nlink, search) for key, each in given.items())
         self._first_low, self._first_high = self.low, self.high
         check_bounds(self.names, self.start, self.low, self.high)
         try:
@@ -106,27 +97,6 @@ class Problem:
     def is_simulated(self) -> bool:
         """Whether the plant is simulated here, and not a rig, which is not to be moved without need."""
         return isinstance(self.spec.plant, PlantSettings)
-
-    @property
-    def is_last(self) -> bool:
-        """Whether no other stage follows."""
-        return self.stage == len(self.spec.names)
-
-    @property
-    def is_only(self) -> bool:
-        """Whether the study has no other stage."""
-        return len(self.spec.names) == 1
-
-    def second(self, found: Array) -> Problem | None:
-        """The second stage, after the first has found these factors (nlump); None if there is none."""
-        return None if self.is_last else Problem(self.spec, found)
-
-    def stages(self, found: Array | None = None) -> list[Problem]:
-        """This first stage and those that follow from the factors `found` (nlump) in it; if it has found none yet, from
-        its nominal lumps.
-        """
-        following = self.second(np.ones(len(self.names)) if found is None else found)
-        return [self] if following is None else [self, following]
 
     @property
     def timestep(self) -> float:
@@ -178,10 +148,9 @@ class Problem:
         return metric if self.measure.name == "spectral" else replace(metric, curvature=None)
 
     def sensitivity(self) -> Array:
-        """H (nlump x nlump) of this stage's lumps and pushes, by the nominal model.  Eq. 11."""
+        """H (nlump x nlump) of the lumps and pushes, by the nominal model.  Eq. 11."""
         horizon, gravity = self.episode.steps * self.timestep, self.spec.plant.gravity
-        searched, stiffness = self.lumps.searched, self.episode.stiffness
-        return sensitivity(self.nominal, gravity, self.start_speeds, horizon, searched, stiffness)
+        return sensitivity(self.nominal, gravity, self.start_speeds, horizon, self.lumps.searched)
 
     @property
     def widens(self) -> bool:
@@ -274,7 +243,7 @@ class Problem:
     def can_be_estimated(self) -> bool:
         """Whether the motion of its trials can be matched."""
         keeps = bool(self.episode.window_ends) or self.keeps_readings
-        return self.spec.study.estimate.enabled and self.stage == 1 and keeps
+        return self.spec.study.estimate.enabled and keeps
 
     @property
     def is_told_by_estimate(self) -> bool:
@@ -297,7 +266,7 @@ class Problem:
         return (*IDEAL, "inertia", *(kind for kind in study.search.lumps if kind in FRICTION))
 
     def experiment(self) -> Experiment | None:
-        """What an estimate needs to know of this stage; None where none can be made."""
+        """What an estimate needs to know of this study; None where none can be made."""
         from metaid.estimation import SilentExperiment, Unknowns  # loads numba, which most readers do without
 
         if not self.can_be_estimated:
@@ -321,11 +290,6 @@ class Problem:
             resolution=self.resolution,
         )
 
-    def _nominal_lumps(self) -> Lumps:
-        """What the candidates' factors are of. The law of the second stage is what the first has found."""
-        lumps = self.nominal.lumps_of(self.spec.study.search.lumps)
-        return lumps if self.found is None else replace(lumps.scaled(self.found), searched=("inertia",))
-
     def _pushed(self, plant: Plant) -> tuple[Episode, Array]:
         """The episode, and the absolute link speeds (npush x njoint) after its pushes.
 
@@ -342,7 +306,7 @@ class Problem:
 
     def at_plant(self, plant: Plant) -> Episode:
         """The episode that this `plant` is pushed in; pushes it to find out."""
-        return make_episode(plant, self.spec, self.nominal, self.measure, self.stage)
+        return make_episode(plant, self.spec, self.nominal, self.measure)
 
 
 def _measure(episode: EpisodeSettings) -> Measure:

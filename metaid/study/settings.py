@@ -26,7 +26,7 @@ from metaid.plant import (
     read_any_plant,
     read_plant,
 )
-from metaid.search import SAMPLERS, SamplerOptions
+from metaid.search import SamplerOptions
 from metaid.study.arms import ArmSpec, arm_spec
 
 TAKEN_UP = ("delay", "tilt")  # of the faults that a study may take up by itself those that a plant file may have
@@ -68,14 +68,6 @@ class SearchSettings(SamplerOptions):
         if not set(IDEAL) <= set(lumps) or len(set(lumps)) < len(lumps):
             raise ValueError(f"needs {' and '.join(IDEAL)}, each kind once (allowed besides: {', '.join(FRICTION)})")
         return tuple(kind for kind in (*IDEAL, *FRICTION) if kind in lumps)
-
-
-class InertiaSettings(Settings):
-    """`[inertia]`: a second stage, which searches the inertia lumps: its number of `trials`, and the `stiffness` k in
-    1/s² of the q̈ = −k q that its law asks for (default: one period within the horizon)."""
-
-    trials: Annotated[int, Field(ge=1, le=100_000_000)]
-    stiffness: Annotated[float, Field(gt=0, le=1e8)] | None = None
 
 
 class EstimateSettings(Settings):
@@ -180,18 +172,7 @@ class StudySettings(Settings):
     workers: Annotated[int, Field(ge=1, le=1024)] = 2
     search: SearchSettings = SearchSettings()
     episode: EpisodeSettings = EpisodeSettings()
-    inertia: InertiaSettings | None = None
     estimate: EstimateSettings = EstimateSettings()
-
-    @property
-    def finds_inertia(self) -> bool:
-        """Whether the inertia lumps are among what the study finds: by a second stage, or by its estimate."""
-        return self.inertia is not None or (self.sampler in SAMPLERS and SAMPLERS[self.sampler].by_estimate)
-
-    @property
-    def total_trials(self) -> int:
-        """The trials of all stages."""
-        return self.trials + (self.inertia.trials if self.inertia else 0)
 
 
 class PushedSettings(Settings):
@@ -235,10 +216,9 @@ class StudySpec(Settings):
         return blake2b("\n".join([*texts, *searched]).encode(), digest_size=6).hexdigest()
 
     @property
-    def names(self) -> tuple[list[str], ...]:
-        """The names under which the factors of each stage's candidates are in the DB."""
-        kinds = [self.study.search.lumps] + [("inertia",)] * (self.study.inertia is not None)
-        return tuple(lump_names(len(self.nominal), searched) for searched in kinds)
+    def names(self) -> list[str]:
+        """The names under which the factors of candidates are in the DB."""
+        return lump_names(len(self.nominal), self.study.search.lumps)
 
 
 def read_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec | ArmSpec:

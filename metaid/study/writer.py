@@ -19,7 +19,7 @@ class Writer:
     Args:
         store: the study DB.
         name: the study's.
-        problem: its stage, of which the trials are.
+        problem: of which the trials are.
         lease: by which this driver holds the study.
         patience: s without an answer of the DB's server after which the run ends; None for SERVER_PATIENCE.
         on_wait: called while the server does not answer, with the number of trials in the DB and what is waited for.

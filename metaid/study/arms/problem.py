@@ -35,10 +35,9 @@ MOST_MATCHED = 8  # trials that an estimate is made of where the sampler does wi
 
 
 class ArmProblem:
-    """All that the settings of a study of an arm determine before any trial. It has one stage."""
+    """All that the settings of a study of an arm determine before any trial."""
 
-    stage, found, is_last, is_only, is_simulated, widens = 1, None, True, True, True, False
-    measure = KINETIC
+    is_simulated, widens, measure = True, False, KINETIC
 
     def __init__(self, spec: ArmSpec) -> None:
         self.spec = spec
@@ -137,15 +136,8 @@ class ArmProblem:
         options = SamplerOptions(probes=wanted.probes, sigma=wanted.sigma, generation=wanted.generation)
         return make_searcher(study.sampler, self.coordinates, study.seed, options, self.experiment)
 
-    def second(self, found: Array) -> None:
-        """There is no second stage: springs are among the pushes of each trial."""
-
     def widen(self, values: Array) -> None:
         """No bound is moved: they are so far away that nothing beyond is believed."""
-
-    def stages(self) -> list[ArmProblem]:
-        """This one stage."""
-        return [self]
 
     def experiment(self) -> ArmExperiment | None:
         """What an estimate needs to know of this study; None where none is to be made."""

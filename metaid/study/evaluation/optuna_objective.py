@@ -35,7 +35,7 @@ class OptunaObjective:
     one in a DB can be shown by metaid, and be run on.
 
     Args:
-        spec: the study's settings. Of a study with two stages the objective is that of the first.
+        spec: the study's settings.
 
     Raises:
         StudyError: the plant is a rig that nobody has calibrated for this study.
@@ -101,8 +101,6 @@ class OptunaObjective:
         if study is not None and not self._keeps_motion(study):
             outcome = replace(outcome, windows=None, readings=None)
         attributes = {EXPERIMENT: json.dumps(self.spec.experiment), **outcome_attributes(outcome)}
-        if not self._problem.is_only:
-            attributes["stage"] = json.dumps(self._problem.stage)
         for key, text in attributes.items():
             trial.set_user_attr(key, json.loads(text))
         if outcome.steps not in reported:
