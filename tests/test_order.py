@@ -24,7 +24,7 @@ ABSENT = {
     "plant": ("mujoco", "numba", "ray", "optuna", "pandas"),
     "episode": ("mujoco", "numba", "ray", "optuna", "pandas"),
     "compiled": ("ray", "optuna", "pandas"),
-    "estimation": ("ray", "optuna", "pandas"),
+    "estimation": ("mujoco", "numba", "ray", "optuna", "pandas"),
     "search": ("mujoco", "numba", "ray", *SLOW),
     "store": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
     "study": ("mujoco", "numba", "ray", "matplotlib", *SLOW),

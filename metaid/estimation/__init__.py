@@ -6,26 +6,30 @@ was seen. In robot identification this is the closed-loop output-error method; d
 
 All trials are used, whichever sampler proposed their laws. A trial that ended in a fall is used up to the fall.
 `Motions` compares windows of plants without noise, `Readings` what the sensors of a noisy plant read. Nothing here
-knows of files, studies or the truth.
+knows of files, studies or the truth. What an estimate says is read without numba, which is loaded when one is made.
 """
 
-from metaid.estimation.approximation import Approximation, has_mass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from metaid.estimation.approximation import Approximation, HeldOut, has_mass
 from metaid.estimation.estimate import Estimate, fit
-from metaid.estimation.experiment import Compared, Experiment, NoisyExperiment, SeenTrial, SilentExperiment
-from metaid.estimation.faults import NO_FAULTS, SearchedFaults, searched_faults
-from metaid.estimation.motions import Motions, Quantity
-from metaid.estimation.noisy import (
-    HeldOut,
+from metaid.estimation.faults import (
+    NO_FAULTS,
+    FoundFaults,
     Proposal,
-    Readings,
-    ReadTrial,
+    SearchedFaults,
     TakenUp,
     Unmodelled,
-    commanded_torques,
-    filtered_speeds,
+    searched_faults,
 )
 from metaid.estimation.trials import Replay, WatchedTrial, numbered_joints
 from metaid.estimation.unknowns import FULL, Unknowns
+
+if TYPE_CHECKING:
+    from metaid.estimation.experiment import Compared, Experiment, NoisyExperiment, SeenTrial, SilentExperiment
+    from metaid.estimation.motions import Motions, Quantity
+    from metaid.estimation.noisy import Readings, ReadTrial, commanded_torques, filtered_speeds
 
 __all__ = [
     "FULL",
@@ -34,6 +38,7 @@ __all__ = [
     "Compared",
     "Estimate",
     "Experiment",
+    "FoundFaults",
     "HeldOut",
     "Motions",
     "NoisyExperiment",
@@ -56,3 +61,13 @@ __all__ = [
     "numbered_joints",
     "searched_faults",
 ]
+_LOADS_NUMBA = dict.fromkeys(("Motions", "Quantity"), "motions")
+_LOADS_NUMBA |= dict.fromkeys(("Readings", "ReadTrial", "commanded_torques", "filtered_speeds"), "noisy")
+_EXPERIMENT = "Compared", "Experiment", "NoisyExperiment", "SeenTrial", "SilentExperiment"
+_LOADS_NUMBA |= dict.fromkeys(_EXPERIMENT, "experiment")
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LOADS_NUMBA:
+        return getattr(import_module(f"metaid.estimation.{_LOADS_NUMBA[name]}"), name)
+    raise AttributeError(f"module 'metaid.estimation' has no attribute '{name}'")

@@ -15,13 +15,34 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
-from metaid.estimation.noisy import HeldOut
 from metaid.models import DEVIATIONS, Array, Lumps, mass_matrix
 
 MOST = 0.5  # of the unknowns: on so many parts of the pushes agree to a tenth
 PROBABILITY = 0.975  # below the upper end of a 95 % interval
 POSES = 64  # at which a mass matrix is looked at
 BETTER = 0.5  # of the nominal model's misfit of pushes that were left out: what is approximate has no more
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """What the pushes that are left out say of the fits to the others.
+
+    Attributes:
+        misfit: root mean square of what these fits leave of the pushes left out, in units of what noise explains.
+        nominal: the same of the nominal model; inf where it cannot follow.
+        unknowns: of each fit (npart x nunknown).
+    """
+
+    misfit: float
+    nominal: float
+    unknowns: Array
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviation of each unknown (nunknown) by repetition: the jackknife over the parts."""
+        count = len(self.unknowns)
+        scatter = ((self.unknowns - self.unknowns.mean(axis=0)) ** 2).sum(axis=0)
+        return np.asarray(np.sqrt((count - 1) / count * scatter), dtype=np.float64)
 
 
 @dataclass(frozen=True)

@@ -10,18 +10,15 @@ from typing import Any, Literal
 import numpy as np
 
 from metaid.episode import Outcome
+from metaid.estimation.approximation import HeldOut
 from metaid.estimation.counting import Counts, match_counts
 from metaid.estimation.estimate import Comparison, Estimate, fit
-from metaid.estimation.faults import NO_FAULTS, SearchedFaults, searched_faults
+from metaid.estimation.faults import NO_FAULTS, Proposal, SearchedFaults, TakenUp, Unmodelled, searched_faults
 from metaid.estimation.motions import Motions, Quantity
 from metaid.estimation.noisy import (
-    HeldOut,
     Innovations,
-    Proposal,
     Readings,
     ReadTrial,
-    TakenUp,
-    Unmodelled,
     centred,
     commanded_torques,
     explanations,

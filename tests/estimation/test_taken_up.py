@@ -10,8 +10,8 @@ import pytest
 from watched import GRAVITY, NOISE, Watched, raised, watched
 
 from metaid.estimation import Estimate, Readings, ReadTrial, SearchedFaults, Unknowns, fit, searched_faults
+from metaid.estimation.faults import TakenUp
 from metaid.estimation.noisy import take_up
-from metaid.estimation.noisy.taken_up import TakenUp
 from metaid.plant import FaultSettings
 
 LAWS = (1.2, 1.5)

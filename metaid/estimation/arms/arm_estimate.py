@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from metaid.estimation.arms.motions import ArmMotions
-from metaid.estimation.arms.readings import ArmReadings
-from metaid.estimation.arms.trials import ArmReadTrial, WatchedArmTrial
 from metaid.estimation.arms.unknowns import ArmUnknowns
-from metaid.estimation.fit import Fit, find, refine
+from metaid.estimation.fit import Fit
 from metaid.models import DEVIATIONS, Array
 from metaid.models.tree import TreeModel
-
-RESTARTS = 3  # of a fit that explains nothing, from elsewhere
 
 
 @dataclass(frozen=True)
@@ -64,32 +58,3 @@ class ArmEstimate(Fit):
         """Least and largest base parameters (nbase) within so many standard `deviations`: 95 % of them by default."""
         reach = deviations * self.value_deviations
         return self.values - reach, self.values + reach
-
-
-def estimate_arm(
-    trials: Sequence[WatchedArmTrial | ArmReadTrial],
-    searched: ArmUnknowns,
-    start: ArmEstimate | None = None,
-    thorough: bool = True,
-) -> ArmEstimate | None:
-    """What all `trials` say; None where they showed nothing, or no arm shows what they did.
-
-    Args:
-        trials: all of one kind.
-        searched: what is unknown.
-        start: where the fit begins, where it explained the trials before.
-        thorough: whether a fit that explains nothing begins elsewhere.
-    """
-    begin = start.unknowns if start is not None and start.is_explained else None
-    try:
-        compared: ArmMotions | ArmReadings
-        if isinstance(trials[0], WatchedArmTrial):
-            compared = ArmMotions([trial for trial in trials if isinstance(trial, WatchedArmTrial)], searched)
-        else:
-            compared = ArmReadings([trial for trial in trials if isinstance(trial, ArmReadTrial)], searched)
-    except ValueError:
-        return None
-    found = None if begin is None else refine(compared, begin)
-    if found is None:
-        found = find(compared, searched.geared if begin is None else begin, RESTARTS if thorough else 0)
-    return None if found is None else ArmEstimate(**vars(found), searched=searched)

@@ -9,15 +9,19 @@ import numpy as np
 
 from metaid.episode import Outcome
 from metaid.episode.arms import ArmEpisode
-from metaid.estimation.arms.arm_estimate import ArmEstimate, estimate_arm
+from metaid.estimation.approximation import HeldOut
+from metaid.estimation.arms.arm_estimate import ArmEstimate
+from metaid.estimation.arms.motions import ArmMotions
 from metaid.estimation.arms.readings import ArmReadings
 from metaid.estimation.arms.trials import ArmReadTrial, WatchedArmTrial, read_arm_trial, watched_arm_trial
 from metaid.estimation.arms.unknowns import ArmUnknowns
-from metaid.estimation.noisy import HeldOut, hold_out
+from metaid.estimation.fit import find, refine
+from metaid.estimation.noisy import hold_out
 from metaid.models import Array
 
 PROBES = 1  # the nominal arm's law alone: it leaves much to see
 AGREED = 1e-6  # of what an unknown may be beforehand: two estimates that are so near each other are the same
+RESTARTS = 3  # of a fit that explains nothing, from elsewhere
 STILL_SHRINKS = 0.95  # of the widest interval before: a trial that leaves more of it is worth no other
 
 SeenArmTrial = WatchedArmTrial | ArmReadTrial
@@ -101,3 +105,32 @@ class ArmExperiment:
             moved = np.abs(after.unknowns - before.unknowns).max()
             return float(moved) <= AGREED * self.searched.spread
         return float(after.deviations.max()) > STILL_SHRINKS * float(before.deviations.max())
+
+
+def estimate_arm(
+    trials: Sequence[WatchedArmTrial | ArmReadTrial],
+    searched: ArmUnknowns,
+    start: ArmEstimate | None = None,
+    thorough: bool = True,
+) -> ArmEstimate | None:
+    """What all `trials` say; None where they showed nothing, or no arm shows what they did.
+
+    Args:
+        trials: all of one kind.
+        searched: what is unknown.
+        start: where the fit begins, where it explained the trials before.
+        thorough: whether a fit that explains nothing begins elsewhere.
+    """
+    begin = start.unknowns if start is not None and start.is_explained else None
+    try:
+        compared: ArmMotions | ArmReadings
+        if isinstance(trials[0], WatchedArmTrial):
+            compared = ArmMotions([trial for trial in trials if isinstance(trial, WatchedArmTrial)], searched)
+        else:
+            compared = ArmReadings([trial for trial in trials if isinstance(trial, ArmReadTrial)], searched)
+    except ValueError:
+        return None
+    found = None if begin is None else refine(compared, begin)
+    if found is None:
+        found = find(compared, searched.geared if begin is None else begin, RESTARTS if thorough else 0)
+    return None if found is None else ArmEstimate(**vars(found), searched=searched)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from metaid.compiled.arms import Frames, frames_of
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS, Belief
+
+if TYPE_CHECKING:
+    from metaid.compiled.arms import Frames
 
 ROTOR = PARAMETERS.index("rotor")
 GEARED = 0.1  # standard deviations of a rotor's inertia
@@ -31,6 +34,8 @@ class ArmUnknowns:
     @cached_property
     def frames(self) -> Frames:
         """Where the joints are."""
+        from metaid.compiled.arms import frames_of  # loads numba
+
         return frames_of(self.belief.nominal)
 
     @cached_property

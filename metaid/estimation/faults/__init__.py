@@ -1,10 +1,24 @@
-"""Faults of the plant as unknowns of the fit, beside the lumps.
+"""Faults of the plant as unknowns of the fit, beside the lumps, and what is said of them. No numba is loaded here.
 
 faults = searched_faults(("delay", "tilt"), nominal, gravity, start_speeds)
 estimate = fit(Readings(trials, unknowns, gravity, faults=faults))
 estimate.faults.values
 """
 
+from metaid.estimation.faults.explaining import Proposal, TakenUp, named_faults
+from metaid.estimation.faults.forces import FORCES, UNSEEN, Unmodelled
 from metaid.estimation.faults.searched import NO_FAULTS, FoundFaults, SearchedFaults, found_faults, searched_faults
 
-__all__ = ["NO_FAULTS", "FoundFaults", "SearchedFaults", "found_faults", "searched_faults"]
+__all__ = [
+    "FORCES",
+    "NO_FAULTS",
+    "UNSEEN",
+    "FoundFaults",
+    "Proposal",
+    "SearchedFaults",
+    "TakenUp",
+    "Unmodelled",
+    "found_faults",
+    "named_faults",
+    "searched_faults",
+]

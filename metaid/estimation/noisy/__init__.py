@@ -7,24 +7,20 @@ Where torques are noisy, `fit_with_torque_noise` compares `Innovations` instead:
 """
 
 from metaid.estimation.noisy.commanded import centred, commanded_torques, filtered_speeds
-from metaid.estimation.noisy.held_out import HeldOut, hold_out
+from metaid.estimation.noisy.held_out import hold_out
 from metaid.estimation.noisy.innovations import Innovations
-from metaid.estimation.noisy.proposed import Proposal, Search, explanations, proposed_faults
+from metaid.estimation.noisy.proposed import Search, explanations, proposed_faults
 from metaid.estimation.noisy.read_trial import ReadTrial
 from metaid.estimation.noisy.readings import Readings
-from metaid.estimation.noisy.taken_up import TakenUp, take_up
+from metaid.estimation.noisy.taken_up import take_up
 from metaid.estimation.noisy.torque_noise import fit_with_torque_noise
-from metaid.estimation.noisy.unmodelled import Unmodelled, unmodelled_forces
+from metaid.estimation.noisy.unmodelled import unmodelled_forces
 
 __all__ = [
-    "HeldOut",
     "Innovations",
-    "Proposal",
     "ReadTrial",
     "Readings",
     "Search",
-    "TakenUp",
-    "Unmodelled",
     "centred",
     "commanded_torques",
     "explanations",

@@ -6,12 +6,13 @@ Only what concerns a push alone, its start speeds, is fitted to it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from metaid.estimation.approximation import HeldOut
 from metaid.estimation.fit import settled
 from metaid.estimation.noisy.windows import ReadingsInWindows
 from metaid.models import Array
@@ -20,28 +21,6 @@ PARTS = 3  # of the pushes, each of which is left out once
 ROUNDS = 4  # Gauss-Newton steps of what concerns a push alone
 
 Compared = TypeVar("Compared", bound=ReadingsInWindows[Any, Any])
-
-
-@dataclass(frozen=True)
-class HeldOut:
-    """What the pushes that are left out say of the fits to the others.
-
-    Attributes:
-        misfit: root mean square of what these fits leave of the pushes left out, in units of what noise explains.
-        nominal: the same of the nominal model; inf where it cannot follow.
-        unknowns: of each fit (npart x nunknown).
-    """
-
-    misfit: float
-    nominal: float
-    unknowns: Array
-
-    @property
-    def deviations(self) -> Array:
-        """Standard deviation of each unknown (nunknown) by repetition: the jackknife over the parts."""
-        count = len(self.unknowns)
-        scatter = ((self.unknowns - self.unknowns.mean(axis=0)) ** 2).sum(axis=0)
-        return np.asarray(np.sqrt((count - 1) / count * scatter), dtype=np.float64)
 
 
 def hold_out(compared: ReadingsInWindows[Any, Any], point: Array) -> HeldOut | None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from metaid.estimation.estimate import Estimate, fit
-from metaid.estimation.faults import FoundFaults, SearchedFaults
+from metaid.estimation.faults import FoundFaults, Proposal, SearchedFaults
 from metaid.estimation.noisy.readings import Readings
 from metaid.models import Array
 from metaid.plant import FAULT_UNITS
@@ -18,34 +18,7 @@ Search = Callable[[tuple[str, ...]], SearchedFaults]  # makes faults of given ki
 # The next only where those before explain nothing.
 TRIED = (("delay",), ("tilt",), ("viscous",), ("spring",), ("offset",), ("delay", "tilt"))
 LUMP_OF = {"viscous": "damping"}  # friction that is searched as a lump is not tried
-NAMES = {
-    "delay": "a delay of",
-    "tilt": "a tilt of",
-    "viscous": "viscous friction of up to",
-    "spring": "springs of up to",
-    "offset": "encoder offsets of up to",
-}
 IN_THOUSANDTHS = {"s": "ms", "rad": "mrad"}
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """Faults of some `kinds` that explain what was seen: their sizes in words, and the misfit `before` and `after`;
-    `all_kinds` are those that a study should search, with those that it has searched already.
-    """
-
-    kinds: tuple[str, ...]
-    sizes: tuple[str, ...]
-    before: float
-    after: float
-    all_kinds: tuple[str, ...]
-
-    @property
-    def description(self) -> str:
-        """What the misfit would be, and what to set, in a sentence."""
-        wanted = ", ".join(f'"{kind}"' for kind in self.all_kinds)
-        fall = f"the misfit falls from {self.before:.3g} to {self.after:.2g}"
-        return f"with {named_faults(self.kinds, self.sizes)} {fall}: set [estimate] faults = [{wanted}]"
 
 
 def proposed_faults(readings: Readings, estimate: Estimate, search: Search, declared: float) -> Proposal | None:
@@ -109,11 +82,6 @@ def _explained(readings: Readings, start: Array) -> Estimate:
             raise ValueError("a trial is not explained")
         start = alone.start
     return fit(readings, start, 0, gives_up=True)
-
-
-def named_faults(kinds: Sequence[str], sizes: Sequence[str]) -> str:
-    """Faults of these `kinds` with their `sizes`, in words."""
-    return " and ".join(f"{NAMES[kind]} {size}" for kind, size in zip(kinds, sizes, strict=True))
 
 
 def fault_sizes(kinds: Sequence[str], found: FoundFaults, declared: float = 0.0) -> tuple[str, ...]:

@@ -8,65 +8,22 @@ with which a lump would be elsewhere.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from metaid.estimation.estimate import Estimate, fit
+from metaid.estimation.faults import UNSEEN, TakenUp, named_faults
 from metaid.estimation.noisy.polynomials import explained_by_noise
-from metaid.estimation.noisy.proposed import TRIED, Search, explanations, fault_sizes, named_faults
+from metaid.estimation.noisy.proposed import TRIED, Search, explanations, fault_sizes
 from metaid.estimation.noisy.read_trial import ReadTrial
 from metaid.estimation.noisy.readings import Readings
-from metaid.estimation.noisy.unmodelled import UNSEEN, by_chance, unmodelled_forces
+from metaid.estimation.noisy.unmodelled import by_chance, unmodelled_forces
 from metaid.models import DEVIATIONS
 
 SINGLE = tuple(kinds for kinds in TRIED if len(kinds) == 1)
 SEVERAL = tuple(kinds for kinds in TRIED if len(kinds) > 1)
 TRIFLE = 1e-3  # of a lump: a difference that does no harm
-
-
-@dataclass(frozen=True)
-class TakenUp:
-    """What speaks for and against faults that were taken up.
-
-    Attributes:
-        kinds: of the faults.
-        sizes: theirs, in words.
-        before: the misfit without them.
-        after: the misfit with them.
-        foretold: the misfit of the pushes that were held out, by a fit to the others.
-        foretold_below: a misfit below this is explained by noise.
-        rivals: others that explain as much, in words, each with a lump that would be elsewhere.
-    """
-
-    kinds: tuple[str, ...]
-    sizes: tuple[str, ...]
-    before: float
-    after: float
-    foretold: float
-    foretold_below: float
-    rivals: tuple[str, ...]
-
-    @property
-    def holds(self) -> bool:
-        """Whether nothing speaks against them."""
-        return self.foretold < self.foretold_below and not self.rivals
-
-    @property
-    def description(self) -> str:
-        """What was taken up and why, or why not, in a sentence."""
-        named = named_faults(self.kinds, self.sizes)
-        if self.rivals:
-            others = ", or ".join(self.rivals)
-            return (
-                f"several faults explain what was seen: {named}, or {others}: name in [estimate] faults what is there"
-            )
-        if not self.holds:
-            return (
-                f"with {named} all is explained together, but not pushes that were held out: their misfit is "
-                f"{self.foretold:.3g} (foretold: below {self.foretold_below:.3g})"
-            )
-        return f"the study took up {named}: with that the misfit falls from {self.before:.3g} to {self.after:.2g}"
 
 
 def take_up(readings: Readings, estimate: Estimate, search: Search) -> tuple[Estimate, TakenUp | None]:

@@ -9,11 +9,11 @@ is known only if there is no such force.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from metaid.estimation.estimate import Estimate
+from metaid.estimation.faults import FORCES, UNSEEN, Unmodelled
 from metaid.estimation.noisy.read_trial import ReadTrial
 from metaid.estimation.noisy.readings import Readings
 from metaid.models import DEVIATIONS, SLIDING, Array
@@ -22,71 +22,10 @@ CHANCE = 6.0  # standard deviations above what noise alone gains: it does not ga
 LEAST_GAIN = 15.0  # for the tails of so many forces and joints
 SELDOM = 3.5  # standard deviations above that: noise alone gains as much once in a hundred times
 TRIFLE = 1e-3  # of a lump: a force that moves none by more does no harm
-UNSEEN = 3.0  # standard deviations of a force that readings may hide
 RANK = 1e-12  # of the largest singular value; a smaller one is rounding
-# What each is, its unit, and what to do about it.
-KINDS = {
-    "spring": (
-        "a spring",
-        "N m/rad",
-        'no law of metaid has one: take it off, or search it: estimate.faults = ["spring"]',
-    ),
-    "damping": ("viscous friction", "N m s", 'search it: estimate.faults = ["viscous"]'),
-    "coulomb": ("dry friction", "N m", 'search it: estimate.faults = ["dry"]'),
-    "delay": ("torques that come late", "s", 'search it: estimate.faults = ["delay"]'),
-}
 # A filter is linear about the twin that it leads, and what it leaves out looks like joints that push by a little.
 RESISTING = ("damping", "coulomb")
 FORCE_OF = {"viscous": "damping", "dry": "coulomb"}  # the force that a fault is, where it has another name
-
-
-@dataclass(frozen=True)
-class Unmodelled:
-    """A force that the model has not.
-
-    Attributes:
-        kind: "spring", "damping", "coulomb" or "delay".
-        sizes: of each joint (njoint), or of all (1), in the unit of its kind.
-        deviations: standard deviations of these.
-        left: what share of the sum of the squared residuals it leaves.
-        shift: by how much log factors (nunknown) would change.
-        reach: by how much they could (nunknown), with a force so small that the readings do not show it.
-        is_seen: whether it is there: it lowers the squares by more than noise would, and moves a lump out of its 95 %
-            interval, and that by more than TRIFLE.
-        is_hinted: whether it may be there: the same where noise would seldom lower the squares so far.
-    """
-
-    kind: str
-    sizes: Array
-    deviations: Array
-    left: float
-    shift: Array
-    reach: Array
-    is_seen: bool
-    is_hinted: bool
-
-    @property
-    def description(self) -> str:
-        """What it is, and where it is largest: `a spring in joint 1, 0.5 N m/rad`."""
-        name, unit, _ = KINDS[self.kind]
-        largest = int(np.argmax(np.abs(self.sizes)))
-        where = f" in joint {largest + 1}" if len(self.sizes) > 1 else ""
-        return f"{name}{where}, {self.sizes[largest]:.2g} {unit}"
-
-    @property
-    def name(self) -> str:
-        """What it is."""
-        return KINDS[self.kind][0]
-
-    @property
-    def unseen(self) -> str:
-        """How much of it readings may hide: `up to 0.5 N m/rad of it`."""
-        return f"up to {UNSEEN * float(self.deviations.max()):.2g} {KINDS[self.kind][1]} of it"
-
-    @property
-    def advice(self) -> str:
-        """What to do about it."""
-        return KINDS[self.kind][2]
 
 
 def unmodelled_forces(readings: Readings, estimate: Estimate) -> Iterator[Unmodelled]:
@@ -96,7 +35,7 @@ def unmodelled_forces(readings: Readings, estimate: Estimate) -> Iterator[Unmode
     """
     torques = [_torques(trial, *readings.motion(number)) for number, trial in enumerate(readings.trials)]
     known = {*readings.unknowns.kinds, *(FORCE_OF.get(kind, kind) for kind in readings.faults.kinds)}
-    kinds = [kind for kind in KINDS if kind not in known]
+    kinds = [kind for kind in FORCES if kind not in known]
     columns = [np.concatenate([each[kind] for kind in kinds]) for each in torques]
     residuals = readings.residuals_with(estimate.point, columns)
     if residuals is None:

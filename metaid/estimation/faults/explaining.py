@@ -1,0 +1,83 @@
+"""Faults that explain what an estimate does not: proposed to the user, or taken up by the study itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+NAMES = {
+    "delay": "a delay of",
+    "tilt": "a tilt of",
+    "viscous": "viscous friction of up to",
+    "spring": "springs of up to",
+    "offset": "encoder offsets of up to",
+}
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """Faults of some `kinds` that explain what was seen: their sizes in words, and the misfit `before` and `after`;
+    `all_kinds` are those that a study should search, with those that it has searched already.
+    """
+
+    kinds: tuple[str, ...]
+    sizes: tuple[str, ...]
+    before: float
+    after: float
+    all_kinds: tuple[str, ...]
+
+    @property
+    def description(self) -> str:
+        """What the misfit would be, and what to set, in a sentence."""
+        wanted = ", ".join(f'"{kind}"' for kind in self.all_kinds)
+        fall = f"the misfit falls from {self.before:.3g} to {self.after:.2g}"
+        return f"with {named_faults(self.kinds, self.sizes)} {fall}: set [estimate] faults = [{wanted}]"
+
+
+@dataclass(frozen=True)
+class TakenUp:
+    """What speaks for and against faults that were taken up.
+
+    Attributes:
+        kinds: of the faults.
+        sizes: theirs, in words.
+        before: the misfit without them.
+        after: the misfit with them.
+        foretold: the misfit of the pushes that were held out, by a fit to the others.
+        foretold_below: a misfit below this is explained by noise.
+        rivals: others that explain as much, in words, each with a lump that would be elsewhere.
+    """
+
+    kinds: tuple[str, ...]
+    sizes: tuple[str, ...]
+    before: float
+    after: float
+    foretold: float
+    foretold_below: float
+    rivals: tuple[str, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether nothing speaks against them."""
+        return self.foretold < self.foretold_below and not self.rivals
+
+    @property
+    def description(self) -> str:
+        """What was taken up and why, or why not, in a sentence."""
+        named = named_faults(self.kinds, self.sizes)
+        if self.rivals:
+            others = ", or ".join(self.rivals)
+            return (
+                f"several faults explain what was seen: {named}, or {others}: name in [estimate] faults what is there"
+            )
+        if not self.holds:
+            return (
+                f"with {named} all is explained together, but not pushes that were held out: their misfit is "
+                f"{self.foretold:.3g} (foretold: below {self.foretold_below:.3g})"
+            )
+        return f"the study took up {named}: with that the misfit falls from {self.before:.3g} to {self.after:.2g}"
+
+
+def named_faults(kinds: Sequence[str], sizes: Sequence[str]) -> str:
+    """Faults of these `kinds` with their `sizes`, in words."""
+    return " and ".join(f"{NAMES[kind]} {size}" for kind, size in zip(kinds, sizes, strict=True))
