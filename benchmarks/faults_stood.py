@@ -87,9 +87,9 @@ def stand(named: str, nlink: int, seed: int) -> Stood:
         run_study(store, name, workers=1)
         snapshot = read_snapshot(store, name)
         verdict, found = judge(snapshot), snapshot.estimate
-        trials = store.trials(name, *spec.names)
+        trials = store.trials(name, spec.names)
     cpu = time.process_time() - began
-    truth = snapshot.first.open_plant().true_lumps()
+    truth = snapshot.problem.open_plant().true_lumps()
     assert truth is not None
     error, taken_up = np.inf, list[str]()
     if found is not None:

@@ -1,24 +1,22 @@
-"""Friction and inertia: how often the full dynamics are found, and what friction does where it is not searched.
+"""Friction: how often it is found with the other lumps, and what it does where it is not searched.
 
     python -m benchmarks.friction                       # all parts, N = 2, 3, 5, ten chains each
-    python -m benchmarks.friction --links 10 --parts full --samplers newton --seeds 0 1 2 3 4
+    python -m benchmarks.friction --links 10 --parts viscous --samplers newton --seeds 0 1 2 3 4
 
 Chains and nominal models are those of benchmarks/chains.py, with friction in every joint: damping of
 0.2 × U(0.5, 1.5) × √(g/l) × (I_i + m_i c_i²), so that a link alone would lose a fifth of its speed in about √(l/g), and
 dry friction of 0.05 × U(0.5, 1.5) × g m_i c_i; nominal values are true × U(0.7, 1.3).
 
-**full**: all lumps of A, c and g and of viscous friction, in two stages. **dry**: gravity, Coriolis, viscous and dry
-friction lumps, in one. **ignored**: the plant is damped, and only gravity and Coriolis lumps are searched; the errors
-are those of the best candidate, at a tenth, 30 % and all of the damping. A run ends when every lump is within 0.1 %
-(not where friction is ignored), its searcher is finished, or after 3,000 trials of newton and 6,000 of cmaes (10,000 at
-ten links).
+**viscous**: gravity, Coriolis and viscous friction lumps. **dry**: those and dry friction. **ignored**: the plant is
+damped, and only gravity and Coriolis lumps are searched; the errors are those of the best candidate, at a tenth, 30 %
+and all of the damping. A run ends when every lump is within 0.1 % (not where friction is ignored), its searcher is
+finished, or after 3,000 trials of newton and 6,000 of cmaes (10,000 at ten links).
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any
@@ -36,13 +34,14 @@ from metaid.study.evaluation import ThreadEvaluator
 MOST = {"newton": 3000, "cmaes": 6000}
 MOST_AT_TEN = 10_000
 DAMPED, DRY = 0.2, 0.05
+PARTS = ["viscous", "dry", "ignored"]
 SHARES = (0.1, 0.3, 1.0)  # of the damping, where it is ignored
 
 
 @dataclass(frozen=True)
 class Searched:
-    """One stage of one chain: trials until its worst lump was within 1 % and 0.1 % (None: never), and in all; the error
-    of its worst lump in the end, and the median error.
+    """The search of one chain: trials until its worst lump was within 1 % and 0.1 % (None: never), and in all; the
+    error of its worst lump in the end, and the median error.
     """
 
     part: str
@@ -50,7 +49,6 @@ class Searched:
     lumps: int
     seed: int
     sampler: str
-    stage: int
     share: float
     nominal_error: float
     trials_1: int | None
@@ -84,27 +82,17 @@ def without_dry(links: Links) -> Links:
     return tuple(link.model_copy(update={"frictionloss": 0.0}) for link in links)
 
 
-def search(part: str, seed: int, pair: tuple[Links, Links], sampler: str, share: float = 1.0) -> Iterator[Searched]:
-    """What each stage finds."""
+def search(part: str, seed: int, pair: tuple[Links, Links], sampler: str, share: float = 1.0) -> Searched:
+    """What a search finds."""
     true, nominal = pair
     nlink = len(true)
-    kinds = {"full": (*IDEAL, "damping"), "dry": (*IDEAL, *FRICTION), "ignored": IDEAL}[part]
+    kinds = {"viscous": (*IDEAL, "damping"), "dry": (*IDEAL, *FRICTION), "ignored": IDEAL}[part]
     most = MOST_AT_TEN if nlink >= 10 else MOST[sampler]
     settings: dict[str, Any] = {"plant": "chain", "nominal": "nominal", "trials": most, "seed": seed}
-    inertia = {"inertia": {"trials": most}} if part == "full" else {}
-    study = StudySettings.model_validate({**settings, "sampler": sampler, "search": {"lumps": kinds}, **inertia})
+    study = StudySettings.model_validate({**settings, "sampler": sampler, "search": {"lumps": kinds}})
     plant = PlantSettings(links=true)
-    problem: Problem | None = Problem(
-        StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study)
-    )
-    while problem is not None:
-        found, best = _one_stage(part, seed, sampler, share, problem, chain_of(true), most)
-        yield found
-        problem = problem.second(best)
-
-
-def _one_stage(part: str, seed: int, sampler: str, share: float, problem: Problem, true: Any, most: int) -> Any:
-    truth = true.lumps_of(problem.lumps.searched).vector / problem.lumps.vector
+    problem = Problem(StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study))
+    truth = chain_of(true).lumps_of(problem.lumps.searched).vector / problem.lumps.vector
     searcher, trials, best, factors = problem.make_searcher(), 0, np.inf, problem.start
     reached: dict[float, int] = {}
     with ThreadEvaluator(problem, 2) as evaluator:
@@ -121,13 +109,12 @@ def _one_stage(part: str, seed: int, sampler: str, share: float, problem: Proble
                             reached.setdefault(within, trials)
             searcher.tell(outcomes)
     errors = np.abs(factors / truth - 1.0)
-    found = Searched(
+    return Searched(
         part=part,
-        links=true.nlink,
+        links=nlink,
         lumps=len(truth),
         seed=seed,
         sampler=sampler,
-        stage=problem.stage,
         share=share,
         nominal_error=float(np.abs(1.0 / truth - 1.0).max()),
         trials_1=reached.get(0.01),
@@ -137,15 +124,13 @@ def _one_stage(part: str, seed: int, sampler: str, share: float, problem: Proble
         median_error=float(np.median(errors)),
         factors=(factors / truth).tolist(),
     )
-    return found, factors
 
 
 def shown(runs: list[Searched]) -> list[dict[str, Any]]:
     """A row for all runs of the same kind: how many got there, and medians."""
     rows = []
-    keys = dict.fromkeys((run.sampler, run.links, run.stage, run.share) for run in runs)
-    for sampler, links, stage, share in keys:
-        own = [r for r in runs if (r.sampler, r.links, r.stage, r.share) == (sampler, links, stage, share)]
+    for sampler, links, share in dict.fromkeys((run.sampler, run.links, run.share) for run in runs):
+        own = [r for r in runs if (r.sampler, r.links, r.share) == (sampler, links, share)]
         row: dict[str, Any] = {"sampler": sampler, "links": links, "lumps": own[0].lumps}
         if own[0].part == "ignored":
             gravity, coriolis = ([abs(f - 1.0) for r in own for f in _kind(r, kind)] for kind in IDEAL)
@@ -153,8 +138,6 @@ def shown(runs: list[Searched]) -> list[dict[str, Any]]:
             row |= {"median, %": f"{100 * median(gravity):.2f}", "worst Coriolis lump, %": f"{100 * max(coriolis):.1f}"}
             rows.append(row | {"median of them, %": f"{100 * median(coriolis):.2f}"})
             continue
-        if own[0].part == "full":
-            row["stage"] = stage
         counts = [[getattr(r, key) for r in own if getattr(r, key) is not None] for key in ("trials_1", "trials_01")]
         for within, got in zip(("1 %", "0.1 %"), counts, strict=True):
             row[f"within {within}"] = f"{len(got)} of {len(own)}"
@@ -173,7 +156,7 @@ def main() -> None:
     parser.add_argument("--links", type=int, nargs="+", default=[2, 3, 5])
     parser.add_argument("--seeds", type=int, nargs="+", default=list(range(10)))
     parser.add_argument("--samplers", nargs="+", choices=list(MOST), default=list(MOST))
-    parser.add_argument("--parts", nargs="+", choices=["full", "dry", "ignored"], default=["full", "dry", "ignored"])
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     found: dict[str, list[Searched]] = {part: [] for part in arguments.parts}
@@ -185,7 +168,7 @@ def main() -> None:
                         for seed in arguments.seeds:
                             true, nominal = rubbing_chain(links, seed, share)
                             pair = (true, nominal) if part == "dry" else (without_dry(true), without_dry(nominal))
-                            found[part] += search(part, seed, pair, sampler, share)
+                            found[part].append(search(part, seed, pair, sampler, share))
     if arguments.json:
         print(json.dumps({part: [asdict(run) for run in runs] for part, runs in found.items()}))
         return

@@ -131,7 +131,7 @@ def _tried(spec: StudySpec) -> list[Any]:
     """The trials of a study that is run in a DB of its own."""
     with made(spec) as (store, name):
         run_study(store, name, workers=1)
-        return list(store.trials(name, *spec.names))
+        return list(store.trials(name, spec.names))
 
 
 def _judge(links: int, seed: int, trials: int, estimate: Estimate, truth: Array, seconds: float) -> Matched:

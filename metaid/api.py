@@ -171,7 +171,7 @@ def evaluate(study: str | Path | AnySpec, factors: Mapping[str, float] | None = 
     """One candidate of a study, `factors` of its nominal lumps by name, without any DB.  Raises StudyError,
     PlantError, EpisodeError.
     """
-    with closing(problem_of(of_chain(_spec(study))).make_lump_objective()) as objective:
+    with closing(problem_of(of_chain(_spec(study))).make_objective()) as objective:
         return objective.evaluate(check_factors(factors or {}, objective.nominal))
 
 
@@ -284,14 +284,6 @@ def bodies(name: str, storage: str | None = None) -> pd.DataFrame:
     """
     with closing(Store(storage or default_storage())) as store:
         return results.bodies_frame(store, name)
-
-
-def parameters(name: str, storage: str | None = None) -> pd.DataFrame:
-    """The individual parameters of a study that searches them: nominal, range over the bodies as good as the best, and
-    truth where the plant knows it.  Raises StorageError, and StudyError of a study that searches lumps.
-    """
-    with closing(Store(storage or default_storage())) as store:
-        return results.parameters_frame(store, name)
 
 
 def studies(storage: str | None = None) -> pd.DataFrame:

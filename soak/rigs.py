@@ -72,7 +72,7 @@ def told(liar: Liar, lie: Lie | None) -> Told:
     liar.arm(lie, HONEST_TRIALS * PUSHES_A_TRIAL)
     answer = command(["study", "run", "study", "--storage", "run.db", "--quiet"])
     with closing(Store("run.db")) as store:
-        trials = store.trials("study", *load_chain_study("study.toml").names)
+        trials = store.trials("study", load_chain_study("study.toml").names)
     return Told(
         answer, [trial.state.name for trial in trials], [trial.outcome.failure for trial in trials], liar.sent_torques()
     )

@@ -99,16 +99,14 @@ def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path],
 
 
 def best_error(store: Store, name: str) -> float:
-    """The largest error of a lump by the best trial of each stage, whatever an estimate says beside it."""
-    errors = []
-    for stage in read_snapshot(store, name).stages:
-        problem, truth = stage.problem, stage.problem.open_plant().true_lumps()
-        assert truth is not None
-        factors = np.array([trial.factors for trial in stage.survivors])
-        values = np.array([trial.outcome.value for trial in stage.survivors])
-        found = identified_factors(problem, factors, values) * problem.lumps.vector
-        errors.append(np.abs(found / truth.vector_of(problem.lumps.searched) - 1.0).max())
-    return float(max(errors))
+    """The largest error of a lump by the best trial, whatever an estimate says beside it."""
+    snapshot = read_snapshot(store, name)
+    problem, truth = snapshot.problem, snapshot.problem.open_plant().true_lumps()
+    assert truth is not None
+    factors = np.array([trial.factors for trial in snapshot.survivors])
+    values = np.array([trial.outcome.value for trial in snapshot.survivors])
+    found = identified_factors(problem, factors, values) * problem.lumps.vector
+    return float(np.abs(found / truth.vector_of(problem.lumps.searched) - 1.0).max())
 
 
 class Finished(NamedTuple):

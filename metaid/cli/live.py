@@ -39,7 +39,9 @@ class Live:
 
     def __init__(self, store: Store, name: str, quiet: bool, console: Console | None = None) -> None:
         self._bests: deque[Array] = deque(maxlen=LOOK_BACK)
-        self._begin(problem_of(stored_spec(store, name)))
+        self._problem = problem_of(stored_spec(store, name))
+        self._true_factors: Array | None = None
+        self._learn_lumps(self._problem)
         self._console = console or Console(stderr=True, markup=False, highlight=False)
         self._prints_lines = not quiet and not self._console.is_terminal
         self._name = printable(name)
@@ -49,11 +51,8 @@ class Live:
         self._last_line = time.monotonic()
         self.trials = 0
 
-    def _begin(self, problem: AnyProblem) -> None:
-        """Turns to a stage of the study."""
-        self._problem = problem
-        self._true_factors = None
-        self._bests.clear()
+    def _learn_lumps(self, problem: AnyProblem) -> None:
+        """Notes the units and nominal values of what is searched, and the true ones where they are known."""
         if isinstance(problem, ArmProblem):
             self._units, self._nominal = list(problem.belief.base.units), np.ones(len(problem.names))
             return
@@ -64,20 +63,14 @@ class Live:
             self._true_factors = np.where(true == 0.0, np.nan, true) / self._nominal
         self._determined = problem.measure.determined(problem.lumps)
 
-    def _shown(self, values: Array) -> Array:
-        """What is shown of a candidate with these `values`: factors of lumps, or base parameters of an arm."""
-        return values if isinstance(self._problem, ArmProblem) else self._problem.lump_factors(values)
-
     def update(self, progress: RunProgress) -> None:
         """Shows how far the run is."""
-        if progress.problem.stage != self._problem.stage:
-            self._begin(progress.problem)
         now = time.monotonic()
         self._started = self._started or (now, progress.trials)
         self.trials = progress.trials
         state = self._state(progress, now)
         if progress.best is not None:
-            self._bests.append(self._shown(progress.best.factors))
+            self._bests.append(progress.best.factors)
         self._bar.update(self._task, completed=progress.trials, total=progress.total, state=state)
         if self._prints_lines and now - self._last_line >= INTERVAL:
             self._last_line = now
@@ -89,16 +82,14 @@ class Live:
             return progress.waiting
         begun, first = self._started or (now, 0)
         rate = (progress.trials - first) / (now - begun) if now > begun else 0.0
-        parts = [] if self._problem.is_only else [f"stage {self._problem.stage}"]
-        parts += [f"{rate:.0f} trials/s", f"{progress.falls} falls"]
+        parts = [f"{rate:.0f} trials/s", f"{progress.falls} falls"]
         if progress.best is not None:
             parts.append(f"best {progress.best.outcome.value:.2g} {self._problem.measure.unit}")
         if progress.spread is not None:
             name = SAMPLERS[self._problem.spec.study.sampler].spread_name
             parts.append(f"{name} {progress.spread:.2g}")
         if progress.best is not None and self._true_factors is not None:
-            factors = self._shown(progress.best.factors)
-            errors = np.abs(factors / self._true_factors - 1.0)[self._determined]
+            errors = np.abs(progress.best.factors / self._true_factors - 1.0)[self._determined]
             parts.append(f"error {np.nanmax(errors):.2%}")
         return ", ".join(parts)
 

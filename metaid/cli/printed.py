@@ -30,8 +30,6 @@ def print_study(store: Any, name: str, with_bodies: bool = False) -> dict[str, A
     if shown.get("faults"):
         _print_faults(shown_rows(shown, "faults"))
     _say_foreign(shown.get("foreign_trials", []), _unit(shown["measure"]))
-    if "parameters" in shown:
-        _show_parameters(shown)
     if shown["trials"]["total"] or shown["estimate"]:
         say(_origin(shown))
     if with_bodies:
@@ -66,8 +64,7 @@ def describe_tried(shown: dict[str, Any]) -> list[str]:
         parts.append(f"noise floor {shown['noise_floor_hz']:.3g} Hz, subtracted")
     if "mujoco" in best:
         parts.append(_verification(best["mujoco"]))
-    later = [stage["best"] for stage in shown.get("stages", [])[1:] if stage["best"]["value"] is not None]
-    return parts + [f"stage 2: best {each['value']:.3g} {unit} at trial {each['number']}" for each in later]
+    return parts
 
 
 def _origin(shown: dict[str, Any]) -> str:
@@ -199,22 +196,9 @@ def _show_bodies(shown: dict[str, Any]) -> None:
         if not row["bounded"]:
             cells["high"] = "unbounded"
         rows.append([row["name"], *cells.values(), row["unit"]])
-    _print_parameters("All possible bodies with these lumps", rows)
+    title, columns = "All possible bodies with these lumps", ["parameter", *PARAMETER_COLUMNS, "unit"]
+    print_table(title, columns, rows, words=["unit"], dispensable=DISPENSABLE)
     say(describe_possible_bodies(shown["bodies"]))
-
-
-def _show_parameters(shown: dict[str, Any]) -> None:
-    from metaid.results import describe_bodies
-
-    rows = [
-        [row["name"], *(number_text(row[key]) for key in PARAMETER_COLUMNS), row["unit"]] for row in shown["parameters"]
-    ]
-    _print_parameters("Bodies that move the same", rows)
-    say(describe_bodies(shown))
-
-
-def _print_parameters(title: str, rows: list[list[str]]) -> None:
-    print_table(title, ["parameter", *PARAMETER_COLUMNS, "unit"], rows, words=["unit"], dispensable=DISPENSABLE)
 
 
 def _verification(mujoco: dict[str, Any]) -> str:

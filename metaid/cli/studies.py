@@ -158,21 +158,11 @@ def check(source: str, changes: tuple[str, ...], until: float | None, as_json: b
         return
     if asked := question(spec):
         say(asked, err=True)
-    stages = [identifiability(problem) for problem in problem_of(spec).stages()]
-    foreseen = None if until is None else forecast(problem_of(spec), until)
-    rows = [
-        row
-        for found in stages
-        for row in zip(
-            found.names,
-            found.resolution.tolist(),
-            found.determined,
-            found.low.tolist(),
-            found.high.tolist(),
-            strict=True,
-        )
-    ]
-    combinations = [combination for found in stages for combination in found.combinations]
+    problem = problem_of(spec)
+    found = identifiability(problem)
+    foreseen = None if until is None else forecast(problem, until)
+    numbers = found.resolution.tolist(), found.determined, found.low.tolist(), found.high.tolist()
+    rows = list(zip(found.names, *numbers, strict=True))
     if as_json:
         lumps = [
             {
@@ -189,7 +179,7 @@ def check(source: str, changes: tuple[str, ...], until: float | None, as_json: b
                 "study": spec.name,
                 "measure": spec.study.episode.measure,
                 "lumps": lumps,
-                "undetermined": combinations,
+                "undetermined": list(found.combinations),
                 **({} if foreseen is None else {"until": forecast_row(foreseen)}),
             }
         )
@@ -209,7 +199,7 @@ def check(source: str, changes: tuple[str, ...], until: float | None, as_json: b
     print_table(title, headings, shown, words=["determined", "unit"], dispensable=["from", "to"])
     if is_bounded:
         say(f"a lump beyond from and to is excluded by the bounds{_and_widened(spec)}")
-    for combination in combinations:
+    for combination in found.combinations:
         terms = sorted(combination.items(), key=lambda term: -abs(term[1]))[:4]
         say(
             "no trial shows a change of these factors together: "
@@ -244,10 +234,10 @@ def _undetermined(spec: StudySpec) -> str | None:
     """
     from metaid.study import identifiability, problem_of
 
-    first = problem_of(spec)
-    if first.is_simulated and first.is_told_by_estimate:
+    problem = problem_of(spec)
+    if problem.is_simulated and problem.is_told_by_estimate:
         return None
-    names = [name for problem in first.stages() for name in identifiability(problem).undetermined_names]
+    names = identifiability(problem).undetermined_names
     if not names:
         return None
     what = f"{_judge(spec)} with these pushes cannot determine {', '.join(names)}"

@@ -30,7 +30,7 @@ from metaid.episode import (
     spectral_hz,
 )
 from metaid.errors import EpisodeError, LostPlant
-from metaid.models import Array, Lumps, SearchSpace, factor_space
+from metaid.models import Array, Lumps
 from metaid.plant import MujocoPlant, Plant
 
 LARGEST_FACTOR = 1000.0
@@ -60,7 +60,6 @@ class Objective:
         measure: a key of `MEASURES`.
         physics: "mujoco", or "analytic" for a MujocoPlant's own equations of motion.
         rule: the counting rule of the measure `count`; None for its usual one.
-        space: whose values candidates are; None where they are factors of the nominal lumps.
 
     Raises:
         EpisodeError: plant, nominal lumps and pushes differ in their number of joints, or no measure has that name
@@ -75,7 +74,6 @@ class Objective:
         measure: str,
         physics: str = "mujoco",
         rule: str | None = None,
-        space: SearchSpace | None = None,
     ) -> None:
         if nominal.nlink != plant.njoint or episode.pushes.shape[1] != plant.njoint:
             raise EpisodeError(
@@ -84,7 +82,6 @@ class Objective:
             )
         self.plant = plant
         self.nominal = nominal
-        self._space = factor_space(nominal) if space is None else space
         self.measure = get_measure(measure, rule)
         self.episode = episode = replace(episode, keep_angles=episode.keep_angles or self.measure.keeps_angles)
         self._loop: Loop = _fastest_loop(plant, nominal, episode, physics)
@@ -94,8 +91,7 @@ class Objective:
         """What the episode of a candidate with these `factors` (nlump) shows in the trial of that `number`, as long as
         it `goes_on`.  Raises EpisodeError where they are none, LostPlant and AbsentPlant.
         """
-        checked = _checked(factors, len(self._space.names))
-        return self._loop.run(self.nominal.with_parameters(self._space.parameters(checked)), number, goes_on)
+        return self._loop.run(self.nominal.scaled(_checked(factors, len(self.nominal.names))), number, goes_on)
 
     def watch(self, factors: Array, number: int = 0) -> tuple[Record, Trajectory]:
         """The same, and the motion after the last push, step by step in Python."""
@@ -116,7 +112,7 @@ class Objective:
         """A batch of candidates with these `factors` (ncandidate x nlump), of the `trials` with these numbers
         (ncandidate), for this objective and its like, each on a thread of its own, to work on.
         """
-        return self._loop.new_batch(self.nominal.with_parameters(self._space.parameters(factors)), trials)
+        return self._loop.new_batch(self.nominal.scaled(factors), trials)
 
     def work_on(self, batch: Any) -> None:
         """Runs episodes of the `batch` until there are none left; others may do so at the same time."""

@@ -1,13 +1,11 @@
 """What is unknown, and the law that follows from it.
 
 A planar chain has lumped parameters (`Lumps`), which make the compensation torque, its regressor and the mass matrix.
-`Chain` holds the physical parameters that lumps follow from, `Bodies` those that a study may search in their place.
-`body_extents` says which bodies lumps leave possible. `Model` is the one face of every kind of model, `Space` what a
-search moves in.
+`Chain` holds the physical parameters that lumps follow from; `body_extents` says which bodies lumps leave possible.
+`Model` is the one face of every kind of model.
 Pure functions of arrays: nothing here knows MuJoCo, Optuna or files.
 """
 
-from metaid.models.bodies import Bodies, bodies_of
 from metaid.models.chain import Chain, speeds_after
 from metaid.models.chain_of_lumps import ChainOfLumps, chain_of_lumps
 from metaid.models.intervals import DEVIATIONS, deviations_at_once, half_width
@@ -17,8 +15,6 @@ from metaid.models.lumps import FRICTION, IDEAL, UNITS, Array, Lumps, factors_fr
 from metaid.models.model import ChainModel, Model
 from metaid.models.possible import least_inertia, question_of_units, refuse_impossible, refuse_too_long_a_step
 from metaid.models.possible_bodies import body_extents
-from metaid.models.same_motion import SameMotion
-from metaid.models.space import SearchSpace, Space, factor_space
 
 __all__ = [
     "DEVIATIONS",
@@ -27,23 +23,17 @@ __all__ = [
     "SLIDING",
     "UNITS",
     "Array",
-    "Bodies",
     "Chain",
     "ChainModel",
     "ChainOfLumps",
     "KnownLumps",
     "Lumps",
     "Model",
-    "SameMotion",
-    "SearchSpace",
-    "Space",
-    "bodies_of",
     "body_extents",
     "chain_of_lumps",
     "compensation_basis",
     "compensation_torque",
     "deviations_at_once",
-    "factor_space",
     "factors_from_names",
     "half_width",
     "kind_of",

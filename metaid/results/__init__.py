@@ -4,7 +4,7 @@ Only here are results compared with the true lumps. Neither MuJoCo nor numba is 
 """
 
 from metaid.results.best import best_rows, identified_factors
-from metaid.results.body_tables import body_rows, describe_bodies, describe_possible_bodies
+from metaid.results.body_tables import body_rows, describe_possible_bodies
 from metaid.results.comparison import Comparison, compare
 from metaid.results.control import BANDWIDTH, smooth_sinusoids, track
 from metaid.results.estimates import (
@@ -22,7 +22,6 @@ from metaid.results.tables import (
     estimate_frame,
     lumps_frame,
     optuna_estimate_frame,
-    parameters_frame,
     studies_frame,
     trials_frame,
 )
@@ -46,7 +45,6 @@ __all__ = [
     "bodies_frame",
     "body_rows",
     "compare",
-    "describe_bodies",
     "describe_known_from",
     "describe_possible_bodies",
     "describe_trials",
@@ -58,7 +56,6 @@ __all__ = [
     "lumps_frame",
     "missed",
     "optuna_estimate_frame",
-    "parameters_frame",
     "plane",
     "read_any_findings",
     "read_findings",

@@ -40,17 +40,8 @@ def best_rows(survivors: pd.DataFrame, count: int) -> pd.DataFrame:
     return best
 
 
-def first_of_best(survivors: Sequence[Trial]) -> Trial:
-    """The trial that the law of the second stage was made from: the first with the least value.
-
-    A run keeps the first of equals (`study/progress.py`) and begins the second stage with it. The trials of that stage
-    belong to this law, so nothing else may be used to describe them.
-    """
-    return min(survivors, key=lambda trial: trial.outcome.value)
-
-
 def identified_factors(problem: Problem, factors: Array, values: Array) -> Array:
-    """The factor of each lump (nlump) that follows from a stage's survivors, with `factors` (ntrial x nlump) and
+    """The factor of each lump (nlump) that follows from a study's survivors, with `factors` (ntrial x nlump) and
     `values` of the measure (ntrial), in the order in which they were evaluated.
 
     It is the best trial's; of a noisy measure, whose best trial is only the luckiest, it is the mean of the trials that
@@ -73,7 +64,7 @@ def factor_range(problem: Problem, factors: Array, values: Array, resolution: Ar
     (Eq. 14).
 
     Args:
-        problem: the stage.
+        problem: of the study.
         factors: of the survivors' lumps (ntrial x nlump), in the order in which they were evaluated.
         values: of the measure (ntrial), in its unit.
         resolution: of each factor (nlump) where the best value is the measure's resolution.

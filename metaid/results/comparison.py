@@ -107,7 +107,7 @@ def _study_row(snapshot: AnySnapshot, verdict: Verdict) -> dict[str, Any]:
         "name": snapshot.name,
         "plant": spec.plant_name,
         "sampler": spec.study.sampler,
-        "measure": (snapshot.problem if isinstance(snapshot, ArmSnapshot) else snapshot.first).measure.name,
+        "measure": snapshot.problem.measure.name,
         "verdict": verdict.word,
         "reasons": list(verdict.reasons),
         "source": verdict.source,

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def why_no_estimate(problem: Problem, tried: Sequence[Trial]) -> str:
-    """Why there is no estimate from the trials that were `tried` in a study's first stage, which `problem` is."""
+    """Why there is no estimate from the trials that were `tried` in the study of this `problem`."""
     if not problem.spec.study.estimate.enabled:
         return "[estimate] enabled is false"
     if not problem.can_be_estimated:

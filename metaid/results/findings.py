@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -30,21 +30,32 @@ CLOSEST = 50  # best survivors at least, for their correlation
 
 @dataclass(frozen=True)
 class Findings:
-    """A study's settings; the `trials` and `lumps` of its first stage, as `metaid.trials` and `metaid.lumps` have them;
-    its `summary` and the `verdict` on it; the same of its `second` stage, if it has one with a survivor; and the
-    `estimate` from all trials of its first stage, if there is one. The first stage has the `snapshot`, too.
+    """What follows from the `snapshot` of a study and the `verdict` on it: its `trials`, as `metaid.trials` has them,
+    the `lumps` that it searched, as `metaid.lumps` has them, and its `summary`.
     """
 
-    name: str
-    spec: StudySpec
+    snapshot: Snapshot
+    verdict: Verdict
     trials: pd.DataFrame
     lumps: pd.DataFrame
     summary: dict[str, Any]
-    problem: Problem
-    verdict: Verdict
-    second: Findings | None = None
-    estimate: StudyEstimate | None = None
-    snapshot: Snapshot | None = None
+
+    @property
+    def name(self) -> str:
+        return self.snapshot.name
+
+    @property
+    def spec(self) -> StudySpec:
+        return self.snapshot.spec
+
+    @property
+    def problem(self) -> Problem:
+        return self.snapshot.problem
+
+    @property
+    def estimate(self) -> StudyEstimate | None:
+        """From all trials; None where nothing can be made of them."""
+        return self.snapshot.estimate
 
     @property
     def names(self) -> list[str]:
@@ -53,30 +64,21 @@ class Findings:
 
     @property
     def known_lumps(self) -> pd.DataFrame:
-        """The lumps that the study stands by: of an estimate all of them, those of inertia too; else those of this
-        stage.
-        """
-        return self.verdict.shown if self.verdict.source == "estimate" else self.lumps
+        """The lumps that the study stands by: of an estimate all of them, those of inertia too."""
+        return self.verdict.shown
 
     @cached_property
     def validation(self) -> Validation | None:
         """On new pushes and along a trajectory; None where nothing was found, or the plant is a rig."""
-        if self.snapshot is None or not self.verdict.has_result or not self.problem.is_simulated:
+        if not self.verdict.has_result or not self.problem.is_simulated:
             return None
         return validate_chain(self.snapshot, self.verdict)
-
-    @property
-    def stages(self) -> list[Findings]:
-        """The findings of each stage."""
-        return [self] if self.second is None else [self, self.second]
 
     @property
     def label(self) -> str:
         """The measure with its unit, for an axis."""
         unit = self.problem.measure.unit
-        if unit == "periods":
-            return "whole periods"
-        return f"frequency, {unit}" if self.problem.stage == 1 else f"deviation from the oscillation, {unit}"
+        return "whole periods" if unit == "periods" else f"frequency, {unit}"
 
     @property
     def interval_name(self) -> str:
@@ -152,7 +154,7 @@ class Findings:
 
     def objective(self) -> Objective:
         """What the study evaluated its candidates with."""
-        return self.problem.make_lump_objective()
+        return self.problem.make_objective()
 
     def index(self, lump: str) -> int:
         """Where a lump stands.  Raises StorageError, naming the allowed ones."""
@@ -174,14 +176,6 @@ def read_any_findings(store: Store, name: str) -> Findings | ArmFindings:
 
 def findings_of(snapshot: Snapshot) -> Findings:
     """The findings of a study that has been read."""
-    trials, verdict = trials_table(snapshot), judge(snapshot)
-    lumps, shown = verdict.shown, summarized(snapshot, verdict)
-
-    def of(problem: Problem, second: Findings | None = None) -> Findings:
-        own = trials if problem.is_only else trials[trials["stage"] == problem.stage]
-        rows = lumps[lumps["name"].isin(problem.names)].reset_index(drop=True)
-        return Findings(snapshot.name, snapshot.spec, own, rows, shown, problem, verdict, second)
-
-    first, *later = (of(stage.problem) for stage in snapshot.stages)
-    second = next((second for second in later if not second.survivors.empty), None)
-    return replace(first, second=second, estimate=snapshot.estimate, snapshot=snapshot)
+    verdict = judge(snapshot)
+    searched = verdict.shown[verdict.shown["name"].isin(snapshot.problem.names)].reset_index(drop=True)
+    return Findings(snapshot, verdict, trials_table(snapshot), searched, summarized(snapshot, verdict))

@@ -1,5 +1,5 @@
-"""The table of lumps that follows from the best trial of each stage of a study, and that of an estimate, with that of
-the faults that it searched.
+"""The table of lumps that follows from the best trial of a study, and that of an estimate, with that of the faults
+that it searched.
 """
 
 from __future__ import annotations
@@ -14,18 +14,14 @@ from numpy.typing import NDArray
 from metaid.models import DEVIATIONS, Array, lump_names, lump_unit
 from metaid.plant import MujocoPlant, fault_names, fault_unit, true_faults
 from metaid.results.best import factor_range, identified_factors
-from metaid.results.snapshot import Snapshot, Stage
+from metaid.results.snapshot import Snapshot
 from metaid.study import COARSEST, Problem, identifiability_by_measure
 from metaid.study.estimates import StudyEstimate
 
 
 def best_table(snapshot: Snapshot) -> pd.DataFrame:
-    """One row a lump of all stages, as `lumps_frame` has them, by the best trial of its stage."""
-    return pd.concat([_lumps_of(stage) for stage in snapshot.stages], ignore_index=True)
-
-
-def _lumps_of(stage: Stage) -> pd.DataFrame:
-    problem, survivors = stage.problem, stage.survivors
+    """One row a lump, as `lumps_frame` has them, by the best trial."""
+    problem, survivors = snapshot.problem, snapshot.survivors
     nominal = problem.lumps.vector
     unknown = np.full(len(nominal), np.nan)
     resolution = _resolution(problem)
@@ -73,7 +69,7 @@ def _lump_rows(
     """One row a lump beside the truth, as `lumps_frame` has them.
 
     Args:
-        problem: a stage of a study.
+        problem: of a study.
         kinds: of the lumps.
         factor: identified, of the nominal lumps (nlump); NaN where there is none.
         intervals: standard deviations and the lower and upper ends of the lumps (nlump); NaN where there are none.

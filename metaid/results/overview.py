@@ -9,10 +9,10 @@ import numpy as np
 from metaid.errors import StudyError
 from metaid.results.arms import ArmSnapshot, arm_summary, judge_any, read_any_snapshot
 from metaid.results.best import best_trial
-from metaid.results.body_tables import body_rows, parameters_table
+from metaid.results.body_tables import body_rows
 from metaid.results.estimates import approximation_rows, why_no_estimate
 from metaid.results.lump_tables import fault_rows, largest_error, without_nan
-from metaid.results.snapshot import Snapshot, Stage, counted_states, surviving
+from metaid.results.snapshot import Snapshot, counted_states
 from metaid.results.verdict import NUMBERS, Verdict
 from metaid.store import ForeignTrial, Store, Trial
 from metaid.study import Problem
@@ -29,36 +29,33 @@ def summary(store: Store, name: str, with_bodies: bool = False) -> dict[str, Any
         if with_bodies:
             raise StudyError(f"study '{name}' is of an arm: which bodies it may have is known of chains only")
         return arm_summary(snapshot, verdict)
-    bodies = body_rows(snapshot.first, snapshot.estimate, verdict) if with_bodies else {}
+    bodies = body_rows(snapshot.problem, snapshot.estimate, verdict) if with_bodies else {}
     return {**summarized(snapshot, verdict), **bodies}
 
 
 def summarized(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
     """The same of a study of a chain that has been read, and the `verdict` on it."""
-    spec, first = snapshot.spec, snapshot.stages[0]
-    several = len(snapshot.stages) > 1
+    spec, problem = snapshot.spec, snapshot.problem
     return {
         "name": snapshot.name,
         "plant": spec.plant_name,
         "sampler": spec.study.sampler,
-        "measure": first.problem.measure.name,
+        "measure": problem.measure.name,
         "seed": spec.study.seed,
         "verdict": verdict.word,
         "reasons": list(verdict.reasons),
         "source": verdict.source,
         "misfit": None if snapshot.estimate is None else snapshot.estimate.estimate.misfit,
         "trials": counted_states(snapshot.trials),
-        "best": {**_best(first), **_error_of_best(first, verdict)},
+        "best": {**_best(snapshot), **_error_of_best(snapshot, verdict)},
         "lumps": [without_nan(row) for row in verdict.lumps.to_dict("records")],
-        **fault_rows(snapshot.first, snapshot.estimate, verdict.has_result),
+        **fault_rows(problem, snapshot.estimate, verdict.has_result),
         "max_error": largest_error(verdict.lumps),
         "model_error": None,
-        "periods": sum(sum(trial.outcome.periods) for trial in surviving(snapshot.trials)),
+        "periods": sum(sum(trial.outcome.periods) for trial in snapshot.survivors),
         **_estimate(snapshot, verdict),
         **({"foreign_trials": [_foreign(trial, snapshot) for trial in snapshot.foreign]} if snapshot.foreign else {}),
-        **_noise_floor(first.problem),
-        **_parameters(snapshot),
-        **({"stages": [_stage_summary(stage) for stage in snapshot.stages]} if several else {}),
+        **_noise_floor(problem),
     }
 
 
@@ -70,7 +67,7 @@ def shown_rows(shown: dict[str, Any], key: str = "lumps") -> list[dict[str, Any]
 
 def _estimate(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
     """How well the model explains what was seen, and what of; where there is no estimate, why."""
-    problem, found = snapshot.first, snapshot.estimate
+    problem, found = snapshot.problem, snapshot.estimate
     if found is None:
         why = why_no_estimate(problem, snapshot.all_shown)
         return {"estimate": None, "why_no_estimate": why}
@@ -111,14 +108,14 @@ def _foreign(trial: ForeignTrial, snapshot: Snapshot) -> dict[str, Any]:
     return {"number": trial.number, "state": trial.state, **({"value": trial.value} if is_evaluated else {})}
 
 
-def _error_of_best(stage: Stage, verdict: Verdict) -> dict[str, float | None]:
+def _error_of_best(snapshot: Snapshot, verdict: Verdict) -> dict[str, float | None]:
     """The largest error of the best trial itself, where the study stands by the estimate from all trials."""
-    problem, truth = stage.problem, stage.problem.open_plant().true_lumps()
-    if verdict.source == "best trial" or problem.goes_by_estimate or not stage.survivors or truth is None:
+    problem, truth = snapshot.problem, snapshot.problem.open_plant().true_lumps()
+    if verdict.source == "best trial" or problem.goes_by_estimate or not snapshot.survivors or truth is None:
         return {}
     true = truth.vector_of(problem.lumps.searched, np.nan)
     errors = np.abs(
-        best_trial(stage.survivors).factors * problem.lumps.vector / np.where(true == 0.0, np.nan, true) - 1
+        best_trial(snapshot.survivors).factors * problem.lumps.vector / np.where(true == 0.0, np.nan, true) - 1
     )
     return {"max_error": None if np.isnan(errors).any() else float(errors.max())}
 
@@ -127,30 +124,12 @@ def _noise_floor(problem: Problem) -> dict[str, float]:
     return {"noise_floor_hz": problem.episode.noise_floor.frequency} if problem.measure.is_noisy else {}
 
 
-def _parameters(snapshot: Snapshot) -> dict[str, Any]:
-    """What is known of individual parameters; nothing for a search of lumps."""
-    if snapshot.spec.study.search.space == "lumps":
-        return {}
-    frame = parameters_table(snapshot.first, snapshot.trials)
-    return {"parameters": [without_nan(row) for row in frame.to_dict("records")]}
-
-
-def _stage_summary(stage: Stage) -> dict[str, Any]:
-    searched = list(stage.problem.lumps.searched)
-    return {
-        "stage": stage.problem.stage,
-        "searched": searched,
-        "trials": counted_states(stage.trials),
-        "best": _best(stage),
-    }
-
-
-def _best(stage: Stage) -> dict[str, Any]:
-    survivors = stage.survivors
+def _best(snapshot: Snapshot) -> dict[str, Any]:
+    survivors = snapshot.survivors
     if not survivors:
         return {"number": None, "value": None}
     best = best_trial(survivors)
-    return {"number": best.number, "value": best.outcome.value, **_verified(stage.problem, best)}
+    return {"number": best.number, "value": best.outcome.value, **_verified(snapshot.problem, best)}
 
 
 def _verified(problem: Problem, best: Trial) -> dict[str, Any]:

@@ -1,13 +1,13 @@
 """A study as the DB has it at one moment. Everything else that is known of the study follows from it.
 
-The trials are read once, and each stage's `Problem` is made once. Tables, summary and findings are functions of the
+The trials are read once, and the study's `Problem` is made once. Tables, summary and findings are functions of the
 snapshot, so they agree with one another whatever a run writes meanwhile.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,6 @@ import numpy as np
 import pandas as pd
 
 from metaid.errors import StudyError
-from metaid.results.best import first_of_best
 from metaid.store import EXPERIMENT, ForeignTrial, Store, Trial, shown_trial
 from metaid.study import ENDED_KEY, ArmSpec, Problem, StudySpec, optuna_spec, problem_of, stored_spec
 from metaid.study.estimates import StudyEstimate, estimate_from, kept_with, shown_by_others
@@ -27,23 +26,10 @@ STATES = ["COMPLETE", "PRUNED", "FAIL"]
 
 
 @dataclass(frozen=True)
-class Stage:
-    """One stage of a study: its `problem`, and its `trials` with factors of lumps, whatever was searched."""
-
-    problem: Problem
-    trials: list[Trial]
-
-    @property
-    def survivors(self) -> list[Trial]:
-        """Trials that did not fall."""
-        return surviving(self.trials)
-
-
-@dataclass(frozen=True)
 class Snapshot:
-    """A study's `name`, its settings, and all its `trials`, with factors of what was searched; the `foreign` trials of
-    the study, which metaid did not write; with how many trials its search `ended`, None where no run got so far; and
-    what the DB has `kept` of the estimate.
+    """A study's `name`, its settings, and all its `trials`; the `foreign` trials of the study, which metaid did not
+    write; with how many trials its search `ended`, None where no run got so far; and what the DB has `kept` of the
+    estimate.
     """
 
     name: str
@@ -56,35 +42,30 @@ class Snapshot:
     @property
     def is_finished(self) -> bool:
         """Whether nothing is left to do: all trials of the study are there, or its search stopped before."""
-        return len(self.trials) >= self.spec.study.total_trials or len(self.trials) == self.ended
+        return len(self.trials) >= self.spec.study.trials or len(self.trials) == self.ended
 
     @cached_property
-    def stages(self) -> list[Stage]:
-        """The stages of the study, those without a trial included."""
-        first, grouped = problem_of(self.spec), trials_by_stage(self.spec, self.trials)
-        if first.body_space is not None:
-            return [Stage(first, [replace(each, factors=first.lump_factors(each.factors)) for each in self.trials])]
-        survivors = surviving(grouped[0])
-        problems = first.stages(first_of_best(survivors).factors if survivors else None)
-        return [Stage(problem, own) for problem, own in zip(problems, grouped, strict=True)]
+    def problem(self) -> Problem:
+        """What follows from its settings."""
+        return problem_of(self.spec)
+
+    @property
+    def survivors(self) -> list[Trial]:
+        """Trials that did not fall."""
+        return surviving(self.trials)
 
     @property
     def all_shown(self) -> list[Trial]:
-        """The trials of the first stage that an estimate may be made of."""
-        return [*self.stages[0].trials, *shown_by_others(self.first, self.foreign)]
+        """The trials that an estimate may be made of."""
+        return [*self.trials, *shown_by_others(self.problem, self.foreign)]
 
     @cached_property
     def estimate(self) -> StudyEstimate | None:
-        """What all trials of the first stage say together, those of others that carry motion included; None where
-        nothing can be made of them.
+        """What all trials say together, those of others that carry motion included; None where nothing can be made of
+        them.
         """
-        found: StudyEstimate | None = estimate_from(self.kept, self.first, self.trials, self.foreign)
+        found: StudyEstimate | None = estimate_from(self.kept, self.problem, self.trials, self.foreign)
         return found
-
-    @property
-    def first(self) -> Problem:
-        """The problem of the first stage."""
-        return self.stages[0].problem
 
 
 def read_snapshot(store: Store, name: str) -> Snapshot:
@@ -98,7 +79,7 @@ def read_snapshot(store: Store, name: str) -> Snapshot:
             "(allowed of an arm: study run, show, list, validate, plot, report, export, model and delete; "
             "metaid.summary, lumps and trials)"
         )
-    stored = store.read(name, *spec.names)
+    stored = store.read(name, spec.names)
     return Snapshot(name, spec, stored.own, stored.foreign, store.attribute(name, ENDED_KEY), kept_with(store, name))
 
 
@@ -113,17 +94,10 @@ def snapshot_of(study: optuna.Study) -> Snapshot:
             "(allowed: one that has been optimized with metaid.objective)"
         )
     foreign = [
-        ForeignTrial(
-            each.number, each.state.name, each.user_attrs.get(EXPERIMENT), None, shown_trial(each, spec.names[0])
-        )
+        ForeignTrial(each.number, each.state.name, each.user_attrs.get(EXPERIMENT), None, shown_trial(each, spec.names))
         for each in study.get_trials(deepcopy=False)
     ]
     return Snapshot(study.study_name, spec, [], tuple(foreign))
-
-
-def trials_by_stage(spec: StudySpec, trials: list[Trial]) -> list[list[Trial]]:
-    """The trials of each stage."""
-    return [[trial for trial in trials if trial.stage in (None, i + 1)] for i in range(len(spec.names))]
 
 
 def counted_states(trials: Sequence[Trial]) -> dict[str, int]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +10,7 @@ import pandas as pd
 from metaid.errors import StudyError
 from metaid.results.arms import ArmSnapshot, arm_trials_table, judge_any, read_any_snapshot
 from metaid.results.best import best_trial
-from metaid.results.body_tables import bodies_table, parameters_table
+from metaid.results.body_tables import bodies_table
 from metaid.results.estimates import why_no_estimate
 from metaid.results.lump_tables import best_table, estimate_table, fault_rows, largest_error
 from metaid.results.snapshot import (
@@ -21,7 +20,6 @@ from metaid.results.snapshot import (
     snapshot_of,
     surviving,
     trial_columns,
-    trials_by_stage,
 )
 from metaid.results.verdict import Verdict, judge
 from metaid.store import Store, Trial
@@ -31,10 +29,9 @@ if TYPE_CHECKING:
 
 
 def trials_frame(store: Store, name: str) -> pd.DataFrame:
-    """One row a trial: `number`, `state`, `value` (NaN where it failed), `generation`, `steps`, `periods_i`, `stage` if
-    the study has two, then a factor per lump, under its name; NaN where the trial's stage does not search it. A search
-    of individual parameters has a factor per parameter before those of the lumps that follow from them. Of an arm there
-    are no periods, and base parameters in SI units in place of factors.
+    """One row a trial: `number`, `state`, `value` (NaN where it failed), `generation`, `steps`, `periods_i`,
+    then a factor per lump, under its name. Of an arm there are no periods, and base parameters in SI units in place of
+    factors.
     """
     snapshot = read_any_snapshot(store, name)
     return arm_trials_table(snapshot) if isinstance(snapshot, ArmSnapshot) else trials_table(snapshot)
@@ -52,7 +49,7 @@ def lumps_frame(store: Store, name: str) -> pd.DataFrame:
     snapshot = read_any_snapshot(store, name)
     verdict = judge_any(snapshot)
     if not isinstance(snapshot, ArmSnapshot):
-        verdict.lumps.attrs |= fault_rows(snapshot.first, snapshot.estimate, verdict.has_result)
+        verdict.lumps.attrs |= fault_rows(snapshot.problem, snapshot.estimate, verdict.has_result)
     verdict.lumps.attrs |= {"verdict": verdict.word, "reasons": list(verdict.reasons), "source": verdict.source}
     return verdict.lumps
 
@@ -74,9 +71,9 @@ def estimate_frame(store: Store, name: str) -> pd.DataFrame:
 
 def _estimated(snapshot: Snapshot) -> pd.DataFrame:
     if snapshot.estimate is None:
-        why = why_no_estimate(snapshot.first, snapshot.all_shown)
+        why = why_no_estimate(snapshot.problem, snapshot.all_shown)
         raise StudyError(f"study '{snapshot.name}' has no estimate: {why}")
-    return estimate_table(snapshot.first, snapshot.estimate, snapshot.estimate.explains)
+    return estimate_table(snapshot.problem, snapshot.estimate, snapshot.estimate.explains)
 
 
 def optuna_estimate_frame(study: optuna.Study) -> pd.DataFrame:
@@ -92,18 +89,7 @@ def bodies_frame(store: Store, name: str) -> pd.DataFrame:
     Raises StudyError where no estimate found lumps, or no body has such lumps.
     """
     snapshot = read_snapshot(store, name)
-    return bodies_table(snapshot.first, snapshot.estimate, judge(snapshot))
-
-
-def parameters_frame(store: Store, name: str) -> pd.DataFrame:
-    """One row a parameter of a study that searches individual ones: `name`, `unit`, `nominal`, its range `low` to
-    `high` over the bodies that are as good as the best, `true` where the plant knows it, and how many `bodies` these
-    are.  Raises StudyError of another study.
-    """
-    snapshot = read_snapshot(store, name)
-    if snapshot.spec.study.search.space == "lumps":
-        raise StudyError(f"study '{name}' searches lumps (allowed: one with search.space = 'parameters')")
-    return parameters_table(snapshot.first, snapshot.trials)
+    return bodies_table(snapshot.problem, snapshot.estimate, judge(snapshot))
 
 
 def studies_frame(store: Store) -> pd.DataFrame:
@@ -122,14 +108,14 @@ def _study_row(store: Store, name: str) -> dict[str, object]:
     if isinstance(snapshot, ArmSnapshot):
         return {**known, **_judged(snapshot.problem.measure.name, surviving(snapshot.trials), judge_any(snapshot))}
     try:
-        snapshot.first.check()
-        survivors = snapshot.stages[0].survivors
+        snapshot.problem.check()
+        measure = snapshot.problem.measure.name
     except StudyError:  # too large to be computed: the others are listed all the same, and `show` says why
         return {**known, "measure": snapshot.spec.study.episode.measure, "verdict": ""}
     verdict = judge_any(snapshot)
     return {
         **known,
-        **_judged(snapshot.first.measure.name, survivors, verdict),
+        **_judged(measure, snapshot.survivors, verdict),
         "max_error": largest_error(verdict.lumps),
     }
 
@@ -142,21 +128,9 @@ def _judged(measure: str, survivors: list[Trial], verdict: Verdict) -> dict[str,
 def trials_table(snapshot: Snapshot) -> pd.DataFrame:
     """The frame of `trials_frame`."""
     spec, trials = snapshot.spec, snapshot.trials
-    names = list(itertools.chain(*spec.names))
-    heads = trial_columns(trials)
     periods = {
         f"periods_{joint + 1}": np.array([trial.outcome.periods[joint] for trial in trials], dtype=np.int64)
         for joint in range(len(spec.nominal))
     }
-    if len(spec.names) > 1:
-        heads["stage"] = np.array([trial.stage for trial in trials], dtype=np.int64)
-    factors, row, column = np.full((len(trials), len(names)), np.nan), 0, 0
-    for searched, own in zip(spec.names, trials_by_stage(spec, trials), strict=True):
-        rows, columns = slice(row, row + len(own)), slice(column, column + len(searched))
-        factors[rows, columns] = np.array([trial.factors for trial in own]).reshape(len(own), len(searched))
-        row, column = rows.stop, columns.stop
-    searched_factors = {name: factors[:, i] for i, name in enumerate(names)}
-    if spec.study.search.space == "parameters":
-        lumps = snapshot.first.lump_factors(factors)
-        searched_factors |= dict(zip(snapshot.first.names, lumps.T, strict=True))
-    return pd.DataFrame({**heads, **periods, **searched_factors})
+    factors = np.array([trial.factors for trial in trials]).reshape(len(trials), len(spec.names))
+    return pd.DataFrame({**trial_columns(trials), **periods, **dict(zip(spec.names, factors.T, strict=True))})

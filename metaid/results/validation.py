@@ -145,7 +145,7 @@ def validate_chain(snapshot: Snapshot, verdict: Verdict, pushes: int = PUSHES, s
     factors = found["factor"].fillna(1.0)
     inertia = factors[[lump for lump in found.index if kind_of(lump) == "inertia"]]
     values = (inertia * found["nominal"][inertia.index]).to_numpy() if len(inertia) else None
-    return validate_factors(snapshot.first, factors[snapshot.first.names].to_numpy(), pushes, seed, values)
+    return validate_factors(snapshot.problem, factors[snapshot.problem.names].to_numpy(), pushes, seed, values)
 
 
 def validate_factors(
@@ -154,11 +154,11 @@ def validate_factors(
     """Coasting and tracking with identified lumps, and with the nominal ones and the true ones beside.
 
     Args:
-        problem: the first stage of the study.
+        problem: of the study.
         factors: of its lumps (nlump), as identified.
         pushes: how many rich pushes.
         seed: of these pushes.
-        inertia: the inertia lumps (nlink), in kg m², where a second stage has identified them.
+        inertia: the inertia lumps (nlink), in kg m², where an estimate has identified them.
 
     Raises:
         StudyError: the number of pushes or the seed is not allowed, or the plant is a rig.

@@ -18,7 +18,7 @@ from metaid.models import Array
 from metaid.results.best import best_trial
 from metaid.results.estimates import why_no_estimate
 from metaid.results.lump_tables import best_table, estimate_table, fault_table
-from metaid.results.snapshot import Snapshot, Stage
+from metaid.results.snapshot import Snapshot
 from metaid.study import COARSEST, Problem, lumps_at_bounds
 from metaid.study.estimates import StudyEstimate
 
@@ -70,7 +70,7 @@ class Verdict:
 
 def judge(snapshot: Snapshot) -> Verdict:
     """The verdict on a study as it is in the DB."""
-    problem, estimate = snapshot.first, snapshot.estimate
+    problem, estimate = snapshot.problem, snapshot.estimate
     if estimate is not None and estimate.explains:
         lumps = estimate_table(problem, estimate, is_result=True)
         if lumps["determined"].any():
@@ -116,7 +116,7 @@ def missed(lumps: pd.DataFrame, who: str) -> Iterator[str]:
 
 
 def _not_yet(snapshot: Snapshot, source: Source, reasons: tuple[str, ...], lumps: pd.DataFrame) -> Verdict:
-    done = len(snapshot.trials), snapshot.spec.study.total_trials
+    done = len(snapshot.trials), snapshot.spec.study.trials
     return not_yet(snapshot.is_finished, done, source, reasons, lumps)
 
 
@@ -143,13 +143,11 @@ def not_yet(
 
 
 def _against_best(snapshot: Snapshot, lumps: pd.DataFrame) -> Iterator[str]:
-    """What speaks against taking the best trial of each stage for the result."""
-    for stage in snapshot.stages:
-        if not stage.survivors:
-            where = "" if stage.problem.is_only else f" of stage {stage.problem.stage}"
-            yield f"no trial{where} survived: raise search.high, or start higher" if stage.trials else "no trial yet"
-            return
-        yield from _against_stage(stage, lumps[lumps["name"].isin(stage.problem.names)])
+    """What speaks against taking the best trial for the result."""
+    if not snapshot.survivors:
+        yield "no trial survived: raise search.high, or start higher" if snapshot.trials else "no trial yet"
+        return
+    yield from _too_far(snapshot, lumps)
     yield from _untested(snapshot)
 
 
@@ -159,8 +157,8 @@ def _untested(snapshot: Snapshot) -> Iterator[str]:
     Wrong lumps can make up for friction or a spring so well that noise, or a count, does not show what is left over.
     Pushes of an ideal plant that coast as far as the measure can tell have tested the model themselves.
     """
-    problem, estimate = snapshot.first, snapshot.estimate
-    best = best_trial(snapshot.stages[0].survivors).outcome.value
+    problem, estimate = snapshot.problem, snapshot.estimate
+    best = best_trial(snapshot.survivors).outcome.value
     shows_all = problem.measure.sees_coriolis and not problem.measure.is_noisy
     if estimate is not None:
         if not (shows_all and best <= problem.resolution):
@@ -171,9 +169,10 @@ def _untested(snapshot: Snapshot) -> Iterator[str]:
         yield f"nothing has tested the model, and {name} alone cannot tell friction from wrong lumps: {why}"
 
 
-def _against_stage(stage: Stage, lumps: pd.DataFrame) -> Iterator[str]:
-    problem, survivors = stage.problem, stage.survivors
-    best, measure = best_trial(survivors), problem.measure
+def _too_far(snapshot: Snapshot, lumps: pd.DataFrame) -> Iterator[str]:
+    """Whether the best trial is far from coasting, or tells nothing of any lump."""
+    problem = snapshot.problem
+    best, measure = best_trial(snapshot.survivors), problem.measure
     value, unit, resolution = best.outcome.value, measure.unit, problem.resolution
     is_far = value > FAR * resolution
     if is_far:
@@ -181,7 +180,7 @@ def _against_stage(stage: Stage, lumps: pd.DataFrame) -> Iterator[str]:
             f"the best value, {value:.3g} {unit}, is {value / resolution:.3g} times the {resolution:.2g} {unit} that "
             f"{measure.name} can tell from none: try more trials, another seed or another sampler"
         )
-        tried = np.array([trial.factors for trial in stage.trials])
-        yield from map(str, lumps_at_bounds(problem, best.factors, tried) if problem.body_space is None else ())
+        tried = np.array([trial.factors for trial in snapshot.trials])
+        yield from map(str, lumps_at_bounds(problem, best.factors, tried))
     if not is_far and not lumps["determined"].any():
         yield f"{measure.name} with these pushes determines no lump to better than {COARSEST:.0%}"

@@ -6,7 +6,6 @@ nominal model, are here too.
 """
 
 from metaid.search.arm_metric import arm_sensitivity, believed_metric
-from metaid.search.body_space import BodySpace, body_space
 from metaid.search.bounds import at_bounds, bounds_in_force, widened
 from metaid.search.cmaes import Cmaes
 from metaid.search.coordinates import Coordinates, nominal_metric, plain_coordinates
@@ -15,11 +14,9 @@ from metaid.search.output_error import OutputErrorOptions
 from metaid.search.registry import SAMPLERS, Sampler, SamplerOptions, make_searcher
 from metaid.search.searcher import NarrowingSearcher, Searcher, StepOptions, WideningSearcher
 from metaid.search.sensitivity import designed_speeds, sensitivity
-from metaid.search.walk import Walking
 
 __all__ = [
     "SAMPLERS",
-    "BodySpace",
     "Cmaes",
     "Coordinates",
     "MetricSampler",
@@ -29,12 +26,10 @@ __all__ = [
     "SamplerOptions",
     "Searcher",
     "StepOptions",
-    "Walking",
     "WideningSearcher",
     "arm_sensitivity",
     "at_bounds",
     "believed_metric",
-    "body_space",
     "bounds_in_force",
     "designed_speeds",
     "make_searcher",

@@ -15,18 +15,12 @@ SAMPLES = 40  # of the coasting motion after each push
 
 
 def sensitivity(
-    nominal: Chain,
-    gravity: float,
-    start_speeds: Array,
-    horizon: float,
-    kinds: Sequence[str] = IDEAL,
-    stiffness: float = 0.0,
+    nominal: Chain, gravity: float, start_speeds: Array, horizon: float, kinds: Sequence[str] = IDEAL
 ) -> Array:
     """H (nlump x nlump), in rad²/s²: near exact compensation (2π spectral_hz)² = δᵀ H δ, with δ the error of the
     factors.  Eq. 11.
 
-    The motion about which H is taken needs no simulation. At exact compensation every push coasts, φ(t) = ω t. With a
-    stiffness k it oscillates, φ(t) = ω sin(√k t)/√k.
+    The motion about which H is taken needs no simulation. At exact compensation every push coasts, φ(t) = ω t.
 
     Args:
         nominal: the links of the nominal model.
@@ -34,18 +28,15 @@ def sensitivity(
         start_speeds: absolute link speeds after each push (npush x nlink), in rad/s.
         horizon: how long each push is watched, in s.
         kinds: of the lumps whose factors δ is of.
-        stiffness: k of the second stage, in 1/s²; 0 where the pendulum coasts.
     """
     times = (np.arange(SAMPLES) + 0.5) * horizon / SAMPLES
-    rate = np.sqrt(stiffness)
-    reached = np.sin(rate * times) / rate if stiffness else times
-    angles = start_speeds[:, None, :] * reached[None, :, None]
-    speeds = start_speeds[:, None, :] * np.cos(rate * times)[None, :, None]
-    force = compensation_basis(angles, speeds, gravity, kinds, stiffness) * nominal.lumps_of(kinds).vector
+    angles = start_speeds[:, None, :] * times[None, :, None]
+    speeds = np.broadcast_to(start_speeds[:, None, :], angles.shape)
+    force = compensation_basis(angles, speeds, gravity, kinds) * nominal.lumps_of(kinds).vector
     acceleration = np.linalg.solve(nominal.mass_matrix(angles), force)
     joint_acceleration = np.diff(acceleration, axis=-2, prepend=0.0)
     joint_speeds = np.diff(start_speeds, axis=-1, prepend=0.0)
-    energy = (joint_speeds**2).sum() * (np.cos(rate * times) ** 2).sum()
+    energy = (joint_speeds**2).sum() * SAMPLES
     flat = (joint_acceleration / np.sqrt(energy)).reshape(-1, force.shape[-1])
     h: Array = flat.T @ flat
     return h

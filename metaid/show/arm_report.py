@@ -29,10 +29,6 @@ def render_arm(found: ArmFindings) -> str:
     problem, gallery, spec = found.problem, ArmGallery(found), found.spec
     episode, tree = problem.episode, problem.nominal
     validation = None if found.validation is None else found.validation.summary()
-    stage = {
-        "falls": falls(found.trials, episode.total_steps),
-        "cost": cost(found.trials, problem.timestep, []),
-    }
     nominal, springs = spec.study.nominal, int(np.count_nonzero(episode.stiffness))
     return filled_in(
         "arm_report.html",
@@ -66,7 +62,8 @@ def render_arm(found: ArmFindings) -> str:
         unidentified=unidentified(found),
         figures=page_figures(gallery.pictures("page"), gallery.pictures("column")),
         left_out=gallery.left_out,
-        stages=[stage],
+        falls=falls(found.trials, episode.total_steps),
+        cost=cost(found.trials, problem.timestep, []),
         files=files(found),
         quoted_name=shlex.quote(found.name),
     )

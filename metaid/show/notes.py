@@ -24,7 +24,7 @@ def note(found: Findings) -> str:
 {escaped(found.spec.study.description)}
 
 Lumps of the plant **{escaped(shown["plant"])}**, searched by {shown["sampler"]} with seed {shown["seed"]}.
-A parameter is a factor of the nominal {"value" if found.problem.body_space else "lump"}. The value is the measure
+A parameter is a factor of the nominal lump. The value is the measure
 *{shown["measure"]}*, in {found.problem.measure.unit}; it is least where the pendulum coasts.
 
 **{trials["complete"]}** trials survived. **{trials["pruned"]}** fell: they are PRUNED, their last step is the one that

@@ -28,7 +28,6 @@ from metaid.plant import PlantSettings
 from metaid.results import (
     Findings,
     body_rows,
-    describe_bodies,
     describe_known_from,
     describe_possible_bodies,
     describe_trials,
@@ -70,17 +69,10 @@ def render(found: Findings) -> str:
         validation=None if found.validation is None else found.validation.summary(),
         left_out=gallery.left_out,
         figures=page_figures(gallery.pictures("page"), gallery.pictures("column")),
-        stages=[
-            {
-                "found": stage,
-                "falls": falls(stage.trials, stage.problem.episode.total_steps),
-                "cost": cost(stage.trials, stage.problem.timestep, reached(stage)),
-            }
-            for stage in found.stages
-        ],
+        falls=falls(found.trials, found.problem.episode.total_steps),
+        cost=cost(found.trials, found.problem.timestep, reached(found)),
         unidentified=unidentified(found),
         estimate=estimate_texts(found.summary),
-        describe_bodies=describe_bodies(found.summary) if "parameters" in found.summary else None,
         bodies=bodies,
         describe_possible_bodies=describe_possible_bodies(bodies) if bodies else None,
         files=files(found),

@@ -297,11 +297,11 @@ class Store:
             order = operator.itemgetter(*statement.positiontup)
             connection.exec_driver_sql(statement.string, [order(row) for row in rows])
 
-    def trials(self, name: str, *names: Sequence[str]) -> list[Trial]:
-        """All trials of metaid's in order, with their factors in the order of their stage's `names`."""
-        return self.read(name, *names).own
+    def trials(self, name: str, names: Sequence[str]) -> list[Trial]:
+        """All trials of metaid's in order, with their factors in the order of `names`."""
+        return self.read(name, names).own
 
-    def read(self, name: str, *names: Sequence[str]) -> StoredTrials:
+    def read(self, name: str, names: Sequence[str]) -> StoredTrials:
         """The same, and the trials of the study that are others', the first MOST_SHOWN that carry motion with it."""
         study_id = self._study_id(name)
         with self._snapshot() as connection:
@@ -313,7 +313,7 @@ class Store:
             return stored
         with self._errors():
             frozen = (self.optuna.get_trial(trial_id) for trial_id in list(stored.with_motion.values())[:MOST_SHOWN])
-            shown = {trial.number: shown_trial(trial, names[0]) for trial in frozen}
+            shown = {trial.number: shown_trial(trial, names) for trial in frozen}
         return replace(stored, foreign=tuple(replace(each, shown=shown.get(each.number)) for each in stored.foreign))
 
     @contextmanager

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -40,8 +39,8 @@ class StoredTrials:
     with_motion: dict[int, int]
 
 
-def read_trials(connection: sa.Connection, study_id: int, names: Sequence[Sequence[str]]) -> StoredTrials:
-    """All trials, with their factors in the order of their stage's `names`.
+def read_trials(connection: sa.Connection, study_id: int, names: Sequence[str]) -> StoredTrials:
+    """All trials, with their factors in the order of `names`.
 
     Raises ValueError, TypeError or LookupError where metaid's own are not as it writes them.
     """
@@ -79,25 +78,21 @@ def _evaluated(connection: sa.Connection, study_id: int) -> tuple[dict[int, str]
     return experiments, values, set(connection.scalars(moved.with_only_columns(marked.trial_id)))
 
 
-def _own_trials(
-    connection: sa.Connection, trials: Own, heads: Sequence[Any], names: Sequence[Sequence[str]]
-) -> list[Trial]:
+def _own_trials(connection: sa.Connection, trials: Own, heads: Sequence[Any], names: Sequence[str]) -> list[Trial]:
     """The trials with these `heads`: id, Optuna's number, state, begin and end."""
     states = [head[2] for head in heads]
     key, value = TrialParamModel.param_name, TrialParamModel.param_value
-    tables = [read_table(connection, trials, key, value, searched, float) for searched in names]
-    factors = list(itertools.chain(*tables))
+    factors = read_table(connection, trials, key, value, names, float)
     outcomes = read_outcomes(connection, trials, states, _joint_count(connection, trials.study_id))
     windows, readings = read_windows(connection, trials), read_readings(connection, trials)
     whole = (
         len(factors) == len(outcomes) == len(heads)
         and all(state.is_finished() for state in states)
-        and all(np.isfinite(table).all() for table in tables)
+        and bool(np.isfinite(factors).all())
         and bool(np.isfinite([outcome.value for _, outcome in outcomes]).all())
     )
     if not whole:
         raise ValueError("trials that lack something")
-    stages = [None] * len(heads) if len(names) == 1 else [i + 1 for i, table in enumerate(tables) for _ in table]
     return [
         Trial(
             number=i,
@@ -106,11 +101,8 @@ def _own_trials(
             outcome=replace(outcome, windows=windows.get(i), readings=readings.get(i)),
             started=head[3],
             completed=head[4],
-            stage=stage,
         )
-        for i, (head, row, (generation, outcome), stage) in enumerate(
-            zip(heads, factors, outcomes, stages, strict=True)
-        )
+        for i, (head, row, (generation, outcome)) in enumerate(zip(heads, factors, outcomes, strict=True))
     ]
 
 

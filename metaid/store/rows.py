@@ -223,8 +223,7 @@ def detail_rows(
 def _attributes(trial: Trial) -> dict[str, str]:
     """JSON by key."""
     reason = {} if trial.outcome.failure is None else {REASON: trial.outcome.failure}
-    stage = {} if trial.stage is None else {"stage": trial.stage}
-    texts = {key: json.dumps(value) for key, value in {"generation": trial.generation, **stage, **reason}.items()}
+    texts = {key: json.dumps(value) for key, value in {"generation": trial.generation, **reason}.items()}
     return {**texts, **outcome_attributes(trial.outcome)}
 
 

@@ -13,9 +13,7 @@ from metaid.models import Array
 
 @dataclass(frozen=True)
 class Trial:
-    """One row of the trial table; `factors` (nlump) of the lumps that its `stage` searches, None where a study has but
-    one.
-    """
+    """One row of the trial table; `factors` (nlump) of the lumps that are searched."""
 
     number: int
     generation: int
@@ -23,7 +21,6 @@ class Trial:
     outcome: Outcome
     started: datetime | None = None
     completed: datetime | None = None
-    stage: int | None = None
 
     @property
     def state(self) -> TrialState:

@@ -38,15 +38,15 @@ class LumpAtBound:
 
 
 def lumps_at_bounds(problem: Problem, found: Array, tried: Array) -> tuple[LumpAtBound, ...]:
-    """The lumps of a stage that are at a bound, or beyond one, in what was found.
+    """The lumps of a study that are at a bound, or beyond one, in what was found.
 
     A lump may be there by right. But where the value of the best trial is also far above the measure's resolution, the
     search was held back. Lumps that the measure cannot see are left out.
 
     Args:
-        problem: the stage.
+        problem: of the study.
         found: factors (nlump) of the best trial, or of the estimate.
-        tried: the factors (ntrial x nlump) of all trials of the stage; they say whether a bound has been widened.
+        tried: the factors (ntrial x nlump) of all trials; they say whether a bound has been widened.
     """
     low, high = bounds_in_force(problem.low, problem.high, tried)
     seen = problem.goes_by_estimate | problem.measure.determined(problem.lumps)

@@ -4,8 +4,6 @@ factors that name what is not there.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from metaid.episode import Measure, get_measure
@@ -27,16 +25,8 @@ ROUGH_HIGH = 8.0  # the same of gravity lumps where torques are noisy, for there
 def check_settings(spec: StudySpec, nominal: Chain) -> None:
     """Raises StudyError where settings contradict each other."""
     study, plant = spec.study, spec.plant
-    if study.search.space == "parameters":
-        _check_parameters(study)
     if study.sampler not in SAMPLERS:
         raise StudyError(f"sampler: {unknown('sampler', study.sampler, SAMPLERS)}")
-    if study.inertia is not None and SAMPLERS[study.sampler].by_estimate:
-        raise StudyError(
-            f"inertia: sampler '{study.sampler}' finds the inertia lumps in one stage: leave out the table [inertia]"
-        )
-    if study.inertia is not None and study.episode.measure != "spectral":
-        raise StudyError("inertia: a second stage needs the Coriolis lumps, so measure = 'spectral'")
     if study.episode.measure == "smoothed" and study.search.lumps != IDEAL:
         raise StudyError("search: lumps: 'smoothed' does not see friction (allowed: gravity and coriolis)")
     noisy = not isinstance(plant, PlantSettings) or bool(plant.faults.named or study.episode.lead)
@@ -96,24 +86,6 @@ def _check_torque_limit(study: StudySettings, njoint: int, has_readings: bool) -
         raise StudyError(f"estimate: torque_limit has {len(limit)} numbers (allowed: one, or {njoint})")
 
 
-def _check_parameters(study: StudySettings) -> None:
-    """Raises StudyError where a search of individual parameters has a setting that is not for it."""
-    search = study.search
-    given = {
-        "search.lumps": search.lumps != IDEAL,
-        "search.coordinates": search.coordinates != "nominal-metric",
-        "search.target": search.target is not None,
-        "inertia": study.inertia is not None,
-    }
-    for key, has in given.items():
-        if has:
-            raise StudyError(f"{key}: space = 'parameters' has none of these: leave it out")
-    if study.episode.measure != "spectral":
-        raise StudyError("search: space: 'parameters' follow from the Coriolis lumps too, so measure = 'spectral'")
-    if search.walk >= study.trials:
-        raise StudyError(f"search: walk is {search.walk} of {study.trials} trials (allowed: less than all)")
-
-
 def check_rig(spec: StudySpec) -> None:
     """What needs a simulation, or more than one plant.  Raises StudyError."""
     study = spec.study
@@ -167,7 +139,7 @@ def check_size(spec: StudySpec, measure: Measure, pushes: int, steps: int, rests
     copies = rests / pushes if measure.is_noisy else 0.0  # readings of a plant at rest
     copies += (5 if faulty else 0) * spec.study.workers  # noise of three kinds, angles and speeds
     copies += AT_ONCE if measure.keeps_angles and not faulty else 0
-    coasting = pushes * SAMPLED * njoint * (njoint + len(spec.names[0])) * NUMBER  # Eq. 11
+    coasting = pushes * SAMPLED * njoint * (njoint + len(spec.names)) * NUMBER  # Eq. 11
     needed = copies * pushes * (steps + 1) * njoint * NUMBER + coasting
     if needed > MOST_MEMORY:
         raise StudyError(
@@ -183,7 +155,7 @@ def upper_bounds(spec: StudySpec) -> Factors:
         return study.search.high
     limited = study.estimate.torque_limit or (isinstance(plant, PlantSettings) and plant.faults.torque_limit)
     is_rough = isinstance(plant, PlantSettings) and plant.faults.torque_noise and not limited
-    if is_rough and study.search.space == "lumps" and SAMPLERS[study.sampler].by_estimate:
+    if is_rough and SAMPLERS[study.sampler].by_estimate:
         return {f"gravity_{link + 1}": ROUGH_HIGH for link in range(len(spec.nominal))}
     return HIGH
 
@@ -193,35 +165,23 @@ def _default(key: str) -> float:
     return HIGH if key == "high" else float(SearchSettings.model_fields[key].default)
 
 
-def parameter_factors(key: str, given: Factors, names: Sequence[str]) -> Array:
-    """What `[search]` gives under a `key` for the parameters of these `names` (nsearched).  Raises StudyError."""
-    if not isinstance(given, dict):
-        return np.full(len(names), given)
-    for name in given:
-        if name not in names:
-            raise StudyError(f"search: {key}: {unknown('parameter', name, names)}")
-    return np.array([given.get(name, _default(key)) for name in names])
-
-
-def lump_factors(key: str, given: Factors, nlink: int, search: SearchSettings, stage: int) -> Array:
-    """What `[search]` gives for the lumps of a stage (nsearched).
+def lump_factors(key: str, given: Factors, nlink: int, search: SearchSettings) -> Array:
+    """What `[search]` gives for its lumps (nlump).
 
     Args:
         key: "start", "low" or "high".
-        given: its value; a table may name lumps of both stages.
+        given: its value.
         nlink: the number of links.
         search: the table itself.
-        stage: 1, or 2 for the inertia lumps.
 
     Raises:
         StudyError: a lump is not known.
     """
     one, table = (_default(key), given) if isinstance(given, dict) else (given, {})
     try:
-        factors = factors_from_names(table, nlink, one, (*search.lumps, "inertia"))
+        return factors_from_names(table, nlink, one, search.lumps)
     except EpisodeError as problem:
         raise StudyError(f"search: {key}: {problem}") from None
-    return factors[-nlink:] if stage == 2 else factors[:-nlink]
 
 
 def measure_of(episode: EpisodeSettings) -> Measure:

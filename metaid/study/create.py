@@ -73,8 +73,7 @@ def _other_sampler(stored: AnySpec, wanted: AnySpec, name: str) -> str | None:
 
 def refuse_what_cannot_be_run(spec: AnySpec) -> None:
     """Raises StudyError where no sampler can search as these settings say."""
-    for stage in problem_of(spec).stages():
-        stage.make_searcher()
+    problem_of(spec).make_searcher()
 
 
 def _pushed_spec(problem: Problem) -> StudySpec:

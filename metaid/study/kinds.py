@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, overload
 
 from metaid.errors import StudyError
-from metaid.models import Array
 from metaid.models.tree import Tree
 from metaid.plant import LinkSettings
 from metaid.study.arms import ArmProblem, ArmSpec, with_nominal_arm
@@ -33,15 +32,13 @@ def problem_of(spec: StudySpec) -> Problem: ...
 @overload
 def problem_of(spec: ArmSpec) -> ArmProblem: ...
 @overload
-def problem_of(spec: AnySpec, found: Array | None = None) -> AnyProblem: ...
-def problem_of(spec: AnySpec, found: Array | None = None) -> AnyProblem:
-    """What follows from a study's settings; of a chain in its second stage given the factors `found` (nlump) in the
-    first. It is made once: settings that were asked about before have the same one, which is not to be changed.
+def problem_of(spec: AnySpec) -> AnyProblem: ...
+def problem_of(spec: AnySpec) -> AnyProblem:
+    """What follows from a study's settings. It is made once: settings that were asked about before have the same one,
+    which is not to be changed.
 
     Raises StudyError where the settings contradict each other.
     """
-    if found is not None and isinstance(spec, StudySpec):
-        return Problem(spec, found)
     known = next((each for each in tuple(_latest) if each.spec == spec), None)
     if known is None:
         known = ArmProblem(spec) if isinstance(spec, ArmSpec) else Problem(spec)

@@ -1,7 +1,6 @@
 """What follows from a study's settings before any trial.
 
-`Problem` is that for one stage of the study: the nominal lumps, the pushes, the episode, the coordinates. Most studies
-have one stage; with `[inertia]` a second searches the inertia lumps, by a law made of what the first has found.
+`Problem` is that: the nominal lumps, the pushes, the episode, the coordinates.
 """
 
 from __future__ import annotations
@@ -21,19 +20,14 @@ from metaid.models import (
     Array,
     Chain,
     Lumps,
-    SearchSpace,
-    factor_space,
     refuse_impossible,
 )
 from metaid.plant import MujocoPlant, Plant, PlantSettings, SocketPlant, SocketSettings, chain_of
 from metaid.search import (
     SAMPLERS,
-    BodySpace,
     Coordinates,
     Searcher,
-    Walking,
     at_bounds,
-    body_space,
     make_searcher,
     nominal_metric,
     plain_coordinates,
@@ -47,7 +41,6 @@ from metaid.study.contradictions import (
     check_settings,
     lump_factors,
     measure_of,
-    parameter_factors,
     upper_bounds,
 )
 from metaid.study.experiments import noisy_experiment, rig_experiment
@@ -65,15 +58,14 @@ MOST_READ = 12  # that keep readings where the sampler does without the estimate
 
 
 class Problem:
-    """All that a study's settings determine before any trial of a stage: of the first, or, given the factors `found`
-    (nlump) there, of the second. Nothing is pushed before the episode is asked for.  Raises StudyError where the
-    settings contradict each other, those of the pushes when they are asked for, as by `check`.
+    """All that a study's settings determine before any trial. Nothing is pushed before the episode is asked for.
+
+    Raises StudyError where the settings contradict each other, those of the pushes when they are asked for, as by
+    `check`.
     """
 
-    def __init__(self, spec: StudySpec, found: Array | None = None) -> None:
+    def __init__(self, spec: StudySpec) -> None:
         self.spec = spec
-        self.found = found
-        self.stage = 1 if found is None else 2
         self.nominal: Chain = chain_of(spec.nominal)
         self.measure = measure_of(spec.study.episode)
         check_settings(spec, self.nominal)
@@ -85,23 +77,12 @@ class Problem:
         refuse_impossible("nominal model", self.nominal)
         if not self.is_simulated:
             check_rig(spec)
-        self.lumps = self._nominal_lumps()
+        self.lumps: Lumps = self.nominal.lumps_of(spec.study.search.lumps)  # what candidates' factors are of
         self.names = self.lumps.names
         search = spec.study.search
         given = {"start": search.start, "low": search.low, "high": upper_bounds(spec)}
-        self.body_space: BodySpace | None = None
-        if search.space == "lumps":
-            nlink = self.nominal.nlink
-            factors = [lump_factors(key, value, nlink, search, self.stage) for key, value in given.items()]
-        else:
-            factors = [parameter_factors(key, value, self.spec.names[0]) for key, value in given.items()]
-            self.body_space = body_space(self.nominal, *factors)
-            check_bounds(self.body_space.names, self.body_space.start, self.body_space.low, self.body_space.high)
-            factors = [self.lump_factors(bound) for bound in factors]
-        self.start, self.low, self.high = factors
-        if found is not None:
-            # A link that holds more mass than was believed has larger gravity and inertia lumps alike.
-            self.start = np.clip(found[: self.nominal.nlink], self.low, self.high)
+        nlink = self.nominal.nlink
+        self.start, self.low, self.high = (lump_factors(key, each, nlink, search) for key, each in given.items())
         self._first_low, self._first_high = self.low, self.high
         check_bounds(self.names, self.start, self.low, self.high)
 
@@ -128,44 +109,6 @@ class Problem:
     def is_simulated(self) -> bool:
         """Whether the plant is simulated here, and not a rig, which is not to be moved without need."""
         return isinstance(self.spec.plant, PlantSettings)
-
-    @property
-    def space(self) -> SearchSpace:
-        """What candidates are values in: factors of lumps, or of the parameters of bodies."""
-        return self.body_space or factor_space(self.lumps, self.start, self.low, self.high)
-
-    def lump_factors(self, values: Array) -> Array:
-        """The factors of the lumps (... x nlump) that candidates with these `values` (... x nsearched) have."""
-        if self.body_space is None:
-            return values
-        factors: Array = self.body_space.parameters(values) / self._nominal_body_lumps
-        return factors
-
-    @cached_property
-    def _nominal_body_lumps(self) -> Array:
-        assert self.body_space is not None
-        return self.body_space.parameters(np.ones(len(self.body_space.names)))
-
-    @property
-    def is_last(self) -> bool:
-        """Whether no other stage follows."""
-        return self.stage == len(self.spec.names)
-
-    @property
-    def is_only(self) -> bool:
-        """Whether the study has no other stage."""
-        return len(self.spec.names) == 1
-
-    def second(self, found: Array) -> Problem | None:
-        """The second stage, after the first has found these factors (nlump); None if there is none."""
-        return None if self.is_last else Problem(self.spec, found)
-
-    def stages(self, found: Array | None = None) -> list[Problem]:
-        """This first stage and those that follow from the factors `found` (nlump) in it; if it has found none yet, from
-        its nominal lumps.
-        """
-        following = self.second(np.ones(len(self.names)) if found is None else found)
-        return [self] if following is None else [self, following]
 
     @property
     def timestep(self) -> float:
@@ -217,10 +160,9 @@ class Problem:
         return metric if self.measure.name == "spectral" else replace(metric, curvature=None)
 
     def sensitivity(self) -> Array:
-        """H (nlump x nlump) of this stage's lumps and pushes, by the nominal model.  Eq. 11."""
+        """H (nlump x nlump) of the lumps and pushes, by the nominal model.  Eq. 11."""
         horizon, gravity = self.episode.steps * self.timestep, self.spec.plant.gravity
-        searched, stiffness = self.lumps.searched, self.episode.stiffness
-        return sensitivity(self.nominal, gravity, self.start_speeds, horizon, searched, stiffness)
+        return sensitivity(self.nominal, gravity, self.start_speeds, horizon, self.lumps.searched)
 
     @property
     def widens(self) -> bool:
@@ -230,8 +172,8 @@ class Problem:
 
     @property
     def widens_by_itself(self) -> bool:
-        """Whether that is so with the study's sampler and space."""
-        return self.widens and self.body_space is None and SAMPLERS[self.spec.study.sampler].widens
+        """Whether that is so with the study's sampler."""
+        return self.widens and SAMPLERS[self.spec.study.sampler].widens
 
     def widen(self, factors: Array) -> Coordinates | None:
         """Moves away, once each, the bounds that these `factors` (nlump) are at, of lumps that the measure can see.
@@ -280,11 +222,7 @@ class Problem:
         )
 
     def make_objective(self) -> Objective:
-        """An objective of its own for each worker, in values of what is searched."""
-        return self._objective(self.spec.study.episode.physics, self.space)
-
-    def make_lump_objective(self) -> Objective:
-        """An objective in factors of the nominal lumps, whatever is searched."""
+        """An objective of its own for each worker, in factors of the nominal lumps."""
         return self._objective(self.spec.study.episode.physics)
 
     def verify(self, factors: Array, number: int) -> Outcome:
@@ -297,20 +235,16 @@ class Problem:
         """What the searcher is told of a candidate that could not be evaluated for that `reason`."""
         return failure(self.measure, self.episode, self.timestep, reason)
 
-    def _objective(self, physics: str, space: SearchSpace | None = None) -> Objective:
+    def _objective(self, physics: str) -> Objective:
         from metaid.compiled import Objective  # loads MuJoCo and numba, which most readers of a study do without
 
         rule = self.spec.study.episode.rule
-        return Objective(self.open_plant(), self.lumps, self.episode, self.measure.name, physics, rule, space)
+        return Objective(self.open_plant(), self.lumps, self.episode, self.measure.name, physics, rule)
 
     def make_searcher(self, experiment: Callable[[], ChainExperiment | None] | None = None) -> Searcher:
         """The searcher at the study's seed, knowing of no trial; it may go by another `experiment` than the study's."""
-        study, search = self.spec.study, self.spec.study.search
-        if self.body_space is None:
-            return make_searcher(study.sampler, self.coordinates, study.seed, search, experiment or self.experiment)
-        coordinates = self.body_space.coordinates
-        searcher = make_searcher(study.sampler, coordinates, study.seed, search)
-        return Walking(searcher, coordinates, study.seed, study.trials - search.walk)
+        study = self.spec.study
+        return make_searcher(study.sampler, self.coordinates, study.seed, study.search, experiment or self.experiment)
 
     @property
     def goes_by_estimate(self) -> bool:
@@ -321,7 +255,7 @@ class Problem:
     def can_be_estimated(self) -> bool:
         """Whether the motion of its trials can be matched."""
         keeps = bool(self.episode.window_ends) or self.keeps_readings
-        return self.spec.study.estimate.enabled and self.stage == 1 and keeps
+        return self.spec.study.estimate.enabled and keeps
 
     @property
     def is_told_by_estimate(self) -> bool:
@@ -344,7 +278,7 @@ class Problem:
         return (*IDEAL, "inertia", *(kind for kind in study.search.lumps if kind in FRICTION))
 
     def experiment(self) -> ChainExperiment | None:
-        """What an estimate needs to know of this stage; None where none can be made."""
+        """What an estimate needs to know of this study; None where none can be made."""
         from metaid.estimation import SilentExperiment, Unknowns  # loads numba, which most readers do without
 
         if not self.can_be_estimated:
@@ -368,11 +302,6 @@ class Problem:
             resolution=self.resolution,
         )
 
-    def _nominal_lumps(self) -> Lumps:
-        """What the candidates' factors are of. The law of the second stage is what the first has found."""
-        lumps = self.nominal.lumps_of(self.spec.study.search.lumps)
-        return lumps if self.found is None else replace(lumps.scaled(self.found), searched=("inertia",))
-
     @cached_property
     def _pushed(self) -> tuple[Episode, Array]:
         """Of a rig what was found at it when the study was created; before that, the nominal model's."""
@@ -395,4 +324,4 @@ class Problem:
 
     def at_plant(self, plant: Plant) -> Episode:
         """The episode that this `plant` is pushed in; pushes it to find out."""
-        return make_episode(plant, self.spec, self.nominal, self.measure, self.stage)
+        return make_episode(plant, self.spec, self.nominal, self.measure)

@@ -18,14 +18,14 @@ from metaid.search import NarrowingSearcher, WideningSearcher
 from metaid.store import Trial
 from metaid.study.kinds import AnyProblem
 
-HELD_BACK = 0.25  # of a stage's trials, after which a search whose best trial is at a bound is held back by it
+HELD_BACK = 0.25  # of a study's trials, after which a search whose best trial is at a bound is held back by it
 REPLAY_TOLERANCE = 1e-6  # relative; another machine's linear algebra may round differently
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a run is: trials done, how many of them fell, trials in all, the best survivor of the stage that
-    `problem` is, the searcher's spread, the generation; what it is `waiting` for, if it is.
+    """How far a run is: trials done, how many of them fell, trials in all, the best survivor, the
+    searcher's spread, the generation, the `problem`; what it is `waiting` for, if it is.
     """
 
     trials: int
@@ -39,25 +39,18 @@ class Progress:
 
 
 class Run:
-    """A run up to `total` trials, from the first stage on. A stage ends at its own number of trials, at the target, or
-    when its searcher is finished; the last goes on to the total. Given `until`, a searcher whose intervals get narrower
-    is finished once half the widest of them is that share of its lump.
+    """A run up to `total` trials, which ends at the target, too, or when its searcher is finished. Given `until`, a
+    searcher whose intervals get narrower is finished once half the widest of them is that share of its lump.
     """
 
     def __init__(self, problem: AnyProblem, total: int, until: float | None = None) -> None:
-        self.total, self.until = total, until
+        self.total, self.problem = total, problem
         self.number = self.falls = self.generation = 0
-        self._begin(problem)
-
-    def _begin(self, problem: AnyProblem) -> None:
-        self.problem = problem
         self.best: Trial | None = None
         self._searcher = problem.make_searcher()
         if isinstance(self._searcher, NarrowingSearcher):
-            self._searcher.until = self.until
-        stages = problem.spec.study.trials, problem.spec.study.total_trials - problem.spec.study.trials
-        self._patient_until = self.number + HELD_BACK * stages[problem.stage - 1]
-        self._last = self.total if problem.is_last else min(self.number + problem.spec.study.trials, self.total)
+            self._searcher.until = until
+        self._patient_until = HELD_BACK * problem.spec.study.trials
         self._batch: Array | None = None
         self._outcomes: list[Outcome] = []
 
@@ -68,20 +61,16 @@ class Run:
 
     @property
     def done(self) -> bool:
-        return self.number >= self.total or self._stage_done
-
-    @property
-    def _stage_done(self) -> bool:
         target = self.problem.spec.study.search.target
         reached = target is not None and self.best is not None and self.best.outcome.value <= target
-        return self.number >= self._last or (not self._outcomes and (reached or self._searcher.finished()))
+        return self.number >= self.total or (not self._outcomes and (reached or self._searcher.finished()))
 
     def candidates(self) -> Array:
         """Factors (ncandidate x nlump) of the trials that come next: what is left of the generation, or a new one."""
         if self._batch is None:
             self._batch = self._searcher.ask()
         have = len(self._outcomes)
-        return self._batch[have : have + self._last - self.number]
+        return self._batch[have : have + self.total - self.number]
 
     def add(self, trials: list[Trial]) -> None:
         """Takes in what became of `candidates`, or of the first of them."""
@@ -96,11 +85,6 @@ class Run:
             self._batch, self._outcomes = None, []
             self.generation += 1
             self._widen_bounds()
-        if self._stage_done and self.number < self.total and self.best is not None:
-            following = self.problem.second(self.best.factors)
-            if following is not None:
-                self.generation += bool(self._outcomes)
-                self._begin(following)
 
     def _widen_bounds(self) -> None:
         """Moves the bounds away that the best trial is at, where the measure says that something better is beyond."""

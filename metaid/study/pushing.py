@@ -49,7 +49,7 @@ COUNTING_STEPS = 5000  # after a tip push, as in the paper
 TIP_SPEED = 0.1  # rad/s of the fastest link after a tip push: small, so that the oscillation is
 
 
-def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure, stage: int) -> Episode:
+def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure) -> Episode:
     """What a study does to its plant in an episode.
 
     Args:
@@ -57,7 +57,6 @@ def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure
         spec: the study's settings.
         nominal: the chain whose natural time sets the horizon, and by which designed pushes are designed.
         measure: of the study.
-        stage: of the study, 1 or 2.
 
     Raises:
         EpisodeError: the settings contradict each other, or a push does not have one finite impulse for each link.
@@ -69,7 +68,7 @@ def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure
     if kind == "tip" and measure.name == "smoothed":
         raise EpisodeError("pushes: 'smoothed' fits one curve to a push, so it must be short (allowed: rich pushes)")
     natural = natural_time(nominal, plant.gravity)
-    read = _reading_steps(spec, natural) if stage == 1 else 0
+    read = _reading_steps(spec, natural)
     if kind == "rich" or kind == "designed":
         horizon = HORIZON * natural
         steps = wanted.steps or max(round(horizon / timestep), 2)
@@ -92,12 +91,11 @@ def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure
         pushes = tip_push(plant, wanted.peak_speed or TIP_SPEED) if kind == "tip" else _explicit(kind, plant.njoint)
     pushes = np.tile(pushes, (wanted.repeats, 1))
     rule = FallRule(wanted.fall_limit or fall_limit, wanted.fall_margin, wanted.fall_runaway or runaway)
-    stiffness = _stiffness(spec, stage, steps * timestep)
     counted = spec.study.estimate.compare == "count"
     kept: dict[str, Any] = {"window_ends": _window_ends(pushes, steps, steps * timestep / natural, counted)}
     if _has_noise(spec):
         kept = {"readings_steps": min(steps, read)}
-    return Episode(pushes, steps, rule, stiffness=stiffness, seed=spec.study.seed, lead=wanted.lead, **kept)
+    return Episode(pushes, steps, rule, seed=spec.study.seed, lead=wanted.lead, **kept)
 
 
 def _reading_steps(spec: StudySpec, natural: float) -> int:
@@ -128,13 +126,6 @@ def _window_ends(pushes: Array, steps: int, horizon: float, counted: bool) -> tu
     count = min(WINDOWS + round(np.log(longer) / np.log(GROWTH)), MOST_WINDOWS)
     ends = even_ends(steps, COUNTED_WINDOWS) if counted else window_ends(steps, count, SHORTEST / longer)
     return ends if pushes.size * len(ends) * QUANTITIES * 8 <= LARGEST_WINDOWS else ()
-
-
-def _stiffness(spec: StudySpec, stage: int, horizon: float) -> float:
-    inertia = spec.study.inertia
-    if stage == 1 or inertia is None:
-        return 0.0
-    return inertia.stiffness or (2.0 * np.pi / horizon) ** 2
 
 
 def _strong_pushes(

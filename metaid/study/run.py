@@ -87,7 +87,7 @@ def run_study(
     spec = stored_spec(store, name)
     if until is not None:
         refuse_until(spec, until)
-    planned = spec.study.total_trials if until is None else MOST_TRIALS
+    planned = spec.study.trials if until is None else MOST_TRIALS
     total = planned if trials is None else trials
     workers = spec.study.workers if workers is None else workers
     if total < 1 or workers < 1:
@@ -103,13 +103,12 @@ def run_study(
         def wait(trials: int, why: str) -> None:
             watch(replace(run.progress, trials=trials, waiting=why))
 
-        while not run.done:
-            problem = run.problem
+        if not run.done:
             with (
-                make_evaluator(problem, engine, workers, ray_address, patience) as evaluator,
-                Writer(store, name, problem, lease, patience, wait) as writer,
+                make_evaluator(run.problem, engine, workers, ray_address, patience) as evaluator,
+                Writer(store, name, run.problem, lease, patience, wait) as writer,
             ):
-                _run_stage(run, evaluator, writer, watch)
+                _finish(run, evaluator, writer, watch)
         if run.number < total and store.attribute(name, ENDED_KEY) != run.number:
             store.set_attribute(name, ENDED_KEY, run.number)
         keep_estimate(store, name, problem_of(spec), lease)
@@ -118,7 +117,7 @@ def run_study(
 
 
 def _replayed(store: Store, name: str, spec: AnySpec, total: int, until: float | None) -> Run:
-    stored = store.trials(name, *spec.names)
+    stored = store.trials(name, spec.names)
     # A run moves bounds, and what follows from the settings is not to be changed.
     run, here = Run(copy(problem_of(spec)), max(total, len(stored)), until), arithmetic()
     if not stored:
@@ -143,13 +142,12 @@ def _replayed(store: Store, name: str, spec: AnySpec, total: int, until: float |
     return run
 
 
-def _run_stage(run: Run, evaluator: Evaluator, writer: Writer, watch: Callable[[Progress], None]) -> None:
-    """Goes on with a run until it is done, or its stage is."""
+def _finish(run: Run, evaluator: Evaluator, writer: Writer, watch: Callable[[Progress], None]) -> None:
+    """Goes on with a run until it is done."""
     problem = run.problem
-    stage = None if problem.is_only else problem.stage
     budget = problem.trials_with_windows, problem.trials_with_readings
     failures = 0
-    while run.problem is problem and not run.done:
+    while not run.done:
         batch = run.candidates()
         if not problem.is_simulated:
             batch = batch[:1]  # a rig's episodes are dear: each is kept, whatever becomes of the next
@@ -157,7 +155,7 @@ def _run_stage(run: Run, evaluator: Evaluator, writer: Writer, watch: Callable[[
         outcomes = evaluator.evaluate(batch, run.number, writer.write)
         completed = datetime.now(UTC).replace(tzinfo=None)
         trials = [
-            Trial(run.number + i, run.generation, batch[i], outcome, started, completed, stage)
+            Trial(run.number + i, run.generation, batch[i], outcome, started, completed)
             for i, outcome in enumerate(outcomes)
         ]
         trials = [within_budget(trial, *budget) for trial in trials]
@@ -173,7 +171,7 @@ def _run_stage(run: Run, evaluator: Evaluator, writer: Writer, watch: Callable[[
 
 
 def _moved_bounds(problem: AnyProblem, low: Array, high: Array) -> str:
-    """Which bounds of a stage are no longer what they were, `low` and `high` (nlump each); empty where none is."""
+    """Which bounds of a study are no longer what they were, `low` and `high` (nlump each); empty where none is."""
     sides = ("low", low, problem.low), ("high", high, problem.high)
     return ", ".join(
         f"search.{side} of {name} from {was:g} to {now:g}"

@@ -15,7 +15,7 @@ from pydantic import Field, field_validator
 from metaid.episode import FALL_MARGIN
 from metaid.errors import PlantError, StudyError
 from metaid.files import Settings, check, find_file, find_file_beside, read_toml
-from metaid.models import FRICTION, IDEAL, bodies_of, lump_names
+from metaid.models import FRICTION, IDEAL, lump_names
 from metaid.plant import (
     FAULT_UNITS,
     ArmSettings,
@@ -23,11 +23,10 @@ from metaid.plant import (
     LinkSettings,
     PlantSettings,
     SocketSettings,
-    chain_of,
     read_any_plant,
     read_plant,
 )
-from metaid.search import SAMPLERS, SamplerOptions
+from metaid.search import SamplerOptions
 from metaid.study.arms import ArmSpec, arm_spec
 
 TAKEN_UP = ("delay", "tilt")  # of the faults that a study may take up by itself those that a plant file may have
@@ -50,17 +49,12 @@ class SearchSettings(SamplerOptions):
     name (`upper_bounds` has the default of `high`); whether a bound that holds the search back may be moved away, once
     (`widen`; default: yes, but for a rig); the coordinates; a `target` of the measure at which the search may stop; and
     the options of the sampler.
-
-    With the `space` "parameters", factors are of each link's mass and centre of mass instead, in coordinates of their
-    own, and the last `walk` trials go through the bodies that are as good as the best.
     """
 
     lumps: Annotated[tuple[Literal["gravity", "coriolis", "damping", "coulomb"], ...], Field(strict=False)] = (
         "gravity",
         "coriolis",
     )
-    space: Literal["lumps", "parameters"] = "lumps"
-    walk: Annotated[int, Field(ge=0, le=100_000_000)] = 64
     coordinates: Literal["nominal-metric", "plain"] = "nominal-metric"
     start: Factors = 1.0
     low: Factors = 0.5
@@ -74,14 +68,6 @@ class SearchSettings(SamplerOptions):
         if not set(IDEAL) <= set(lumps) or len(set(lumps)) < len(lumps):
             raise ValueError(f"needs {' and '.join(IDEAL)}, each kind once (allowed besides: {', '.join(FRICTION)})")
         return tuple(kind for kind in (*IDEAL, *FRICTION) if kind in lumps)
-
-
-class InertiaSettings(Settings):
-    """`[inertia]`: a second stage, which searches the inertia lumps: its number of `trials`, and the `stiffness` k in
-    1/s² of the q̈ = −k q that its law asks for (default: one period within the horizon)."""
-
-    trials: Annotated[int, Field(ge=1, le=100_000_000)]
-    stiffness: Annotated[float, Field(gt=0, le=1e8)] | None = None
 
 
 class EstimateSettings(Settings):
@@ -186,18 +172,7 @@ class StudySettings(Settings):
     workers: Annotated[int, Field(ge=1, le=1024)] = 2
     search: SearchSettings = SearchSettings()
     episode: EpisodeSettings = EpisodeSettings()
-    inertia: InertiaSettings | None = None
     estimate: EstimateSettings = EstimateSettings()
-
-    @property
-    def finds_inertia(self) -> bool:
-        """Whether the inertia lumps are among what the study finds: by a second stage, or by its estimate."""
-        return self.inertia is not None or (self.sampler in SAMPLERS and SAMPLERS[self.sampler].by_estimate)
-
-    @property
-    def total_trials(self) -> int:
-        """The trials of all stages."""
-        return self.trials + (self.inertia.trials if self.inertia else 0)
 
 
 class PushedSettings(Settings):
@@ -237,16 +212,13 @@ class StudySpec(Settings):
         study = self.study
         parts = (self.plant, *self.nominal, study.episode, self.pushed)
         texts = ["" if part is None else part.model_dump_json() for part in parts]
-        searched = [study.search.space, *study.search.lumps, str(study.seed)]
+        searched = [*study.search.lumps, str(study.seed)]
         return blake2b("\n".join([*texts, *searched]).encode(), digest_size=6).hexdigest()
 
     @property
-    def names(self) -> tuple[list[str], ...]:
-        """The names under which the factors of each stage's candidates are in the DB."""
-        if self.study.search.space == "parameters":
-            return (bodies_of(chain_of(self.nominal)).names,)
-        kinds = [self.study.search.lumps] + [("inertia",)] * (self.study.inertia is not None)
-        return tuple(lump_names(len(self.nominal), searched) for searched in kinds)
+    def names(self) -> list[str]:
+        """The names under which the factors of candidates are in the DB."""
+        return lump_names(len(self.nominal), self.study.search.lumps)
 
 
 def read_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec | ArmSpec:

@@ -19,7 +19,7 @@ class Writer:
     Args:
         store: the study DB.
         name: the study's.
-        problem: its stage, of which the trials are.
+        problem: of which the trials are.
         lease: by which this driver holds the study.
         patience: s without an answer of the DB's server after which the run ends; None for SERVER_PATIENCE.
         on_wait: called while the server does not answer, with the number of trials in the DB and what is waited for.
@@ -58,10 +58,8 @@ class Writer:
     def _append(self) -> None:
         # A server that goes away in the middle of a commit may have written them all the same.
         if not self._is_unreachable or self._store.count(self._name) != self.trials[-1].number + 1:
-            space = self._problem.space
-            self._store.append(
-                self._name, space.names, space.low, space.high, self.trials, write_check=self._lease.renew
-            )
+            of = self._problem
+            self._store.append(self._name, of.names, of.low, of.high, self.trials, write_check=self._lease.renew)
 
     def _report_waiting(self, reason: str) -> None:
         self._is_unreachable = True

@@ -69,7 +69,7 @@ def terminal(width: int) -> Iterator[list[str]]:
 
 @pytest.fixture(scope="module")
 def tabled(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A DB with two studies of two links by the estimate, one of its bodies, and a plain Optuna study."""
+    """A DB with two studies of two links by the estimate, and a plain Optuna study."""
     import optuna
 
     from metaid.study import create_study, load_study, run_study
@@ -80,8 +80,6 @@ def tabled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name, changes in (("a", matched), ("a-longer-name-of-a-study", {**matched, "seed": 1})):
         create_study(store, load_study("two-link-tpe", changes), name)
         run_study(store, name)
-    create_study(store, load_study("two-link-parameters", {"trials": 20, "search.walk": 4}), "parts")
-    run_study(store, "parts")
     optuna.create_study(study_name="not-metaid's", storage=store.optuna)
     store.close()
     return path
@@ -99,7 +97,6 @@ COMMANDS = (
     "study check two-link-tpe",
     "study check spatial-three-link",
     "study show a --bodies",
-    "study show parts",
     "study compare a a-longer-name-of-a-study",
     "study validate a --pushes 1",
     "paper table1",

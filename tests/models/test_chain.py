@@ -94,7 +94,7 @@ def test_push_gives_the_speeds_that_mujoco_gives_to_a_short_strong_force(nlink: 
 @ALL_SIZES
 @pytest.mark.parametrize("stiffness", [0.0, 7.0, 30.0])
 def test_basis_times_lumps_is_the_compensation_torque(nlink: int, stiffness: float) -> None:
-    """For random lumps of every kind, which belong to no chain, with and without the term of the second stage."""
+    """For random lumps of every kind, which belong to no chain, with and without springs."""
     random, kinds = np.random.default_rng(nlink), tuple(UNITS)
     names = lump_names(nlink, kinds)
     lumps = random_plant(nlink).chain.lumps_of(kinds)

@@ -1,4 +1,4 @@
-"""The one face of every model, and the space that a search moves in."""
+"""The one face of every model."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from conftest import random_plant
 from metaid.models.law import compensation_torque, mass_matrix
 from metaid.models.lumps import FRICTION, IDEAL, Lumps
 from metaid.models.model import ChainModel, Model
-from metaid.models.space import Space, factor_space
 
 G = 9.81
 
@@ -51,23 +50,3 @@ def test_model_with_other_parameters_is_told_by_names_and_units_of_the_same_orde
     other = model.with_parameters(changed)
     assert other.lumps.coriolis[0, 2] == other.lumps.coriolis[2, 0] == 7.0
     assert (other.parameters != model.parameters).sum() == 1
-
-
-def test_space_holds_parameters_that_are_zero_or_negative() -> None:
-    """θ = θ₀ + S z, with a whole matrix or with its diagonal, for one candidate or for many."""
-    origin, directions = np.array([1.0, 0.0, -2.0]), np.array([[1.0, 0.0], [2.0, -1.0], [0.0, 3.0]])
-    bounds = np.zeros(2), np.full(2, -5.0), np.full(2, 5.0)
-    space = Space(["a", "b"], origin, directions, *bounds)
-    assert space.parameters(np.array([-1.0, 2.0])).tolist() == [0.0, -4.0, 4.0]
-    assert space.parameters(np.zeros((4, 2))).tolist() == [origin.tolist()] * 4
-    diagonal = Space(["a", "b", "c"], origin, np.array([2.0, 3.0, 4.0]), *(np.zeros(3),) * 3)
-    assert diagonal.parameters(np.ones(3)).tolist() == [3.0, 3.0, 2.0]
-
-
-def test_factors_of_nominal_lumps_are_a_space() -> None:
-    """Its parameters are factor × nominal, to the last bit, under the lumps' names."""
-    nominal = random_plant(3).chain.lumps
-    factors = np.random.default_rng(3).uniform(0.5, 2.0, (5, len(nominal.names)))
-    space = factor_space(nominal)
-    assert space.names == nominal.names
-    assert (space.parameters(factors) == factors * nominal.vector).all()

@@ -84,7 +84,7 @@ def test_compiled_loop_is_the_plain_one(faults: dict[str, object]) -> None:
 
 
 def test_compiled_loop_is_the_plain_one_with_friction_and_stiffness_in_the_law() -> None:
-    """The whole law is sent to a faulty plant too: damping, and the swing that the second stage asks for."""
+    """The whole law is sent to a faulty plant too: damping, and the springs that are asked for."""
     links = tuple(link.model_copy(update={"damping": 0.05}) for link in random_links(2, 1))
     plant = MujocoPlant("damped", PlantSettings(links=links, faults=FaultSettings(angle_noise=1e-3, delay=1)))
     candidate = plant.chain.lumps_of(plant.chain.kinds).scaled(np.full(5, 1.1))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sqlite3
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,7 +15,6 @@ from metaid.episode.outcome import Outcome
 from metaid.errors import StudyError
 from metaid.models.lumps import Array
 from metaid.results.findings import Findings, read_findings
-from metaid.results.snapshot import read_snapshot
 from metaid.results.validation import validate_factors
 from metaid.show import companions, dashboard
 from metaid.show.figures import Gallery, plot_boundary
@@ -27,7 +25,6 @@ from metaid.store.trial import Trial
 from metaid.study.create import create_study
 from metaid.study.kinds import load_chain_study
 from metaid.study.problem import Problem
-from metaid.study.run import run_study
 
 FIRST, LAST = 1.02, 1.01  # factors of the first and the last of two equal trials
 
@@ -127,30 +124,6 @@ def test_noisy_study_shows_the_mean_of_equal_trials(tmp_path: Path) -> None:
         assert shown == pytest.approx(np.full(6, 1.1)), who
     ours = package.validate("noisy-three-link", store.url, pushes=1).summary()
     assert ours == validate_factors(problem, np.full(6, 1.1), pushes=1).summary()
-
-
-def test_second_stage_is_shown_with_the_law_that_the_run_gave_it(tmp_path: Path) -> None:
-    """A run begins it with the first of equal trials, so its trials belong to that law."""
-    changes = {"trials": 36, "inertia.trials": 20}
-    store, _ = new_study(tmp_path, "full-three-link", **changes)
-    run_study(store, "full-three-link", trials=36)
-    trials = results.trials_frame(store, "full-three-link")
-    survivors = trials[trials["state"] == "COMPLETE"]
-    last, best = survivors.iloc[-1], survivors.loc[survivors["value"].idxmin()]
-    assert last["generation"] == trials["generation"].max()
-    with sqlite3.connect(tmp_path / "metaid.db") as connection:
-        which = "(select trial_id from trials where number = ?)"
-        connection.execute(
-            f"update trial_values set value = ? where trial_id = {which}", (best["value"], int(last["number"]))
-        )
-    run = run_study(store, "full-three-link")
-    assert run.problem.stage == 2
-    snapshot = read_snapshot(store, "full-three-link")
-    assert np.array_equal(snapshot.stages[1].problem.found, run.problem.found)  # type: ignore[arg-type]
-    found = read_findings(store, "full-three-link")
-    assert found.best_factors.tolist() == last[found.names].tolist()
-    assert found.second is not None
-    assert np.array_equal(found.second.problem.found, run.problem.found)  # type: ignore[arg-type]
 
 
 class Overtaken(Store):

@@ -205,8 +205,6 @@ def test_frame_of_an_estimate_is_that_of_lumps_whichever_sampler(estimated: Path
 def test_validation_is_of_the_estimate_with_its_inertia_lumps(metaid: Metaid) -> None:
     """Each lump by its name: behind those of inertia come those of friction."""
     spec = load_chain_study("full-three-link", {"trials": 4})
-    changes = {"sampler": "output-error", "inertia": None}
-    spec = spec.model_copy(update={"study": spec.study.model_copy(update=changes)})
     store = Store("metaid.db", create=True)
     create_study(store, spec, "rubbing")
     run_study(store, "rubbing")

@@ -108,7 +108,7 @@ def test_fault_that_is_not_explained_has_no_interval(tmp_path: Path) -> None:
         run_study(store, "late")
         snapshot = read_snapshot(store, "late")
     verdict, estimate = judge(snapshot), snapshot.estimate
-    (delay,) = fault_rows(snapshot.first, estimate, verdict.has_result)["faults"]
+    (delay,) = fault_rows(snapshot.problem, estimate, verdict.has_result)["faults"]
     assert verdict.word == "not found"
     assert delay["identified"] is not None
     assert delay["sd"] is delay["low"] is delay["high"] is None

@@ -66,7 +66,7 @@ def test_trials_of_a_noisy_study_have_the_readings_that_the_law_acted_on(tmp_pat
     create_study(store, spec)
     run_study(store, "noisy-three-link")
     objective = Problem(spec).make_objective()
-    for trial in store.trials("noisy-three-link", *spec.names):
+    for trial in store.trials("noisy-three-link", spec.names):
         again = objective.record(trial.factors, trial.number)
         assert trial.outcome.windows is None
         assert trial.outcome.readings is not None
@@ -87,7 +87,7 @@ def test_readings_end_with_the_budget_whoever_runs_the_study(tmp_path: Path, mon
         create_study(store, spec, name)
         for stop in stops:
             run_study(store, name, trials=stop, workers=workers)
-        trials = store.trials(name, *spec.names)
+        trials = store.trials(name, spec.names)
         assert [trial.outcome.readings is not None for trial in trials] == [trial.number < kept for trial in trials]
 
 

@@ -55,7 +55,7 @@ def test_trials_of_three_links_have_windows_of_four_kilobytes_that_plain_optuna_
     create_study(store, spec)
     run_study(store, "three-link-coast")
     problem = Problem(spec)
-    with_windows = store.trials("three-link-coast", *spec.names)
+    with_windows = store.trials("three-link-coast", spec.names)
     for trial in with_windows:
         again = problem.make_objective().record(trial.factors).windows
         assert again is not None
@@ -78,5 +78,5 @@ def test_windows_end_with_the_budget_whoever_runs_the_study(tmp_path: Path, monk
         create_study(store, spec, name)
         for stop in stops:
             run_study(store, name, trials=stop, workers=workers)
-        trials = store.trials(name, *spec.names)
+        trials = store.trials(name, spec.names)
         assert [trial.outcome.windows is not None for trial in trials] == [trial.number < kept for trial in trials]

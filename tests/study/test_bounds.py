@@ -102,10 +102,9 @@ def run_tight(store: Store, name: str, *stops: int, **changes: Any) -> None:
 def held_back(store: Store, name: str) -> list[str]:
     """The lumps that a study of lumps ended with at a bound."""
     snapshot = results.read_snapshot(store, name)
-    stage = snapshot.stages[0]
-    best = best_trial(stage.survivors)
-    tried = np.array([trial.factors for trial in stage.trials])
-    return [reached.name for reached in lumps_at_bounds(stage.problem, best.factors, tried)]
+    best = best_trial(snapshot.survivors)
+    tried = np.array([trial.factors for trial in snapshot.trials])
+    return [reached.name for reached in lumps_at_bounds(snapshot.problem, best.factors, tried)]
 
 
 @pytest.mark.parametrize(("sampler", "within"), [("newton", 1e-4), ("cmaes", 0.05)])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from conftest import best_error, random_links
 
-from metaid import results
+from metaid import api, results
 from metaid.compiled.objective import Objective
 from metaid.episode.episode import Episode
 from metaid.episode.pushes import pushed_speeds, rich_pushes
@@ -110,11 +110,11 @@ def test_sensitivity_to_friction_is_what_the_plant_shows(frictionloss: float) ->
     study = spec.study.model_copy(update={"search": search})
     known = {"plant": plant.settings, "nominal": plant.settings.links, "study": study}
     problem = Problem(spec.model_copy(update=known))
-    objective, coordinates = problem.make_objective(), problem.coordinates
-    assert coordinates.curvature is not None
+    objective, metric = problem.make_objective(), problem.metric
+    assert metric.curvature is not None
     for z in 1e-4 * np.random.default_rng(1).normal(size=(5, len(problem.names))):
-        value = objective.evaluate(coordinates.factors(z)).value
-        assert value**2 == pytest.approx(coordinates.curvature * float(z @ z), rel=0.05)
+        value = objective.evaluate(metric.factors(z)).value
+        assert value**2 == pytest.approx(metric.curvature * float(z @ z), rel=0.05)
 
 
 def test_law_of_a_study_that_does_not_search_friction_has_none() -> None:
@@ -159,13 +159,32 @@ def test_analytic_physics_does_not_pretend_to_know_dry_friction() -> None:
         Problem(dry)
 
 
+def test_shipped_study_identifies_the_full_dynamics(tmp_path: Path) -> None:
+    """All lumps of A, c and g, and friction, from a nominal model whose every parameter but length is far off; computed
+    torque with them tracks as well as with the truth.
+    """
+    spec = load_chain_study("full-three-link")
+    for true, believed in zip(spec.plant.links, spec.nominal, strict=True):  # type: ignore[union-attr]
+        for parameter, least in (("mass", 0.2), ("com", 0.1), ("inertia", 0.25), ("damping", 0.25)):
+            assert abs(getattr(believed, parameter) / getattr(true, parameter) - 1.0) > least
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    create_study(store, spec)
+    run_study(store, spec.name)
+    shown = results.summary(store, spec.name)
+    assert shown["verdict"] == "found"
+    assert len(shown["lumps"]) == 12
+    assert shown["max_error"] < 1e-6
+    nominal, identified, true = api.validate(spec.name, store.url, pushes=2).models
+    assert identified.rms_error == pytest.approx(true.rms_error, rel=0.05)
+    assert nominal.rms_error > 20 * true.rms_error
+
+
 def test_a_push_coasts_with_the_identified_friction_and_not_without(tmp_path: Path) -> None:
     """cmaes finds the friction of a damped chain, from a nominal model wrong by 30 %, in plain coordinates too."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
     changes = {"sampler": "cmaes", "trials": 1800, "search.lumps": [*IDEAL, "damping"]}
     for coordinates in ("nominal-metric", "plain"):
         spec = load_chain_study("full-three-link", {**changes, "search.coordinates": coordinates})
-        spec = spec.model_copy(update={"study": spec.study.model_copy(update={"inertia": None})})
         create_study(store, spec, coordinates)
         run_study(store, coordinates)
     assert best_error(store, "nominal-metric") < 0.01
@@ -175,8 +194,8 @@ def test_a_push_coasts_with_the_identified_friction_and_not_without(tmp_path: Pa
 def test_friction_that_is_not_searched_biases_the_other_lumps(tmp_path: Path) -> None:
     """The search finds the best that a frictionless law can do, which is not the truth."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    spec = load_chain_study("full-three-link", {"search.lumps": list(IDEAL)})
-    spec = spec.model_copy(update={"study": spec.study.model_copy(update={"inertia": None})})
+    changes = {"sampler": "cmaes", "trials": 600, "search.lumps": list(IDEAL)}
+    spec = load_chain_study("full-three-link", changes)
     create_study(store, spec, "without")
     run_study(store, "without")
     shown = results.summary(store, "without")
@@ -188,7 +207,7 @@ def test_friction_that_is_not_searched_biases_the_other_lumps(tmp_path: Path) ->
 def test_dry_friction_is_identified_beside_viscous(tmp_path: Path) -> None:
     """All 12 lumps of a three-link chain with both kinds, within 1 %."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    spec = load_chain_study("full-three-link", {"trials": 1500})
+    spec = load_chain_study("full-three-link", {"sampler": "cmaes", "trials": 3000})
     dry = {
         "links": tuple(
             link.model_copy(update={"frictionloss": loss})
@@ -200,7 +219,7 @@ def test_dry_friction_is_identified_beside_viscous(tmp_path: Path) -> None:
         for link, loss in zip(spec.nominal, (0.18, 0.06, 0.05), strict=True)
     )
     search = spec.study.search.model_copy(update={"lumps": ALL})
-    study = spec.study.model_copy(update={"search": search, "inertia": None})
+    study = spec.study.model_copy(update={"search": search})
     made = spec.model_copy(update={"plant": spec.plant.model_copy(update=dry), "nominal": nominal, "study": study})
     create_study(store, made, "dry")
     run_study(store, "dry")

@@ -95,7 +95,7 @@ def test_run_goes_on_where_a_rig_is_honest_again(liar: Liar) -> None:
     liar.arm(None, 0)
     with closing(Store("run.db")) as store:
         run_study(store, "study")
-        states = [trial.state.name for trial in store.trials("study", *load_chain_study("study.toml").names)]
+        states = [trial.state.name for trial in store.trials("study", load_chain_study("study.toml").names)]
     assert states.count("FAIL") == 2
     assert len(states) == 8
 

@@ -199,12 +199,3 @@ def test_optuna_study_of_other_settings_is_refused_in_one_line(tmp_path: Path) -
     study.set_user_attr("metaid:study", {"name": 1})
     with pytest.raises(StorageError, match="another version"):
         metaid.objective(STUDY)(study.ask())
-
-
-def test_objective_of_a_study_with_two_stages_is_that_of_the_first() -> None:
-    """Its trials say so."""
-    study = optuna.create_study(sampler=RandomSampler(seed=1))
-    spec = load_chain_study(STUDY, {"inertia.trials": 9})
-    study.optimize(metaid.objective(spec), 1)
-    assert study.trials[0].user_attrs["stage"] == 1
-    assert set(study.trials[0].params) == {"gravity_1", "gravity_2", "coriolis_1_2"}

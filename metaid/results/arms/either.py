@@ -26,7 +26,7 @@ def read_any_snapshot(store: Store, name: str) -> AnySnapshot:
     spec = stored_spec(store, name)
     if not isinstance(spec, ArmSpec):
         return read_snapshot(store, name)
-    stored = store.read(name, *spec.names)
+    stored = store.read(name, spec.names)
     return ArmSnapshot(name, spec, stored.own, stored.foreign, store.attribute(name, ENDED_KEY), kept_with(store, name))
 
 

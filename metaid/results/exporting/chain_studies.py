@@ -19,7 +19,7 @@ def identified_chain(snapshot: Snapshot, even_if_not_found: bool = False) -> Ide
     """What the study identified, or, where `even_if_not_found` asks for it, its last estimate or best trial.  Raises
     StudyError where there is none, and says why.
     """
-    verdict, problem = judge(snapshot), snapshot.first
+    verdict, problem = judge(snapshot), snapshot.problem
     guess = None if verdict.has_result else _best_guess(snapshot, verdict)
     if not verdict.has_result and (guess is None or not even_if_not_found):
         raise no_model(snapshot.name, verdict, can_be_forced=guess is not None)
@@ -54,21 +54,14 @@ def identified_chain(snapshot: Snapshot, even_if_not_found: bool = False) -> Ide
 
 def _best_guess(snapshot: Snapshot, verdict: Verdict) -> Array | None:
     """The values of the lumps (nlump) where nothing is found, in the order of the verdict's table: those of the last
-    estimate, or of the best trial of each stage, nominal where a stage has none; None where there is neither.
+    estimate, or of the best trial; None where there is neither.
     """
     nominal: Array = verdict.lumps["nominal"].to_numpy()
     if verdict.source == "estimate":
         found = snapshot.estimate
-        return None if found is None else found.estimate.lumps.vector_of(snapshot.first.estimated_kinds)
-    if not snapshot.stages[0].survivors:
-        return None
-    factors = [
-        stage.problem.lump_factors(best_trial(stage.survivors).factors)
-        if stage.survivors
-        else np.ones(len(stage.problem.names))
-        for stage in snapshot.stages
-    ]
-    return np.asarray(nominal * np.concatenate(factors), dtype=np.float64)
+        return None if found is None else found.estimate.lumps.vector_of(snapshot.problem.estimated_kinds)
+    survivors = snapshot.survivors
+    return np.asarray(nominal * best_trial(survivors).factors, dtype=np.float64) if survivors else None
 
 
 def _lumps_of(values: dict[str, float], nominal: Lumps) -> Lumps:

@@ -90,10 +90,7 @@ class IdentifiedModel:
 
     @property
     def _no_inertia(self) -> str:
-        return (
-            f"study '{self.name}' has no inertia lumps, so no mass matrix (allowed: a study with an estimate, or "
-            "with a second stage)"
-        )
+        return f"study '{self.name}' has no inertia lumps, so no mass matrix (allowed: a study with an estimate)"
 
     def _joints(self, name: str, values: ArrayLike) -> Array:
         numbers, njoint = np.asarray(values, dtype=np.float64), self.dynamics.law.njoint

@@ -77,9 +77,6 @@ class Gallery:
             with style():
                 picture = make(WIDTHS[width])
             yield picture
-        if self.second is not None:
-            for picture in self.second.pictures(width):
-                yield replace(picture, name=f"inertia-{picture.name}", caption=f"Second stage. {picture.caption}")
 
     @property
     def _correlates(self) -> bool:
@@ -107,11 +104,6 @@ class Gallery:
         elif not found.estimate.explains:
             said.append(("Correlation and growth of the estimate", "it does not explain what was seen"))
         return said
-
-    @cached_property
-    def second(self) -> Gallery | None:
-        """The figures of the second stage, if there is one."""
-        return None if self.found.second is None else Gallery(self.found.second)
 
     @cached_property
     def sweeps(self) -> list[Sweep]:
@@ -256,9 +248,8 @@ class Gallery:
         figure, (left, right) = pair_of_panels(width, (3, 2))
         plot_angles(self.trajectory, self.found.problem.timestep, left)
         plot_phase(self.trajectory, right)
-        does = "it coasts" if self.found.problem.stage == 1 else "every joint swings at the same frequency"
         caption = (
-            f"Joint angles and phase portrait of the best candidate after the last push; exactly compensated, {does}."
+            "Joint angles and phase portrait of the best candidate after the last push; exactly compensated, it coasts."
         )
         return Picture("episode", caption, figure)
 

@@ -1,7 +1,7 @@
 """Studies of serial arms: what their files say, and what follows from that before any trial.
 
 An arm is known by its base parameters. Candidates are these, in SI units. A trial sends the law of one candidate on
-pushes that coast and on pushes that swing as on springs, so there is one stage.
+pushes that coast and on pushes that swing as on springs.
 """
 
 from metaid.study.arms.identifiability import ArmIdentifiability, arm_identifiability

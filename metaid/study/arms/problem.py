@@ -9,7 +9,7 @@ import numpy as np
 
 from metaid.episode import QUANTITIES, Outcome, fall_value, window_ends
 from metaid.episode.arms import KINETIC, ArmEpisode, ceiling_hz, resolution_hz
-from metaid.models import Array, Space
+from metaid.models import Array
 from metaid.models.tree import Belief, Tree
 from metaid.plant.arms import ArmPlant, ArmSettings
 from metaid.search import (
@@ -35,10 +35,9 @@ MOST_MATCHED = 8  # trials that an estimate is made of where the sampler does wi
 
 
 class ArmProblem:
-    """All that the settings of a study of an arm determine before any trial. It has one stage."""
+    """All that the settings of a study of an arm determine before any trial."""
 
-    stage, found, is_last, is_only, is_simulated, widens = 1, None, True, True, True, False
-    body_space, measure = None, KINETIC
+    is_simulated, widens, measure = True, False, KINETIC
 
     def __init__(self, spec: ArmSpec) -> None:
         self.spec = spec
@@ -55,12 +54,6 @@ class ArmProblem:
         steps = max(round(wanted.horizon / self.timestep), 2)
         stiffness = np.array(self.spec.stiffness)
         return ArmEpisode(starts, stiffness, steps, window_ends(steps), wanted.runaway, self.spec.study.seed)
-
-    @property
-    def space(self) -> Space:
-        """What candidates are values in: base parameters, in SI units."""
-        origin, one = np.zeros(len(self.names)), np.ones(len(self.names))
-        return Space(self.names, origin, one, self.belief.values, self.low, self.high)
 
     @property
     def goes_by_estimate(self) -> bool:
@@ -146,15 +139,8 @@ class ArmProblem:
     def check(self) -> None:
         """Nothing is left that its settings could contradict."""
 
-    def second(self, found: Array) -> None:
-        """There is no second stage: springs are among the pushes of each trial."""
-
     def widen(self, values: Array) -> None:
         """No bound is moved: they are so far away that nothing beyond is believed."""
-
-    def stages(self) -> list[ArmProblem]:
-        """This one stage."""
-        return [self]
 
     def experiment(self) -> ArmExperiment | None:
         """What an estimate needs to know of this study; None where none is to be made."""

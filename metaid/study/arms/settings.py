@@ -95,11 +95,6 @@ class ArmStudySettings(Settings):
             return {"trials": MANY, **tables}
         return tables
 
-    @property
-    def total_trials(self) -> int:
-        """The trials of all stages: there is one."""
-        return self.trials
-
 
 class TreeSettings(Settings):
     """A `Tree`, written out; an open end of a range and an unknown torque limit are null."""
@@ -201,9 +196,9 @@ class ArmSpec(Settings):
         return tuple(ArmStart(np.array(start.pose), np.array(start.speeds)) for start in self.starts)
 
     @property
-    def names(self) -> tuple[list[str], ...]:
-        """The names under which the base parameters of candidates are in the DB: there is one stage."""
-        return (list(self.counted_by),)
+    def names(self) -> list[str]:
+        """The names under which the base parameters of candidates are in the DB."""
+        return list(self.counted_by)
 
     @property
     def experiment(self) -> str:

@@ -34,13 +34,13 @@ def keep_estimate(store: Store, name: str, problem: AnyProblem, lease: Lease) ->
     Args:
         store: the study DB.
         name: of the study.
-        problem: its first stage.
+        problem: its own.
         lease: by which this driver holds the study.
 
     Raises:
         StorageError: the DB cannot be used, or another driver has taken the study.
     """
-    stored = store.read(name, *problem.spec.names)
+    stored = store.read(name, problem.spec.names)
     is_of = _is_of(problem, stored.own, stored.foreign)
     kept = kept_with(store, name)
     if not (isinstance(kept, dict) and kept.get("of") == is_of):
@@ -59,7 +59,7 @@ def estimate_from(kept: Any, problem: AnyProblem, trials: Sequence[Trial], forei
 
     Args:
         kept: what the DB has of it.
-        problem: the first stage of the study.
+        problem: the study's.
         trials: metaid's own.
         foreign: those of others, with the motion that they carry.
     """

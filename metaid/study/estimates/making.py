@@ -24,18 +24,17 @@ CLOSE = 1e-3  # of every lump: so near its last value an estimate was there
 def watched_trials(
     problem: Problem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial] = ()
 ) -> tuple[ChainExperiment | None, tuple[SeenTrial, ...], int]:
-    """The experiment of a study, and the trials of its first stage as that has them, metaid's own before those of
+    """The experiment of a study, and its trials as that has them, metaid's own before those of
     others, at most MOST_TRIALS of each; and of how many others there are. No experiment where none can be made.
 
     Args:
-        problem: the first stage.
+        problem: the study's.
         trials: metaid's own.
         foreign: those of others.
     """
     shown = [each for each in trials if each.outcome.windows is not None or each.outcome.readings is not None]
-    own = [replace(each, factors=problem.lump_factors(each.factors)) for each in shown if each.stage in (None, 1)]
     others = shown_by_others(problem, foreign)[:MOST_TRIALS]
-    shown = [*own[:MOST_TRIALS], *others]
+    shown = [*shown[:MOST_TRIALS], *others]
     experiment = problem.experiment() if shown else None
     if experiment is None:
         return None, (), 0
@@ -46,7 +45,7 @@ def watched_trials(
 def study_estimate(
     problem: Problem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial] = ()
 ) -> StudyEstimate | None:
-    """The estimate from the `trials` of a study's first stage, which `problem` is, and after these from those of the
+    """The estimate from the `trials` of the study of this `problem`, and after these from those of the
     `foreign` ones that carry its motion. None where there is none to be made.
     """
     with threadpool_limits(1):  # at these sizes BLAS threads cost far more than they give
@@ -118,14 +117,13 @@ def first_enough(fewest: int, most: int, is_enough: Callable[[int], bool]) -> in
 
 
 def shown_by_others(problem: Problem, foreign: Sequence[ForeignTrial]) -> list[Trial]:
-    """The `foreign` trials that `metaid.objective` evaluated with the settings of the study whose first stage `problem`
-    is, and that carry motion: each once, with factors of lumps, whatever was searched.
+    """The `foreign` trials that `metaid.objective` evaluated with the settings of the study of this `problem`, and
+    that carry motion: each once.
     """
     of_study = [each.shown for each in foreign if each.experiment == problem.spec.experiment] if foreign else []
     carried = [each for each in of_study if each is not None]
     fits = [each for each in carried if has_motion_of(problem.episode, each.outcome)]
-    alone = [each for i, each in enumerate(fits) if not any(_is_copy(each, earlier) for earlier in fits[:i])]
-    return [replace(each, factors=problem.lump_factors(each.factors)) for each in alone]
+    return [each for i, each in enumerate(fits) if not any(_is_copy(each, earlier) for earlier in fits[:i])]
 
 
 def has_motion_of(episode: Episode, outcome: Outcome) -> bool:

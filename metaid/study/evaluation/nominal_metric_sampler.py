@@ -6,7 +6,6 @@ from pathlib import Path
 
 from optuna.samplers import BaseSampler
 
-from metaid.errors import StudyError
 from metaid.search import MetricSampler, tpe_for_metric
 from metaid.study.evaluation.optuna_objective import OptunaObjective
 from metaid.study.kinds import load_chain_study
@@ -23,8 +22,7 @@ class NominalMetricSampler(MetricSampler):
         seed: of the default sampler; another one has its own.
 
     Raises:
-        StudyError: the study's pushes cannot tell all lumps apart, so that there is no metric, or it searches
-            individual parameters, which have coordinates of their own.
+        StudyError: the study's pushes cannot tell all lumps apart, so that there is no metric.
     """
 
     def __init__(
@@ -36,6 +34,4 @@ class NominalMetricSampler(MetricSampler):
         if isinstance(study, OptunaObjective):
             study = study.spec
         problem = Problem(study if isinstance(study, StudySpec) else load_chain_study(study))
-        if problem.body_space is not None:
-            raise StudyError(f"study '{problem.spec.name}' has no metric (allowed: search.space = 'lumps')")
         super().__init__(problem.names, problem.metric, tpe_for_metric(seed) if sampler is None else sampler)

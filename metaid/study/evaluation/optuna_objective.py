@@ -35,7 +35,7 @@ class OptunaObjective:
     one in a DB can be shown by metaid, and be run on.
 
     Args:
-        spec: the study's settings. Of a study with two stages the objective is that of the first.
+        spec: the study's settings.
 
     Raises:
         StudyError: the plant is a rig that nobody has calibrated for this study.
@@ -62,14 +62,14 @@ class OptunaObjective:
     @property
     def space(self) -> dict[str, FloatDistribution]:
         """What is suggested, by name: for `study.ask(objective.space)`."""
-        space = self._problem.space
-        bounds = zip(space.names, space.low.tolist(), space.high.tolist(), strict=True)
+        problem = self._problem
+        bounds = zip(problem.names, problem.low.tolist(), problem.high.tolist(), strict=True)
         return {name: FloatDistribution(low, high) for name, low, high in bounds}
 
     @property
     def start(self) -> dict[str, float]:
         """Where the study's own search begins: for `study.enqueue_trial(objective.start)`."""
-        return dict(zip(self._problem.space.names, self._problem.space.start.tolist(), strict=True))
+        return dict(zip(self._problem.names, self._problem.start.tolist(), strict=True))
 
     def __reduce__(self) -> tuple[type[OptunaObjective], tuple[StudySpec]]:
         return OptunaObjective, (self.spec,)
@@ -102,8 +102,6 @@ class OptunaObjective:
         if study is not None and not self._keeps_motion(study):
             outcome = replace(outcome, windows=None, readings=None)
         attributes = {EXPERIMENT: json.dumps(self.spec.experiment), **outcome_attributes(outcome)}
-        if not self._problem.is_only:
-            attributes["stage"] = json.dumps(self._problem.stage)
         for key, text in attributes.items():
             trial.set_user_attr(key, json.loads(text))
         if outcome.steps not in reported:

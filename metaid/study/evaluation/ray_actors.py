@@ -88,7 +88,7 @@ class RayEvaluator:
         self._ray: Any = ray
         self._started_ray = started
         self._problem = problem
-        self._worker_arguments = problem.spec.model_dump_json(), problem.found
+        self._spec = problem.spec.model_dump_json()
         self._worker_count = workers
         self._patience = patience
         self._slowest_candidate = 0.0  # s
@@ -112,7 +112,7 @@ class RayEvaluator:
     def _start_missing_actors(self) -> None:
         remote_class: Any = self._ray.remote(num_cpus=1)(_Worker)
         while len(self._actors) < self._worker_count:
-            handle = remote_class.remote(*self._worker_arguments)
+            handle = remote_class.remote(self._spec)
             self._actors.append(_Actor(handle, call=handle.location.remote()))
 
     def _assign(self, shares: Shares, batch: Array, first: int) -> None:
@@ -222,8 +222,8 @@ class RayEvaluator:
 class _Worker:
     """What runs in a Ray actor."""
 
-    def __init__(self, spec: str, found: Array | None) -> None:
-        self._objective = problem_of(spec_from(spec), found).make_objective()
+    def __init__(self, spec: str) -> None:
+        self._objective = problem_of(spec_from(spec)).make_objective()
         self._is_compiled = False
 
     def location(self) -> tuple[str, int]:
