@@ -23,7 +23,7 @@ from pathlib import Path
 from benchmarks.common import Row, table
 
 HERE = Path(__file__).parent.parent
-FIGURES = {"engine": ("mj_step ÷ bare", "direct ÷ bare", "analytic ÷ bare"), "study": ("metaid is faster by",)}
+FIGURES = {"engine": ("mj_step ÷ bare", "direct ÷ bare"), "study": ("metaid is faster by",)}
 QUICK = {"engine": True, "study": False}  # the turns of the engine may be short
 TURNS = {"engine": 3, "study": 1}  # in a round
 # Run in either checkout: prints the tables of a benchmark whenever a line arrives.

@@ -64,7 +64,7 @@ def _row(nlink: int, quick: bool) -> Row:
     whole = mujoco_step(plant.model, plant.data)
     fastest = fastest_step(plant)
     assert isinstance(fastest, DirectStep), "MuJoCo's stages are not mj_step here: nothing to compare"
-    steps: dict[str, Any] = {"mj_step": whole, "direct": fastest, "analytic": fastest_step(plant, "analytic")}
+    steps: dict[str, Any] = {"mj_step": whole, "direct": fastest}
     engines = {name: CompiledLoop(plant, episode, step) for name, step in steps.items()}
     start = start_states(plant, episode.starts)
     short = Episode(episode.pushes, min(episode.steps, PLAIN_STEPS))
@@ -86,11 +86,9 @@ def _row(nlink: int, quick: bool) -> Row:
         "bare mj_step": rate["bare"],
         "episode, mj_step": rate["mj_step"],
         "episode, direct (the default)": rate["direct"],
-        "episode, analytic": rate["analytic"],
         "episode, plain Python": rate["plain"],
         "mj_step ÷ bare": rate["mj_step"] / rate["bare"],
         "direct ÷ bare": rate["direct"] / rate["bare"],
-        "analytic ÷ bare": rate["analytic"] / rate["bare"],
         "plain ÷ bare": rate["plain"] / rate["bare"],
     }
 

@@ -49,7 +49,7 @@ class Rig:
         settings = {"plant": "rig", "nominal": "believed", "sampler": sampler, "trials": 100_000, "seed": seed}
         faults = tuple(SEARCHED[name] for name in condition.searched) or ("proposed" if condition.has_unknown else ())
         estimate = {"faults": faults}
-        episode = {"physics": "analytic", "measure": "spectral" if condition.is_exact else "smoothed"}
+        episode = {"measure": "spectral" if condition.is_exact else "smoothed"}
 
         def spec(**further: Any) -> StudySpec:
             whole = settings | {"episode": episode, "estimate": estimate} | further
@@ -119,7 +119,7 @@ class Rig:
         """
         problem = self.problem
         watched = replace(problem.episode, keep_angles=True)
-        objective = Objective(problem.make_plant(), problem.lumps, watched, problem.measure.name, "analytic")
+        objective = Objective(problem.make_plant(), problem.lumps, watched, problem.measure.name)
         pushes = objective.record(tried.factors, number).angles
         absolute = np.concatenate([np.cumsum(push[1:], axis=1) for push in pushes])
         speeds = np.concatenate([np.cumsum(np.diff(push, axis=0), axis=1) for push in pushes]) / problem.timestep

@@ -1,7 +1,7 @@
 """A rig under a servo along a trajectory, with its faults or as a model, compiled.
 
 The torque is u = f(t) + K(t) (ω² (q_d − q) + 2 ω (q̇_d − q̇)) + G(t) (q_d − q), with f, K, G and the desired motion
-known beforehand. The plant is the analytic chain, which agrees with MuJoCo to rounding.
+known beforehand. The plant has the chain's own equations of motion, which agrees with MuJoCo to rounding.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchmarks.rivals.chain_step import AnalyticStep, advance_analytically
 from metaid.compiled import compiled
-from metaid.compiled.analytic import AnalyticStep, advance_analytically
 from metaid.compiled.law import LINK, turn_to_angles
 from metaid.models import Array, Lumps
 

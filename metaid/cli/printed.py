@@ -62,8 +62,6 @@ def describe_tried(shown: dict[str, Any]) -> list[str]:
         parts[-1] += f", itself wrong by up to {error_text(best['max_error'], '')}"
     if "noise_floor_hz" in shown:
         parts.append(f"noise floor {shown['noise_floor_hz']:.3g} Hz, subtracted")
-    if "mujoco" in best:
-        parts.append(_verification(best["mujoco"]))
     return parts
 
 
@@ -199,8 +197,3 @@ def _show_bodies(shown: dict[str, Any]) -> None:
     title, columns = "All possible bodies with these lumps", ["parameter", *PARAMETER_COLUMNS, "unit"]
     print_table(title, columns, rows, words=["unit"], dispensable=DISPENSABLE)
     say(describe_possible_bodies(shown["bodies"]))
-
-
-def _verification(mujoco: dict[str, Any]) -> str:
-    outcome = "it falls in MuJoCo" if mujoco["fell"] else f"MuJoCo gives {mujoco['value']:.3g}"
-    return f"found with analytic physics, {outcome}: {'verified' if mujoco['agrees'] else 'NOT VERIFIED'}"

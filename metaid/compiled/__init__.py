@@ -1,4 +1,4 @@
-"""The same episode at full speed: one compiled function around MuJoCo's stages, or around the analytic chain.
+"""The same episode at full speed: one compiled function around MuJoCo's stages.
 
 `Objective` evaluates candidates with the fastest loop that a plant has. numba and MuJoCo are loaded with this package.
 """

@@ -1,7 +1,6 @@
 """The episode as one compiled function that releases the GIL and allocates nothing.
 
-It does what `run_stepwise` does, at the speed of its step: MuJoCo's own `mj_step`, the same from MuJoCo's stages
-(`stages`), or the analytic equations of motion (`analytic`).
+It does what `run_stepwise` does, at the speed of its step: MuJoCo's own `mj_step`, or the same from MuJoCo's stages.
 """
 
 from __future__ import annotations
@@ -9,9 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numba.extending import overload
 
-from metaid.compiled.analytic import AnalyticStep, advance_analytically
 from metaid.compiled.decorator import compiled
-from metaid.compiled.law import compensate, has_fallen, turn_to_angles
+from metaid.compiled.law import compensate, has_fallen
 from metaid.compiled.queue import take
 from metaid.compiled.stages import (
     DirectStep,
@@ -24,7 +22,7 @@ from metaid.compiled.stages import (
 )
 from metaid.compiled.undocumented import class_of
 
-Step = MujocoStep | DirectStep | AnalyticStep
+Step = MujocoStep | DirectStep
 
 
 def look(chain, links, stiffness):  # type: ignore[no-untyped-def]
@@ -34,12 +32,9 @@ def look(chain, links, stiffness):  # type: ignore[no-untyped-def]
 
 @overload(look, inline="always")
 def _look_of(chain, links, stiffness):  # type: ignore[no-untyped-def]
-    kind = class_of(chain)
-    if kind is MujocoStep:
+    if class_of(chain) is MujocoStep:
         return lambda chain, links, stiffness: look_with_mujoco(chain, links, stiffness)
-    if kind is DirectStep:
-        return lambda chain, links, stiffness: look_directly(chain, links, stiffness)
-    return lambda chain, links, stiffness: turn_to_angles(links, stiffness)
+    return lambda chain, links, stiffness: look_directly(chain, links, stiffness)
 
 
 def advance(chain, links):  # type: ignore[no-untyped-def]
@@ -49,12 +44,9 @@ def advance(chain, links):  # type: ignore[no-untyped-def]
 
 @overload(advance, inline="always")
 def _advance_of(chain, links):  # type: ignore[no-untyped-def]
-    kind = class_of(chain)
-    if kind is MujocoStep:
+    if class_of(chain) is MujocoStep:
         return lambda chain, links: advance_with_mujoco(chain)
-    if kind is DirectStep:
-        return lambda chain, links: advance_directly(chain)
-    return lambda chain, links: advance_analytically(chain, links)
+    return lambda chain, links: advance_directly(chain)
 
 
 @compiled

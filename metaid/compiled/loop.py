@@ -6,12 +6,10 @@ first compares the compiled loop with the stepwise one on a short episode.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Sequence
 
 import numpy as np
 
-from metaid.compiled.analytic import AnalyticStep, analytic_step
 from metaid.compiled.batch import Batch, new_batch
 from metaid.compiled.kernel import Step, run_from
 from metaid.compiled.law import LINK
@@ -22,12 +20,10 @@ from metaid.models import Array, Lumps
 from metaid.plant import MujocoPlant, Start
 
 
-def fastest_step(plant: MujocoPlant, physics: str = "mujoco") -> Step:
-    """How the compiled loop moves `plant` on: its analytic equations, or MuJoCo's stages one by one, or `mj_step` where
-    these are not the same to the last bit.
+def fastest_step(plant: MujocoPlant) -> Step:
+    """How the compiled loop moves `plant` on: MuJoCo's stages one by one, or `mj_step` where these are not the same to
+    the last bit.
     """
-    if physics == "analytic":
-        return analytic_step(plant.chain, plant.felt_gravity, plant.timestep)
     with quiet_mujoco():
         make = direct_step if agrees_with_mj_step(plant.model, plant.data) else mujoco_step
     return make(plant.model, plant.data)
@@ -51,9 +47,6 @@ class CompiledLoop:
         ends = np.array(episode.window_ends, dtype=np.int64)
         self._settings = plant.timestep, episode.steps, *episode.fall_rule.clauses, ends
         self._links = np.zeros(plant.njoint, LINK)
-        # A loop over the analytic chain has no MuJoCo to keep quiet.
-        analytic = isinstance(self.step, AnalyticStep)
-        self._quiet: Callable[[], AbstractContextManager[None]] = nullcontext if analytic else quiet_mujoco
 
     def new_batch(self, candidates: Lumps, _trials: Sequence[int] = ()) -> Batch:
         """A batch of `candidates`, lumps with a leading axis (ncandidate), for this and its like to work on. Nothing in
@@ -64,7 +57,7 @@ class CompiledLoop:
     def work_on(self, batch: Batch) -> None:
         """Runs pushes of the `batch` until there are none left; others may do so at the same time."""
         results = batch.ran, batch.fell, batch.outputs, batch.windows, batch.angles
-        with self._quiet():
+        with quiet_mujoco():
             run_from(self.step, self._start, batch.queue, batch.laws, self._settings, self._links, *results)
 
     def run(self, candidate: Lumps, _number: int = 0, goes_on: GoesOn | None = None) -> Record:

@@ -58,7 +58,6 @@ class Objective:
         nominal: the lumps that candidates are factors of.
         episode: what is done to the plant with each candidate.
         measure: a key of `MEASURES`.
-        physics: "mujoco", or "analytic" for a MujocoPlant's own equations of motion.
         rule: the counting rule of the measure `count`; None for its usual one.
 
     Raises:
@@ -72,7 +71,6 @@ class Objective:
         nominal: Lumps,
         episode: Episode,
         measure: str,
-        physics: str = "mujoco",
         rule: str | None = None,
     ) -> None:
         if nominal.nlink != plant.njoint or episode.pushes.shape[1] != plant.njoint:
@@ -84,7 +82,7 @@ class Objective:
         self.nominal = nominal
         self.measure = get_measure(measure, rule)
         self.episode = episode = replace(episode, keep_angles=episode.keep_angles or self.measure.keeps_angles)
-        self._loop: Loop = _fastest_loop(plant, nominal, episode, physics)
+        self._loop: Loop = _fastest_loop(plant, nominal, episode)
         self._ceiling = self.measure.ceiling(episode, self._loop.plant.timestep)
 
     def record(self, factors: Array, number: int = 0, goes_on: GoesOn | None = None) -> Record:
@@ -163,10 +161,10 @@ def _checked(factors: Array, nlump: int) -> Array:
     return vector
 
 
-def _fastest_loop(plant: Plant, nominal: Lumps, episode: Episode, physics: str) -> Loop:
+def _fastest_loop(plant: Plant, nominal: Lumps, episode: Episode) -> Loop:
     if not isinstance(plant, MujocoPlant):
         return StepwiseLoop(plant, episode)
-    step = fastest_step(plant, physics)
+    step = fastest_step(plant)
     compiled: CompiledLoop | FaultyLoop = CompiledLoop(plant, episode, step)
     slow: Loop = StepwiseLoop(plant, episode)
     if plant.settings.faults.named or episode.lead or episode.readings_steps:

@@ -193,12 +193,9 @@ def forget(chain):  # type: ignore[no-untyped-def]
 
 @overload(forget, inline="always")
 def _forget_of(chain):  # type: ignore[no-untyped-def]
-    kind = class_of(chain)
-    if kind is MujocoStep:
+    if class_of(chain) is MujocoStep:
         return lambda chain: forget_in_mujoco(chain)
-    if kind is DirectStep:
-        return lambda chain: forget_directly(chain)
-    return lambda chain: None  # an analytic chain works out all else from these two, each step
+    return lambda chain: forget_directly(chain)
 
 
 @compiled

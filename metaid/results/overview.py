@@ -14,7 +14,7 @@ from metaid.results.estimates import approximation_rows, why_no_estimate
 from metaid.results.lump_tables import fault_rows, largest_error, without_nan
 from metaid.results.snapshot import Snapshot, counted_states
 from metaid.results.verdict import NUMBERS, Verdict
-from metaid.store import ForeignTrial, Store, Trial
+from metaid.store import ForeignTrial, Store
 from metaid.study import Problem
 from metaid.study.estimates import StudyEstimate
 
@@ -129,13 +129,4 @@ def _best(snapshot: Snapshot) -> dict[str, Any]:
     if not survivors:
         return {"number": None, "value": None}
     best = best_trial(survivors)
-    return {"number": best.number, "value": best.outcome.value, **_verified(snapshot.problem, best)}
-
-
-def _verified(problem: Problem, best: Trial) -> dict[str, Any]:
-    """What MuJoCo says of the best candidate of a study that was screened by other physics; nothing for any other."""
-    if problem.spec.study.episode.physics == "mujoco":
-        return {}
-    outcome = problem.verify(best.factors, best.number)
-    agrees = not outcome.fell and abs(outcome.value - best.outcome.value) <= problem.resolution
-    return {"mujoco": {"value": outcome.value, "fell": outcome.fell, "agrees": agrees}}
+    return {"number": best.number, "value": best.outcome.value}

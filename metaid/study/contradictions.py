@@ -37,9 +37,6 @@ def check_settings(spec: StudySpec, nominal: Chain) -> None:
             "estimate: compare: 'count' needs a plant without noise, and this is a rig, or has faults or a lead "
             "(allowed: leave it out, readings are compared there)"
         )
-    dry = isinstance(plant, PlantSettings) and any(link.frictionloss for link in plant.links)
-    if study.episode.physics == "analytic" and dry:
-        raise StudyError("episode: physics: 'analytic' has no dry friction, and the plant has (allowed: 'mujoco')")
     for kind, key in zip(FRICTION, ("damping", "frictionloss"), strict=True):
         missing = np.flatnonzero(nominal.lumps_of((kind,)).of(kind) == 0.0) + 1
         if kind in study.search.lumps and len(missing):
@@ -91,11 +88,6 @@ def check_rig(spec: StudySpec) -> None:
     study = spec.study
     if study.workers != 1:
         raise StudyError(f"plant {spec.plant_name} is one rig: workers is {study.workers} (allowed: 1)")
-    if study.episode.physics != "mujoco":
-        raise StudyError(
-            f"plant {spec.plant_name} is behind a socket, so its equations of motion are not known: "
-            f"leave out episode.physics = '{study.episode.physics}'"
-        )
 
 
 def check_bounds(names: list[str], starts: Array, lows: Array, highs: Array) -> None:

@@ -223,23 +223,14 @@ class Problem:
 
     def make_objective(self) -> Objective:
         """An objective of its own for each worker, in factors of the nominal lumps."""
-        return self._objective(self.spec.study.episode.physics)
+        from metaid.compiled import Objective  # loads MuJoCo and numba, which most readers of a study do without
 
-    def verify(self, factors: Array, number: int) -> Outcome:
-        """What MuJoCo says of `factors` (nlump), those of the trial of that `number`, whichever physics the study
-        searches with.
-        """
-        return self._objective("mujoco").evaluate(factors, number)
+        rule = self.spec.study.episode.rule
+        return Objective(self.open_plant(), self.lumps, self.episode, self.measure.name, rule)
 
     def failed(self, reason: str) -> Outcome:
         """What the searcher is told of a candidate that could not be evaluated for that `reason`."""
         return failure(self.measure, self.episode, self.timestep, reason)
-
-    def _objective(self, physics: str) -> Objective:
-        from metaid.compiled import Objective  # loads MuJoCo and numba, which most readers of a study do without
-
-        rule = self.spec.study.episode.rule
-        return Objective(self.open_plant(), self.lumps, self.episode, self.measure.name, physics, rule)
 
     def make_searcher(self, experiment: Callable[[], ChainExperiment | None] | None = None) -> Searcher:
         """The searcher at the study's seed, knowing of no trial; it may go by another `experiment` than the study's."""

@@ -141,12 +141,9 @@ class EpisodeSettings(Settings):
     `count` (default 2 per link); for all three the `peak_speed` in rad/s; `steps` after each push; the `fall_limit` in
     rad, the `fall_margin` (0: past the limit is fallen, however slow) and the `fall_runaway` beyond which a link has
     fallen wherever it is; `repeats` of every push, which average noise; the
-    `lead` in s, for a plant whose torques come late: the law gets the angles that the speeds lead to by then; the
-    `physics`: "mujoco", or "analytic" to screen by the chain's own equations of motion, some five times as fast, and
-    have MuJoCo verify the best.
+    `lead` in s, for a plant whose torques come late: the law gets the angles that the speeds lead to by then.
     """
 
-    physics: Literal["mujoco", "analytic"] = "mujoco"
     measure: str = "spectral"
     rule: str | None = None
     pushes: Literal["rich", "designed", "tip"] | Annotated[list[list[Impulse]], Field(max_length=1000)] | None = None

@@ -210,7 +210,7 @@ def test_names_in_a_db_cannot_command_the_terminal(metaid: Metaid, studied: Path
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("study", "create", "two-link-tpe", "--set", "episode.physics=\udced"),
+        ("study", "create", "two-link-tpe", "--set", "episode.measure=\udced"),
         ("study", "list", "--storage", 300 * "x"),
     ],
 )

@@ -61,25 +61,23 @@ def episode_of(plant: MujocoPlant, count: int = 3, steps: int = 80) -> Episode:
 
 @pytest.mark.parametrize("faults", [*FAULTS.values(), ALL], ids=[*FAULTS, "all of them"])
 def test_compiled_loop_is_the_plain_one(faults: dict[str, object]) -> None:
-    """Readings, crossings, energies and falls are equal, near the truth and far from it, in MuJoCo and analytically."""
+    """Readings, crossings, energies and falls are equal, near the truth and far from it."""
     plant = faulty_plant(**faults)
-    steps = fastest_step(plant), fastest_step(plant, "analytic")
     near = replace(episode_of(plant), fall_rule=FallRule(0.6, 1.0))
-    episodes = [FaultyLoop(plant, near, step) for step in steps]
+    episode = FaultyLoop(plant, near, fastest_step(plant))
     fell = set()
     for factor in (1.0, 1.3, -5.0):
         candidate = plant.chain.lumps.scaled(np.full(6, factor))
-        plain, _ = run_stepwise(episodes[0].plant, candidate, episodes[0].episode)
+        plain, _ = run_stepwise(episode.plant, candidate, episode.episode)
         fell.add(plain.fall_step is not None)
-        for episode in episodes:
-            compiled = episode.run(candidate)
-            assert (compiled.steps, compiled.fall_step) == (plain.steps, plain.fall_step)
-            assert (compiled.half_periods == plain.half_periods).all()
-            for one, other in zip(compiled.angles, plain.angles, strict=True):
-                assert np.allclose(one, other, rtol=0.0, atol=1e-7)
-            assert compiled.crossing_span == pytest.approx(plain.crossing_span, abs=1e-6)
-            assert compiled.speed_energy == pytest.approx(plain.speed_energy, rel=1e-6)
-            assert compiled.acceleration_energy == pytest.approx(plain.acceleration_energy, rel=1e-6)
+        compiled = episode.run(candidate)
+        assert (compiled.steps, compiled.fall_step) == (plain.steps, plain.fall_step)
+        assert (compiled.half_periods == plain.half_periods).all()
+        for one, other in zip(compiled.angles, plain.angles, strict=True):
+            assert np.allclose(one, other, rtol=0.0, atol=1e-7)
+        assert compiled.crossing_span == pytest.approx(plain.crossing_span, abs=1e-6)
+        assert compiled.speed_energy == pytest.approx(plain.speed_energy, rel=1e-6)
+        assert compiled.acceleration_energy == pytest.approx(plain.acceleration_energy, rel=1e-6)
     assert True in fell
 
 

@@ -150,15 +150,6 @@ def test_lumps_that_cannot_be_searched_are_refused(changes: dict[str, Any], mess
         load_chain_study("full-three-link", changes)
 
 
-def test_analytic_physics_does_not_pretend_to_know_dry_friction() -> None:
-    """It is refused for a plant that has some."""
-    spec = load_chain_study("full-three-link", {"episode.physics": "analytic"})
-    links = tuple(link.model_copy(update={"frictionloss": 0.01}) for link in spec.plant.links)
-    dry = spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": links})})
-    with pytest.raises(StudyError, match="'analytic' has no dry friction"):
-        Problem(dry)
-
-
 def test_shipped_study_identifies_the_full_dynamics(tmp_path: Path) -> None:
     """All lumps of A, c and g, and friction, from a nominal model whose every parameter but length is far off; computed
     torque with them tracks as well as with the truth.

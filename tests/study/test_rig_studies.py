@@ -122,7 +122,6 @@ def test_run_ends_where_the_rig_dies_and_goes_on_from_there(serve: Serve, tmp_pa
     ("changes", "message"),
     [
         ({"workers": 2}, "is one rig: workers is 2"),
-        ({"episode.physics": "analytic"}, "its equations of motion are not known"),
     ],
 )
 def test_setting_that_a_rig_has_no_use_for_is_refused(

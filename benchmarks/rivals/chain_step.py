@@ -1,8 +1,6 @@
-"""A planar chain's own equations of motion in a few scalar loops: five to ten times as fast as MuJoCo.
+"""A planar chain's own equations of motion in a few scalar loops, for rigs that are simulated many times over.
 
-They serve for screening (`physics = "analytic"` in a study's episode) and as an independent check of the MuJoCo plant.
-The two share no code, only the link parameters. The step is MuJoCo's: semi-implicit Euler with the torque of its
-beginning.
+The step is MuJoCo's: semi-implicit Euler with the torque of its beginning.
 """
 
 from __future__ import annotations
@@ -11,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from metaid.compiled.decorator import compiled
+from metaid.compiled import compiled
 from metaid.models import Array, Chain
 
 
