@@ -109,7 +109,8 @@ def run(scale: float) -> list[SoakResult]:
         # Forked from a process that other parts of the soak ran in, it would have their locks.
         with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
             judged.extend(pool.map(try_case, range(promised)))
-        found, known = [each for each in judged if each.verdict == "found"], sum(each.known for each in judged)
+        found = [each for each in judged if each.verdict == "found"]
+        known = sum(each.known for each in found)
         print(
             f"  {len(found)} of {len(judged)} found, {known} of their {sum(each.unknowns for each in found)} unknowns"
         )
