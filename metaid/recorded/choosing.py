@@ -24,7 +24,7 @@ from metaid.recorded.weak_form.smoothed import CUTOFFS, Smoothed
 WINDOWS = ((0.06, 4), (0.1, 5), (0.15, 4), (0.2, 6), (0.25, 4), (0.35, 4), (0.3, 8), (0.5, 10))
 BASE = ("viscous", "coulomb")
 PRESLIDING = (1e-4, 3e-4, 1e-3, 3e-3)  # rad or m, of all joints alike
-FINER = (0.3, 3.3, 0.55, 1.8, 0.75, 1.35)  # times that, of each joint by itself
+FINER = (0.3, 0.55, 1.0, 1.8, 3.3, 6.0, 10.0)  # times that, of each joint by itself
 WORTH = 0.97  # of the error: a term that leaves more is not taken up
 DELAYS = np.arange(-0.040, 0.0401, 0.002)  # s
 PROMPT = 0.002  # s: a delay as of a control step is looked for before friction is, which a longer one looks like
@@ -214,22 +214,20 @@ def _with_friction(
 
 
 def _finer_presliding(search: _Search, present: Equations, error: float) -> tuple[Equations, float]:
-    """With the displacement over which the friction of each joint builds up that predicts its own torque best."""
+    """With the displacement over which the friction of each joint builds up: of those that predict its own torque as
+    well, to WORTH, the longest, which is the gentlest to simulate.
+    """
+    model, factors = present.model, np.array(FINER)
+    common = model.presliding
 
-    def tried(presliding: Array) -> tuple[Equations, float, Array]:
-        other = present.with_model(present.model.with_friction(present.model.friction, presliding))
-        return other, *search.errors(other)
+    def with_presliding(presliding: Array) -> Equations:
+        return present.with_model(model.with_friction(model.friction, presliding))
 
-    by_joint = search.errors(present)[1]
-    for factor in FINER:
-        presliding = present.model.presliding
-        other, found, own = tried(factor * presliding)
-        is_better = own < by_joint
-        if is_better.any() and not is_better.all():
-            other, found, own = tried(np.where(is_better, factor * presliding, presliding))
-        if found < error:
-            present, error, by_joint = other, found, own
-    return present, error
+    by_joint = np.array([search.errors(with_presliding(factor * common))[1] for factor in factors])
+    is_as_good = WORTH * by_joint <= by_joint.min(axis=0)
+    other = with_presliding(common * np.where(is_as_good, factors[:, None], 0.0).max(axis=0))
+    found = search.error(other)
+    return (other, found) if WORTH * found <= error else (present, error)
 
 
 def _with_delay(
