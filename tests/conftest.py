@@ -48,6 +48,15 @@ def random_links(nlink: int, seed: int) -> tuple[LinkSettings, ...]:
     return tuple(links)
 
 
+def rubbing_plant(nlink: int, damping: float = 0.03, frictionloss: float = 0.0, timestep: float = 0.002) -> MujocoPlant:
+    """A heterogeneous chain with friction that differs from joint to joint."""
+    links = tuple(
+        link.model_copy(update={"damping": damping * (1 + i / 2), "frictionloss": frictionloss * (1 + i / 2)})
+        for i, link in enumerate(random_links(nlink, 1))
+    )
+    return MujocoPlant("rubbing", PlantSettings(links=links, timestep=timestep))
+
+
 def random_plant(nlink: int, seed: int = 1) -> MujocoPlant:
     """A heterogeneous chain."""
     return MujocoPlant(f"random-{nlink}", PlantSettings(links=random_links(nlink, seed)))

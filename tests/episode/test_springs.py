@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import random_plant
-from test_friction import rubbing_plant
+from conftest import random_plant, rubbing_plant
 
 from metaid.compiled.objective import Objective
 from metaid.episode.episode import Episode

@@ -71,7 +71,7 @@ def test_estimate_of_all_trials_begins_at_that_of_the_first(arms: Path) -> None:
     found, experiment = snapshot.estimate, snapshot.problem.experiment()
     assert found is not None
     assert experiment is not None
-    first = experiment.estimate(found.seen()[:1], thorough=False)
+    first = experiment.estimate(found.seen()[1][:1], thorough=False)
     assert first is not None
     assert found.trials > 1
     assert found.estimate.iterations <= 3 < first.iterations

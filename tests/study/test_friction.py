@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import best_error, random_links
+from conftest import best_error, rubbing_plant
 
 from metaid import api, results
 from metaid.compiled.objective import Objective
@@ -18,7 +18,6 @@ from metaid.errors import StudyError
 from metaid.models.law import compensation_basis, compensation_torque
 from metaid.models.lumps import IDEAL, Lumps
 from metaid.plant.mujoco_plant import MujocoPlant
-from metaid.plant.settings import PlantSettings
 from metaid.plant.start import Start
 from metaid.store.database import Store
 from metaid.study.create import create_study
@@ -27,15 +26,6 @@ from metaid.study.problem import Problem
 from metaid.study.run import run_study
 
 ALL = (*IDEAL, "damping", "coulomb")
-
-
-def rubbing_plant(nlink: int, damping: float = 0.03, frictionloss: float = 0.0, timestep: float = 0.002) -> MujocoPlant:
-    """A heterogeneous chain with friction that differs from joint to joint."""
-    links = tuple(
-        link.model_copy(update={"damping": damping * (1 + i / 2), "frictionloss": frictionloss * (1 + i / 2)})
-        for i, link in enumerate(random_links(nlink, 1))
-    )
-    return MujocoPlant("rubbing", PlantSettings(links=links, timestep=timestep))
 
 
 def energy(plant: MujocoPlant) -> float:
