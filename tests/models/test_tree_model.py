@@ -205,6 +205,14 @@ def test_model_error_is_that_of_what_moves_the_arm() -> None:
     assert heavier.largest == heavier.gravity
 
 
+def test_single_hinge_has_no_coriolis_torque_to_be_wrong_about() -> None:
+    """What rounding leaves of it is no error, whatever the model."""
+    for seed in range(20):
+        tree = random_arm(1, seed)
+        wrong = model_error(tree, 1.1 * tree.parameters)
+        assert wrong.coriolis < 1e-12 < wrong.gravity
+
+
 def test_base_parameters_of_a_planar_chain_are_its_lumps() -> None:
     """First moments are the gravity lumps (Eq. 1), moments of inertia the inertia lumps (Eq. 3), and the torque is that
     of the chain's own model: one face for both.

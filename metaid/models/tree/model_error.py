@@ -18,7 +18,8 @@ HELD_OUT = 2  # the seed of states that nothing else is computed from
 class ModelError:
     """Root mean square errors over random states in the joint ranges, as shares of the root mean square of what is
     right: of the gravity torque, of the Coriolis and centrifugal torque, and of the mass matrix, all joints together.
-    Where gravity loads no joint, the first is a share of both torques.
+    Where gravity loads no joint, the first is a share of both torques; the second, where speeds load none, as of a
+    single hinge.
     """
 
     gravity: float
@@ -46,10 +47,10 @@ def difference(true: Tree, other: Tree) -> ModelError:
         bias = joint_torque(smooth, coordinates, speeds, still)
         parts.append((gravity, bias - gravity, joint_mass_matrix(arm, coordinates)))
     (gravity, coriolis, matrix), found = parts
-    is_loaded = np.abs(gravity).max() > NOTHING * np.abs(coriolis).max()
+    heaviest, fastest, both = np.abs(gravity).max(), np.abs(coriolis).max(), gravity + coriolis
     return ModelError(
-        _share(gravity, found[0], gravity if is_loaded else gravity + coriolis),
-        _share(coriolis, found[1], coriolis),
+        _share(gravity, found[0], gravity if heaviest > NOTHING * fastest else both),
+        _share(coriolis, found[1], coriolis if fastest > NOTHING * heaviest else both),
         _share(matrix, found[2], matrix),
     )
 
