@@ -4,7 +4,7 @@
     python -m benchmarks.arms --noise 1e-4             # rad on the angles, and no sensor of speeds
     python -m benchmarks.arms --arms puma560 panda --seeds 0 1 2 --json
     python -m benchmarks.arms --results arms.jsonl     # goes on where it was stopped
-    python -m benchmarks.arms --sampler newton --trials 4000 --seeds 0        # no twin: the value of each trial alone
+    python -m benchmarks.arms --sampler cmaes --trials 2000 --seeds 0         # no twin: the value of each trial alone
 
 Shipped arms are as they are. UR5, Panda, xArm7 and Kinova are the URDFs of `example-robot-data`, which `make robots`
 installs. A URDF states no rotors, and most of these no friction: they get some, by their torque limits and the seed.

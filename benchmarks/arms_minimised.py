@@ -16,7 +16,7 @@ from metaid.models.tree import ModelError, model_error
 from metaid.search import SamplerOptions, arm_sensitivity, believed_metric, make_searcher
 from metaid.study.arms import ArmSearchSettings
 
-MINIMISERS = ("newton", "cmaes", "tpe", "optuna-cmaes")
+MINIMISERS = ("cmaes", "tpe", "optuna-cmaes")
 FARTHEST = 10.0  # standard deviations of the belief: no base parameter beyond is tried
 
 
@@ -59,7 +59,7 @@ def minimise(name: str, seed: int, sampler: str, trials: int, noise: float, is_s
     reach = FARTHEST * np.sqrt(np.diag(belief.covariance))
     began = time.process_time()
     h = arm_sensitivity(belief, episode, plant.timestep)
-    coordinates = believed_metric(h, belief, belief.values - reach, belief.values + reach, resolution_hz(HORIZON))
+    coordinates = believed_metric(h, belief, belief.values - reach, belief.values + reach)
     searcher = make_searcher(sampler, coordinates, seed, SamplerOptions(sigma=ArmSearchSettings().sigma))
     objective = ArmObjective(plant, belief, episode)
     number = falls = 0

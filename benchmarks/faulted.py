@@ -100,7 +100,7 @@ def identify(job: tuple[int, str, float, int]) -> Result:
 def _problem(plant: PlantSettings, nominal: Any, seed: int, lead: float) -> Problem:
     settings = {"plant": "chain", "nominal": "nominal", "trials": TRIALS[len(nominal)], "seed": seed}
     episode = {"measure": "smoothed", "lead": lead}
-    study = StudySettings.model_validate({**settings, "episode": episode})
+    study = StudySettings.model_validate({**settings, "sampler": "cmaes", "episode": episode})
     return Problem(StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study))
 
 

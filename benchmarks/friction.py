@@ -1,7 +1,7 @@
 """Friction: how often it is found with the other lumps, and what it does where it is not searched.
 
     python -m benchmarks.friction                       # all parts, N = 2, 3, 5, ten chains each
-    python -m benchmarks.friction --links 10 --parts viscous --samplers newton --seeds 0 1 2 3 4
+    python -m benchmarks.friction --links 10 --parts viscous --seeds 0 1 2 3 4
 
 Chains and nominal models are those of benchmarks/chains.py, with friction in every joint: damping of
 0.2 × U(0.5, 1.5) × √(g/l) × (I_i + m_i c_i²), so that a link alone would lose a fifth of its speed in about √(l/g), and
@@ -9,8 +9,8 @@ dry friction of 0.05 × U(0.5, 1.5) × g m_i c_i; nominal values are true × U(0
 
 **viscous**: gravity, Coriolis and viscous friction lumps. **dry**: those and dry friction. **ignored**: the plant is
 damped, and only gravity and Coriolis lumps are searched; the errors are those of the best candidate, at a tenth, 30 %
-and all of the damping. A run ends when every lump is within 0.1 % (not where friction is ignored), its searcher is
-finished, or after 3,000 trials of newton and 6,000 of cmaes (10,000 at ten links).
+and all of the damping. The sampler is `cmaes`. A run ends when every lump is within 0.1 % (not where friction is
+ignored), its searcher is finished, or after 6,000 trials (10,000 at ten links).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from metaid.plant import PlantSettings, chain_of
 from metaid.study import Problem, StudySettings, StudySpec
 from metaid.study.evaluation import ThreadEvaluator
 
-MOST = {"newton": 3000, "cmaes": 6000}
+MOST = 6000
 MOST_AT_TEN = 10_000
 DAMPED, DRY = 0.2, 0.05
 PARTS = ["viscous", "dry", "ignored"]
@@ -48,7 +48,6 @@ class Searched:
     links: int
     lumps: int
     seed: int
-    sampler: str
     share: float
     nominal_error: float
     trials_1: int | None
@@ -82,14 +81,14 @@ def without_dry(links: Links) -> Links:
     return tuple(link.model_copy(update={"frictionloss": 0.0}) for link in links)
 
 
-def search(part: str, seed: int, pair: tuple[Links, Links], sampler: str, share: float = 1.0) -> Searched:
+def search(part: str, seed: int, pair: tuple[Links, Links], share: float = 1.0) -> Searched:
     """What a search finds."""
     true, nominal = pair
     nlink = len(true)
     kinds = {"viscous": (*IDEAL, "damping"), "dry": (*IDEAL, *FRICTION), "ignored": IDEAL}[part]
-    most = MOST_AT_TEN if nlink >= 10 else MOST[sampler]
+    most = MOST_AT_TEN if nlink >= 10 else MOST
     settings: dict[str, Any] = {"plant": "chain", "nominal": "nominal", "trials": most, "seed": seed}
-    study = StudySettings.model_validate({**settings, "sampler": sampler, "search": {"lumps": kinds}})
+    study = StudySettings.model_validate({**settings, "sampler": "cmaes", "search": {"lumps": kinds}})
     plant = PlantSettings(links=true)
     problem = Problem(StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study))
     truth = chain_of(true).lumps_of(problem.lumps.searched).vector / problem.lumps.vector
@@ -114,7 +113,6 @@ def search(part: str, seed: int, pair: tuple[Links, Links], sampler: str, share:
         links=nlink,
         lumps=len(truth),
         seed=seed,
-        sampler=sampler,
         share=share,
         nominal_error=float(np.abs(1.0 / truth - 1.0).max()),
         trials_1=reached.get(0.01),
@@ -129,9 +127,9 @@ def search(part: str, seed: int, pair: tuple[Links, Links], sampler: str, share:
 def shown(runs: list[Searched]) -> list[dict[str, Any]]:
     """A row for all runs of the same kind: how many got there, and medians."""
     rows = []
-    for sampler, links, share in dict.fromkeys((run.sampler, run.links, run.share) for run in runs):
-        own = [r for r in runs if (r.sampler, r.links, r.share) == (sampler, links, share)]
-        row: dict[str, Any] = {"sampler": sampler, "links": links, "lumps": own[0].lumps}
+    for links, share in dict.fromkeys((run.links, run.share) for run in runs):
+        own = [r for r in runs if (r.links, r.share) == (links, share)]
+        row: dict[str, Any] = {"links": links, "lumps": own[0].lumps}
         if own[0].part == "ignored":
             gravity, coriolis = ([abs(f - 1.0) for r in own for f in _kind(r, kind)] for kind in IDEAL)
             row |= {"damping": f"{share:.0%}", "worst gravity lump, %": f"{100 * max(gravity):.1f}"}
@@ -155,20 +153,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.friction")
     parser.add_argument("--links", type=int, nargs="+", default=[2, 3, 5])
     parser.add_argument("--seeds", type=int, nargs="+", default=list(range(10)))
-    parser.add_argument("--samplers", nargs="+", choices=list(MOST), default=list(MOST))
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     found: dict[str, list[Searched]] = {part: [] for part in arguments.parts}
     with threadpool_limits(1):
         for part in arguments.parts:
-            for sampler in arguments.samplers if part != "ignored" else arguments.samplers[:1]:
-                for links in arguments.links:
-                    for share in SHARES if part == "ignored" else (1.0,):
-                        for seed in arguments.seeds:
-                            true, nominal = rubbing_chain(links, seed, share)
-                            pair = (true, nominal) if part == "dry" else (without_dry(true), without_dry(nominal))
-                            found[part].append(search(part, seed, pair, sampler, share))
+            for links in arguments.links:
+                for share in SHARES if part == "ignored" else (1.0,):
+                    for seed in arguments.seeds:
+                        true, nominal = rubbing_chain(links, seed, share)
+                        pair = (true, nominal) if part == "dry" else (without_dry(true), without_dry(nominal))
+                        found[part].append(search(part, seed, pair, share))
     if arguments.json:
         print(json.dumps({part: [asdict(run) for run in runs] for part, runs in found.items()}))
         return

@@ -43,7 +43,7 @@ def errors_of(links: int, seed: int, sampler: str, in_metric: bool) -> list[floa
     """The error of the worst lump of the trial that is the best so far, after each trial."""
     true, nominal = random_chain(links, seed)
     study_settings = StudySettings.model_validate(
-        {"plant": "chain", "nominal": "nominal", "trials": BUDGETS[links], "seed": seed}
+        {"plant": "chain", "nominal": "nominal", "sampler": "cmaes", "trials": BUDGETS[links], "seed": seed}
     )
     plant = PlantSettings(links=true)
     spec = StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study_settings)

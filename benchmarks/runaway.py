@@ -29,7 +29,7 @@ def objective(links: int, seed: int, multiple: float) -> tuple[Objective, Array]
     """What evaluates candidates of one chain under the rule with that `multiple`, and the true factors (nlump)."""
     true, nominal = random_chain(links, seed)
     episode = EpisodeSettings(fall_runaway=multiple)
-    study = StudySettings(plant="chain", nominal="chain", trials=1, seed=seed, episode=episode)
+    study = StudySettings(plant="chain", nominal="chain", sampler="cmaes", trials=1, seed=seed, episode=episode)
     plant = PlantSettings(links=true)
     problem = Problem(StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study))
     return problem.make_objective(), chain_of(true).lumps.vector / problem.lumps.vector

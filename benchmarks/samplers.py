@@ -1,7 +1,7 @@
 """Samplers at equal budgets: error of the worst lump against trials, on random chains of 1, 2, 3 and 5 links.
 
     python -m benchmarks.samplers -o samplers.png
-    python -m benchmarks.samplers --links 2 --samplers newton cmaes --seeds 0 1 --json
+    python -m benchmarks.samplers --links 2 --samplers tpe cmaes --seeds 0 1 --json
 
 The measure is spectral and the pushes are rich, the nominal models as in benchmarks/chains.py. metaid's samplers
 search in the nominal model's metric; `cmaes, plain` and `tpe, plain` in the factors themselves. `differential
@@ -28,7 +28,7 @@ from metaid.plant import PlantSettings, chain_of
 from metaid.study import Problem, StudySettings, StudySpec
 
 BUDGETS = {1: 100, 2: 300, 3: 600, 5: 1200}
-SAMPLERS = ("newton", "cmaes", "cmaes, plain", "tpe", "tpe, plain", "optuna-cmaes", "differential evolution", "random")
+SAMPLERS = ("cmaes", "cmaes, plain", "tpe", "tpe, plain", "optuna-cmaes", "differential evolution", "random")
 
 
 class _BudgetSpentError(Exception):

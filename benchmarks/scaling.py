@@ -31,7 +31,7 @@ from metaid.study.evaluation import RayEvaluator
 
 STUDIES = {
     "three-link-coast": lambda: load_chain_study("three-link-coast"),
-    "ten-link": lambda: load_chain_study("ten-link"),
+    "ten-link": lambda: load_chain_study("ten-link", {"sampler": "cmaes"}),
     "ten links, 5,000 steps a push": lambda: make_spec(10, steps=20 * 5000),
 }
 MOST_SECONDS = 10.0  # of episodes, of a study

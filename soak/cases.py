@@ -28,7 +28,7 @@ TEXTS = (
     *("<script>alert(1)</script>", '"><img src=x onerror=alert(1)>', "{{ 7 * 7 }}", "{text}", "%s%n", "$x$ \\frac{"),
     *("=1+1", "@SUM(A1)", "'; DROP TABLE studies; --", "$(touch owned)", "`touch owned`", "a;b", "a\nb", "a\r\nb"),
     *("\x1b[2J\x1b]0;title\x07", "\x9b31m", "\x7f", "\u202egnp.exe", "\u200b", "\ufeff", "\U0001f4a5", "a\tb", "é"),
-    *("cmaes", "tpe", "random", "newton", "dinoip", "optuna-cmaes", "spectral", "count", "crossing", "maxima"),
+    *("cmaes", "tpe", "random", "output-error", "dinoip", "optuna-cmaes", "spectral", "count", "crossing", "maxima"),
     *("complete", "alternations", "rich", "designed", "tip", "plain", "nominal-metric", "mujoco"),
 )
 TOKENS = (

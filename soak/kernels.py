@@ -33,17 +33,12 @@ VARIANTS: dict[str, tuple[str, dict[str, Any]]] = {
     ),
     "cmaes, counts": ("three-link-coast", {"search.coordinates": "plain", "episode.measure": "count", "trials": 300}),
     "cmaes, noise": ("noisy-three-link", {"sampler": "cmaes", "trials": 400}),
-    "newton, noise": ("noisy-three-link", {"sampler": "newton", "episode.measure": "spectral", "trials": 150}),
-    "newton, falls": (
-        "three-link-coast",
-        {"sampler": "newton", "episode.fall_limit": 1.0, "search.start": 0.55, "search.low": 0.4},
-    ),
-    "newton, held back": ("three-link-coast", {"sampler": "newton", "search.low": 0.9, "search.high": 1.1}),
+    "cmaes, held back": ("three-link-coast", {"search.low": 0.9, "search.high": 1.1}),
     "tpe": ("five-link", {"sampler": "tpe", "trials": 300}),
     "tpe, noise": ("noisy-three-link", {"sampler": "tpe", "trials": 60}),
     "random": ("five-link", {"sampler": "random", "trials": 100}),
     "optuna-cmaes": ("three-link-coast", {"sampler": "optuna-cmaes", "trials": 300}),
-    "output-error, frequency": ("five-link", {"sampler": "output-error", "estimate.compare": "frequency", "trials": 8}),
+    "output-error, frequency": ("five-link", {"estimate.compare": "frequency", "trials": 8}),
     "output-error, noise": ("noisy-three-link", {"trials": 10, "seed": 7}),
 }
 RUN = """

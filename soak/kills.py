@@ -26,10 +26,10 @@ from metaid.store import Store
 from metaid.study import create_study, load_chain_study, run_study
 from soak.common import METAID, ROOT, SoakResult, soaked
 
-KILLS = {"cmaes": 20, "newton": 15, "random": 15}
+KILLS = {"cmaes": 20, "tpe": 15, "random": 15}
 CHANGES: dict[str, dict[str, Any]] = {
     "cmaes": {"trials": 3000, "search.coordinates": "plain", "search.start": 0.8, "episode.fall_limit": 1.0},
-    "newton": {"sampler": "newton", "trials": 3000},
+    "tpe": {"sampler": "tpe", "trials": 400},
     "random": {"sampler": "random", "trials": 1500, "search.low": 0.6, "episode.fall_limit": 1.0},
 }
 LONGEST_WAIT = 0.4  # s from the first write that a run makes to its kill: most runs are longer

@@ -30,7 +30,6 @@ BLIND = FaultSettings(angle_noise=1e-3, speed_sensor=False)
 DIFFERING = FaultSettings(angle_noise=1e-3, speed_sensor=False, push_noise=0.02)
 # Sampler, measure, faults.
 KINDS: dict[str, tuple[str, str, FaultSettings]] = {
-    "newton": ("newton", "spectral", FaultSettings()),
     "cmaes": ("cmaes", "spectral", FaultSettings()),
     "spectral with exact speeds": ("cmaes", "spectral", MILLIRADIAN),
     "smoothed": ("cmaes", "smoothed", BLIND),

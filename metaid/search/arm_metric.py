@@ -46,7 +46,7 @@ def arm_sensitivity(belief: Belief, episode: ArmEpisode, timestep: float, values
     return h
 
 
-def believed_metric(h: Array, belief: Belief, low: Array, high: Array, resolution: float) -> Coordinates:
+def believed_metric(h: Array, belief: Belief, low: Array, high: Array) -> Coordinates:
     """Coordinates in which the kinetic measure is round, but for what it hardly shows, which is not stretched beyond
     what is believed of it.  Eq. 62.
 
@@ -55,14 +55,13 @@ def believed_metric(h: Array, belief: Belief, low: Array, high: Array, resolutio
         belief: of the arm; its base parameters are the start.
         low: bounds of the base parameters (nbase).
         high: bounds of the base parameters (nbase).
-        resolution: what the measure can tell from none, in Hz.
     """
     values, vectors = np.linalg.eigh(belief.root.T @ h @ belief.root)
     mean = float(values.mean())
     stretched = vectors / np.sqrt(np.maximum(values, 0.0) + LEAST_SHOWN * mean) @ vectors.T
     unit = np.sqrt(mean) / SPREAD
     curvature = (unit / (2.0 * np.pi)) ** 2
-    return Coordinates(belief.values, unit * belief.root @ stretched, low, high, curvature, resolution)
+    return Coordinates(belief.values, unit * belief.root @ stretched, low, high, curvature)
 
 
 def _ideal_motion(episode: ArmEpisode, timestep: float) -> tuple[Array, Array, Array]:

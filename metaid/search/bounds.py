@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from metaid.models import Array
 
-# Of the way between the bounds: candidates are drawn this side of a bound, and `newton` keeps room for slopes.
-NEAR = 0.03
+NEAR = 0.03  # of the way between the bounds: candidates are drawn this side of a bound
 WIDENING = 4.0  # a bound of 2 becomes 8, one of 0.5 becomes 0.125
 LEAST_FACTOR, LARGEST_FACTOR = 1e-6, 100.0  # that a widened bound may be: no factor beyond is a chain's
 

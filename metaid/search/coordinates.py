@@ -22,8 +22,7 @@ class Coordinates:
     """factor = `origin` + `spread` @ z, with the factors kept between `low` and `high`, all (nlump); z = 0 is the
     start.  Eq. 12.
 
-    `curvature`: where it is known, κ in spectral_hz² ≈ κ |z − z*|², in Hz². `resolution`: what the measure can tell
-    from none, in Hz; 0 where it is exact.
+    `curvature`: where it is known, κ in spectral_hz² ≈ κ |z − z*|², in Hz².
     """
 
     origin: Array
@@ -31,7 +30,6 @@ class Coordinates:
     low: Array
     high: Array
     curvature: float | None = None
-    resolution: float = 0.0
 
     def factors(self, z: Array) -> Array:
         """Factors (nlump) at z (nlump), moved to the nearest bound where they are beyond it."""

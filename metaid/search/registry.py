@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import optuna
@@ -13,19 +12,14 @@ from metaid.errors import StudyError, unknown
 from metaid.search.cmaes import Cmaes
 from metaid.search.coordinates import Coordinates
 from metaid.search.dinoip import Dinoip, DinoipOptions
-from metaid.search.newton import Newton
 from metaid.search.optuna_samplers import MetricSearcher, OptunaSampler, tpe_for_metric
 from metaid.search.output_error import Matching, OutputError, OutputErrorOptions
 from metaid.search.searcher import Searcher, StepOptions
 
-if TYPE_CHECKING:
-    pass
-
-
 TPE_GENERATION = 4  # candidates that TPE proposes before it gets an outcome
 DISTANCE = "distance to the truth"  # of the best trial, by its value
 
-FindExperiment = Callable[[], "Matching | None"]  # called only where one is needed: estimating loads numba
+FindExperiment = Callable[[], Matching | None]  # called only where one is needed: estimating loads numba
 
 
 class SamplerOptions(StepOptions, DinoipOptions, OutputErrorOptions):
@@ -65,7 +59,6 @@ def _optuna_cmaes(coordinates: Coordinates, seed: int, options: SamplerOptions, 
 
 SAMPLERS = {
     "cmaes": Sampler(lambda coordinates, seed, options, _: Cmaes(coordinates, seed, options), widens=True),
-    "newton": Sampler(Newton, widens=True),
     "tpe": Sampler(
         lambda coordinates, seed, options, _: MetricSearcher(
             coordinates, tpe_for_metric, seed, options, TPE_GENERATION

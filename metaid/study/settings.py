@@ -163,7 +163,7 @@ class StudySettings(Settings):
     description: str = ""
     plant: str
     nominal: str | NominalSettings
-    sampler: str = "cmaes"
+    sampler: str = "output-error"
     trials: Annotated[int, Field(ge=1, le=100_000_000)]
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     workers: Annotated[int, Field(ge=1, le=1024)] = 2

@@ -33,7 +33,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert isinstance(exact.plant, PlantSettings)
     links = tuple(link.model_copy(update={"damping": 0.05}) for link in exact.plant.links)
     hidden = exact.model_copy(update={"plant": exact.plant.model_copy(update={"links": links})})
-    coasting = {"sampler": "newton", "estimate.enabled": False, "trials": 60}
+    coasting = {"sampler": "tpe", "estimate.enabled": False, "trials": 200}
     specs: dict[str, StudySpec] = {
         "exact": exact,
         "noisy": matching_spec(noisy=True),
@@ -141,7 +141,7 @@ def test_other_sampler_goes_on_in_a_new_study(metaid: Metaid, found: Path) -> No
     again = ["study", "create", "two-link-tpe", "--name", "coasting", "--set", "sampler=random"]
     refused = metaid(*again)
     assert refused.status == 2
-    assert "its sampler is newton, which cannot change; go on with random in a new study" in refused.err
+    assert "its sampler is tpe, which cannot change; go on with random in a new study" in refused.err
     assert "--name coasting-random --from coasting, in Python name= and start_from=" in refused.err
     assert metaid(*again, "--exist-ok").err == refused.err.replace("already", "made from other settings")
     more = ["--name", "coasting-random", "--from", "coasting"]

@@ -45,6 +45,18 @@ def test_landscape_is_round_in_the_nominal_metric() -> None:
     assert spread(plain_coordinates(one, 0.5 * one, 2 * one)) > 3
 
 
+def test_curvature_in_the_nominal_metric_is_what_the_measure_shows() -> None:
+    """Near the truth the squared measure is κ times the squared distance in z."""
+    plant, one = random_plant(3), np.ones(6)
+    pushes = rich_pushes(plant, 6, 4.0, seed=2)
+    h = sensitivity(plant.chain, plant.gravity, pushed_speeds(plant, pushes), 150 * plant.timestep)
+    metric = nominal_metric(h, one, 0.5 * one, 2 * one)
+    objective = Objective(plant, plant.chain.lumps, Episode(pushes, 150), "spectral")
+    assert metric.curvature is not None
+    for z in 1e-4 * np.random.default_rng(1).normal(size=(5, 6)):
+        assert objective.evaluate(metric.factors(z)).value ** 2 == pytest.approx(metric.curvature * z @ z, rel=0.02)
+
+
 def test_factors_and_coordinates_are_inverse_and_bounds_hold() -> None:
     """z → factors → z returns; beyond the bounds factors stop at them."""
     plant = random_plant(2)

@@ -100,7 +100,7 @@ def test_every_other_law_swings_the_chain_hard_where_torques_are_noisy(store: St
     [
         ({}, [8.0, 8.0, 2.0]),
         ({"search": SearchSettings(high=2.0)}, [2.0, 2.0, 2.0]),
-        ({"sampler": "newton"}, [2.0, 2.0, 2.0]),
+        ({"sampler": "cmaes"}, [2.0, 2.0, 2.0]),
         ({"faults": {"torque_limit": 9.0}}, [2.0, 2.0, 2.0]),
         ({"estimate": EstimateSettings(torque_limit=9.0)}, [2.0, 2.0, 2.0]),
     ],

@@ -42,12 +42,12 @@ def write_study(folder: Path, sampler: str, trials: int, enabled: bool = False) 
 
 @pytest.fixture(scope="module")
 def searched(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A DB of real runs without an estimate, not to be changed: `newton` to its end, `cmaes` cut short."""
+    """A DB of real runs of CMA-ES without an estimate, not to be changed: `long`, and `short`, which was cut off."""
 
     def make(folder: Path) -> None:
         with closing(Store(str(folder / "arms.db"), create=True)) as store:
-            for sampler, trials in (("newton", 200), ("cmaes", 8)):
-                run_study(store, create_study(store, load_study(write_study(folder, sampler, trials))))
+            for name, trials in (("long", 600), ("short", 8)):
+                run_study(store, create_study(store, load_study(write_study(folder, "cmaes", trials)), name))
 
     return made_once(tmp_path_factory, "minimised-arms", make) / "arms.db"
 
@@ -67,7 +67,7 @@ def test_kinetic_measure_grows_away_from_the_truth_as_its_sensitivity_says() -> 
 
 def test_coordinates_are_as_wide_as_what_is_believed_and_give_the_distance_to_the_truth() -> None:
     """A coordinate's root mean square beforehand is 0.3, and the measure says how far the truth is (Eq. 62)."""
-    spec = load_study("spatial-three-link", {"sampler": "newton"})
+    spec = load_study("spatial-three-link", {"sampler": "cmaes"})
     assert isinstance(spec, ArmSpec)
     problem = ArmProblem(spec)
     inverse = np.linalg.inv(problem.coordinates.spread)
@@ -81,10 +81,10 @@ def test_coordinates_are_as_wide_as_what_is_believed_and_give_the_distance_to_th
     assert 0.3 < value / np.sqrt(problem.coordinates.curvature) / distance < 3.0
 
 
-def test_newton_finds_an_arm_without_a_twin(searched: Path) -> None:
+def test_search_finds_an_arm_without_a_twin(searched: Path) -> None:
     """The best trial is the result: ranges that hold the truth, and no standard deviations."""
     with closing(Store(str(searched))) as store:
-        shown, frame = results.summary(store, "newton"), results.lumps_frame(store, "newton")
+        shown, frame = results.summary(store, "long"), results.lumps_frame(store, "long")
     assert (shown["verdict"], shown["source"]) == ("found", "best trial")
     assert (shown["estimate"], shown["why_no_estimate"]) == (None, "[estimate] enabled is false")
     assert max(shown["model_error"].values()) < 1e-3
@@ -97,7 +97,7 @@ def test_newton_finds_an_arm_without_a_twin(searched: Path) -> None:
 def test_search_that_was_cut_short_has_found_nothing(searched: Path) -> None:
     """No lump is known, and the reason names the value and what the measure can tell."""
     with closing(Store(str(searched))) as store:
-        shown = results.summary(store, "cmaes")
+        shown = results.summary(store, "short")
     assert (shown["verdict"], shown["source"]) == ("not found", "best trial")
     assert "that kinetic can tell from none" in shown["reasons"][0]
     assert all(lump["low"] is None and not lump["determined"] for lump in shown["lumps"])
@@ -106,9 +106,9 @@ def test_search_that_was_cut_short_has_found_nothing(searched: Path) -> None:
 
 def test_model_of_a_best_trial_can_be_taken_away(searched: Path) -> None:
     """With the base parameters of its law, and without a covariance."""
-    found = api.model("newton", str(searched))
+    found = api.model("long", str(searched))
     with closing(Store(str(searched))) as store:
-        best = results.trials_frame(store, "newton").sort_values("value", kind="stable").iloc[0]
+        best = results.trials_frame(store, "long").sort_values("value", kind="stable").iloc[0]
     assert found.covariance is None
     assert found.lumps["value"].tolist() == best[found.lumps["name"].tolist()].tolist()
 
@@ -116,10 +116,10 @@ def test_model_of_a_best_trial_can_be_taken_away(searched: Path) -> None:
 def test_minimising_trials_of_an_arm_do_not_depend_on_how_often_a_run_stopped(searched: Path, tmp_path: Path) -> None:
     """Nor on the number of workers: bit for bit."""
     with closing(Store(str(tmp_path / "again.db"), create=True)) as again, closing(Store(str(searched))) as store:
-        name = create_study(again, load_study(write_study(tmp_path, "newton", 200)))
+        name = create_study(again, load_study(write_study(tmp_path, "cmaes", 600)))
         run_study(again, name, trials=17)
         run_study(again, name, workers=2)
-        assert results.trials_frame(again, name).to_csv() == results.trials_frame(store, "newton").to_csv()
+        assert results.trials_frame(again, name).to_csv() == results.trials_frame(store, "long").to_csv()
 
 
 def test_estimate_is_the_result_of_any_sampler_unless_it_is_switched_off(tmp_path: Path) -> None:

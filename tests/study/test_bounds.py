@@ -107,13 +107,12 @@ def held_back(store: Store, name: str) -> list[str]:
     return [reached.name for reached in lumps_at_bounds(snapshot.problem, best.factors, tried)]
 
 
-@pytest.mark.parametrize(("sampler", "within"), [("newton", 1e-4), ("cmaes", 0.05)])
-def test_search_that_a_bound_holds_back_moves_it_away(sampler: str, within: float, tmp_path: Path) -> None:
+def test_search_that_a_bound_holds_back_moves_it_away(tmp_path: Path) -> None:
     """Once, after a quarter of its trials; without leave it ends at its bounds, and they are named."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    run_tight(store, "widened", sampler=sampler)
-    assert best_error(store, "widened") < within
-    run_tight(store, "held", 300, sampler=sampler, **{"search.widen": False, "estimate.enabled": False})
+    run_tight(store, "widened")
+    assert best_error(store, "widened") < 0.05
+    run_tight(store, "held", 300, **{"search.widen": False, "estimate.enabled": False})
     assert best_error(store, "held") > 0.1
     assert results.summary(store, "held")["verdict"] == "unfinished"
     assert held_back(store, "held")
@@ -121,7 +120,7 @@ def test_search_that_a_bound_holds_back_moves_it_away(sampler: str, within: floa
     assert ((factors >= 0.9) & (factors <= 1.1)).all(axis=None)
 
 
-@pytest.mark.parametrize(("sampler", "trials", "within"), [("newton", 400, 1e-4), ("output-error", 8, 1e-6)])
+@pytest.mark.parametrize(("sampler", "trials", "within"), [("cmaes", 1200, 0.05), ("output-error", 8, 1e-6)])
 def test_tip_that_is_far_heavier_than_believed_is_found(
     sampler: str, trials: int, within: float, tmp_path: Path
 ) -> None:
@@ -155,7 +154,7 @@ def test_widened_study_has_the_same_trials_however_often_it_is_stopped(
 def test_bounds_stay_where_the_best_trial_is_as_good_as_exact(tmp_path: Path) -> None:
     """A lump that is near a bound by right moves nothing."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    create_study(store, load_chain_study("three-link-coast", {"sampler": "newton", "search.high": 1.15}), "study")
+    create_study(store, load_chain_study("three-link-coast", {"search.high": 1.15}), "study")
     problem = run_study(store, "study").problem
-    assert best_error(store, "study") < 1e-4
+    assert best_error(store, "study") < 1e-3
     assert problem.high.max() == 1.15

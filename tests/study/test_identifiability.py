@@ -161,7 +161,7 @@ def test_noise_of_the_plant_is_counted_in() -> None:
     assert (noisy.resolution > 1.5 * ideal.resolution).all()
 
 
-@pytest.mark.parametrize("kind", ["newton", "spectral with exact speeds", "smoothed, pushes that differ", "estimate"])
+@pytest.mark.parametrize("kind", ["cmaes", "spectral with exact speeds", "smoothed, pushes that differ", "estimate"])
 def test_what_is_promised_is_found(kind: str, tmp_path: Path) -> None:
     """No lump of two links is further from the truth; python -m soak promises asks that of 300 studies."""
     found = errors(spec_of(kind, 2, 1), tmp_path)

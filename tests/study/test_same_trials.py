@@ -89,7 +89,7 @@ def test_trials_are_the_same_for_any_number_of_workers_and_any_stops(plant: str,
     runs: dict[str, Any] = {"1": [(TRIALS, 1)], "2": [(TRIALS, 2)], "3": [(TRIALS, 3)]}
     runs["stopped"] = [(5, 3), (11, 1), (TRIALS, 2)]
     for name, parts in runs.items():
-        create_study(store, spec_of(PLANTS[plant], "newton"), name)
+        create_study(store, spec_of(PLANTS[plant], "tpe"), name)
         for trials, workers in parts:
             run_study(store, name, trials, workers=workers)
     tables = [results.trials_frame(store, name) for name in runs]

@@ -68,7 +68,7 @@ def test_trials_are_the_same_on_two_ray_actors(store: Store, monkeypatch: pytest
     assert_frame_equal(local, run(store, "ray", changes, engine="ray", workers=2), check_exact=True)
 
 
-@pytest.mark.parametrize("sampler", ["cmaes", "newton", "tpe", "random", "optuna-cmaes"])
+@pytest.mark.parametrize("sampler", ["cmaes", "tpe", "random", "optuna-cmaes"])
 def test_stopped_and_resumed_run_has_the_trials_of_an_uninterrupted_one(store: Store, sampler: str) -> None:
     """Stopped within a generation, at its end, and resumed with another number of workers."""
     changes = {"sampler": sampler, "trials": 70}

@@ -65,7 +65,7 @@ class ArmProblem:
         """What a searcher moves in: one that minimises, in the metric of the measure."""
         if self.goes_by_estimate:
             return plain_coordinates(self.belief.values, self.low, self.high)
-        return believed_metric(self.sensitivity(), self.belief, self.low, self.high, self.resolution)
+        return believed_metric(self.sensitivity(), self.belief, self.low, self.high)
 
     def sensitivity(self, values: Array | None = None) -> Array:
         """H (nbase x nbase) of the measure, by the nominal arm, or by the mass matrix of one with these `values`

@@ -79,7 +79,7 @@ class ArmStudySettings(Settings):
     description: str = ""
     plant: str
     nominal: str | DrawnNominalSettings
-    sampler: Literal["output-error", "newton", "cmaes", "tpe", "optuna-cmaes"] = "output-error"
+    sampler: Literal["output-error", "cmaes", "tpe", "optuna-cmaes"] = "output-error"
     trials: Annotated[int, Field(ge=1, le=1_000_000)] = FEW
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     workers: Annotated[int, Field(ge=1, le=1024)] = 1
