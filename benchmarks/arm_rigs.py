@@ -11,7 +11,7 @@ from benchmarks.common import NEEDS_MORE
 from metaid.episode import window_ends
 from metaid.episode.arms import ArmEpisode
 from metaid.models import Array
-from metaid.models.tree import Belief, Prior
+from metaid.models.tree import ArmPrior, PriorDeviations
 from metaid.plant import load_plant
 from metaid.plant.arms import ArmFaults, ArmPlant, ArmSettings, draw_starts
 from metaid.study.arms import drawn_nominal
@@ -45,13 +45,13 @@ def plant_of(name: str, seed: int, noise: float, is_smooth: bool = False) -> Arm
     return ArmPlant(plant.name, plant.settings.model_copy(update=changes))
 
 
-def experiment_on(plant: ArmPlant, seed: int) -> tuple[Belief, ArmEpisode]:
+def experiment_on(plant: ArmPlant, seed: int) -> tuple[ArmPrior, ArmEpisode]:
     """What is believed of an arm, and what is done to it."""
     n, steps = plant.njoint, round(HORIZON / plant.timestep)
     starts = draw_starts(plant, 3 * n, HORIZON, seed)
     stiffness = np.where(np.arange(3 * n) < 2 * n, 0.0, STIFFNESS)
     episode = ArmEpisode(starts, stiffness, steps, window_ends(steps, WINDOWS), seed=seed)
-    return Belief(drawn_nominal(plant.tree, seed, Prior())), episode
+    return ArmPrior(drawn_nominal(plant.tree, seed, PriorDeviations())), episode
 
 
 def _settings(name: str, seed: int) -> ArmSettings:

@@ -86,10 +86,10 @@ def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
     """
     plant = plant_of(name, seed, noise)
     true, n = plant.tree, plant.njoint
-    belief, episode = experiment_on(plant, seed)
-    nominal = belief.nominal
+    prior, episode = experiment_on(plant, seed)
+    nominal = prior.nominal
     began = time.process_time()
-    searched = ArmUnknowns(belief)
+    searched = ArmUnknowns(prior)
     loop, law = ArmLoop(plant, nominal, episode), nominal.parameters
     estimate: ArmEstimate | None = None
     watched: list[WatchedArmTrial | ReadTrial] = []
@@ -135,7 +135,7 @@ def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
 def _inside(estimate: ArmEstimate, true: Tree) -> int:
     """How many base parameters are inside their intervals."""
     low, high = estimate.interval()
-    values = estimate.searched.belief.base.of(true.parameters)
+    values = estimate.searched.prior.base.of(true.parameters)
     return int(((low <= values) & (values <= high)).sum())
 
 

@@ -17,7 +17,7 @@ from metaid.search import SamplerOptions, arm_sensitivity, believed_metric, make
 from metaid.study.arms import ArmSearchSettings
 
 MINIMISERS = ("cmaes", "tpe", "optuna-cmaes")
-FARTHEST = 10.0  # standard deviations of the belief: no base parameter beyond is tried
+FARTHEST = 10.0  # standard deviations of the prior: no base parameter beyond is tried
 
 
 @dataclass(frozen=True)
@@ -55,15 +55,15 @@ def minimise(name: str, seed: int, sampler: str, trials: int, noise: float, is_s
         is_smooth: whether it has no dry friction.
     """
     plant = plant_of(name, seed, noise, is_smooth)
-    belief, episode = experiment_on(plant, seed)
-    reach = FARTHEST * np.sqrt(np.diag(belief.covariance))
+    prior, episode = experiment_on(plant, seed)
+    reach = FARTHEST * np.sqrt(np.diag(prior.covariance))
     began = time.process_time()
-    h = arm_sensitivity(belief, episode, plant.timestep)
-    coordinates = believed_metric(h, belief, belief.values - reach, belief.values + reach)
+    h = arm_sensitivity(prior, episode, plant.timestep)
+    coordinates = believed_metric(h, prior, prior.values - reach, prior.values + reach)
     searcher = make_searcher(sampler, coordinates, seed, SamplerOptions(sigma=ArmSearchSettings().sigma))
-    objective = ArmObjective(plant, belief, episode)
+    objective = ArmObjective(plant, prior, episode)
     number = falls = 0
-    needed, best, error = None, np.inf, model_error(plant.tree, belief.nominal.parameters)
+    needed, best, error = None, np.inf, model_error(plant.tree, prior.nominal.parameters)
     nominal = error
     while number < trials and not searcher.finished():
         outcomes = []
@@ -72,7 +72,7 @@ def minimise(name: str, seed: int, sampler: str, trials: int, noise: float, is_s
             number += 1
             falls += outcomes[-1].fell
             if not outcomes[-1].fell and outcomes[-1].value < best:
-                best, error = outcomes[-1].value, model_error(plant.tree, belief.parameters_at(values))
+                best, error = outcomes[-1].value, model_error(plant.tree, prior.parameters_at(values))
                 needed = (needed or number) if error.largest <= WITHIN else None
         if number < trials:
             searcher.tell(outcomes)
@@ -80,14 +80,14 @@ def minimise(name: str, seed: int, sampler: str, trials: int, noise: float, is_s
         arm=name,
         seed=seed,
         sampler=sampler,
-        unknowns=len(belief.values),
+        unknowns=len(prior.values),
         pushes=episode.npush,
         trials=number,
         falls=falls,
         trials_needed=needed,
         value=float(best),
         resolution=resolution_hz(HORIZON),
-        value_of_truth=objective.evaluate(belief.base.of(plant.tree.parameters), number).value,
+        value_of_truth=objective.evaluate(prior.base.of(plant.tree.parameters), number).value,
         nominal=nominal,
         error=error,
         seconds=time.process_time() - began,

@@ -22,7 +22,7 @@ from metaid.compiled.loop import start_states
 from metaid.episode import Episode, run_stepwise, window_ends
 from metaid.episode.arms import ArmEpisode
 from metaid.models import Array
-from metaid.models.tree import Prior
+from metaid.models.tree import PriorDeviations
 from metaid.plant import load_plant
 from metaid.plant.arms import ArmPlant, draw_starts
 from metaid.study import Problem
@@ -97,7 +97,7 @@ def _arm_row(name: str, dry: bool, quick: bool) -> Row:
     known = load_plant(name)
     assert isinstance(known, ArmPlant), name
     tree = known.tree if dry else replace(known.tree, coulomb=np.zeros(known.njoint))
-    plant, nominal = ArmPlant(name, known.settings, tree), drawn_nominal(tree, 0, Prior())
+    plant, nominal = ArmPlant(name, known.settings, tree), drawn_nominal(tree, 0, PriorDeviations())
     count, steps = 3 * plant.njoint, round(HORIZON / plant.timestep)
     stiffness = np.where(np.arange(count) < 2 * plant.njoint, 0.0, STIFFNESS)
     starts = draw_starts(known, count, HORIZON, 0)

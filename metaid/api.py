@@ -18,7 +18,7 @@ from metaid import results
 from metaid.episode import Episode, Outcome, tip_push
 from metaid.errors import EpisodeError, StorageError
 from metaid.models import Array, Lumps, factors_from_names
-from metaid.models.tree import Belief
+from metaid.models.tree import ArmPrior
 from metaid.plant import ArmPlant, MujocoPlant, load_chain, load_plant
 from metaid.results import (
     PUSHES,
@@ -164,7 +164,7 @@ def arm_push(
     _refuse_no_factors(factors)
     prior = ArmEstimateSettings().prior
     believed = plant.tree if nominal is None else drawn_nominal(plant.tree, nominal, prior)
-    return push_arm(plant, law_of(Belief(believed, prior), dict(factors)), steps or ARM_STEPS, seed)
+    return push_arm(plant, law_of(ArmPrior(believed, prior), dict(factors)), steps or ARM_STEPS, seed)
 
 
 def evaluate(study: str | Path | AnySpec, factors: Mapping[str, float] | None = None) -> Outcome:

@@ -204,7 +204,7 @@ def test_an_arm_may_have_the_joints_where_nobody_believes_them() -> None:
     """Then even the true masses are some tenths of a per cent to some per cent wrong."""
     subject = subject_of("kinematics", 6, 0)
     assert isinstance(subject, ArmSubject)
-    error = subject.judge(subject.belief.base.of(subject.plant.tree.parameters)).largest
+    error = subject.judge(subject.prior.base.of(subject.plant.tree.parameters)).largest
     assert 1e-3 < error < 0.05
 
 

@@ -17,7 +17,7 @@ from metaid.compiled.arms import Frames, frames_of
 from metaid.compiled.arms.dynamics import fill_mass_matrix, joint_torques, move_links, new_space
 from metaid.compiled.arms.friction import accelerate_freely, accelerate_with_friction, new_motion, soften
 from metaid.models import Array
-from metaid.models.tree import PARAMETERS, Belief, Tree, joint_mass_matrix, joint_torque, torque_regressor
+from metaid.models.tree import PARAMETERS, ArmPrior, Tree, joint_mass_matrix, joint_torque, torque_regressor
 from metaid.plant import slope_weights
 
 SPEED = 3.0  # rad/s of every joint at most, which is what metaid's pushes have
@@ -29,34 +29,34 @@ COULOMB = PARAMETERS.index("coulomb")
 
 @dataclass(frozen=True)
 class ArmModel:
-    """An arm, of which there is a `belief`, with the `timestep` in s. Its parameters are base parameters (nbase)."""
+    """An arm, of which there is a `arm_prior`, with the `timestep` in s. Its parameters are base parameters (nbase)."""
 
-    belief: Belief
+    arm_prior: ArmPrior
     timestep: float
 
     @property
     def njoint(self) -> int:
-        return self.belief.nominal.njoint
+        return self.arm_prior.nominal.njoint
 
     @property
     def count(self) -> int:
-        return len(self.belief.values)
+        return len(self.arm_prior.values)
 
     @cached_property
     def prior(self) -> Array:
-        whitening = np.linalg.pinv(self.belief.root)
-        return np.column_stack([whitening, whitening @ self.belief.values])
+        whitening = np.linalg.pinv(self.arm_prior.root)
+        return np.column_stack([whitening, whitening @ self.arm_prior.values])
 
     @cached_property
     def frames(self) -> Frames:
         """Where the joints are believed to be."""
-        return frames_of(self.belief.nominal)
+        return frames_of(self.arm_prior.nominal)
 
     def regressor(self, motion: Motion) -> Array:
-        every = torque_regressor(self.belief.nominal, motion.angles, motion.speeds, motion.accelerations)
+        every = torque_regressor(self.arm_prior.nominal, motion.angles, motion.speeds, motion.accelerations)
         joints = np.arange(self.njoint)
         every[:, joints, joints, COULOMB] = motion.sliding
-        return every.reshape(*every.shape[:2], -1)[..., self.belief.base.columns]
+        return every.reshape(*every.shape[:2], -1)[..., self.arm_prior.base.columns]
 
     def kept(self, motion: Motion) -> Array:
         """All but reversals, where dry friction is not what the columns have."""
@@ -64,16 +64,16 @@ class ArmModel:
         return slides.astype(np.float64)
 
     def follow(self, parameters: Array, servo: Servo, sensors: Sensors) -> Followed | None:
-        whole = np.ascontiguousarray(self.belief.parameters_at(parameters))
+        whole = np.ascontiguousarray(self.arm_prior.parameters_at(parameters))
         return follow_arm(self.frames, whole, self.timestep, servo, sensors)
 
     def point(self, parameters: Array) -> Array:
         """What is independent of each other and of standard deviation 1 in what is believed."""
-        change = parameters - self.belief.values
-        return np.asarray(np.linalg.lstsq(self.belief.root, change, rcond=None)[0], dtype=np.float64)
+        change = parameters - self.arm_prior.values
+        return np.asarray(np.linalg.lstsq(self.arm_prior.root, change, rcond=None)[0], dtype=np.float64)
 
     def parameters_at(self, point: Array) -> Array:
-        return np.asarray(self.belief.values + self.belief.root @ point)
+        return np.asarray(self.arm_prior.values + self.arm_prior.root @ point)
 
 
 def record_arm(true: Tree, model: ArmModel, condition: Condition, seconds: float, seed: int) -> Log:
@@ -87,12 +87,12 @@ def record_arm(true: Tree, model: ArmModel, condition: Condition, seconds: float
         seconds: of motion.
         seed: of the trajectories and of all noise.
     """
-    nominal, timestep, n = model.belief.nominal, model.timestep, true.njoint
-    scale = np.sqrt(np.diag(model.belief.covariance))
+    nominal, timestep, n = model.arm_prior.nominal, model.timestep, true.njoint
+    scale = np.sqrt(np.diag(model.arm_prior.covariance))
 
     def rows(angles: Array, speeds: Array, accelerations: Array) -> Array:
         every = torque_regressor(nominal, angles, speeds, accelerations)
-        return every.reshape(*every.shape[:2], -1)[..., model.belief.base.columns] * scale
+        return every.reshape(*every.shape[:2], -1)[..., model.arm_prior.base.columns] * scale
 
     desired = exciting(rows, limits_of(nominal), timestep, seconds, seed)
     steps = len(desired.angles)

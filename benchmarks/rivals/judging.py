@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.by_torque import inverse_dynamics_regressor
 from metaid.models import Array, Chain
-from metaid.models.tree import Belief, Tree, difference
+from metaid.models.tree import ArmPrior, Tree, difference
 
 STATES, ANGLE, SPEED = 500, 1.5, 1.0  # held out; of each joint, in rad, and in rad per natural time
 
@@ -67,12 +67,12 @@ def judge_chain(parameters: Array, true: Chain, gravity: float, natural: float) 
     return Error(gravity_share, coriolis_share, matrix_share, float(np.abs(wrong / right - 1.0).max()))
 
 
-def judge_arm(parameters: Array, true: Tree, belief: Belief) -> Error:
+def judge_arm(parameters: Array, true: Tree, prior: ArmPrior) -> Error:
     """How wrong base parameters (nbase) are where the joints are as it is believed."""
     if not np.isfinite(parameters).all():
         return NOTHING_FOUND
-    off = np.abs(parameters - belief.base.of(true.parameters)) / np.sqrt(np.diag(belief.covariance))
-    return Error(**asdict(difference(true, belief.tree_at(parameters))), worst_lump=float(off.max()))
+    off = np.abs(parameters - prior.base.of(true.parameters)) / np.sqrt(np.diag(prior.covariance))
+    return Error(**asdict(difference(true, prior.tree_at(parameters))), worst_lump=float(off.max()))
 
 
 def _share(right: Array, wrong: Array) -> float:

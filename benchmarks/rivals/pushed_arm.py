@@ -20,18 +20,18 @@ from metaid.estimation.arms import (
     read_arm_trial,
     watched_arm_trial,
 )
-from metaid.models.tree import Belief
+from metaid.models.tree import ArmPrior
 from metaid.plant.arms import ArmFaults, ArmPlant, draw_starts
 
 LEAST_NOISE = 1e-15  # rad: readings of a rig with exact sensors are kept, too
 
 
-def output_error_of_arm(plant: ArmPlant, belief: Belief, condition: Condition, seconds: float, seed: int) -> Found:
+def output_error_of_arm(plant: ArmPlant, prior: ArmPrior, condition: Condition, seconds: float, seed: int) -> Found:
     """What metaid's estimate is of all pushes, and whether it says that it has found it.
 
     Args:
         plant: without faults.
-        belief: what is believed of it.
+        prior: what is believed of it.
         condition: what is wrong with it.
         seconds: of motion.
         seed: of the starts and of the noise.
@@ -46,7 +46,7 @@ def output_error_of_arm(plant: ArmPlant, belief: Belief, condition: Condition, s
     stiffness = np.where(np.arange(count) % 3 < 2, 0.0, STIFFNESS)  # one on springs for two that coast
     starts = draw_starts(plant, count, HORIZON, seed)
     episode = ArmEpisode(starts, stiffness, steps, window_ends(steps, WINDOWS), seed=seed)
-    searched, loop, law = ArmUnknowns(belief), ArmLoop(rig, belief.nominal, episode), belief.nominal.parameters
+    searched, loop, law = ArmUnknowns(prior), ArmLoop(rig, prior.nominal, episode), prior.nominal.parameters
     estimate: ArmEstimate | None = None
     watched: list[WatchedArmTrial | ReadTrial] = []
     torque, reach = 0.0, 0.0
@@ -71,5 +71,5 @@ def output_error_of_arm(plant: ArmPlant, belief: Belief, condition: Condition, s
         law = estimate.parameters
     spent = float(trials * count * HORIZON), torque, reach
     if estimate is None:
-        return Found(belief.values, *spent, "not found")
+        return Found(prior.values, *spent, "not found")
     return Found(estimate.values, *spent, "found" if estimate.is_explained else "not found")

@@ -17,7 +17,7 @@ from benchmarks.rivals.pushed import best_trial, output_error
 from benchmarks.rivals.pushed_arm import output_error_of_arm
 from metaid.episode import natural_time
 from metaid.models import Array
-from metaid.models.tree import Belief, Prior
+from metaid.models.tree import ArmPrior, PriorDeviations
 from metaid.plant import PlantSettings, chain_of, load_plant
 from metaid.plant.arms import ArmPlant
 from metaid.study.arms import drawn_nominal
@@ -93,24 +93,24 @@ class ArmSubject:
         return plant
 
     @cached_property
-    def belief(self) -> Belief:
+    def prior(self) -> ArmPrior:
         """What everybody believes."""
-        nominal = drawn_nominal(self.plant.tree, self.seed, Prior())
-        return Belief(misplaced(nominal, self.seed, SHIFT, TURN) if self.condition.misplaced else nominal)
+        nominal = drawn_nominal(self.plant.tree, self.seed, PriorDeviations())
+        return ArmPrior(misplaced(nominal, self.seed, SHIFT, TURN) if self.condition.misplaced else nominal)
 
     @property
     def count(self) -> int:
-        return len(self.belief.values)
+        return len(self.prior.values)
 
     def record(self, seconds: float, by_drives: bool) -> Log:
-        model = ArmModel(self.belief, self.plant.timestep)
+        model = ArmModel(self.prior, self.plant.timestep)
         return record_arm(self.plant.tree, model, self.condition, seconds, self.seed)
 
     def pushed(self, method: str, seconds: float) -> Found:
-        return output_error_of_arm(self.plant, self.belief, self.condition, seconds, self.seed)
+        return output_error_of_arm(self.plant, self.prior, self.condition, seconds, self.seed)
 
     def judge(self, parameters: Array) -> Error:
-        return judge_arm(np.asarray(parameters), self.plant.tree, self.belief)
+        return judge_arm(np.asarray(parameters), self.plant.tree, self.prior)
 
 
 def subject_of(condition: str, links: int, seed: int) -> Subject:

@@ -13,7 +13,7 @@ from contextlib import suppress
 import click
 
 import metaid
-from metaid.cli.common import Group, say, take_any_letter
+from metaid.cli.common import Group, escape_what_has_no_code, say
 from metaid.errors import MetaidError
 
 EXAMPLE = """\b
@@ -45,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Runs a command and exits: 0, or 2 with one line on stderr for anything that a user can mend, or 130 and 143
     when interrupted, or 1 when nobody reads its output any more.
     """
-    take_any_letter()
+    escape_what_has_no_code()
     try:
         status = app.main(arguments, standalone_mode=False, prog_name="metaid")
     except click.ClickException as problem:

@@ -82,7 +82,7 @@ def numbers(given: Sequence[str], option: str) -> dict[str, float]:
     return values
 
 
-def take_any_letter() -> None:
+def escape_what_has_no_code() -> None:
     """Letters that stdout or stderr has no code for are written out, whatever PYTHONIOENCODING or the locale says."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper) and not _is_unicode(stream):

@@ -54,7 +54,7 @@ class Live:
     def _learn_lumps(self, problem: AnyProblem) -> None:
         """Notes the units and nominal values of what is searched, and the true ones where they are known."""
         if isinstance(problem, ArmProblem):
-            self._units, self._nominal = list(problem.belief.base.units), np.ones(len(problem.names))
+            self._units, self._nominal = list(problem.prior.base.units), np.ones(len(problem.names))
             return
         truth = problem.open_plant().true_lumps()
         self._units, self._nominal = [lump_unit(name) for name in problem.names], problem.lumps.vector

@@ -16,7 +16,7 @@ from metaid.models import Array
 LONGEST_STEP = 0.5  # in a log factor: a factor of 1.65
 SHORTEST_STEP = 1e-10
 NOTHING = 1e-6  # of cost, where a residual of one unit costs 0.5; a step that gains less is the last,
-NEXT_TO_NOTHING = 1e-9  # as is one that gains less than this share of the cost: what remains is not explained
+NEGLIGIBLE_SHARE = 1e-9  # as is one that gains less than this share of the cost: what remains is not explained
 FARTHEST = 6.0  # standard deviations of the prior; no chain beyond is tried
 POOR, GOOD = 0.25, 0.75  # shares of the promised gain, below and above which the next step is shorter or longer
 NEARLY = 0.8  # of the longest step that holds, so long at least is one that was cut to it
@@ -129,7 +129,7 @@ def descend(
             size = float(np.abs(step).max())
             left = factor @ step - target
             gain = 0.5 * float(target @ target - left @ left)
-            if gain < max(least_gain, NEXT_TO_NOTHING * place.cost) or size < SHORTEST_STEP:
+            if gain < max(least_gain, NEGLIGIBLE_SHARE * place.cost) or size < SHORTEST_STEP:
                 return Descent(place, iteration, True)
             following = place.residuals.following @ np.append(1.0, step)
             new = place_at(fitted, place.point + np.concatenate([step, following]), windows)

@@ -95,7 +95,7 @@ def _taken_up(found: StudyEstimate) -> dict[str, Any]:
     shown = {
         "faults": list(taken.kinds),
         "misfit_without": taken.before if np.isfinite(taken.before) else None,
-        "misfit_held_out": taken.foretold if np.isfinite(taken.foretold) else None,
+        "misfit_held_out": taken.predicted if np.isfinite(taken.predicted) else None,
         "holds": taken.holds,
         "rivals": list(taken.rivals),
     }
@@ -111,7 +111,7 @@ def _foreign(trial: ForeignTrial, snapshot: Snapshot) -> dict[str, Any]:
 def _error_of_best(snapshot: Snapshot, verdict: Verdict) -> dict[str, float | None]:
     """The largest error of the best trial itself, where the study stands by the estimate from all trials."""
     problem, truth = snapshot.problem, snapshot.problem.open_plant().true_lumps()
-    if verdict.source == "best trial" or problem.goes_by_estimate or not snapshot.survivors or truth is None:
+    if verdict.source == "best trial" or problem.is_matching or not snapshot.survivors or truth is None:
         return {}
     true = truth.vector_of(problem.lumps.searched, np.nan)
     errors = np.abs(

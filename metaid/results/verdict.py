@@ -78,7 +78,7 @@ def judge(snapshot: Snapshot) -> Verdict:
             return Verdict("found", "estimate", (*estimate.reasons, *missing, *estimate.provisos), lumps)
         reasons = (f"the trials show no lump to better than {COARSEST:.0%}: push more, or harder",)
         return _not_yet(snapshot, "estimate", reasons, lumps)
-    if problem.goes_by_estimate:
+    if problem.is_matching:
         why = why_no_estimate(problem, snapshot.all_shown) if estimate is None else estimate.description
         against: tuple[str, ...] = (why,)
         source: Source = "estimate"

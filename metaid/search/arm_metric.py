@@ -6,62 +6,62 @@ import numpy as np
 
 from metaid.episode.arms import ArmEpisode
 from metaid.models import Array
-from metaid.models.tree import PARAMETERS, Belief, joint_mass_matrix, torque_regressor
+from metaid.models.tree import PARAMETERS, ArmPrior, joint_mass_matrix, torque_regressor
 from metaid.search.coordinates import Coordinates
 
 SAMPLES = 20  # of the motion after each push
 ROTOR = PARAMETERS.index("rotor")
 SPREAD = 0.3  # root mean square of what is believed of a coordinate
-LEAST_SHOWN = 0.005  # of the mean: what an independent step of the belief counts for at least, however little it shows
+LEAST_SHOWN = 0.005  # of the mean: what an independent step of the prior counts for at least, however little it shows
 
 
-def arm_sensitivity(belief: Belief, episode: ArmEpisode, timestep: float, values: Array | None = None) -> Array:
+def arm_sensitivity(prior: ArmPrior, episode: ArmEpisode, timestep: float, values: Array | None = None) -> Array:
     """H (nbase x nbase), in rad²/s² over the squared units: near the truth (2π f)² = δᵀ H δ of the kinetic measure f,
     with δ the error of the base parameters.  Eq. 61.
 
     The motion about which H is taken needs no simulation: joints coast, or swing as on springs.
 
     Args:
-        belief: whose nominal arm is the metric.
+        prior: whose nominal arm is the metric.
         episode: the pushes.
         timestep: in s.
         values: base parameters (nbase) of an arm whose mass matrix moves. By default it is the nominal one's, with
             rotors heavier by a standard deviation of what is believed of them. Of a wrist whose rotor was taken for
             nothing the nominal mass matrix is far too light.
     """
-    nominal = belief.nominal
+    nominal = prior.nominal
     positions, speeds, accelerations = _ideal_motion(episode, timestep)
     metric = np.array([joint_mass_matrix(nominal, position) for position in positions])
     if values is None:
-        variances = np.diag(belief.parameter_covariance).reshape(nominal.njoint, -1)
+        variances = np.diag(prior.parameter_covariance).reshape(nominal.njoint, -1)
         mass = metric + np.diag(np.sqrt(variances[:, ROTOR]))
     else:
-        moving = belief.tree_at(values)
+        moving = prior.tree_at(values)
         mass = np.array([joint_mass_matrix(moving, position) for position in positions])
     regressor = torque_regressor(nominal, positions, speeds, accelerations)
-    columns = regressor.reshape(*regressor.shape[:2], -1)[..., belief.base.columns]
+    columns = regressor.reshape(*regressor.shape[:2], -1)[..., prior.base.columns]
     accelerated = np.linalg.solve(mass, columns)  # M⁻¹ Y of Eq. 45
     flat = (np.linalg.cholesky(metric).transpose(0, 2, 1) @ accelerated).reshape(-1, columns.shape[-1])
     h: Array = flat.T @ flat / np.einsum("ti,tij,tj->", speeds, metric, speeds)
     return h
 
 
-def believed_metric(h: Array, belief: Belief, low: Array, high: Array) -> Coordinates:
+def believed_metric(h: Array, prior: ArmPrior, low: Array, high: Array) -> Coordinates:
     """Coordinates in which the kinetic measure is round, but for what it hardly shows, which is not stretched beyond
     what is believed of it.  Eq. 62.
 
     Args:
         h: the measure's sensitivity (nbase x nbase).
-        belief: of the arm; its base parameters are the start.
+        prior: of the arm; its base parameters are the start.
         low: bounds of the base parameters (nbase).
         high: bounds of the base parameters (nbase).
     """
-    values, vectors = np.linalg.eigh(belief.root.T @ h @ belief.root)
+    values, vectors = np.linalg.eigh(prior.root.T @ h @ prior.root)
     mean = float(values.mean())
     stretched = vectors / np.sqrt(np.maximum(values, 0.0) + LEAST_SHOWN * mean) @ vectors.T
     unit = np.sqrt(mean) / SPREAD
     curvature = (unit / (2.0 * np.pi)) ** 2
-    return Coordinates(belief.values, unit * belief.root @ stretched, low, high, curvature)
+    return Coordinates(prior.values, unit * prior.root @ stretched, low, high, curvature)
 
 
 def _ideal_motion(episode: ArmEpisode, timestep: float) -> tuple[Array, Array, Array]:

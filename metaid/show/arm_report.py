@@ -79,7 +79,7 @@ def errors(found: ArmFindings) -> list[dict[str, Any]]:
 
 def base_rows(found: ArmFindings) -> list[dict[str, Any]]:
     """The base parameters as the summary has them, without an error of one that is next to nothing."""
-    beforehand: Array = np.sqrt(np.diag(found.problem.belief.covariance))
+    beforehand: Array = np.sqrt(np.diag(found.problem.prior.covariance))
     return [
         {**row, "error": None if row["true"] is None or abs(row["true"]) < NOTHING * scale else row["error"]}
         for row, scale in zip(shown_rows(found.summary), beforehand.tolist(), strict=True)

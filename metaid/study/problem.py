@@ -131,7 +131,7 @@ class Problem:
         plant = self.spec.plant
         quantities = 2 if not isinstance(plant, PlantSettings) or plant.faults.speed_sensor else 1
         size = self.episode.pushes.size * (self.episode.readings_steps + 1) * quantities * 8
-        most = MOST_TRIALS if self.goes_by_estimate else MOST_READ
+        most = MOST_TRIALS if self.is_matching else MOST_READ
         return min(most, READING_BUDGET // size) if self.keeps_readings else 0
 
     @property
@@ -146,7 +146,7 @@ class Problem:
     @cached_property
     def coordinates(self) -> Coordinates:
         """What a searcher of lumps moves in.  Raises StudyError where the nominal metric does not exist."""
-        if self.spec.study.search.coordinates == "plain" or self.goes_by_estimate:
+        if self.spec.study.search.coordinates == "plain" or self.is_matching:
             return plain_coordinates(self.start, self.low, self.high)
         return self.metric
 
@@ -181,7 +181,7 @@ class Problem:
         Returns:
             What a searcher moves in from now on; None where no bound is moved.
         """
-        seen = self.goes_by_estimate | self.measure.determined(self.lumps)
+        seen = self.is_matching | self.measure.determined(self.lumps)
         at_low, at_high = (at & seen for at in at_bounds(factors, self.low, self.high))
         low, high = widened(
             self.low, self.high, at_low & (self.low == self._first_low), at_high & (self.high == self._first_high)
@@ -238,7 +238,7 @@ class Problem:
         return make_searcher(study.sampler, self.coordinates, study.seed, study.search, experiment or self.experiment)
 
     @property
-    def goes_by_estimate(self) -> bool:
+    def is_matching(self) -> bool:
         """Whether the sampler works by the estimate. Where that explains nothing, no best trial is the result."""
         return SAMPLERS[self.spec.study.sampler].by_estimate
 
@@ -253,7 +253,7 @@ class Problem:
         """Whether the estimate says what can be determined, and not the measure: where the sampler goes by it, and
         where frequencies are measured, which are matched.
         """
-        return self.goes_by_estimate or (self.measure.name == "crossing" and self.can_be_estimated)
+        return self.is_matching or (self.measure.name == "crossing" and self.can_be_estimated)
 
     @property
     def keeps_readings(self) -> bool:

@@ -22,7 +22,7 @@ from metaid.estimation.arms import (
     watched_arm_trial,
 )
 from metaid.models import Array
-from metaid.models.tree import Belief, Tree
+from metaid.models.tree import ArmPrior, Tree
 from metaid.plant.arms import ArmFaults, ArmPlant, ArmSettings, ArmStart
 
 NOISE = 1e-4
@@ -51,33 +51,33 @@ def episode_of(tree: Tree, pushes: int, seed: int = 1) -> ArmEpisode:
 
 def read(plant: ArmPlant, searched: ArmUnknowns, law: Array, episode: ArmEpisode, number: int) -> ReadTrial:
     """A trial on noisy sensors."""
-    record = ArmLoop(plant, searched.belief.nominal, episode).run(law, number)
+    record = ArmLoop(plant, searched.prior.nominal, episode).run(law, number)
     assert record.readings is not None
     return read_arm_trial(searched.frames, law, episode, record.timestep, record.readings, np.full(plant.njoint, NOISE))
 
 
 def share_wrong(searched: ArmUnknowns, tree: Tree, values: Array) -> float:
     """By which share of what was not known the base parameters are wrong, the worst of them."""
-    known = np.sqrt(np.diag(searched.belief.covariance))
-    return float(np.abs((values - searched.belief.base.of(tree.parameters)) / known).max())
+    known = np.sqrt(np.diag(searched.prior.covariance))
+    return float(np.abs((values - searched.prior.base.of(tree.parameters)) / known).max())
 
 
 @pytest.mark.parametrize(("njoint", "slides"), [(3, ()), (3, (1,))])
 def test_one_trial_tells_all_base_parameters(njoint: int, slides: tuple[int, ...]) -> None:
     """Rotors, viscous and dry friction and what the mass matrix alone shows included, with the nominal law."""
     tree = random_arm(njoint, 2, slides)
-    searched = ArmUnknowns(Belief(nominal_of(tree)))
+    searched = ArmUnknowns(ArmPrior(nominal_of(tree)))
     episode = episode_of(tree, 9)
-    record = ArmLoop(plant_of(tree), searched.belief.nominal, episode).run(searched.belief.nominal.parameters)
-    trial = watched_arm_trial(searched.belief.nominal.parameters, episode, record.timestep, record.windows)
+    record = ArmLoop(plant_of(tree), searched.prior.nominal, episode).run(searched.prior.nominal.parameters)
+    trial = watched_arm_trial(searched.prior.nominal.parameters, episode, record.timestep, record.windows)
     estimate = estimate_arm([trial], searched)
     assert estimate is not None
     assert estimate.is_explained
-    assert share_wrong(searched, tree, searched.belief.values) > 0.3
+    assert share_wrong(searched, tree, searched.prior.values) > 0.3
     assert share_wrong(searched, tree, estimate.values) < 1e-6
-    assert estimate.names == searched.belief.base.names
+    assert estimate.names == searched.prior.base.names
     assert [table.shape for table in estimate.residuals] == [(9, njoint)]
-    np.testing.assert_allclose(searched.belief.base.of(estimate.parameters), estimate.values, atol=1e-12)
+    np.testing.assert_allclose(searched.prior.base.of(estimate.parameters), estimate.values, atol=1e-12)
     np.testing.assert_array_equal(estimate.model.parameters, estimate.values)
     again = estimate_arm([trial], searched, estimate)
     assert again is not None
@@ -86,9 +86,9 @@ def test_one_trial_tells_all_base_parameters(njoint: int, slides: tuple[int, ...
 
 def test_fit_begins_at_an_arm_with_heavier_rotors() -> None:
     """Nothing else of it differs from the nominal arm, so its mass matrix is farther from singular."""
-    searched = ArmUnknowns(Belief(random_arm(3, 2)))
-    base = searched.belief.base
-    change = searched.values(searched.begin) - searched.belief.values
+    searched = ArmUnknowns(ArmPrior(random_arm(3, 2)))
+    base = searched.prior.base
+    change = searched.values(searched.begin) - searched.prior.values
     rotors = np.array(["rotor" in expression for expression in base.expressions])
     assert (change[rotors] > 0.0).all()
     np.testing.assert_allclose(change[~rotors], 0.0, atol=1e-9)
@@ -99,24 +99,24 @@ def test_less_than_no_friction_is_not_the_mirror_image_of_friction() -> None:
     tree = random_arm(2, 5)
     mirrored = tree.parameters.copy()
     mirrored[:, 12] *= -1.0
-    searched = ArmUnknowns(Belief(tree))
+    searched = ArmUnknowns(ArmPrior(tree))
     episode = episode_of(tree, 3)
     record = ArmLoop(plant_of(tree), tree, episode).run(tree.parameters)
     trial = watched_arm_trial(tree.parameters, episode, record.timestep, record.windows)
-    point = np.linalg.solve(searched.root, searched.belief.base.of(mirrored) - searched.belief.values)
+    point = np.linalg.solve(searched.root, searched.prior.base.of(mirrored) - searched.prior.values)
     there = ArmMotions([trial], searched).residuals(point, 5)
     assert there is not None
     assert np.abs(there.values).max() > 1e6
-    estimate = estimate_arm([trial], ArmUnknowns(Belief(tree.with_parameters(mirrored))))
+    estimate = estimate_arm([trial], ArmUnknowns(ArmPrior(tree.with_parameters(mirrored))))
     assert estimate is not None
-    np.testing.assert_allclose(estimate.values, searched.belief.values, rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(estimate.values, searched.prior.values, rtol=1e-6, atol=1e-7)
 
 
 def test_what_a_push_showed_before_it_fell_is_used() -> None:
     """A trial whose pushes all ended early still tells."""
     tree = random_arm(3, 2)
     narrow = replace(nominal_of(tree), low=np.full(3, -1.5), high=np.full(3, 1.5))  # a coast leaves it
-    searched, law, episode = ArmUnknowns(Belief(narrow)), narrow.parameters, episode_of(tree, 9)
+    searched, law, episode = ArmUnknowns(ArmPrior(narrow)), narrow.parameters, episode_of(tree, 9)
     record = ArmLoop(plant_of(tree), narrow, episode).run(law)
     assert record.fell.any()
     estimate = estimate_arm([watched_arm_trial(law, episode, record.timestep, record.windows)], searched)
@@ -134,7 +134,7 @@ def test_an_arm_that_is_built_otherwise_is_not_explained() -> None:
     episode = episode_of(tree, 9)
     record = ArmLoop(plant_of(tree), nominal, episode).run(nominal.parameters)
     trial = watched_arm_trial(nominal.parameters, episode, record.timestep, record.windows)
-    estimate = estimate_arm([trial], ArmUnknowns(Belief(nominal)), thorough=False)
+    estimate = estimate_arm([trial], ArmUnknowns(ArmPrior(nominal)), thorough=False)
     assert estimate is not None
     assert not estimate.is_explained
 
@@ -142,8 +142,8 @@ def test_an_arm_that_is_built_otherwise_is_not_explained() -> None:
 def test_noisy_readings_tell_base_parameters_within_their_intervals() -> None:
     """With 0.1 mrad and no sensor of speeds, errors are as large as they are said to be."""
     tree = random_arm(3, 2)
-    searched = ArmUnknowns(Belief(nominal_of(tree)))
-    plant, law, trials, estimate = plant_of(tree, NOISE), searched.belief.nominal.parameters, [], None
+    searched = ArmUnknowns(ArmPrior(nominal_of(tree)))
+    plant, law, trials, estimate = plant_of(tree, NOISE), searched.prior.nominal.parameters, [], None
     for number in range(2):
         trials.append(read(plant, searched, law, episode_of(tree, 9), number))
         estimate = estimate_arm(trials, searched, estimate)
@@ -151,7 +151,7 @@ def test_noisy_readings_tell_base_parameters_within_their_intervals() -> None:
         assert estimate.is_explained
         law = estimate.parameters
     assert estimate is not None
-    away = (estimate.values - searched.belief.base.of(tree.parameters)) / estimate.value_deviations
+    away = (estimate.values - searched.prior.base.of(tree.parameters)) / estimate.value_deviations
     assert np.abs(away).max() < 4.0
     assert 0.6 < np.sqrt((away**2).mean()) < 1.4
     assert share_wrong(searched, tree, estimate.values) < 0.1
@@ -167,12 +167,12 @@ def test_noisy_readings_tell_base_parameters_within_their_intervals() -> None:
 def test_starts_that_are_not_exact_are_found_with_the_rest() -> None:
     """Where poses and speeds at the start differ from what they were to be, their spread is all that need be known."""
     tree, random = random_arm(3, 2, friction=False), np.random.default_rng(5)
-    searched = ArmUnknowns(Belief(nominal_of(tree)))
-    law, spread = searched.belief.nominal.parameters, np.array([[1e-3] * 3, [1e-2] * 3])
+    searched = ArmUnknowns(ArmPrior(nominal_of(tree)))
+    law, spread = searched.prior.nominal.parameters, np.array([[1e-3] * 3, [1e-2] * 3])
     episode = episode_of(tree, 9)
     states = episode.states + spread * random.standard_normal(episode.states.shape)
     moved = replace(episode, starts=tuple(ArmStart(*state) for state in states))
-    record = ArmLoop(plant_of(tree, NOISE), searched.belief.nominal, moved).run(law)
+    record = ArmLoop(plant_of(tree, NOISE), searched.prior.nominal, moved).run(law)
     # The law acts on the pose that the arm was to have; here that is where its springs are.
     assert record.readings is not None
     trial = read_arm_trial(searched.frames, law, moved, record.timestep, record.readings, np.full(3, NOISE))
@@ -184,14 +184,14 @@ def test_starts_that_are_not_exact_are_found_with_the_rest() -> None:
     assert right is not None
     assert right.is_explained
     assert len(right.extras) == 9 * 6
-    away = (right.values - searched.belief.base.of(tree.parameters)) / right.value_deviations
+    away = (right.values - searched.prior.base.of(tree.parameters)) / right.value_deviations
     assert np.abs(away).max() < 4.5
 
 
 def compared_of(tree: Tree, noise: float) -> Sequence[ArmMotions | Readings]:
     """What is compared of one trial."""
-    searched = ArmUnknowns(Belief(nominal_of(tree)))
-    nominal, episode, plant = searched.belief.nominal, episode_of(tree, 3), plant_of(tree, noise)
+    searched = ArmUnknowns(ArmPrior(nominal_of(tree)))
+    nominal, episode, plant = searched.prior.nominal, episode_of(tree, 3), plant_of(tree, noise)
     if noise:
         trial = read(plant, searched, nominal.parameters, episode, 0)
         spread = np.broadcast_to(1e-2 * np.eye(tree.njoint), (episode.npush, tree.njoint, tree.njoint))
@@ -207,7 +207,7 @@ def test_derivatives_are_those_of_the_residuals(noise: float) -> None:
     (compared,) = compared_of(tree, noise)
     searched = compared.unknowns
     count = len(searched.names)
-    truth = np.linalg.solve(searched.root, searched.belief.base.of(tree.parameters) - searched.belief.values)
+    truth = np.linalg.solve(searched.root, searched.prior.base.of(tree.parameters) - searched.prior.values)
     point = np.append(truth + 0.001 * np.random.default_rng(0).standard_normal(count), np.zeros(compared.extras))
     here = compared.residuals(point, compared.stages)
     assert here is not None
@@ -230,6 +230,6 @@ def test_arms_without_a_mass_matrix_are_refused() -> None:
     """A point at which the mass matrix is not positive definite has no residuals, so no step leads there."""
     (compared,) = compared_of(random_arm(2, 4), 0.0)
     searched = compared.unknowns
-    negative = np.linalg.solve(searched.root, -3.0 * searched.belief.values)
+    negative = np.linalg.solve(searched.root, -3.0 * searched.prior.values)
     assert compared.residuals(negative, 1) is None
     assert np.isnan(compared.by_joint(negative)[0]).all()

@@ -13,7 +13,7 @@ from metaid.estimation import Readings, ReadTrial, fit, searched_faults
 from metaid.estimation.arms import ArmUnknowns
 from metaid.estimation.noisy import explanations
 from metaid.models import Array
-from metaid.models.tree import Belief, Tree, joint_torque
+from metaid.models.tree import ArmPrior, Tree, joint_torque
 from metaid.plant.arms import arm_model
 
 NOISE, TIMESTEP, STEPS, PUSHES = 1e-4, 0.002, 150, 8
@@ -81,7 +81,7 @@ def searched_start(searched: ArmUnknowns, count: int) -> Array:
 def test_faults_of_an_arm_are_found_with_its_base_parameters(kinds: tuple[str, ...]) -> None:
     """Within four deviations; without them the model does not explain what was read."""
     tree = random_arm(3, 2, friction=False)
-    searched, trial = ArmUnknowns(Belief(nominal_of(tree))), pushed(tree, kinds)
+    searched, trial = ArmUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, kinds)
     plain = fit(Readings([trial], searched), searched.begin, 0)
     assert not plain.is_explained
     assert np.abs(searched_of(searched, kinds, trial)).max() < 4.0
@@ -90,17 +90,17 @@ def test_faults_of_an_arm_are_found_with_its_base_parameters(kinds: tuple[str, .
 def test_arm_without_faults_needs_none() -> None:
     """Its base parameters lie within five deviations each."""
     tree = random_arm(3, 2, friction=False)
-    searched, trial = ArmUnknowns(Belief(nominal_of(tree))), pushed(tree, ())
+    searched, trial = ArmUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, ())
     estimate = fit(Readings([trial], searched), searched.begin, 0)
     assert estimate.is_explained
-    off = (estimate.values - searched.belief.base.of(tree.parameters)) / estimate.value_deviations
+    off = (estimate.values - searched.prior.base.of(tree.parameters)) / estimate.value_deviations
     assert np.abs(off).max() < 5.0
 
 
 def test_fault_that_explains_an_arm_is_proposed() -> None:
     """A delay that nobody has named is what explains the readings of an arm."""
     tree = random_arm(3, 2, friction=False)
-    searched, trial = ArmUnknowns(Belief(nominal_of(tree))), pushed(tree, ("delay",))
+    searched, trial = ArmUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, ("delay",))
     readings = Readings([trial], searched)
     plain = fit(readings, searched.begin, 0)
     found = next(explanations(readings, plain, lambda kinds: searched_faults(kinds, searched, 0.0, trial.start_speeds)))

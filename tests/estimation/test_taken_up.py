@@ -39,7 +39,7 @@ def read_again(trial: ReadTrial, noise: float) -> ReadTrial:
     return replace(trial, readings=trial.readings + more)
 
 
-def test_fault_that_foretells_the_last_trial_holds(late: Watched) -> None:
+def test_fault_that_predicts_the_last_trial_holds(late: Watched) -> None:
     """Its misfit there is that of noise, and the lumps are the true ones."""
     unknowns = Unknowns(late.nominal.lumps)
     trials = [late.read_trial(raised(late.nominal.lumps, law)) for law in LAWS]
@@ -48,7 +48,7 @@ def test_fault_that_foretells_the_last_trial_holds(late: Watched) -> None:
     assert taken is not None
     assert taken.holds
     assert taken.kinds == ("delay",)
-    assert 0.5 < taken.foretold < taken.foretold_below
+    assert 0.5 < taken.predicted < taken.predicted_below
     assert (np.abs(error) < 4.0 * estimate.deviations + 1e-6).all()
 
 

@@ -9,7 +9,7 @@ from random_arm import SOME, arm_named, wrong_tree
 
 from metaid.models import Array, Chain, ChainModel, Lumps, chain_of_lumps
 from metaid.models.closest_bodies import LEAST_SHARE, Matrices, closest
-from metaid.models.tree import Belief, joint_mass_matrix, joint_torque, planar_tree, possible_bodies
+from metaid.models.tree import ArmPrior, joint_mass_matrix, joint_torque, planar_tree, possible_bodies
 from metaid.plant import LinkSettings
 
 FULL = ("gravity", "coriolis", "inertia")
@@ -114,16 +114,16 @@ def test_closest_bodies_are_the_closest() -> None:
 def test_arm_has_exactly_the_base_parameters_that_it_is_made_of(name: str) -> None:
     """It moves as the true one, rotors and friction included, and its links are possible bodies."""
     true = arm_named(name)
-    belief = Belief(wrong_tree(true, 0))
-    values = belief.base.of(true.parameters)
-    found = possible_bodies(belief, values)
+    prior = ArmPrior(wrong_tree(true, 0))
+    values = prior.base.of(true.parameters)
+    found = possible_bodies(prior, values)
     assert found is not None
     assert not found.cut.any()
-    assert belief.base.of(found.tree.parameters) == pytest.approx(values, rel=1e-12, abs=1e-12 * np.abs(values).max())
+    assert prior.base.of(found.tree.parameters) == pytest.approx(values, rel=1e-12, abs=1e-12 * np.abs(values).max())
     states = np.random.default_rng(1).standard_normal((3, 20, true.njoint))
     wanted = joint_torque(true, *states)
     assert np.abs(joint_torque(found.tree, *states) - wanted).max() < 1e-12 * np.abs(wanted).max()
-    assert (found.tree.mass >= 0.05 * belief.nominal.mass).all()
+    assert (found.tree.mass >= 0.05 * prior.nominal.mass).all()
     second = 0.5 * np.trace(found.tree.inertia, axis1=1, axis2=2)[:, None, None] * np.eye(3) - found.tree.inertia
     assert (np.linalg.eigvalsh(second) > 0.0).all()
     assert min(map(np.min, (found.tree.rotor, found.tree.damping, found.tree.coulomb))) >= 0.0
@@ -132,31 +132,31 @@ def test_arm_has_exactly_the_base_parameters_that_it_is_made_of(name: str) -> No
 def test_closest_arm_to_a_nominal_one_with_its_base_parameters_is_itself() -> None:
     """Where nothing was learned, the bodies are those that were believed."""
     nominal = arm_named("four")
-    belief = Belief(nominal)
-    found = possible_bodies(belief, belief.values)
+    prior = ArmPrior(nominal)
+    found = possible_bodies(prior, prior.values)
     assert found is not None
     assert found.tree.parameters == pytest.approx(nominal.parameters, rel=1e-6, abs=1e-9)
 
 
 def test_friction_below_zero_is_cut_and_said() -> None:
     """No simulator takes it; the rest is as it was identified."""
-    belief = Belief(arm_named("four"))
-    values = belief.values.copy()
-    values[list(belief.base.names).index("damping2")] = -0.01
-    found = possible_bodies(belief, values)
+    prior = ArmPrior(arm_named("four"))
+    values = prior.values.copy()
+    values[list(prior.base.names).index("damping2")] = -0.01
+    found = possible_bodies(prior, values)
     assert found is not None
     assert found.cut[1, 1] == pytest.approx(-0.01)
     assert np.count_nonzero(found.cut) == 1
     assert found.tree.damping[1] == 0.0
-    assert found.tree.coulomb == pytest.approx(belief.nominal.coulomb)
+    assert found.tree.coulomb == pytest.approx(prior.nominal.coulomb)
 
 
 def test_base_parameters_of_no_possible_arm_give_none() -> None:
     """The last link cannot turn with less than no inertia."""
-    belief = Belief(arm_named("pa10"))
-    values = belief.values.copy()
-    values[list(belief.base.names).index("zz7")] = -1.0
-    assert possible_bodies(belief, values) is None
+    prior = ArmPrior(arm_named("pa10"))
+    values = prior.values.copy()
+    values[list(prior.base.names).index("zz7")] = -1.0
+    assert possible_bodies(prior, values) is None
 
 
 def test_chain_as_an_arm_moves_alike() -> None:

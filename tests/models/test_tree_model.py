@@ -12,8 +12,8 @@ from random_arm import random_arm
 
 from metaid.models import Array, ChainModel, Model
 from metaid.models.tree import (
-    Belief,
-    Prior,
+    ArmPrior,
+    PriorDeviations,
     Tree,
     base_parameters,
     joint_mass_matrix,
@@ -129,39 +129,40 @@ def test_slides_have_units_of_their_own() -> None:
 
 
 def test_most_probable_arm_has_the_base_parameters_that_it_is_to_have() -> None:
-    """What the torque cannot tell follows from the belief, and what it can is exact; the nominal arm stays itself."""
+    """What the torque cannot tell follows from the prior, and what it can is exact; the nominal arm stays itself."""
     tree = random_arm(4, 6)
-    belief = Belief(tree)
-    values = 1.3 * belief.values
-    np.testing.assert_allclose(belief.base.of(belief.tree_at(values).parameters), values, rtol=1e-12, atol=1e-13)
-    np.testing.assert_allclose(belief.tree_at(belief.values).parameters, tree.parameters, rtol=1e-12, atol=1e-13)
+    prior = ArmPrior(tree)
+    values = 1.3 * prior.values
+    np.testing.assert_allclose(prior.base.of(prior.tree_at(values).parameters), values, rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(prior.tree_at(prior.values).parameters, tree.parameters, rtol=1e-12, atol=1e-13)
 
 
 def test_most_probable_arm_moves_most_what_is_least_sure() -> None:
     """Where masses are known and inertias are not, a base parameter that has both moves the inertia."""
     tree = random_arm(3, 6)
-    belief = Belief(tree, Prior(mass=1e-4, com=1e-4))
-    values = belief.values + 0.1 * np.sqrt(np.diag(belief.covariance))
-    changed = belief.parameters_at(values) - tree.parameters
+    prior = ArmPrior(tree, PriorDeviations(mass=1e-4, com=1e-4))
+    values = prior.values + 0.1 * np.sqrt(np.diag(prior.covariance))
+    changed = prior.parameters_at(values) - tree.parameters
     moved = np.abs(changed[:, 4:10]).max(axis=1) / np.trace(tree.inertia, axis1=1, axis2=2)
     assert np.abs(changed[:, 0] / tree.mass).max() < 1e-2 * moved.max()
 
 
-def test_belief_spreads_as_random_arms_do() -> None:
+def test_prior_spreads_as_random_arms_do() -> None:
     """The covariance of base parameters is that of arms whose masses, centres and inertias are drawn so."""
-    tree, random, prior = random_arm(2, 8), np.random.default_rng(0), Prior(mass=0.03, com=0.015, inertia=0.03)
-    belief, drawn = Belief(tree, prior), []
+    tree, random = random_arm(2, 8), np.random.default_rng(0)
+    apart = PriorDeviations(mass=0.03, com=0.015, inertia=0.03)
+    prior, drawn = ArmPrior(tree, apart), []
     for _ in range(4000):
-        mass = tree.mass * (1.0 + prior.mass * random.standard_normal(2))
+        mass = tree.mass * (1.0 + apart.mass * random.standard_normal(2))
         lever = np.linalg.norm(tree.com, axis=1, keepdims=True)
-        com = tree.com + prior.com * lever * random.standard_normal((2, 3))
+        com = tree.com + apart.com * lever * random.standard_normal((2, 3))
         noise = np.array([_symmetric(random) for _ in range(2)])
         moments = np.sqrt(np.einsum("nii,njj->nij", tree.inertia, tree.inertia))
-        inertia = tree.inertia + prior.inertia * moments * noise
+        inertia = tree.inertia + apart.inertia * moments * noise
         drawn.append(replace(tree, mass=mass, com=com, inertia=inertia).parameters)
-    base = belief.base
+    base = prior.base
     bodies = [i for i, name in enumerate(base.names) if not name.startswith(("rotor", "damping", "coulomb"))]
-    told = np.sqrt(np.diag(base.matrix[:, :] @ _of_bodies(belief) @ base.matrix.T))[bodies]
+    told = np.sqrt(np.diag(base.matrix[:, :] @ _of_bodies(prior) @ base.matrix.T))[bodies]
     seen = base.of(np.array(drawn)).std(axis=0)[bodies]
     np.testing.assert_allclose(seen, told, rtol=0.06)
 
@@ -172,16 +173,16 @@ def _symmetric(random: np.random.Generator) -> Array:
     return np.asarray(np.triu(noise) + np.triu(noise, 1).T, dtype=np.float64)
 
 
-def _of_bodies(belief: Belief) -> Array:
+def _of_bodies(prior: ArmPrior) -> Array:
     """The covariance of all parameters, those of the joints left out."""
-    bodies = np.tile(np.arange(13) < 10, belief.nominal.njoint)
-    return np.asarray(belief.parameter_covariance * np.outer(bodies, bodies), dtype=np.float64)
+    bodies = np.tile(np.arange(13) < 10, prior.nominal.njoint)
+    return np.asarray(prior.parameter_covariance * np.outer(bodies, bodies), dtype=np.float64)
 
 
 def test_tree_model_has_the_face_of_every_model() -> None:
     """Its torque is its regressor times its parameters, and its mass matrix is the arm's."""
     tree = random_arm(3, 2, slides=(1,))
-    model = nominal_model(Belief(tree))
+    model = nominal_model(ArmPrior(tree))
     face: Model = model
     angles, speeds = np.random.default_rng(3).standard_normal((2, 3))
     np.testing.assert_allclose(face.torque(angles, speeds), joint_torque(tree, angles, speeds, np.zeros(3)), rtol=1e-9)
@@ -195,8 +196,8 @@ def test_tree_model_has_the_face_of_every_model() -> None:
 def test_model_error_is_that_of_what_moves_the_arm() -> None:
     """Nothing where base parameters are right whatever the others are, and of the size of what is wrong with a body."""
     tree = random_arm(3, 2)
-    belief = Belief(replace(tree, mass=1.2 * tree.mass))
-    same = belief.parameters_at(belief.base.of(tree.parameters))
+    prior = ArmPrior(replace(tree, mass=1.2 * tree.mass))
+    same = prior.parameters_at(prior.base.of(tree.parameters))
     assert np.abs(same - tree.parameters).max() > 0.01
     assert model_error(tree, same).largest < 1e-9
     heavier = model_error(tree, replace(tree, mass=1.1 * tree.mass).parameters)
@@ -218,8 +219,8 @@ def test_base_parameters_of_a_planar_chain_are_its_lumps() -> None:
     of the chain's own model: one face for both.
     """
     chain = random_plant(4).chain
-    belief = Belief(planar_tree(chain, 9.81))
-    arm, lumps = nominal_model(belief), chain.lumps_of(("gravity", "coriolis", "inertia"))
+    prior = ArmPrior(planar_tree(chain, 9.81))
+    arm, lumps = nominal_model(prior), chain.lumps_of(("gravity", "coriolis", "inertia"))
     values = dict(zip(arm.names, arm.parameters.tolist(), strict=True))
     assert [values[f"m{i}z"] for i in range(1, 5)] == pytest.approx(lumps.gravity.tolist())
     assert [values[f"yy{i}"] for i in range(1, 5)] == pytest.approx(chain.inertia_lumps.tolist())
@@ -228,6 +229,6 @@ def test_base_parameters_of_a_planar_chain_are_its_lumps() -> None:
     one, other = ((model.torque(angles, speeds), model.mass_matrix(angles)) for model in models)
     assert one[0] == pytest.approx(other[0])
     assert one[1] == pytest.approx(other[1])
-    back = planar_chain(belief.nominal)
+    back = planar_chain(prior.nominal)
     assert back is not None
     assert back.lumps.vector == pytest.approx(chain.lumps.vector)

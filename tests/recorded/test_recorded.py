@@ -102,9 +102,9 @@ def test_log_of_an_arm_tells_its_base_parameters_and_friction(arm: Tree, noise: 
     asked = Choices(friction=("viscous", "coulomb", "root", "offset"), zeros=False)
     found = estimated(log_of(arm, noise=noise, extra=friction, seconds=5.0), model, asked)
     model = found.model
-    belief = model.source
-    assert not isinstance(belief, tuple)
-    bodies = belief.base.of(arm.parameters)[belief.base.columns % 13 < 11]
+    prior = model.source
+    assert not isinstance(prior, tuple)
+    bodies = prior.base.of(arm.parameters)[prior.base.columns % 13 < 11]
     true = np.concatenate([bodies, damping, np.zeros(3), root, offset, np.zeros(4)])
     true[model.names.index("coulomb2_3")] = together
     inside = np.abs(found.values - true) <= 1.96 * found.deviations + 1e-9

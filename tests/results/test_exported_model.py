@@ -21,7 +21,7 @@ from random_arm import SOME, arm_named, wrong_tree
 
 from metaid.models import Array, ChainModel
 from metaid.models.law import sliding
-from metaid.models.tree import Belief, Tree, joint_mass_matrix, joint_torque
+from metaid.models.tree import ArmPrior, Tree, joint_mass_matrix, joint_torque
 from metaid.plant.arms import ArmSettings, read_arm
 from metaid.results.exporting import IdentifiedModel, arm_dynamics, chain_dynamics
 
@@ -64,8 +64,8 @@ def chain_of(nlink: int) -> Identified:
 
 def arm_of(name: str, true: Tree) -> Identified:
     """An arm, its base parameters as they are."""
-    belief = Belief(wrong_tree(true, 0))
-    dynamics = arm_dynamics(belief, belief.base.of(true.parameters))
+    prior = ArmPrior(wrong_tree(true, 0))
+    dynamics = arm_dynamics(prior, prior.base.of(true.parameters))
     ideal = replace(true, damping=np.zeros(true.njoint), coulomb=np.zeros(true.njoint))
 
     def bias(angles: Array, speeds: Array) -> Array:

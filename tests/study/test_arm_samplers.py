@@ -57,9 +57,9 @@ def test_kinetic_measure_grows_away_from_the_truth_as_its_sensitivity_says() -> 
     spec = load_study("spatial-three-link")
     assert isinstance(spec, ArmSpec)
     problem = ArmProblem(spec)
-    truth = problem.belief.base.of(spec.plant.arm.tree.parameters)
+    truth = problem.prior.base.of(spec.plant.arm.tree.parameters)
     h = problem.sensitivity(truth)
-    error = 1e-4 * problem.belief.root @ np.random.default_rng(0).standard_normal(len(truth))
+    error = 1e-4 * problem.prior.root @ np.random.default_rng(0).standard_normal(len(truth))
     with closing(problem.make_objective()) as objective:
         value = objective.evaluate(truth + error).value
     assert value == pytest.approx(np.sqrt(error @ h @ error) / (2.0 * np.pi), rel=0.02)
@@ -71,12 +71,12 @@ def test_coordinates_are_as_wide_as_what_is_believed_and_give_the_distance_to_th
     assert isinstance(spec, ArmSpec)
     problem = ArmProblem(spec)
     inverse = np.linalg.inv(problem.coordinates.spread)
-    believed = inverse @ problem.belief.covariance @ inverse.T
+    believed = inverse @ problem.prior.covariance @ inverse.T
     assert np.sqrt(np.trace(believed) / len(believed)) == pytest.approx(0.3, rel=0.01)
     assert problem.coordinates.curvature is not None
-    truth = problem.belief.base.of(spec.plant.arm.tree.parameters)
+    truth = problem.prior.base.of(spec.plant.arm.tree.parameters)
     with closing(problem.make_objective()) as objective:
-        value = objective.evaluate(problem.belief.values).value
+        value = objective.evaluate(problem.prior.values).value
     distance = float(np.linalg.norm(problem.coordinates.z(truth)))
     assert 0.3 < value / np.sqrt(problem.coordinates.curvature) / distance < 3.0
 

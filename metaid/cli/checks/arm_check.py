@@ -19,7 +19,7 @@ def check_arm(spec: ArmSpec, as_json: bool) -> None:
     rows = list(
         zip(
             found.names,
-            problem.belief.values.tolist(),
+            problem.prior.values.tolist(),
             found.resolution.tolist(),
             (found.resolution <= COARSEST * found.beforehand).tolist(),
             ["coasts" if seen else "springs" for seen in found.seen_by_bias],

@@ -13,7 +13,7 @@ from metaid.episode import GoesOn, Outcome, fall_value
 from metaid.episode.arms import ArmEpisode, ArmRecord, ceiling_hz, smoothed_arm_frequency
 from metaid.errors import EpisodeError
 from metaid.models import Array
-from metaid.models.tree import Belief
+from metaid.models.tree import ArmPrior
 from metaid.plant.arms import ArmPlant
 
 
@@ -34,13 +34,13 @@ class ArmObjective:
 
     Args:
         plant: that candidates are tried on.
-        belief: of the arm; what base parameters leave open is most probable by it.
+        prior: of the arm; what base parameters leave open is most probable by it.
         episode: what is done to the plant with each candidate.
     """
 
-    def __init__(self, plant: ArmPlant, belief: Belief, episode: ArmEpisode) -> None:
-        self.plant, self.belief, self.episode = plant, belief, episode
-        self._loop = ArmLoop(plant, belief.nominal, episode)
+    def __init__(self, plant: ArmPlant, prior: ArmPrior, episode: ArmEpisode) -> None:
+        self.plant, self.prior, self.episode = plant, prior, episode
+        self._loop = ArmLoop(plant, prior.nominal, episode)
 
     def record(self, values: Array, number: int = 0) -> ArmRecord:
         """What the episode of a candidate with these base parameters (nbase) shows in the trial of that `number`.
@@ -48,11 +48,11 @@ class ArmObjective:
         Raises EpisodeError where they are none.
         """
         checked = np.asarray(values, dtype=np.float64)
-        if checked.shape != self.belief.values.shape or not np.isfinite(checked).all():
+        if checked.shape != self.prior.values.shape or not np.isfinite(checked).all():
             raise EpisodeError(
-                f"these are no base parameters (allowed: {len(self.belief.values)} finite numbers, one for each)"
+                f"these are no base parameters (allowed: {len(self.prior.values)} finite numbers, one for each)"
             )
-        return self._loop.run(self.belief.parameters_at(checked), number)
+        return self._loop.run(self.prior.parameters_at(checked), number)
 
     def evaluate(self, values: Array, number: int = 0, goes_on: GoesOn | None = None) -> Outcome:
         """The outcome for base parameters (nbase) in the trial of that `number`.  Raises as `record` does.
@@ -71,7 +71,7 @@ class ArmObjective:
     def _frequency(self, record: ArmRecord) -> float:
         if record.readings is None:
             return record.frequency
-        return smoothed_arm_frequency(record, self.episode, self.belief.nominal)
+        return smoothed_arm_frequency(record, self.episode, self.prior.nominal)
 
     def share(self, values: Array, trials: Sequence[int]) -> ArmBatch:
         """A batch of candidates with these base parameters (ncandidate x nbase), of the `trials` with these numbers,

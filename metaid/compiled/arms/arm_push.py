@@ -12,7 +12,7 @@ from metaid.compiled.arms.arm_loop import ArmLoop
 from metaid.episode.arms import ArmEpisode
 from metaid.errors import EpisodeError, unknown
 from metaid.models import Array
-from metaid.models.tree import Belief
+from metaid.models.tree import ArmPrior
 from metaid.plant.arms import ArmPlant, draw_starts
 
 STILL = 1e-3  # of the fastest joint at the start: a speed that changes by less stays what it was
@@ -91,18 +91,18 @@ class ArmPush:
         }
 
 
-def law_of(belief: Belief, factors: dict[str, float]) -> Array:
+def law_of(prior: ArmPrior, factors: dict[str, float]) -> Array:
     """The parameters (njoint x 13) of an arm whose base parameters are `factors` of the nominal ones, by name; `all`
     is of all of them.  Raises EpisodeError where there are none of that name.
     """
-    names = list(belief.base.names)
-    values = belief.values * factors.get("all", 1.0)
+    names = list(prior.base.names)
+    values = prior.values * factors.get("all", 1.0)
     for name, factor in factors.items():
         if name not in (*names, "all"):
             raise EpisodeError(unknown("base parameter", name, ["all", *names]))
         if name != "all":
             values[names.index(name)] *= factor
-    return belief.parameters_at(values)
+    return prior.parameters_at(values)
 
 
 def push_arm(plant: ArmPlant, law: Array, steps: int, seed: int = 0) -> ArmPush:

@@ -97,14 +97,14 @@ def follow_torques(
     return _shared(share, shape, threads)
 
 
-def _shared(work: Callable[..., None], shape: tuple[int, int, int, int], threads: int) -> Followed:
-    """What `work` fills in, on that many threads, each with every so manyeth candidate."""
+def _shared(fill: Callable[..., None], shape: tuple[int, int, int, int], threads: int) -> Followed:
+    """What `fill` fills in, on that many threads, each with a share of the candidates."""
     values, arrived = np.zeros(shape), np.zeros(shape[:2], dtype=np.bool_)
     threads = min(threads, shape[0])
 
     def run(first: int) -> None:
-        rooms = np.zeros((shape[3], 13)), new_motion(shape[3]), new_space(shape[3])
-        work((first, threads), rooms, values, arrived)
+        work = np.zeros((shape[3], 13)), new_motion(shape[3]), new_space(shape[3])
+        fill((first, threads), work, values, arrived)
 
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(run, range(threads)))
@@ -112,9 +112,9 @@ def _shared(work: Callable[..., None], shape: tuple[int, int, int, int], threads
 
 
 @compiled
-def _follow_law(frames, law, candidates, pushes, windows, timestep, share, rooms, speeds, arrived):  # type: ignore[no-untyped-def]
-    """Runs a share of the candidates: from which on, and every so manyeth."""
-    (starts, stiffness), (ends, wanted), (first, stride), (difference, motion, space) = pushes, windows, share, rooms
+def _follow_law(frames, law, candidates, pushes, windows, timestep, share, work, speeds, arrived):  # type: ignore[no-untyped-def]
+    """Runs a `share` of the candidates: the first, and the stride from one to the next."""
+    (starts, stiffness), (ends, wanted), (first, stride), (difference, motion, space) = pushes, windows, share, work
     n = law.shape[0]
     for candidate in range(first, candidates.shape[0], stride):
         parameters = candidates[candidate]
@@ -138,9 +138,9 @@ def _follow_law(frames, law, candidates, pushes, windows, timestep, share, rooms
 
 
 @compiled
-def _follow_torque(frames, candidates, starts, torques, spring, seen, timestep, share, rooms, coefficients, arrived):  # type: ignore[no-untyped-def]
+def _follow_torque(frames, candidates, starts, torques, spring, seen, timestep, share, work, coefficients, arrived):  # type: ignore[no-untyped-def]
     """The same, driven."""
-    (basis, chosen, steps), (first, stride), (_, motion, space) = seen, share, rooms
+    (basis, chosen, steps), (first, stride), (_, motion, space) = seen, share, work
     for candidate in range(first, candidates.shape[0], stride):
         parameters = candidates[candidate]
         for push in range(torques.shape[0]):

@@ -4,7 +4,7 @@ seen.
     loop = ArmLoop(plant, nominal, episode)                      # metaid.compiled.arms
     record = loop.run(law)                                       # law: parameters (njoint x 13)
     trial = watched_arm_trial(law, episode, record.timestep, record.windows)
-    estimate = estimate_arm([trial, ...], ArmUnknowns(Belief(nominal)))
+    estimate = estimate_arm([trial, ...], ArmUnknowns(ArmPrior(nominal)))
     law = estimate.parameters                                    # what the next trial sends
 
 `ArmMotions` compares windows of arms without noise; what the sensors of a noisy one read is compared as a chain's is.

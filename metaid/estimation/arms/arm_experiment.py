@@ -71,7 +71,7 @@ class ArmExperiment(OfReadings):
 
     def trial(self, values: Array, outcome: Outcome) -> SeenArmTrial | None:
         """A trial whose law had these base parameters (nbase), and what was seen of it; None where nothing was."""
-        law, episode = self.searched.belief.parameters_at(values), self.episode
+        law, episode = self.searched.prior.parameters_at(values), self.episode
         shown, read = outcome.windows, outcome.readings
         if self.noise is None:
             return None if shown is None else watched_arm_trial(law, episode, self.timestep, shown)

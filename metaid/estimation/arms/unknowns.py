@@ -12,7 +12,7 @@ import numpy as np
 
 from metaid.estimation.estimate import Found
 from metaid.models import DEVIATIONS, Array
-from metaid.models.tree import PARAMETERS, Belief, TreeModel, joint_torque, random_states
+from metaid.models.tree import PARAMETERS, ArmPrior, TreeModel, joint_torque, random_states
 
 if TYPE_CHECKING:
     from metaid.compiled.arms import Frames
@@ -26,11 +26,11 @@ SPREAD = 0.3  # of an unknown: a descent takes steps of as much as of a chain's 
 
 @dataclass(frozen=True, eq=False)
 class ArmUnknowns:
-    """The unknowns z (nbase) of an arm: its base parameters are β₀ + S z, of which `belief` has β₀ and S. Where `known`
+    """The unknowns z (nbase) of an arm: its base parameters are β₀ + S z, of which `prior` has β₀ and S. Where `known`
     has them all (nbase), nothing is unknown any more.
     """
 
-    belief: Belief
+    prior: ArmPrior
     spread: float = SPREAD
     known: Array | None = None
 
@@ -43,23 +43,23 @@ class ArmUnknowns:
     @property
     def names(self) -> list[str]:
         """Of the base parameters (nbase), of which there are as many as unknowns; none where they are known."""
-        return [] if self.known is not None else list(self.belief.base.names)
+        return [] if self.known is not None else list(self.prior.base.names)
 
     @property
     def njoint(self) -> int:
-        return self.belief.nominal.njoint
+        return self.prior.nominal.njoint
 
     @property
     def joints(self) -> tuple[str, ...]:
         """What the joints are called (njoint)."""
-        return tuple(self.belief.nominal.names)
+        return tuple(self.prior.nominal.names)
 
     @cached_property
     def frames(self) -> Frames:
         """Where the joints are."""
         from metaid.compiled.arms import frames_of  # loads numba
 
-        return frames_of(self.belief.nominal)
+        return frames_of(self.prior.nominal)
 
     @cached_property
     def root(self) -> Array:
@@ -67,7 +67,7 @@ class ArmUnknowns:
 
         Eq. 51.
         """
-        return np.asarray(self.belief.root / self.spread)
+        return np.asarray(self.prior.root / self.spread)
 
     @cached_property
     def begin(self) -> Array:
@@ -75,21 +75,21 @@ class ArmUnknowns:
 
         Its mass matrix is far from singular, so a descent that begins there is less often led to where it is.
         """
-        parameters = self.belief.nominal.parameters.copy()
-        variances = np.diag(self.belief.parameter_covariance).reshape(parameters.shape)
+        parameters = self.prior.nominal.parameters.copy()
+        variances = np.diag(self.prior.parameter_covariance).reshape(parameters.shape)
         parameters[:, ROTOR] += GEARED * np.sqrt(variances[:, ROTOR])
-        change = self.belief.base.of(parameters) - self.belief.values
+        change = self.prior.base.of(parameters) - self.prior.values
         return np.asarray(np.linalg.lstsq(self.root, change, rcond=None)[0], dtype=np.float64)
 
     def values(self, unknowns: Array) -> Array:
         """The base parameters (... x nbase)."""
-        return np.asarray(self.belief.values + unknowns @ self.root.T, dtype=np.float64)
+        return np.asarray(self.prior.values + unknowns @ self.root.T, dtype=np.float64)
 
     def parameters(self, unknowns: Array) -> Array:
         """The most probable parameters of every joint and its link (... x njoint x 13)."""
         if self.known is not None:
             unknowns = np.broadcast_to(self.known, (*unknowns.shape[:-1], len(self.known)))
-        return np.ascontiguousarray(self.belief.parameters_at(self.values(unknowns)))
+        return np.ascontiguousarray(self.prior.parameters_at(self.values(unknowns)))
 
     def alone(self, unknowns: Array) -> ArmUnknowns:
         """The arm there, of which nothing is unknown any more."""
@@ -97,10 +97,10 @@ class ArmUnknowns:
 
     def torque(self, gravity: float, speed: float) -> float:
         """About what the joints need, in N m, at a `speed` in rad/s; the arm has its own gravity."""
-        states = random_states(self.belief.nominal, POSES, np.random.default_rng(0))[0]
+        states = random_states(self.prior.nominal, POSES, np.random.default_rng(0))[0]
         rest, each = np.zeros_like(states), np.full_like(states, speed**2)
-        needed = joint_torque(self.belief.nominal, states, rest, each)
-        return float(np.abs(np.stack([needed, joint_torque(self.belief.nominal, states, rest, rest)])).max())
+        needed = joint_torque(self.prior.nominal, states, rest, each)
+        return float(np.abs(np.stack([needed, joint_torque(self.prior.nominal, states, rest, rest)])).max())
 
     def estimated(self, found: dict[str, Any]) -> ArmEstimate:
         """The estimate with the fields of a `Fit` that were `found`."""
@@ -129,7 +129,7 @@ class ArmEstimate(Found):
     @property
     def model(self) -> TreeModel:
         """The arm."""
-        return TreeModel(self.searched.belief, self.values)
+        return TreeModel(self.searched.prior, self.values)
 
     @cached_property
     def value_covariance(self) -> Array:
@@ -146,7 +146,7 @@ class ArmEstimate(Found):
         """Which share of what was not known beforehand of each base parameter the trials left unknown (nbase): 1 where
         they tell nothing.
         """
-        return self.value_deviations / np.sqrt(np.diag(self.searched.belief.covariance))
+        return self.value_deviations / np.sqrt(np.diag(self.searched.prior.covariance))
 
     def interval(self, deviations: float = DEVIATIONS) -> tuple[Array, Array]:
         """Least and largest base parameters (nbase) within so many standard `deviations`: 95 % of them by default."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.counting.crossings import Counters, count_pushes, counters, hands
+from metaid.estimation.counting.crossings import Counters, count_pushes, counters, crossing
 from metaid.estimation.descent import Residuals
 from metaid.estimation.motions import Motions, WatchedTrials
 from metaid.estimation.trials import Replay, WatchedTrial
@@ -130,7 +130,7 @@ class Counts(WatchedTrials):
         shown, reached = counters(npush, windows, n, nunknown), np.zeros(npush, dtype=np.int64)
 
         def run(first: int, stride: int) -> None:
-            own = workspace(n, nunknown, False), hands(n, nunknown)
+            own = workspace(n, nunknown, False), crossing(n, nunknown)
             count_pushes(first, stride, trial.start_speeds, *settled, *own, shown, reached)
 
         share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * max(nunknown, 1))

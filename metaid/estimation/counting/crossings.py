@@ -38,7 +38,7 @@ class Counters(NamedTuple):
     touch_slopes: Array
 
 
-class Hands(NamedTuple):
+class Crossing(NamedTuple):
     """What is known of each joint (njoint) while it is counted: the `side` that it is on, its `speed` a step ago, its
     `top` since the last crossing, in rad, with derivatives (njoint x nunknown).
     """
@@ -68,13 +68,13 @@ def counters(npush: int, nwindow: int, njoint: int, nunknown: int) -> Counters:
     )
 
 
-def hands(njoint: int, nunknown: int) -> Hands:
+def crossing(njoint: int, nunknown: int) -> Crossing:
     """Working space for one push at a time."""
-    return Hands(np.zeros(njoint), np.zeros(njoint), np.zeros(njoint), np.zeros((njoint, nunknown)))
+    return Crossing(np.zeros(njoint), np.zeros(njoint), np.zeros(njoint), np.zeros((njoint, nunknown)))
 
 
 @compiled
-def count_pushes(first, stride, starts, forces, balance, derivatives, timestep, ends, work, hands, shown, reached):  # type: ignore[no-untyped-def]
+def count_pushes(first, stride, starts, forces, balance, derivatives, timestep, ends, work, crossing, shown, reached):  # type: ignore[no-untyped-def]
     """Every `stride`-th push from the `first` on.
 
     Args:
@@ -84,21 +84,21 @@ def count_pushes(first, stride, starts, forces, balance, derivatives, timestep, 
         balance, derivatives, work: see `workspace`.
         timestep: in s.
         ends: the steps (nwindow) that the windows end with.
-        hands: working space, see `Hands`.
+        crossing: working space, see `Crossing`.
         shown: `Counters` with a leading axis (npush), filled in.
         reached: how many windows of each push (npush) the twin got through, filled in.
     """
     for push in range(first, starts.shape[0], stride):
         counts, states, state_slopes, touches, touch_slopes = shown
         seen = counts[push], states[push], state_slopes[push], touches[push], touch_slopes[push]
-        reached[push] = _count_push(starts[push], forces, balance, derivatives, timestep, ends, work, hands, seen)
+        reached[push] = _count_push(starts[push], forces, balance, derivatives, timestep, ends, work, crossing, seen)
 
 
 @compiled
-def _count_push(start, forces, balance, derivatives, timestep, ends, work, hands, shown):  # type: ignore[no-untyped-def]
+def _count_push(start, forces, balance, derivatives, timestep, ends, work, crossing, shown):  # type: ignore[no-untyped-def]
     """Runs one push that gives the joints the speeds `start` (njoint); returns how many windows it got through."""
     set_off(start, -1, work)
-    side, before, top, _ = hands
+    side, before, top, _ = crossing
     for i in range(start.shape[0]):
         side[i], before[i], top[i] = np.sign(start[i]), start[i], 0.0
     window = 0
@@ -112,9 +112,9 @@ def _count_push(start, forces, balance, derivatives, timestep, ends, work, hands
         if not move(timestep, work):
             return window
         for i in range(start.shape[0]):
-            _watch_joint(i, window, timestep, work, hands, shown)
+            _watch_joint(i, window, timestep, work, crossing, shown)
         if step + 1 == ends[window]:
-            _show(window, work, hands, shown)
+            _show(window, work, crossing, shown)
             window += 1
             if window < ends.shape[0]:
                 for i in range(start.shape[0]):
@@ -123,10 +123,10 @@ def _count_push(start, forces, balance, derivatives, timestep, ends, work, hands
 
 
 @compiled
-def _watch_joint(i, window, timestep, work, hands, shown):  # type: ignore[no-untyped-def]
+def _watch_joint(i, window, timestep, work, crossing, shown):  # type: ignore[no-untyped-def]
     """Counts joint i after a step, and keeps its extrema that are nearest to the upright."""
     counts, _, _, touches, touch_slopes = shown
-    side, before, top, top_slopes = hands
+    side, before, top, top_slopes = crossing
     angle, speed = _joint(i, work.angle), _joint(i, work.speed)
     if speed * before[i] < 0.0:  # the angle a step ago was an extremum
         height = side[i] * (angle - timestep * speed)
@@ -165,12 +165,12 @@ def _slope_a_step_ago(i, side, timestep, work, slope):  # type: ignore[no-untype
 
 
 @compiled
-def _show(window, work, hands, shown):  # type: ignore[no-untyped-def]
+def _show(window, work, crossing, shown):  # type: ignore[no-untyped-def]
     """Fills in the states of the joints at the end of a window."""
     _, states, state_slopes, _, _ = shown
     n = work.angle.shape[0]
     for i in range(n):
-        side = hands.side[i]
+        side = crossing.side[i]
         states[window, 0, i] = side * _joint(i, work.angle)
         states[window, 1, i] = side * _joint(i, work.speed)
         for row in range(2):

@@ -43,8 +43,8 @@ class TakenUp:
         sizes: theirs, in words.
         before: the misfit without them.
         after: the misfit with them.
-        foretold: the misfit of the pushes that were held out, by a fit to the others.
-        foretold_below: a misfit below this is explained by noise.
+        predicted: the misfit of the pushes that were held out, by a fit to the others.
+        predicted_below: a misfit below this is explained by noise.
         rivals: others that explain as much, in words, each with a lump that would be elsewhere.
     """
 
@@ -52,14 +52,14 @@ class TakenUp:
     sizes: tuple[str, ...]
     before: float
     after: float
-    foretold: float
-    foretold_below: float
+    predicted: float
+    predicted_below: float
     rivals: tuple[str, ...]
 
     @property
     def holds(self) -> bool:
         """Whether nothing speaks against them."""
-        return self.foretold < self.foretold_below and not self.rivals
+        return self.predicted < self.predicted_below and not self.rivals
 
     @property
     def description(self) -> str:
@@ -73,7 +73,7 @@ class TakenUp:
         if not self.holds:
             return (
                 f"with {named} all is explained together, but not pushes that were held out: their misfit is "
-                f"{self.foretold:.3g} (foretold: below {self.foretold_below:.3g})"
+                f"{self.predicted:.3g} (predicted: below {self.predicted_below:.3g})"
             )
         return f"the study took up {named}: with that the misfit falls from {self.before:.3g} to {self.after:.2g}"
 

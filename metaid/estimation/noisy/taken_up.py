@@ -1,7 +1,7 @@
 """Faults that an estimate takes up by itself, where nothing explains what was seen without them.
 
 A fault is taken up with all that an estimate owes: the fit with it explains everything to the noise, shows no further
-force, foretells pushes that it was not fitted to, and has no rival. A rival is another fault that explains as much and
+force, predicts pushes that it was not fitted to, and has no rival. A rival is another fault that explains as much and
 with which a lump would be elsewhere.
 """
 
@@ -55,9 +55,9 @@ def take_up(readings: Readings, estimate: Found, search: Search) -> tuple[Found,
         return again, None
     before = min((each.misfit for each in (plain, again) if each is not None), default=np.inf)
     rivals = (_rival(best, each) for each in explained if each is not best)
-    foretold = _foretold(_with_faults(readings, best), best)
+    predicted = _predicted(_with_faults(readings, best), best)
     sizes = fault_sizes(kinds, best.faults)
-    return best, TakenUp(kinds, sizes, before, best.misfit, *foretold, tuple(each for each in rivals if each))
+    return best, TakenUp(kinds, sizes, before, best.misfit, *predicted, tuple(each for each in rivals if each))
 
 
 def _without(readings: Readings, estimate: Found) -> Found | None:
@@ -137,7 +137,7 @@ def _rival(best: Found, other: Found) -> str:
     return f"{named}, with which {best.names[moved]} would be {abs(by):.2g} % {'larger' if by > 0.0 else 'smaller'}"
 
 
-def _foretold(readings: Readings, estimate: Found) -> tuple[float, float]:
+def _predicted(readings: Readings, estimate: Found) -> tuple[float, float]:
     """The misfit of pushes that are held out, by what the others say of the same unknowns and how surely, and how much
     of it noise explains.
 

@@ -1,13 +1,13 @@
 """A serial arm in space: links that hinges and slides join, each after the one before.
 
 `Tree` holds its kinematics and its inertial and friction parameters. Its torque is linear in these (`torque_regressor`)
-and depends on some combinations alone, the `BaseParameters`. A `Belief` says how wrong a nominal arm may be.
+and depends on some combinations alone, the `BaseParameters`. A `ArmPrior` says how wrong a nominal arm may be.
 `TreeModel` is an arm by its base parameters, on the face of every model. `JointFriction` is what friction real joints
 have.
 """
 
+from metaid.models.tree.arm_prior import ArmPrior, PriorDeviations
 from metaid.models.tree.base import BaseParameters, base_parameters, random_states
-from metaid.models.tree.belief import Belief, Prior
 from metaid.models.tree.bodies import PossibleBodies, nominal_pseudo_inertias, possible_bodies, pseudo_inertia
 from metaid.models.tree.joint_friction import JointFriction, dahl, dry_states
 from metaid.models.tree.model_error import ModelError, difference, model_error
@@ -18,12 +18,12 @@ from metaid.models.tree.tree_model import TreeModel, nominal_model
 
 __all__ = [
     "PARAMETERS",
+    "ArmPrior",
     "BaseParameters",
-    "Belief",
     "JointFriction",
     "ModelError",
     "PossibleBodies",
-    "Prior",
+    "PriorDeviations",
     "Tree",
     "TreeModel",
     "base_parameters",

@@ -11,7 +11,7 @@ import numpy as np
 
 from metaid.models.closest_bodies import Matrices, closest
 from metaid.models.lumps import Array
-from metaid.models.tree.belief import LEAST_LEVER, Belief
+from metaid.models.tree.arm_prior import LEAST_LEVER, ArmPrior
 from metaid.models.tree.regressor import BODY
 from metaid.models.tree.tree import PARAMETERS, Tree
 
@@ -31,7 +31,7 @@ class PossibleBodies:
     cut: Array
 
 
-def possible_bodies(belief: Belief, values: Array) -> PossibleBodies | None:
+def possible_bodies(prior: ArmPrior, values: Array) -> PossibleBodies | None:
     """The possible bodies with base parameters `values` (nbase) that are closest to the nominal arm's.  Eq. 54.
 
     Rotors and friction that no other parameter can make up for are as identified, unless that is negative.
@@ -41,12 +41,12 @@ def possible_bodies(belief: Belief, values: Array) -> PossibleBodies | None:
     """
     from scipy.linalg import null_space  # which a command that only reads a DB does without
 
-    nominal, base = belief.nominal, belief.base
+    nominal, base = prior.nominal, prior.base
     njoint, size = nominal.njoint, len(PARAMETERS)
-    spread = np.sqrt(np.diag(belief.parameter_covariance))
+    spread = np.sqrt(np.diag(prior.parameter_covariance))
     scale = np.where(spread > 0.0, spread, 1.0)
     directions = scale[:, None] * null_space(base.matrix * scale)
-    start = belief.parameters_at(values)
+    start = prior.parameters_at(values)
     slope = directions.reshape(njoint, size, -1)
     nominal_bodies = nominal_pseudo_inertias(nominal)
     groups = [

@@ -7,34 +7,34 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from metaid.models.lumps import Array
-from metaid.models.tree.belief import Belief
+from metaid.models.tree.arm_prior import ArmPrior
 from metaid.models.tree.regressor import torque_regressor
 
 
 @dataclass(frozen=True)
 class TreeModel:
-    """An arm with these base `parameters` (nbase); of the others it has the most probable by a `belief`."""
+    """An arm with these base `parameters` (nbase); of the others it has the most probable by a `prior`."""
 
-    belief: Belief
+    prior: ArmPrior
     parameters: Array
 
     @property
     def names(self) -> list[str]:
-        return list(self.belief.base.names)
+        return list(self.prior.base.names)
 
     @property
     def units(self) -> list[str]:
-        return list(self.belief.base.units)
+        return list(self.prior.base.units)
 
     @property
     def expressions(self) -> list[str]:
         """What each base parameter is made of (nbase)."""
-        return list(self.belief.base.expressions)
+        return list(self.prior.base.expressions)
 
     @property
     def standard_parameters(self) -> Array:
         """The most probable parameters of every joint and its link (njoint x 13)."""
-        return self.belief.parameters_at(self.parameters)
+        return self.prior.parameters_at(self.parameters)
 
     def with_parameters(self, parameters: Array) -> TreeModel:
         return replace(self, parameters=parameters)
@@ -47,8 +47,8 @@ class TreeModel:
     def regressor(self, angles: Array, speeds: Array, accelerations: Array | None = None) -> Array:
         """The joint torque for a unit of each base parameter (njoint x nbase)."""
         wanted = np.zeros_like(speeds) if accelerations is None else accelerations
-        every = torque_regressor(self.belief.nominal, angles, speeds, wanted)
-        return every.reshape(*every.shape[:-2], -1)[..., self.belief.base.columns]
+        every = torque_regressor(self.prior.nominal, angles, speeds, wanted)
+        return every.reshape(*every.shape[:-2], -1)[..., self.prior.base.columns]
 
     def mass_matrix(self, angles: Array) -> Array:
         still = np.zeros((len(angles), len(angles)))
@@ -57,6 +57,6 @@ class TreeModel:
         return np.asarray(columns.T, dtype=np.float64)
 
 
-def nominal_model(belief: Belief) -> TreeModel:
-    """The nominal arm of a `belief`."""
-    return TreeModel(belief, belief.values)
+def nominal_model(prior: ArmPrior) -> TreeModel:
+    """The nominal arm of a `prior`."""
+    return TreeModel(prior, prior.values)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from metaid.models import Array
-from metaid.models.tree import PARAMETERS, Belief, Tree, body_torque
+from metaid.models.tree import PARAMETERS, ArmPrior, Tree, body_torque
 from metaid.recorded.weak_form.equations import Equations, Part
 from metaid.recorded.weak_form.linear_model import RIGID
 from metaid.recorded.weak_form.normal import eliminated_covariance
@@ -148,18 +148,18 @@ def suspects(equations: Equations, values: Array) -> Iterator[Suspect]:
             one_each[..., joints, joints] = torques
             columns.append(one_each @ against)
         yield Suspect("another scale of the torques", columns, every, np.full(n - 1, SCALE), against)
-    if isinstance(model.source, Belief):
+    if isinstance(model.source, ArmPrior):
         yield _misplaced(equations, model.source, values[: model.nbody])
 
 
-def _misplaced(equations: Equations, belief: Belief, bodies: Array) -> Suspect:
+def _misplaced(equations: Equations, prior: ArmPrior, bodies: Array) -> Suspect:
     """Joints of an arm with these base parameters (nbody) that are not where they are said to be: six columns a joint.
 
     What the base parameters leave open of the links is as probable as can be.
     """
-    tree, base = belief.nominal, np.zeros_like(belief.values)
-    base[belief.base.columns % len(PARAMETERS) < RIGID] = bodies
-    parameters = belief.parameters_at(base)
+    tree, base = prior.nominal, np.zeros_like(prior.values)
+    base[prior.base.columns % len(PARAMETERS) < RIGID] = bodies
+    parameters = prior.parameters_at(base)
     windows = [part.windows.thinned(THINNED) for part in equations.parts]
 
     def needed(moved: Tree) -> list[Array]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import IDEAL, Array, Chain, lump_names, lump_unit
-from metaid.models.tree import PARAMETERS, Belief, Tree, dahl, dry_states, torque_regressor
+from metaid.models.tree import PARAMETERS, ArmPrior, Tree, dahl, dry_states, torque_regressor
 
 COLUMNS = ("viscous", "coulomb", "root", "offset", "load")  # terms that are linear in what is unknown of them
 TERMS = (*COLUMNS, "hysteresis")
@@ -46,7 +46,7 @@ class LinearModel:
         presliding: displacement over which dry friction builds up (njoint), in rad or m; 0 where it follows the speed.
         coupled: pairs of joints whose motors are coupled, from 0 on.
         still: joint speed below which dry friction is a share of its whole (njoint), in rad/s or m/s.
-        source: the chain with its gravity in m/s², or the belief in the arm.
+        source: the chain with its gravity in m/s², or the prior in the arm.
     """
 
     names: tuple[str, ...]
@@ -61,7 +61,7 @@ class LinearModel:
     presliding: Array
     coupled: tuple[tuple[int, int], ...]
     still: Array
-    source: tuple[Chain, float] | Belief
+    source: tuple[Chain, float] | ArmPrior
 
     @property
     def njoint(self) -> int:
@@ -73,7 +73,7 @@ class LinearModel:
 
     @property
     def is_chain(self) -> bool:
-        return not isinstance(self.source, Belief)
+        return not isinstance(self.source, ArmPrior)
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -266,9 +266,9 @@ def arm_model(
         friction: the terms of every joint.
         coupled: pairs of joints, from 0 on, whose motors are coupled.
     """
-    belief = Belief(tree)
-    kept = belief.base.columns % len(PARAMETERS) < RIGID
-    columns = belief.base.columns[kept]
+    prior = ArmPrior(tree)
+    kept = prior.base.columns % len(PARAMETERS) < RIGID
+    columns = prior.base.columns[kept]
 
     def bodies(coordinates: Array, speeds: Array, accelerations: Array) -> Array:
         every = torque_regressor(tree, coordinates, speeds, accelerations)
@@ -279,11 +279,11 @@ def arm_model(
 
     return _with_friction(
         LinearModel(
-            names=chosen(belief.base.names),
-            units=chosen(belief.base.units),
-            expressions=chosen(belief.base.expressions),
-            nominal=belief.values[kept],
-            covariance=belief.covariance[np.ix_(kept, kept)],
+            names=chosen(prior.base.names),
+            units=chosen(prior.base.units),
+            expressions=chosen(prior.base.expressions),
+            nominal=prior.values[kept],
+            covariance=prior.covariance[np.ix_(kept, kept)],
             bodies=bodies,
             joints=tuple(tree.names),
             slides=tree.slides,
@@ -291,7 +291,7 @@ def arm_model(
             presliding=np.zeros(tree.njoint),
             coupled=coupled,
             still=np.full(tree.njoint, 0.01),
-            source=belief,
+            source=prior,
         ),
         friction,
         np.zeros(tree.njoint),

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from metaid.models import Array
-from metaid.models.tree import PARAMETERS, Belief, Tree, nominal_pseudo_inertias, planar_tree, pseudo_inertia
+from metaid.models.tree import PARAMETERS, ArmPrior, Tree, nominal_pseudo_inertias, planar_tree, pseudo_inertia
 from metaid.recorded.weak_form.linear_model import RIGID, LinearModel
 
 WEIGHT = 0.05  # of the divergence, beside χ² / 2
@@ -93,7 +93,7 @@ class Possible:
     def __init__(self, model: LinearModel, scale: float, fastest: Array) -> None:
         self._model, self._scale, self._fastest = model, scale, fastest
         self._friction = np.arange(model.nbody, len(model.names))
-        if isinstance(model.source, Belief):
+        if isinstance(model.source, ArmPrior):
             self._tree = model.source.nominal
             self._links = scale * self._tree.parameters[:, :RIGID].ravel()
             base = model.source.base
@@ -123,7 +123,7 @@ class Possible:
         model, nlinks, nfriction = self._model, len(self._links), len(self._friction)
         jacobian = np.zeros((len(model.names), self._nfree))
         jacobian[self._friction, nlinks + np.arange(nfriction)] = 1.0
-        if isinstance(model.source, Belief):
+        if isinstance(model.source, ArmPrior):
             jacobian[: model.nbody, :nlinks] = self._matrix
             return jacobian @ x, jacobian
         n = model.njoint

@@ -88,11 +88,11 @@ class ArmFindings:
         """How wrong the arms of some `trials` are on states that no trial has seen, a column each for `gravity`,
         `coriolis` and `mass_matrix`, relative to the true arm; None where that is not known.
         """
-        truth, belief = self.snapshot.truth, self.problem.belief
+        truth, prior = self.snapshot.truth, self.problem.prior
         if truth is None:
             return None
         values = trials[self.problem.names].to_numpy(dtype=np.float64)
-        return pd.DataFrame([asdict(model_error(truth, law)) for law in belief.parameters_at(values)])
+        return pd.DataFrame([asdict(model_error(truth, law)) for law in prior.parameters_at(values)])
 
     @cached_property
     def nominal_error(self) -> dict[str, float] | None:

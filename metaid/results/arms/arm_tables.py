@@ -48,7 +48,7 @@ def best_table(snapshot: ArmSnapshot) -> pd.DataFrame:
     if best is None:
         return _base_rows(snapshot, unknown, unknown, unknown)
     value = 2.0 * np.pi * (best.outcome.value + problem.resolution)
-    root = problem.belief.root
+    root = problem.prior.root
     shown, axes = np.linalg.eigh(root.T @ problem.sensitivity(best.factors) @ root)
     shown = np.maximum(shown, np.finfo(float).eps * shown[-1])
     reach = value * np.sqrt((((root @ axes) ** 2) / shown).sum(axis=1))
@@ -67,23 +67,23 @@ def _base_rows(
         coarse: what must be a tenth of it, or of what was believed, for it to be determined (nbase).
         deviation: standard deviations (nbase), where they are known.
     """
-    belief = snapshot.problem.belief
-    nominal, beforehand = belief.values, np.sqrt(np.diag(belief.covariance))
+    prior = snapshot.problem.prior
+    nominal, beforehand = prior.values, np.sqrt(np.diag(prior.covariance))
     determined = coarse <= COARSEST * np.maximum(np.abs(values), beforehand)
-    units, truth = belief.base.units, snapshot.truth
+    units, truth = prior.base.units, snapshot.truth
     unknown = np.full(len(nominal), np.nan)
-    true = unknown if truth is None else _settled(belief.base.of(truth.parameters), units)
+    true = unknown if truth is None else _settled(prior.base.of(truth.parameters), units)
     believed = _settled(nominal, units)
     factor = values / np.where(believed == 0.0, np.nan, believed)
     spread = unknown if deviation is None else deviation
     table = table_of(
-        (belief.base.names, units),
+        (prior.base.names, units),
         believed,
         (factor, values),
         (spread, values - reach, values + reach),
         (determined, true),
     )
-    return table.assign(expression=belief.base.expressions)
+    return table.assign(expression=prior.base.expressions)
 
 
 def _settled(values: Array, units: Sequence[str]) -> Array:

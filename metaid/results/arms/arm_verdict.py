@@ -35,7 +35,7 @@ def judge_arm(snapshot: ArmSnapshot) -> Verdict:
     else:
         why = found.description
     done = len(snapshot.trials), snapshot.spec.study.trials
-    if snapshot.problem.goes_by_estimate or explains:
+    if snapshot.problem.is_matching or explains:
         source: Source = "estimate"
         against: tuple[str, ...] = (why,)
     else:
@@ -122,7 +122,7 @@ def _model_error(snapshot: ArmSnapshot, verdict: Verdict) -> dict[str, float] | 
 
 def identified_parameters(snapshot: ArmSnapshot, verdict: Verdict) -> Array:
     """Parameters of the identified arm (njoint x 13), the most probable that have its base parameters."""
-    return snapshot.problem.belief.parameters_at(verdict.values)
+    return snapshot.problem.prior.parameters_at(verdict.values)
 
 
 def laws(snapshot: ArmSnapshot, verdict: Verdict) -> dict[str, Array]:
@@ -135,5 +135,5 @@ def laws(snapshot: ArmSnapshot, verdict: Verdict) -> dict[str, Array]:
     if verdict.has_result:
         found["identified"] = identified_parameters(snapshot, verdict)
     elif snapshot.best is not None:
-        found["best trial"] = problem.belief.parameters_at(snapshot.best.factors)
+        found["best trial"] = problem.prior.parameters_at(snapshot.best.factors)
     return found if snapshot.truth is None else {**found, "true": snapshot.truth.parameters}

@@ -44,7 +44,7 @@ def identified_arm(snapshot: ArmSnapshot, even_if_not_found: bool = False) -> Id
     if found is not None:
         own = found.covariance if verdict.has_result else found.estimate.value_covariance
         covariance = pd.DataFrame(own, index=names, columns=names)
-    dynamics = arm_dynamics(problem.belief, values)
+    dynamics = arm_dynamics(problem.prior, values)
     gravity = tuple(problem.nominal.gravity.tolist())
     return IdentifiedModel(snapshot.name, about, table, covariance, dynamics, gravity, problem.timestep)
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import FRICTION, Array, Chain, Lumps, chain_of_lumps
-from metaid.models.tree import Belief, Tree, planar_tree, possible_bodies
+from metaid.models.tree import ArmPrior, Tree, planar_tree, possible_bodies
 from metaid.results.exporting.laws import ArmLaw, ChainLaw, Law
 from metaid.results.exporting.xml_files import Couple
 
@@ -72,10 +72,10 @@ def chain_dynamics(lumps: Lumps, gravity: float, nominal: Chain, known: NDArray[
     return Dynamics(ChainLaw(lumps, gravity), tree, found.chain, tuple(notes), is_chain=True)
 
 
-def arm_dynamics(belief: Belief, values: Array) -> Dynamics:
-    """That of an arm with base parameters `values` (nbase), its bodies close to the nominal ones of a `belief`."""
-    found = possible_bodies(belief, values)
-    law = ArmLaw(belief.nominal, belief.parameters_at(values))
+def arm_dynamics(prior: ArmPrior, values: Array) -> Dynamics:
+    """That of an arm with base parameters `values` (nbase), its bodies close to the nominal ones of a `prior`."""
+    found = possible_bodies(prior, values)
+    law = ArmLaw(prior.nominal, prior.parameters_at(values))
     if found is None:
         return Dynamics(law, None, None, (), is_chain=False)
     notes = tuple(

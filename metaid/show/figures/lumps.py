@@ -56,7 +56,7 @@ def plot_known(found: ArmFindings, axes: Axes | None = None) -> Axes:
     of the nominal arm, as shares of how wrong it may have been beforehand.
     """
     axes = new_axes(axes)
-    lumps, beforehand = found.lumps, np.sqrt(np.diag(found.problem.belief.covariance))
+    lumps, beforehand = found.lumps, np.sqrt(np.diag(found.problem.prior.covariance))
     half = (lumps["high"] - lumps["low"]) / (2.0 * DEVIATIONS)
     places = np.arange(len(lumps))
     axes.axvline(1.0, color=INK, linewidth=0.7, linestyle=":")

@@ -40,7 +40,7 @@ def arm_identifiability(problem: ArmProblem) -> ArmIdentifiability:
 
     Raises StudyError where such a trial tells nothing.
     """
-    spec, belief = problem.spec, problem.belief
+    spec, prior = problem.spec, problem.prior
     plant = spec.plant.model_copy(update={"arm": TreeSettings.of(problem.nominal)})
     settings = spec.study.estimate.model_copy(update={"enabled": True})
     study = spec.study.model_copy(update={"estimate": settings})
@@ -48,16 +48,16 @@ def arm_identifiability(problem: ArmProblem) -> ArmIdentifiability:
     experiment = alike.experiment()
     assert experiment is not None, "an estimate is enabled"
     with threadpool_limits(1):
-        trial = experiment.trial(belief.values, alike.make_objective().evaluate(belief.values))
+        trial = experiment.trial(prior.values, alike.make_objective().evaluate(prior.values))
         estimate = None if trial is None else experiment.estimate([trial], thorough=False)
     if estimate is None:
         raise StudyError("under the law of the nominal arm its pushes show nothing")
-    base = belief.base
+    base = prior.base
     return ArmIdentifiability(
         names=base.names,
         units=base.units,
         expressions=base.expressions,
         resolution=DEVIATIONS * estimate.value_deviations,
-        beforehand=DEVIATIONS * np.sqrt(np.diag(belief.covariance)),
+        beforehand=DEVIATIONS * np.sqrt(np.diag(prior.covariance)),
         seen_by_bias=base.seen_by_bias,
     )

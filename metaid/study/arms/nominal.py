@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from metaid.models import Array
-from metaid.models.tree import Prior, Tree
+from metaid.models.tree import PriorDeviations, Tree
 
 
-def drawn_nominal(tree: Tree, seed: int, prior: Prior) -> Tree:
+def drawn_nominal(tree: Tree, seed: int, prior: PriorDeviations) -> Tree:
     """An arm like `tree`, with the same joints.
 
     The masses and the moments of inertia about the centre of mass are wrong by up to the deviations of the `prior`, and

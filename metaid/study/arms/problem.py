@@ -10,7 +10,7 @@ import numpy as np
 from metaid.episode import QUANTITIES, Outcome, fall_value, window_ends
 from metaid.episode.arms import KINETIC, ArmEpisode, ceiling_hz, resolution_hz
 from metaid.models import Array
-from metaid.models.tree import Belief, Tree
+from metaid.models.tree import ArmPrior, Tree
 from metaid.plant.arms import ArmPlant, ArmSettings
 from metaid.search import (
     SAMPLERS,
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from metaid.compiled.arms import ArmObjective
     from metaid.estimation.arms import ArmExperiment
 
-FARTHEST = 10.0  # standard deviations of the belief: no base parameter beyond is tried
+FARTHEST = 10.0  # standard deviations of the prior: no base parameter beyond is tried
 QUIETEST = 1e-9  # rad: so far a twin agrees with a sensor that has no noise
 WINDOW_BUDGET = 8_000_000  # bytes a study
 MOST_MATCHED = 8  # trials that an estimate is made of where the sampler does without
@@ -42,10 +42,10 @@ class ArmProblem:
     def __init__(self, spec: ArmSpec) -> None:
         self.spec = spec
         self.nominal: Tree = spec.nominal.tree
-        self.belief = Belief(self.nominal, spec.study.estimate.prior, spec.counted_by)
-        self.names = list(self.belief.base.names)
-        reach = FARTHEST * np.sqrt(np.diag(self.belief.covariance))
-        self.low, self.high = self.belief.values - reach, self.belief.values + reach
+        self.prior = ArmPrior(self.nominal, spec.study.estimate.prior, spec.counted_by)
+        self.names = list(self.prior.base.names)
+        reach = FARTHEST * np.sqrt(np.diag(self.prior.covariance))
+        self.low, self.high = self.prior.values - reach, self.prior.values + reach
 
     @cached_property
     def episode(self) -> ArmEpisode:
@@ -56,7 +56,7 @@ class ArmProblem:
         return ArmEpisode(starts, stiffness, steps, window_ends(steps), wanted.runaway, self.spec.study.seed)
 
     @property
-    def goes_by_estimate(self) -> bool:
+    def is_matching(self) -> bool:
         """Whether the sampler sends the estimate from all trials before."""
         return SAMPLERS[self.spec.study.sampler].by_estimate
 
@@ -64,14 +64,14 @@ class ArmProblem:
     def coordinates(self) -> Coordinates:
         """What a searcher moves in: one that minimises, in the metric of the measure."""
         if self.goes_by_estimate:
-            return plain_coordinates(self.belief.values, self.low, self.high)
-        return believed_metric(self.sensitivity(), self.belief, self.low, self.high)
+            return plain_coordinates(self.prior.values, self.low, self.high)
+        return believed_metric(self.sensitivity(), self.prior, self.low, self.high)
 
     def sensitivity(self, values: Array | None = None) -> Array:
         """H (nbase x nbase) of the measure, by the nominal arm, or by the mass matrix of one with these `values`
         (nbase).  Eq. 61.
         """
-        return arm_sensitivity(self.belief, self.episode, self.timestep, values)
+        return arm_sensitivity(self.prior, self.episode, self.timestep, values)
 
     @property
     def counted_joints(self) -> int:
@@ -95,7 +95,7 @@ class ArmProblem:
         return self._most_matched(self.spec.study.trials) if self.keeps_readings else 0
 
     def _most_matched(self, most: int) -> int:
-        return most if self.goes_by_estimate else min(most, MOST_MATCHED)
+        return most if self.is_matching else min(most, MOST_MATCHED)
 
     @property
     def keeps_readings(self) -> bool:
@@ -123,7 +123,7 @@ class ArmProblem:
         """An objective of its own for each worker, in base parameters."""
         from metaid.compiled.arms import ArmObjective  # loads MuJoCo and numba
 
-        return ArmObjective(self.open_plant(), self.belief, self.episode)
+        return ArmObjective(self.open_plant(), self.prior, self.episode)
 
     def failed(self, reason: str) -> Outcome:
         """What the searcher is told of a candidate that could not be evaluated for that `reason`."""
@@ -150,4 +150,4 @@ class ArmProblem:
 
         size = self.spec.plant.faults.angle_noise
         noise = np.full(self.nominal.njoint, max(size, QUIETEST)) if self.keeps_readings else None
-        return ArmExperiment(self.episode, ArmUnknowns(self.belief), self.timestep, self.resolution, noise)
+        return ArmExperiment(self.episode, ArmUnknowns(self.prior), self.timestep, self.resolution, noise)

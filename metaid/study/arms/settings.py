@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from metaid.files import Settings
-from metaid.models.tree import Prior, Tree
+from metaid.models.tree import PriorDeviations, Tree
 from metaid.plant.arms import ArmFaults, ArmStart
 from metaid.search import OutputErrorOptions, StepOptions
 
@@ -68,9 +68,9 @@ class ArmEstimateSettings(Settings):
     coulomb: Share = 0.3
 
     @property
-    def prior(self) -> Prior:
+    def prior(self) -> PriorDeviations:
         """The same as the model has it."""
-        return Prior(**self.model_dump(exclude={"enabled"}))
+        return PriorDeviations(**self.model_dump(exclude={"enabled"}))
 
 
 class ArmStudySettings(Settings):

@@ -65,19 +65,19 @@ class ArmFound:
         """What the estimate is worth where it does not explain what was seen to the noise, base parameter by base
         parameter; None where it does, and where no push can be left out.
         """
-        estimate, held, belief = self.estimate, self.held_out, self.estimate.searched.belief
+        estimate, held, prior = self.estimate, self.held_out, self.estimate.searched.prior
         if held is None:
             return None
-        values, beforehand = estimate.values, np.sqrt(np.diag(belief.covariance))
+        values, beforehand = estimate.values, np.sqrt(np.diag(prior.covariance))
         return Approximation(
             replace(held, unknowns=estimate.searched.values(held.unknowns)),
             estimate.misfit,
             estimate.residuals,
-            belief.nominal.names,
+            prior.nominal.names,
             estimate.value_deviations,
             np.zeros(len(values)),
             COARSEST * np.maximum(np.abs(values), beforehand),
-            possible_bodies(belief, values) is not None,
+            possible_bodies(prior, values) is not None,
         )
 
     @property

@@ -78,7 +78,7 @@ def _given(problem: AnyProblem, trials: Sequence[Trial], foreign: Sequence[Forei
     """What an estimate has that follows from the study and its trials, and is not kept."""
     if isinstance(problem, ArmProblem):
         arm = problem
-        return {"seen": lambda: watched_arm_trials(arm, trials), "searched": ArmUnknowns(problem.belief)}
+        return {"seen": lambda: watched_arm_trials(arm, trials), "searched": ArmUnknowns(problem.prior)}
     chain = problem
     return {"seen": lambda: watched_trials(chain, trials, foreign)[:2]}
 

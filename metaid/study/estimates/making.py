@@ -50,7 +50,7 @@ def study_estimate(
     """
     with threadpool_limits(1):  # at these sizes BLAS threads cost far more than they give
         experiment, watched, others = watched_trials(problem, trials, foreign)
-        return None if experiment is None else estimate_of(experiment, watched, problem.goes_by_estimate, others)
+        return None if experiment is None else estimate_of(experiment, watched, problem.is_matching, others)
 
 
 def estimate_of(

@@ -1,4 +1,4 @@
-"""What is believed of an arm before anything is seen of it, and what follows from base parameters for all of them."""
+"""The prior of an arm, before anything is seen of it, and what follows from base parameters for all parameters."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LEAST_SHARE = 0.1  # of the strongest joint's torque, for a joint that needs nex
 
 
 @dataclass(frozen=True)
-class Prior:
+class PriorDeviations:
     """How wrong a nominal arm may be: standard deviations.
 
     Attributes:
@@ -40,14 +40,14 @@ class Prior:
 
 
 @dataclass(frozen=True)
-class Belief:
+class ArmPrior:
     """A `nominal` arm and how wrong it may be.
 
     Its base parameters are `counted_by` those of these names (nbase), by default by any that are independent.
     """
 
     nominal: Tree
-    prior: Prior = Prior()
+    deviations: PriorDeviations = PriorDeviations()
     counted_by: tuple[str, ...] | None = None
 
     @cached_property
@@ -63,12 +63,12 @@ class Belief:
     @cached_property
     def parameter_covariance(self) -> Array:
         """W, of all parameters (13 njoint x 13 njoint).  Eq. 41."""
-        tree, prior = self.nominal, self.prior
+        tree, deviations = self.nominal, self.deviations
         size = len(PARAMETERS)
         covariance = np.zeros((tree.njoint, size, tree.njoint, size))
         for i, scale in enumerate(self._torques):
-            joint = np.array([0.1 * prior.rotor, prior.damping, prior.coulomb]) * scale
-            covariance[i, :BODY, i, :BODY] = _of_body(tree, i, prior)
+            joint = np.array([0.1 * deviations.rotor, deviations.damping, deviations.coulomb]) * scale
+            covariance[i, :BODY, i, :BODY] = _of_body(tree, i, deviations)
             covariance[i, BODY:, i, BODY:] = np.diag(joint**2)
         return covariance.reshape(tree.njoint * size, tree.njoint * size)
 
@@ -114,14 +114,14 @@ class Belief:
         return np.asarray(np.maximum(torques, LEAST_SHARE * torques.max()), dtype=np.float64)
 
 
-def _of_body(tree: Tree, link: int, prior: Prior) -> Array:
+def _of_body(tree: Tree, link: int, apart: PriorDeviations) -> Array:
     """The covariance of the ten parameters of a link, whose mass, centre of mass and inertia are independent."""
     mass, com, inertia = tree.mass[link], tree.com[link], tree.inertia[link]
     moments = np.diag(inertia)
     sizes = np.sqrt(np.outer(moments, moments)) * np.where(np.eye(3) > 0.0, 1.0, 0.5)
     upper = np.triu_indices(3)
     lever = max(float(np.linalg.norm(com)), LEAST_LEVER)
-    deviations = np.concatenate([[prior.mass * mass], np.full(3, prior.com * lever), prior.inertia * sizes[upper]])
+    deviations = np.concatenate([[apart.mass * mass], np.full(3, apart.com * lever), apart.inertia * sizes[upper]])
     # How m, m c and the inertia about the origin change with m, c and that about the centre of mass.
     change = np.eye(BODY)
     change[1:4, 0], change[1:4, 1:4] = com, mass * np.eye(3)
