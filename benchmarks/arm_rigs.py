@@ -12,8 +12,8 @@ from metaid.episode import window_ends
 from metaid.episode.arms import ArmEpisode
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, PriorDeviations
-from metaid.plant import load_plant
-from metaid.plant.arms import ArmFaults, ArmPlant, ArmSettings, draw_starts
+from metaid.plant import ArmPlant, ArmSettings, load_plant
+from metaid.plant.arms import ArmFaults, draw_starts
 from metaid.study.arms import drawn_nominal
 
 SHIPPED = ("pa10", "crs-a465", "puma560")

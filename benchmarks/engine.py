@@ -23,8 +23,8 @@ from metaid.episode import Episode, run_stepwise, window_ends
 from metaid.episode.arms import ArmEpisode
 from metaid.models import Array
 from metaid.models.tree import PriorDeviations
-from metaid.plant import load_plant
-from metaid.plant.arms import ArmPlant, draw_starts
+from metaid.plant import ArmPlant, load_plant
+from metaid.plant.arms import draw_starts
 from metaid.study import Problem
 from metaid.study.arms import drawn_nominal
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from metaid.models.chain import Chain
-from metaid.models.lumps import Array
+from metaid.models import Array, Chain
 
 
 def jacobians(chain: Chain, angles: Array) -> tuple[Array, Array]:

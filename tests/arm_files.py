@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from metaid.plant.arms import ArmSettings, read_arm
-from metaid.plant.arms.reading import Arm
+from metaid.plant import ArmSettings
+from metaid.plant.arms import Arm, read_arm
 
 # A turned base, a joint off its body's origin, a reference angle, two joints on one body, a slide, a fixed body, a
 # gripper of two fingers, and masses that follow from shapes.

@@ -16,7 +16,7 @@ from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 
 from metaid.show import make_dashboard
-from metaid.store.database import Store
+from metaid.store import Store
 
 FLAGS = (
     "--headless",

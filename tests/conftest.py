@@ -18,14 +18,11 @@ from postgres import Postgres, run_postgres
 from rig import Serve, serving
 
 from metaid.cli import main
-from metaid.models.chain import Chain
-from metaid.plant.faults import FaultSettings
-from metaid.plant.mujoco_plant import MujocoPlant
-from metaid.plant.settings import LinkSettings, PlantSettings
-from metaid.results.best import identified_factors
-from metaid.results.snapshot import read_snapshot
-from metaid.store.database import Store
-from metaid.study.settings import StudySpec
+from metaid.models import Chain
+from metaid.plant import FaultSettings, LinkSettings, MujocoPlant, PlantSettings
+from metaid.results import identified_factors, read_snapshot
+from metaid.store import Store
+from metaid.study import StudySpec
 
 LONG_SET_UP = ("test_wheel.py", "test_workers.py")  # what is made for them takes longer than their tests
 
@@ -72,7 +69,7 @@ def wrong_chain(chain: Chain, seed: int) -> Chain:
 
 def matching_spec(noisy: bool) -> StudySpec:
     """A study of two links by output-error that takes four trials, on an ideal or on a noisy plant."""
-    from metaid.study.kinds import load_chain_study
+    from metaid.study import load_chain_study
 
     if noisy:
         spec = load_chain_study("two-link-tpe", {"sampler": "output-error", "trials": 4, "episode.measure": "smoothed"})
@@ -148,7 +145,7 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A DB of real runs, not to be changed: `plain` (three links, some falls), `boundary` (two links, half of them
     falls) and `counted` (one link, whole periods).
     """
-    from metaid.study.kinds import load_chain_study
+    from metaid.study import load_chain_study
 
     def make(folder: Path) -> None:
         made: dict[str, tuple[str, dict[str, object]]] = {
@@ -173,8 +170,8 @@ def estimated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     `hidden` and `hidden-searched`, likewise of a plant with friction that the model has not, and `noisy`, of a noisy
     plant.
     """
-    from metaid.plant.settings import PlantSettings
-    from metaid.study.kinds import load_chain_study
+    from metaid.plant import PlantSettings
+    from metaid.study import load_chain_study
 
     def make(folder: Path) -> None:
         matched, searched = {"sampler": "output-error", "trials": 4}, {"sampler": "cmaes", "trials": 40}
@@ -193,8 +190,7 @@ def estimated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run_all(path: Path, specs: Mapping[str, StudySpec]) -> None:
     """Makes a DB with these studies, all of them run."""
-    from metaid.study.create import create_study
-    from metaid.study.run import run_study
+    from metaid.study import create_study, run_study
 
     store = Store(str(path), create=True)
     for name, spec in specs.items():

@@ -10,8 +10,7 @@ from numpy.random import Generator
 
 from metaid.models import Array
 from metaid.models.tree import Tree
-from metaid.plant import load_plant
-from metaid.plant.arms import ArmPlant
+from metaid.plant import ArmPlant, load_plant
 
 
 def random_arm(njoint: int, seed: int, slides: tuple[int, ...] = (), friction: bool = True) -> Tree:

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from metaid.plant.socket_plant import SocketPlant, SocketSettings
+from metaid.plant import SocketPlant, SocketSettings
 
 ROOT = Path(__file__).parent.parent
 TWO_LINK = ROOT / "plants" / "two-link.toml"

@@ -21,7 +21,8 @@ from metaid.estimation.arms import (
     watched_arm_trial,
 )
 from metaid.models.tree import ArmPrior
-from metaid.plant.arms import ArmFaults, ArmPlant, draw_starts
+from metaid.plant import ArmPlant
+from metaid.plant.arms import ArmFaults, draw_starts
 
 LEAST_NOISE = 1e-15  # rad: readings of a rig with exact sensors are kept, too
 

@@ -18,8 +18,7 @@ from benchmarks.rivals.pushed_arm import output_error_of_arm
 from metaid.episode import natural_time
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, PriorDeviations
-from metaid.plant import PlantSettings, chain_of, load_plant
-from metaid.plant.arms import ArmPlant
+from metaid.plant import ArmPlant, PlantSettings, chain_of, load_plant
 from metaid.study.arms import drawn_nominal
 
 GRAVITY: float = PlantSettings.model_fields["gravity"].default

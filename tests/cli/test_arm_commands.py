@@ -19,7 +19,7 @@ from metaid.models.tree import PARAMETERS, planar_tree
 from metaid.plant import ArmPlant, load_chain, load_plant
 from metaid.plant.arms import ArmStart
 from metaid.plant.arms.reading import forces_of_lean
-from metaid.results.exporting.xml_files import mjcf
+from metaid.results.exporting import mjcf
 from metaid.show.scene import viewer_model
 
 Metaid = Callable[..., Finished]

@@ -14,8 +14,8 @@ import pytest
 from conftest import Finished
 
 from metaid.cli import app
-from metaid.models.lumps import IDEAL
-from metaid.plant.loading import load_plant
+from metaid.models import IDEAL
+from metaid.plant import load_plant
 
 Metaid = Callable[..., Finished]
 

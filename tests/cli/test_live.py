@@ -15,8 +15,8 @@ from conftest import Finished
 from rich.console import Console
 
 from metaid.cli import live
-from metaid.store.database import Store
-from metaid.study.run import run_study
+from metaid.store import Store
+from metaid.study import run_study
 
 Metaid = Callable[..., Finished]
 

@@ -20,7 +20,7 @@ from browser import served
 from conftest import Finished
 
 import metaid as package
-from metaid.store.database import Store
+from metaid.store import Store
 
 Metaid = Callable[..., Finished]
 

@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 
 from metaid.errors import StudyError
-from metaid.study.evaluation.ray_actors import RayEvaluator
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
+from metaid.study import Problem, load_chain_study
+from metaid.study.evaluation import RayEvaluator
 from soak.common import METAID, ROOT
 
 FULL = Path("/dev/full")

@@ -15,8 +15,8 @@ from metaid.compiled.stages import agrees_with_mj_step
 from metaid.episode import window_ends
 from metaid.episode.arms import ArmEpisode, run_arm_stepwise, same_arm_record, smoothed_arm_frequency
 from metaid.models.tree import Tree, joint_torque
-from metaid.plant import slope_weights
-from metaid.plant.arms import ArmFaults, ArmPlant, ArmSettings, ArmStart, arm_model
+from metaid.plant import ArmPlant, ArmSettings, slope_weights
+from metaid.plant.arms import ArmFaults, ArmStart, arm_model
 
 STEPS = 40
 

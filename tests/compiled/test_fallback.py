@@ -6,14 +6,10 @@ import numpy as np
 import pytest
 from conftest import random_plant
 
-from metaid.compiled.loop import CompiledLoop
-from metaid.compiled.objective import Objective
-from metaid.episode.episode import Episode
-from metaid.episode.pushes import rich_pushes
-from metaid.models.lumps import Array, Lumps
-from metaid.plant.mujoco_plant import MujocoPlant
-from metaid.plant.protocol import Plant
-from metaid.plant.start import Start
+from metaid.compiled import CompiledLoop, Objective
+from metaid.episode import Episode, rich_pushes
+from metaid.models import Array, Lumps
+from metaid.plant import MujocoPlant, Plant, Start
 
 
 class Rig:

@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 from conftest import random_links
 
-from metaid.compiled.loop import CompiledLoop, fastest_step
-from metaid.compiled.stages import DirectStep, agrees_with_mj_step, direct_step, mujoco_step
-from metaid.episode.episode import Episode
-from metaid.episode.pushes import rich_pushes
-from metaid.plant.mujoco_plant import MujocoPlant
-from metaid.plant.settings import PlantSettings
+from metaid.compiled import CompiledLoop, DirectStep, fastest_step, mujoco_step
+from metaid.compiled.stages import agrees_with_mj_step, direct_step
+from metaid.episode import Episode, rich_pushes
+from metaid.plant import MujocoPlant, PlantSettings
 
 
 def plant_with(nlink: int, **joint: float) -> MujocoPlant:

@@ -12,13 +12,9 @@ import numpy as np
 import pytest
 from conftest import random_plant
 
-from metaid.compiled.faulty_loop import FaultyLoop
-from metaid.compiled.loop import fastest_step
-from metaid.compiled.objective import Objective
-from metaid.compiled.quiet import quiet_mujoco
+from metaid.compiled import FaultyLoop, Objective, fastest_step, quiet_mujoco
 from metaid.compiled.undocumented import LIBRARY
-from metaid.episode.episode import Episode
-from metaid.episode.pushes import rich_pushes
+from metaid.episode import Episode, rich_pushes
 
 NAMES = ("mjcb_time", "mju_user_warning")
 

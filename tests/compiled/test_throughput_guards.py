@@ -13,13 +13,9 @@ import pytest
 import sqlalchemy as sa
 from conftest import Finished
 
-from metaid.episode.outcome import Outcome
-from metaid.store.database import Store
-from metaid.store.trial import Trial
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
-from metaid.study.run import run_study
+from metaid.episode import Outcome
+from metaid.store import Store, Trial
+from metaid.study import Problem, create_study, load_chain_study, run_study
 
 GENERATION = 9  # of cmaes at three links
 

@@ -7,19 +7,12 @@ import pytest
 from analytic_chain import simulate
 from conftest import random_plant
 
-from metaid.compiled.loop import CompiledLoop
-from metaid.compiled.objective import Objective
-from metaid.episode.episode import Episode
-from metaid.episode.falls import FallRule
-from metaid.episode.measures import crossing_hz
-from metaid.episode.pushes import pushed_speeds, rich_pushes, tip_push
+from metaid.compiled import CompiledLoop, Objective
+from metaid.episode import Episode, FallRule, crossing_hz, pushed_speeds, rich_pushes, run_stepwise, tip_push
 from metaid.episode.record import crossings
-from metaid.episode.stepwise import run_stepwise
 from metaid.errors import EpisodeError
-from metaid.models.law import compensation_torque
-from metaid.models.lumps import factors_from_names
-from metaid.plant.mujoco_plant import MujocoPlant
-from metaid.plant.settings import LinkSettings, PlantSettings
+from metaid.models import compensation_torque, factors_from_names
+from metaid.plant import LinkSettings, MujocoPlant, PlantSettings
 
 ALL_SIZES = pytest.mark.parametrize("nlink", [1, 2, 3, 5, 10])
 

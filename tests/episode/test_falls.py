@@ -6,17 +6,10 @@ import numpy as np
 import pytest
 from conftest import random_links, random_plant
 
-from metaid.compiled.faulty_loop import FaultyLoop
-from metaid.compiled.loop import CompiledLoop, fastest_step
-from metaid.episode.episode import Episode
-from metaid.episode.falls import FallRule
-from metaid.episode.pushes import pushes_for, rich_pushes, tip_push
-from metaid.episode.record import Record
-from metaid.episode.stepwise import run_stepwise
-from metaid.models.lumps import Lumps
-from metaid.plant.faults import FaultSettings
-from metaid.plant.mujoco_plant import MujocoPlant
-from metaid.plant.settings import PlantSettings
+from metaid.compiled import CompiledLoop, FaultyLoop, fastest_step
+from metaid.episode import Episode, FallRule, Record, pushes_for, rich_pushes, run_stepwise, tip_push
+from metaid.models import Lumps
+from metaid.plant import FaultSettings, MujocoPlant, PlantSettings
 
 RULE = FallRule(limit=1.5, margin=1.5)
 TIMESTEP = 0.01

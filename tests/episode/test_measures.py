@@ -5,18 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from metaid.episode.episode import Episode
-from metaid.episode.measures import (
-    MEASURES,
-    alternation_periods,
-    crossing_hz,
-    fall_value,
-    get_measure,
-    maxima_periods,
-    spectral_hz,
-    whole_periods,
-)
-from metaid.episode.record import Record, crossings, energies
+from metaid.episode import MEASURES, Episode, Record, crossing_hz, fall_value, get_measure, spectral_hz, whole_periods
+from metaid.episode.measures import alternation_periods, maxima_periods
+from metaid.episode.record import crossings, energies
 from metaid.errors import EpisodeError
 from metaid.models import Lumps
 

@@ -9,15 +9,13 @@ import numpy as np
 import pytest
 from conftest import Finished, random_plant
 
-from metaid.compiled.objective import Objective
-from metaid.episode.episode import Episode
-from metaid.episode.falls import RICH_FALL_LIMIT, FallRule
-from metaid.episode.pushes import rich_pushes
-from metaid.episode.smoothing import noise_floor, smooth_energies, smoothed_hz
+from metaid.compiled import Objective
+from metaid.episode import RICH_FALL_LIMIT, Episode, FallRule, noise_floor, rich_pushes
+from metaid.episode.smoothing import smooth_energies, smoothed_hz
 from metaid.errors import StudyError
-from metaid.results.best import factor_range, identified_factors
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
+from metaid.results import identified_factors
+from metaid.results.best import factor_range
+from metaid.study import Problem, load_chain_study
 
 PERIOD = 0.002
 TIMES = PERIOD * np.arange(151)[:, None]

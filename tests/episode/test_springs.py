@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from conftest import random_plant, rubbing_plant
 
-from metaid.compiled.objective import Objective
-from metaid.episode.episode import Episode
-from metaid.episode.pushes import rich_pushes
-from metaid.episode.stepwise import run_stepwise
-from metaid.plant.mujoco_plant import MujocoPlant
+from metaid.compiled import Objective
+from metaid.episode import Episode, rich_pushes, run_stepwise
+from metaid.plant import MujocoPlant
 
 
 @pytest.mark.parametrize("plant", [random_plant(1), random_plant(3), rubbing_plant(5)], ids=["1", "3", "damped 5"])

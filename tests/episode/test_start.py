@@ -10,20 +10,11 @@ from analytic_chain import jacobians, simulate
 from conftest import random_plant
 from rig import rig_at
 
-from metaid.compiled.faulty_loop import FaultyLoop
-from metaid.compiled.loop import CompiledLoop, fastest_step
-from metaid.compiled.objective import Objective
-from metaid.episode.episode import Episode
-from metaid.episode.falls import FallRule
-from metaid.episode.measures import spectral_hz
-from metaid.episode.pushes import rich_pushes
-from metaid.episode.record import same_record
-from metaid.episode.stepwise import run_stepwise
-from metaid.episode.windows import window_ends
+from metaid.compiled import CompiledLoop, FaultyLoop, Objective, fastest_step
+from metaid.episode import Episode, FallRule, rich_pushes, run_stepwise, same_record, spectral_hz, window_ends
 from metaid.errors import EpisodeError, PlantError
-from metaid.models.law import compensation_torque
-from metaid.plant.mujoco_plant import MujocoPlant
-from metaid.plant.start import Start
+from metaid.models import compensation_torque
+from metaid.plant import MujocoPlant, Start
 
 ALL_SIZES = pytest.mark.parametrize("nlink", [1, 2, 3, 5])
 

@@ -8,16 +8,9 @@ import numpy as np
 import pytest
 from conftest import random_links, random_plant
 
-from metaid.compiled.objective import Objective
-from metaid.episode.episode import Episode
-from metaid.episode.pushes import rich_pushes
-from metaid.episode.record import Record, same_record
-from metaid.episode.stepwise import run_stepwise
-from metaid.episode.windows import window_ends
-from metaid.plant.faults import FaultSettings
-from metaid.plant.mujoco_plant import MujocoPlant
-from metaid.plant.settings import PlantSettings
-from metaid.plant.start import Start
+from metaid.compiled import Objective
+from metaid.episode import Episode, Record, rich_pushes, run_stepwise, same_record, window_ends
+from metaid.plant import FaultSettings, MujocoPlant, PlantSettings, Start
 
 STEPS = 60
 

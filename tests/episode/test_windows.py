@@ -8,16 +8,9 @@ import numpy as np
 import pytest
 from conftest import random_links, random_plant
 
-from metaid.compiled.faulty_loop import FaultyLoop
-from metaid.compiled.loop import CompiledLoop, fastest_step
-from metaid.episode.episode import Episode
-from metaid.episode.pushes import rich_pushes, tip_push
-from metaid.episode.record import same_record
-from metaid.episode.stepwise import StepwiseLoop, run_stepwise
-from metaid.episode.windows import window_ends
-from metaid.plant.faults import FaultSettings
-from metaid.plant.mujoco_plant import MujocoPlant
-from metaid.plant.settings import PlantSettings
+from metaid.compiled import CompiledLoop, FaultyLoop, fastest_step
+from metaid.episode import Episode, StepwiseLoop, rich_pushes, run_stepwise, same_record, tip_push, window_ends
+from metaid.plant import FaultSettings, MujocoPlant, PlantSettings
 
 
 def test_windows_grow_to_the_horizon_and_end_with_it() -> None:

@@ -23,7 +23,8 @@ from metaid.estimation.arms import (
 )
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, Tree
-from metaid.plant.arms import ArmFaults, ArmPlant, ArmSettings, ArmStart
+from metaid.plant import ArmPlant, ArmSettings
+from metaid.plant.arms import ArmFaults, ArmStart
 
 NOISE = 1e-4
 STEPS = 100

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from watched import GRAVITY, NOISE, TIMESTEP, raised, watched
 
-from metaid.estimation import Readings, SearchedFaults, Unknowns, fit, searched_faults
-from metaid.estimation.faults import FoundFaults
+from metaid.estimation import FoundFaults, Readings, SearchedFaults, Unknowns, fit, searched_faults
 from metaid.estimation.faults.searched import late
 from metaid.estimation.noisy import explanations, unmodelled_forces
 from metaid.plant import FaultSettings, fault_names, true_faults

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from watched import GRAVITY, NOISE, Watched, raised, watched
 
-from metaid.estimation import Estimate, Readings, ReadTrial, SearchedFaults, Unknowns, fit, searched_faults
-from metaid.estimation.faults import TakenUp
+from metaid.estimation import Estimate, Readings, ReadTrial, SearchedFaults, TakenUp, Unknowns, fit, searched_faults
 from metaid.estimation.noisy import take_up
 from metaid.plant import FaultSettings
 

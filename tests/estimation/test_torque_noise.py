@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from watched import GRAVITY, NOISE, raised, watched
 
-from metaid.estimation import NoisyExperiment, Readings, Unknowns
-from metaid.estimation.noisy import Innovations, ReadTrial, fit_with_torque_noise, unmodelled_forces
+from metaid.estimation import NoisyExperiment, Readings, ReadTrial, Unknowns
+from metaid.estimation.noisy import Innovations, fit_with_torque_noise, unmodelled_forces
 from metaid.models import Lumps
 from metaid.plant import FaultSettings
 

@@ -8,9 +8,7 @@ import pytest
 from conftest import random_plant
 
 from metaid.errors import EpisodeError
-from metaid.models.chain import speeds_after
-from metaid.models.law import compensation_basis, compensation_torque
-from metaid.models.lumps import UNITS, factors_from_names, lump_names
+from metaid.models import UNITS, compensation_basis, compensation_torque, factors_from_names, lump_names, speeds_after
 
 ALL_SIZES = pytest.mark.parametrize("nlink", [1, 2, 3, 5, 10])
 

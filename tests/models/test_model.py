@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from conftest import random_plant
 
-from metaid.models.law import compensation_torque, mass_matrix
-from metaid.models.lumps import FRICTION, IDEAL, Lumps
-from metaid.models.model import ChainModel, Model
+from metaid.models import FRICTION, IDEAL, ChainModel, Lumps, Model, compensation_torque, mass_matrix
 
 G = 9.81
 

@@ -11,7 +11,7 @@ import pytest
 from conftest import Finished
 
 from metaid.errors import EpisodeError
-from metaid.paper.tables import LIKE, PURE, paper_table, run_fig4, run_sweep, run_table
+from metaid.paper import LIKE, PURE, paper_table, run_fig4, run_sweep, run_table
 
 PRINTED = {1: [16, 11, 10, 9, 8, 6, 4], 2: [9, 24, 8, 24, 7, 21, 6, 18, 5, 15, 4, 14, 3, 14, 3, 13]}
 

@@ -9,7 +9,8 @@ import pytest
 from arm_files import URDF, read, two
 
 from metaid.errors import PlantError
-from metaid.plant.arms import ArmSettings, read_arm
+from metaid.plant import ArmSettings
+from metaid.plant.arms import read_arm
 from metaid.plant.arms.compiling import compile_file
 from metaid.plant.arms.fusing import Whole, fuse
 from metaid.plant.arms.reading import refuse_another_motion

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from metaid.errors import PlantError
-from metaid.plant import load_plant
-from metaid.plant.arms import ArmPlant, ArmSettings, draw_starts
+from metaid.plant import ArmPlant, ArmSettings, load_plant
+from metaid.plant.arms import draw_starts
 from metaid.plant.arms.starts import CLEARANCE, MARGIN, SPEED
 
 HORIZON = 0.3

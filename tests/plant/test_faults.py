@@ -9,25 +9,13 @@ import numpy as np
 import pytest
 from conftest import Finished, random_links
 
-from metaid.compiled.faulty_loop import FaultyLoop
-from metaid.compiled.loop import CompiledLoop, fastest_step
-from metaid.compiled.objective import Objective
-from metaid.episode.episode import Episode
-from metaid.episode.falls import RICH_FALL_LIMIT, FallRule
-from metaid.episode.pushes import rich_pushes
-from metaid.episode.stepwise import run_stepwise
+from metaid.compiled import CompiledLoop, FaultyLoop, Objective, fastest_step
+from metaid.episode import RICH_FALL_LIMIT, Episode, FallRule, rich_pushes, run_stepwise
 from metaid.errors import PlantError
-from metaid.models.lumps import Array
-from metaid.plant.faults import FaultSettings, draw, slope_weights
-from metaid.plant.faulty_plant import FaultyPlant
-from metaid.plant.loading import load_plant
-from metaid.plant.mujoco_plant import MujocoPlant
-from metaid.plant.settings import PlantSettings
-from metaid.plant.start import Start
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.run import run_study
+from metaid.models import Array
+from metaid.plant import FaultSettings, FaultyPlant, MujocoPlant, PlantSettings, Start, draw, load_plant, slope_weights
+from metaid.store import Store
+from metaid.study import create_study, load_chain_study, run_study
 
 FAULTS = {
     "none": {},

@@ -10,17 +10,11 @@ import pytest
 from analytic_chain import simulate
 from conftest import Finished, random_links
 
-from metaid.compiled.loop import CompiledLoop
-from metaid.episode.episode import Episode
-from metaid.episode.falls import FallRule
-from metaid.episode.pushes import pushed_speeds, tip_push
-from metaid.episode.stepwise import run_stepwise
+from metaid.compiled import CompiledLoop
+from metaid.episode import Episode, FallRule, pushed_speeds, run_stepwise, tip_push
 from metaid.errors import PlantError
-from metaid.models.law import compensation_torque
-from metaid.models.lumps import Lumps
-from metaid.plant.mujoco_plant import MujocoPlant
-from metaid.plant.settings import LinkSettings, PlantSettings
-from metaid.plant.start import Start
+from metaid.models import Lumps, compensation_torque
+from metaid.plant import LinkSettings, MujocoPlant, PlantSettings, Start
 
 STIFFNESS = np.array([0.3, 0.05])
 FAULT = 0.02

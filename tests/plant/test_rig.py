@@ -17,13 +17,10 @@ import pytest
 from rig import Serve, rig_at
 
 import metaid
-from metaid.compiled.objective import Objective
-from metaid.episode.episode import Episode
-from metaid.episode.falls import FallRule
-from metaid.episode.pushes import pushed_speeds, rich_pushes
+from metaid.compiled import Objective
+from metaid.episode import Episode, FallRule, pushed_speeds, rich_pushes
 from metaid.errors import AbsentPlant, LostPlant, PlantError
-from metaid.plant.socket_plant import SocketPlant
-from metaid.plant.start import Start
+from metaid.plant import SocketPlant, Start
 
 
 def episode_of(plant: SocketPlant, nominal: Any) -> Objective:

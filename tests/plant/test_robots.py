@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from metaid.models import Array
-from metaid.plant.arms import ArmPlant, ArmSettings, arm_model, draw_starts
+from metaid.plant import ArmPlant, ArmSettings
+from metaid.plant.arms import arm_model, draw_starts
 from metaid.plant.arms.reading import forces_of_lean
 
 pytestmark = pytest.mark.robots

@@ -11,20 +11,16 @@ import pytest
 
 import metaid as package
 from metaid import api, results
-from metaid.episode.outcome import Outcome
+from metaid.episode import Outcome
 from metaid.errors import StudyError
-from metaid.models.lumps import Array
-from metaid.results.findings import Findings, read_findings
-from metaid.results.validation import validate_factors
+from metaid.models import Array
+from metaid.results import Findings, read_findings, validate_factors
 from metaid.show import companions, dashboard
 from metaid.show.figures import Gallery, plot_boundary
 from metaid.show.report import render
-from metaid.store.database import Store
+from metaid.store import Store, Trial
 from metaid.store.reading import StoredTrials
-from metaid.store.trial import Trial
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
+from metaid.study import Problem, create_study, load_chain_study
 
 FIRST, LAST = 1.02, 1.01  # factors of the first and the last of two equal trials
 

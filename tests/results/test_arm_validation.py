@@ -17,9 +17,10 @@ from metaid.compiled.arms import arm_coasting_steps, track_arm
 from metaid.errors import StudyError
 from metaid.models import Array
 from metaid.models.tree import Tree, joint_mass_matrix, joint_torque
-from metaid.plant.arms import ArmPlant, ArmSettings, ArmStart, draw_free_starts
-from metaid.results.control import smooth_sinusoids
-from metaid.results.validation import Validated, Validation
+from metaid.plant import ArmPlant, ArmSettings
+from metaid.plant.arms import ArmStart, draw_free_starts
+from metaid.results import Validation, smooth_sinusoids
+from metaid.results.validation import Validated
 
 Metaid = Callable[..., Finished]
 STEPS = 60

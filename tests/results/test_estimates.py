@@ -13,13 +13,10 @@ from pandas.testing import assert_frame_equal
 
 import metaid as package
 from metaid.errors import StudyError
-from metaid.results.validation import validate_factors
-from metaid.store.database import Store
-from metaid.study.create import create_study
+from metaid.results import validate_factors
+from metaid.store import Store
+from metaid.study import Problem, create_study, load_chain_study, run_study
 from metaid.study.estimates.making import first_enough
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
-from metaid.study.run import run_study
 
 Metaid = Callable[..., Finished]
 INERTIA = ["inertia_1", "inertia_2", "inertia_3"]

@@ -22,7 +22,8 @@ from random_arm import SOME, arm_named, wrong_tree
 from metaid.models import Array, ChainModel
 from metaid.models.law import sliding
 from metaid.models.tree import ArmPrior, Tree, joint_mass_matrix, joint_torque
-from metaid.plant.arms import ArmSettings, read_arm
+from metaid.plant import ArmSettings
+from metaid.plant.arms import read_arm
 from metaid.results.exporting import IdentifiedModel, arm_dynamics, chain_dynamics
 
 TOLERANCE = 1e-9

@@ -12,21 +12,13 @@ import pytest
 from benchmarks.chains import random_chain
 from metaid.cli.printed import print_study
 from metaid.errors import StudyError
-from metaid.plant.faults import FaultSettings
-from metaid.plant.settings import PlantSettings
-from metaid.results.findings import read_findings
+from metaid.plant import FaultSettings, PlantSettings
+from metaid.results import judge, lumps_frame, read_findings, read_snapshot, summary
 from metaid.results.lump_tables import fault_rows
-from metaid.results.overview import summary
-from metaid.results.snapshot import read_snapshot
-from metaid.results.tables import lumps_frame
-from metaid.results.verdict import judge
 from metaid.show.notes import note
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
-from metaid.study.run import run_study
-from metaid.study.settings import EpisodeSettings, EstimateSettings, StudySettings, StudySpec
+from metaid.store import Store
+from metaid.study import EpisodeSettings, Problem, StudySettings, StudySpec, create_study, load_chain_study, run_study
+from metaid.study.settings import EstimateSettings
 
 
 def late_and_tilted(

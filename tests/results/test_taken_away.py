@@ -15,7 +15,7 @@ from conftest import Finished, matching_spec
 from exported import FULL, model_of
 
 from metaid.results.exporting import chain_dynamics
-from metaid.study.settings import StudySpec
+from metaid.study import StudySpec
 
 Metaid = Callable[..., Finished]
 

@@ -11,25 +11,14 @@ import pytest
 from conftest import Finished, random_links, random_plant
 
 import metaid as package
-from metaid.episode.pushes import natural_time
+from metaid.episode import natural_time
 from metaid.errors import StudyError
-from metaid.models.lumps import FRICTION, IDEAL, Lumps
-from metaid.models.model import ChainModel
-from metaid.plant.faults import draw
-from metaid.plant.faulty_plant import FaultyPlant
-from metaid.plant.mujoco_plant import MujocoPlant
-from metaid.plant.settings import PlantSettings
-from metaid.results.control import computed_torque, smooth_sinusoids, track, track_stepwise
-from metaid.results.validation import (
-    Validated,
-    coasting_time,
-    coasting_time_stepwise,
-    fresh_pushes,
-    tracking_errors,
-    validate_factors,
-)
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
+from metaid.models import FRICTION, IDEAL, ChainModel, Lumps
+from metaid.plant import FaultyPlant, MujocoPlant, PlantSettings, draw
+from metaid.results import smooth_sinusoids, track, validate_factors
+from metaid.results.control import computed_torque, track_stepwise
+from metaid.results.validation import Validated, coasting_time, coasting_time_stepwise, fresh_pushes, tracking_errors
+from metaid.study import Problem, load_chain_study
 
 Metaid = Callable[..., Finished]
 

@@ -14,16 +14,10 @@ from conftest import Finished
 
 from benchmarks.chains import random_chain
 from metaid.errors import StudyError
-from metaid.plant.faults import FaultSettings
-from metaid.plant.settings import PlantSettings
-from metaid.results.overview import summary
-from metaid.results.snapshot import read_snapshot
-from metaid.results.verdict import Verdict, judge
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.run import run_study
-from metaid.study.settings import EpisodeSettings, StudySettings, StudySpec
+from metaid.plant import FaultSettings, PlantSettings
+from metaid.results import Verdict, judge, read_snapshot, summary
+from metaid.store import Store
+from metaid.study import EpisodeSettings, StudySettings, StudySpec, create_study, load_chain_study, run_study
 from soak.confident import try_case
 
 NO_ESTIMATE = {"estimate.enabled": False}

@@ -8,11 +8,9 @@ import sys
 import numpy as np
 import pytest
 
-from metaid.episode.outcome import Outcome
-from metaid.models.lumps import Array
-from metaid.search.cmaes import Cmaes
-from metaid.search.coordinates import Coordinates, plain_coordinates
-from metaid.search.searcher import StepOptions
+from metaid.episode import Outcome
+from metaid.models import Array
+from metaid.search import Cmaes, Coordinates, StepOptions, plain_coordinates
 
 TRUTH = np.array([1.2, 0.9, 1.1])
 

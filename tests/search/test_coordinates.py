@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from conftest import random_plant
 
-from metaid.compiled.objective import Objective
-from metaid.episode.episode import Episode
-from metaid.episode.pushes import pushed_speeds, rich_pushes, rich_speeds, tip_push
+from metaid.compiled import Objective
+from metaid.episode import Episode, pushed_speeds, rich_pushes, rich_speeds, tip_push
 from metaid.errors import EpisodeError
-from metaid.search.coordinates import nominal_metric, plain_coordinates
-from metaid.search.sensitivity import designed_speeds, sensitivity
+from metaid.search import designed_speeds, nominal_metric, plain_coordinates, sensitivity
 
 
 @pytest.mark.parametrize("nlink", [1, 2, 3, 5])

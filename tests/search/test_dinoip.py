@@ -13,18 +13,14 @@ import numpy as np
 import pytest
 from conftest import Finished, random_plant
 
-from metaid.compiled.objective import Objective
-from metaid.episode.episode import Episode
-from metaid.episode.outcome import Outcome
-from metaid.episode.pushes import tip_push
-from metaid.models.lumps import Array
-from metaid.results.tables import best_trial_frame, trials_frame
-from metaid.search.coordinates import plain_coordinates
+from metaid.compiled import Objective
+from metaid.episode import Episode, Outcome, tip_push
+from metaid.models import Array
+from metaid.results import best_trial_frame, trials_frame
+from metaid.search import plain_coordinates
 from metaid.search.dinoip import MOST_STEPS_UP, Dinoip, DinoipOptions
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.run import run_study
+from metaid.store import Store
+from metaid.study import create_study, load_chain_study, run_study
 
 
 def search(

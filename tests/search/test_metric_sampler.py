@@ -9,11 +9,9 @@ import optuna
 import pytest
 from optuna.samplers import BaseSampler, CmaEsSampler, RandomSampler, TPESampler
 
-from metaid.episode.outcome import Outcome
-from metaid.search.coordinates import Coordinates
-from metaid.search.optuna_samplers import MetricSampler, tpe_for_metric
+from metaid.episode import Outcome
+from metaid.search import Coordinates, MetricSampler, SamplerOptions, make_searcher, tpe_for_metric
 from metaid.search.optuna_samplers.metric import REACH, UNIFORM_EVERY
-from metaid.search.registry import SamplerOptions, make_searcher
 
 LUMPS = 4
 NAMES = [f"factor_{i}" for i in range(LUMPS)]

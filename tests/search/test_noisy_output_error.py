@@ -12,14 +12,11 @@ from pandas.testing import assert_frame_equal
 from benchmarks.chains import random_chain
 from metaid import results
 from metaid.episode import SensorReadings
-from metaid.plant.faults import FaultSettings
-from metaid.plant.settings import PlantSettings
+from metaid.plant import FaultSettings, PlantSettings
 from metaid.results import judge, read_snapshot
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.problem import Problem
-from metaid.study.run import run_study
-from metaid.study.settings import EpisodeSettings, EstimateSettings, SearchSettings, StudySettings, StudySpec
+from metaid.store import Store
+from metaid.study import EpisodeSettings, Problem, SearchSettings, StudySettings, StudySpec, create_study, run_study
+from metaid.study.settings import EstimateSettings
 
 NOISE = {"angle_noise": 1e-3, "speed_sensor": False}
 

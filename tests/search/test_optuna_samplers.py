@@ -7,10 +7,9 @@ import optuna
 import pytest
 from optuna.trial import TrialState
 
-from metaid.episode.outcome import Outcome
-from metaid.search.coordinates import Coordinates, plain_coordinates
+from metaid.episode import Outcome
+from metaid.search import Coordinates, SamplerOptions, make_searcher, plain_coordinates
 from metaid.search.optuna_samplers import GENERATION, OptunaSampler
-from metaid.search.registry import SamplerOptions, make_searcher
 from metaid.search.searcher import GenerationOptions
 
 

@@ -17,13 +17,19 @@ from benchmarks.hard_chains import spec_of as hard_chain_spec
 from metaid import results
 from metaid.errors import StudyError
 from metaid.estimation import Estimate, SeenTrial, SilentExperiment
-from metaid.plant.settings import LinkSettings, PlantSettings
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import MOST_TRIALS
-from metaid.study.run import run_study
-from metaid.study.settings import EpisodeSettings, EstimateSettings, SearchSettings, StudySettings, StudySpec
+from metaid.plant import LinkSettings, PlantSettings
+from metaid.store import Store
+from metaid.study import (
+    MOST_TRIALS,
+    EpisodeSettings,
+    SearchSettings,
+    StudySettings,
+    StudySpec,
+    create_study,
+    load_chain_study,
+    run_study,
+)
+from metaid.study.settings import EstimateSettings
 
 OSCILLATION = EpisodeSettings(measure="crossing", pushes="tip", steps=3000)
 

@@ -17,7 +17,7 @@ import metaid as package
 from metaid.results import read_any_findings
 from metaid.results.arms import ArmFindings
 from metaid.show import render_any
-from metaid.store.database import Store
+from metaid.store import Store
 
 Metaid = Callable[..., Finished]
 FIGURES = ("convergence", "known", "tracking", "estimate-motion", "estimate-residuals")

@@ -18,12 +18,8 @@ from optuna_dashboard import get_note, save_note
 
 import metaid as package
 from metaid.show import companions, dashboard, notes
-from metaid.store.database import Store
-from metaid.store.trial import Trial
-from metaid.study.create import create_study, stored_spec
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
-from metaid.study.run import run_study
+from metaid.store import Store, Trial
+from metaid.study import Problem, create_study, load_chain_study, run_study, stored_spec
 
 Metaid = Callable[..., Finished]
 

@@ -17,10 +17,9 @@ from matplotlib.lines import Line2D
 from PIL import Image
 
 from metaid import figures, load_findings, load_plant
-from metaid.episode.stepwise import run_stepwise
+from metaid.episode import run_stepwise
 from metaid.errors import StorageError
-from metaid.results.findings import Findings
-from metaid.results.sweeps import plane, sweep
+from metaid.results import Findings, plane, sweep
 
 Metaid = Callable[..., Finished]
 FILES = {"convergence", "factors", "ranges", "frequency", "boundary", "parallel", "correlation", "episode"}

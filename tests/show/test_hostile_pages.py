@@ -19,12 +19,10 @@ import pytest
 from browser import Browser, served, wait_for
 from conftest import Finished
 
-from metaid.results.findings import read_findings
+from metaid.results import read_findings
 from metaid.show import dashboard
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.run import run_study
+from metaid.store import Store
+from metaid.study import create_study, load_chain_study, run_study
 
 Metaid = Callable[..., Finished]
 

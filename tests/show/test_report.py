@@ -15,10 +15,8 @@ from pages import ids_are_single, repeat, seen_everywhere
 import metaid as package
 from metaid.results import read_findings
 from metaid.show.report import render, templates
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.run import run_study
+from metaid.store import Store
+from metaid.study import create_study, load_chain_study, run_study
 
 Metaid = Callable[..., Finished]
 FIGURES = ("convergence", "factors", "ranges", "frequency", "boundary", "parallel", "correlation", "episode")

@@ -17,15 +17,12 @@ from mujoco import MjData, MjModel, mj_step
 from PIL import Image
 
 from metaid.api import candidates_of, episode_objective
-from metaid.plant.arms import ArmPlant
-from metaid.plant.loading import load_plant
-from metaid.plant.mujoco_plant import MujocoPlant
-from metaid.plant.settings import PlantSettings
+from metaid.plant import ArmPlant, MujocoPlant, PlantSettings, load_plant
+from metaid.results import read_findings
 from metaid.results.arms import laws_of
-from metaid.results.findings import read_findings
 from metaid.show.scene import viewer_model
 from metaid.show.video import filmed
-from metaid.store.database import Store
+from metaid.store import Store
 
 Metaid = Callable[..., Finished]
 

@@ -11,11 +11,8 @@ from conftest import Finished
 from optuna.trial import TrialState
 
 from metaid import results
-from metaid.store.database import Store
-from metaid.store.trial import Trial
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
+from metaid.store import Store, Trial
+from metaid.study import Problem, create_study, load_chain_study
 
 REASON = 'it ended its worker\'s process 3 times: "signal 6"'
 

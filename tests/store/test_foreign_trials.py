@@ -17,10 +17,8 @@ from optuna.trial import create_trial
 
 from metaid import results
 from metaid.errors import StorageError
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.run import run_study
+from metaid.store import Store
+from metaid.study import create_study, load_chain_study, run_study
 
 TRIALS = 36
 GENERATION = 9

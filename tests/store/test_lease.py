@@ -22,11 +22,8 @@ from postgres import Postgres
 
 from metaid import results
 from metaid.errors import StorageError
-from metaid.store import lease
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.run import run_study
+from metaid.store import Store, lease
+from metaid.study import create_study, load_chain_study, run_study
 from soak.common import METAID
 
 # Episodes so long that readers see many generations of few trials, and no estimate for them to make.

@@ -24,14 +24,10 @@ from pandas.testing import assert_frame_equal
 from postgres import PASSWORD, QUOTED, Postgres
 
 from metaid import api, results
-from metaid.episode.outcome import Outcome
+from metaid.episode import Outcome
 from metaid.errors import StorageError
-from metaid.store.database import Store
-from metaid.store.trial import Trial
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.progress import Progress
-from metaid.study.run import run_study
+from metaid.store import Store, Trial
+from metaid.study import Progress, create_study, load_chain_study, run_study
 from soak.common import METAID, ROOT
 
 CHANGES = {"trials": 90, "search.coordinates": "plain", "search.start": 0.8, "episode.fall_limit": 1.0}

@@ -8,13 +8,10 @@ import numpy as np
 import optuna
 import pytest
 
-from metaid.episode.readings import SensorReadings, readings_before_fall
-from metaid.store.database import Store
+from metaid.episode import SensorReadings, readings_before_fall
+from metaid.store import Store
 from metaid.store.sensor_readings import decoded, encoded
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
-from metaid.study.run import run_study
+from metaid.study import Problem, create_study, load_chain_study, run_study
 
 
 def some_readings(ran: list[int], fell: bool, has_speed_sensor: bool) -> SensorReadings:

@@ -20,10 +20,8 @@ from conftest import Finished
 from pandas.testing import assert_frame_equal
 
 from metaid import results
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.run import run_study
+from metaid.store import Store
+from metaid.study import create_study, load_chain_study, run_study
 from soak.common import ROOT
 
 CHANGES = {"trials": 900, "search.coordinates": "plain", "search.start": 0.8, "episode.fall_limit": 1.0}

@@ -13,13 +13,10 @@ import pytest
 from optuna.trial import TrialState
 
 from metaid import results
-from metaid.episode.outcome import Outcome
+from metaid.episode import Outcome
 from metaid.errors import StorageError
-from metaid.store.database import Store
-from metaid.store.trial import Trial
-from metaid.study.create import create_study, delete_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.run import run_study
+from metaid.store import Store, Trial
+from metaid.study import create_study, delete_study, load_chain_study, run_study
 
 CHANGES = {
     "trials": 60,

@@ -18,11 +18,8 @@ from conftest import Finished
 
 from metaid import results
 from metaid.errors import StorageError
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.progress import Progress
-from metaid.study.run import run_study
+from metaid.store import Store
+from metaid.study import Progress, create_study, load_chain_study, run_study
 from soak.common import ROOT
 from soak.vanishing import deleted, moved, replaced, without_log
 

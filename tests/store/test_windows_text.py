@@ -11,13 +11,10 @@ import optuna
 import pytest
 from conftest import Finished
 
-from metaid.episode.windows import Windows, windows_before_fall
-from metaid.store.database import Store
+from metaid.episode import Windows, windows_before_fall
+from metaid.store import Store
 from metaid.store.windows import decoded, encoded
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
-from metaid.study.run import run_study
+from metaid.study import Problem, create_study, load_chain_study, run_study
 
 Metaid = Callable[..., Finished]
 

@@ -19,7 +19,7 @@ from metaid import results
 from metaid.files import shipped_folder
 from metaid.models.tree import joint_torque
 from metaid.results.arms import ArmSnapshot, read_any_snapshot
-from metaid.show.dashboard import make_dashboard
+from metaid.show import make_dashboard
 from metaid.store import Store
 from metaid.study import ArmSpec, create_study, load_study, run_study
 

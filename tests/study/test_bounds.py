@@ -11,16 +11,11 @@ from conftest import best_error
 
 from benchmarks.chains import random_chain
 from metaid import results
-from metaid.plant.settings import PlantSettings
+from metaid.plant import PlantSettings
 from metaid.results.best import best_trial
-from metaid.search.bounds import at_bounds, bounds_in_force, widened
-from metaid.store.database import Store
-from metaid.study.bounds import lumps_at_bounds
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
-from metaid.study.run import run_study
-from metaid.study.settings import StudySettings, StudySpec
+from metaid.search import at_bounds, bounds_in_force, widened
+from metaid.store import Store
+from metaid.study import Problem, StudySettings, StudySpec, create_study, load_chain_study, lumps_at_bounds, run_study
 
 
 def problem_of(**changes: Any) -> Problem:

@@ -14,10 +14,8 @@ from conftest import Finished
 
 from metaid import results
 from metaid.models import IDEAL, lump_names
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.run import run_study
+from metaid.store import Store
+from metaid.study import create_study, load_chain_study, run_study
 
 STUDY = "three-link"
 CASES = ("cmaes", 1), ("cmaes", 2), ("cmaes", 3), ("tpe", 1)  # samplers and seeds; the first case is the shipped one

@@ -10,20 +10,13 @@ import pytest
 from conftest import best_error, rubbing_plant
 
 from metaid import api, results
-from metaid.compiled.objective import Objective
-from metaid.episode.episode import Episode
-from metaid.episode.pushes import pushed_speeds, rich_pushes
-from metaid.episode.stepwise import run_stepwise
+from metaid.compiled import Objective
+from metaid.episode import Episode, pushed_speeds, rich_pushes, run_stepwise
 from metaid.errors import StudyError
-from metaid.models.law import compensation_basis, compensation_torque
-from metaid.models.lumps import IDEAL, Lumps
-from metaid.plant.mujoco_plant import MujocoPlant
-from metaid.plant.start import Start
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
-from metaid.study.run import run_study
+from metaid.models import IDEAL, Lumps, compensation_basis, compensation_torque
+from metaid.plant import MujocoPlant, Start
+from metaid.store import Store
+from metaid.study import Problem, create_study, load_chain_study, run_study
 
 ALL = (*IDEAL, "damping", "coulomb")
 

@@ -12,12 +12,8 @@ from conftest import Finished
 
 from metaid import results
 from metaid.plant import PlantSettings
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.identifiability import identifiability
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
-from metaid.study.run import run_study
+from metaid.store import Store
+from metaid.study import Problem, create_study, identifiability, load_chain_study, run_study
 from soak.promises import errors, spec_of
 
 Metaid = Callable[..., Finished]

@@ -18,10 +18,9 @@ from conftest import Finished
 
 import metaid as package
 from metaid.plant import FaultSettings, PlantSettings
-from metaid.results import read_snapshot, summary
+from metaid.results import judge, read_snapshot, summary
 from metaid.results.arms import ArmSnapshot, arm_summary, judge_arm, read_any_snapshot
 from metaid.results.overview import summarized
-from metaid.results.verdict import judge
 from metaid.store import Store
 from metaid.study import create_study, load_chain_study, run_study
 from metaid.study.estimates import kept, kept_with

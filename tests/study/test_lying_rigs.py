@@ -11,26 +11,13 @@ import numpy as np
 import pytest
 from conftest import random_links, random_plant
 
-from metaid.episode.episode import Episode
-from metaid.episode.falls import FallRule
-from metaid.episode.outcome import Outcome
-from metaid.episode.plausible import Calibration
-from metaid.episode.pushes import natural_time, rich_pushes
-from metaid.episode.stepwise import run_stepwise
+from metaid.episode import Calibration, Episode, FallRule, Outcome, natural_time, rich_pushes, run_stepwise
 from metaid.errors import ImplausiblePlant, PlantError
 from metaid.models import Array, Chain
-from metaid.plant.faults import FaultSettings
-from metaid.plant.faulty_plant import FaultyPlant
-from metaid.plant.mujoco_plant import MujocoPlant
-from metaid.plant.settings import PlantSettings
-from metaid.plant.socket_plant import SocketPlant, SocketSettings
-from metaid.plant.start import Start
+from metaid.plant import FaultSettings, FaultyPlant, MujocoPlant, PlantSettings, SocketPlant, SocketSettings, Start
 from metaid.store import Store
+from metaid.study import Problem, create_study, load_chain_study, run_study, stored_spec
 from metaid.study.calibration import calibrate
-from metaid.study.create import create_study, stored_spec
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
-from metaid.study.run import run_study
 from soak import lies
 from soak.lies import LIES, Answer, Liar, Lie, listening, replayed
 from soak.rigs import HONEST_TRIALS, NOISE, PUSHES_A_TRIAL, STEPS, broken, created, told

@@ -17,12 +17,10 @@ from conftest import Finished
 from rig import ROOT, Serve
 
 from metaid import results
-from metaid.episode.readings import SensorReadings
-from metaid.plant.settings import PlantSettings, chain_of
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.run import run_study
+from metaid.episode import SensorReadings
+from metaid.plant import PlantSettings, chain_of
+from metaid.store import Store
+from metaid.study import create_study, load_chain_study, run_study
 from soak.lies import PLANT, Liar
 from soak.rigs import NOISE, STEPS, created
 

@@ -17,11 +17,8 @@ from optuna.trial import FixedTrial, FrozenTrial, TrialState
 import metaid
 from metaid import results
 from metaid.errors import StorageError, StudyError
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
-from metaid.study.run import run_study
+from metaid.store import Store
+from metaid.study import Problem, create_study, load_chain_study, run_study
 
 STUDY = "two-link-tpe"
 SAMPLERS: dict[str, Callable[[], BaseSampler]] = {

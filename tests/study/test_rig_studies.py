@@ -14,10 +14,9 @@ from conftest import Finished
 from rig import ROOT, Serve, Server
 
 import metaid
-from metaid.episode.stepwise import run_stepwise
+from metaid.episode import run_stepwise
 from metaid.errors import AbsentPlant, StudyError
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
+from metaid.study import Problem, load_chain_study
 
 
 def rig_files(folder: Path, server: Server, trials: int = 40, more: str = "") -> Path:

@@ -15,21 +15,13 @@ import pytest
 from conftest import matching_spec, random_links, what_is_known
 
 from metaid import results
-from metaid.compiled.faulty_loop import FaultyLoop
-from metaid.compiled.loop import CompiledLoop, fastest_step
-from metaid.episode.episode import Episode
-from metaid.episode.pushes import rich_pushes
+from metaid.compiled import CompiledLoop, FaultyLoop, fastest_step
+from metaid.episode import Episode, rich_pushes
 from metaid.errors import StorageError
 from metaid.files import shipped_names
-from metaid.plant.faults import FaultSettings
-from metaid.plant.loading import load_plant
-from metaid.plant.mujoco_plant import MujocoPlant
-from metaid.plant.settings import PlantSettings, chain_of
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.run import ARITHMETIC_KEY, arithmetic, run_study
-from metaid.study.settings import StudySpec
+from metaid.plant import FaultSettings, MujocoPlant, PlantSettings, chain_of, load_plant
+from metaid.store import Store
+from metaid.study import ARITHMETIC_KEY, StudySpec, arithmetic, create_study, load_chain_study, run_study
 
 EVERY_FAULT = FaultSettings(
     angle_noise=1e-3,

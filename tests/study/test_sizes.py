@@ -10,9 +10,8 @@ import pytest
 from conftest import Finished
 
 from metaid.files import shipped_names
-from metaid.store.database import Store
-from metaid.study.create import create_study, question
-from metaid.study.kinds import load_chain_study, load_study
+from metaid.store import Store
+from metaid.study import create_study, load_chain_study, load_study, question
 
 Metaid = Callable[..., Finished]
 LARGE = {

@@ -18,12 +18,9 @@ from pandas.testing import assert_frame_equal
 
 from metaid import results
 from metaid.errors import StorageError, StudyError
-from metaid.plant.mujoco_plant import MujocoPlant
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.run import run_study
-from metaid.study.settings import StudySpec
+from metaid.plant import MujocoPlant
+from metaid.store import Store
+from metaid.study import StudySpec, create_study, load_chain_study, run_study
 
 
 @pytest.fixture

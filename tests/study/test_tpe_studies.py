@@ -14,11 +14,8 @@ from optuna.trial import FrozenTrial
 import metaid
 from benchmarks.samplers import compare, trials_to
 from metaid.errors import StudyError
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
-from metaid.study.run import run_study
+from metaid.store import Store
+from metaid.study import Problem, create_study, load_chain_study, run_study
 
 CLOSE = 0.01
 

@@ -17,14 +17,20 @@ from metaid.cli import app
 from metaid.cli.checks import describe_forecast, describe_reached
 from metaid.errors import StudyError
 from metaid.models import DEVIATIONS, deviations_at_once
-from metaid.plant.faults import FaultSettings
-from metaid.plant.settings import PlantSettings
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.identifiability import Forecast, forecast, refuse_until
-from metaid.study.problem import Problem
-from metaid.study.run import run_study
-from metaid.study.settings import EpisodeSettings, EstimateSettings, StudySettings, StudySpec, read_study
+from metaid.plant import FaultSettings, PlantSettings
+from metaid.store import Store
+from metaid.study import (
+    EpisodeSettings,
+    Forecast,
+    Problem,
+    StudySettings,
+    StudySpec,
+    create_study,
+    forecast,
+    refuse_until,
+    run_study,
+)
+from metaid.study.settings import EstimateSettings, read_study
 
 WANTED = 0.005  # reached after a few trials, not after the first
 

@@ -18,17 +18,12 @@ from pandas.testing import assert_frame_equal
 from ray.cluster_utils import Cluster
 
 from metaid import results
-from metaid.episode.outcome import Outcome
-from metaid.models.lumps import Array
-from metaid.store.database import Store
-from metaid.study.create import create_study
-from metaid.study.evaluation import engines, ray_actors
-from metaid.study.evaluation.ray_actors import RayEvaluator
+from metaid.episode import Outcome
+from metaid.models import Array
+from metaid.store import Store
+from metaid.study import Problem, create_study, load_chain_study, run_study
+from metaid.study.evaluation import RayEvaluator, ThreadEvaluator, engines, ray_actors
 from metaid.study.evaluation.shares import LOSSES_ALLOWED
-from metaid.study.evaluation.threads import ThreadEvaluator
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
-from metaid.study.run import run_study
 
 LONGEST = 600  # s that a test may take on the busiest machine
 CHANGES = {"trials": 45, "search.coordinates": "plain", "search.start": 0.8, "episode.fall_limit": 1.0}

@@ -63,7 +63,7 @@ class ArmProblem:
     @cached_property
     def coordinates(self) -> Coordinates:
         """What a searcher moves in: one that minimises, in the metric of the measure."""
-        if self.goes_by_estimate:
+        if self.is_matching:
             return plain_coordinates(self.prior.values, self.low, self.high)
         return believed_metric(self.sensitivity(), self.prior, self.low, self.high)
 
