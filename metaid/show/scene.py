@@ -130,7 +130,7 @@ def viewer_model(plant: MujocoPlant | ArmPlant) -> mujoco.MjModel:
     """The model that the viewer moves: the plant's own, with shapes; of an arm the whole file, where that has some."""
     if isinstance(plant, ArmPlant):
         return plant.arm.whole.model if plant.arm.whole.model.ngeom else _rods(plant)
-    return scene(plant.chain, plant.felt_gravity, plant.timestep, plant.settings.faults.tilt)
+    return scene(plant.chain, plant.felt_gravity, plant.timestep, plant.tilt)
 
 
 def _rods(plant: ArmPlant) -> mujoco.MjModel:
