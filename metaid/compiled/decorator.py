@@ -61,6 +61,9 @@ def compiled(function: Callable[..., Any], **more: Any) -> Any:
         numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
 
 
+fused = functools.partial(compiled, fastmath={"contract"})  # a product and a sum become one instruction
+
+
 @functools.cache
 def cache_folder(package: Path) -> Path | None:
     """The folder for machine code of the functions of a `package` (its folder), made if it is not there.

@@ -7,9 +7,9 @@ that are orthonormal on the readings of a window, Σ_t p_k(t) q(t) (Eq. 28). The
 
 from __future__ import annotations
 
-from metaid.compiled import compiled
+from metaid.compiled import compiled, fused
 from metaid.estimation.motion import accelerate, move, set_off
-from metaid.estimation.tangent import force_by_unknowns, fused, linearise, move_tangent
+from metaid.estimation.tangent import force_by_unknowns, linearise, move_tangent
 
 
 @compiled

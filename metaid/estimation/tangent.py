@@ -12,15 +12,11 @@ vector instructions.
 
 from __future__ import annotations
 
-from functools import partial
-
-from metaid.compiled import compiled
+from metaid.compiled import fused
 from metaid.estimation.workspace import BLOCK
 from metaid.models import SLIDING
 
 TILE = 512  # unknowns that a step treats together, so that their derivatives stay in the nearer caches
-
-fused = partial(compiled, fastmath={"contract"})  # a product and a sum become one instruction
 
 
 @fused

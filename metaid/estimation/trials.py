@@ -131,6 +131,24 @@ class Coefficients(NamedTuple):
     slopes: Array
 
 
+@dataclass(frozen=True)
+class Gains:
+    """How a filter leads the twin through the pushes of one trial.
+
+    Attributes:
+        gains: of the state, angles above speeds, by an innovation (npush x nstep + 1 x 2 njoint x njoint).
+        weights: L⁻¹ with L Lᵀ the covariance of an innovation (npush x nstep + 1 x njoint x njoint), in 1/rad.
+        states: the filter's, after each reading (npush x nstep + 1 x 2 njoint): joint coordinates, in rad or m, before
+            speeds.
+        likelihood: the logarithm of that of the readings, but for a constant; NaN where the twin cannot follow.
+    """
+
+    gains: Array
+    weights: Array
+    states: Array
+    likelihood: float
+
+
 class Joints(NamedTuple):
     """What the joints of a robot have that its parameters do not say.
 

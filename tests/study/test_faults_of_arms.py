@@ -18,12 +18,14 @@ from metaid.study.estimates import ArmFound
 SENSORS = {"angle_noise": 1e-4, "speed_sensor": False}
 
 
-def found_with(folder: Path, searched: tuple[str, ...] | str, **faults: object) -> tuple[ArmFound, Array]:
+def found_with(
+    folder: Path, searched: tuple[str, ...] | str, seed: int = 0, **faults: object
+) -> tuple[ArmFound, Array]:
     """What two trials on a plant with these faults say, and how many deviations each base parameter is off."""
     wanted = searched if isinstance(searched, str) else list(searched)
-    spec = spec_of(**{"trials": 2, "estimate.faults": wanted})
+    spec = spec_of(**{"trials": 2, "seed": seed, "estimate.faults": wanted})
     plant = spec.plant.model_copy(update={"faults": spec.plant.faults.model_copy(update={**SENSORS, **faults})})
-    store = Store(str(folder / "arm.db"), create=True)
+    store = Store(str(folder / f"arm-{seed}.db"), create=True)
     run_study(store, create_study(store, spec.model_copy(update={"plant": plant}), "arm"))
     found = read_any_snapshot(store, "arm").estimate
     assert isinstance(found, ArmFound)
@@ -84,6 +86,20 @@ def test_pushes_of_an_arm_that_differ_are_accounted_for(tmp_path: Path) -> None:
     found, off = found_with(tmp_path, (), push_noise=0.02)
     assert found.explains
     assert np.abs(off).max() < 4.0
+
+
+def test_intervals_hold_on_an_arm_whose_torques_are_noisy(tmp_path: Path) -> None:
+    """The readings lead the twin, the size of the noise is found, and 95 % intervals hold in about 95 % of cases."""
+    off, sizes = [], []
+    for seed in range(4):
+        found, each = found_with(tmp_path, (), seed, torque_noise=0.5)
+        assert found.explains
+        assert found.estimate.torque_noise is not None
+        off.append(np.abs(each))
+        sizes.append(found.estimate.torque_noise)
+    assert np.concatenate(off).max() < 4.5
+    assert (np.concatenate(off) < 1.96).mean() > 0.88
+    assert np.mean(sizes) == pytest.approx(0.5, rel=0.1)
 
 
 @pytest.mark.parametrize(

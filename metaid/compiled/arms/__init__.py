@@ -10,20 +10,25 @@ from metaid.compiled.arms.arm_objective import ArmObjective
 from metaid.compiled.arms.arm_push import ArmPush, law_of, push_arm
 from metaid.compiled.arms.arm_validation import arm_coasting_steps, track_arm
 from metaid.compiled.arms.dynamics import Frames, frames_of
+from metaid.compiled.arms.filters import DrivenPushes, Led, follow_readings, lead_arm
 from metaid.compiled.arms.twins import Followed, follow_laws, follow_torques
 
 __all__ = [
     "ArmLoop",
     "ArmObjective",
     "ArmPush",
+    "DrivenPushes",
     "Followed",
     "Frames",
+    "Led",
     "arm_coasting_steps",
     "commanded_arm_torques",
     "follow_laws",
+    "follow_readings",
     "follow_torques",
     "frames_of",
     "law_of",
+    "lead_arm",
     "push_arm",
     "track_arm",
 ]

@@ -61,7 +61,7 @@ def follow_laws(
     def share(*rest: Any) -> None:
         _follow_law(frames, law, candidates, pushes, windows, timestep, *rest)
 
-    return _shared(share, shape, threads)
+    return shared(share, shape, threads)
 
 
 def follow_torques(
@@ -96,11 +96,11 @@ def follow_torques(
     def share(*rest: Any) -> None:
         _follow_torque(frames, candidates, starts, torques, pulled, seen, (timestep, substeps), *rest)
 
-    return _shared(share, shape, threads)
+    return shared(share, shape, threads)
 
 
-def _shared(fill: Callable[..., None], shape: tuple[int, int, int, int], threads: int) -> Followed:
-    """What `fill` fills in, on that many threads, each with a share of the candidates."""
+def shared(fill: Callable[..., None], shape: tuple[int, int, int, int], threads: int) -> Followed:
+    """What `fill` fills in, on that many threads, each with a share of the candidates: values of this `shape`."""
     values, arrived = np.zeros(shape), np.zeros(shape[:2], dtype=np.bool_)
     threads = min(threads, shape[0])
 
@@ -126,13 +126,13 @@ def _follow_law(frames, law, candidates, pushes, windows, timestep, share, work,
             difference[i, 12] = law[i, 12]  # dry friction of the arm is apart
         for push in range(starts.shape[0]):
             start, step = starts[push], 0
-            follows = _set_off(frames, parameters, start, motion, space)
+            follows = set_off(frames, parameters, start, motion, space)
             for window in range(wanted[push]):
                 while follows and step < ends[window]:
                     # The force that the law leaves, dry friction of the arm apart: that of the difference.  Eq. 45
                     position, speed, pull, force = motion.position, motion.speed, motion.pull, motion.force
                     fill_law(frames, difference, start, stiffness[push], position, speed, pull, space, force)
-                    follows = _advance(frames, parameters, timestep, motion, space)
+                    follows = advance(frames, parameters, timestep, motion, space)
                     step += 1
                 for i in range(n):
                     speeds[candidate, push, window, i] = motion.speed[i]
@@ -146,14 +146,14 @@ def _follow_torque(frames, candidates, starts, torques, spring, seen, times, sha
     for candidate in range(first, candidates.shape[0], stride):
         parameters = candidates[candidate]
         for push in range(torques.shape[0]):
-            follows = _set_off(frames, parameters, starts[candidate, push], motion, space)
+            follows = set_off(frames, parameters, starts[candidate, push], motion, space)
             step, polynomials, filled = 0, basis[chosen[push]], coefficients[candidate, push]
             if steps[push] > 0:
                 _add_reading(polynomials[0], motion, filled)
             while follows and step < steps[push]:
                 for _ in range(substeps):
-                    _push_by_torque(frames, parameters, torques[push, step], spring, motion, space)
-                    follows = follows and _advance(frames, parameters, timestep, motion, space)
+                    push_by_torque(frames, parameters, torques[push, step], spring, motion, space)
+                    follows = follows and advance(frames, parameters, timestep, motion, space)
                 step += 1
                 _add_reading(polynomials[step], motion, filled)
             arrived[candidate, push] = follows
@@ -168,8 +168,16 @@ def _add_reading(polynomials, motion, coefficients):  # type: ignore[no-untyped-
 
 
 @compiled
-def _set_off(frames, parameters, start, motion, space):  # type: ignore[no-untyped-def]
-    """Begins a push; whether a twin with these parameters can."""
+def set_off(frames, parameters, start, motion, space):  # type: ignore[no-untyped-def]
+    """Begins a push; whether a twin with these parameters can.
+
+    Args:
+        frames: of the arm.
+        parameters: of the twin (njoint x 13).
+        start: joint coordinates and speeds (2 x njoint).
+        motion: of the twin, set to the start.
+        space: of the dynamics.
+    """
     is_dry = False
     for i in range(motion.position.shape[0]):
         motion.position[i], motion.speed[i] = start[0, i], start[1, i]
@@ -180,8 +188,17 @@ def _set_off(frames, parameters, start, motion, space):  # type: ignore[no-untyp
 
 
 @compiled
-def _push_by_torque(frames, parameters, torque, spring, motion, space):  # type: ignore[no-untyped-def]
-    """The force that a torque leaves beside the bias, dry friction apart."""
+def push_by_torque(frames, parameters, torque, spring, motion, space):  # type: ignore[no-untyped-def]
+    """The force that a torque leaves beside the bias, dry friction apart.
+
+    Args:
+        frames: of the arm.
+        parameters: of the twin (njoint x 13).
+        torque: that acts (njoint), in N m or N.
+        spring: stiffness of springs in the joints (njoint), in N m/rad or N/m.
+        motion: whose force is filled in.
+        space: of the dynamics.
+    """
     force = motion.force
     move_links(frames, motion.position, motion.speed, motion.zero, space)
     joint_torques(frames, parameters, space, force)
@@ -190,8 +207,16 @@ def _push_by_torque(frames, parameters, torque, spring, motion, space):  # type:
 
 
 @compiled
-def _advance(frames, parameters, timestep, motion, space):  # type: ignore[no-untyped-def]
-    """One step of Euler's, as MuJoCo takes it; whether the twin could."""
+def advance(frames, parameters, timestep, motion, space):  # type: ignore[no-untyped-def]
+    """One step of Euler's, as MuJoCo takes it; whether the twin could.
+
+    Args:
+        frames: of the arm.
+        parameters: of the twin (njoint x 13).
+        timestep: in s.
+        motion: that moves on.
+        space: of the dynamics.
+    """
     fill_mass_matrix(frames, parameters, space)
     is_dry = False
     for i in range(motion.force.shape[0]):

@@ -17,7 +17,7 @@ from metaid.estimation.arms.unknowns import SPREAD, ArmEstimate, ArmUnknowns
 from metaid.estimation.estimate import Found, fit
 from metaid.estimation.experiment import RESTARTS, OfReadings
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults, searched_faults
-from metaid.estimation.noisy import Loop, Readings
+from metaid.estimation.noisy import Innovations, Loop, Readings, fit_with_torque_noise
 from metaid.estimation.trials import ReadTrial, WatchedArmTrial
 from metaid.models import Array
 
@@ -40,7 +40,8 @@ class ArmExperiment(OfReadings):
         loop: how the arm is controlled and read; None where sensors are exact.
         faults: that are searched beside what is unknown of the arm.
         takes_up: whether faults are searched, too, once nothing explains the trials without them.
-        torque_noise: None: an arm's torques have none.
+        torque_noise: what the noise of each joint's torque (njoint) is said to be, in N m; None where torques have
+            none. How large it is, is found.
     """
 
     episode: ArmEpisode
@@ -68,9 +69,9 @@ class ArmExperiment(OfReadings):
 
     def is_to_probe(self, trials: int, is_settled: bool) -> bool:
         """Whether the law after so many `trials` is another than that of the estimate: where one more of it tells no
-        more.
+        more; with noisy torques every other one, for one that coasts shows little.
         """
-        return is_settled
+        return is_settled if self.torque_noise is None else trials % 2 == 1
 
     def trial(self, values: Array, outcome: Outcome) -> SeenArmTrial | None:
         """A trial whose law had these base parameters (nbase), and what was seen of it; None where nothing was."""
@@ -80,6 +81,8 @@ class ArmExperiment(OfReadings):
         return None if read is None else read_arm_trial(self.searched.frames, law, self.episode, self.loop, read)
 
     def _fit(self, compared: Any, begin: Array | None, restarts: int) -> Found:
+        if self.torque_noise is not None and isinstance(compared, Innovations):
+            return fit_with_torque_noise(compared, self._begin(begin), self.torque_noise)
         found: Found = fit(compared, self._begin(begin), restarts, refines=begin is not None)
         return found
 
@@ -90,7 +93,7 @@ class ArmExperiment(OfReadings):
         return searched_faults(kinds, self.searched, 0.0, self.episode.states[:, 1])
 
     def _comparison(self, trials: Sequence[Any]) -> Any:
-        return compared_of_arm(trials, self.searched, self.faults)
+        return compared_of_arm(trials, self.searched, self.faults, self.torque_noise is not None)
 
     def factors(self, estimate: ArmEstimate) -> Array:
         """The base parameters (nbase) of the law that an `estimate` has."""
@@ -112,7 +115,10 @@ class ArmExperiment(OfReadings):
 
 
 def compared_of_arm(
-    trials: Sequence[SeenArmTrial], searched: ArmUnknowns, faults: SearchedFaults = NO_FAULTS
+    trials: Sequence[SeenArmTrial],
+    searched: ArmUnknowns,
+    faults: SearchedFaults = NO_FAULTS,
+    has_torque_noise: bool = False,
 ) -> ArmMotions | Readings:
     """What is compared of `trials`, all of one kind.  Raises ValueError where they show nothing.
 
@@ -120,10 +126,11 @@ def compared_of_arm(
         trials: of an arm.
         searched: what is unknown of it.
         faults: that are unknown beside that.
+        has_torque_noise: whether torques are noisy.
     """
     read = [trial for trial in trials if isinstance(trial, ReadTrial)]
     if read:
-        return Readings(read, searched, faults=faults)
+        return (Innovations if has_torque_noise else Readings)(read, searched, faults=faults)
     return ArmMotions([trial for trial in trials if isinstance(trial, WatchedArmTrial)], searched)
 
 

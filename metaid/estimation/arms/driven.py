@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
 
-from metaid.compiled.arms import follow_torques
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.compiled.arms import Followed, Frames, follow_torques
 from metaid.estimation.arms.motions import STEP, THREADS, beside
 from metaid.estimation.arms.unknowns import ArmUnknowns
 from metaid.estimation.trials import Coefficients, Driven, Joints
@@ -12,6 +15,59 @@ from metaid.models import Array
 from metaid.models.tree import PARAMETERS, tilted_gravity
 
 DAMPING, COULOMB = PARAMETERS.index("damping"), PARAMETERS.index("coulomb")
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A twin, and one beside it along each unknown.
+
+    Attributes:
+        frames: of the arm, as it stands.
+        candidates: parameters of the twins (ncandidate x njoint x 13).
+        starts: true joint coordinates and speeds at the starts (ncandidate x npush x 2 x njoint).
+        spring: stiffness of springs in the joints (njoint), in N m/rad or N/m.
+        offset: what encoders read at 0 (njoint), in rad or m.
+    """
+
+    frames: Frames
+    candidates: Array
+    starts: Array
+    spring: Array
+    offset: Array
+
+
+def twins_beside(driven: Driven, searched: ArmUnknowns, unknowns: Array, joints: Joints | None) -> Beside:
+    """The twin of a trial and those beside it.
+
+    Args:
+        driven: the trial.
+        searched: what is unknown of the arm.
+        unknowns: where it is (nunknown).
+        joints: what these have beside the base parameters; None for nothing.
+    """
+    trial, states = driven.trial, driven.starts
+    n = states.shape[2]
+    # A start of one push has no influence on another, so those of all pushes are changed at once.
+    extra = 0 if trial.start_spread is None else trial.start_spread.shape[-1]
+    further = STEP * np.eye(extra, 2 * n, 2 * n - extra)
+    points = np.concatenate([unknowns[None], beside(unknowns), np.repeat(unknowns[None], extra, axis=0)])
+    moved = np.concatenate([np.zeros((1 + len(unknowns), 2 * n)), further]).reshape(-1, 1, 2, n)
+    candidates, frames, spring, offset = searched.parameters(points), searched.frames, np.zeros(n), np.zeros(n)
+    if joints is not None:
+        candidates[..., DAMPING] += joints.viscous
+        candidates[..., COULOMB] += joints.dry
+        frames = frames._replace(gravity=tilted_gravity(frames.gravity, joints.tilt))
+        spring, offset = joints.spring, joints.offset
+    starts = np.ascontiguousarray(states + moved)
+    starts[:, :, 0] -= offset
+    return Beside(frames, candidates, starts, spring, offset)
+
+
+def coefficients_of(twin: Followed, steps: NDArray[np.int64]) -> Coefficients:
+    """What twins showed of pushes that are followed for so many `steps` (npush), and its derivatives by differences."""
+    values = twin.values.swapaxes(2, 3)
+    slopes = np.moveaxis((values[1:] - values[0]) / STEP, 0, -1)
+    return Coefficients(np.where((steps > 0)[:, None, None], values[0], 0.0), np.ascontiguousarray(slopes))
 
 
 def drive_arm(
@@ -27,28 +83,13 @@ def drive_arm(
         gravity: that of the arm counts.
         joints: what these have beside the base parameters; None for nothing.
     """
-    trial, states, steps, basis = driven
-    npush, _, n = states.shape
-    # A start of one push has no influence on another, so those of all pushes are changed at once.
-    extra = 0 if trial.start_spread is None else trial.start_spread.shape[-1]
-    further = STEP * np.eye(extra, 2 * n, 2 * n - extra)
-    points = np.concatenate([unknowns[None], beside(unknowns), np.repeat(unknowns[None], extra, axis=0)])
-    moved = np.concatenate([np.zeros((1 + len(unknowns), 2 * n)), further]).reshape(-1, 1, 2, n)
-    candidates, frames, spring, offset = searched.parameters(points), searched.frames, None, np.zeros(n)
-    if joints is not None:
-        candidates[..., DAMPING] += joints.viscous
-        candidates[..., COULOMB] += joints.dry
-        frames = frames._replace(gravity=tilted_gravity(frames.gravity, joints.tilt))
-        spring, offset = joints.spring, joints.offset
-    starts = np.ascontiguousarray(states + moved)
-    starts[:, :, 0] -= offset
-    seen = basis, np.arange(npush), steps
-    twin = follow_torques(
-        frames, candidates, starts, trial.torques, seen, trial.timestep, THREADS, spring, trial.substeps
-    )
+    trial, _, steps, basis = driven
+    twins = twins_beside(driven, searched, unknowns, joints)
+    seen = basis, np.arange(len(steps)), steps
+    settings = trial.timestep, THREADS, twins.spring, trial.substeps
+    twin = follow_torques(twins.frames, twins.candidates, twins.starts, trial.torques, seen, *settings)
     if not twin.arrived[:, steps > 0].all():
         return None
-    read = np.where(steps[:, None] > 0, basis.sum(axis=1), 0.0)[:, None] * offset[:, None]
-    values = twin.values.swapaxes(2, 3)
-    slopes = np.moveaxis((values[1:] - values[0]) / STEP, 0, -1)
-    return Coefficients(np.where((steps > 0)[:, None, None], values[0] + read, 0.0), np.ascontiguousarray(slopes))
+    shown = coefficients_of(twin, steps)
+    read = np.where(steps[:, None] > 0, basis.sum(axis=1), 0.0)[:, None] * twins.offset[:, None]
+    return shown._replace(values=shown.values + read)

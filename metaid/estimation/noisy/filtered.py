@@ -8,35 +8,11 @@ the unknowns alone, and its derivatives are exact (Eq. 67).
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from metaid.compiled import compiled
+from metaid.compiled import add_noise, compiled, correct, fused, transpose, weigh
 from metaid.estimation.motion import accelerate, move, set_off
-from metaid.estimation.tangent import force_by_unknowns, fused, linearise, move_tangent
-from metaid.models import Array
-
-
-class Spread(NamedTuple):
-    """What the covariance of one push is worked out in, for n links, absolute angles above speeds: of the state,
-    `state` (2n x 2n); what a torque that is held for a step does to it, `pushed` (2n x n); and what is free to write
-    in: `changed` (n x 2n), `shared` (2n x n), `root` and `inverse` (n x n).
-    """
-
-    state: Array
-    pushed: Array
-    changed: Array
-    shared: Array
-    root: Array
-    inverse: Array
-
-
-def spread_of(nlink: int) -> Spread:
-    """That of `nlink` links."""
-    tall, square = (2 * nlink, nlink), (nlink, nlink)
-    shapes = (2 * nlink, 2 * nlink), tall, (nlink, 2 * nlink), tall, square, square
-    return Spread(*(np.zeros(shape) for shape in shapes))
+from metaid.estimation.tangent import force_by_unknowns, linearise, move_tangent
 
 
 @compiled
@@ -76,7 +52,7 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
                     return np.nan, np.nan
                 linearise(balance, work)
                 _carry(spread.state, timestep, spread, work)
-                _transpose(spread)
+                transpose(spread)
                 _carry(spread.state, timestep, spread, work)
                 _carry(spread.pushed, timestep, spread, work)
                 for i in range(n):
@@ -85,9 +61,9 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
                         spread.pushed[i, j] += timestep * timestep * work.solved[i, j]
                 if not move(timestep, work):
                     return np.nan, np.nan
-            _add_noise(of_force, spread)
-        logarithm += _weigh(of_reading, spread)
-        squares += _correct(readings[reading], spread, work, gains[reading], weights[reading])
+            add_noise(of_force, spread)
+        logarithm += weigh(of_reading, spread)
+        squares += correct(readings[reading], spread, work.angle, work.speed, gains[reading], weights[reading])
         for i in range(n):
             states[reading, i], states[reading, n + i] = work.angle[i], work.speed[i]
     return squares, logarithm
@@ -108,90 +84,6 @@ def _carry(columns, timestep, spread, work):  # type: ignore[no-untyped-def]
         for p in range(columns.shape[1]):
             columns[n + i, p] += timestep * changed[i, p]
             columns[i, p] += timestep * columns[n + i, p]
-
-
-@compiled
-def _transpose(spread):  # type: ignore[no-untyped-def]
-    """Turns `state` into its transpose."""
-    state = spread.state
-    for i in range(state.shape[0]):
-        for j in range(i):
-            state[i, j], state[j, i] = state[j, i], state[i, j]
-
-
-@fused
-def _add_noise(of_force, spread):  # type: ignore[no-untyped-def]
-    """Adds to the covariance of the state what noise of a step's torques makes: Γ Q Γᵀ."""
-    state, pushed, changed = spread.state, spread.pushed, spread.changed
-    n = of_force.shape[0]
-    for r in range(2 * n):
-        for j in range(n):
-            total = 0.0
-            for k in range(n):
-                total += pushed[r, k] * of_force[k, j]
-            changed[0, j] = total
-        for c in range(2 * n):
-            for j in range(n):
-                state[r, c] += changed[0, j] * pushed[c, j]
-
-
-@compiled
-def _weigh(of_reading, spread):  # type: ignore[no-untyped-def]
-    """Fills `inverse` with L⁻¹, L Lᵀ being the covariance of the innovation; returns its determinant's logarithm."""
-    state, root, inverse = spread.state, spread.root, spread.inverse
-    n, logarithm = root.shape[0], 0.0
-    for i in range(n):
-        for j in range(i + 1):
-            total = 0.5 * (state[i, j] + state[j, i]) + of_reading[i, j]
-            for k in range(j):
-                total -= root[i, k] * root[j, k]
-            root[i, j] = np.sqrt(total) if i == j else total / root[j, j]
-        logarithm += 2.0 * np.log(root[i, i])
-        for j in range(i + 1):
-            total = 1.0 if i == j else 0.0
-            for k in range(j, i):
-                total -= root[i, k] * inverse[k, j]
-            inverse[i, j] = total / root[i, i]
-    return logarithm
-
-
-@fused
-def _correct(seen, spread, work, gain, weight):  # type: ignore[no-untyped-def]
-    """Sets the state right by a reading and lowers its covariance; returns the square of the whitened innovation.
-
-    With P the covariance of the state, B = P Cᵀ L⁻ᵀ, and w the whitened innovation: the gain is B L⁻¹, P less B Bᵀ.
-    """
-    state, inverse, shared = spread.state, spread.inverse, spread.shared
-    n, squares = inverse.shape[0], 0.0
-    for i in range(n):
-        for j in range(n):
-            weight[i, j] = inverse[i, j] if j <= i else 0.0
-    for r in range(2 * n):
-        for j in range(n):
-            total = 0.0
-            for k in range(j + 1):
-                total += state[r, k] * inverse[j, k]
-            shared[r, j] = total
-        for j in range(n):
-            total = 0.0
-            for k in range(j, n):
-                total += shared[r, k] * inverse[k, j]
-            gain[r, j] = total
-    for r in range(2 * n):
-        for c in range(2 * n):
-            for j in range(n):
-                state[r, c] -= shared[r, j] * shared[c, j]
-    for j in range(n):
-        spread.changed[0, j] = work.angle[j] - seen[j]
-    for i in range(n):
-        total = 0.0
-        for j in range(i + 1):
-            total += inverse[i, j] * spread.changed[0, j]
-        squares += total * total
-        for j in range(n):
-            work.angle[i] -= gain[i, j] * spread.changed[0, j]
-            work.speed[i] -= gain[n + i, j] * spread.changed[0, j]
-    return squares
 
 
 @compiled

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from metaid.estimation.estimate import Estimate, fit
+from metaid.estimation.estimate import Found, fit
 from metaid.estimation.noisy.innovations import Innovations
 from metaid.models import Array
 
@@ -18,10 +18,10 @@ ALIKE = 0.3  # standard deviation of the logarithm of a joint's size about their
 ROUGH_PUSHES, PUSHES = 12, 48  # whose readings tell the sizes: in the first round, and after it
 
 
-def fit_with_torque_noise(innovations: Innovations, start: Array | None, torque_noise: Array) -> Estimate:
-    """The chain that all trials lead to where noise of the torques moves it, too, and the size of that noise.
+def fit_with_torque_noise(innovations: Innovations, start: Array | None, torque_noise: Array) -> Found:
+    """The robot that all trials lead to where noise of the torques moves it, too, and the size of that noise.
 
-    Gains and weights of the filter follow from the chain, and the chain from what the filter leaves. So they are found
+    Gains and weights of the filter follow from the robot, and the robot from what the filter leaves. So they are found
     in turn. In each round gains are given, so its estimate is one of least squares.
 
     Args:
@@ -34,7 +34,7 @@ def fit_with_torque_noise(innovations: Innovations, start: Array | None, torque_
     """
     count = len(innovations.spreads)
     begin, sizes = np.zeros(count) if start is None else start, torque_noise
-    found: Estimate | None = None
+    found: Found | None = None
     point = np.append(begin, np.zeros(innovations.extras))
     for _ in range(MOST_ROUNDS):
         if found is None:
@@ -51,9 +51,9 @@ def fit_with_torque_noise(innovations: Innovations, start: Array | None, torque_
     return found
 
 
-def _is_settled(before: Estimate, after: Estimate) -> bool:
-    """Whether the last round has changed no lump."""
-    return bool((np.abs(after.log_factors - before.log_factors) <= SETTLED * after.deviations).all())
+def _is_settled(before: Found, after: Found) -> bool:
+    """Whether the last round has changed no unknown."""
+    return bool((np.abs(after.unknowns - before.unknowns) <= SETTLED * after.deviations).all())
 
 
 def likeliest_noise(

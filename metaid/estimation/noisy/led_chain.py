@@ -1,0 +1,114 @@
+"""The twin of a chain that is led by readings: the filter's run through a trial, and the fit's with its gains."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.compiled import compiled, spread_of
+from metaid.estimation.noisy.filtered import lead, watch_innovations
+from metaid.estimation.trials import Coefficients, Driven, Gains, Joints, ReadTrial
+from metaid.estimation.twin import share_out
+from metaid.estimation.unknowns import Unknowns
+from metaid.estimation.workspace import balance, derivatives, workspace
+from metaid.models import Array
+
+
+def watch_chain(
+    driven: Driven, led: Gains, unknowns: Unknowns, log_factors: Array, gravity: float, joints: Joints | None
+) -> Coefficients | None:
+    """The whitened innovations of a trial in polynomials, and their derivatives; None where the twin cannot follow.
+
+    Args:
+        driven: the trial.
+        led: gains of the filter.
+        unknowns: what is unknown of the chain.
+        log_factors: where it is (nunknown).
+        gravity: in m/s².
+        joints: what these have beside the lumps; None for nothing.
+    """
+    trial, starts, steps, basis = driven
+    lumps, (npush, _, n), coefficients = unknowns.lumps(log_factors), starts.shape, basis.shape[2]
+    columns = len(log_factors) + (n if trial.start_spread is not None else 0)
+    start_column = len(log_factors) if trial.start_spread is not None else -1
+    values, slopes = np.empty((npush, n, coefficients)), np.empty((npush, n, coefficients, columns))
+    followed = np.zeros(npush, dtype=np.bool_)
+    forces = balance(None, lumps, gravity, joints=joints), derivatives(unknowns, lumps, gravity)
+    pushed = np.ascontiguousarray(starts[:, 1]), trial.forces, np.cumsum(trial.readings, axis=-1)
+    compared = (trial.timestep, start_column, trial.substeps), (led.gains, led.weights), basis, steps
+
+    def run(first: int, stride: int) -> None:
+        room = workspace(n, columns, False)
+        _watch_pushes(first, stride, pushed, *forces, *compared, room, (values, slopes, followed))
+
+    share_out(run, npush, int(steps.sum()) * trial.substeps * n * (4 * n + coefficients) * columns)
+    return Coefficients(values, slopes) if followed.all() else None
+
+
+def lead_chain(
+    trial: ReadTrial,
+    begun: tuple[Array, Array],
+    pushes: NDArray[np.intp],
+    unknowns: Unknowns,
+    log_factors: Array,
+    gravity: float,
+    joints: Joints | None,
+    torque_noise: Array,
+) -> Gains:
+    """The filter's run through some pushes of a trial.  Eq. 66.
+
+    Args:
+        trial: with the torques that acted.
+        begun: joint coordinates and speeds at the starts (npush x 2 x njoint), and the covariance of the speeds there
+            (npush x njoint x njoint).
+        pushes: which it runs through.
+        unknowns: what is unknown of the chain.
+        log_factors: where it is (nunknown).
+        gravity: in m/s².
+        joints: what these have beside the lumps; None for nothing.
+        torque_noise: standard deviation of the torque of each joint (njoint), in N m.
+    """
+    (starts, begins), (npush, readings, n) = begun, trial.readings.shape
+    forces = balance(None, unknowns.lumps(log_factors), gravity, joints=joints)
+    links = np.tril(np.ones((n, n)))  # absolute angles are sums of the joints'
+    torques = np.eye(n) - np.eye(n, k=1)  # the torque of a joint turns its link, and the one below the other way
+    noise = (links * trial.noise**2) @ links.T, (torques * torque_noise**2) @ torques.T
+    gains, weights = np.zeros((npush, readings, 2 * n, n)), np.zeros((npush, readings, n, n))
+    states, sums = np.zeros((npush, readings, 2 * n)), np.zeros((npush, 2))
+    pushed = np.ascontiguousarray(starts[:, 1]), np.ascontiguousarray(links @ begins @ links.T)
+    pushed_by = trial.forces, np.cumsum(trial.readings, axis=-1)
+    settings = (trial.timestep, trial.substeps), noise, trial.steps
+
+    def run(first: int, stride: int) -> None:
+        room = workspace(n, 0, False), spread_of(n)
+        chosen = pushes[first::stride], (*pushed, *pushed_by), forces
+        _lead_pushes(*chosen, *settings, *room, (gains, weights, states), sums)
+
+    share_out(run, len(pushes), int(trial.steps[pushes].sum()) * trial.substeps * 20 * n**3)
+    squares, logarithm = sums.sum(axis=0)
+    joint_states = np.diff(states.reshape(npush, readings, 2, n), axis=-1, prepend=0.0).reshape(states.shape)
+    return Gains(gains, weights, joint_states, -0.5 * float(squares + logarithm))
+
+
+@compiled
+def _watch_pushes(first, stride, started, balance, derivatives, settings, led, bases, steps, work, seen):  # type: ignore[no-untyped-def]
+    """Every `stride`-th push from the `first` on."""
+    starts, forces, readings = started
+    gains, weights = led
+    values, slopes, followed = seen
+    for push in range(first, starts.shape[0], stride):
+        pushed, own = (starts[push], forces[push], readings[push]), (gains[push], weights[push])
+        shown = bases[push], steps[push], work, (values[push], slopes[push])
+        followed[push] = watch_innovations(*pushed, balance, derivatives, settings, own, *shown)
+
+
+@compiled
+def _lead_pushes(pushes, begun, balance, settings, noise, steps, work, spread, led, sums):  # type: ignore[no-untyped-def]
+    """Each of the `pushes`; fills in the two sums of `lead` (npush x 2)."""
+    starts, begins, forces, readings = begun
+    gains, weights, states = led
+    for push in pushes:
+        pushed = starts[push], begins[push], forces[push], readings[push]
+        own = gains[push], weights[push], states[push]
+        found = lead(*pushed, balance, settings, noise, steps[push], work, spread, *own)
+        sums[push, 0], sums[push, 1] = found
