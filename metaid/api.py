@@ -36,7 +36,6 @@ from metaid.study import (
     Progress,
     ensure_study,
     load_study,
-    of_chain,
     problem_of,
     run_study,
     stored_spec,
@@ -168,11 +167,13 @@ def arm_push(
 
 
 def evaluate(study: str | Path | AnySpec, factors: Mapping[str, float] | None = None) -> Outcome:
-    """One candidate of a study, `factors` of its nominal lumps by name, without any DB.  Raises StudyError,
-    PlantError, EpisodeError.
+    """One candidate of a study, `factors` of its nominal lumps or base parameters by name, without any DB.  Raises
+    StudyError, PlantError, EpisodeError.
     """
-    with closing(problem_of(of_chain(_spec(study))).make_objective()) as objective:
-        return objective.evaluate(check_factors(factors or {}, objective.nominal))
+    given, problem = dict(factors or {}), problem_of(_spec(study))
+    _refuse_no_factors(given)
+    with closing(problem.make_objective()) as objective:
+        return objective.evaluate(problem.candidate(given))
 
 
 def run(
@@ -234,9 +235,9 @@ def objective(study: str | Path | AnySpec, storage: str | None = None) -> Optuna
         StorageError: the DB has no such study.
     """
     if storage is None or not isinstance(study, str | Path):
-        return OptunaObjective(of_chain(_spec(study)))
+        return OptunaObjective(_spec(study))
     with closing(Store(storage)) as store:
-        return OptunaObjective(of_chain(stored_spec(store, str(study))))
+        return OptunaObjective(stored_spec(store, str(study)))
 
 
 def trials(name: str, storage: str | None = None) -> pd.DataFrame:

@@ -106,6 +106,10 @@ class Objective:
         """
         return self._outcome(self.record(factors, number, goes_on))
 
+    def value(self, record: Record) -> float:
+        """The measure of what pushes that did not fall showed."""
+        return self.measure.value(record)
+
     def share(self, factors: Array, trials: Sequence[int]) -> Any:
         """A batch of candidates with these `factors` (ncandidate x nlump), of the `trials` with these numbers
         (ncandidate), for this objective and its like, each on a thread of its own, to work on.

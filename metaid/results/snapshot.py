@@ -16,7 +16,7 @@ import pandas as pd
 
 from metaid.errors import StudyError
 from metaid.store import EXPERIMENT, ForeignTrial, Store, Trial, shown_trial
-from metaid.study import ENDED_KEY, ArmSpec, Problem, StudySpec, optuna_spec, problem_of, stored_spec
+from metaid.study import ENDED_KEY, ArmSpec, Problem, StudySpec, of_chain, optuna_spec, problem_of, stored_spec
 from metaid.study.estimates import ChainFound, estimate_from, kept_with, shown_by_others
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def snapshot_of(study: optuna.Study) -> Snapshot:
         ForeignTrial(each.number, each.state.name, each.user_attrs.get(EXPERIMENT), None, shown_trial(each, spec.names))
         for each in study.get_trials(deepcopy=False)
     ]
-    return Snapshot(study.study_name, spec, [], tuple(foreign))
+    return Snapshot(study.study_name, of_chain(spec), [], tuple(foreign))
 
 
 def counted_states(trials: Sequence[Trial]) -> dict[str, int]:

@@ -19,14 +19,8 @@ from metaid.study.create import (
     stored_spec,
 )
 from metaid.study.evaluation import NominalMetricSampler, OptunaObjective
-from metaid.study.identifiability import (
-    COARSEST,
-    Forecast,
-    forecast,
-    identifiability,
-    identifiability_by_measure,
-    refuse_until,
-)
+from metaid.study.forecast import Forecast, forecast, refuse_until
+from metaid.study.identifiability import COARSEST, identifiability, identifiability_by_measure
 from metaid.study.kinds import (
     AnyProblem,
     AnySpec,

@@ -115,13 +115,13 @@ def stored_spec(store: Store, name: str) -> AnySpec:
         raise StorageError(f"{store.url}: study '{name}' {OTHER_VERSION}") from None
 
 
-def optuna_spec(study: optuna.Study) -> StudySpec | None:
+def optuna_spec(study: optuna.Study) -> AnySpec | None:
     """The settings that the trials of an Optuna study are evaluated with by `metaid.objective`, in whatever storage it
     is; None where it has none yet.  Raises StorageError.
     """
     settings = study.user_attrs.get(SPEC_KEY)
     try:
-        return None if settings is None else StudySpec.model_validate_json(json.dumps(settings))
+        return None if settings is None else spec_from(json.dumps(settings))
     except ValueError:
         raise StorageError(f"the Optuna study '{study.study_name}' {OTHER_VERSION}") from None
 

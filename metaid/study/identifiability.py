@@ -19,14 +19,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from metaid.episode import NOISE_RESOLUTION, pushes_for
-from metaid.errors import StudyError
 from metaid.models import DEVIATIONS, Array, lump_names
 from metaid.plant import PlantSettings
-from metaid.search import SAMPLERS, NarrowingSearcher
-from metaid.study.arms import ArmSpec
+from metaid.search import Searcher
 from metaid.study.experiments import spread_of_pushes
-from metaid.study.problem import MOST_TRIALS, Problem
-from metaid.study.settings import StudySpec
+from metaid.study.problem import Problem
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective
@@ -37,8 +34,6 @@ NEGLIGIBLE = 0.02  # weight of a lump in a combination, of 1
 # Factors of the gravity lumps in the first trials of an estimate, as many as it needs; those of others are between.
 OVER_COMPENSATED = (1.5, 2.0)
 EPISODES = 32  # with exact lumps, which show how far noise moves the measure
-MARGIN = 0.7  # of the wanted width, on the nominal model: that of the plant differs by some tenths
-OWN_NOISE = 1  # added to the study's seed: a forecast has other noise than the study
 HALVINGS = 11  # of the interval in which a factor stops being noticed
 
 
@@ -151,55 +146,13 @@ def _from_estimate(problem: Problem) -> Identifiability:
     return Identifiability(tuple(names), DEVIATIONS * estimate.lump_deviations, *unbounded)
 
 
-@dataclass(frozen=True)
-class Forecast:
-    """With how many `trials`, `pushes` and `seconds` of motion all lumps at once are known to `until` of each, with
-    95 %, if the nominal model were the truth. `half_width` is to what they would then be known; where it is above
-    `until`, the trials that an estimate is made of are not enough, and `is_reached` is false.
+def chain_rehearsal(problem: Problem, further: int) -> tuple[Searcher, Objective]:
+    """The searcher and the objective of a study if its nominal model were the truth, pushed to the study's start
+    speeds; `further` is added to the seed of the noise.
     """
-
-    until: float
-    trials: int
-    pushes: int
-    seconds: float
-    half_width: float
-
-    @property
-    def is_reached(self) -> bool:
-        return self.half_width <= self.until
-
-
-def forecast(problem: Problem, until: float) -> Forecast:
-    """What a run until intervals are as narrow takes: the search itself, on the nominal model in the plant's place,
-    with noise of its own, until intervals are MARGIN times as narrow: those of the plant differ. The start speeds are
-    the study's.  Raises StudyError where there is no such run.
-    """
-    refuse_until(problem.spec, until)
     pushes = pushes_for(problem.nominal_plant(), problem.start_speeds)
     searcher = problem.make_searcher(partial(_nominal_experiment, problem, pushes))
-    assert isinstance(searcher, NarrowingSearcher), "it goes by the estimate"
-    searcher.until = MARGIN * until
-    objective = _nominal_objective(problem, pushes, OWN_NOISE)
-    trials = steps = 0
-    most = min(MOST_TRIALS, problem.trials_with_readings or problem.trials_with_windows)
-    while trials < most and not searcher.finished():
-        outcome = objective.evaluate(searcher.ask()[0], trials)
-        searcher.tell([outcome])
-        trials, steps = trials + 1, steps + outcome.steps
-    return Forecast(until, trials, trials * len(pushes), steps * problem.timestep, searcher.half_width)
-
-
-def refuse_until(spec: StudySpec | ArmSpec, until: float) -> None:
-    """Raises StudyError where a study cannot be run until its intervals are as narrow."""
-    if isinstance(spec, ArmSpec):
-        raise StudyError(
-            "until: intervals are relative to lumps, and an arm's base parameters may be 0 (allowed: studies of chains)"
-        )
-    if not 0.0 < until <= COARSEST:
-        raise StudyError(f"until is {until:.3%} (allowed: above 0 to {COARSEST:.0%}, half an interval ÷ its lump)")
-    if not SAMPLERS[spec.study.sampler].by_estimate:
-        able = ", ".join(name for name, each in SAMPLERS.items() if each.by_estimate)
-        raise StudyError(f"until: sampler '{spec.study.sampler}' does not work by intervals (allowed: {able})")
+    return searcher, _nominal_objective(problem, pushes, further)
 
 
 def _nominal_objective(problem: Problem, pushes: Array | None = None, further: int = 0) -> Objective:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -20,6 +20,7 @@ from metaid.models import (
     Array,
     Chain,
     Lumps,
+    factors_from_names,
     refuse_impossible,
 )
 from metaid.plant import MujocoPlant, Plant, PlantSettings, SocketPlant, SocketSettings, chain_of
@@ -109,6 +110,17 @@ class Problem:
     def is_simulated(self) -> bool:
         """Whether the plant is simulated here, and not a rig, which is not to be moved without need."""
         return isinstance(self.spec.plant, PlantSettings)
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether all is known that a trial needs: a rig's pushes are found when its study is created."""
+        return self.is_simulated or self.spec.pushed is not None
+
+    def candidate(self, factors: Mapping[str, float]) -> Array:
+        """The candidate (nlump) with these `factors` of its nominal lumps, 1 of those not named.  Raises EpisodeError
+        where there is no such lump.
+        """
+        return factors_from_names(dict(factors), self.nominal.nlink, kinds=self.lumps.searched)
 
     @property
     def timestep(self) -> float:

@@ -24,7 +24,7 @@ from metaid.store import Lease, Store, Trial
 from metaid.study.create import stored_spec
 from metaid.study.estimates import keep_estimate
 from metaid.study.evaluation import Evaluator, make_evaluator
-from metaid.study.identifiability import refuse_until
+from metaid.study.forecast import refuse_until
 from metaid.study.kinds import AnyProblem, AnySpec, problem_of
 from metaid.study.problem import MOST_TRIALS
 from metaid.study.progress import Progress, Run

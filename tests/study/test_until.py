@@ -136,7 +136,6 @@ def test_searched_fault_is_not_told_beforehand(spec: StudySpec) -> None:
     [
         ("three-link", 0.01, "sampler 'cmaes' does not work by intervals .allowed: output-error"),
         ("three-link-oscillation", 0.5, "until is 50.000% .allowed: above 0 to 10%"),
-        ("scara", 0.01, "an arm's base parameters may be 0 .allowed: studies of chains"),
     ],
 )
 def test_studies_without_such_intervals_are_refused(study: str, until: float, message: str) -> None:

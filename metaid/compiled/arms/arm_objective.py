@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 
 import numpy as np
 
 from metaid.compiled.arms.arm_loop import ArmLoop
-from metaid.episode import GoesOn, Outcome, fall_value
+from metaid.episode import Outcome, fall_value
 from metaid.episode.arms import ArmEpisode, ArmRecord, ceiling_hz, smoothed_arm_frequency
 from metaid.errors import EpisodeError
 from metaid.models import Array
@@ -54,17 +54,27 @@ class ArmObjective:
             )
         return self._loop.run(self.prior.parameters_at(checked), number)
 
-    def evaluate(self, values: Array, number: int = 0, goes_on: GoesOn | None = None) -> Outcome:
-        """The outcome for base parameters (nbase) in the trial of that `number`.  Raises as `record` does.
+    def value(self, record: ArmRecord) -> float:
+        """The measure of what pushes that did not fall showed."""
+        return min(self._frequency(record), ceiling_hz(record.timestep))
 
-        A trial in which a push fell is a fall, though the others are none the worse for it. `goes_on` is not asked: an
-        arm's pushes are few.
+    def evaluate(self, values: Array, number: int = 0, goes_on: Callable[[ArmRecord], bool] | None = None) -> Outcome:
+        """The outcome for base parameters (nbase) in the trial of that `number`. After each push but the last, unless
+        one fell, `goes_on` is asked; where it says no, the outcome is of the pushes so far.  Raises as `record` does.
+
+        A trial in which a push fell is a fall, though the others are none the worse for it.
         """
         record = self.record(values, number)
+        for pushes in range(1, self.episode.npush):
+            so_far = record.first(pushes)
+            if goes_on is None or so_far.fell.any():
+                break
+            if not goes_on(so_far):
+                record = so_far
+                break
         steps, whole = int(record.steps.sum()), self.episode.total_steps
         fell = bool(record.fell.any())
-        ceiling = ceiling_hz(self.plant.timestep)
-        value = fall_value(ceiling, steps, whole) if fell else min(self._frequency(record), ceiling)
+        value = fall_value(ceiling_hz(record.timestep), steps, whole) if fell else self.value(record)
         uncounted = (0,) * self.plant.njoint
         return Outcome(value, fell, steps, uncounted, windows=record.windows, readings=record.readings)
 

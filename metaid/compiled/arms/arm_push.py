@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from metaid.compiled.arms.arm_loop import ArmLoop
 from metaid.episode.arms import ArmEpisode
-from metaid.errors import EpisodeError, unknown
+from metaid.errors import EpisodeError
 from metaid.models import Array
 from metaid.models.tree import ArmPrior
 from metaid.plant.arms import ArmPlant, draw_starts
@@ -95,14 +95,7 @@ def law_of(prior: ArmPrior, factors: dict[str, float]) -> Array:
     """The parameters (njoint x 13) of an arm whose base parameters are `factors` of the nominal ones, by name; `all`
     is of all of them.  Raises EpisodeError where there are none of that name.
     """
-    names = list(prior.base.names)
-    values = prior.values * factors.get("all", 1.0)
-    for name, factor in factors.items():
-        if name not in (*names, "all"):
-            raise EpisodeError(unknown("base parameter", name, ["all", *names]))
-        if name != "all":
-            values[names.index(name)] *= factor
-    return prior.parameters_at(values)
+    return prior.parameters_at(prior.scaled(factors))
 
 
 def push_arm(plant: ArmPlant, law: Array, steps: int, seed: int = 0) -> ArmPush:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,18 @@ class ArmRecord:
     acceleration_energy: Array
     windows: Windows
     readings: SensorReadings | None = None
+
+    def first(self, pushes: int) -> ArmRecord:
+        """What the first `pushes` showed; windows and readings keep their shape."""
+        return replace(
+            self,
+            steps=self.steps[:pushes],
+            fell=self.fell[:pushes],
+            speed_energy=self.speed_energy[:pushes],
+            acceleration_energy=self.acceleration_energy[:pushes],
+            windows=self.windows.first(pushes),
+            readings=None if self.readings is None else self.readings.first(pushes),
+        )
 
     @property
     def frequency(self) -> float:

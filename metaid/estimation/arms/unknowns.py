@@ -12,7 +12,7 @@ import numpy as np
 
 from metaid.estimation.estimate import Found
 from metaid.models import DEVIATIONS, Array
-from metaid.models.tree import PARAMETERS, ArmPrior, TreeModel, joint_torque, random_states
+from metaid.models.tree import PARAMETERS, ArmPrior, TreeModel, joint_torque, random_states, torque_half_width
 
 if TYPE_CHECKING:
     from metaid.compiled.arms import Frames
@@ -135,6 +135,16 @@ class ArmEstimate(Found):
     def value_covariance(self) -> Array:
         """Of the base parameters (nbase x nbase)."""
         return np.asarray(self.searched.root @ self.covariance @ self.searched.root.T, dtype=np.float64)
+
+    @property
+    def half_width(self) -> float:
+        """Half the widest interval that holds the torque of each joint, as a share of it; see `torque_half_width`."""
+        return self.half_width_with(self.value_covariance)
+
+    def half_width_with(self, covariance: Array) -> float:
+        """The same with a `covariance` of the base parameters (nbase x nbase)."""
+        prior = self.searched.prior
+        return torque_half_width(prior.nominal, prior.base, self.values, covariance)
 
     @property
     def value_deviations(self) -> Array:

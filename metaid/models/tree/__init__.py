@@ -10,7 +10,7 @@ from metaid.models.tree.arm_prior import ArmPrior, PriorDeviations
 from metaid.models.tree.base import BaseParameters, base_parameters, random_states
 from metaid.models.tree.bodies import PossibleBodies, nominal_pseudo_inertias, possible_bodies, pseudo_inertia
 from metaid.models.tree.joint_friction import JointFriction, dahl, dry_states
-from metaid.models.tree.model_error import ModelError, difference, model_error
+from metaid.models.tree.model_error import ModelError, difference, model_error, torque_half_width
 from metaid.models.tree.planar import planar_chain, planar_tree
 from metaid.models.tree.regressor import body_torque, joint_mass_matrix, joint_torque, torque_regressor
 from metaid.models.tree.tree import PARAMETERS, Tree, tilted_gravity
@@ -42,5 +42,6 @@ __all__ = [
     "pseudo_inertia",
     "random_states",
     "tilted_gravity",
+    "torque_half_width",
     "torque_regressor",
 ]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from metaid.errors import EpisodeError, unknown
 from metaid.models.lumps import Array
 from metaid.models.tree.base import STATES, BaseParameters, base_parameters, random_states
 from metaid.models.tree.regressor import BODY, joint_torque
@@ -61,6 +63,17 @@ class ArmPrior:
     def values(self) -> Array:
         """The nominal base parameters (nbase)."""
         return self.base.of(self.nominal.parameters)
+
+    def scaled(self, factors: Mapping[str, float]) -> Array:
+        """The nominal base parameters (nbase) times `factors` by name; `all` is of all of them.  Raises EpisodeError
+        where there are none of that name.
+        """
+        names = self.base.names
+        for name in factors:
+            if name not in (*names, "all"):
+                raise EpisodeError(unknown("base parameter", name, ["all", *names]))
+        each = np.array([factors.get(name, 1.0) for name in names])
+        return np.asarray(self.values * factors.get("all", 1.0) * each, dtype=np.float64)
 
     @cached_property
     def parameter_covariance(self) -> Array:

@@ -4,7 +4,7 @@ An arm is known by its base parameters. Candidates are these, in SI units. A tri
 pushes that coast and on pushes that swing as on springs.
 """
 
-from metaid.study.arms.identifiability import ArmIdentifiability, arm_identifiability
+from metaid.study.arms.identifiability import ArmIdentifiability, arm_identifiability, arm_rehearsal
 from metaid.study.arms.nominal import drawn_nominal
 from metaid.study.arms.problem import ArmProblem
 from metaid.study.arms.reading import arm_spec, with_nominal_arm
@@ -18,6 +18,7 @@ __all__ = [
     "ArmSpec",
     "ArmStudySettings",
     "arm_identifiability",
+    "arm_rehearsal",
     "arm_spec",
     "drawn_nominal",
     "with_nominal_arm",

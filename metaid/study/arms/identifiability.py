@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +11,14 @@ from threadpoolctl import threadpool_limits
 
 from metaid.errors import StudyError
 from metaid.models import DEVIATIONS, Array
+from metaid.search import Searcher
 from metaid.study.arms.problem import ArmProblem
 from metaid.study.arms.settings import TreeSettings
+
+if TYPE_CHECKING:
+    from metaid.compiled.arms import ArmObjective
+
+OWN_NOISE = 1  # added to the study's seed: a rehearsal has other noise than the study
 
 
 @dataclass(frozen=True)
@@ -40,11 +47,7 @@ def arm_identifiability(problem: ArmProblem) -> ArmIdentifiability:
 
     Raises StudyError where such a trial tells nothing.
     """
-    spec, prior = problem.spec, problem.prior
-    plant = spec.plant.model_copy(update={"arm": TreeSettings.of(problem.nominal)})
-    settings = spec.study.estimate.model_copy(update={"enabled": True})
-    study = spec.study.model_copy(update={"estimate": settings})
-    alike = ArmProblem(spec.model_copy(update={"plant": plant, "study": study}))
+    alike, prior = _nominal_problem(problem), problem.prior
     experiment = alike.experiment()
     assert experiment is not None, "an estimate is enabled"
     with threadpool_limits(1):
@@ -61,3 +64,18 @@ def arm_identifiability(problem: ArmProblem) -> ArmIdentifiability:
         beforehand=DEVIATIONS * np.sqrt(np.diag(prior.covariance)),
         seen_by_bias=base.seen_by_bias,
     )
+
+
+def arm_rehearsal(problem: ArmProblem) -> tuple[Searcher, ArmObjective]:
+    """The searcher and the objective of a study if its nominal arm were the truth."""
+    alike = _nominal_problem(problem, OWN_NOISE)
+    return alike.make_searcher(), alike.make_objective()
+
+
+def _nominal_problem(problem: ArmProblem, further: int = 0) -> ArmProblem:
+    """The same study on the nominal arm, with an estimate; `further` is added to the seed of the noise."""
+    spec = problem.spec
+    plant = spec.plant.model_copy(update={"arm": TreeSettings.of(problem.nominal)})
+    settings = spec.study.estimate.model_copy(update={"enabled": True})
+    study = spec.study.model_copy(update={"estimate": settings, "seed": spec.study.seed + further})
+    return ArmProblem(spec.model_copy(update={"plant": plant, "study": study}))

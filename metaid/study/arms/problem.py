@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -39,7 +40,7 @@ MOST_MATCHED = 8  # trials that an estimate is made of where the sampler does wi
 class ArmProblem:
     """All that the settings of a study of an arm determine before any trial."""
 
-    is_simulated, widens, measure = True, False, KINETIC
+    is_simulated, is_ready, widens, measure = True, True, False, KINETIC
 
     def __init__(self, spec: ArmSpec) -> None:
         self.spec = spec
@@ -47,7 +48,8 @@ class ArmProblem:
         self.prior = ArmPrior(self.nominal, spec.study.estimate.prior, spec.counted_by, spec.tilts)
         self.names = list(self.prior.base.names)
         reach = FARTHEST * np.sqrt(np.diag(self.prior.covariance))
-        self.low, self.high = self.prior.values - reach, self.prior.values + reach
+        self.start = self.prior.values
+        self.low, self.high = self.start - reach, self.start + reach
         if (wrong := spec.study.estimate.misfits(self.nominal.njoint, self.keeps_readings)) is not None:
             raise StudyError(wrong)
         if (wrong := spec.plant.faults.misfits(self.nominal.njoint, 2)) is not None:
@@ -70,8 +72,11 @@ class ArmProblem:
     @cached_property
     def coordinates(self) -> Coordinates:
         """What a searcher moves in: one that minimises, in the metric of the measure."""
-        if self.is_matching:
-            return plain_coordinates(self.prior.values, self.low, self.high)
+        return plain_coordinates(self.start, self.low, self.high) if self.is_matching else self.metric
+
+    @cached_property
+    def metric(self) -> Coordinates:
+        """That metric, whatever the searcher moves in."""
         return believed_metric(self.sensitivity(), self.prior, self.low, self.high)
 
     def sensitivity(self, values: Array | None = None) -> Array:
@@ -130,6 +135,12 @@ class ArmProblem:
     def nominal_plant(self) -> ArmPlant:
         """The nominal arm as a plant, without faults."""
         return ArmPlant("nominal", ArmSettings(mjcf="nominal", timestep=self.spec.plant.timestep), self.nominal)
+
+    def candidate(self, factors: Mapping[str, float]) -> Array:
+        """The candidate (nbase) with these `factors` of its nominal base parameters, 1 of those not named.  Raises
+        EpisodeError where there is no such base parameter.
+        """
+        return self.prior.scaled(factors)
 
     def make_objective(self) -> ArmObjective:
         """An objective of its own for each worker, in base parameters."""

@@ -35,6 +35,11 @@ class ArmFound(StudyEstimate):
         return np.asarray(self.estimate.value_covariance * np.outer(wider, wider), dtype=np.float64)
 
     @property
+    def half_width(self) -> float:
+        """Half the widest interval that holds the torque of each joint, as a share of it."""
+        return self.estimate.half_width_with(self.covariance)
+
+    @property
     def usual(self) -> str:
         return "springs, play, torques that come late or are cut off, or wrong frames"
 

@@ -165,6 +165,11 @@ class StudyEstimate:
         )
 
     @property
+    def half_width(self) -> float:
+        """Half the widest of intervals that hold all that is wanted at once, as a share of it."""
+        raise NotImplementedError
+
+    @property
     def usual(self) -> str:
         """What such models often lack, in words."""
         raise NotImplementedError

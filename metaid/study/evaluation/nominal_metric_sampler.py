@@ -8,9 +8,7 @@ from optuna.samplers import BaseSampler
 
 from metaid.search import MetricSampler, tpe_for_metric
 from metaid.study.evaluation.optuna_objective import OptunaObjective
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
-from metaid.study.settings import StudySpec
+from metaid.study.kinds import AnySpec, load_study, problem_of
 
 
 class NominalMetricSampler(MetricSampler):
@@ -27,11 +25,11 @@ class NominalMetricSampler(MetricSampler):
 
     def __init__(
         self,
-        study: str | Path | StudySpec | OptunaObjective,
+        study: str | Path | AnySpec | OptunaObjective,
         sampler: BaseSampler | None = None,
         seed: int | None = None,
     ) -> None:
         if isinstance(study, OptunaObjective):
             study = study.spec
-        problem = Problem(study if isinstance(study, StudySpec) else load_chain_study(study))
+        problem = problem_of(load_study(study) if isinstance(study, str | Path) else study)
         super().__init__(problem.names, problem.metric, tpe_for_metric(seed) if sampler is None else sampler)

@@ -5,22 +5,17 @@ from __future__ import annotations
 import json
 import threading
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import optuna
 from optuna.distributions import FloatDistribution
 from optuna.trial import TrialState
 
-from metaid.episode import Record
 from metaid.errors import StudyError
 from metaid.store import EXPERIMENT, MOTION_KEYS, outcome_attributes, study_attributes
 from metaid.study.create import optuna_spec
-from metaid.study.problem import Problem
-from metaid.study.settings import StudySpec
-
-if TYPE_CHECKING:
-    from metaid.compiled import Objective
+from metaid.study.kinds import AnySpec, problem_of
 
 MINIMIZES = [optuna.study.StudyDirection.MINIMIZE]
 
@@ -41,21 +36,21 @@ class OptunaObjective:
         StudyError: the plant is a rig that nobody has calibrated for this study.
     """
 
-    def __init__(self, spec: StudySpec) -> None:
-        self._problem = Problem(spec)
+    def __init__(self, spec: AnySpec) -> None:
+        self._problem = problem_of(spec)
         self._problem.check()
-        if not self._problem.is_simulated and spec.pushed is None:
+        if not self._problem.is_ready:
             raise StudyError(
                 f"plant {spec.plant_name} is a rig, whose pushes are found when a study is created: "
                 "create it, and name its storage here"
             )
         self._threads = threading.local()
         self._lock = threading.RLock()
-        self._rig: Objective | None = None
+        self._rig: Any = None
         self._with_motion: dict[str, int] = {}  # how many trials of each Optuna study carry their motion
 
     @property
-    def spec(self) -> StudySpec:
+    def spec(self) -> AnySpec:
         """The study's settings."""
         return self._problem.spec
 
@@ -71,7 +66,7 @@ class OptunaObjective:
         """Where the study's own search begins: for `study.enqueue_trial(objective.start)`."""
         return dict(zip(self._problem.names, self._problem.start.tolist(), strict=True))
 
-    def __reduce__(self) -> tuple[type[OptunaObjective], tuple[StudySpec]]:
+    def __reduce__(self) -> tuple[type[OptunaObjective], tuple[AnySpec]]:
         return OptunaObjective, (self.spec,)
 
     def __call__(self, trial: optuna.trial.BaseTrial) -> float:
@@ -88,10 +83,10 @@ class OptunaObjective:
         factors = np.array([trial.suggest_float(name, each.low, each.high) for name, each in self.space.items()])
         reported = set[int]()  # a rig that was lost is pushed again from the first push on
 
-        def goes_on(record: Record) -> bool:
-            if record.steps not in reported:
-                reported.add(record.steps)
-                trial.report(self._problem.measure.value(record), record.steps)
+        def goes_on(record: Any) -> bool:
+            if (steps := int(np.sum(record.steps))) not in reported:
+                reported.add(steps)
+                trial.report(self._objective().value(record), steps)
             return not trial.should_prune()
 
         if self._problem.is_simulated:
@@ -108,14 +103,14 @@ class OptunaObjective:
             trial.report(outcome.value, outcome.steps)
         if outcome.fell or outcome.steps in reported:
             raise optuna.TrialPruned
-        return outcome.value
+        return float(outcome.value)
 
     def close(self) -> None:
         """Lets go of a rig."""
         if self._rig is not None:
             self._rig.close()
 
-    def _objective(self) -> Objective:
+    def _objective(self) -> Any:
         """That of this thread, or of the one rig."""
         with self._lock:
             if not self._problem.is_simulated:
@@ -123,8 +118,7 @@ class OptunaObjective:
                 return self._rig
             if not hasattr(self._threads, "objective"):
                 self._threads.objective = self._problem.make_objective()
-            made: Objective = self._threads.objective
-            return made
+            return self._threads.objective
 
     def _adopt(self, study: optuna.Study) -> None:
         """Tells an Optuna study what its trials are of, once.  Raises StudyError where it cannot be of that."""
@@ -133,7 +127,7 @@ class OptunaObjective:
             if study.directions != MINIMIZES:
                 raise StudyError("the Optuna study does not minimise one value (allowed: direction='minimize')")
             spec = self.spec.model_dump_json()
-            for key, value in study_attributes(spec, self._problem.nominal.nlink).items():
+            for key, value in study_attributes(spec, self._problem.counted_joints).items():
                 study.set_user_attr(key, value)
         elif stored.experiment != self.spec.experiment:
             raise StudyError(
