@@ -24,14 +24,21 @@ import numpy as np
 
 PROTOCOL = 1
 ASKED = "asked to"  # why the torque is off after every push that went well
+STEPS = 10  # of a simulated arm in a tick: a real one moves continuously
 IDLE = 60.0  # s without a word, nothing moving: whoever is connected has gone, and somebody else may be waiting
 
 
 class Body(Protocol):
-    """The hardware. Angles of joints from the upright in rad, speeds in rad/s, torques in N m, impulses in N s."""
+    """The hardware. Angles of joints from the upright in rad, speeds in rad/s, torques in N m. `needs`: what a push has
+    a number of for each joint.
+    """
 
-    def push(self, impulses: list[float]) -> None:
-        """Brings the links to rest upright, and strikes their tips."""
+    needs: tuple[str, ...]
+
+    def push(self, *asked: list[float]) -> None:
+        """Of a pendulum: brings the links to rest upright, and strikes their tips with impulses in N s. Of an arm:
+        brings it to a pose, in rad, and to speeds, in rad/s.
+        """
 
     def states(self) -> tuple[list[float], list[float]]:
         """Reads the encoders: joint angles and speeds."""
@@ -42,6 +49,8 @@ class Body(Protocol):
 
 class Links:
     """A planar chain by its equations of motion (docs/method.md, Eq. 4), stepped by semi-implicit Euler."""
+
+    needs = ("impulses",)
 
     def __init__(self, plant: dict[str, Any]) -> None:
         links = plant["links"]
@@ -75,8 +84,36 @@ class Links:
         self.angles = self.angles + self.timestep * self.speeds
 
 
+class Arm:
+    """An arm by MuJoCo, from an MJCF whose joints are all moved; a position controller is taken for granted."""
+
+    needs = ("pose", "speeds")
+
+    def __init__(self, path: Path, timestep: float) -> None:
+        import mujoco
+
+        self.mujoco, self.model = mujoco, mujoco.MjModel.from_xml_path(str(path))
+        self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+        self.model.opt.timestep = timestep / STEPS
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+        self.data = mujoco.MjData(self.model)
+
+    def push(self, pose: list[float], speeds: list[float]) -> None:
+        self.mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos[:], self.data.qvel[:] = pose, speeds
+
+    def states(self) -> tuple[list[float], list[float]]:
+        return self.data.qpos.tolist(), self.data.qvel.tolist()
+
+    def advance(self, torque: list[float]) -> None:
+        self.data.qfrc_applied[:] = torque
+        self.mujoco.mj_step(self.model, self.data, STEPS)
+
+
 class Simulator:
     """metaid's own simulated plant, from a plant file."""
+
+    needs = ("impulses",)
 
     def __init__(self, path: Path) -> None:
         from metaid.plant import Start, load_chain
@@ -124,7 +161,7 @@ class Rig:
         if asked == "ping":
             return {"pong": True}
         if asked == "push":
-            return self.push(self.numbers(message, "impulses"))
+            return self.push(*(self.numbers(message, key) for key in self.body.needs))
         if asked == "step":
             return self.step(self.numbers(message, "torque"))
         if asked == "stop":
@@ -139,10 +176,10 @@ class Rig:
             raise ValueError(f"{message['do']} needs {self.about['joints']} finite numbers as '{key}'")
         return [float(value) for value in values]
 
-    def push(self, impulses: list[float]) -> dict[str, Any]:
-        """To rest upright, then a push; ticks are counted from it."""
+    def push(self, *asked: list[float]) -> dict[str, Any]:
+        """To where it begins, and a push; ticks are counted from it."""
         self.torque = [0.0] * self.about["joints"]
-        self.body.push(impulses)
+        self.body.push(*asked)
         self.moving, self.tick, self.pushed_at = True, 0, time.monotonic()
         return self.state()
 
@@ -276,7 +313,8 @@ def listen(address: str) -> socket.socket:
 def main() -> None:
     """One connection after another, for ever: a rig has one body."""
     parser = argparse.ArgumentParser(description="A pendulum behind a socket.")
-    parser.add_argument("plant", type=Path, help="plant file with the links to simulate")
+    parser.add_argument("plant", type=Path, help="plant file with the links to simulate, or the MJCF of an arm")
+    parser.add_argument("--timestep", type=float, default=0.002, help="s, of an arm")
     parser.add_argument("--listen", default="tcp://127.0.0.1:5555", metavar="ADDRESS", help="tcp://… or unix:…")
     parser.add_argument("--body", choices=["links", "mujoco"], default="links", help="what is simulated, and how")
     parser.add_argument("--real-time", action="store_true", help="a tick takes its time (default: as fast as asked)")
@@ -287,15 +325,17 @@ def main() -> None:
         "--fault", action="append", default=[], metavar="KIND@N", help="drop, silence, late or die at step N"
     )
     given = parser.parse_args()
-    plant = tomllib.loads(given.plant.read_text(encoding="utf-8"))
-    body: Body = Links(plant) if given.body == "links" else Simulator(given.plant)
-    about = {
-        "metaid": PROTOCOL,
-        "name": given.plant.stem,
-        "joints": len(plant["links"]),
-        "timestep": float(plant.get("timestep", 0.002)),
-        "gravity": float(plant.get("gravity", 9.81)),
-    }
+    about = {"metaid": PROTOCOL, "name": given.plant.stem}
+    if given.plant.suffix == ".xml":
+        arm = Arm(given.plant, given.timestep)
+        body: Body = arm
+        gravity = float(np.linalg.norm(arm.model.opt.gravity))
+        about |= {"joints": arm.model.nv, "timestep": given.timestep, "gravity": gravity}
+    else:
+        plant = tomllib.loads(given.plant.read_text(encoding="utf-8"))
+        body = Links(plant) if given.body == "links" else Simulator(given.plant)
+        timestep, gravity = float(plant.get("timestep", 0.002)), float(plant.get("gravity", 9.81))
+        about |= {"joints": len(plant["links"]), "timestep": timestep, "gravity": gravity}
     rig = Rig(body, about, given.watchdog, np.radians(given.limit), given.real_time, given.verbose)
     faults = Faults(given.fault)
     listener = listen(given.listen)

@@ -23,7 +23,7 @@ from metaid.episode.pushes import REACH, natural_time, pushed_speeds, pushes_for
 from metaid.episode.readings import SensorReadings, readings_before_fall
 from metaid.episode.record import GoesOn, Record, Trajectory, same_record, stopped_early
 from metaid.episode.smoothing import noise_floor
-from metaid.episode.stepwise import CandidateBatch, StepwiseLoop, new_candidate_batch, run_stepwise
+from metaid.episode.stepwise import CandidateBatch, StepwiseLoop, again_if_lost, new_candidate_batch, run_stepwise
 from metaid.episode.windows import QUANTITIES, SHORTEST, WINDOWS, Windows, even_ends, window_ends, windows_before_fall
 
 __all__ = [
@@ -51,6 +51,7 @@ __all__ = [
     "StepwiseLoop",
     "Trajectory",
     "Windows",
+    "again_if_lost",
     "crossing_hz",
     "even_ends",
     "failure",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from metaid.models import Array, ChainModel, Lumps, Model
 from metaid.plant import FaultyPlant, Plant
 
 TRIES = 3  # of an episode in which the plant was lost
+Seen = TypeVar("Seen")
 
 
 @dataclass(frozen=True)
@@ -80,16 +82,26 @@ class StepwiseLoop:
         `goes_on` is asked after each push. Raises LostPlant where that is of no help, ImplausiblePlant where its
         readings cannot be true, AbsentPlant where there is no plant any more.
         """
-        tries = 0
-        while True:
-            try:
-                return run_stepwise(self.plant, candidate, self.episode, number, self._earlier, goes_on)[0]
-            except ImplausiblePlant:
-                raise
-            except LostPlant as problem:
-                tries += 1
-                if tries == TRIES:
-                    raise type(problem)(f"{problem}; the episode was tried {TRIES} times") from None
+        return again_if_lost(
+            lambda: run_stepwise(self.plant, candidate, self.episode, number, self._earlier, goes_on)[0]
+        )
+
+
+def again_if_lost(run: Callable[[], Seen]) -> Seen:
+    """What an episode shows that is `run` again, TRIES times in all, if the plant was lost in it. Raises LostPlant
+    where that is of no help, ImplausiblePlant where its readings cannot be true, AbsentPlant where there is no plant
+    any more.
+    """
+    tries = 0
+    while True:
+        try:
+            return run()
+        except ImplausiblePlant:
+            raise
+        except LostPlant as problem:
+            tries += 1
+            if tries == TRIES:
+                raise type(problem)(f"{problem}; the episode was tried {TRIES} times") from None
 
 
 def run_stepwise(

@@ -16,6 +16,7 @@ from pydantic import Field, field_validator
 from metaid.errors import AbsentPlant, ImplausiblePlant, LostPlant, PlantError
 from metaid.files import Settings
 from metaid.models import Array, Lumps
+from metaid.plant.arms.arm_plant import ArmStart
 from metaid.plant.start import Start
 from metaid.plant.wire import Wire, WireError, floats, parse_address
 
@@ -75,16 +76,15 @@ class SocketPlant:
     def gravity(self) -> float:
         return self.settings.gravity
 
-    def push(self, start: Start) -> None:
-        """Raises PlantError where it is to begin elsewhere than upright, too: the protocol has no word for that."""
-        if not start.is_upright:
-            raise PlantError(
-                f"plant {self.name} at {self.settings.socket}: a push is to begin at joint angles "
-                f"{start.angles.tolist()} rad (allowed: 0 rad for every joint; a rig is pushed from the upright)"
-            )
+    def push(self, start: Start | ArmStart) -> None:
+        """Raises PlantError where the protocol has no word for such a start, too."""
+        try:
+            asked = start.asked
+        except PlantError as problem:
+            raise PlantError(f"plant {self.name} at {self.settings.socket}: {problem}") from None
         self._tick = 0
         self.apply_torque(np.zeros(self.njoint))
-        self._take(self._ask({"do": "push", "impulses": start.impulses.tolist()}, self.settings.push_timeout))
+        self._take(self._ask({"do": "push", **asked}, self.settings.push_timeout))
 
     def states(self) -> tuple[Array, Array]:
         return self._state
@@ -114,6 +114,9 @@ class SocketPlant:
 
     def true_lumps(self) -> Lumps | None:
         return None
+
+    def true_parameters(self) -> None:
+        """Nothing: nobody knows them."""
 
     def round_trips(self, count: int) -> Array:
         """How long `count` messages and their answers took (count), in s: the timestep must hold one, and the law."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from metaid.errors import PlantError
 from metaid.models import Array
 
 
@@ -26,6 +27,18 @@ class Start:
     def struck(self, noise: Array) -> Start:
         """The same where chance adds this `noise` (njoint) to the impulses, as shares of them."""
         return replace(self, impulses=self.impulses * (1.0 + noise))
+
+    @property
+    def asked(self) -> dict[str, list[float]]:
+        """What a rig is asked for.  Raises PlantError where it is to begin elsewhere than upright: the protocol has no
+        word for that.
+        """
+        if not self.is_upright:
+            raise PlantError(
+                f"a push is to begin at joint angles {self.angles.tolist()} rad "
+                "(allowed: 0 rad for every joint; a rig is pushed from the upright)"
+            )
+        return {"impulses": self.impulses.tolist()}
 
     @property
     def is_upright(self) -> bool:

@@ -41,7 +41,7 @@ def render_arm(found: ArmFindings) -> str:
         coasts=episode.npush - springs,
         springs=springs,
         timestep=problem.timestep,
-        faults=[f"{name} {value}" for name, value in spec.plant.faults.named.items()],
+        faults=[f"{name} {value}" for name, value in spec.faults.named.items()],
         nominal=nominal if isinstance(nominal, str) else f"drawn about {nominal.plant} with seed {nominal.seed}",
         plant_picture=inline_svg(rods_figure(problem.nominal_plant(), episode.starts[0], COLUMN), "plant-"),
         joints=[

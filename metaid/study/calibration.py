@@ -10,13 +10,11 @@ from metaid.episode import Calibration, natural_time, pushed_speeds
 from metaid.errors import PlantError
 from metaid.models import Array, Chain, ChainModel
 from metaid.plant import SocketPlant, Start
+from metaid.study.resting import FEWEST_READINGS, MOST_READINGS, REPEATS, noise_at_rest
 from metaid.study.settings import PushedSettings
 
-REPEATS = 4  # of each push; a power of two, so that the mean of equal speeds is one of them
 RESTING = 2.0  # natural times for which the rig stands at rest
-FEWEST_READINGS, MOST_READINGS = 20, 200  # at rest
 UPRIGHT = 0.5  # rad from the upright in which every joint of a rig at rest must be
-DRIFT = 4  # coefficients of what a rig at rest may drift by; what is left is noise
 LARGEST_IMPULSE = 1e4  # N s; a rig that needs more has not answered to its trial pushes
 LARGEST_SPREAD = 0.2  # of an impulse: what a push may differ by from one time to the next
 LEAST_TOLERANCE = 0.02  # of the fastest joint of a push: what it may differ by where the calibration showed less
@@ -43,7 +41,7 @@ def calibrate(plant: SocketPlant, nominal: Chain, pushes: Array, repeats: int) -
                 f"plant {plant.name}: push {push + 1} would need an impulse of {np.abs(impulses).max():.3g} N s "
                 f"(allowed: at most {LARGEST_IMPULSE:g}); the speeds after its trial pushes are too low to be believed"
             )
-    angle_noise, speed_noise = _noise(rest_readings(plant, nominal))
+    angle_noise, speed_noise = noise_at_rest(rest_readings(plant, nominal))
     seen = np.array([pushed_speeds(plant, different) for _ in range(REPEATS)])
     speeds = seen.mean(axis=0)
     noise = _push_noise(
@@ -85,19 +83,6 @@ def rest_readings(plant: SocketPlant, nominal: Chain) -> Array:
     finally:
         plant.stop()
     return np.array(seen)
-
-
-def _noise(rest: Array) -> Array:
-    """The standard deviation of angles in rad and of speeds in rad/s (2 x njoint) about a slow drift, from readings at
-    rest (nreading x 2 x njoint).
-    """
-    drifts = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, len(rest)), DRIFT))[0]
-    flat = rest.reshape(len(rest), -1)
-    left = flat - drifts @ (drifts.T @ flat)
-    # A reading that never changes has no noise; what the projection leaves of it is rounding.
-    left[:, (flat == flat[0]).all(axis=0)] = 0.0
-    deviations: Array = np.sqrt((left**2).sum(axis=0) / (len(rest) - DRIFT))
-    return deviations.reshape(rest.shape[1:])
 
 
 def _joints(speeds: Array) -> Array:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from contextlib import closing
 from typing import TYPE_CHECKING
 
 from metaid.errors import StorageError, StudyError
@@ -12,10 +11,7 @@ from metaid.plant import PlantSettings, chain_of
 from metaid.search import SAMPLERS
 from metaid.store import SPEC_KEY, Store, refuse_if_run
 from metaid.study.arms import ArmSpec
-from metaid.study.calibration import calibrate
 from metaid.study.kinds import AnySpec, problem_of, spec_from
-from metaid.study.problem import Problem
-from metaid.study.settings import StudySpec
 
 if TYPE_CHECKING:
     import optuna
@@ -37,8 +33,8 @@ def create_study(store: Store, spec: AnySpec, name: str | None = None) -> str:
     if name in store.names():
         allowed = _other_sampler(stored_spec(store, name), spec, name) or "choose another with --name, or delete it"
         raise StorageError(f"{store.url} has a study '{name}' already ({allowed})")
-    if isinstance(problem, Problem) and not problem.is_simulated:
-        spec = _pushed_spec(problem)
+    if not problem.is_simulated:
+        spec = problem.calibrated()
         refuse_what_cannot_be_run(spec)
     store.create(name, spec.model_dump_json(), problem.counted_joints)
     return name
@@ -51,9 +47,7 @@ def ensure_study(store: Store, spec: AnySpec, name: str | None = None) -> str:
     name = spec.name if name is None else name
     if name not in store.names():
         return create_study(store, spec, name)
-    stored = stored_spec(store, name)
-    if isinstance(stored, StudySpec):
-        stored = stored.model_copy(update={"pushed": None})
+    stored = stored_spec(store, name).model_copy(update={"pushed": None})
     if stored != spec:
         allowed = _other_sampler(stored, spec, name) or "choose another name, or delete it"
         raise StorageError(f"{store.url} has a study '{name}' made from other settings ({allowed})")
@@ -74,14 +68,6 @@ def _other_sampler(stored: AnySpec, wanted: AnySpec, name: str) -> str | None:
 def refuse_what_cannot_be_run(spec: AnySpec) -> None:
     """Raises StudyError where no sampler can search as these settings say."""
     problem_of(spec).make_searcher()
-
-
-def _pushed_spec(problem: Problem) -> StudySpec:
-    """The study with the pushes that its rig needs, and what was measured of them and of its sensors."""
-    with closing(problem.open_rig()) as rig:
-        pushes = problem.at_plant(rig).pushes
-        pushed = calibrate(rig, problem.nominal, pushes, problem.spec.study.episode.repeats)
-    return problem.spec.model_copy(update={"pushed": pushed})
 
 
 def advice(spec: AnySpec) -> str | None:

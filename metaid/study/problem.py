@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -35,7 +36,7 @@ from metaid.search import (
     sensitivity,
     widened,
 )
-from metaid.study.calibration import calibration_of
+from metaid.study.calibration import calibrate, calibration_of
 from metaid.study.contradictions import (
     check_bounds,
     check_rig,
@@ -115,6 +116,12 @@ class Problem:
     def is_ready(self) -> bool:
         """Whether all is known that a trial needs: a rig's pushes are found when its study is created."""
         return self.is_simulated or self.spec.pushed is not None
+
+    def calibrated(self) -> StudySpec:
+        """The study with the pushes that its rig needs, and what was measured of them and of its sensors."""
+        with closing(self.open_rig()) as rig:
+            pushed = calibrate(rig, self.nominal, self.at_plant(rig).pushes, self.spec.study.episode.repeats)
+        return self.spec.model_copy(update={"pushed": pushed})
 
     def candidate(self, factors: Mapping[str, float]) -> Array:
         """The candidate (nlump) with these `factors` of its nominal lumps, 1 of those not named.  Raises EpisodeError

@@ -6,6 +6,7 @@ the study DB, so a study can be resumed and shown without its files.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from hashlib import blake2b
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -205,8 +206,10 @@ def read_study(name: str | Path, changes: dict[str, Any] | None = None) -> Study
 
     if isinstance(wanted := tables.get("plant"), str):
         plant_path = named("plant", wanted)
-        if isinstance(arm := read_any_plant(plant_path), ArmSettings):
-            return arm_spec(path, tables, plant_path, arm, named)
+        any_plant = read_any_plant(plant_path)
+        is_rig_of_arm = isinstance(any_plant, SocketSettings) and _is_of_arm(tables.get("nominal"), named)
+        if not isinstance(any_plant, PlantSettings) and (is_rig_of_arm or isinstance(any_plant, ArmSettings)):
+            return arm_spec(path, tables, plant_path, any_plant, named)
     study = check(StudySettings, tables, str(path), StudyError)
     plant_path = named("plant", study.plant)
     plant = read_any_plant(plant_path)
@@ -218,6 +221,12 @@ def read_study(name: str | Path, changes: dict[str, Any] | None = None) -> Study
     else:
         nominal = _same_gravity(read_plant(named("nominal", study.nominal)), plant, path).links
     return StudySpec(name=path.stem, plant_name=plant_path.stem, plant=plant, nominal=nominal, study=study)
+
+
+def _is_of_arm(nominal: Any, named: Callable[[str, str], Path]) -> bool:
+    """Whether the `nominal` of a study file is an arm."""
+    file = nominal.get("plant") if isinstance(nominal, dict) else nominal
+    return isinstance(file, str) and isinstance(read_any_plant(named("nominal", file)), ArmSettings)
 
 
 def _change(tables: dict[str, Any], key: str, value: Any) -> None:

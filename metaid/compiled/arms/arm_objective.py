@@ -10,11 +10,18 @@ import numpy as np
 
 from metaid.compiled.arms.arm_loop import ArmLoop
 from metaid.episode import Outcome, fall_value
-from metaid.episode.arms import ArmEpisode, ArmRecord, ceiling_hz, smoothed_arm_frequency
-from metaid.errors import EpisodeError
+from metaid.episode.arms import (
+    ArmEpisode,
+    ArmRecord,
+    StepwiseArmLoop,
+    ceiling_hz,
+    failed_push,
+    smoothed_arm_frequency,
+)
+from metaid.errors import AbsentPlant, EpisodeError, LostPlant
 from metaid.models import Array
 from metaid.models.tree import ArmPrior
-from metaid.plant.arms import ArmPlant
+from metaid.plant import ArmPlant, SocketPlant
 
 
 @dataclass
@@ -30,7 +37,7 @@ class ArmBatch:
 
 
 class ArmObjective:
-    """Evaluates base parameters on a simulated arm. Holds the plant's state, so one per worker.
+    """Evaluates base parameters on an arm, simulated or a rig. Holds the plant's state, so one per worker.
 
     Args:
         plant: that candidates are tried on.
@@ -38,14 +45,18 @@ class ArmObjective:
         episode: what is done to the plant with each candidate.
     """
 
-    def __init__(self, plant: ArmPlant, prior: ArmPrior, episode: ArmEpisode) -> None:
+    def __init__(self, plant: ArmPlant | SocketPlant, prior: ArmPrior, episode: ArmEpisode) -> None:
         self.plant, self.prior, self.episode = plant, prior, episode
-        self._loop = ArmLoop(plant, prior.nominal, episode)
+        self._loop: ArmLoop | StepwiseArmLoop = (
+            StepwiseArmLoop(plant, prior.nominal, episode)
+            if isinstance(plant, SocketPlant)
+            else ArmLoop(plant, prior.nominal, episode)
+        )
 
     def record(self, values: Array, number: int = 0) -> ArmRecord:
         """What the episode of a candidate with these base parameters (nbase) shows in the trial of that `number`.
 
-        Raises EpisodeError where they are none.
+        Raises EpisodeError where they are none, LostPlant and AbsentPlant where a rig does not answer.
         """
         checked = np.asarray(values, dtype=np.float64)
         if checked.shape != self.prior.values.shape or not np.isfinite(checked).all():
@@ -90,9 +101,16 @@ class ArmObjective:
         return ArmBatch(values, trials)
 
     def work_on(self, batch: ArmBatch) -> None:
-        """Runs episodes of the `batch` until there are none left; others may do so at the same time."""
+        """Runs episodes of the `batch` until there are none left; others may do so at the same time.  Raises
+        AbsentPlant.
+        """
         while (candidate := next(batch.next)) < len(batch.values):
-            batch.outcomes[candidate] = self.evaluate(batch.values[candidate], batch.trials[candidate])
+            try:
+                batch.outcomes[candidate] = self.evaluate(batch.values[candidate], batch.trials[candidate])
+            except AbsentPlant:
+                raise  # nor is it there for the next
+            except LostPlant as problem:
+                batch.outcomes[candidate] = failed_push(self.episode, self.plant.timestep, str(problem))
 
     def outcomes(self, batch: ArmBatch) -> list[Outcome]:
         """The outcomes of a `batch`'s candidates (ncandidate), once everyone is back from it."""

@@ -4,9 +4,17 @@
 """
 
 from metaid.episode.arms.arm_episode import RUNAWAY, ArmEpisode
-from metaid.episode.arms.arm_record import KINETIC, ArmMeasure, ArmRecord, ceiling_hz, resolution_hz, same_arm_record
+from metaid.episode.arms.arm_record import (
+    KINETIC,
+    ArmMeasure,
+    ArmRecord,
+    ceiling_hz,
+    failed_push,
+    resolution_hz,
+    same_arm_record,
+)
 from metaid.episode.arms.smoothed import smoothed_arm_frequency
-from metaid.episode.arms.stepwise import run_arm_stepwise
+from metaid.episode.arms.stepwise import StepwiseArmLoop, run_arm_stepwise
 
 __all__ = [
     "KINETIC",
@@ -14,7 +22,9 @@ __all__ = [
     "ArmEpisode",
     "ArmMeasure",
     "ArmRecord",
+    "StepwiseArmLoop",
     "ceiling_hz",
+    "failed_push",
     "resolution_hz",
     "run_arm_stepwise",
     "same_arm_record",

@@ -34,6 +34,8 @@ class ArmEpisode:
         runaway: a joint this many times faster than any was at a start has fallen, hinges and slides apart; so has
             one that leaves its range.
         seed: of the noise.
+        begun: joint coordinates and speeds with which pushes of a rig were seen to begin (npush x 2 x njoint); None
+            where they are those of the starts.
         lead: in s, for a plant whose torques come late: the law gets the coordinates that the speeds lead to by then.
         keeps_readings: whether what the sensors read is kept, as of a plant with faults.
     """
@@ -44,6 +46,7 @@ class ArmEpisode:
     window_ends: tuple[int, ...] = ()
     runaway: float = RUNAWAY
     seed: int = 0
+    begun: Array | None = None
     lead: float = 0.0
     keeps_readings: bool = False
 
@@ -77,6 +80,11 @@ class ArmEpisode:
         """Joint coordinates and speeds at the start of each push (npush x 2 x njoint)."""
         return np.array([(start.pose, start.speeds) for start in self.starts], dtype=np.float64)
 
+    @property
+    def begins(self) -> Array:
+        """Joint coordinates and speeds with which pushes begin (npush x 2 x njoint), as far as is known."""
+        return self.states if self.begun is None else self.begun
+
     def allowed_speeds(self, slides: NDArray[np.bool_]) -> Array:
         """The speed (njoint) beyond which each joint has run away, in rad/s or m/s, by which of them are `slides`."""
         fastest = np.abs(self.states[:, 1]).max(axis=0)
@@ -101,6 +109,6 @@ class ArmEpisode:
         steps = min(steps, self.steps)
         first = sorted(np.unique(self.stiffness, return_index=True)[1].tolist())
         starts = tuple(self.starts[push] for push in first)
-        return replace(
-            self, starts=starts, stiffness=self.stiffness[first], steps=steps, window_ends=window_ends(steps)
-        )
+        begun = None if self.begun is None else self.begun[first]
+        changed = replace(self, starts=starts, stiffness=self.stiffness[first], begun=begun)
+        return replace(changed, steps=steps, window_ends=window_ends(steps))

@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.episode.measures import SPEED_RESOLUTION
+from metaid.episode.arms.arm_episode import ArmEpisode
+from metaid.episode.measures import SPEED_RESOLUTION, fall_value
+from metaid.episode.outcome import Outcome
 from metaid.episode.readings import SensorReadings
 from metaid.episode.windows import Windows
 from metaid.models import Array
@@ -81,6 +83,18 @@ def resolution_hz(horizon: float) -> float:
     `horizon` (s).
     """
     return SPEED_RESOLUTION / (2.0 * np.pi * horizon)
+
+
+def failed_push(episode: ArmEpisode, timestep: float, reason: str) -> Outcome:
+    """What the searcher is told of a candidate that could not be evaluated for a `reason`.
+
+    Args:
+        episode: that it was to have.
+        timestep: between two torques, in s.
+        reason: why not.
+    """
+    worst = fall_value(ceiling_hz(timestep), 0, episode.total_steps)
+    return Outcome(worst, True, 0, (0,) * episode.njoint, reason)
 
 
 def same_arm_record(one: ArmRecord, other: ArmRecord) -> bool:

@@ -90,7 +90,7 @@ class ArmExperiment(OfReadings):
         return np.append(self.searched.begin, np.zeros(len(self.faults.names))) if begin is None else begin
 
     def _search(self, kinds: tuple[str, ...]) -> SearchedFaults:
-        return searched_faults(kinds, self.searched, 0.0, self.episode.states[:, 1])
+        return searched_faults(kinds, self.searched, 0.0, self.episode.begins[:, 1])
 
     def _comparison(self, trials: Sequence[Any]) -> Any:
         return compared_of_arm(trials, self.searched, self.faults, self.torque_noise is not None)
@@ -178,5 +178,5 @@ def read_arm_trial(frames: Frames, law: Array, episode: ArmEpisode, loop: Loop, 
         loop: how the arm is controlled and read.
         read: what the sensors read.
     """
-    poses, speeds = np.ascontiguousarray(episode.states.swapaxes(0, 1))
+    poses, speeds = np.ascontiguousarray(episode.begins.swapaxes(0, 1))
     return loop.trial(read, speeds, partial(commanded_arm_torques, frames, law, episode), poses)

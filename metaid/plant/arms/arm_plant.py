@@ -28,6 +28,11 @@ class ArmStart:
     pose: Array
     speeds: Array
 
+    @property
+    def asked(self) -> dict[str, list[float]]:
+        """What a rig is asked for."""
+        return {"pose": self.pose.tolist(), "speeds": self.speeds.tolist()}
+
     def struck(self, noise: Array) -> ArmStart:
         """The same where chance adds this `noise` (njoint) to the speeds, as shares of them."""
         return replace(self, speeds=self.speeds * (1.0 + noise))

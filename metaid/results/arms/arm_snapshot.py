@@ -61,5 +61,4 @@ class ArmSnapshot:
     @cached_property
     def truth(self) -> Tree | None:
         """The true arm, where it is known: here, and only here, it meets the result."""
-        plant = self.problem.open_plant()
-        return plant.tree if plant.true_parameters() is not None else None
+        return self.problem.truth

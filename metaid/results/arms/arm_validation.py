@@ -41,7 +41,7 @@ def validate_arm(snapshot: ArmSnapshot, verdict: Verdict, pushes: int = PUSHES, 
     if not verdict.has_result:
         raise verdict.refusal(snapshot.name, "nothing to validate")
     check_pushes(pushes, seed)
-    plant, nominal = snapshot.problem.open_plant(), snapshot.problem.nominal
+    plant, nominal = snapshot.problem.make_plant(), snapshot.problem.nominal
     study = snapshot.spec.study
     steps, random = round(COASTING_HORIZON / plant.timestep), fresh_seed(study.seed, seed)
     starts = draw_free_starts(nominal, pushes, COASTING_HORIZON, random, study.episode.speed)

@@ -56,7 +56,7 @@ def laws_of(store: Store, name: str, arm: ArmPlant) -> tuple[Tree, dict[str, Arr
     plant than this `arm`.
     """
     snapshot = read_any_snapshot(store, name)
-    if not isinstance(snapshot, ArmSnapshot) or not _is_same(snapshot.problem.open_plant().tree, arm.tree):
+    if not isinstance(snapshot, ArmSnapshot) or not _is_same(snapshot.problem.make_plant().tree, arm.tree):
         raise StorageError(f"study '{name}' is about the plant {snapshot.spec.plant_name}, not about {arm.name}")
     return snapshot.problem.nominal, laws(snapshot, judge_arm(snapshot))
 

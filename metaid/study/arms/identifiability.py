@@ -11,9 +11,10 @@ from threadpoolctl import threadpool_limits
 
 from metaid.errors import StudyError
 from metaid.models import DEVIATIONS, Array
+from metaid.plant import FaultSettings
 from metaid.search import Searcher
-from metaid.study.arms.problem import ArmProblem
-from metaid.study.arms.settings import TreeSettings
+from metaid.study.arms.problem import QUIETEST_RIG, ArmProblem
+from metaid.study.arms.settings import ArmPlantSettings, TreeSettings
 
 if TYPE_CHECKING:
     from metaid.compiled.arms import ArmObjective
@@ -75,7 +76,12 @@ def arm_rehearsal(problem: ArmProblem) -> tuple[Searcher, ArmObjective]:
 def _nominal_problem(problem: ArmProblem, further: int = 0) -> ArmProblem:
     """The same study on the nominal arm, with an estimate; `further` is added to the seed of the noise."""
     spec = problem.spec
-    plant = spec.plant.model_copy(update={"arm": TreeSettings.of(problem.nominal)})
+    nominal = TreeSettings.of(problem.nominal)
+    if isinstance(spec.plant, ArmPlantSettings):
+        plant = spec.plant.model_copy(update={"arm": nominal})
+    else:
+        noise = FaultSettings(angle_noise=QUIETEST_RIG)
+        plant = ArmPlantSettings(arm=nominal, timestep=spec.plant.timestep, truth_known=False, faults=noise)
     settings = spec.study.estimate.model_copy(update={"enabled": True})
     study = spec.study.model_copy(update={"estimate": settings, "seed": spec.study.seed + further})
-    return ArmProblem(spec.model_copy(update={"plant": plant, "study": study}))
+    return ArmProblem(spec.model_copy(update={"plant": plant, "study": study, "pushed": None}))

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import closing
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from metaid.episode import QUANTITIES, Outcome, fall_value, window_ends
-from metaid.episode.arms import KINETIC, ArmEpisode, ceiling_hz, resolution_hz
+from metaid.episode import QUANTITIES, Outcome, window_ends
+from metaid.episode.arms import KINETIC, ArmEpisode, failed_push, resolution_hz
 from metaid.errors import StudyError
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, Tree
-from metaid.plant import ArmPlant, ArmSettings, joint_limits, slope_weights
+from metaid.plant import ArmPlant, ArmSettings, SocketPlant, SocketSettings, joint_limits, slope_weights
 from metaid.search import (
     SAMPLERS,
     Coordinates,
@@ -24,7 +25,8 @@ from metaid.search import (
     make_searcher,
     plain_coordinates,
 )
-from metaid.study.arms.settings import ArmSpec
+from metaid.study.arms.calibration import calibrate_arm, start_spread_of_arm
+from metaid.study.arms.settings import ArmPlantSettings, ArmSpec
 
 if TYPE_CHECKING:
     from metaid.compiled.arms import ArmObjective
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
 
 FARTHEST = 10.0  # standard deviations of the prior: no base parameter beyond is tried
 QUIETEST = 1e-9  # rad: so far a twin agrees with a sensor that has no noise
+QUIETEST_RIG = 1e-4  # rad: the least noise that readings of a rig are taken to have, that of an encoder of 14 bits
+SUBSTEPS = 10  # of the twin of a rig that moves continuously, in each timestep of it
 WINDOW_BUDGET = 8_000_000  # bytes a study
 MOST_MATCHED = 8  # trials that an estimate is made of where the sampler does without
 
@@ -40,7 +44,7 @@ MOST_MATCHED = 8  # trials that an estimate is made of where the sampler does wi
 class ArmProblem:
     """All that the settings of a study of an arm determine before any trial."""
 
-    is_simulated, is_ready, widens, measure = True, True, False, KINETIC
+    widens, measure = False, KINETIC
 
     def __init__(self, spec: ArmSpec) -> None:
         self.spec = spec
@@ -52,8 +56,10 @@ class ArmProblem:
         self.low, self.high = self.start - reach, self.start + reach
         if (wrong := spec.study.estimate.misfits(self.nominal.njoint, self.keeps_readings)) is not None:
             raise StudyError(wrong)
-        if (wrong := spec.plant.faults.misfits(self.nominal.njoint, 2)) is not None:
+        if (wrong := spec.faults.misfits(self.nominal.njoint, 2)) is not None:
             raise StudyError(f"plant {spec.plant_name}: {wrong}")
+        if not self.is_simulated and spec.study.workers != 1:
+            raise StudyError(f"plant {spec.plant_name} is one rig: workers is {spec.study.workers} (allowed: 1)")
 
     @cached_property
     def episode(self) -> ArmEpisode:
@@ -61,8 +67,34 @@ class ArmProblem:
         wanted, starts = self.spec.study.episode, self.spec.arm_starts
         steps = max(round(wanted.horizon / self.timestep), 2)
         stiffness = np.array(self.spec.stiffness)
-        ends, seed = window_ends(steps), self.spec.study.seed
-        return ArmEpisode(starts, stiffness, steps, ends, wanted.runaway, seed, wanted.lead, self.keeps_readings)
+        pushed = self.spec.pushed
+        return ArmEpisode(
+            starts,
+            stiffness,
+            steps,
+            window_ends(steps),
+            wanted.runaway,
+            self.spec.study.seed,
+            begun=None if pushed is None else pushed.begun,
+            lead=wanted.lead,
+            keeps_readings=self.keeps_readings,
+        )
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the plant is simulated here, and not a rig, which is not to be moved without need."""
+        return isinstance(self.spec.plant, ArmPlantSettings)
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether all is known that a trial needs: how a rig's pushes begin is found when its study is created."""
+        return self.is_simulated or self.spec.pushed is not None
+
+    def calibrated(self) -> ArmSpec:
+        """The study of a rig with what is measured at it."""
+        with closing(self.open_rig()) as rig:
+            pushed = calibrate_arm(rig, self.nominal, self.spec.arm_starts)
+        return self.spec.model_copy(update={"pushed": pushed})
 
     @property
     def is_matching(self) -> bool:
@@ -112,17 +144,26 @@ class ArmProblem:
     @property
     def keeps_readings(self) -> bool:
         """Whether trials keep what sensors read, as of a plant with faults, and where faults are searched."""
-        wanted, faults = self.spec.study, self.spec.plant
-        return bool(faults.faults.named or faults.stiffness or wanted.episode.lead or wanted.estimate.faults)
+        wanted, plant = self.spec.study, self.spec.plant
+        if not isinstance(plant, ArmPlantSettings):
+            return True
+        return bool(plant.faults.named or plant.stiffness or wanted.episode.lead or wanted.estimate.faults)
 
     @property
     def resolution(self) -> float:
         """A value of the measure below this passes for coasting, in Hz."""
         return resolution_hz(self.episode.steps * self.timestep)
 
-    def open_plant(self) -> ArmPlant:
-        """A plant of its own for each worker."""
+    def open_rig(self) -> SocketPlant:
+        """The plant behind the socket that the study names."""
+        assert isinstance(self.spec.plant, SocketSettings)
+        return SocketPlant(self.spec.plant_name, self.spec.plant)
+
+    def open_plant(self) -> ArmPlant | SocketPlant:
+        """A plant of its own for each worker, simulated or not."""
         plant = self.spec.plant
+        if not isinstance(plant, ArmPlantSettings):
+            return self.open_rig()
         settings = ArmSettings(
             mjcf=self.spec.plant_name,
             timestep=plant.timestep,
@@ -131,6 +172,19 @@ class ArmProblem:
             stiffness=plant.stiffness,
         )
         return ArmPlant(self.spec.plant_name, settings, plant.arm.tree)
+
+    def make_plant(self) -> ArmPlant:
+        """A simulated plant.  Raises StudyError where the study's is none."""
+        plant = self.open_plant()
+        if isinstance(plant, SocketPlant):
+            raise StudyError(f"plant {plant.name} is a rig, and this needs a simulated plant")
+        return plant
+
+    @property
+    def truth(self) -> Tree | None:
+        """The true arm, where it is known."""
+        plant = self.spec.plant
+        return plant.arm.tree if isinstance(plant, ArmPlantSettings) and plant.truth_known else None
 
     def nominal_plant(self) -> ArmPlant:
         """The nominal arm as a plant, without faults."""
@@ -150,8 +204,7 @@ class ArmProblem:
 
     def failed(self, reason: str) -> Outcome:
         """What the searcher is told of a candidate that could not be evaluated for that `reason`."""
-        worst = fall_value(ceiling_hz(self.timestep), 0, self.episode.total_steps)
-        return Outcome(worst, True, 0, (0,) * self.nominal.njoint, reason)
+        return failed_push(self.episode, self.timestep, reason)
 
     def make_searcher(self) -> Searcher:
         """The searcher at the study's seed, knowing of no trial."""
@@ -167,13 +220,13 @@ class ArmProblem:
 
     def experiment(self) -> ArmExperiment | None:
         """What an estimate needs to know of this study; None where none is to be made."""
-        wanted, faults = self.spec.study.estimate, self.spec.plant.faults
+        wanted, faults = self.spec.study.estimate, self.spec.faults
         if not wanted.enabled:
             return None
         from metaid.estimation import searched_faults
         from metaid.estimation.arms import ArmExperiment, ArmUnknowns  # loads numba
 
-        searched, speeds = ArmUnknowns(self.prior), self.episode.states[:, 1]
+        searched, speeds = ArmUnknowns(self.prior), self.episode.begins[:, 1]
         return ArmExperiment(
             self.episode,
             searched,
@@ -187,21 +240,37 @@ class ArmProblem:
 
     @property
     def _loop(self) -> Loop:
-        """How the arm is controlled and read, as far as its user states it."""
+        """How the arm is controlled and read, as far as its user states it, or as it was measured at a rig."""
         from metaid.estimation import Loop  # loads numba
 
         plant, wanted, n = self.spec.plant, self.spec.study.estimate, self.nominal.njoint
-        faults, speeds = plant.faults, self.episode.states[:, 1]
+        weights, limits = slope_weights(self.timestep), joint_limits(wanted.torque_limit, n)
+        if isinstance(plant, SocketSettings):
+            is_continuous, pushed = plant.motion == "continuous", self.spec.pushed
+            substeps = SUBSTEPS if is_continuous else 1
+            noise = np.zeros(n) if pushed is None else np.array(pushed.angle_noise)
+            return Loop(
+                timestep=plant.timestep / substeps,
+                noise=np.maximum(noise, QUIETEST_RIG),
+                speed_weights=weights,
+                start_spread=None if pushed is None else start_spread_of_arm(pushed),
+                substeps=substeps,
+                lead=self.episode.lead,
+                torque_limits=limits,
+                has_unknown_encoders=True,
+                is_continuous=is_continuous,
+            )
+        faults, speeds = plant.faults, self.episode.begins[:, 1]
         of_sensors = np.hypot(faults.angle_noise, faults.encoder_step / np.sqrt(12.0))
         return Loop(
             timestep=plant.timestep,
             noise=np.full(n, max(of_sensors, QUIETEST)),
-            speed_weights=slope_weights(self.timestep),
+            speed_weights=weights,
             start_spread=faults.push_noise * speeds[:, :, None] * np.eye(n) if faults.push_noise else None,
             substeps=faults.control_every,
             delay=0 if "delay" in wanted.unbelieved_faults else faults.delay,
             lead=self.episode.lead,
-            torque_limits=joint_limits(wanted.torque_limit, n),
+            torque_limits=limits,
         )
 
     @property

@@ -12,7 +12,7 @@ from metaid.errors import PlantError, StudyError
 from metaid.files import check
 from metaid.models import Array
 from metaid.models.tree import Tree, base_parameters, joint_mass_matrix
-from metaid.plant import read_any_plant
+from metaid.plant import SocketSettings, read_any_plant
 from metaid.plant.arms import ArmPlant, ArmSettings, ArmStart
 from metaid.study.arms.nominal import drawn_nominal
 from metaid.study.arms.settings import (
@@ -30,7 +30,11 @@ SPARED = 0.3  # of a joint's torque limit, for the torque of a spring
 
 
 def arm_spec(
-    path: Path, tables: dict[str, Any], plant_path: Path, settings: ArmSettings, named: Callable[[str, str], Path]
+    path: Path,
+    tables: dict[str, Any],
+    plant_path: Path,
+    settings: ArmSettings | SocketSettings,
+    named: Callable[[str, str], Path],
 ) -> ArmSpec:
     """The study of an arm that a file describes.
 
@@ -38,7 +42,7 @@ def arm_spec(
         path: of the study file.
         tables: what it says.
         plant_path: of the file of its plant.
-        settings: of that plant.
+        settings: of that plant, simulated or a rig.
         named: finds the plant file that a key of the study file names.
 
     Raises:
@@ -52,34 +56,60 @@ def arm_spec(
             "(allowed: nominal = the plant file of an arm, or [nominal] with plant and seed)"
         )
     study = check(ArmStudySettings, tables, str(path), StudyError)
-    plant = ArmPlant(plant_path.stem, settings)
-    believed = _nominal(study, plant, named)
-    if believed.names != plant.tree.names:
-        raise StudyError(
-            f"{path}: plant {plant.name} has the joints {', '.join(plant.tree.names)}, the nominal arm "
-            f"{', '.join(believed.names)}: they must agree"
-        )
-    starts = _starts(study.episode, plant, study.seed)
-    coasts = _coasts(study.episode, plant)
+    shaped, believed = _nominal(study, named)
+    if isinstance(settings, SocketSettings):
+        plant: ArmPlantSettings | SocketSettings = _agreeing(settings, believed, path)
+    else:
+        shaped = ArmPlant(plant_path.stem, settings)
+        plant = _simulated(shaped, believed, path)
+    starts = _starts(study.episode, shaped, study.seed)
+    coasts = _coasts(study.episode, shaped)
     stiffness = np.array(
         [0.0 if i < coasts else _stiffness(study.episode, believed, start) for i, start in enumerate(starts)]
     )
     return ArmSpec(
         name=path.stem,
         plant_name=plant_path.stem,
-        plant=ArmPlantSettings(
-            arm=TreeSettings.of(plant.tree),
-            timestep=plant.timestep,
-            truth_known=settings.truth_known,
-            faults=settings.faults,
-            stiffness=settings.stiffness,
-        ),
+        plant=plant,
         nominal=TreeSettings.of(believed),
         counted_by=base_parameters(believed, None, "tilt" in study.estimate.unbelieved_faults).names,
         starts=tuple(StartSettings(pose=start.pose.tolist(), speeds=start.speeds.tolist()) for start in starts),
         stiffness=stiffness.tolist(),
         study=study,
     )
+
+
+def _simulated(plant: ArmPlant, believed: Tree, path: Path) -> ArmPlantSettings:
+    """A simulated plant, written out."""
+    if believed.names != plant.tree.names:
+        raise StudyError(
+            f"{path}: plant {plant.name} has the joints {', '.join(plant.tree.names)}, the nominal arm "
+            f"{', '.join(believed.names)}: they must agree"
+        )
+    settings = plant.settings
+    return ArmPlantSettings(
+        arm=TreeSettings.of(plant.tree),
+        timestep=plant.timestep,
+        truth_known=settings.truth_known,
+        faults=settings.faults,
+        stiffness=settings.stiffness,
+    )
+
+
+def _agreeing(rig: SocketSettings, believed: Tree, path: Path) -> SocketSettings:
+    """A rig that has the joints and the gravity of the nominal arm."""
+    if rig.joints != believed.njoint:
+        raise StudyError(
+            f"{path}: the rig has {rig.joints} joints, the nominal arm {believed.njoint} "
+            f"({', '.join(believed.names)}): they must agree"
+        )
+    pull = float(np.linalg.norm(believed.gravity))
+    if not np.isclose(pull, rig.gravity):
+        raise StudyError(
+            f"{path}: the nominal arm's gravity is {pull:g} m/s², the rig's {rig.gravity:g}: they must agree, "
+            "it is not searched"
+        )
+    return rig
 
 
 def with_nominal_arm(spec: ArmSpec, believed: Tree) -> ArmSpec:
@@ -92,12 +122,13 @@ def with_nominal_arm(spec: ArmSpec, believed: Tree) -> ArmSpec:
     return spec.model_copy(update={**changes, "stiffness": tuple(stiffness)})
 
 
-def _nominal(study: ArmStudySettings, plant: ArmPlant, named: Callable[[str, str], Path]) -> Tree:
-    """The arm that the user believes in."""
-    if isinstance(study.nominal, DrawnNominalSettings):
-        tree = _arm_at(named("nominal", study.nominal.plant)).tree
-        return drawn_nominal(tree, study.nominal.seed, study.estimate.prior)
-    return _arm_at(named("nominal", study.nominal)).tree
+def _nominal(study: ArmStudySettings, named: Callable[[str, str], Path]) -> tuple[ArmPlant, Tree]:
+    """The arm that the nominal one is, or is drawn about, and the nominal one."""
+    if not isinstance(study.nominal, DrawnNominalSettings):
+        arm = _arm_at(named("nominal", study.nominal))
+        return arm, arm.tree
+    arm = _arm_at(named("nominal", study.nominal.plant))
+    return arm, drawn_nominal(arm.tree, study.nominal.seed, study.estimate.prior)
 
 
 def _arm_at(path: Path) -> ArmPlant:

@@ -9,8 +9,9 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from metaid.files import Settings
+from metaid.models import Array
 from metaid.models.tree import PriorDeviations, Tree
-from metaid.plant import FaultSettings
+from metaid.plant import FaultSettings, SocketSettings
 from metaid.plant.arms import ArmStart
 from metaid.search import OutputErrorOptions, StepOptions
 from metaid.study.estimating import AnyEstimateSettings
@@ -186,6 +187,26 @@ class StartSettings(Settings):
     speeds: Vector
 
 
+class ArmPushedSettings(Settings):
+    """What was found at a rig when the study was created: the joint coordinates `poses` and `speeds` (npush x njoint)
+    with which its pushes begin, on average, and by how much they differ from one time to the next, `pose_spread` and
+    `speed_spread` (njoint); `angle_noise` and `speed_noise` (njoint): the standard deviations of the readings at rest.
+    In rad and rad/s, of slides in m and m/s.
+    """
+
+    poses: Annotated[tuple[Vector, ...], Field(strict=False)]
+    speeds: Annotated[tuple[Vector, ...], Field(strict=False)]
+    pose_spread: Vector
+    speed_spread: Vector
+    angle_noise: Vector
+    speed_noise: Vector
+
+    @property
+    def begun(self) -> Array:
+        """Joint coordinates and speeds at the start of each push (npush x 2 x njoint)."""
+        return np.stack([np.array(self.poses), np.array(self.speeds)], axis=1)
+
+
 class ArmSpec(Settings):
     """A study of an arm with nothing left to look up: the parameters that its base parameters are `counted_by`; from
     where its pushes begin, `starts`, and their `stiffness` k in 1/s², which is 0 where the arm is to coast.
@@ -194,17 +215,23 @@ class ArmSpec(Settings):
     kind: Literal["arm"] = "arm"
     name: str
     plant_name: str
-    plant: ArmPlantSettings
+    plant: ArmPlantSettings | SocketSettings
     nominal: TreeSettings
     counted_by: Annotated[tuple[str, ...], Field(strict=False)]
     starts: Annotated[tuple[StartSettings, ...], Field(strict=False)]
     stiffness: Vector
     study: ArmStudySettings
+    pushed: ArmPushedSettings | None = None
 
     @property
     def timestep(self) -> float:
         """Time between two control steps, in s."""
-        return self.plant.timestep * self.plant.faults.control_every
+        return self.plant.timestep * self.faults.control_every
+
+    @property
+    def faults(self) -> FaultSettings:
+        """Of a simulated plant; a rig's are not known."""
+        return self.plant.faults if isinstance(self.plant, ArmPlantSettings) else FaultSettings()
 
     @property
     def tilts(self) -> bool:
@@ -225,6 +252,6 @@ class ArmSpec(Settings):
     def experiment(self) -> str:
         """A digest of what a trial's outcome follows from, beside its parameters and its number."""
         study = self.study
-        parts = (self.plant, self.nominal, study.episode, study.estimate, *self.starts)
-        texts = [part.model_dump_json() for part in parts] + [str(study.seed)]
+        parts = (self.plant, self.nominal, study.episode, study.estimate, *self.starts, self.pushed)
+        texts = ["" if part is None else part.model_dump_json() for part in parts] + [str(study.seed)]
         return blake2b("\n".join(texts).encode(), digest_size=6).hexdigest()
