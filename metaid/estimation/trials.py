@@ -83,6 +83,7 @@ class ReadTrial:
         substeps: how many timesteps there are between two readings, and between two torques.
         poses: joint coordinates (npush x njoint), in rad or m, at which the pushes begin; None for a chain that stands
             upright.
+        is_continuous: whether the plant moves continuously, as a real one does, and not by such steps of Euler's.
     """
 
     timestep: float
@@ -94,6 +95,7 @@ class ReadTrial:
     noise: Array
     substeps: int = 1
     poses: Array | None = None
+    is_continuous: bool = False
 
     @cached_property
     def forces(self) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from random_arm import random_arm
 
-from metaid.compiled.arms import ArmLoop, commanded_arm_torques, follow_laws, follow_torques, frames_of
+from metaid.compiled.arms import ArmLoop, Times, commanded_arm_torques, follow_laws, follow_torques, frames_of
 from metaid.compiled.arms.vectors import cosine_and_sine
 from metaid.compiled.stages import agrees_with_mj_step
 from metaid.episode import window_ends
@@ -181,7 +181,7 @@ def test_driven_twin_shows_what_the_sensors_read() -> None:
     np.testing.assert_allclose(torques[:, 20], joint_torque(law, readings[:, 20], speeds[:, 20], pull), rtol=1e-9)
     basis = np.eye(STEPS + 1)[None]  # each coefficient is the angle at one reading
     seen = basis, np.zeros(episode.npush, dtype=np.int64), np.full(episode.npush, STEPS)
-    twin = follow_torques(frames_of(tree), tree.parameters[None], episode.states[None], torques, seen, 0.002)
+    twin = follow_torques(frames_of(tree), tree.parameters[None], episode.states[None], torques, seen, Times(0.002))
     assert twin.arrived.all()
     difference = twin.values[0] - readings
     assert 0.8e-4 < difference.std() < 1.2e-4

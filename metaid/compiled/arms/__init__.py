@@ -11,7 +11,7 @@ from metaid.compiled.arms.arm_push import ArmPush, law_of, push_arm
 from metaid.compiled.arms.arm_validation import arm_coasting_steps, track_arm
 from metaid.compiled.arms.dynamics import Frames, frames_of
 from metaid.compiled.arms.filters import DrivenPushes, Led, follow_readings, lead_arm
-from metaid.compiled.arms.twins import Followed, follow_laws, follow_torques
+from metaid.compiled.arms.twins import Followed, Times, follow_laws, follow_torques
 
 __all__ = [
     "ArmLoop",
@@ -21,6 +21,7 @@ __all__ = [
     "Followed",
     "Frames",
     "Led",
+    "Times",
     "arm_coasting_steps",
     "commanded_arm_torques",
     "follow_laws",

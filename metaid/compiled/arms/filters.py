@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from metaid.compiled.arms.dynamics import Frames, new_space
 from metaid.compiled.arms.friction import new_motion
-from metaid.compiled.arms.twins import Followed, advance, push_by_torque, set_off, shared
+from metaid.compiled.arms.twins import Followed, Times, move_on, set_off, shared
 from metaid.compiled.decorator import compiled
 from metaid.compiled.kalman import add_noise, correct, spread_of, weigh
 from metaid.models import Array
@@ -32,8 +32,7 @@ class DrivenPushes(NamedTuple):
         readings: joint coordinates (npush x nstep + 1 x njoint), in rad or m.
         steps: for how many each push is followed (npush).
         spring: stiffness of springs in the joints (njoint), in N m/rad or N/m.
-        timestep: in which twins move, in s.
-        substeps: how many timesteps a torque holds.
+        times: how twins move between two readings.
     """
 
     frames: Frames
@@ -42,8 +41,7 @@ class DrivenPushes(NamedTuple):
     readings: Array
     steps: NDArray[np.int64]
     spring: Array
-    timestep: float
-    substeps: int
+    times: Times
 
 
 class Led(NamedTuple):
@@ -107,9 +105,9 @@ def follow_readings(
 @compiled
 def _lead_pushes(pushes, parameters, begins, noise, chosen, work, spread, led):  # type: ignore[no-untyped-def]
     """Every chosen push; fills in what the filter has of it."""
-    frames, starts, torques, readings, steps, spring, timestep, substeps = pushes
+    frames, starts, torques, readings, steps, spring, times = pushes
     gains, weights, states, sums = led
-    settings = spring, timestep, substeps
+    settings = spring, times
     for push in chosen:
         pushed = starts[push], begins[push], torques[push], readings[push]
         own = gains[push], weights[push], states[push]
@@ -121,7 +119,7 @@ def _lead_pushes(pushes, parameters, begins, noise, chosen, work, spread, led): 
 def _lead_push(frames, parameters, pushed, settings, noise, steps, work, spread, led):  # type: ignore[no-untyped-def]
     """One push; its two sums."""
     start, begin, torques, readings = pushed
-    spring, timestep, substeps = settings
+    spring, times = settings
     of_reading, of_torque = noise
     motion, other, space, vectors, matrices = work
     gains, weights, states = led
@@ -139,10 +137,8 @@ def _lead_push(frames, parameters, pushed, settings, noise, steps, work, spread,
             before = vectors[0], vectors[1], vectors[2]
             for i in range(n):
                 before[0][i], before[1][i], before[2][i] = motion.position[i], motion.speed[i], motion.side[i]
-            for _ in range(substeps):
-                push_by_torque(frames, parameters, torques[reading - 1], spring, motion, space)
-                if not advance(frames, parameters, timestep, motion, space):
-                    return np.nan, np.nan
+            if not move_on(frames, parameters, torques[reading - 1], spring, times, motion, space):
+                return np.nan, np.nan
             step = before, torques[reading - 1], vectors[3], settings
             if not _linearise(frames, parameters, step, motion, other, space, matrices, spread.pushed):
                 return np.nan, np.nan
@@ -161,7 +157,7 @@ def _linearise(frames, parameters, step, motion, other, space, matrices, pushed)
     """Fills in what a step makes of the state before it (the first of the `matrices`, 2n x 2n) and of its torque
     (`pushed`, 2n x n), by differences; whether a twin beside could follow. `motion` is the state after it.
     """
-    before, torque, changed, (spring, timestep, substeps) = step
+    before, torque, changed, (spring, times) = step
     n = torque.shape[0]
     for column in range(3 * n):
         for i in range(n):
@@ -175,10 +171,8 @@ def _linearise(frames, parameters, step, motion, other, space, matrices, pushed)
         else:
             size = TORQUE_STEP
             changed[column - 2 * n] += size
-        for _ in range(substeps):
-            push_by_torque(frames, parameters, changed, spring, other, space)
-            if not advance(frames, parameters, timestep, other, space):
-                return False
+        if not move_on(frames, parameters, changed, spring, times, other, space):
+            return False
         for i in range(n):
             by_position, by_speed = other.position[i] - motion.position[i], other.speed[i] - motion.speed[i]
             if column < 2 * n:
@@ -210,7 +204,7 @@ def _carry(matrices, state):  # type: ignore[no-untyped-def]
 @compiled
 def _follow_readings(pushes, candidates, led, basis, share, work, coefficients, arrived):  # type: ignore[no-untyped-def]
     """Runs a `share` of the candidates: the first, and the stride from one to the next."""
-    frames, starts, torques, readings, steps, spring, timestep, substeps = pushes
+    frames, starts, torques, readings, steps, spring, times = pushes
     (gains, weights), (first, stride), (_, motion, space) = led, share, work
     for candidate in range(first, candidates.shape[0], stride):
         parameters = candidates[candidate]
@@ -222,9 +216,7 @@ def _follow_readings(pushes, candidates, led, basis, share, work, coefficients, 
                 _set_right(*own, motion, filled)
                 if step == steps[push]:
                     break
-                for _ in range(substeps):
-                    push_by_torque(frames, parameters, torques[push, step], spring, motion, space)
-                    follows = follows and advance(frames, parameters, timestep, motion, space)
+                follows = move_on(frames, parameters, torques[push, step], spring, times, motion, space)
                 step += 1
             arrived[candidate, push] = follows
 

@@ -24,7 +24,7 @@ MOST = 60
 class Motion(NamedTuple):
     """State and working space of a twin (njoint each): coordinates, speeds, the acceleration that the law asks for and
     that which the arm has beyond it, the force that makes the latter; of dry friction the softness of its constraint
-    1/D, the side that each joint slides to (0: it sticks); zeros.
+    1/D, the side that each joint slides to (0: it sticks); zeros; and four rows (4 x njoint) for the stages of a step.
     """
 
     position: Array
@@ -36,11 +36,13 @@ class Motion(NamedTuple):
     side: Array
     held: Array
     zero: Array
+    stages: Array
 
 
 def new_motion(njoint: int) -> Motion:
     """Working space for an arm with so many joints."""
-    return Motion(*np.zeros((9, njoint)))
+    parts: list[Array] = [*np.zeros((9, njoint)), np.zeros((4, njoint))]
+    return Motion(*parts)
 
 
 @compiled

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,16 @@ from metaid.compiled.decorator import compiled
 from metaid.models import Array
 
 TOO_FAST = 1e3  # rad/s or m/s: no arm that is simulated gets there
+
+
+class Times(NamedTuple):
+    """How a twin moves from one reading to the next: its `timestep` in s, and how many of these there are; and whether
+    the plant moves continuously, as a real one does, and not by such steps of Euler's, as a simulated one.
+    """
+
+    timestep: float
+    substeps: int = 1
+    is_continuous: bool = False
 
 
 @dataclass(frozen=True)
@@ -70,10 +80,9 @@ def follow_torques(
     starts: Array,
     torques: Array,
     seen: tuple[Array, NDArray[np.int64], NDArray[np.int64]],
-    timestep: float,
+    times: Times,
     threads: int = 2,
     spring: Array | None = None,
-    substeps: int = 1,
 ) -> Followed:
     """Coefficients of the joint coordinates (ncandidate x npush x ncoefficient x njoint) of twins that are driven by
     the torques that were commanded.  Eq. 28.
@@ -85,16 +94,15 @@ def follow_torques(
         torques: as they were commanded (npush x nstep x njoint), in N m or N.
         seen: polynomials at every reading (nbasis x nstep + 1 x ncoefficient), which of them is for each push (npush),
             and for how many steps it is followed (npush).
-        timestep: in which the twins move, in s.
+        times: how the twins move between two readings.
         threads: that share the candidates.
         spring: stiffness of springs in the joints (njoint), in N m/rad or N/m; None for none.
-        substeps: how many timesteps a torque holds.
     """
     pulled = np.zeros(torques.shape[2]) if spring is None else spring
     shape = len(candidates), len(torques), seen[0].shape[2], torques.shape[2]
 
     def share(*rest: Any) -> None:
-        _follow_torque(frames, candidates, starts, torques, pulled, seen, (timestep, substeps), *rest)
+        _follow_torque(frames, candidates, starts, torques, pulled, seen, times, *rest)
 
     return shared(share, shape, threads)
 
@@ -142,7 +150,7 @@ def _follow_law(frames, law, candidates, pushes, windows, timestep, share, work,
 @compiled
 def _follow_torque(frames, candidates, starts, torques, spring, seen, times, share, work, coefficients, arrived):  # type: ignore[no-untyped-def]
     """The same, driven."""
-    (basis, chosen, steps), (timestep, substeps), (first, stride), (_, motion, space) = seen, times, share, work
+    (basis, chosen, steps), (first, stride), (_, motion, space) = seen, share, work
     for candidate in range(first, candidates.shape[0], stride):
         parameters = candidates[candidate]
         for push in range(torques.shape[0]):
@@ -151,12 +159,35 @@ def _follow_torque(frames, candidates, starts, torques, spring, seen, times, sha
             if steps[push] > 0:
                 _add_reading(polynomials[0], motion, filled)
             while follows and step < steps[push]:
-                for _ in range(substeps):
-                    push_by_torque(frames, parameters, torques[push, step], spring, motion, space)
-                    follows = follows and advance(frames, parameters, timestep, motion, space)
+                follows = move_on(frames, parameters, torques[push, step], spring, times, motion, space)
                 step += 1
                 _add_reading(polynomials[step], motion, filled)
             arrived[candidate, push] = follows
+
+
+@compiled
+def move_on(frames, parameters, torque, spring, times, motion, space):  # type: ignore[no-untyped-def]
+    """From one reading to the next; whether the twin could.
+
+    Args:
+        frames: of the arm.
+        parameters: of the twin (njoint x 13).
+        torque: that is held (njoint), in N m or N.
+        spring: stiffness of springs in the joints (njoint), in N m/rad or N/m.
+        times: the timestep in s; how many there are to the next reading; whether the arm moves continuously.
+        motion: that moves on.
+        space: of the dynamics.
+    """
+    timestep, substeps, is_continuous = times
+    for _ in range(substeps):
+        if is_continuous:
+            follows = flow(frames, parameters, torque, spring, timestep, motion, space)
+        else:
+            push_by_torque(frames, parameters, torque, spring, motion, space)
+            follows = advance(frames, parameters, timestep, motion, space)
+        if not follows:
+            return False
+    return True
 
 
 @compiled
@@ -207,6 +238,60 @@ def push_by_torque(frames, parameters, torque, spring, motion, space):  # type: 
 
 
 @compiled
+def accelerate(frames, parameters, motion, space):  # type: ignore[no-untyped-def]
+    """Fills in what the force makes of the arm, with dry friction; whether its mass matrix is one.
+
+    Args:
+        frames: of the arm.
+        parameters: of the twin (njoint x 13).
+        motion: with the force; `beyond` is filled in.
+        space: of the dynamics, which the links have been moved in.
+    """
+    fill_mass_matrix(frames, parameters, space)
+    is_dry = False
+    for i in range(motion.force.shape[0]):
+        is_dry = is_dry or parameters[i, 12] != 0.0
+    return accelerate_with_friction(parameters, motion, space) if is_dry else accelerate_freely(motion, space)
+
+
+@compiled
+def flow(frames, parameters, torque, spring, timestep, motion, space):  # type: ignore[no-untyped-def]
+    """One step of the fourth-order Runge-Kutta method, as an arm moves that is not simulated; whether the twin could.
+
+    Args:
+        frames: of the arm.
+        parameters: of the twin (njoint x 13).
+        torque: that is held (njoint), in N m or N.
+        spring: stiffness of springs in the joints (njoint), in N m/rad or N/m.
+        timestep: in s.
+        motion: that moves on.
+        space: of the dynamics.
+    """
+    position, speed, stages = motion.position, motion.speed, motion.stages
+    n = position.shape[0]
+    for i in range(n):
+        stages[0, i], stages[1, i] = position[i], speed[i]
+        stages[2, i] = stages[3, i] = 0.0
+    for stage in range(4):
+        push_by_torque(frames, parameters, torque, spring, motion, space)
+        if not accelerate(frames, parameters, motion, space):
+            return False
+        weight = timestep / 6.0 if stage == 0 or stage == 3 else timestep / 3.0
+        ahead = timestep if stage == 2 else 0.5 * timestep
+        for i in range(n):
+            rate, change = speed[i], motion.beyond[i]
+            stages[2, i] += weight * rate
+            stages[3, i] += weight * change
+            if stage < 3:
+                position[i], speed[i] = stages[0, i] + ahead * rate, stages[1, i] + ahead * change
+    for i in range(n):
+        position[i], speed[i] = stages[0, i] + stages[2, i], stages[1, i] + stages[3, i]
+        if not abs(speed[i]) <= TOO_FAST:
+            return False
+    return True
+
+
+@compiled
 def advance(frames, parameters, timestep, motion, space):  # type: ignore[no-untyped-def]
     """One step of Euler's, as MuJoCo takes it; whether the twin could.
 
@@ -217,12 +302,7 @@ def advance(frames, parameters, timestep, motion, space):  # type: ignore[no-unt
         motion: that moves on.
         space: of the dynamics.
     """
-    fill_mass_matrix(frames, parameters, space)
-    is_dry = False
-    for i in range(motion.force.shape[0]):
-        is_dry = is_dry or parameters[i, 12] != 0.0
-    moves = accelerate_with_friction(parameters, motion, space) if is_dry else accelerate_freely(motion, space)
-    if not moves:
+    if not accelerate(frames, parameters, motion, space):
         return False
     for i in range(motion.force.shape[0]):
         motion.speed[i] += timestep * (motion.beyond[i] + motion.pull[i])

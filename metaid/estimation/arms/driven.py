@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.compiled.arms import Followed, Frames, follow_torques
+from metaid.compiled.arms import Followed, Frames, Times, follow_torques
 from metaid.estimation.arms.motions import STEP, THREADS, beside
 from metaid.estimation.arms.unknowns import ArmUnknowns
 from metaid.estimation.trials import Coefficients, Driven, Joints
@@ -86,7 +86,7 @@ def drive_arm(
     trial, _, steps, basis = driven
     twins = twins_beside(driven, searched, unknowns, joints)
     seen = basis, np.arange(len(steps)), steps
-    settings = trial.timestep, THREADS, twins.spring, trial.substeps
+    settings = Times(trial.timestep, trial.substeps, trial.is_continuous), THREADS, twins.spring
     twin = follow_torques(twins.frames, twins.candidates, twins.starts, trial.torques, seen, *settings)
     if not twin.arrived[:, steps > 0].all():
         return None
