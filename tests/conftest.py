@@ -14,6 +14,7 @@ import numpy as np
 import optuna
 import pytest
 from browser import Browser, open_browser
+from places import ROOT
 from postgres import Postgres, run_postgres
 from rig import Serve, serving
 
@@ -235,7 +236,7 @@ def site() -> Path:
     """The site as `make docs` left it. Without one the test is skipped, or fails where it must not be
     (METAID_SITE=required, which .ci/run sets).
     """
-    folder = Path(__file__).parent.parent / "build" / "site"
+    folder = ROOT / "build" / "site"
     if not (folder / "index.html").exists():
         (pytest.fail if os.environ.get("METAID_SITE") == "required" else pytest.skip)("needs the site: make docs")
     return folder

@@ -15,10 +15,10 @@ from pathlib import Path
 import click
 import pytest
 from conftest import Finished
+from places import ROOT
 
 from metaid.cli import app
 
-ROOT = Path(__file__).parent.parent
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 BLOCK = re.compile(r"(<!-- not run: [^\n]+ -->\n)?^```(\w+)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 NO_SCREEN = "metaid plant view"

@@ -12,10 +12,10 @@ from pathlib import Path
 import optuna
 import pytest
 from packaging.requirements import Requirement
+from places import ROOT
 
 from metaid.errors import StudyError
 
-ROOT = Path(__file__).parent.parent
 OPTUNA, RAY = ROOT / "metaid/store/optuna_tables.py", ROOT / "metaid/study/evaluation/ray_private.py"
 METRIC = ROOT / "metaid/search/optuna_samplers/metric.py"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]

@@ -18,10 +18,10 @@ from typing import Any
 import pytest
 from conftest import made_once
 from packaging.utils import canonicalize_name
+from places import ROOT
 
 from supply.pins import installed
 
-ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 # What a bare environment would not have: imported by its site, before anything else.

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import sqlalchemy as sa
 from conftest import Finished
+from places import ROOT
 
 from metaid.episode import Outcome
 from metaid.store import Store, Trial
@@ -129,7 +130,6 @@ def test_a_long_tpe_study_is_advised_against(metaid: Callable[..., Finished], tr
 
 def test_benchmark_compares_the_same_episodes() -> None:
     """The script that metaid is compared with gives the same candidates the same values, falls at the same steps."""
-    root = Path(__file__).parents[2]
     program = "from benchmarks import common, study; [study.check_same(common.make_spec(n)) for n in (3, 5)]"
-    done = subprocess.run([sys.executable, "-c", program], cwd=root, capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 import tomli_w
 from conftest import Finished, wrong_chain
+from places import ROOT
 from random_arm import wrong_tree
 from swinging import log_of, swinging_arm
 
@@ -32,7 +33,7 @@ from metaid.recorded import (
 )
 
 Metaid = Callable[..., Finished]
-WRITE_LOG = Path(__file__).parent.parent.parent / "examples" / "write_log.py"
+WRITE_LOG = ROOT / "examples" / "write_log.py"
 SAID = """
 [[links]]
 length = 0.45

@@ -18,6 +18,7 @@ import psutil
 import pytest
 from browser import Browser, served, wait_for
 from conftest import Finished
+from places import ROOT
 
 from metaid.results import read_findings
 from metaid.show import dashboard
@@ -168,9 +169,7 @@ with make_evaluator(problem, "ray", 1) as evaluator:
 
 def test_ray_on_this_machine_listens_on_loopback_alone() -> None:
     """The driver, the raylet, the object store and the workers."""
-    finished = subprocess.run(
-        [sys.executable, "-c", RAY], capture_output=True, text=True, cwd=Path(__file__).parents[2], check=True
-    )
+    finished = subprocess.run([sys.executable, "-c", RAY], capture_output=True, text=True, cwd=ROOT, check=True)
     opened = json.loads(finished.stdout.partition("LISTENING ")[2])
     assert opened
     assert {address for address, _ in opened} <= {"127.0.0.1", "::1", "::ffff:127.0.0.1"}

@@ -14,7 +14,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import Finished
-from rig import ROOT, Serve
+from places import ROOT
+from rig import Serve
 
 from metaid import results
 from metaid.episode import SensorReadings

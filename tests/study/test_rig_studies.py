@@ -11,7 +11,8 @@ from typing import Any
 import optuna
 import pytest
 from conftest import Finished
-from rig import ROOT, Serve, Server
+from places import ROOT
+from rig import Serve, Server
 
 import metaid
 from metaid.episode import run_stepwise
