@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 from places import ROOT
 
+pytestmark = pytest.mark.slow
+
 PACKAGE = ROOT / "metaid"
 # From the lowest to the highest; a package imports only those before it.
 ORDER = ("errors", "files", "models", "plant", "episode", "compiled", "estimation", "search", "store", "study")

@@ -34,6 +34,7 @@ def private_imports(path: Path) -> Iterator[tuple[str, list[str]]]:
             yield from ((alias.name, []) for alias in node.names if "._" in alias.name)
 
 
+@pytest.mark.slow
 def test_private_modules_are_imported_in_one_place_each() -> None:
     """What another package may change at any time is behind one small module."""
     places = {path for path in (ROOT / "metaid").rglob("*.py") if list(private_imports(path))}

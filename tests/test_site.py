@@ -12,6 +12,8 @@ from places import ROOT
 
 import metaid
 
+pytestmark = pytest.mark.slow
+
 LONG = ("api.html", "docs/reference.html", "notebooks/03-analyse-a-study.html")
 # Texts, tables and pictures that are cut: wider than the page, and not in a place that scrolls.
 CUT = """

@@ -22,6 +22,8 @@ from places import ROOT
 
 from supply.pins import installed
 
+pytestmark = pytest.mark.slow
+
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 # What a bare environment would not have: imported by its site, before anything else.

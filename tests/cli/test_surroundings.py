@@ -15,6 +15,8 @@ from metaid.errors import StudyError
 from metaid.study import Problem, load_chain_study
 from metaid.study.evaluation import RayEvaluator
 
+pytestmark = pytest.mark.slow
+
 FULL = Path("/dev/full")
 
 

@@ -18,6 +18,8 @@ from metaid.episode import Outcome
 from metaid.store import Store, Trial
 from metaid.study import Problem, create_study, load_chain_study, run_study
 
+pytestmark = pytest.mark.slow
+
 GENERATION = 9  # of cmaes at three links
 
 

@@ -17,6 +17,8 @@ from metaid.estimation.counting.programme import pairs
 from metaid.models import Array
 from metaid.plant import MujocoPlant, PlantSettings, chain_of
 
+pytestmark = pytest.mark.slow
+
 STEPS, WINDOWS, SPEED = 4000, 16, 0.1
 
 

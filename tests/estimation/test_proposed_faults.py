@@ -12,6 +12,8 @@ from metaid.estimation import Readings, SearchedFaults, Unknowns, fit, searched_
 from metaid.estimation.noisy import proposed_faults
 from metaid.plant import FaultSettings
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(
     ("faults", "joints", "declared", "said"),

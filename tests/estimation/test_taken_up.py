@@ -13,6 +13,8 @@ from metaid.estimation import Estimate, Readings, ReadTrial, SearchedFaults, Tak
 from metaid.estimation.noisy import take_up
 from metaid.plant import FaultSettings
 
+pytestmark = pytest.mark.slow
+
 LAWS = (1.2, 1.5)
 
 

@@ -110,6 +110,7 @@ def test_json_of_the_tables_is_that_of_the_contract(metaid: Callable[..., Finish
         assert {"factors", "paper_periods", "periods", "paper_falls", "falls"} <= set(row)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["table1", "table2", "fig4", "sweep"])
 def test_command_prints_a_table_and_draws_a_picture(metaid: Callable[..., Finished], command: str) -> None:
     """Text on stdout, JSON if asked, a PNG where -o says."""

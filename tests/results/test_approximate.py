@@ -21,6 +21,8 @@ import metaid as package
 from metaid.store import Store
 from metaid.study import create_study, run_study
 
+pytestmark = pytest.mark.slow
+
 Metaid = Callable[..., Finished]
 NOISE = {"angle_noise": 1e-3, "speed_sensor": False}
 RUBBING = {"frictionloss": 0.002}  # N m, a hundredth of what gravity does

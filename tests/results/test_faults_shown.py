@@ -18,6 +18,8 @@ from metaid.show.notes import note
 from metaid.store import Store
 from metaid.study import Problem, StudySpec, create_study, load_chain_study, run_study
 
+pytestmark = pytest.mark.slow
+
 
 def late_and_tilted(
     *kinds: str,

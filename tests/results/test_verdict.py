@@ -20,6 +20,8 @@ from metaid.results import Verdict, judge, read_snapshot, summary
 from metaid.store import Store
 from metaid.study import create_study, load_chain_study, run_study
 
+pytestmark = pytest.mark.slow
+
 NO_ESTIMATE = {"estimate.enabled": False}
 TIGHT = {"search.low": 0.9, "search.high": 1.1, "search.widen": False}
 

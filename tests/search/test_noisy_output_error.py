@@ -17,6 +17,8 @@ from metaid.store import Store
 from metaid.study import Problem, SearchSettings, StudySpec, create_study, run_study
 from metaid.study.settings import EstimateSettings
 
+pytestmark = pytest.mark.slow
+
 NOISE = {"angle_noise": 1e-3, "speed_sensor": False}
 
 

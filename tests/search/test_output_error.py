@@ -89,6 +89,7 @@ def test_small_oscillations_alone_give_the_full_dynamics(store: Store) -> None:
     assert shown["max_error"] < 1e-6
 
 
+@pytest.mark.slow
 def test_trial_that_coasts_does_not_lead_the_estimate_astray(store: Store) -> None:
     """From the nominal model the frequencies of ten links, of which the last trial's are nothing, end in a wrong
     minimum; the fit begins where the probes lead, as that of the search did.
@@ -143,6 +144,7 @@ def test_estimate_never_sees_the_truth(store: Store) -> None:
     assert results.lumps_frame(store, "closed")["error"].isna().all()
 
 
+@pytest.mark.slow
 def test_hidden_friction_is_told_by_the_misfit_and_no_lump_is_known(store: Store) -> None:
     """A model that cannot explain what was seen says of no lump how well it is known."""
     create_study(store, spec_of(3, 11, {"damping": 0.05}, trials=4))
@@ -154,6 +156,7 @@ def test_hidden_friction_is_told_by_the_misfit_and_no_lump_is_known(store: Store
         assert not lump["determined"]
 
 
+@pytest.mark.slow
 def test_what_no_model_explains_is_matched_ever_more_seldom_and_ends_when_no_more_is_kept(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -174,6 +177,7 @@ def test_what_no_model_explains_is_matched_ever_more_seldom_and_ends_when_no_mor
     assert results.summary(store, "chain")["verdict"] == "not found"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sampler", ["cmaes", "tpe", "random"])
 def test_trials_of_every_sampler_give_the_same_estimate_beside_the_best_trial(sampler: str, store: Store) -> None:
     """It is a property of a study's trials, not of the sampler that proposed them."""
@@ -191,6 +195,7 @@ def fast(spec: StudySpec) -> StudySpec:
     return spec.model_copy(update={"plant": spec.plant.model_copy(update={"timestep": 0.001})})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [0.25, 7.5])
 def test_small_and_large_chains_are_identified_alike(scale: float, store: Store) -> None:
     """Chains of 10 cm and of 3 m links: the pushes follow the chain's own time and need no setting."""
@@ -200,6 +205,7 @@ def test_small_and_large_chains_are_identified_alike(scale: float, store: Store)
     assert results.summary(store, "chain")["max_error"] < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("masses", "lengths", "wrong"),
     [

@@ -25,6 +25,8 @@ from metaid.show import dashboard
 from metaid.store import Store
 from metaid.study import create_study, load_chain_study, run_study
 
+pytestmark = pytest.mark.slow
+
 Metaid = Callable[..., Finished]
 
 SCRIPT = "<script>document.title = 'owned'</script>"

@@ -26,6 +26,8 @@ from metaid.errors import StorageError
 from metaid.store import Store, lease
 from metaid.study import create_study, load_chain_study, run_study
 
+pytestmark = pytest.mark.slow
+
 # Episodes so long that readers see many generations of few trials, and no estimate for them to make.
 LONG = {
     "trials": 1_000_000,

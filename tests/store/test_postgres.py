@@ -30,6 +30,8 @@ from metaid.errors import StorageError
 from metaid.store import Store, Trial
 from metaid.study import Progress, create_study, load_chain_study, run_study
 
+pytestmark = pytest.mark.slow
+
 CHANGES = {"trials": 90, "search.coordinates": "plain", "search.start": 0.8, "episode.fall_limit": 1.0}
 LONG = {**CHANGES, "trials": 1_000_000}
 Metaid = Callable[..., Finished]

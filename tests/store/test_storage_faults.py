@@ -24,6 +24,8 @@ from metaid import results
 from metaid.store import Store
 from metaid.study import create_study, load_chain_study, run_study
 
+pytestmark = pytest.mark.slow
+
 CHANGES = {"trials": 900, "search.coordinates": "plain", "search.start": 0.8, "episode.fall_limit": 1.0}
 HALF = 450  # trials: whole generations
 GENERATION = 9

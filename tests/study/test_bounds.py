@@ -16,6 +16,8 @@ from metaid.search import at_bounds, bounds_in_force, widened
 from metaid.store import Store
 from metaid.study import Problem, create_study, load_chain_study, lumps_at_bounds, run_study
 
+pytestmark = pytest.mark.slow
+
 
 def problem_of(**changes: Any) -> Problem:
     """The two-link study with some settings changed; it searches three lumps between 0.5 and 2."""

@@ -69,6 +69,7 @@ def test_one_push_at_the_tip_leaves_combinations_that_cannot_be_told() -> None:
     assert poor.evaluate(moved).value < 0.02 * rich.evaluate(moved).value
 
 
+@pytest.mark.slow
 def test_resolution_is_the_range_that_the_trials_show(tmp_path: Path) -> None:
     """The range of trials as good as the best is about as wide as was foreseen, for every lump."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
@@ -99,6 +100,7 @@ def test_check_and_create_say_what_cannot_be_found(metaid: Metaid) -> None:
     assert "cannot determine coriolis_1_2" in warned.err
 
 
+@pytest.mark.slow
 def test_what_the_pushes_cannot_tell_is_not_determined_by_the_best_trial(tmp_path: Path) -> None:
     """A study may run all the same, and say so of its best trial; matched, the same pushes determine every lump."""
     changes = {"episode.pushes": [[0.0, 0.0, 0.05]], "episode.steps": 150, "search.coordinates": "plain", "trials": 60}
@@ -158,6 +160,7 @@ def test_noise_of_the_plant_is_counted_in() -> None:
     assert (noisy.resolution > 1.5 * ideal.resolution).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sampler", "measure", "faults"),
     [

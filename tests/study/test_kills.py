@@ -8,6 +8,8 @@ import pytest
 
 from soak.kills import CHANGES, kill_often
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("sampler", ["cmaes", "tpe"])
 def test_killed_run_goes_on_as_if_nothing_had_happened(tmp_path: Path, sampler: str) -> None:

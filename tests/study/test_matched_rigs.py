@@ -25,6 +25,8 @@ from metaid.study import create_study, load_chain_study, run_study
 from soak.lies import PLANT, Liar
 from soak.rigs import NOISE, STEPS, created
 
+pytestmark = pytest.mark.slow
+
 KINDS = ("gravity", "coriolis", "inertia")
 TRUTH = chain_of(PlantSettings.model_validate(PLANT).links).lumps_of(KINDS).vector_of(KINDS)
 DOCUMENT = ROOT / "docs" / "your-rig.md"

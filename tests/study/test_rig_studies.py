@@ -19,6 +19,8 @@ from metaid.episode import run_stepwise
 from metaid.errors import AbsentPlant, StudyError
 from metaid.study import Problem, load_chain_study
 
+pytestmark = pytest.mark.slow
+
 
 def rig_files(folder: Path, server: Server, trials: int = 40, more: str = "") -> Path:
     """A plant file for the rig, and a study of it with the nominal model of `two-link-tpe`."""

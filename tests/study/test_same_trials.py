@@ -23,6 +23,8 @@ from metaid.plant import FaultSettings, MujocoPlant, PlantSettings, chain_of, lo
 from metaid.store import Store
 from metaid.study import ARITHMETIC_KEY, StudySpec, arithmetic, create_study, load_chain_study, run_study
 
+pytestmark = pytest.mark.slow
+
 EVERY_FAULT = FaultSettings(
     angle_noise=1e-3,
     speed_noise=0.02,

@@ -56,6 +56,7 @@ def test_trials_are_the_same_for_any_number_of_workers(store: Store) -> None:
     assert_frame_equal(one, three, check_exact=True)
 
 
+@pytest.mark.slow
 def test_trials_are_the_same_on_two_ray_actors(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ray and threads, bit for bit, survivors and falls alike; a Ray cluster that was not asked for is left alone."""
     changes = {"trials": 100, "search.start": 0.8, "episode.fall_limit": 1.0}
@@ -65,6 +66,7 @@ def test_trials_are_the_same_on_two_ray_actors(store: Store, monkeypatch: pytest
     assert_frame_equal(local, run(store, "ray", changes, engine="ray", workers=2), check_exact=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sampler", ["cmaes", "tpe", "random", "optuna-cmaes"])
 def test_stopped_and_resumed_run_has_the_trials_of_an_uninterrupted_one(store: Store, sampler: str) -> None:
     """Stopped within a generation, at its end, and resumed with another number of workers."""
@@ -118,6 +120,7 @@ def test_plant_that_knows_no_truth_identifies_equally(store: Store) -> None:
     assert {(lump["true"], lump["error"]) for lump in blind["lumps"]} == {(None, None)}
 
 
+@pytest.mark.slow
 def test_nominal_metric_needs_fewer_trials_than_plain_coordinates(store: Store) -> None:
     """In the nominal model's metric the worst lump is nearer after the same trials, for most seeds."""
     errors = {}
@@ -129,6 +132,7 @@ def test_nominal_metric_needs_fewer_trials_than_plain_coordinates(store: Store) 
     assert sum(errors["nominal-metric", seed] < errors["plain", seed] for seed in range(3)) >= 2
 
 
+@pytest.mark.slow
 def test_random_nominal_models_are_all_identified(store: Store) -> None:
     """Recovery from three other wrong starts, masses and inertias by 30 % and centres of mass by 15 %."""
     spec = load_chain_study("three-link-coast", {"trials": 700})
@@ -184,6 +188,7 @@ def test_trials_that_do_not_follow_from_the_settings_are_refused(store: Store, t
         run_study(store, "study", trials=60)
 
 
+@pytest.mark.slow
 def test_interrupted_run_says_how_to_go_on(tmp_path: Path) -> None:
     """SIGINT and SIGTERM: status 130 and 143, one line, and whole generations in the DB."""
     command = [sys.executable, "-c", "from metaid.cli import main; main()", "study"]

@@ -18,6 +18,8 @@ from metaid.errors import StudyError
 from metaid.store import Store
 from metaid.study import Problem, create_study, load_chain_study, run_study
 
+pytestmark = pytest.mark.slow
+
 CLOSE = 0.01
 
 

@@ -29,6 +29,8 @@ from metaid.study import (
 )
 from metaid.study.settings import EstimateSettings, read_study
 
+pytestmark = pytest.mark.slow
+
 NOISE = {"angle_noise": 0.01, "speed_sensor": False, "push_noise": 0.1}
 WANTED = 0.005  # reached after a few trials, not after the first
 
