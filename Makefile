@@ -7,7 +7,7 @@ CONSTRAINTS ?= constraints.txt
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint $(CONSTRAINTS)
 
-.PHONY: demo test robots test-min test-newest pin-min check docs audit bench figures soak format build clean
+.PHONY: demo test test-quick robots test-min test-newest pin-min check docs audit bench figures soak format build clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/metaid study run three-link --create --workers 2
@@ -15,6 +15,10 @@ demo: $(VENV)/.runtime
 # Three workers on two cores: now and then a test waits for a browser, a server or another process.
 test: $(VENV)/.dev
 	$(BIN)/pytest -n 3 --dist worksteal --durations 15
+
+# Under a minute on two idle cores: what is not marked slow.
+test-quick: $(VENV)/.dev
+	$(BIN)/pytest -n 2 --dist worksteal -m "not slow and not robots"
 
 # Installs pinocchio and example-robot-data, 820 MB, for the tests and benchmarks that need them, and runs these tests.
 robots: $(VENV)/.robots

@@ -14,6 +14,7 @@ import numpy as np
 import optuna
 import pytest
 from browser import Browser, open_browser
+from places import ROOT
 from postgres import Postgres, run_postgres
 from rig import Serve, serving
 
@@ -22,7 +23,7 @@ from metaid.models import Chain
 from metaid.plant import FaultSettings, LinkSettings, MujocoPlant, PlantSettings
 from metaid.results import identified_factors, read_snapshot
 from metaid.store import Store
-from metaid.study import StudySpec
+from metaid.study import AnySpec, StudySpec
 
 LONG_SET_UP = ("test_wheel.py", "test_workers.py")  # what is made for them takes longer than their tests
 
@@ -188,7 +189,7 @@ def estimated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made_once(tmp_path_factory, "estimated", make) / "estimated.db"
 
 
-def run_all(path: Path, specs: Mapping[str, StudySpec]) -> None:
+def run_all(path: Path, specs: Mapping[str, AnySpec]) -> None:
     """Makes a DB with these studies, all of them run."""
     from metaid.study import create_study, run_study
 
@@ -235,7 +236,7 @@ def site() -> Path:
     """The site as `make docs` left it. Without one the test is skipped, or fails where it must not be
     (METAID_SITE=required, which .ci/run sets).
     """
-    folder = Path(__file__).parent.parent / "build" / "site"
+    folder = ROOT / "build" / "site"
     if not (folder / "index.html").exists():
         (pytest.fail if os.environ.get("METAID_SITE") == "required" else pytest.skip)("needs the site: make docs")
     return folder

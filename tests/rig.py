@@ -12,9 +12,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from places import ROOT
+
 from metaid.plant import SocketPlant, SocketSettings
 
-ROOT = Path(__file__).parent.parent
 TWO_LINK = ROOT / "plants" / "two-link.toml"
 
 

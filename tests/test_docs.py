@@ -15,10 +15,10 @@ from pathlib import Path
 import click
 import pytest
 from conftest import Finished
+from places import ROOT
 
 from metaid.cli import app
 
-ROOT = Path(__file__).parent.parent
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 BLOCK = re.compile(r"(<!-- not run: [^\n]+ -->\n)?^```(\w+)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 NO_SCREEN = "metaid plant view"
@@ -95,6 +95,7 @@ def run_command(metaid: Metaid, command: str) -> None:
     assert done.status == 0, f"{command}: {done.err}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_every_block_runs(
     metaid: Metaid, monkeypatch: pytest.MonkeyPatch, document: Path, rigs: list[subprocess.Popen[str]]
@@ -172,6 +173,7 @@ def examples_of(shown: str) -> list[str]:
     return [line.strip() for line in re.findall(r"^ +metaid .*$", shown.partition("Example")[2], re.MULTILINE)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", list(commands()), ids=" ".join)
 def test_help_fits_a_screen_and_its_example_runs(
     metaid: Metaid, three_link: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]

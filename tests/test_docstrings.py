@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from places import ROOT
 
-ROOT = Path(__file__).parent.parent
 FEW = 3  # parameters; so many need no section of their own
 COMMANDS = ("command", "group")  # decorators of click: a command's docstring is what `--help` prints
 Function = ast.FunctionDef | ast.AsyncFunctionDef

@@ -8,6 +8,8 @@ import pytest
 
 from soak.notebooks import differences, notebooks, read, run_notebook, same
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("path", notebooks(), ids=lambda path: path.stem)
 def test_notebook_runs_in_an_empty_folder_and_prints_what_is_stored(path: Path, tmp_path: Path) -> None:

@@ -10,8 +10,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from places import ROOT
 
-ROOT = Path(__file__).parent.parent
+pytestmark = pytest.mark.slow
+
 PACKAGE = ROOT / "metaid"
 # From the lowest to the highest; a package imports only those before it.
 ORDER = ("errors", "files", "models", "plant", "episode", "compiled", "estimation", "search", "store", "study")

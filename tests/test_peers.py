@@ -29,6 +29,8 @@ from metaid.models import Array
 from metaid.plant import FaultyPlant, MujocoPlant, PlantSettings, Start, chain_of, draw, slope_weights
 from metaid.plant.arms import ArmStart
 
+pytestmark = pytest.mark.slow
+
 TRUE, NOMINAL = random_chain(2, 0)
 EVERYTHING = Condition("", {**ENCODER, "torque_noise": 0.3, "delay": 2, "tilt": 0.03}, friction=0.05)
 SEARCHED = Condition("", {**ENCODER, "delay": 4, "tilt": 0.03}, friction=0.05, searched=("friction", "tilt", "delay"))

@@ -12,10 +12,10 @@ from pathlib import Path
 import optuna
 import pytest
 from packaging.requirements import Requirement
+from places import ROOT
 
 from metaid.errors import StudyError
 
-ROOT = Path(__file__).parent.parent
 OPTUNA, RAY = ROOT / "metaid/store/optuna_tables.py", ROOT / "metaid/study/evaluation/ray_private.py"
 METRIC = ROOT / "metaid/search/optuna_samplers/metric.py"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -34,6 +34,7 @@ def private_imports(path: Path) -> Iterator[tuple[str, list[str]]]:
             yield from ((alias.name, []) for alias in node.names if "._" in alias.name)
 
 
+@pytest.mark.slow
 def test_private_modules_are_imported_in_one_place_each() -> None:
     """What another package may change at any time is behind one small module."""
     places = {path for path in (ROOT / "metaid").rglob("*.py") if list(private_imports(path))}

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import runpy
-from pathlib import Path
 
-DOCS = Path(__file__).parent.parent / "docs"
+from places import ROOT
+
+DOCS = ROOT / "docs"
 
 
 def test_reference_is_what_the_code_says() -> None:

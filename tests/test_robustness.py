@@ -12,6 +12,8 @@ from benchmarks.faulted import FAULTS, Result, identify
 from benchmarks.robustness import draw_pictures, error_rows, first_rows, largest_size
 from metaid.models.tree import ModelError
 
+pytestmark = pytest.mark.slow
+
 
 def test_size_for_one_percent_lies_on_the_curve() -> None:
     """Between two sizes on a straight line of logarithms; not below the first, nor beyond the last."""

@@ -8,10 +8,12 @@ from typing import Any
 
 import pytest
 from browser import Browser, wait_for
+from places import ROOT
 
 import metaid
 
-ROOT = Path(__file__).parent.parent
+pytestmark = pytest.mark.slow
+
 LONG = ("api.html", "docs/reference.html", "notebooks/03-analyse-a-study.html")
 # Texts, tables and pictures that are cut: wider than the page, and not in a place that scrolls.
 CUT = """

@@ -24,6 +24,8 @@ from soak.figures import (
     tables,
 )
 
+pytestmark = pytest.mark.slow
+
 RESULTS = (
     "README.md",
     "arms.md",

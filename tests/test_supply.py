@@ -18,12 +18,12 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from packaging.version import Version
+from places import ROOT
 
 from supply.licences import ALLOWED_IN_DEVELOPMENT, READ_BY_HAND, is_allowed, licence
 from supply.pins import are_installed, direct, installed, pinned
 from supply.vulnerabilities import CANARY, AuditError, vulnerabilities
 
-ROOT = Path(__file__).parent.parent
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 DIRECT = direct(PYPROJECT["project"])
 SITE, ROBOTS = (PYPROJECT["dependency-groups"][name] for name in ("docs", "robots"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -17,11 +18,14 @@ from typing import Any
 
 import pytest
 from conftest import made_once
+from numba.core.caching import _CacheLocator
 from packaging.utils import canonicalize_name
+from places import ROOT
 
 from supply.pins import installed
 
-ROOT = Path(__file__).parent.parent
+pytestmark = pytest.mark.slow
+
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 # What a bare environment would not have: imported by its site, before anything else.
@@ -116,6 +120,22 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return next(made_once(tmp_path_factory, "wheel", build).glob("*.whl"))
 
 
+def keep_machine_code(site: Path) -> None:
+    """Gives the installed package what the checkout's has compiled, for its sources are the same: that one compiles
+    anew after a change is said in compiled/test_cache.py. numba asks for the time of a source, and names a folder by
+    where it is.
+    """
+
+    def named(source: Path) -> str:
+        return str(_CacheLocator.get_suitable_cache_subpath(str(source)))
+
+    for source in (ROOT / "metaid").rglob("*.py"):
+        shutil.copystat(source, site / source.relative_to(ROOT))
+        for kept in (ROOT / "metaid").rglob(f"machine-code-*/{named(source)}"):
+            there = site / kept.relative_to(ROOT).with_name(named(site / source.relative_to(ROOT)))
+            shutil.copytree(kept, there, dirs_exist_ok=True)
+
+
 @pytest.fixture(scope="session")
 def bare(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Bare:
     """The study `three-link` was run by the installed command, and all the other commands were in a process of the
@@ -130,6 +150,7 @@ def bare(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Bare:
         command = [*pip, "install", "--quiet", "--no-deps", "--no-index", str(wheel)]
         subprocess.run(command, check=True, capture_output=True)
         site = next((environment / "lib").glob("python*/site-packages"))
+        keep_machine_code(site)
         (site / "blocker.py").write_text(BLOCKER.format(absent=absent_modules()))
         paths = [path for path in sys.path if path.endswith("site-packages")]
         (site / "dependencies.pth").write_text("\n".join([*paths, "import blocker"]))

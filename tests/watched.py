@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from chain_studies import random_chain
 
-from benchmarks.chains import random_chain
 from metaid.compiled import CompiledLoop, FaultyLoop, fastest_step
 from metaid.episode import RICH_FALL_LIMIT, Episode, FallRule, natural_time, rich_pushes, window_ends
 from metaid.estimation import ReadTrial, WatchedTrial, commanded_torques, filtered_speeds
@@ -58,11 +58,12 @@ def watched(
     longer: float = 1.0,
     stiffness: float = 0.0,
     spring: float = 0.0,
+    chain: int | None = None,
 ) -> Watched:
-    """The chain of benchmarks/chains.py, its joints with this `damping` and `spring`, watched for `longer` than a study
-    would; `stiffness` is the law's.
+    """A random chain, its joints with this `damping` and `spring`, watched for `longer` than a study
+    would; `stiffness` is the law's. Which `chain` it is follows from the `seed` of pushes and noise unless it is given.
     """
-    true, nominal = random_chain(nlink, seed)
+    true, nominal = random_chain(nlink, seed + 1 if chain is None else chain)
     links = tuple(link.model_copy(update={"damping": damping, "stiffness": spring}) for link in true)
     settings = PlantSettings(links=links, timestep=TIMESTEP, faults=faults or FaultSettings())
     plant, believed = MujocoPlant("chain", settings), chain_of(nominal)

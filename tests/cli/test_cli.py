@@ -290,6 +290,7 @@ def mistaken_files(metaid: Metaid) -> None:
     metaid("study", "create", "three-link-coast", "--storage", "ours.db")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("mistaken_files")
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_mistake_is_answered_in_one_line_with_status_2_and_nothing_written(metaid: Metaid, mistake: str) -> None:
@@ -305,6 +306,7 @@ def test_mistake_is_answered_in_one_line_with_status_2_and_nothing_written(metai
     assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
 
 
+@pytest.mark.slow
 def test_python_calls_do_what_the_commands_do(metaid: Metaid) -> None:
     """One call each, and the same numbers."""
     import metaid as package

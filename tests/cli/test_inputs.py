@@ -8,6 +8,8 @@ import pytest
 
 from soak.inputs import SEED, Workshop, check, workshop
 
+pytestmark = pytest.mark.slow
+
 FIRST = 1_000_000  # other cases than the soak's
 COUNTS = {"plants": 1000, "arms": 200, "studies": 500, "factors": 400, "arguments": 80, "databases": 40}
 

@@ -18,6 +18,8 @@ from metaid.cli import live
 from metaid.store import Store
 from metaid.study import run_study
 
+pytestmark = pytest.mark.slow
+
 Metaid = Callable[..., Finished]
 
 

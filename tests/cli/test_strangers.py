@@ -22,6 +22,8 @@ from conftest import Finished
 import metaid as package
 from metaid.store import Store
 
+pytestmark = pytest.mark.slow
+
 Metaid = Callable[..., Finished]
 
 LINK = "[[links]]\nlength = 0.5\nmass = 1.0\n"

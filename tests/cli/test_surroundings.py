@@ -9,11 +9,13 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from places import METAID, ROOT
 
 from metaid.errors import StudyError
 from metaid.study import Problem, load_chain_study
 from metaid.study.evaluation import RayEvaluator
-from soak.common import METAID, ROOT
+
+pytestmark = pytest.mark.slow
 
 FULL = Path("/dev/full")
 

@@ -23,6 +23,8 @@ from rich.cells import cell_len
 from metaid.cli.common import print_table
 from metaid.store import Store
 
+pytestmark = pytest.mark.slow
+
 WIDTHS = (60, 80, 120)
 TOO_NARROW = "too narrow for: "
 PRINTING = ("checks.arm_check", "arms", "compare", "listing", "paper", "plants", "printed", "results", "studies")

@@ -151,6 +151,7 @@ def test_joint_beyond_its_range_has_fallen() -> None:
     assert record.steps[0] == 11, "0.02 rad at 1 rad/s, in steps of 2 ms"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tree", ARMS, ids=["hinges", "rubbed", "rubbed-slide", "slide"])
 def test_twin_with_the_truth_moves_as_mujoco_does(tree: Tree) -> None:
     """Under a wrong law the twin shows the plant's speeds, joints that stick or reverse included."""

@@ -13,6 +13,8 @@ import pytest
 import metaid
 from metaid.compiled.decorator import KEPT, cache_folder
 
+pytestmark = pytest.mark.slow
+
 # The smallest of the loops that the law becomes a part of.
 COAST = """
 import numpy as np

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import gc
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,9 +11,12 @@ import pytest
 import sqlalchemy as sa
 from conftest import Finished
 
+from benchmarks import common, study
 from metaid.episode import Outcome
 from metaid.store import Store, Trial
 from metaid.study import Problem, create_study, load_chain_study, run_study
+
+pytestmark = pytest.mark.slow
 
 GENERATION = 9  # of cmaes at three links
 
@@ -64,9 +65,9 @@ def test_a_run_keeps_a_generation_and_not_all_of_its_trials(store: Store) -> Non
         gc.collect()
         alive.append(sum(type(thing) is Trial for thing in gc.get_objects()))
 
-    run_study(store, "study", trials=10 * GENERATION)
+    run_study(store, "study", trials=4 * GENERATION)
     gc.collect()
-    run_study(store, "study", trials=16 * GENERATION, watch=look)
+    run_study(store, "study", trials=8 * GENERATION, watch=look)
     assert max(alive[2:]) <= 2 * GENERATION + 1
 
 
@@ -129,7 +130,5 @@ def test_a_long_tpe_study_is_advised_against(metaid: Callable[..., Finished], tr
 
 def test_benchmark_compares_the_same_episodes() -> None:
     """The script that metaid is compared with gives the same candidates the same values, falls at the same steps."""
-    root = Path(__file__).parents[2]
-    program = "from benchmarks import common, study; [study.check_same(common.make_spec(n)) for n in (3, 5)]"
-    done = subprocess.run([sys.executable, "-c", program], cwd=root, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    for nlink in (3, 5):
+        study.check_same(common.make_spec(nlink))

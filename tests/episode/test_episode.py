@@ -139,6 +139,7 @@ def growth(plant: MujocoPlant, factors: np.ndarray) -> tuple[bool, float]:
     return record.fall_step is not None, speeds.max() / speeds[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("factor", "falls"), PAPER_ONE)
 def test_falls_of_the_papers_first_table(factor: float, falls: bool) -> None:
     """One link falls where Table I says so, and link 1 gains speed there and nowhere else."""
@@ -147,6 +148,7 @@ def test_falls_of_the_papers_first_table(factor: float, falls: bool) -> None:
     assert (gained > 10) == falls
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("factors", "falls"), PAPER_TWO)
 def test_falls_of_the_papers_second_table(factors: tuple[float, float, float], falls: bool) -> None:
     """Two links fall where Table II says so, (0.99, 1, 1), which does not, included."""

@@ -17,6 +17,8 @@ from metaid.results import identified_factors
 from metaid.results.best import factor_range
 from metaid.study import Problem, load_chain_study
 
+pytestmark = pytest.mark.slow
+
 PERIOD = 0.002
 TIMES = PERIOD * np.arange(151)[:, None]
 

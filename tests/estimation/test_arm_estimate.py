@@ -172,6 +172,7 @@ def test_noisy_readings_tell_base_parameters_within_their_intervals() -> None:
     assert 0.0 < estimate.left_unknown.min() < estimate.left_unknown.max() < 0.1
 
 
+@pytest.mark.slow
 def test_starts_that_are_not_exact_are_found_with_the_rest() -> None:
     """Where poses and speeds at the start differ from what they were to be, their spread is all that need be known."""
     tree, random = random_arm(3, 2, friction=False), np.random.default_rng(5)

@@ -16,6 +16,8 @@ from metaid.models import Array
 from metaid.models.tree import ArmPrior, Tree, joint_torque
 from metaid.plant.arms import arm_model
 
+pytestmark = pytest.mark.slow
+
 NOISE, TIMESTEP, STEPS, PUSHES = 1e-4, 0.002, 150, 8
 DELAY, TILT, OFFSET, SPRING = 0.004, np.array([0.02, -0.03]), np.array([0.0, 0.02, -0.015]), np.array([1.0, 0.6, 0.8])
 TRUE = {"delay": [DELAY], "tilt": TILT, "offset": OFFSET, "spring": SPRING}

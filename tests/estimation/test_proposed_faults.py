@@ -12,6 +12,8 @@ from metaid.estimation import Readings, SearchedFaults, Unknowns, fit, searched_
 from metaid.estimation.noisy import proposed_faults
 from metaid.plant import FaultSettings
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(
     ("faults", "joints", "declared", "said"),
@@ -43,7 +45,7 @@ def test_faults_that_explain_the_misfit_are_proposed(
 
 def test_fault_that_does_not_explain_the_misfit_is_not_proposed() -> None:
     """A torque limit that cuts off half of what is asked is none of those that can be searched."""
-    seen = watched(1, 1, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False, torque_limit=1.0))
+    seen = watched(1, 5, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False, torque_limit=1.0))
     unknowns = Unknowns(seen.nominal.lumps)
     readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, GRAVITY)
 

@@ -42,6 +42,7 @@ def test_chain_is_found_from_a_wrong_one_and_so_is_the_noise_of_its_torques() ->
     assert estimate.torque_noise == pytest.approx(TORQUE_NOISE, rel=0.25)
 
 
+@pytest.mark.slow
 def test_intervals_cover_where_torques_are_noisy() -> None:
     """Nine to ten in ten lumps of eight chains lie in their 95 % interval."""
     inside = []

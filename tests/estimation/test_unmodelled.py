@@ -40,7 +40,7 @@ def strongest(seen: Watched) -> Unmodelled | None:
 
 def test_spring_that_a_wrong_gravity_lump_makes_up_for_is_found() -> None:
     """One link: the misfit passes for noise while the lump is off by hundreds of its deviations."""
-    seen = watched(1, 1, faults=DIFFERING, longer=2.0, spring=0.2)
+    seen = watched(1, 7, faults=DIFFERING, longer=2.0, spring=0.2)
     estimate, error = left_of(seen)
     assert estimate.is_explained
     assert abs(error[0]) > 100.0 * estimate.deviations[0]

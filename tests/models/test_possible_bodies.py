@@ -11,6 +11,8 @@ from threadpoolctl import threadpool_limits
 
 from metaid.models import Array, Chain, KnownLumps, body_extents, known_lumps, lump_names
 
+pytestmark = pytest.mark.slow
+
 LENGTHS_GIVEN = ("gravity", "inertia")
 LENGTHS_FREE = ("gravity", "inertia", "length")
 

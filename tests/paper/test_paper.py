@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import Finished
+from places import ROOT
 
 from metaid.errors import EpisodeError
 from metaid.paper import LIKE, PURE, paper_table, run_fig4, run_sweep, run_table
@@ -87,7 +88,7 @@ def test_fitted_reading_swings_within_the_axes_of_figure_four() -> None:
 
 def test_no_other_plant_is_bent_to_match() -> None:
     """The fault and the spring are in the plants that are labelled as fitted, and nowhere else."""
-    for path in (Path(__file__).parents[2] / "plants").glob("*.toml"):
+    for path in (ROOT / "plants").glob("*.toml"):
         text = path.read_text()
         fitted = "over_compensation" in text or "stiffness" in text
         assert fitted == path.stem.startswith("paper-like")
@@ -109,6 +110,7 @@ def test_json_of_the_tables_is_that_of_the_contract(metaid: Callable[..., Finish
         assert {"factors", "paper_periods", "periods", "paper_falls", "falls"} <= set(row)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["table1", "table2", "fig4", "sweep"])
 def test_command_prints_a_table_and_draws_a_picture(metaid: Callable[..., Finished], command: str) -> None:
     """Text on stdout, JSON if asked, a PNG where -o says."""

@@ -141,6 +141,7 @@ def test_candidate_that_is_evaluated_alone_has_the_noise_of_trial_zero() -> None
     assert objective.evaluate(np.ones(6)) != objective.evaluate(np.ones(6), 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_noisy_study_has_the_same_trials_however_it_is_run(workers: int, tmp_path: Path) -> None:
     """Workers and stops in mid-generation change nothing in the trial table."""

@@ -22,6 +22,8 @@ from metaid.episode import Episode, FallRule, pushed_speeds, rich_pushes
 from metaid.errors import AbsentPlant, LostPlant, PlantError
 from metaid.plant import SocketPlant, Start
 
+pytestmark = pytest.mark.slow
+
 
 def episode_of(plant: SocketPlant, nominal: Any) -> Objective:
     """Two rich pushes of 60 steps, in factors of `nominal` lumps."""

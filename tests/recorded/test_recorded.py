@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 import tomli_w
 from conftest import Finished, wrong_chain
+from places import ROOT
 from random_arm import wrong_tree
 from swinging import log_of, swinging_arm
 
@@ -32,7 +33,7 @@ from metaid.recorded import (
 )
 
 Metaid = Callable[..., Finished]
-WRITE_LOG = Path(__file__).parent.parent.parent / "examples" / "write_log.py"
+WRITE_LOG = ROOT / "examples" / "write_log.py"
 SAID = """
 [[links]]
 length = 0.45
@@ -84,6 +85,7 @@ def test_log_of_a_simulated_rig_tells_its_lumps(rig: Path) -> None:
     assert found.estimate.held_out.relative < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 3e-4])
 def test_log_of_an_arm_tells_its_base_parameters_and_friction(arm: Tree, noise: float) -> None:
     """Viscous, root and offset terms and a coupled pair of motors too, 95 % intervals nearly all around the truth."""
@@ -112,6 +114,7 @@ def test_log_of_an_arm_tells_its_base_parameters_and_friction(arm: Tree, noise: 
     assert np.abs(found.values[: len(bodies)] - bodies).max() < 0.02 * np.abs(bodies).max()
 
 
+@pytest.mark.slow
 def test_delay_of_the_torques_is_found(arm: Tree) -> None:
     """8 ms to 0.2 ms, and without it the bodies would be wrong."""
     record, model = log_of(arm, late=0.008, seconds=2.0), arm_model(wrong_tree(arm, 0))
@@ -120,6 +123,7 @@ def test_delay_of_the_torques_is_found(arm: Tree) -> None:
     assert estimate_records([record], model, Choices(delay=0.0)).held_out.relative > 10.0 * found.held_out.relative
 
 
+@pytest.mark.slow
 def test_hidden_spring_is_suspected_and_widens_the_intervals() -> None:
     """Nothing is wrong beyond both deviations that is called determined, though the model has no spring."""
     chain = load_chain("three-link").chain
@@ -138,6 +142,7 @@ def test_hidden_spring_is_suspected_and_widens_the_intervals() -> None:
     assert (np.abs(table["identified"][known] - true[known]) <= reach).all()
 
 
+@pytest.mark.slow
 def test_noise_asks_for_longer_windows(arm: Tree) -> None:
     """The length of the windows follows from the noise of the angles."""
     model = arm_model(wrong_tree(arm, 0))
@@ -145,6 +150,7 @@ def test_noise_asks_for_longer_windows(arm: Tree) -> None:
     assert spans[0] < spans[-1]
 
 
+@pytest.mark.slow
 def test_held_out_third_has_no_part_in_its_prediction(arm: Tree) -> None:
     """Torques of the last third may be anything: what the other two say stays the same."""
     record, model = log_of(arm, seconds=2.0), arm_model(wrong_tree(arm, 0))
@@ -158,6 +164,7 @@ def test_held_out_third_has_no_part_in_its_prediction(arm: Tree) -> None:
     assert not np.allclose(ours[0], theirs[0])
 
 
+@pytest.mark.slow
 def test_log_of_another_robot_is_not_found(metaid: Metaid, rig: Path) -> None:
     """With the sign of a torque wrong it says whose and what mends it, writes nothing, and the exit status is 3."""
     log = pd.read_csv(rig / "log.csv")
@@ -170,6 +177,7 @@ def test_log_of_another_robot_is_not_found(metaid: Metaid, rig: Path) -> None:
     assert not Path("m.xml").exists()
 
 
+@pytest.mark.slow
 def test_model_of_a_log_is_taken_away(metaid: Metaid, rig: Path) -> None:
     """As a plant file, as MJCF and as JSON: the first two need the torque that the lumps say."""
     given = (
@@ -197,6 +205,7 @@ def test_model_of_a_log_is_taken_away(metaid: Metaid, rig: Path) -> None:
         np.testing.assert_allclose(joint_torque(tree, *states), expected, atol=0.02 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_law_stands_in_for_torques(metaid: Metaid) -> None:
     """A log without torques tells as much, of a rig that oscillates as it compensates a plant that is too heavy."""
     rig, heavy = load_chain("two-link"), Path("heavy.toml")
@@ -262,6 +271,7 @@ def test_bad_log_is_refused_in_one_line(metaid: Metaid, rig: Path, kind: str) ->
     assert sorted(path.name for path in Path().iterdir()) == ["bad.csv"]
 
 
+@pytest.mark.slow
 def test_noise_of_a_plant_at_rest_is_not_taken_for_speeds_in_another_unit(metaid: Metaid, rig: Path) -> None:
     """Nothing is found, for no joint moves far enough."""
     log, random = pd.read_csv(rig / "log.csv"), np.random.default_rng(0)
@@ -300,6 +310,7 @@ def test_wrong_request_is_refused_in_one_line(metaid: Metaid, rig: Path, given: 
     assert says in done.err
 
 
+@pytest.mark.slow
 def test_parquet_is_read_or_its_package_named(metaid: Metaid, rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same as from CSV; without pyarrow one line says how that is installed."""
     given = ("estimate", "--nominal", str(rig / "believed.toml"), "--json")

@@ -26,6 +26,8 @@ from metaid.recorded import (
 )
 from metaid.recorded.weak_form.windows import cut_windows
 
+pytestmark = pytest.mark.slow
+
 
 def judged(record: Record, model: LinearModel, choices: Choices | None = None) -> RecordedVerdict:
     found = judge_records([record], estimate_records([record], model, choices))

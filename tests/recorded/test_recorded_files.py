@@ -20,6 +20,8 @@ from metaid.models.tree import joint_torque
 from metaid.plant import ArmPlant, load_plant
 from metaid.recorded import RecordedResult, estimate
 
+pytestmark = pytest.mark.slow
+
 Metaid = Callable[..., Finished]
 DAMPING, DRY = np.array([0.5, 0.3, 0.2]), np.array([0.4, 0.3, 0.2])
 

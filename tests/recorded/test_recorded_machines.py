@@ -25,6 +25,8 @@ from metaid.recorded import (
     judge_records,
 )
 
+pytestmark = pytest.mark.slow
+
 DRY = np.array([3.0, 2.0, 1.0])
 
 

@@ -66,6 +66,7 @@ def shown_by_everyone(store: Store, name: str) -> dict[str, Array]:
     }
 
 
+@pytest.mark.slow
 def test_everything_shows_the_last_of_equal_trials(equal: tuple[Store, Problem]) -> None:
     """Table, JSON, frame, film, figures, report, note and companion take the same of two trials with one value."""
     store, problem = equal
@@ -111,6 +112,7 @@ def test_dinoip_stands_by_the_last_step_before_the_fall(studied: Path) -> None:
     assert found.best_factors[0] == zeros["gravity_1"].iloc[-1] != zeros["gravity_1"].iloc[0]
 
 
+@pytest.mark.slow
 def test_noisy_study_shows_the_mean_of_equal_trials(tmp_path: Path) -> None:
     """Everywhere: the best trial of a noisy plant is only the luckiest."""
     store, problem = new_study(tmp_path, "noisy-three-link", sampler="cmaes")

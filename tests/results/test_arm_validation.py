@@ -22,6 +22,8 @@ from metaid.plant.arms import ArmStart, draw_free_starts
 from metaid.results import Validation, smooth_sinusoids
 from metaid.results.validation import Validated
 
+pytestmark = pytest.mark.slow
+
 Metaid = Callable[..., Finished]
 STEPS = 60
 

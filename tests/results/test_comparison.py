@@ -70,6 +70,7 @@ def test_comparison_is_a_table_a_figure_and_a_page(compared: Metaid) -> None:
     assert Path("both.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_page_of_a_comparison_is_whole(compared: Metaid, browser: Browser) -> None:
     """On a phone, a tablet, a desk and on paper, with a study that was not run among them."""
     assert compared("exact", "noisy", "new", "-o", "three.html").status == 0

@@ -18,6 +18,8 @@ from metaid.store import Store
 from metaid.study import Problem, create_study, load_chain_study, run_study
 from metaid.study.estimates.making import first_enough
 
+pytestmark = pytest.mark.slow
+
 Metaid = Callable[..., Finished]
 INERTIA = ["inertia_1", "inertia_2", "inertia_3"]
 

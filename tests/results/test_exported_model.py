@@ -114,6 +114,7 @@ def assert_moves_as(identified: Identified, model: mujoco.MjModel, lacks: Array,
     assert model.dof_frictionloss == pytest.approx(identified.coulomb)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_mjcf_moves_as_what_was_identified(tmp_path: Path, name: str) -> None:
     """MuJoCo loads it as it is, ranges of the joints included."""

@@ -8,26 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from chain_studies import chain_study, random_chain
 
-from benchmarks.chains import random_chain
 from metaid.cli.printed import print_study
 from metaid.errors import StudyError
-from metaid.plant import FaultSettings, PlantSettings
 from metaid.results import judge, lumps_frame, read_findings, read_snapshot, summary
 from metaid.results.lump_tables import fault_rows
 from metaid.show.notes import note
 from metaid.store import Store
-from metaid.study import (
-    EpisodeSettings,
-    Problem,
-    StudySettings,
-    StudySpec,
-    create_study,
-    load_chain_study,
-    load_study,
-    run_study,
-)
-from metaid.study.settings import EstimateSettings
+from metaid.study import Problem, StudySpec, create_study, load_chain_study, load_study, run_study
+
+pytestmark = pytest.mark.slow
 
 
 def late_and_tilted(
@@ -42,19 +33,9 @@ def late_and_tilted(
     late, and the base is tilted by 10 mrad, unless other `faults` are given.
     """
     faults = {"angle_noise": 1e-3, "speed_sensor": False, "delay": 2, "tilt": 0.01} if faults is None else faults
-    true, nominal = random_chain(nlink, 1)
-    links = tuple(each.model_copy(update=link) for each in true)
-    study = StudySettings(
-        plant="late",
-        nominal="late",
-        sampler="output-error",
-        trials=trials,
-        seed=1,
-        episode=EpisodeSettings(measure="smoothed"),
-        estimate=EstimateSettings.model_validate({"faults": "proposed" if takes_up else list(kinds)}),
-    )
-    plant = PlantSettings(links=links, faults=FaultSettings.model_validate(faults))
-    return StudySpec(name="late", plant_name="late", plant=plant, nominal=nominal, study=study)
+    estimate = {"faults": "proposed" if takes_up else list(kinds)}
+    settings: dict[str, Any] = {"trials": trials, "seed": 1, "episode": {"measure": "smoothed"}, "estimate": estimate}
+    return chain_study(random_chain(nlink, 1), faults, link, **settings)
 
 
 def run(store: Store, spec: StudySpec) -> dict[str, Any]:
@@ -80,11 +61,11 @@ def test_faults_stand_beside_the_lumps_wherever_a_study_is_shown(
         assert fault["error"] == fault["identified"] - fault["true"]
         assert abs(fault["error"]) < 4.0 * fault["sd"] < 0.01 * fault["true"]
     assert json.loads(json.dumps(shown))["faults"] == shown["faults"]
-    print_study(store, "late")
+    print_study(store, "chain")
     printed = capsys.readouterr().out
     assert "Faults searched beside the lumps" in printed
     assert f"; delay {delay['identified']:.4g} ± " in printed
-    assert "| fault | identified |" in note(read_findings(store, "late"))
+    assert "| fault | identified |" in note(read_findings(store, "chain"))
 
 
 def test_what_the_plant_file_says_of_a_searched_fault_is_not_believed() -> None:
@@ -106,8 +87,8 @@ def test_fault_that_is_not_explained_has_no_interval(tmp_path: Path) -> None:
     """Where a tilt is there and a delay is searched: the reason proposes to search both."""
     with closing(Store(str(tmp_path / "metaid.db"), create=True)) as store:
         create_study(store, late_and_tilted("delay", nlink=1, trials=1))
-        run_study(store, "late")
-        snapshot = read_snapshot(store, "late")
+        run_study(store, "chain")
+        snapshot = read_snapshot(store, "chain")
     verdict, estimate = judge(snapshot), snapshot.estimate
     (delay,) = fault_rows(snapshot.problem, estimate, verdict.has_result)["faults"]
     assert verdict.word == "not found"
@@ -136,7 +117,7 @@ def test_fault_that_explains_the_trials_is_taken_up(tmp_path: Path) -> None:
     assert taken["faults"] == ["delay"]
     assert taken["misfit_without"] > 10.0 * shown["misfit"]
     assert taken["holds"]
-    assert lumps_frame(store, "late").attrs["faults"] == shown["faults"]
+    assert lumps_frame(store, "chain").attrs["faults"] == shown["faults"]
 
 
 def test_no_fault_is_taken_up_where_none_is_needed(tmp_path: Path) -> None:

@@ -17,6 +17,8 @@ from exported import FULL, model_of
 from metaid.results.exporting import chain_dynamics
 from metaid.study import StudySpec
 
+pytestmark = pytest.mark.slow
+
 Metaid = Callable[..., Finished]
 
 

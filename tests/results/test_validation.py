@@ -20,6 +20,8 @@ from metaid.results.control import computed_torque, track_stepwise
 from metaid.results.validation import Validated, coasting_time, coasting_time_stepwise, fresh_pushes, tracking_errors
 from metaid.study import Problem, load_chain_study
 
+pytestmark = pytest.mark.slow
+
 Metaid = Callable[..., Finished]
 
 

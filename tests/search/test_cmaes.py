@@ -99,6 +99,7 @@ def test_candidates_do_not_hang_on_which_eigenvectors_are_chosen(monkeypatch: py
     assert np.allclose(tried(), before, rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_search_by_cma_es_loads_cmaes_without_scipy_stats_and_leaves_that_to_others() -> None:
     """scipy.stats would be a good part of a short run; afterwards whoever wants it has it, and all of cmaes works."""
     code = (

@@ -152,6 +152,7 @@ def test_one_link_of_the_paper_is_identified(metaid: Callable[..., Finished], ch
     assert shown["trials"]["pruned"] >= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", [(), ("search.coarse_to_fine=true",)])
 def test_two_links_of_the_paper_are_identified_but_for_the_coriolis_lump(
     metaid: Callable[..., Finished], changes: tuple[str, ...]
@@ -175,6 +176,7 @@ def identified(metaid: Callable[..., Finished], name: str, changes: tuple[str, .
     return shown
 
 
+@pytest.mark.slow
 def test_stopped_and_resumed_it_tries_the_same(tmp_path: Path) -> None:
     """Whole, or in three parts: one table of trials."""
     spec = load_chain_study("paper-two-link", {"search.coarse_to_fine": True})

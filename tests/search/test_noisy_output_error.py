@@ -7,16 +7,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from chain_studies import chain_study, random_chain
 from pandas.testing import assert_frame_equal
 
-from benchmarks.chains import random_chain
 from metaid import results
 from metaid.episode import SensorReadings
-from metaid.plant import FaultSettings, PlantSettings
 from metaid.results import judge, read_snapshot
 from metaid.store import Store
-from metaid.study import EpisodeSettings, Problem, SearchSettings, StudySettings, StudySpec, create_study, run_study
+from metaid.study import Problem, SearchSettings, StudySpec, create_study, run_study
 from metaid.study.settings import EstimateSettings
+
+pytestmark = pytest.mark.slow
 
 NOISE = {"angle_noise": 1e-3, "speed_sensor": False}
 
@@ -25,14 +26,8 @@ def spec_of(
     nlink: int, seed: int, faults: dict[str, Any], trials: int = 2, link: dict[str, Any] | None = None, **more: Any
 ) -> StudySpec:
     """A study of a random chain whose nominal model is wrong by up to 30 %; its links have something more hidden."""
-    true, nominal = random_chain(nlink, seed)
     episode = {"measure": "smoothed", **more.pop("episode", {})}
-    study = StudySettings(
-        plant="chain", nominal="chain", sampler="output-error", trials=trials, episode=EpisodeSettings(**episode)
-    ).model_copy(update=more)
-    links = tuple(each.model_copy(update=link or {}) for each in true)
-    plant = PlantSettings(links=links, faults=FaultSettings(**faults))
-    return StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study)
+    return chain_study(random_chain(nlink, seed), faults, link, trials=trials, episode=episode, **more)
 
 
 @pytest.fixture
@@ -148,7 +143,7 @@ def test_torques_that_are_cut_off_do_no_harm_where_the_study_says_it(
 def test_torque_limit_that_is_said_wrong_shows_in_the_misfit(store: Store) -> None:
     """Motors that give a tenth less than was said."""
     found = shown(store, spec_of(3, 1, {**NOISE, "torque_limit": 5.4}, estimate=EstimateSettings(torque_limit=6.0)))
-    assert found["verdict"] == "not found"
+    assert found["verdict"] != "found"
     assert found["misfit"] > 4.0
 
 

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from conftest import Finished
+from chain_studies import Links, chain_study, random_chain
+from conftest import Finished, best_error
 from pandas.testing import assert_frame_equal
 
-from benchmarks.chains import random_chain
-from benchmarks.hard_chains import find
-from benchmarks.hard_chains import spec_of as hard_chain_spec
 from metaid import results
 from metaid.errors import StudyError
 from metaid.estimation import Estimate, SeenTrial, SilentExperiment
@@ -23,7 +21,6 @@ from metaid.study import (
     MOST_TRIALS,
     EpisodeSettings,
     SearchSettings,
-    StudySettings,
     StudySpec,
     create_study,
     load_chain_study,
@@ -34,15 +31,20 @@ from metaid.study.settings import EstimateSettings
 OSCILLATION = EpisodeSettings(measure="crossing", pushes="tip", steps=3000)
 
 
-def spec_of(
-    nlink: int, seed: int, trials: int = 8, episode: EpisodeSettings | None = None, **more: object
-) -> StudySpec:
-    """A study of a random chain whose nominal model is wrong by up to 30 %."""
-    true, nominal = random_chain(nlink, seed)
-    study = StudySettings(
-        plant="chain", nominal="chain", sampler="output-error", trials=trials, episode=episode or EpisodeSettings()
-    ).model_copy(update=more)
-    return StudySpec(name="chain", plant_name="chain", plant=PlantSettings(links=true), nominal=nominal, study=study)
+def spec_of(nlink: int, seed: int, link: dict[str, float] | None = None, **settings: Any) -> StudySpec:
+    """A study of a random chain whose nominal model is wrong by up to 30 %; its links have something more hidden."""
+    return chain_study(random_chain(nlink, seed), None, link, **{"trials": 8, **settings})
+
+
+def scaled(links: Links, masses: Sequence[float], lengths: Sequence[float]) -> Links:
+    """Links with masses and lengths times these factors (nlink each); centres of mass and inertias follow."""
+
+    def one(link: LinkSettings, mass: float, length: float) -> LinkSettings:
+        powers = {"length": (0, 1), "mass": (1, 0), "com": (0, 1), "inertia": (1, 2)}
+        sizes = {key: getattr(link, key) * mass**p * length**q for key, (p, q) in powers.items()}
+        return link.model_copy(update=sizes)
+
+    return tuple(map(one, links, masses, lengths))
 
 
 @pytest.fixture
@@ -87,6 +89,7 @@ def test_small_oscillations_alone_give_the_full_dynamics(store: Store) -> None:
     assert shown["max_error"] < 1e-6
 
 
+@pytest.mark.slow
 def test_trial_that_coasts_does_not_lead_the_estimate_astray(store: Store) -> None:
     """From the nominal model the frequencies of ten links, of which the last trial's are nothing, end in a wrong
     minimum; the fit begins where the probes lead, as that of the search did.
@@ -141,12 +144,10 @@ def test_estimate_never_sees_the_truth(store: Store) -> None:
     assert results.lumps_frame(store, "closed")["error"].isna().all()
 
 
+@pytest.mark.slow
 def test_hidden_friction_is_told_by_the_misfit_and_no_lump_is_known(store: Store) -> None:
     """A model that cannot explain what was seen says of no lump how well it is known."""
-    spec = spec_of(3, 11, trials=4)
-    assert isinstance(spec.plant, PlantSettings)
-    links = tuple(link.model_copy(update={"damping": 0.05}) for link in spec.plant.links)
-    create_study(store, spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": links})}))
+    create_study(store, spec_of(3, 11, {"damping": 0.05}, trials=4))
     run_study(store, "chain")
     shown = results.summary(store, "chain")
     assert shown["misfit"] > 100.0
@@ -155,6 +156,7 @@ def test_hidden_friction_is_told_by_the_misfit_and_no_lump_is_known(store: Store
         assert not lump["determined"]
 
 
+@pytest.mark.slow
 def test_what_no_model_explains_is_matched_ever_more_seldom_and_ends_when_no_more_is_kept(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -169,14 +171,13 @@ def test_what_no_model_explains_is_matched_ever_more_seldom_and_ends_when_no_mor
         return estimate(self, trials, *more, **named)
 
     monkeypatch.setattr(SilentExperiment, "estimate", counted)
-    spec = spec_of(1, 3, trials=200)
-    links = tuple(link.model_copy(update={"damping": 0.05}) for link in random_chain(1, 3)[0])
-    create_study(store, spec.model_copy(update={"plant": PlantSettings(links=links)}))
+    create_study(store, spec_of(1, 3, {"damping": 0.05}, trials=200))
     assert run_study(store, "chain").trials == MOST_TRIALS + 1
     assert fitted == [1, 2, 3, 4, 6, 9, 14, 21, 32, 1, 32], "the last two are of the estimate that is kept"
     assert results.summary(store, "chain")["verdict"] == "not found"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sampler", ["cmaes", "tpe", "random"])
 def test_trials_of_every_sampler_give_the_same_estimate_beside_the_best_trial(sampler: str, store: Store) -> None:
     """It is a property of a study's trials, not of the sampler that proposed them."""
@@ -189,28 +190,40 @@ def test_trials_of_every_sampler_give_the_same_estimate_beside_the_best_trial(sa
     assert shown["max_error"] < 1e-9 < 1e-3 < shown["best"]["max_error"]
 
 
+def fast(spec: StudySpec) -> StudySpec:
+    """The same study of a plant with steps of a millisecond: a short chain, and one with a heavy tip, is fast."""
+    return spec.model_copy(update={"plant": spec.plant.model_copy(update={"timestep": 0.001})})
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [0.25, 7.5])
 def test_small_and_large_chains_are_identified_alike(scale: float, store: Store) -> None:
     """Chains of 10 cm and of 3 m links: the pushes follow the chain's own time and need no setting."""
-
-    def scaled(links: tuple[LinkSettings, ...]) -> tuple[LinkSettings, ...]:
-        powers = {"length": 1, "com": 1, "inertia": 2}
-        sizes = [{key: getattr(link, key) * scale**power for key, power in powers.items()} for link in links]
-        return tuple(link.model_copy(update=size) for link, size in zip(links, sizes, strict=True))
-
-    true, nominal = random_chain(3, 1)
-    plant = PlantSettings(links=scaled(true), timestep=0.001)
-    create_study(store, spec_of(3, 1).model_copy(update={"plant": plant, "nominal": scaled(nominal)}))
+    true, nominal = (scaled(links, [1.0] * 3, [scale] * 3) for links in random_chain(3, 1))
+    create_study(store, fast(chain_study((true, nominal), trials=8)))
     run_study(store, "chain")
     assert results.summary(store, "chain")["max_error"] < 1e-6
 
 
-@pytest.mark.parametrize(("kind", "seed"), [("heavy tip", 2), ("lengths 10:1", 0), ("nominal 60 % off", 1)])
-def test_hard_chains_are_found_with_default_settings(kind: str, seed: int) -> None:
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("masses", "lengths", "wrong"),
+    [
+        ([1, 1, 1, 1, 1, 30], [1] * 6, 1.0),
+        ([1] * 6, np.geomspace(2.0, 0.2, 6).tolist(), 1.0),
+        ([1] * 6, [1] * 6, 1.6),
+    ],
+    ids=["heavy tip", "lengths 10:1", "nominal 60 % off"],
+)
+def test_hard_chains_are_found_with_default_settings(
+    masses: list[float], lengths: list[float], wrong: float, store: Store
+) -> None:
     """Six links: two whose measure has long curved valleys, and one that is believed to be very different."""
-    trials, error, _ = find(hard_chain_spec(kind, 6, seed, {}))
-    assert trials <= 5
-    assert error < 1e-6
+    true, nominal = (scaled(links, masses, lengths) for links in random_chain(6, 1002))
+    nominal = scaled(nominal, [wrong, 1 / wrong] * 3, [1] * 6)
+    create_study(store, fast(chain_study((true, nominal), trials=12)))
+    assert run_study(store, "chain").trials <= 5
+    assert best_error(store, "chain") < 1e-6
 
 
 def test_study_without_anything_to_match_is_refused(store: Store) -> None:

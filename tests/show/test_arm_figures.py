@@ -6,8 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 from conftest import Finished
 from PIL import Image
+
+pytestmark = pytest.mark.slow
 
 Metaid = Callable[..., Finished]
 

@@ -19,6 +19,8 @@ from metaid.results.arms import ArmFindings
 from metaid.show import render_any
 from metaid.store import Store
 
+pytestmark = pytest.mark.slow
+
 Metaid = Callable[..., Finished]
 FIGURES = ("convergence", "known", "tracking", "estimate-motion", "estimate-residuals")
 

@@ -21,6 +21,8 @@ from metaid.show import companions, dashboard, notes
 from metaid.store import Store, Trial
 from metaid.study import Problem, create_study, load_chain_study, run_study, stored_spec
 
+pytestmark = pytest.mark.slow
+
 Metaid = Callable[..., Finished]
 
 

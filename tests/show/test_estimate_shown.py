@@ -17,6 +17,8 @@ from metaid import figures
 from metaid.show import dashboard
 from metaid.show.report import render
 
+pytestmark = pytest.mark.slow
+
 UNEXPLAINED = "the model does not explain what was seen"
 
 

@@ -57,6 +57,7 @@ def line(axes: Axes, label: str) -> Line2D:
     return found
 
 
+@pytest.mark.slow
 def test_convergence_draws_the_best_so_far_and_marks_every_fall(plain: Findings, axes: Axes) -> None:
     """A step line that never rises, a mark a fall, the measure with its unit."""
     assert figures.plot_convergence(plain, axes) is axes
@@ -68,6 +69,7 @@ def test_convergence_draws_the_best_so_far_and_marks_every_fall(plain: Findings,
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("trial", "frequency, Hz")
 
 
+@pytest.mark.slow
 def test_convergence_of_counts_says_periods(counted: Findings, axes: Axes) -> None:
     """A count has no unit of Hz, and zero is drawn."""
     figures.plot_convergence(counted, axes)
@@ -182,6 +184,7 @@ def test_sketch_has_every_link_to_scale_with_its_numbers(name: str, axes: Axes) 
     assert "g = 9.81 m/s²" in texts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", ["page", "column"])
 def test_every_figure_is_as_wide_as_a_page_or_a_column(plain: Findings, width: str) -> None:
     """Nothing is cut off at either size: all that is drawn lies within the figure."""
@@ -199,6 +202,7 @@ def test_every_figure_is_as_wide_as_a_page_or_a_column(plain: Findings, width: s
     assert seen == FILES
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("study", "names", "ending", "starts"),
     [
@@ -219,6 +223,7 @@ def test_plot_writes_every_figure(
     assert all(path.suffix == f".{ending}" and path.read_bytes().startswith(starts) for path in written)
 
 
+@pytest.mark.slow
 def test_plot_twice_writes_the_same_bytes(metaid: Metaid, studied: Path) -> None:
     """No date, no random name: a figure under version control changes when the study does."""
     for folder in ("one", "two"):
@@ -270,6 +275,7 @@ MISTAKES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_mistake_is_answered_in_one_line_with_status_2_and_nothing_written(
     metaid: Metaid, studied: Path, monkeypatch: pytest.MonkeyPatch, mistake: str
@@ -288,6 +294,7 @@ def test_mistake_is_answered_in_one_line_with_status_2_and_nothing_written(
     assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
 
 
+@pytest.mark.slow
 def test_a_lump_that_is_not_identified_is_left_out_of_the_error(plain: Findings) -> None:
     """Where the table says nothing of a lump, the error and the film keep to those that it tells."""
     untold = plain.lumps["name"].str.startswith("coriolis")

@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import http.client
-import json
 import os
 import re
 import shutil
-import subprocess
-import sys
 import urllib.parse
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
-import psutil
 import pytest
 from browser import Browser, served, wait_for
 from conftest import Finished
+from listeners import listening
 
 from metaid.results import read_findings
 from metaid.show import dashboard
 from metaid.store import Store
 from metaid.study import create_study, load_chain_study, run_study
+
+pytestmark = pytest.mark.slow
 
 Metaid = Callable[..., Finished]
 
@@ -137,40 +136,3 @@ def test_dashboard_listens_on_loopback_alone(evil: Path) -> None:
         opened = listening(os.getpid()) - before
     store.close()
     assert {address for address, _ in opened} == {"127.0.0.1"}
-
-
-def listening(process: int) -> set[tuple[str, int]]:
-    """Addresses and ports that a process and its children listen at."""
-    family = [psutil.Process(process), *psutil.Process(process).children(recursive=True)]
-    found = set()
-    for one in family:
-        try:
-            sockets = one.net_connections("inet")
-        except psutil.NoSuchProcess:
-            continue
-        found |= {(at.laddr.ip, at.laddr.port) for at in sockets if at.status == psutil.CONN_LISTEN}
-    return found
-
-
-RAY = """
-import json, os, sys
-from metaid.study.evaluation import make_evaluator
-from metaid.study.kinds import load_chain_study
-from metaid.study.problem import Problem
-sys.path[:0] = ["tests", "tests/show"]
-from test_hostile_pages import listening
-problem = Problem(load_chain_study("one-link-count"))
-with make_evaluator(problem, "ray", 1) as evaluator:
-    evaluator.evaluate(problem.start[None])
-    print("LISTENING", json.dumps(sorted(listening(os.getpid()))))
-"""
-
-
-def test_ray_on_this_machine_listens_on_loopback_alone() -> None:
-    """The driver, the raylet, the object store and the workers."""
-    finished = subprocess.run(
-        [sys.executable, "-c", RAY], capture_output=True, text=True, cwd=Path(__file__).parents[2], check=True
-    )
-    opened = json.loads(finished.stdout.partition("LISTENING ")[2])
-    assert opened
-    assert {address for address, _ in opened} <= {"127.0.0.1", "::1", "::ffff:127.0.0.1"}

@@ -18,6 +18,8 @@ from metaid.show.report import render, templates
 from metaid.store import Store
 from metaid.study import create_study, load_chain_study, run_study
 
+pytestmark = pytest.mark.slow
+
 Metaid = Callable[..., Finished]
 FIGURES = ("convergence", "factors", "ranges", "frequency", "boundary", "parallel", "correlation", "episode")
 FIGURES += ("estimate-motion", "estimate-residuals", "estimate-correlation", "estimate-trials")

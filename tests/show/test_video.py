@@ -24,6 +24,8 @@ from metaid.show.scene import viewer_model
 from metaid.show.video import filmed
 from metaid.store import Store
 
+pytestmark = pytest.mark.slow
+
 Metaid = Callable[..., Finished]
 
 

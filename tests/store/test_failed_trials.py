@@ -14,6 +14,8 @@ from metaid import results
 from metaid.store import Store, Trial
 from metaid.study import Problem, create_study, load_chain_study
 
+pytestmark = pytest.mark.slow
+
 REASON = 'it ended its worker\'s process 3 times: "signal 6"'
 
 

@@ -20,6 +20,8 @@ from metaid.errors import StorageError
 from metaid.store import Store
 from metaid.study import create_study, load_chain_study, run_study
 
+pytestmark = pytest.mark.slow
+
 TRIALS = 36
 GENERATION = 9
 CHANGES = {"trials": TRIALS, "search.coordinates": "plain", "search.start": 0.8, "episode.fall_limit": 1.0}

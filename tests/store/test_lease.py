@@ -18,13 +18,15 @@ from typing import Any
 import optuna
 import pytest
 from conftest import Finished
+from places import METAID
 from postgres import Postgres
 
 from metaid import results
 from metaid.errors import StorageError
 from metaid.store import Store, lease
 from metaid.study import create_study, load_chain_study, run_study
-from soak.common import METAID
+
+pytestmark = pytest.mark.slow
 
 # Episodes so long that readers see many generations of few trials, and no estimate for them to make.
 LONG = {

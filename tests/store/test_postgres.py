@@ -21,6 +21,7 @@ import pytest
 import sqlalchemy as sa
 from conftest import Finished
 from pandas.testing import assert_frame_equal
+from places import METAID, ROOT
 from postgres import PASSWORD, QUOTED, Postgres
 
 from metaid import api, results
@@ -28,7 +29,8 @@ from metaid.episode import Outcome
 from metaid.errors import StorageError
 from metaid.store import Store, Trial
 from metaid.study import Progress, create_study, load_chain_study, run_study
-from soak.common import METAID, ROOT
+
+pytestmark = pytest.mark.slow
 
 CHANGES = {"trials": 90, "search.coordinates": "plain", "search.start": 0.8, "episode.fall_limit": 1.0}
 LONG = {**CHANGES, "trials": 1_000_000}

@@ -13,6 +13,8 @@ from metaid.store import Store
 from metaid.store.sensor_readings import decoded, encoded
 from metaid.study import Problem, create_study, load_chain_study, run_study
 
+pytestmark = pytest.mark.slow
+
 
 def some_readings(ran: list[int], fell: bool, has_speed_sensor: bool) -> SensorReadings:
     """Up to five steps after three pushes of two joints, in numbers that no text shorter than their bits holds."""

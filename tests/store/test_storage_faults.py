@@ -18,11 +18,13 @@ import pandas as pd
 import pytest
 from conftest import Finished
 from pandas.testing import assert_frame_equal
+from places import ROOT
 
 from metaid import results
 from metaid.store import Store
 from metaid.study import create_study, load_chain_study, run_study
-from soak.common import ROOT
+
+pytestmark = pytest.mark.slow
 
 CHANGES = {"trials": 900, "search.coordinates": "plain", "search.start": 0.8, "episode.fall_limit": 1.0}
 HALF = 450  # trials: whole generations

@@ -69,6 +69,7 @@ def test_optunas_own_frame_has_every_trial(database: Path) -> None:
     assert {"params_gravity_1", "user_attrs_steps", "user_attrs_generation"} <= set(frame.columns)
 
 
+@pytest.mark.slow
 def test_optuna_can_go_on_with_a_copy_of_the_study(database: Path, tmp_path: Path) -> None:
     """Another sampler of Optuna can learn from the trials: distributions are whole."""
     copy = f"sqlite:///{tmp_path / 'copy.db'}"

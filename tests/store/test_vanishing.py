@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable
@@ -15,18 +16,42 @@ import optuna
 import pandas as pd
 import pytest
 from conftest import Finished
+from places import ROOT
 
 from metaid import results
 from metaid.errors import StorageError
 from metaid.store import Store
 from metaid.study import Progress, create_study, load_chain_study, run_study
-from soak.common import ROOT
-from soak.vanishing import deleted, moved, replaced, without_log
+
+pytestmark = pytest.mark.slow
 
 TRIALS = 45
 GENERATION = 9
 CHANGES = {"trials": TRIALS, "search.coordinates": "plain", "search.start": 0.8, "episode.fall_limit": 1.0}
 Metaid = Callable[..., Finished]
+
+
+def deleted(path: Path) -> None:
+    """The file alone, as `rm` of it does."""
+    path.unlink()
+
+
+def moved(path: Path) -> None:
+    """The file alone; its log stays behind."""
+    path.rename(path.with_name("elsewhere.db"))
+
+
+def replaced(path: Path) -> None:
+    """Another file under its name: a copy of the DB as it is now."""
+    other = path.with_name("other.db")
+    with closing(sqlite3.connect(path, timeout=60)) as ours, closing(sqlite3.connect(other)) as copy:
+        ours.backup(copy)
+    other.replace(path)
+
+
+def without_log(path: Path) -> None:
+    """The file with what has been carried over into it."""
+    path.with_name(f"{path.name}-wal").unlink()
 
 
 @pytest.fixture(scope="module")

@@ -64,6 +64,7 @@ def test_trials_of_three_links_have_windows_of_four_kilobytes_that_plain_optuna_
     assert set(study.trials[0].user_attrs["windows"]) >= {"ends", "seen", "motion"}
 
 
+@pytest.mark.slow
 def test_windows_end_with_the_budget_whoever_runs_the_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Which trials have them depends on their number alone, not on workers or on how often a run was stopped."""
     monkeypatch.setattr("metaid.study.problem.WINDOW_BUDGET", 35_000)

@@ -14,6 +14,8 @@ from metaid import api, results
 from metaid.store import Store
 from metaid.study import ArmProblem, ArmSpec, create_study, load_study, run_study
 
+pytestmark = pytest.mark.slow
+
 Metaid = Callable[..., Finished]
 # One hinge about a tilted axis: five base parameters.
 SWING = """<mujoco><worldbody><body pos="0 0 1"><joint name="swing" axis="0 1 0.2" range="-170 170" armature="0.02"

@@ -23,6 +23,8 @@ from metaid.show import make_dashboard
 from metaid.store import Store
 from metaid.study import ArmSpec, create_study, load_study, run_study
 
+pytestmark = pytest.mark.slow
+
 Metaid = Callable[..., Finished]
 
 

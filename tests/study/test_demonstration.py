@@ -17,6 +17,8 @@ from metaid.models import IDEAL, lump_names
 from metaid.store import Store
 from metaid.study import create_study, load_chain_study, run_study
 
+pytestmark = pytest.mark.slow
+
 STUDY = "three-link"
 CASES = ("cmaes", 1), ("cmaes", 2), ("cmaes", 3), ("tpe", 1)  # samplers and seeds; the first case is the shipped one
 

@@ -18,6 +18,8 @@ from metaid.plant import MujocoPlant, Start
 from metaid.store import Store
 from metaid.study import Problem, create_study, load_chain_study, run_study
 
+pytestmark = pytest.mark.slow
+
 ALL = (*IDEAL, "damping", "coulomb")
 
 

@@ -5,16 +5,17 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from chain_studies import chain_study, random_chain
 from conftest import Finished
 
 from metaid import results
 from metaid.plant import PlantSettings
 from metaid.store import Store
 from metaid.study import Problem, create_study, identifiability, load_chain_study, run_study
-from soak.promises import errors, spec_of
 
 Metaid = Callable[..., Finished]
 
@@ -68,6 +69,7 @@ def test_one_push_at_the_tip_leaves_combinations_that_cannot_be_told() -> None:
     assert poor.evaluate(moved).value < 0.02 * rich.evaluate(moved).value
 
 
+@pytest.mark.slow
 def test_resolution_is_the_range_that_the_trials_show(tmp_path: Path) -> None:
     """The range of trials as good as the best is about as wide as was foreseen, for every lump."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
@@ -98,6 +100,7 @@ def test_check_and_create_say_what_cannot_be_found(metaid: Metaid) -> None:
     assert "cannot determine coriolis_1_2" in warned.err
 
 
+@pytest.mark.slow
 def test_what_the_pushes_cannot_tell_is_not_determined_by_the_best_trial(tmp_path: Path) -> None:
     """A study may run all the same, and say so of its best trial; matched, the same pushes determine every lump."""
     changes = {"episode.pushes": [[0.0, 0.0, 0.05]], "episode.steps": 150, "search.coordinates": "plain", "trials": 60}
@@ -151,18 +154,37 @@ def test_noise_sets_what_the_estimate_promises() -> None:
 def test_noise_of_the_plant_is_counted_in() -> None:
     """With a milliradian on the angles and exact speeds `spectral` promises less than without."""
     noisy, ideal = (
-        identifiability(Problem(spec_of("spectral with exact speeds", 2, 1).model_copy(update=update)))
-        for update in ({}, {"plant": spec_of("cmaes", 2, 1).plant})
+        identifiability(Problem(chain_study(random_chain(2, 1), faults, sampler="cmaes", trials=400)))
+        for faults in ({"angle_noise": 1e-3}, {})
     )
     assert (noisy.resolution > 1.5 * ideal.resolution).all()
 
 
-@pytest.mark.parametrize("kind", ["cmaes", "spectral with exact speeds", "smoothed, pushes that differ", "estimate"])
-def test_what_is_promised_is_found(kind: str, tmp_path: Path) -> None:
-    """No lump of two links is further from the truth; python -m soak promises asks that of 300 studies."""
-    found = errors(spec_of(kind, 2, 1), tmp_path)
-    assert len(found) >= 3
-    assert found.max() < 1.0
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("sampler", "measure", "faults"),
+    [
+        ("cmaes", "spectral", {}),
+        ("cmaes", "spectral", {"angle_noise": 1e-3}),
+        ("cmaes", "smoothed", {"angle_noise": 1e-3, "speed_sensor": False, "push_noise": 0.02}),
+        ("output-error", "spectral", {}),
+    ],
+    ids=["cmaes", "exact speeds", "pushes that differ", "estimate"],
+)
+def test_what_is_promised_is_found(sampler: str, measure: str, faults: dict[str, Any], tmp_path: Path) -> None:
+    """No lump of two links is further from the truth."""
+    is_matched = sampler == "output-error"
+    settings: dict[str, Any] = {"episode": {"measure": measure}, "estimate": {"enabled": is_matched}, "seed": 1}
+    spec = chain_study(random_chain(2, 1), faults, sampler=sampler, trials=6 if is_matched else 400, **settings)
+    promised = identifiability(Problem(spec))
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    create_study(store, spec)
+    run_study(store, "chain")
+    table = (results.lumps_frame if is_matched else results.best_trial_frame)(store, "chain")
+    errors = np.abs(table["error"].to_numpy()) / promised.resolution
+    known = errors[np.array(promised.determined)]
+    assert len(known) >= 3
+    assert known.max() < 1.0
 
 
 def test_check_says_what_the_bounds_exclude(metaid: Metaid) -> None:

@@ -25,6 +25,8 @@ from metaid.store import Store
 from metaid.study import create_study, load_chain_study, run_study
 from metaid.study.estimates import kept, kept_with
 
+pytestmark = pytest.mark.slow
+
 Metaid = Callable[..., Finished]
 CHAINS = "matched", "searched", "hidden", "hidden-searched", "noisy"
 ARMS = "exact", "noisy", "bent"

@@ -22,6 +22,8 @@ from soak import lies
 from soak.lies import LIES, Answer, Liar, Lie, listening, replayed
 from soak.rigs import HONEST_TRIALS, NOISE, PUSHES_A_TRIAL, STEPS, broken, created, told
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def liar() -> Iterator[Liar]:

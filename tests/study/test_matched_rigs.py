@@ -14,7 +14,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import Finished
-from rig import ROOT, Serve
+from places import ROOT
+from rig import Serve
 
 from metaid import results
 from metaid.episode import SensorReadings
@@ -23,6 +24,8 @@ from metaid.store import Store
 from metaid.study import create_study, load_chain_study, run_study
 from soak.lies import PLANT, Liar
 from soak.rigs import NOISE, STEPS, created
+
+pytestmark = pytest.mark.slow
 
 KINDS = ("gravity", "coriolis", "inertia")
 TRUTH = chain_of(PlantSettings.model_validate(PLANT).links).lumps_of(KINDS).vector_of(KINDS)

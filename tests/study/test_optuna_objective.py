@@ -98,6 +98,7 @@ def test_estimate_from_an_optuna_study_in_memory_has_all_lumps() -> None:
     assert lumps["error"].abs().max() < 1e-9
 
 
+@pytest.mark.slow
 def test_optuna_study_in_a_db_is_shown_and_run_on(tmp_path: Path) -> None:
     """It has the settings of the objective, so metaid's own trials join those of Optuna."""
     path = tmp_path / "metaid.db"
@@ -114,6 +115,7 @@ def test_optuna_study_in_a_db_is_shown_and_run_on(tmp_path: Path) -> None:
     assert metaid.objective("mine", str(path)).spec == load_chain_study(STUDY)
 
 
+@pytest.mark.slow
 def test_asked_and_told_trials_join_the_estimate_and_leave_a_resume_as_it_would_be(tmp_path: Path) -> None:
     """metaid's own trials are those of a study that was left alone."""
     tables = []
@@ -143,6 +145,7 @@ def test_asked_and_told_trials_join_the_estimate_and_leave_a_resume_as_it_would_
     pd.testing.assert_frame_equal(*tables, check_exact=True)
 
 
+@pytest.mark.slow
 def test_trials_of_other_settings_and_copies_are_not_in_the_estimate(tmp_path: Path) -> None:
     """Pushes of another seed are others; a copy shows nothing new; and text that is no motion is passed over."""
     url = f"sqlite:///{tmp_path / 'metaid.db'}"

@@ -51,6 +51,7 @@ def test_problem_of_the_same_settings_is_made_once() -> None:
     assert problem_of(one) is not problem_of(other)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", [["show"], ["model", "-o", "model.json"], ["run"], ["validate", "--pushes", "1"]])
 def test_command_makes_what_follows_from_a_study_once(
     command: list[str], metaid: Metaid, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -70,6 +71,7 @@ def test_command_makes_what_follows_from_a_study_once(
     assert len(made) == 1
 
 
+@pytest.mark.slow
 def test_reading_study_files_of_chains_loads_nothing_that_simulates() -> None:
     """With the pushes that their settings ask for, and the noise of a plant at rest."""
     names = "three-link", "three-link-coast", "noisy-three-link", "one-link-count", "ten-link"

@@ -11,15 +11,20 @@ from typing import Any
 import optuna
 import pytest
 from conftest import Finished
-from rig import ROOT, Serve, Server
+from places import ROOT
+from rig import Serve, Server
 
 import metaid
 from metaid.episode import run_stepwise
 from metaid.errors import AbsentPlant, StudyError
 from metaid.study import Problem, load_chain_study
 
+pytestmark = pytest.mark.slow
 
-def rig_files(folder: Path, server: Server, trials: int = 40, more: str = "") -> Path:
+TRIALS_ALONE = {"estimate.enabled": False}  # where only trials are looked at
+
+
+def rig_files(folder: Path, server: Server, trials: int = 20, more: str = "") -> Path:
     """A plant file for the rig, and a study of it with the nominal model of `two-link-tpe`."""
     (folder / "rig.toml").write_text(
         f'socket = "{server.address}"\njoints = 2\nstep_timeout = 60.0\nmotion = "stepped"\n{more}'
@@ -35,8 +40,9 @@ def test_plant_behind_a_socket_gives_the_trials_of_the_built_in_one(serve: Serve
     last bit, and every value is to the last bit that of the plain loop (the compiled one rounds its sums otherwise).
     """
     server = serve("--body", "mujoco", "--watchdog", "60", "--fault", "drop@700", "--fault", "late@4000")
-    found = metaid.run(rig_files(tmp_path, server), storage=str(tmp_path / "rig.db"))
-    changes = {"sampler": "cmaes", "trials": 40, "search.widen": False}  # no bound of a rig is moved
+    study = load_chain_study(rig_files(tmp_path, server), TRIALS_ALONE)
+    found = metaid.run(study, storage=str(tmp_path / "rig.db"))
+    changes = {"sampler": "cmaes", "trials": 20, "search.widen": False, **TRIALS_ALONE}  # no bound of a rig is moved
     metaid.run(load_chain_study("two-link-tpe", changes), name="built-in", storage=str(tmp_path / "built-in.db"))
     rig = metaid.trials("find-rig", str(tmp_path / "rig.db"))
     built_in = metaid.trials("built-in", str(tmp_path / "built-in.db"))
@@ -47,7 +53,7 @@ def test_plant_behind_a_socket_gives_the_trials_of_the_built_in_one(serve: Serve
     assert rig["value"].to_numpy() == pytest.approx(built_in["value"].to_numpy(), rel=1e-14)
     problem = Problem(load_chain_study("two-link-tpe", changes))
     plant, nominal = problem.make_plant(), problem.nominal.lumps
-    for number in (0, 11, 39):
+    for number in (0, 11, 19):
         record, _ = run_stepwise(plant, nominal.scaled(rig.loc[number, problem.names].to_numpy(float)), problem.episode)
         assert rig.loc[number, "value"] == problem.measure.value(record)
     assert found["true"].isna().all()
@@ -59,7 +65,7 @@ def test_study_of_a_rig_is_run_shown_and_reported_without_calling_it_again(
 ) -> None:
     """After the run the rig may be switched off: tables, report, figures and the finished run need no plant."""
     server = serve("--watchdog", "60")
-    rig_files(tmp_path, server, trials=12)
+    rig_files(tmp_path, server, trials=6)
     assert metaid("plant", "show", "rig.toml").status == 0
     assert metaid("study", "check", "find-rig.toml").status == 0
     assert metaid("study", "create", "find-rig.toml").status == 0
@@ -67,7 +73,7 @@ def test_study_of_a_rig_is_run_shown_and_reported_without_calling_it_again(
     server.process.kill()
     server.process.wait()
     shown = json.loads(metaid("study", "show", "find-rig", "--json").out)
-    assert shown["trials"]["total"] == 12
+    assert shown["trials"]["total"] == 6
     assert all(lump["true"] is None for lump in shown["lumps"])
     assert metaid("study", "run", "find-rig").status == 0
     assert metaid("study", "report", "find-rig", "-o", "report.html").status == 0
@@ -76,7 +82,7 @@ def test_study_of_a_rig_is_run_shown_and_reported_without_calling_it_again(
     assert gone.status == 2
     assert "no connection to tcp://" in gone.err
     assert len(gone.err.splitlines()) == 1
-    assert json.loads(metaid("study", "show", "find-rig", "--json").out)["trials"]["total"] == 12
+    assert json.loads(metaid("study", "show", "find-rig", "--json").out)["trials"]["total"] == 6
 
 
 def test_candidate_that_loses_the_rig_every_time_fails_and_the_run_goes_on(serve: Serve, tmp_path: Path) -> None:
@@ -103,7 +109,7 @@ def test_run_ends_where_the_rig_dies_and_goes_on_from_there(serve: Serve, tmp_pa
     """
     path, listen = str(tmp_path / "rig.db"), f"unix:{tmp_path / 'rig.sock'}"
     dying = serve("--body", "mujoco", "--watchdog", "60", "--fault=die@5000", listen=listen)
-    study = rig_files(tmp_path, dying, trials=30)
+    study = load_chain_study(rig_files(tmp_path, dying), TRIALS_ALONE)
     with pytest.raises(AbsentPlant, match=r"no connection to unix:.*tried 3 times"):
         metaid.run(study, storage=path)
     kept = metaid.trials("find-rig", path)
@@ -111,7 +117,7 @@ def test_run_ends_where_the_rig_dies_and_goes_on_from_there(serve: Serve, tmp_pa
     assert len(kept) % 7 > 0
     serve("--body", "mujoco", "--watchdog", "60", listen=listen)
     metaid.run(study, storage=path)
-    changes = {"sampler": "cmaes", "trials": 30, "search.widen": False}
+    changes = {"sampler": "cmaes", "trials": 20, "search.widen": False, **TRIALS_ALONE}
     metaid.run(load_chain_study("two-link-tpe", changes), name="built-in", storage=path)
     again, built_in = metaid.trials("find-rig", path), metaid.trials("built-in", path)
     assert (again[["gravity_1", "steps"]] == built_in[["gravity_1", "steps"]]).all(axis=None)

@@ -23,6 +23,8 @@ from metaid.plant import FaultSettings, MujocoPlant, PlantSettings, chain_of, lo
 from metaid.store import Store
 from metaid.study import ARITHMETIC_KEY, StudySpec, arithmetic, create_study, load_chain_study, run_study
 
+pytestmark = pytest.mark.slow
+
 EVERY_FAULT = FaultSettings(
     angle_noise=1e-3,
     speed_noise=0.02,
@@ -40,7 +42,7 @@ PLANTS = {plant.name: plant.settings for plant in SHIPPED if isinstance(plant, M
     "dry friction": PlantSettings(links=RUBBING),
     "dry friction and every fault": PlantSettings(links=RUBBING, faults=EVERY_FAULT),
 }
-TRIALS = 24
+TRIALS = 18
 RUN_AND_DIE = """
 import os, signal, sys
 from metaid.store.database import Store
@@ -65,7 +67,7 @@ def spec_of(plant: PlantSettings, sampler: str) -> StudySpec:
 
     With dry friction in the law MuJoCo's solver has most to do near the truth.
     """
-    spec = load_chain_study("three-link-coast", {"sampler": sampler, "trials": TRIALS})
+    spec = load_chain_study("three-link-coast", {"sampler": sampler, "trials": TRIALS, "estimate.enabled": False})
     search = spec.study.search.model_copy(update={"lumps": chain_of(plant.links).kinds})
     study = spec.study.model_copy(update={"search": search})
     nominal = tuple(
@@ -74,11 +76,11 @@ def spec_of(plant: PlantSettings, sampler: str) -> StudySpec:
     return spec.model_copy(update={"plant": plant, "nominal": nominal, "study": study})
 
 
-@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize("plant", ["two-link", "ten-link", "dry friction and every fault"])
 def test_trials_are_the_same_for_any_number_of_workers_and_any_stops(plant: str, tmp_path: Path) -> None:
-    """One, two and three workers, and a run stopped in mid-generation and resumed."""
+    """One and three workers, and a run stopped in mid-generation and resumed with others."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    runs: dict[str, Any] = {"1": [(TRIALS, 1)], "2": [(TRIALS, 2)], "3": [(TRIALS, 3)]}
+    runs: dict[str, Any] = {"1": [(TRIALS, 1)], "3": [(TRIALS, 3)]}
     runs["stopped"] = [(5, 3), (11, 1), (TRIALS, 2)]
     for name, parts in runs.items():
         create_study(store, spec_of(PLANTS[plant], "tpe"), name)
@@ -98,14 +100,13 @@ def kill_after(trials: int, store: Store) -> None:
     assert done.returncode == -signal.SIGKILL, done.stderr
 
 
-@pytest.mark.parametrize("plant", ["dry friction", "dry friction and every fault"])
-def test_trials_are_the_same_if_the_run_is_killed(plant: str, tmp_path: Path) -> None:
-    """SIGKILL after a generation, then resumed."""
+def test_trials_are_the_same_if_the_run_is_killed(tmp_path: Path) -> None:
+    """SIGKILL after a generation, then resumed, on a plant with every fault."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
     for name in ("whole", "killed"):
-        create_study(store, spec_of(PLANTS[plant], "cmaes"), name)
+        create_study(store, spec_of(PLANTS["dry friction and every fault"], "cmaes"), name)
     run_study(store, "whole", workers=2)
-    kill_after(16, store)
+    kill_after(12, store)
     assert 0 < store.count("killed") < TRIALS
     run_study(store, "killed", workers=1)
     assert results.trials_frame(store, "killed").equals(results.trials_frame(store, "whole"))
@@ -133,17 +134,17 @@ def test_record_of_a_candidate_is_the_same_after_any_other(plant: str) -> None:
 
 @pytest.mark.parametrize("noisy", [False, True], ids=["ideal", "noisy"])
 def test_estimate_is_the_same_for_any_number_of_workers_and_if_the_run_is_killed(noisy: bool, tmp_path: Path) -> None:
-    """One, two and three workers, and SIGKILL after the third of four trials: the trials with what they showed, the
-    lumps and their intervals, to the last bit.
+    """One and three workers, and SIGKILL after the third of four trials: the trials with what they showed, the lumps
+    and their intervals, to the last bit.
     """
     store, spec = Store(str(tmp_path / "metaid.db"), create=True), matching_spec(noisy)
-    for name, workers in (("one", 1), ("two", 2), ("three", 3), ("killed", 2)):
+    for name, workers in (("one", 1), ("three", 3), ("killed", 2)):
         create_study(store, spec, name)
         if name == "killed":
             kill_after(3, store)
             assert 0 < store.count("killed") < 4  # the last trials may not have been written yet
         run_study(store, name, workers=workers)
-    shown = [what_is_known(store, name) for name in ("one", "two", "three", "killed")]
+    shown = [what_is_known(store, name) for name in ("one", "three", "killed")]
     assert store.count("one") == 4
     assert all(each == shown[0] for each in shown[1:])
 

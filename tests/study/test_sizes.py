@@ -78,6 +78,7 @@ def test_units_that_are_in_doubt_are_asked_for(
         assert [line for line in answered.err.splitlines() if asked in line and line.startswith("warning: ")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", shipped_names("studies"))
 def test_units_of_the_shipped_studies_are_beyond_doubt(name: str) -> None:
     """Nobody is asked in vain."""

@@ -14,13 +14,14 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import best_error
+from listeners import listening
 from pandas.testing import assert_frame_equal
 
 from metaid import results
 from metaid.errors import StorageError, StudyError
 from metaid.plant import MujocoPlant
 from metaid.store import Store
-from metaid.study import StudySpec, create_study, load_chain_study, run_study
+from metaid.study import Progress, StudySpec, create_study, load_chain_study, run_study
 
 
 @pytest.fixture
@@ -56,15 +57,26 @@ def test_trials_are_the_same_for_any_number_of_workers(store: Store) -> None:
     assert_frame_equal(one, three, check_exact=True)
 
 
+@pytest.mark.slow
 def test_trials_are_the_same_on_two_ray_actors(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ray and threads, bit for bit, survivors and falls alike; a Ray cluster that was not asked for is left alone."""
+    """Ray and threads, bit for bit, survivors and falls alike; a Ray cluster that was not asked for is left alone. The
+    driver, the raylet, the object store and the workers listen on loopback alone.
+    """
     changes = {"trials": 100, "search.start": 0.8, "episode.fall_limit": 1.0}
     local = run(store, "local", changes)
     assert set(local["state"]) == {"COMPLETE", "PRUNED"}
     monkeypatch.setenv("RAY_ADDRESS", "127.0.0.1:1")
-    assert_frame_equal(local, run(store, "ray", changes, engine="ray", workers=2), check_exact=True)
+    before, opened = listening(os.getpid()), set[tuple[str, int]]()
+
+    def look(_progress: Progress) -> None:
+        opened.update(opened or listening(os.getpid()) - before)
+
+    assert_frame_equal(local, run(store, "ray", changes, engine="ray", workers=2, watch=look), check_exact=True)
+    assert opened
+    assert {address for address, _ in opened} <= {"127.0.0.1", "::1", "::ffff:127.0.0.1"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sampler", ["cmaes", "tpe", "random", "optuna-cmaes"])
 def test_stopped_and_resumed_run_has_the_trials_of_an_uninterrupted_one(store: Store, sampler: str) -> None:
     """Stopped within a generation, at its end, and resumed with another number of workers."""
@@ -118,6 +130,7 @@ def test_plant_that_knows_no_truth_identifies_equally(store: Store) -> None:
     assert {(lump["true"], lump["error"]) for lump in blind["lumps"]} == {(None, None)}
 
 
+@pytest.mark.slow
 def test_nominal_metric_needs_fewer_trials_than_plain_coordinates(store: Store) -> None:
     """In the nominal model's metric the worst lump is nearer after the same trials, for most seeds."""
     errors = {}
@@ -129,6 +142,7 @@ def test_nominal_metric_needs_fewer_trials_than_plain_coordinates(store: Store) 
     assert sum(errors["nominal-metric", seed] < errors["plain", seed] for seed in range(3)) >= 2
 
 
+@pytest.mark.slow
 def test_random_nominal_models_are_all_identified(store: Store) -> None:
     """Recovery from three other wrong starts, masses and inertias by 30 % and centres of mass by 15 %."""
     spec = load_chain_study("three-link-coast", {"trials": 700})
@@ -184,6 +198,7 @@ def test_trials_that_do_not_follow_from_the_settings_are_refused(store: Store, t
         run_study(store, "study", trials=60)
 
 
+@pytest.mark.slow
 def test_interrupted_run_says_how_to_go_on(tmp_path: Path) -> None:
     """SIGINT and SIGTERM: status 130 and 143, one line, and whole generations in the DB."""
     command = [sys.executable, "-c", "from metaid.cli import main; main()", "study"]
@@ -191,12 +206,12 @@ def test_interrupted_run_says_how_to_go_on(tmp_path: Path) -> None:
     subprocess.run([*command, "create", "three-link-coast", *endless], cwd=tmp_path, check=True, capture_output=True)
     store = Store(str(tmp_path / "metaid.db"))
     for stop, status in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):
-        before = len(results.trials_frame(store, "three-link-coast"))
+        before = store.count("three-link-coast")
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
         process = subprocess.Popen(
             [*command, "run", "three-link-coast"], cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True
         )
-        while len(results.trials_frame(store, "three-link-coast")) == before:
+        while store.count("three-link-coast") == before:
             time.sleep(0.02)
         process.send_signal(stop)
         _, said = process.communicate(timeout=60)

@@ -7,23 +7,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from chain_studies import chain_study, random_chain
 from click.testing import CliRunner
 from pandas.testing import assert_frame_equal
 
-from benchmarks.chain_study import chain_study
-from benchmarks.chains import random_chain
 from metaid import results
 from metaid.cli import app
 from metaid.cli.checks import describe_forecast, describe_reached
 from metaid.errors import StudyError
 from metaid.models import DEVIATIONS, deviations_at_once
-from metaid.plant import FaultSettings, PlantSettings
+from metaid.plant import FaultSettings
 from metaid.store import Store
 from metaid.study import (
-    EpisodeSettings,
     Forecast,
     Problem,
-    StudySettings,
     StudySpec,
     create_study,
     forecast,
@@ -32,23 +29,16 @@ from metaid.study import (
 )
 from metaid.study.settings import EstimateSettings, read_study
 
+pytestmark = pytest.mark.slow
+
+NOISE = {"angle_noise": 0.01, "speed_sensor": False, "push_noise": 0.1}
 WANTED = 0.005  # reached after a few trials, not after the first
 
 
 @pytest.fixture(scope="module")
 def spec() -> StudySpec:
     """A study of a link with so much noise that a trial leaves intervals wide."""
-    true, nominal = random_chain(1, 1)
-    faults = FaultSettings(angle_noise=0.01, speed_sensor=False, push_noise=0.1)
-    study = StudySettings(
-        plant="noisy",
-        nominal="noisy",
-        sampler="output-error",
-        trials=2,
-        episode=EpisodeSettings(measure="smoothed"),
-    )
-    plant = PlantSettings(links=true, faults=faults)
-    return StudySpec(name="noisy", plant_name="noisy", plant=plant, nominal=nominal, study=study)
+    return chain_study(random_chain(1, 1), NOISE, trials=2, episode={"measure": "smoothed"})
 
 
 def widest(store: Store, name: str) -> float:
@@ -105,8 +95,8 @@ def test_pushes_and_time_that_it_takes_are_foreseen(spec: StudySpec, tmp_path: P
 
 def test_nominal_model_explains_what_it_shows_itself() -> None:
     """Impulses that differ give it other speeds than they give the plant."""
-    noise = {"angle_noise": 0.01, "speed_sensor": False, "push_noise": 0.1}
-    foreseen = forecast(Problem(chain_study(random_chain(3, 405), 4, 405, noise)), 0.01)
+    spec = chain_study(random_chain(3, 405), NOISE, trials=4, seed=405, episode={"measure": "smoothed"})
+    foreseen = forecast(Problem(spec), 0.01)
     assert foreseen.is_reached
     assert foreseen.trials <= 4
 

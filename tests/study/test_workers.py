@@ -25,6 +25,8 @@ from metaid.study import Problem, create_study, load_chain_study, run_study
 from metaid.study.evaluation import RayEvaluator, ThreadEvaluator, engines, ray_actors
 from metaid.study.evaluation.shares import LOSSES_ALLOWED
 
+pytestmark = pytest.mark.slow
+
 LONGEST = 600  # s that a test may take on the busiest machine
 CHANGES = {"trials": 45, "search.coordinates": "plain", "search.start": 0.8, "episode.fall_limit": 1.0}
 
