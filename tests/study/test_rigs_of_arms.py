@@ -55,7 +55,7 @@ def test_arm_behind_a_socket_is_found(tmp_path: Path, server: Server) -> None:
     deviations = dict(zip(values, found.deviations.tolist(), strict=True))
     for joint in range(3):
         assert values[f"damping{joint + 1}"] == pytest.approx(
-            model.dof_damping[joint, 0], abs=3.0 * deviations[f"damping{joint + 1}"]
+            float(np.ravel(model.dof_damping)[joint]), abs=3.0 * deviations[f"damping{joint + 1}"]
         )
     assert values["rotor3"] == pytest.approx(model.dof_armature[2], abs=3.0 * deviations["rotor3"])
     assert 0.0 < deviations["rotor3"] < 0.001 * values["rotor3"]
