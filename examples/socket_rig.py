@@ -24,7 +24,7 @@ import numpy as np
 
 PROTOCOL = 1
 ASKED = "asked to"  # why the torque is off after every push that went well
-STEPS = 10  # of a simulated arm in a tick: a real one moves continuously
+STEPS = 10  # of what is simulated, in a tick: a real machine moves continuously
 IDLE = 60.0  # s without a word, nothing moving: whoever is connected has gone, and somebody else may be waiting
 
 
@@ -48,12 +48,14 @@ class Body(Protocol):
 
 
 class Links:
-    """A planar chain by its equations of motion (docs/method.md, Eq. 4), stepped by semi-implicit Euler."""
+    """A planar chain by its equations of motion (docs/method.md, Eq. 4). It moves continuously, by STEPS Runge-Kutta
+    steps in a tick; or `stepped`, by one of semi-implicit Euler.
+    """
 
     needs = ("impulses",)
 
-    def __init__(self, plant: dict[str, Any]) -> None:
-        links = plant["links"]
+    def __init__(self, plant: dict[str, Any], stepped: bool) -> None:
+        links, self.stepped = plant["links"], stepped
         self.length, mass = (np.array([float(link[key]) for link in links]) for key in ("length", "mass"))
         com = np.array([float(link.get("com", link["length"] / 2)) for link in links])
         rod = mass * self.length**2 / 12
@@ -76,12 +78,27 @@ class Links:
         return np.diff(self.angles, prepend=0.0).tolist(), np.diff(self.speeds, prepend=0.0).tolist()
 
     def advance(self, torque: list[float]) -> None:
-        between = self.angles[:, None] - self.angles[None, :]
+        state = np.array([self.angles, self.speeds])
+        if self.stepped:
+            speeds = self.speeds + self.timestep * self.rates(state, torque)[1]
+            self.angles, self.speeds = self.angles + self.timestep * speeds, speeds
+            return
+        step = self.timestep / STEPS
+        for _ in range(STEPS):
+            first = self.rates(state, torque)
+            second = self.rates(state + 0.5 * step * first, torque)
+            third = self.rates(state + 0.5 * step * second, torque)
+            last = self.rates(state + step * third, torque)
+            state = state + step / 6.0 * (first + 2.0 * second + 2.0 * third + last)
+        self.angles, self.speeds = state
+
+    def rates(self, state: Any, torque: list[float]) -> Any:
+        """How absolute angles and speeds (2 x nlink) change."""
+        angles, speeds = state
+        between = angles[:, None] - angles[None, :]
         force = np.array(torque) - np.append(torque[1:], 0.0)  # on absolute angles
-        force += self.weight * np.sin(self.angles) - (self.coupling * np.sin(between)) @ self.speeds**2
-        acceleration = np.linalg.solve(self.coupling * np.cos(between) + self.diagonal, force)
-        self.speeds = self.speeds + self.timestep * acceleration
-        self.angles = self.angles + self.timestep * self.speeds
+        force += self.weight * np.sin(angles) - (self.coupling * np.sin(between)) @ speeds**2
+        return np.array([speeds, np.linalg.solve(self.coupling * np.cos(between) + self.diagonal, force)])
 
 
 class Arm:
@@ -317,6 +334,7 @@ def main() -> None:
     parser.add_argument("--timestep", type=float, default=0.002, help="s, of an arm")
     parser.add_argument("--listen", default="tcp://127.0.0.1:5555", metavar="ADDRESS", help="tcp://… or unix:…")
     parser.add_argument("--body", choices=["links", "mujoco"], default="links", help="what is simulated, and how")
+    parser.add_argument("--stepped", action="store_true", help="links move by one step of Euler's in a tick")
     parser.add_argument("--real-time", action="store_true", help="a tick takes its time (default: as fast as asked)")
     parser.add_argument("--watchdog", type=float, default=0.2, help="s without a command until the torque goes off")
     parser.add_argument("--verbose", action="store_true", help="say each time that the driver stops it, too")
@@ -333,7 +351,7 @@ def main() -> None:
         about |= {"joints": arm.model.nv, "timestep": given.timestep, "gravity": gravity}
     else:
         plant = tomllib.loads(given.plant.read_text(encoding="utf-8"))
-        body = Links(plant) if given.body == "links" else Simulator(given.plant)
+        body = Links(plant, given.stepped) if given.body == "links" else Simulator(given.plant)
         timestep, gravity = float(plant.get("timestep", 0.002)), float(plant.get("gravity", 9.81))
         about |= {"joints": len(plant["links"]), "timestep": timestep, "gravity": gravity}
     rig = Rig(body, about, given.watchdog, np.radians(given.limit), given.real_time, given.verbose)

@@ -8,6 +8,7 @@ that are orthonormal on the readings of a window, Σ_t p_k(t) q(t) (Eq. 28). The
 from __future__ import annotations
 
 from metaid.compiled import compiled, fused
+from metaid.estimation.flow import flow
 from metaid.estimation.motion import accelerate, move, set_off
 from metaid.estimation.tangent import force_by_unknowns, linearise, move_tangent
 
@@ -20,18 +21,23 @@ def watch_readings(start, forces, balance, derivatives, settings, basis, steps, 
         start: joint speeds (njoint) right after the push, in rad/s.
         forces: Q of Eq. 22 at each step (nstep x njoint), in N m: what was commanded.
         balance, derivatives, work: see `workspace`; `balance` without a law.
-        settings: timestep in s; the column of the first start speed, or −1; how many timesteps a step has.
+        settings: timestep in s; the column of the first start speed, or −1; how many timesteps a step has; whether the
+            plant moves continuously.
         basis: the polynomials at every reading (nstep + 1 x ncoefficient), that of the push first.
         steps: for how many the push is followed.
         coefficients: of the joint angles (njoint x ncoefficient), in rad, filled in.
         slopes: their derivatives (njoint x ncoefficient x nunknown), filled in.
     """
-    timestep, start_column, substeps = settings
+    timestep, start_column, substeps, is_continuous = settings
     set_off(start, start_column, work)
     coefficients[:] = 0.0
     slopes[:] = 0.0
     for step in range(steps):
         for _ in range(substeps):
+            if is_continuous:
+                if not flow(step, forces, balance, derivatives, timestep, work):
+                    return False
+                continue
             if not accelerate(step, forces, balance, work):
                 return False
             linearise(balance, work)

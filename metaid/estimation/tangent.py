@@ -156,14 +156,12 @@ def move_tangent(timestep, stiffness, with_energies, work):  # type: ignore[no-u
         work: see `workspace.Workspace`; `changed` is M⁻¹ Y and becomes δα, and `moved`, which is δφ above δω, is moved
             on by the step.
     """
-    moved, changed, closed = work.moved, work.changed, work.closed
+    moved, changed = work.moved, work.changed
     n = work.solved.shape[0]
-    for i in range(n):
-        for j in range(2 * n):
-            closed[i, j] = work.solved[i, n + j]
+    _close(work)
     for low in range(0, changed.shape[1], TILE):
         high = min(low + TILE, changed.shape[1])
-        _multiply(closed, moved, changed, low, high)
+        _multiply(work.closed, moved, changed, low, high)
         if with_energies:
             _add_energy_slopes(timestep, stiffness, low, high, work)
         for i in range(n):
@@ -171,6 +169,23 @@ def move_tangent(timestep, stiffness, with_energies, work):  # type: ignore[no-u
             for p in range(row.shape[0]):
                 speed_row[p] += timestep * row[p]
                 angle_row[p] += timestep * speed_row[p]
+
+
+@fused
+def accelerate_tangent(work):  # type: ignore[no-untyped-def]
+    """Makes δα of `changed`, which is M⁻¹ Y, at the `moved` that is.  Eq. 23."""
+    _close(work)
+    for low in range(0, work.changed.shape[1], TILE):
+        _multiply(work.closed, work.moved, work.changed, low, min(low + TILE, work.changed.shape[1]))
+
+
+@fused
+def _close(work):  # type: ignore[no-untyped-def]
+    """Fills `closed` with M⁻¹ [G H], in rows and columns that are multiples of BLOCK."""
+    n = work.solved.shape[0]
+    for i in range(n):
+        for j in range(2 * n):
+            work.closed[i, j] = work.solved[i, n + j]
 
 
 @fused

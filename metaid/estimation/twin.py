@@ -96,10 +96,11 @@ def drive(
     values, slopes = np.empty((npush, n, basis.shape[2])), np.empty((npush, n, basis.shape[2], columns))
     followed = np.zeros(npush, dtype=np.bool_)
     forces = balance(None, lumps, gravity, joints=joints), derivatives(unknowns, lumps, gravity)
-    common = trial.forces, *forces, (trial.timestep, start_column, trial.substeps), basis, steps
+    common = trial.forces, *forces, (trial.timestep, start_column, trial.substeps, trial.is_continuous), basis, steps
 
     def run(first: int, stride: int) -> None:
-        _watch_readings(first, stride, starts, *common, workspace(n, columns, False), (values, slopes, followed))
+        room = workspace(n, columns, False, trial.is_continuous)
+        _watch_readings(first, stride, starts, *common, room, (values, slopes, followed))
 
     share_out(run, npush, int(steps.sum()) * trial.substeps * n * (2 * n + basis.shape[2]) * columns)
     return Coefficients(values, slopes) if followed.all() else None

@@ -56,6 +56,8 @@ class Workspace(NamedTuple):
     `acceleration_energy` (n) of the joints so far. `factors` (n x n): L and D of M = L D Lᵀ. `solved` (n x 3 n):
     M⁻¹ [1 G H]. `closed` (n x 2 n): the last two of these. `pulls` (2 n x n): see `tangent`. `moved` (2 n x p): δφ
     above δω. `changed` (n x p): δα. `speed_slopes`, `acceleration_slopes` (n x p): derivatives of the energies.
+    `stages` (4 x n): of a Runge-Kutta step the state before it, angles and speeds, and what it adds to them; `held` and
+    `added` (2 n x p): the same of the derivatives.
     """
 
     angle: Array
@@ -73,6 +75,9 @@ class Workspace(NamedTuple):
     changed: Array
     speed_slopes: Array
     acceleration_slopes: Array
+    stages: Array
+    held: Array
+    added: Array
 
 
 def balance(
@@ -121,8 +126,15 @@ def derivatives(unknowns: Unknowns, lumps: Lumps, gravity: float) -> Derivatives
     )
 
 
-def workspace(nlink: int, nunknown: int, energies: bool) -> Workspace:
-    """Working space for `nlink` links and `nunknown` unknowns; with `energies` their derivatives are kept too."""
+def workspace(nlink: int, nunknown: int, energies: bool, is_continuous: bool = False) -> Workspace:
+    """Working space for a twin.
+
+    Args:
+        nlink: the number of links.
+        nunknown: the number of unknowns.
+        energies: whether their derivatives are kept, too.
+        is_continuous: whether it takes Runge-Kutta steps.
+    """
     rows, inner, columns = _up(nlink, BLOCK), _up(2 * nlink, BLOCK), _up(nunknown, LANES)
     shape = nlink * energies, columns
     angle, speed, acceleration, cosine, sine, moving, accelerated = (np.zeros(nlink) for _ in range(7))
@@ -142,6 +154,9 @@ def workspace(nlink: int, nunknown: int, energies: bool) -> Workspace:
         np.zeros((rows, columns)),
         np.zeros(shape),
         np.zeros(shape),
+        np.zeros((4, nlink)),
+        np.zeros((inner, columns * is_continuous)),
+        np.zeros((inner, columns * is_continuous)),
     )
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 QUIETEST = 1e-9  # rad: so far a twin agrees with a sensor that has no noise
 QUIETEST_RIG = 1e-4  # rad: the least noise that readings of a rig are taken to have, that of an encoder of 14 bits
-SUBSTEPS = 10  # of the twin of a rig that moves continuously, in each timestep of it
+SUBSTEPS = 2  # of the twin of a rig that moves continuously, in each timestep of it
 
 
 def noisy_experiment(

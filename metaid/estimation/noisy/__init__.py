@@ -6,7 +6,7 @@ Where torques are noisy, `fit_with_torque_noise` compares `Innovations` instead:
 `unmodelled_forces` looks in what is left of the readings for a force that the model has not.
 """
 
-from metaid.estimation.noisy.commanded import centred, commanded_torques, filtered_speeds
+from metaid.estimation.noisy.commanded import commanded_torques, filtered_speeds
 from metaid.estimation.noisy.held_out import hold_out
 from metaid.estimation.noisy.innovations import Innovations
 from metaid.estimation.noisy.loop import Loop
@@ -23,7 +23,6 @@ __all__ = [
     "ReadTrial",
     "Readings",
     "Search",
-    "centred",
     "commanded_torques",
     "explanations",
     "filtered_speeds",

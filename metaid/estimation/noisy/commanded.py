@@ -25,19 +25,6 @@ def commanded_torques(law: Lumps, angles: Array, speeds: Array, gravity: float) 
     return np.ascontiguousarray(np.cumsum(force[..., ::-1], axis=-1)[..., ::-1])  # Eq. 6
 
 
-def centred(torques: Array, substeps: int) -> Array:
-    """The torques (npush x nstep x njoint), in N m, that a twin which moves in steps is to be driven by where the plant
-    moves continuously and holds its `torques` (npush x nstep x njoint) for a whole step.
-
-    A twin takes the force of a step at its beginning, on average half a substep before the force of the plant. So it is
-    given the torques half a substep late.  Eq. 30.
-    """
-    late = 0.5 / substeps
-    before = np.zeros_like(torques)
-    before[:, 1:] = torques[:, :-1]
-    return np.asarray((1.0 - late) * torques + late * before, dtype=np.float64)
-
-
 def filtered_speeds(readings: Array, start_speeds: Array, weights: Array) -> Array:
     """Joint speeds (npush x nstep + 1 x njoint), in rad/s, as a law without a speed sensor takes them to be: the last
     angle `readings` (npush x nstep + 1 x njoint), in rad, times `weights` (nreading), in 1/s; and until there are so

@@ -9,7 +9,7 @@ import numpy as np
 
 from metaid.episode import SensorReadings
 from metaid.estimation.faults import late
-from metaid.estimation.noisy.commanded import centred, filtered_speeds
+from metaid.estimation.noisy.commanded import filtered_speeds
 from metaid.estimation.trials import ReadTrial
 from metaid.models import Array
 
@@ -69,8 +69,6 @@ class Loop:
             speeds = filtered_speeds(read.angles, start_speeds, self.speed_weights)
         torques = late(law(read.angles + self.lead * speeds, speeds), self.delay)
         torques = np.asarray(np.clip(torques, -self.torque_limits, self.torque_limits), dtype=np.float64)
-        if self.is_continuous and poses is None:  # the twin of a chain moves in steps of Euler's
-            torques = centred(torques, self.substeps)
         noise = np.hypot(self.noise, read.encoder_steps / np.sqrt(12.0)) if self.has_unknown_encoders else self.noise
         pushes = start_speeds, self.start_spread
         return ReadTrial(
