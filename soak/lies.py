@@ -45,28 +45,6 @@ Rig: Any = example.Rig
 Links: Any = example.Links
 
 
-class ContinuousLinks(Links):  # type: ignore[misc]
-    """The same chain, which moves continuously under a torque that is held: the midpoint rule in small steps."""
-
-    SMALL_STEPS = 8
-    angles: Any
-    speeds: Any
-    timestep: float
-
-    def advance(self, torque: list[float]) -> None:
-        timestep = self.timestep
-        for _ in range(self.SMALL_STEPS):
-            angles, speeds = self.angles, self.speeds
-            for share in (0.5, 1.0):  # to the middle, and from there all the way
-                at = self.angles, self.speeds
-                self.timestep = 1.0  # s, so that the speeds change by the acceleration
-                super().advance(torque)
-                acceleration = self.speeds - at[1]
-                step = share * timestep / self.SMALL_STEPS
-                self.angles, self.speeds = angles + step * at[1], speeds + step * acceleration
-        self.timestep = timestep
-
-
 class Liar(Rig):  # type: ignore[misc]
     """The example rig with honest noise, that tells a `lie` from the push `lies_from` on, of those since `arm`.
 
@@ -83,7 +61,7 @@ class Liar(Rig):  # type: ignore[misc]
         is_continuous: bool = False,
     ) -> None:
         about = {"metaid": 1, "name": "liar", "joints": 2, "timestep": 0.002, "gravity": 9.81}
-        body = (ContinuousLinks if is_continuous else Links)(PLANT)
+        body = Links(PLANT, not is_continuous)
         super().__init__(body, about, 60.0, math.radians(720.0), real_time=False, verbose=False)
         self.steps = steps
         self.angle_noise = angle_noise

@@ -37,7 +37,7 @@ def two_link() -> Any:
 
 def test_own_equations_of_the_example_agree_with_mujoco(serve: Serve, two_link: Any) -> None:
     """The default body of the example shares no code with metaid, and an episode shows the same."""
-    with closing(rig_at(serve("--watchdog", "60"))) as rig:
+    with closing(rig_at(serve("--stepped", "--watchdog", "60"))) as rig:
         for factor in (1.0, 1.1, 0.9):
             seen, expected = (
                 episode_of(plant, two_link.chain.lumps).record(np.full(3, factor)) for plant in (rig, two_link)

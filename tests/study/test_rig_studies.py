@@ -64,7 +64,7 @@ def test_study_of_a_rig_is_run_shown_and_reported_without_calling_it_again(
     serve: Serve, metaid: Callable[..., Finished], tmp_path: Path
 ) -> None:
     """After the run the rig may be switched off: tables, report, figures and the finished run need no plant."""
-    server = serve("--watchdog", "60")
+    server = serve("--stepped", "--watchdog", "60")
     rig_files(tmp_path, server, trials=6)
     assert metaid("plant", "show", "rig.toml").status == 0
     assert metaid("study", "check", "find-rig.toml").status == 0

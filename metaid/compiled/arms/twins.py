@@ -258,6 +258,8 @@ def accelerate(frames, parameters, motion, space):  # type: ignore[no-untyped-de
 def flow(frames, parameters, torque, spring, timestep, motion, space):  # type: ignore[no-untyped-def]
     """One step of the fourth-order Runge-Kutta method, as an arm moves that is not simulated; whether the twin could.
 
+    Eq. 30.
+
     Args:
         frames: of the arm.
         parameters: of the twin (njoint x 13).
