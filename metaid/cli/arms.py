@@ -130,12 +130,13 @@ def film_study_of_arm(arm: ArmPlant, study_name: str | None, storage: str, video
         video: the file.
     """
     from metaid.results.arms import laws_of
-    from metaid.show import SUFFIXES, film_arm
+    from metaid.show import SUFFIXES, ArmStage, film
 
     if study_name is None:
         raise click.UsageError(f"--video: plant {arm.name} is an arm (allowed of an arm: with --study NAME)")
     with open_store(storage) as store, whole_file(video, SUFFIXES, "--video") as partial:
-        film_arm(arm, *laws_of(store, study_name, arm), partial)
+        nominal, laws = laws_of(store, study_name, arm)
+        film(ArmStage(arm, nominal), laws, partial)
 
 
 def _finite(value: float) -> float | None:

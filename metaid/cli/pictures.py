@@ -17,11 +17,10 @@ from metaid.errors import MetaidError
 @click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="FILE.png, .pdf or .svg.")
 def draw(name: str, output: Path) -> None:
     """Draw a labelled sketch of a plant: lengths, masses, centres of mass; of an arm its shapes and joints at home."""
-    from metaid.plant import ArmPlant, load_plant
-    from metaid.show.figures import arm_figure, plant_figure, save
+    from metaid.plant import load_plant
+    from metaid.show.figures import plant_figure, save
 
-    plant = load_plant(name)
-    figure = arm_figure(plant) if isinstance(plant, ArmPlant) else plant_figure(plant)
+    figure = plant_figure(load_plant(name))
     with whole_file(output, FIGURE_SUFFIXES) as partial:
         save(figure, partial)
 

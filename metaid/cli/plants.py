@@ -174,7 +174,7 @@ def episode(
         raise click.UsageError("--study says whose lumps to film: it needs --video FILE.mp4")
 
     if video is not None:
-        from metaid.show import SUFFIXES, film  # first: nothing is drawn where it cannot be filmed
+        from metaid.show import SUFFIXES, ChainStage, film  # first: nothing is drawn where it cannot be filmed
 
     plant = load_plant(name)
     if isinstance(plant, ArmPlant):
@@ -206,7 +206,7 @@ def episode(
             with open_store(storage) as store:
                 filmed = api.candidates_of(store, study_name, objective)
         with whole_file(video, SUFFIXES, "--video") as partial:
-            film(objective, filmed, partial)
+            film(ChainStage(objective), filmed, partial)
     if as_json:
         print_json(shown)
         return

@@ -20,8 +20,8 @@ from metaid.api import candidates_of, episode_objective
 from metaid.plant import ArmPlant, MujocoPlant, PlantSettings, load_plant
 from metaid.results import read_findings
 from metaid.results.arms import laws_of
-from metaid.show.scene import viewer_model
-from metaid.show.video import filmed
+from metaid.show.scene import in_viewer
+from metaid.show.stages import ChainStage
 from metaid.store import Store
 
 Metaid = Callable[..., Finished]
@@ -148,18 +148,18 @@ def motion(model: MjModel, steps: int = 1000) -> np.ndarray:
 def test_viewers_model_moves_as_the_plant_does(lacking: dict[str, float]) -> None:
     """To the last bit, with friction, springs, a declared fault and a tilted base: what is drawn weighs nothing."""
     plant = moving_plant(**lacking)
-    assert (motion(viewer_model(plant)) == motion(plant.model)).all()
+    assert (motion(in_viewer(plant)[0]) == motion(plant.model)).all()
 
 
 def test_each_part_of_the_motion_is_seen_in_the_viewer() -> None:
     """Damping, dry friction, springs, the declared fault and the tilt each change how the viewer's model moves."""
     plant = moving_plant()
-    whole = motion(viewer_model(plant), 200)
+    whole = motion(in_viewer(plant)[0], 200)
     for name in ("damping", "frictionloss", "stiffness"):
-        assert np.abs(motion(viewer_model(moving_plant(**{name: 0.0})), 200) - whole).max() > 1e-3, name
+        assert np.abs(motion(in_viewer(moving_plant(**{name: 0.0}))[0], 200) - whole).max() > 1e-3, name
     for change in ({"over_compensation": 0.0}, {"faults": plant.settings.faults.model_copy(update={"tilt": 0.0})}):
         other = MujocoPlant("other", plant.settings.model_copy(update=change))
-        assert np.abs(motion(viewer_model(other), 200) - whole).max() > 1e-3, change
+        assert np.abs(motion(in_viewer(other)[0], 200) - whole).max() > 1e-3, change
 
 
 @pytest.mark.parametrize("faults", [{"delay": 10}, {"tilt": 0.2}, {"angle_noise": 0.01, "push_noise": 0.1}])
@@ -170,7 +170,7 @@ def test_film_shows_the_episode_of_the_table(faults: dict[str, float]) -> None:
     objective = episode_objective(plant, 1000)
     for factor in (0.9, 1.1):
         factors = np.array([factor])
-        shown = filmed(objective, objective.nominal.scaled(factors), "candidate", rate=100)
+        shown = ChainStage(objective).motion(objective.nominal.scaled(factors), "candidate", rate=100)
         table = objective.summary(factors)
         assert shown.caption == ("candidate: falls" if table["fell"] else "candidate")
         seen = objective.watch(factors)[1].angles[::5]  # a frame every 5 steps of 2 ms

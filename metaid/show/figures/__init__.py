@@ -7,7 +7,6 @@ figures.plot_convergence(found)
 """
 
 from metaid.show.figures.arm_gallery import ArmGallery
-from metaid.show.figures.arms import arm_figure, rods_figure
 from metaid.show.figures.comparison import comparison_figure, plot_comparison
 from metaid.show.figures.episodes import draw_episode, draw_push, plot_angles, plot_phase, plot_speeds
 from metaid.show.figures.estimate import plot_covariance, plot_difference, plot_growth, plot_motion, plot_residuals
@@ -16,6 +15,7 @@ from metaid.show.figures.landscape import plot_boundary, plot_parallel, plot_swe
 from metaid.show.figures.lumps import plot_correlation, plot_known, plot_ranges
 from metaid.show.figures.plants import plant_figure, plot_plant
 from metaid.show.figures.search import plot_convergence, plot_error, plot_factor, plot_model_error
+from metaid.show.figures.space import rods_figure
 from metaid.show.figures.style import (
     COLOURS,
     COLUMN,
@@ -44,7 +44,6 @@ __all__ = [
     "ArmGallery",
     "Gallery",
     "Picture",
-    "arm_figure",
     "comparison_figure",
     "draw_episode",
     "draw_push",

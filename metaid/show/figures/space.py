@@ -1,4 +1,4 @@
-"""A picture of an arm at home: its shapes, its joints, and which way they turn."""
+"""A picture of a plant in space: its shapes, its joints, and which way they turn."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from metaid.models import Array
 from metaid.plant.arms import ArmPlant, ArmStart
+from metaid.show.figures.plants import plant_figure
 from metaid.show.figures.style import FALL, INK, PAGE, RANGE, SURVIVOR, style, verbatim
 
 if TYPE_CHECKING:
@@ -21,12 +22,13 @@ LIGHT = np.array([0.35, -0.55, 0.76])  # towards the light
 THICK = 0.04  # of a link without shapes, as a share of the arm's size
 
 
-def arm_figure(arm: ArmPlant) -> Figure:
+@plant_figure.register
+def _arm_figure(arm: ArmPlant, width: float = PAGE) -> Figure:
     """The arm at home with the shapes of its file, or with rods between its joints where the file has none, and what
-    its joints are. Lengths are to scale, in m.
+    its joints are.
     """
     with style():
-        figure = Figure(figsize=(PAGE, max(0.62 * PAGE, 0.33 * arm.njoint + 0.6)))
+        figure = Figure(figsize=(width, max(0.62 * width, 0.33 * arm.njoint + 0.6)))
         axes: Axes3D = figure.add_axes((0.0, 0.02, 0.64, 0.92), projection="3d")
         triangles, colours = _surfaces(arm)
         _draw(axes, triangles, colours)
