@@ -12,8 +12,8 @@ from metaid.episode import window_ends
 from metaid.episode.arms import ArmEpisode
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, PriorDeviations
-from metaid.plant import ArmPlant, ArmSettings, load_plant
-from metaid.plant.arms import ArmFaults, draw_starts
+from metaid.plant import ArmPlant, ArmSettings, FaultSettings, load_plant
+from metaid.plant.arms import draw_starts
 from metaid.study.arms import drawn_nominal
 
 SHIPPED = ("pa10", "crs-a465", "puma560")
@@ -39,7 +39,7 @@ def plant_of(name: str, seed: int, noise: float, is_smooth: bool = False) -> Arm
         plant = found
     else:
         plant = ArmPlant(name, _settings(name, seed))
-    changes: dict[str, object] = {"faults": ArmFaults(angle_noise=noise, speed_sensor=not noise)}
+    changes: dict[str, object] = {"faults": FaultSettings(angle_noise=noise, speed_sensor=not noise)}
     if is_smooth:
         changes["frictionloss"] = dict.fromkeys(plant.tree.names, 0.0)
     return ArmPlant(plant.name, plant.settings.model_copy(update=changes))
@@ -50,7 +50,8 @@ def experiment_on(plant: ArmPlant, seed: int) -> tuple[ArmPrior, ArmEpisode]:
     n, steps = plant.njoint, round(HORIZON / plant.timestep)
     starts = draw_starts(plant, 3 * n, HORIZON, seed)
     stiffness = np.where(np.arange(3 * n) < 2 * n, 0.0, STIFFNESS)
-    episode = ArmEpisode(starts, stiffness, steps, window_ends(steps, WINDOWS), seed=seed)
+    reads = bool(plant.settings.faults.named)
+    episode = ArmEpisode(starts, stiffness, steps, window_ends(steps, WINDOWS), seed=seed, keeps_readings=reads)
     return ArmPrior(drawn_nominal(plant.tree, seed, PriorDeviations())), episode
 
 

@@ -35,7 +35,7 @@ from benchmarks.arm_rigs import OTHERS, SHIPPED, URDFS, WITHIN, experiment_on, p
 from benchmarks.arms_minimised import MINIMISERS, minimise, minimised_table
 from benchmarks.common import Row, table
 from metaid.compiled.arms import ArmLoop
-from metaid.estimation import ReadTrial
+from metaid.estimation import Loop, ReadTrial
 from metaid.estimation.arms import (
     ArmEstimate,
     ArmUnknowns,
@@ -45,6 +45,7 @@ from metaid.estimation.arms import (
     watched_arm_trial,
 )
 from metaid.models.tree import ModelError, Tree, model_error
+from metaid.plant import slope_weights
 
 EXACT = 1e-8  # an error below which what is left is rounding, which differs by processor
 ERRORS = {"gravity": "gravity torque", "coriolis": "Coriolis torque", "mass_matrix": "mass matrix"}
@@ -103,8 +104,8 @@ def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
         record = loop.run(law, number)
         falls += int(record.fell.sum())
         if record.readings is not None:
-            read = plant.timestep, record.readings, np.full(n, noise)
-            watched.append(read_arm_trial(searched.frames, law, episode, *read))
+            read = Loop(plant.timestep, np.full(n, noise), slope_weights(plant.timestep))
+            watched.append(read_arm_trial(searched.frames, law, episode, read, record.readings))
         else:
             watched.append(watched_arm_trial(law, episode, plant.timestep, record.windows))
         before, estimate = estimate, estimate_arm(watched, searched, estimate)

@@ -114,7 +114,7 @@ def _recorded(
     faults = condition.settings
     noise = draw(faults, np.random.default_rng([seed, n, 1]), 1, len(desired.angles), n)
     weights = NO_FILTER if faults.speed_sensor or by_drives else slope_weights(timestep)
-    wrong = faults.delay, faults.tilt, faults.encoder_offsets(n)
+    wrong = faults.delay, float(faults.tilts(1)[0]), faults.encoder_offsets(n)
     sensors = Sensors(noise.angles[0], noise.torques[0], weights, *wrong)
     lumps = chain_of(plant.links).lumps_of(("gravity", "coriolis", "damping"))
     seen = follow(lumps, gravity, timestep, servo, sensors)

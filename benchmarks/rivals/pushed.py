@@ -68,7 +68,7 @@ class Rig:
     def experiment(self) -> ChainExperiment | None:
         """What the estimate knows: not that torques are late, unless it finds that by itself."""
         known = self.problem.experiment()
-        return replace(known, delay=0) if isinstance(known, NoisyExperiment) else known
+        return replace(known, loop=replace(known.loop, delay=0)) if isinstance(known, NoisyExperiment) else known
 
     def run(self) -> list[Tried]:
         """All trials of the study for which there is time."""

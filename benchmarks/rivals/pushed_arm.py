@@ -11,7 +11,7 @@ from benchmarks.rivals.pushed import trials_of
 from metaid.compiled.arms import ArmLoop, commanded_arm_torques
 from metaid.episode import window_ends
 from metaid.episode.arms import ArmEpisode
-from metaid.estimation import ReadTrial
+from metaid.estimation import Loop, ReadTrial
 from metaid.estimation.arms import (
     ArmEstimate,
     ArmUnknowns,
@@ -21,8 +21,8 @@ from metaid.estimation.arms import (
     watched_arm_trial,
 )
 from metaid.models.tree import ArmPrior
-from metaid.plant import ArmPlant
-from metaid.plant.arms import ArmFaults, draw_starts
+from metaid.plant import ArmPlant, FaultSettings, slope_weights
+from metaid.plant.arms import draw_starts
 
 LEAST_NOISE = 1e-15  # rad: readings of a rig with exact sensors are kept, too
 
@@ -38,7 +38,7 @@ def output_error_of_arm(plant: ArmPlant, prior: ArmPrior, condition: Condition, 
         seed: of the starts and of the noise.
     """
     n, timestep, noise = plant.njoint, plant.timestep, condition.settings.angle_noise
-    faults = ArmFaults(angle_noise=noise or LEAST_NOISE, speed_sensor=condition.settings.speed_sensor)
+    faults = FaultSettings(angle_noise=noise or LEAST_NOISE, speed_sensor=condition.settings.speed_sensor)
     rig = ArmPlant(plant.name, plant.settings.model_copy(update={"faults": faults}))
     steps = round(HORIZON / timestep)
     pushes = max(round(seconds / timestep) // steps, 1)
@@ -46,7 +46,7 @@ def output_error_of_arm(plant: ArmPlant, prior: ArmPrior, condition: Condition, 
     count = pushes // trials
     stiffness = np.where(np.arange(count) % 3 < 2, 0.0, STIFFNESS)  # one on springs for two that coast
     starts = draw_starts(plant, count, HORIZON, seed)
-    episode = ArmEpisode(starts, stiffness, steps, window_ends(steps, WINDOWS), seed=seed)
+    episode = ArmEpisode(starts, stiffness, steps, window_ends(steps, WINDOWS), seed=seed, keeps_readings=True)
     searched, loop, law = ArmUnknowns(prior), ArmLoop(rig, prior.nominal, episode), prior.nominal.parameters
     estimate: ArmEstimate | None = None
     watched: list[WatchedArmTrial | ReadTrial] = []
@@ -56,7 +56,8 @@ def output_error_of_arm(plant: ArmPlant, prior: ArmPrior, condition: Condition, 
         read = record.readings
         assert read is not None
         if noise:
-            trial = read_arm_trial(searched.frames, law, episode, timestep, read, np.full(n, noise))
+            sensed = Loop(timestep, np.full(n, noise), slope_weights(timestep))
+            trial = read_arm_trial(searched.frames, law, episode, sensed, read)
             watched.append(trial)
             torques = trial.torques
         else:

@@ -183,7 +183,7 @@ class FaultyLoop:
         self._expected = start_states(plant, episode.starts)
         offsets, weights = faults.encoder_offsets(njoint), slope_weights(self.plant.timestep)
         self._sensors = faults.speed_sensor, faults.encoder_step, offsets, weights
-        self._drives = faults.control_every, faults.torque_limits(njoint), faults.torque_gains(njoint), faults.tilt
+        self._drives = faults.control_every, faults.torque_limits(njoint), faults.torque_gains(njoint), plant.tilt
         ends = np.array(episode.window_ends, dtype=np.int64)
         rule, readings = episode.fall_rule.clauses, (episode.deadband, episode.lead)
         self._settings = plant.timestep, episode.steps, *rule, ends, *readings

@@ -16,7 +16,7 @@ from metaid.episode.measures import (
     spectral_hz,
     whole_periods,
 )
-from metaid.episode.noise import noise_of, with_deadband
+from metaid.episode.noise import Drawn, noise_of, with_deadband
 from metaid.episode.outcome import Outcome, failure
 from metaid.episode.plausible import Calibration
 from metaid.episode.pushes import REACH, natural_time, pushed_speeds, pushes_for, rich_pushes, rich_speeds, tip_push
@@ -39,6 +39,7 @@ __all__ = [
     "WINDOWS",
     "Calibration",
     "CandidateBatch",
+    "Drawn",
     "Episode",
     "FallRule",
     "GoesOn",

@@ -86,5 +86,13 @@ class Episode:
         return replace(first, window_ends=window_ends(steps))
 
     @property
+    def npush(self) -> int:
+        return len(self.pushes)
+
+    @property
+    def njoint(self) -> int:
+        return int(self.pushes.shape[1])
+
+    @property
     def total_steps(self) -> int:
         return self.steps * len(self.pushes)

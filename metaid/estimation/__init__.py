@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     )
     from metaid.estimation.experiment import Experiment
     from metaid.estimation.motions import Motions, Quantity
-    from metaid.estimation.noisy import Readings, ReadTrial, commanded_torques, filtered_speeds
+    from metaid.estimation.noisy import Loop, Readings, ReadTrial, commanded_torques, filtered_speeds
 
 __all__ = [
     "FULL",
@@ -49,6 +49,7 @@ __all__ = [
     "Found",
     "FoundFaults",
     "HeldOut",
+    "Loop",
     "Motions",
     "NoisyExperiment",
     "Proposal",
@@ -70,7 +71,7 @@ __all__ = [
     "searched_faults",
 ]
 _LOADS_NUMBA = dict.fromkeys(("Motions", "Quantity"), "motions")
-_LOADS_NUMBA |= dict.fromkeys(("Readings", "ReadTrial", "commanded_torques", "filtered_speeds"), "noisy")
+_LOADS_NUMBA |= dict.fromkeys(("Loop", "Readings", "ReadTrial", "commanded_torques", "filtered_speeds"), "noisy")
 _CHAIN = "ChainExperiment", "Compared", "NoisyExperiment", "SeenTrial", "SilentExperiment"
 _LOADS_NUMBA |= {"Experiment": "experiment"} | dict.fromkeys(_CHAIN, "chain_experiment")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -14,7 +15,7 @@ from metaid.estimation.estimate import Estimate
 from metaid.estimation.experiment import Experiment, OfReadings
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults, searched_faults
 from metaid.estimation.motions import Motions, Quantity
-from metaid.estimation.noisy import Innovations, Readings, ReadTrial, centred, commanded_torques, filtered_speeds
+from metaid.estimation.noisy import Innovations, Loop, Readings, ReadTrial, commanded_torques
 from metaid.estimation.trials import WatchedTrial
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array, Lumps
@@ -92,6 +93,10 @@ class SilentExperiment(ChainExperiment):
     def probes(self) -> int:
         return PROBES[self.compared]
 
+    @property
+    def counts(self) -> bool:
+        return self.compared == "count"
+
     def is_coasting(self, value: float) -> bool:
         return value <= self.resolution
 
@@ -110,50 +115,24 @@ class NoisyExperiment(OfReadings, ChainExperiment):
     """One with noise: the sensors' readings are compared, with a twin that is driven by what was commanded.
 
     Attributes:
-        start_spread: what pushes differ by, as `ReadTrial` has it (npush x njoint x njoint), in rad/s, or None.
-        noise: standard deviation of a reading of each joint (njoint), in rad, from the plant at rest.
-        speed_weights: of the last angle readings (nreading), in 1/s, for the speed where there is no sensor of it.
-        substeps: how many timesteps a torque holds.
-        delay: how many torques late it is.
-        lead: seconds by which the law looks ahead.
-        has_unknown_encoders: whether the resolution of the encoders is to be seen in the readings; else it is in the
-            `noise`.
-        is_continuous: whether the plant moves continuously, as a real one does, and not in steps, as a simulated one.
+        loop: how the plant is controlled and read.
         faults: that are searched beside the lumps.
         takes_up: whether faults are searched, too, once nothing explains the trials without them.
-        torque_limits: what the motors are said to give at most (njoint), in N m.
         torque_noise: what the noise of each joint's torque (njoint) is said to be, in N m; None where torques have
             none. How large it is, is found.
     """
 
-    start_spread: Array | None
-    noise: Array
-    speed_weights: Array
-    substeps: int = 1
-    delay: int = 0
-    lead: float = 0.0
-    has_unknown_encoders: bool = False
-    is_continuous: bool = False
+    loop: Loop
     faults: SearchedFaults = NO_FAULTS
     takes_up: bool = False
-    torque_limits: Array | float = np.inf
     torque_noise: Array | None = None
 
     def trial(self, factors: Array, outcome: Outcome) -> ReadTrial | None:
-        read = outcome.readings
-        if read is None:
+        if outcome.readings is None:
             return None
-        speeds = read.speeds
-        if speeds is None:
-            speeds = filtered_speeds(read.angles, self.start_speeds, self.speed_weights)
         law = self.nominal.scaled(factors)
-        loop = self.lead, self.delay, self.torque_limits
-        torques = commanded_torques(law, read.angles, speeds, self.gravity, *loop)
-        if self.is_continuous:
-            torques = centred(torques, self.substeps)
-        pushes = self.start_speeds, self.start_spread
-        noise = np.hypot(self.noise, read.encoder_steps / np.sqrt(12.0)) if self.has_unknown_encoders else self.noise
-        return ReadTrial(self.timestep, read.angles, torques, read.steps, *pushes, noise, self.substeps)
+        commanded = partial(commanded_torques, law, gravity=self.gravity)
+        return self.loop.trial(outcome.readings, self.start_speeds, commanded)
 
     @property
     def probes(self) -> int:
@@ -176,10 +155,6 @@ class NoisyExperiment(OfReadings, ChainExperiment):
         if self.torque_noise is not None:  # a trial narrows the intervals of those lumps that it shows
             return bool((after.deviations > STILL_SHRINKS * before.deviations).all())
         return float(after.deviations.max()) > STILL_SHRINKS * float(before.deviations.max())
-
-    @property
-    def declared_delay(self) -> float:
-        return self.delay * self.timestep * self.substeps
 
     def _search(self, kinds: tuple[str, ...]) -> SearchedFaults:
         return searched_faults(kinds, self.unknowns, self.gravity, self.start_speeds)

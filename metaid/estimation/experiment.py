@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from metaid.estimation.estimate import Comparison, Found, fit
 from metaid.estimation.faults import Proposal, SearchedFaults, TakenUp, Unmodelled
 from metaid.estimation.noisy import (
     Innovations,
+    Loop,
     Readings,
     explanations,
     fit_with_torque_noise,
@@ -36,6 +37,17 @@ class Experiment(ABC):
     @abstractmethod
     def trial(self, factors: Array, outcome: Outcome) -> Any:
         """A trial whose law had these `factors`, and what was seen of it; None where nothing of it is known."""
+
+    leads_on: ClassVar[bool] = False
+    """Whether all trials lead on in a step or two from where the first of them led."""
+
+    scale: ClassVar[float] = 1.0
+    """What the unknowns are multiples of."""
+
+    @property
+    def counts(self) -> bool:
+        """Whether half periods are counted, and no motion compared."""
+        return False
 
     @property
     @abstractmethod
@@ -132,16 +144,13 @@ class OfReadings(Experiment):
         takes_up: whether faults are searched, too, once nothing explains the trials without them.
         torque_noise: what the noise of each joint's torque (njoint) is said to be, in N m; None where torques have
             none. How large it is, is found.
-        declared_delay: by which torques are known to be late, in s.
+        loop: how the plant is controlled and read; None where sensors are exact.
     """
 
     faults: SearchedFaults
     takes_up: bool
     torque_noise: Array | None
-
-    @property
-    @abstractmethod
-    def declared_delay(self) -> float: ...
+    loop: Loop | None
 
     @abstractmethod
     def _search(self, kinds: tuple[str, ...]) -> SearchedFaults:
@@ -179,12 +188,12 @@ class OfReadings(Experiment):
         return self._searching(estimate.faults.searched) if self.takes_up and estimate.faults is not None else self
 
     def proposed(self, trials: Sequence[Any], estimate: Found) -> Proposal | None:
-        if self.takes_up or self.torque_noise is not None:
+        if self.takes_up or self.torque_noise is not None or self.loop is None:
             return None  # none of them explains the trials; or gains of a filter that are those without it
         compared = self._comparison(trials)
         if not isinstance(compared, Readings):
             return None  # without noise the misfit says all
-        return proposed_faults(compared, estimate, self._search, self.declared_delay)
+        return proposed_faults(compared, estimate, self._search, self.loop.declared_delay)
 
     def held_out(self, trials: Sequence[Any], estimate: Found) -> HeldOut | None:
         led = self._led(trials, estimate)

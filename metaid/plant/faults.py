@@ -24,6 +24,7 @@ Size = Annotated[float, Field(ge=0, le=1e6)]
 Limit = Annotated[float, Field(gt=0, le=1e9)]
 Offset = Annotated[float, Field(ge=-1, le=1)]
 Gain = Annotated[float, Field(ge=0.1, le=10)]
+Tilt = Annotated[float, Field(ge=-1, le=1)]
 PER_JOINT = ("torque_limit", "torque_gain", "encoder_offset")  # one number for all joints, or one each
 
 
@@ -43,8 +44,9 @@ class FaultSettings(Settings):
     what is read where a joint is straight, in rad, and pushes begin where encoders read the upright. Control: a new
     torque `control_every` physics steps, `delay` in such control steps. Drives: `torque_limit` in N m, one for all
     joints or one each, `torque_noise` in N m, anew for every control step; `torque_gain`, what a motor delivers of what
-    it is told to, as a multiple of it. `push_noise`: of every impulse, as a share of it. `tilt`: of the base, in rad,
-    positive towards positive angles.
+    it is told to, as a multiple of it. `push_noise`: of every impulse, as a share of it, or of every joint speed that
+    an arm is to begin with. `tilt`: of the base, in rad; of a chain one number, positive towards positive angles, of
+    an arm two, about the x and then the y axis of its base.
     """
 
     angle_noise: Size = 0.0
@@ -58,7 +60,7 @@ class FaultSettings(Settings):
     torque_gain: Gain | Annotated[tuple[Gain, ...], Field(min_length=1, strict=False)] = 1.0
     torque_noise: Size = 0.0
     push_noise: Annotated[float, Field(ge=0, le=1)] = 0.0
-    tilt: Annotated[float, Field(ge=-1, le=1)] = 0.0
+    tilt: Tilt | Annotated[tuple[Tilt, Tilt], Field(strict=False)] = 0.0
 
     @property
     def named(self) -> dict[str, object]:
@@ -87,6 +89,22 @@ class FaultSettings(Settings):
     def encoder_offsets(self, njoint: int) -> Array:
         """What each encoder (njoint) reads where its joint is straight, in rad."""
         return np.full(njoint, self.encoder_offset, dtype=np.float64)
+
+    def tilts(self, count: int) -> Array:
+        """By how much the base is tilted about each of so many axes (count), in rad."""
+        return np.full(count, self.tilt, dtype=np.float64)
+
+    def misfits(self, njoint: int, tilts: int) -> str | None:
+        """What does not suit a plant of `njoint` joints whose base tilts about so many axes; None where all does."""
+        for key in PER_JOINT:
+            given = getattr(self, key)
+            if isinstance(given, tuple) and len(given) != njoint:
+                return f"faults: {key} has {len(given)} numbers (allowed: one, or {njoint})"
+        if tilts == 1 and isinstance(self.tilt, tuple):
+            return "faults: tilt has 2 numbers (allowed: one, for a chain tilts in its plane)"
+        if tilts == 2 and not isinstance(self.tilt, tuple) and self.tilt:
+            return "faults: tilt has one number (allowed: two, about the x and the y axis of an arm's base)"
+        return None
 
 
 @dataclass(frozen=True)

@@ -1,29 +1,28 @@
-"""A simulated plant behind its faults: a controller sees what the sensors read, and the plant gets what the drives
-deliver.
+"""A simulated plant behind its faults, a chain or an arm: a controller sees what the sensors read, and the plant gets
+what the drives deliver.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from metaid.models import Array, Lumps
+from metaid.plant.arms.arm_plant import ArmPlant, ArmStart
 from metaid.plant.faults import Noise, draw, readings, slope_weights
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.start import Start
 
 
 class FaultyPlant:
-    """A `Plant` that is a MujocoPlant behind its faults; a step is a control step. `begin` gives it the noise of an
-    episode.
-    """
+    """A plant behind its faults; a step is a control step. `begin` gives it the noise of an episode."""
 
-    def __init__(self, plant: MujocoPlant) -> None:
-        self.inner = plant
+    def __init__(self, plant: MujocoPlant | ArmPlant) -> None:
+        self.inner: Any = plant
         self.faults = plant.settings.faults
-        self.name, self.njoint, self.gravity = plant.name, plant.njoint, plant.gravity
+        self.name, self.njoint = plant.name, plant.njoint
         self.timestep = plant.settings.control_period
         self._limits, self._gains = self.faults.torque_limits(plant.njoint), self.faults.torque_gains(plant.njoint)
         self._offsets = self.faults.encoder_offsets(plant.njoint)
@@ -34,14 +33,14 @@ class FaultyPlant:
         self._noise = noise
         self._push = -1
 
-    def push(self, start: Start) -> None:
+    def push(self, start: Start | ArmStart) -> None:
         self._push += 1
         self._step = 0
         self._commands = deque([np.zeros(self.njoint)] * self.faults.delay)
         self._angles: list[Array] = []
         # The speeds of such a push as calibrated, for there are too few angles for a slope at first.
         self._expected = self.inner.start_speeds(start)
-        self.inner.push(replace(start, impulses=start.impulses * (1.0 + self._noise.impulses[self._push])))
+        self.inner.push(start.struck(self._noise.impulses[self._push]))
         self._read()
 
     def _read(self) -> None:
@@ -76,8 +75,15 @@ class FaultyPlant:
     def close(self) -> None:
         self.inner.close()
 
+    @property
+    def gravity(self) -> float:
+        """Of a chain, in m/s²."""
+        return float(self.inner.gravity)
+
     def true_lumps(self) -> Lumps | None:
-        return self.inner.true_lumps()
+        """Of a chain."""
+        lumps: Lumps | None = self.inner.true_lumps()
+        return lumps
 
     def rest(self, count: int, seed: int) -> Array:
         """Angle readings (count x njoint), in rad, of the plant held upright."""

@@ -38,7 +38,7 @@ class MujocoPlant:
         """The plant's own model and state.  Raises PlantError where MuJoCo cannot build it."""
         from metaid.plant.mujoco_model import simulate
 
-        return simulate(self.name, self.chain, self.felt_gravity, self.timestep, self.settings.faults.tilt)
+        return simulate(self.name, self.chain, self.felt_gravity, self.timestep, self.tilt)
 
     @property
     def model(self) -> MjModel:
@@ -61,6 +61,11 @@ class MujocoPlant:
     @property
     def gravity(self) -> float:
         return self.settings.gravity
+
+    @property
+    def tilt(self) -> float:
+        """Of the base, in rad."""
+        return float(self.settings.faults.tilts(1)[0])
 
     @property
     def felt_gravity(self) -> float:

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from metaid.files import Settings
 from metaid.models import Array, Chain, least_inertia
-from metaid.plant.faults import PER_JOINT, FaultSettings
+from metaid.plant.faults import FaultSettings
 
 Positive = Annotated[float, Field(ge=1e-6, le=1e6)]
 
@@ -60,10 +60,8 @@ class PlantSettings(Settings):
 
     @model_validator(mode="after")
     def _one_number_a_joint(self) -> PlantSettings:
-        for key in PER_JOINT:
-            given = getattr(self.faults, key)
-            if isinstance(given, tuple) and len(given) != len(self.links):
-                raise ValueError(f"faults: {key} has {len(given)} numbers (allowed: one, or {len(self.links)})")
+        if (wrong := self.faults.misfits(len(self.links), 1)) is not None:
+            raise ValueError(wrong)
         return self
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,10 @@ class Start:
     def upright(cls, impulses: Array) -> Start:
         """From the upright, with these `impulses` (njoint), in N s."""
         return cls(impulses, np.zeros(len(impulses)))
+
+    def struck(self, noise: Array) -> Start:
+        """The same where chance adds this `noise` (njoint) to the impulses, as shares of them."""
+        return replace(self, impulses=self.impulses * (1.0 + noise))
 
     @property
     def is_upright(self) -> bool:

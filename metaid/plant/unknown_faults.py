@@ -52,7 +52,7 @@ def true_faults(plant: MujocoPlant, kinds: Sequence[str]) -> Array:
     gains = faults.torque_gains(n)
     true = {
         "delay": [faults.delay * plant.settings.control_period],
-        "tilt": [faults.tilt],
+        "tilt": faults.tilts(1),
         "offset": faults.encoder_offsets(n),
         "viscous": chain.damping,
         "dry": chain.coulomb,

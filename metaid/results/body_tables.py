@@ -14,10 +14,10 @@ from metaid.plant import MujocoPlant
 from metaid.results.lump_tables import without_nan
 from metaid.results.verdict import Verdict
 from metaid.study import COARSEST, Problem
-from metaid.study.estimates import StudyEstimate
+from metaid.study.estimates import ChainFound
 
 
-def bodies_table(problem: Problem, found: StudyEstimate | None, verdict: Verdict) -> pd.DataFrame:
+def bodies_table(problem: Problem, found: ChainFound | None, verdict: Verdict) -> pd.DataFrame:
     """One row a parameter of the links: what `metaid.bodies` gives.
 
     Args:
@@ -59,7 +59,7 @@ def bodies_table(problem: Problem, found: StudyEstimate | None, verdict: Verdict
     return pd.DataFrame(columns)
 
 
-def body_rows(problem: Problem, found: StudyEstimate | None, verdict: Verdict) -> dict[str, Any]:
+def body_rows(problem: Problem, found: ChainFound | None, verdict: Verdict) -> dict[str, Any]:
     """The same for a `summary`: `bodies`, None where there are none, and `why_no_bodies`."""
     try:
         frame = bodies_table(problem, found, verdict)

@@ -20,7 +20,7 @@ from metaid.results.validation import Validation, validate_chain
 from metaid.results.verdict import Verdict, judge
 from metaid.store import Store
 from metaid.study import Problem, StudySpec
-from metaid.study.estimates import StudyEstimate
+from metaid.study.estimates import ChainFound
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective
@@ -53,7 +53,7 @@ class Findings:
         return self.snapshot.problem
 
     @property
-    def estimate(self) -> StudyEstimate | None:
+    def estimate(self) -> ChainFound | None:
         """From all trials; None where nothing can be made of them."""
         return self.snapshot.estimate
 

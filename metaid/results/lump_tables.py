@@ -16,7 +16,7 @@ from metaid.plant import MujocoPlant, fault_names, fault_unit, true_faults
 from metaid.results.best import factor_range, identified_factors
 from metaid.results.snapshot import Snapshot
 from metaid.study import COARSEST, Problem, identifiability_by_measure
-from metaid.study.estimates import StudyEstimate
+from metaid.study.estimates import ChainFound
 
 
 def best_table(snapshot: Snapshot) -> pd.DataFrame:
@@ -37,7 +37,7 @@ def best_table(snapshot: Snapshot) -> pd.DataFrame:
     return _lump_rows(problem, problem.lumps.searched, factor, (unknown, low * nominal, high * nominal), determined)
 
 
-def estimate_table(problem: Problem, found: StudyEstimate | None, is_result: bool) -> pd.DataFrame:
+def estimate_table(problem: Problem, found: ChainFound | None, is_result: bool) -> pd.DataFrame:
     """One row a lump, those of inertia included, as `lumps_frame` has them; NaN where there is no estimate. There are
     intervals where it `is_result`: it explains what was seen, or is approximate.
     """
@@ -135,7 +135,7 @@ def without_nan(row: dict[Any, Any]) -> dict[str, Any]:
     return {str(key): None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()}
 
 
-def fault_table(problem: Problem, found: StudyEstimate | None, is_result: bool) -> pd.DataFrame:
+def fault_table(problem: Problem, found: ChainFound | None, is_result: bool) -> pd.DataFrame:
     """One row a fault that was searched or taken up, see `[estimate] faults`: `name`, `unit`, `identified`, `sd`, `low`
     and `high` of the 95 % interval, `true`, `error`, which is the difference of the two, and whether it is
     `determined`. NaN as in `estimate_table`; no row where no fault was searched.
@@ -166,7 +166,7 @@ def fault_table(problem: Problem, found: StudyEstimate | None, is_result: bool) 
     return pd.DataFrame(columns)
 
 
-def fault_rows(problem: Problem, found: StudyEstimate | None, is_result: bool) -> dict[str, Any]:
+def fault_rows(problem: Problem, found: ChainFound | None, is_result: bool) -> dict[str, Any]:
     """The same as `study show --json` has it, under `faults`; nothing where no fault is ever searched."""
     if not problem.spec.study.estimate.faults:
         return {}

@@ -16,7 +16,7 @@ from metaid.results.snapshot import Snapshot, counted_states
 from metaid.results.verdict import NUMBERS, Verdict
 from metaid.store import ForeignTrial, Store
 from metaid.study import Problem
-from metaid.study.estimates import StudyEstimate
+from metaid.study.estimates import ChainFound
 
 
 def summary(store: Store, name: str, with_bodies: bool = False) -> dict[str, Any]:
@@ -87,7 +87,7 @@ def _estimate(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
     return {"estimate": estimate, "why_no_estimate": None}
 
 
-def _taken_up(found: StudyEstimate) -> dict[str, Any]:
+def _taken_up(found: ChainFound) -> dict[str, Any]:
     """Which faults the study took up by itself, and what speaks for them; nothing where it took up none."""
     taken = found.taken_up
     if taken is None:

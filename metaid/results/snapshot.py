@@ -17,7 +17,7 @@ import pandas as pd
 from metaid.errors import StudyError
 from metaid.store import EXPERIMENT, ForeignTrial, Store, Trial, shown_trial
 from metaid.study import ENDED_KEY, ArmSpec, Problem, StudySpec, optuna_spec, problem_of, stored_spec
-from metaid.study.estimates import StudyEstimate, estimate_from, kept_with, shown_by_others
+from metaid.study.estimates import ChainFound, estimate_from, kept_with, shown_by_others
 
 if TYPE_CHECKING:
     import optuna
@@ -60,11 +60,11 @@ class Snapshot:
         return [*self.trials, *shown_by_others(self.problem, self.foreign)]
 
     @cached_property
-    def estimate(self) -> StudyEstimate | None:
+    def estimate(self) -> ChainFound | None:
         """What all trials say together, those of others that carry motion included; None where nothing can be made of
         them.
         """
-        found: StudyEstimate | None = estimate_from(self.kept, self.problem, self.trials, self.foreign)
+        found: ChainFound | None = estimate_from(self.kept, self.problem, self.trials, self.foreign)
         return found
 
 

@@ -20,7 +20,7 @@ from metaid.results.estimates import why_no_estimate
 from metaid.results.lump_tables import best_table, estimate_table, fault_table
 from metaid.results.snapshot import Snapshot
 from metaid.study import COARSEST, Problem, lumps_at_bounds
-from metaid.study.estimates import StudyEstimate
+from metaid.study.estimates import ChainFound
 
 Word = Literal["found", "approximate", "not found", "unfinished"]
 Source = Literal["estimate", "best trial"]
@@ -101,7 +101,7 @@ def judge(snapshot: Snapshot) -> Verdict:
     )
 
 
-def _missing(problem: Problem, estimate: StudyEstimate, lumps: pd.DataFrame) -> Iterator[str]:
+def _missing(problem: Problem, estimate: ChainFound, lumps: pd.DataFrame) -> Iterator[str]:
     """Which of the `lumps` and faults of an `estimate` are not determined."""
     for table in (lumps, fault_table(problem, estimate, is_result=True)):
         yield from missed(table, "these trials do")

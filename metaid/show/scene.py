@@ -136,7 +136,7 @@ def in_viewer(plant: Any) -> tuple[mujoco.MjModel, Array]:
 @in_viewer.register
 def _chain_in_viewer(plant: MujocoPlant) -> tuple[mujoco.MjModel, Array]:
     """Upright."""
-    return scene(plant.chain, plant.felt_gravity, plant.timestep, plant.settings.faults.tilt), np.zeros(plant.njoint)
+    return scene(plant.chain, plant.felt_gravity, plant.timestep, plant.tilt), np.zeros(plant.njoint)
 
 
 @in_viewer.register

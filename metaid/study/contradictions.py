@@ -30,8 +30,7 @@ def check_settings(spec: StudySpec, nominal: Chain) -> None:
     if study.episode.measure == "smoothed" and study.search.lumps != IDEAL:
         raise StudyError("search: lumps: 'smoothed' does not see friction (allowed: gravity and coriolis)")
     noisy = not isinstance(plant, PlantSettings) or bool(plant.faults.named or study.episode.lead)
-    _check_faults(study, len(nominal.length))
-    _check_torque_limit(study, len(nominal.length), noisy or bool(study.estimate.faults))
+    _check_faults(study, len(nominal.length), noisy or bool(study.estimate.faults))
     if study.estimate.compare == "count" and noisy:
         raise StudyError(
             "estimate: compare: 'count' needs a plant without noise, and this is a rig, or has faults or a lead "
@@ -46,14 +45,12 @@ def check_settings(spec: StudySpec, nominal: Chain) -> None:
             )
 
 
-def _check_faults(study: StudySettings, nlink: int) -> None:
+def _check_faults(study: StudySettings, nlink: int, has_readings: bool) -> None:
     """Raises StudyError where faults are searched that are known, or that nothing shows."""
     estimate = study.estimate
-    if not estimate.faults:
-        return
-    if not estimate.enabled:
-        raise StudyError("estimate: faults: only an estimate finds them (allowed: enabled = true)")
-    if estimate.compare == "count":
+    if (wrong := estimate.misfits(nlink, has_readings)) is not None:
+        raise StudyError(wrong)
+    if estimate.faults and estimate.compare == "count":
         raise StudyError("estimate: faults: counts do not show them (allowed: leave out compare)")
     lumps = {*study.search.lumps, *(estimate.lumps or ())}
     for fault, kind in zip(("viscous", "dry"), FRICTION, strict=True):
@@ -62,25 +59,6 @@ def _check_faults(study: StudySettings, nlink: int) -> None:
                 f"estimate: faults: '{fault}' friction is already searched, as the lumps '{kind}' "
                 "(allowed: one of them)"
             )
-    if "gain" in estimate.searched_faults and nlink == 1:
-        raise StudyError(
-            "estimate: faults: 'gain' of one motor cannot be told from the lumps, which it multiplies "
-            "(allowed: with two joints or more, where gains are those relative to the first motor)"
-        )
-
-
-def _check_torque_limit(study: StudySettings, njoint: int, has_readings: bool) -> None:
-    """Raises StudyError where a torque limit is said that nothing is done with, or not of every joint."""
-    limit = study.estimate.torque_limit
-    if limit is None:
-        return
-    if not study.estimate.enabled or not has_readings:
-        raise StudyError(
-            "estimate: torque_limit: only an estimate from readings knows of it (allowed: on a rig or a plant with "
-            "[faults], with enabled = true)"
-        )
-    if isinstance(limit, tuple) and len(limit) != njoint:
-        raise StudyError(f"estimate: torque_limit has {len(limit)} numbers (allowed: one, or {njoint})")
 
 
 def check_rig(spec: StudySpec) -> None:

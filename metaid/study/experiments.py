@@ -36,25 +36,29 @@ def noisy_experiment(
         unknowns: what an estimate is of.
         start_speeds: joint speeds (npush x njoint) that the pushes give in a calibration, in rad/s.
     """
-    from metaid.estimation import NoisyExperiment, searched_faults  # loads numba, which most readers do without
+    from metaid.estimation import Loop, NoisyExperiment, searched_faults  # loads numba, which most readers do without
 
     faults, wanted = plant.settings.faults, spec.study.estimate
     of_encoder = faults.encoder_step / np.sqrt(12.0)  # at rest a coarse one shows no noise
+    loop = Loop(
+        timestep=plant.timestep,
+        noise=np.maximum(np.hypot(rest_deviations(plant, spec, episode), of_encoder), QUIETEST),
+        speed_weights=slope_weights(spec.timestep),
+        start_spread=spread_of_pushes(plant, episode.pushes),
+        substeps=faults.control_every,
+        delay=0 if "delay" in wanted.unbelieved_faults else faults.delay,
+        lead=episode.lead,
+        torque_limits=joint_limits(wanted.torque_limit, plant.njoint),
+    )
     return NoisyExperiment(
         nominal=nominal,
         unknowns=unknowns,
         gravity=plant.gravity,
         timestep=plant.timestep,
         start_speeds=start_speeds,
-        start_spread=spread_of_pushes(plant, episode.pushes),
-        noise=np.maximum(np.hypot(rest_deviations(plant, spec, episode), of_encoder), QUIETEST),
-        speed_weights=slope_weights(spec.timestep),
-        substeps=faults.control_every,
-        delay=0 if "delay" in wanted.unbelieved_faults else faults.delay,
-        lead=episode.lead,
+        loop=loop,
         faults=searched_faults(wanted.searched_faults, unknowns, plant.gravity, start_speeds),
         takes_up=wanted.takes_up_faults and not faults.torque_noise,
-        torque_limits=joint_limits(wanted.torque_limit, plant.njoint),
         torque_noise=np.full(plant.njoint, faults.torque_noise) if faults.torque_noise else None,
     )
 
@@ -90,25 +94,29 @@ def rig_experiment(
         unknowns: what an estimate is of.
         start_speeds: joint speeds (npush x njoint) that the pushes gave, in rad/s.
     """
-    from metaid.estimation import NoisyExperiment, searched_faults  # loads numba, which most readers do without
+    from metaid.estimation import Loop, NoisyExperiment, searched_faults  # loads numba, which most readers do without
 
     is_continuous = rig.motion == "continuous"
     substeps = SUBSTEPS if is_continuous else 1
     noise = np.zeros(rig.joints) if pushed is None else np.array(pushed.angle_noise)
+    loop = Loop(
+        timestep=rig.timestep / substeps,
+        noise=np.maximum(noise, QUIETEST_RIG),
+        speed_weights=slope_weights(rig.timestep),
+        start_spread=None if pushed is None else start_spread(pushed),
+        substeps=substeps,
+        lead=episode.lead,
+        torque_limits=joint_limits(wanted.torque_limit, rig.joints),
+        has_unknown_encoders=True,
+        is_continuous=is_continuous,
+    )
     return NoisyExperiment(
         nominal=nominal,
         unknowns=unknowns,
         gravity=rig.gravity,
-        timestep=rig.timestep / substeps,
+        timestep=loop.timestep,
         start_speeds=start_speeds,
-        start_spread=None if pushed is None else start_spread(pushed),
-        noise=np.maximum(noise, QUIETEST_RIG),
-        speed_weights=slope_weights(rig.timestep),
-        substeps=substeps,
-        lead=episode.lead,
-        has_unknown_encoders=True,
-        is_continuous=is_continuous,
+        loop=loop,
         faults=searched_faults(wanted.searched_faults, unknowns, rig.gravity, start_speeds),
         takes_up=wanted.takes_up_faults,
-        torque_limits=joint_limits(wanted.torque_limit, rig.joints),
     )

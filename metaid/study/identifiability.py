@@ -223,7 +223,8 @@ def _nominal_experiment(problem: Problem, pushes: Array) -> ChainExperiment | No
 
     experiment = problem.experiment()
     if isinstance(experiment, NoisyExperiment) and isinstance(problem.spec.plant, PlantSettings):
-        return replace(experiment, start_spread=spread_of_pushes(problem.nominal_plant(), pushes))
+        spread = spread_of_pushes(problem.nominal_plant(), pushes)
+        return replace(experiment, loop=replace(experiment.loop, start_spread=spread))
     return experiment
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -259,6 +259,11 @@ class Problem:
     def keeps_readings(self) -> bool:
         """Whether trials keep what the sensors read, as on a rig or a plant with faults, and no windows."""
         return self.episode.readings_steps > 0
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """What of an estimate follows from the study, by the names of its fields."""
+        return {}
 
     @property
     def estimated_kinds(self) -> tuple[str, ...]:

@@ -17,9 +17,7 @@ from metaid.errors import PlantError, StudyError
 from metaid.files import Settings, check, find_file, find_file_beside, read_toml
 from metaid.models import FRICTION, IDEAL, lump_names
 from metaid.plant import (
-    FAULT_UNITS,
     ArmSettings,
-    Limit,
     LinkSettings,
     PlantSettings,
     SocketSettings,
@@ -28,8 +26,8 @@ from metaid.plant import (
 )
 from metaid.search import SamplerOptions
 from metaid.study.arms import ArmSpec, arm_spec
+from metaid.study.estimating import AnyEstimateSettings
 
-TAKEN_UP = ("delay", "tilt")  # of the faults that a study may take up by itself those that a plant file may have
 LARGEST_STEPS = 10_000_000  # after a push
 
 Factor = Annotated[float, Field(gt=0, le=100)]
@@ -70,19 +68,15 @@ class SearchSettings(SamplerOptions):
         return tuple(kind for kind in (*IDEAL, *FRICTION) if kind in lumps)
 
 
-class EstimateSettings(Settings):
-    """`[estimate]`: what is made of the motion of all trials together. `enabled`: whether one is made at all. `lumps`:
-    the kinds that are unknown (default: gravity, coriolis and inertia, and those of friction that the study searches).
-    `lengths`: "free", or "exact" where the Coriolis lumps follow from the nominal lengths and the gravity lumps.
-    `compare`: the "speed" that each push changes, the "frequency" of each joint, "both" (default: speed after short
-    pushes, frequency after long ones), or the "count" of its half periods, of which the result is the set of models
-    that count the same. `spread`: by how much the nominal lumps may be wrong, as a standard deviation. `faults`: what
-    else of the plant is unknown (`metaid.plant.unknown_faults`), or "proposed", where such faults are taken up once
-    nothing explains the trials without them; what the plant file says of these is not believed. `torque_limit`: what
-    the motors give at most, in N m, one number or one a joint, as far as you know; the plant file is not asked.
+class EstimateSettings(AnyEstimateSettings):
+    """`[estimate]` of a chain, with what it has of any robot. `lumps`: the kinds that are unknown (default: gravity,
+    coriolis and inertia, and those of friction that the study searches). `lengths`: "free", or "exact" where the
+    Coriolis lumps follow from the nominal lengths and the gravity lumps. `compare`: the "speed" that each push changes,
+    the "frequency" of each joint, "both" (default: speed after short pushes, frequency after long ones), or the "count"
+    of its half periods, of which the result is the set of models that count the same. `spread`: by how much the nominal
+    lumps may be wrong, as a standard deviation.
     """
 
-    enabled: bool = True
     lumps: (
         Annotated[tuple[Literal["gravity", "coriolis", "damping", "coulomb", "inertia"], ...], Field(strict=False)]
         | None
@@ -90,42 +84,16 @@ class EstimateSettings(Settings):
     lengths: Literal["free", "exact"] = "free"
     compare: Literal["speed", "frequency", "both", "count"] | None = None
     spread: Annotated[float, Field(ge=1e-6, le=10)] = 0.3
-    faults: (
-        Annotated[
-            tuple[Literal["delay", "tilt", "offset", "viscous", "dry", "spring", "gain"], ...], Field(strict=False)
-        ]
-        | Literal["proposed"]
-    ) = ()
-    torque_limit: Limit | Annotated[tuple[Limit, ...], Field(min_length=1, strict=False)] | None = None
-
-    @property
-    def searched_faults(self) -> tuple[str, ...]:
-        """The kinds that are searched from the first trial on."""
-        return () if self.takes_up_faults else tuple(self.faults)
-
-    @property
-    def takes_up_faults(self) -> bool:
-        """Whether faults are taken up where nothing explains the trials without them."""
-        return self.faults == "proposed"
-
-    @property
-    def unbelieved_faults(self) -> tuple[str, ...]:
-        """The kinds of which nothing is believed that the plant file says."""
-        return TAKEN_UP if self.takes_up_faults else self.searched_faults
 
     @field_validator("faults")
     @classmethod
-    def _each_once(cls, faults: tuple[str, ...] | str) -> tuple[str, ...] | str:
-        if isinstance(faults, str):
-            return faults
-        if len(set(faults)) < len(faults):
-            raise ValueError("names a fault twice (allowed: each once)")
+    def _told_apart(cls, faults: tuple[str, ...] | str) -> tuple[str, ...] | str:
         if {"tilt", "offset"} <= set(faults):
             raise ValueError(
                 "a tilt of the base and an offset of the first encoder move alike (allowed: tilt, or offset, which "
                 "then has the tilt in that of joint 1)"
             )
-        return tuple(kind for kind in FAULT_UNITS if kind in faults)
+        return faults
 
     @field_validator("lumps")
     @classmethod

@@ -15,15 +15,15 @@ from metaid.compiled.stages import agrees_with_mj_step
 from metaid.episode import window_ends
 from metaid.episode.arms import ArmEpisode, run_arm_stepwise, same_arm_record, smoothed_arm_frequency
 from metaid.models.tree import Tree, joint_torque
-from metaid.plant import ArmPlant, ArmSettings, slope_weights
-from metaid.plant.arms import ArmFaults, ArmStart, arm_model
+from metaid.plant import ArmPlant, ArmSettings, FaultSettings, FaultyPlant, slope_weights
+from metaid.plant.arms import ArmStart, arm_model
 
 STEPS = 40
 
 
 def plant_of(tree: Tree, **faults: object) -> ArmPlant:
     """A plant that is this arm."""
-    plant = ArmPlant("arm", ArmSettings(urdf="arm.urdf", faults=ArmFaults(**faults)))
+    plant = ArmPlant("arm", ArmSettings(urdf="arm.urdf", faults=FaultSettings(**faults)))
     plant.__dict__["arm"] = SimpleNamespace(tree=tree)
     return plant
 
@@ -61,12 +61,45 @@ def test_compiled_episode_is_the_plain_one(tree: Tree) -> None:
 def test_compiled_episode_on_noisy_sensors_is_the_plain_one() -> None:
     """Noise is that of the trial, and the law acts on speeds from angle readings."""
     tree = ARMS[1]
-    plant, episode = plant_of(tree, angle_noise=1e-4, speed_sensor=False), episode_of(tree, seed=5)
+    plant, episode = plant_of(tree, angle_noise=1e-4, speed_sensor=False), episode_of(tree, seed=5, keeps_readings=True)
     loop = ArmLoop(plant, tree, episode)
     assert loop.is_compiled
-    fast, slow = loop.run(tree.parameters, 3), run_arm_stepwise(plant, tree, tree, episode, 3)
+    fast, slow = loop.run(tree.parameters, 3), run_arm_stepwise(FaultyPlant(plant), tree, tree, episode, 3)
     assert same_arm_record(fast, slow)
     assert not same_arm_record(fast, loop.run(tree.parameters, 4))
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [
+        {"control_every": 3, "delay": 2, "encoder_step": 1e-3},
+        {"torque_limit": 3.0, "torque_gain": (1.1, 0.9, 1.0), "torque_noise": 0.2},
+        {"push_noise": 0.05, "speed_noise": 0.01, "encoder_offset": (0.02, -0.03, 0.01), "tilt": (0.05, -0.02)},
+    ],
+    ids=["control", "drives", "mounting"],
+)
+def test_faults_of_an_arm_are_the_same_in_both_loops(faults: dict[str, object]) -> None:
+    """Whatever a plant file may name, the compiled loop shows what plain Python behind the same faults does, and the
+    fault changes what is seen.
+    """
+    tree = ARMS[2]
+    plant, episode = plant_of(tree, **faults), episode_of(tree, seed=5, lead=0.004, keeps_readings=True)
+    loop, law = ArmLoop(plant, tree, episode), wrong(tree)
+    assert loop.is_compiled
+    slow = run_arm_stepwise(FaultyPlant(plant), law, tree, episode, 3)
+    assert same_arm_record(loop.run(law.parameters, 3), slow)
+    assert not same_arm_record(loop.run(law.parameters, 3), ArmLoop(plant_of(tree), tree, episode).run(law.parameters))
+
+
+def test_spring_in_a_joint_of_an_arm_is_the_same_in_both_loops() -> None:
+    """It pulls the joint to 0, and the exact law without it does not let the arm coast."""
+    tree, episode = ARMS[0], episode_of(ARMS[0])
+    plant = plant_of(tree)
+    plant.settings = plant.settings.model_copy(update={"stiffness": {tree.names[1]: 2.0}})
+    loop = ArmLoop(plant, tree, episode)
+    assert loop.is_compiled
+    assert same_arm_record(loop.run(tree.parameters), run_arm_stepwise(plant, tree, tree, episode))
+    assert loop.run(tree.parameters).frequency > 1e-2
 
 
 def test_exact_law_leaves_an_arm_to_coast_or_to_swing() -> None:
@@ -80,7 +113,10 @@ def test_exact_law_leaves_an_arm_to_coast_or_to_swing() -> None:
 def test_measure_from_noisy_readings_is_nearly_that_of_the_motion() -> None:
     """Curves through readings with 0.1 mrad of noise show what a wrong law accelerates, and little at the exact one."""
     tree = ARMS[0]
-    plant, episode = plant_of(tree, angle_noise=1e-4, speed_sensor=False), episode_of(tree, steps=150)
+    plant, episode = (
+        plant_of(tree, angle_noise=1e-4, speed_sensor=False),
+        episode_of(tree, steps=150, keeps_readings=True),
+    )
     noisy, silent = ArmLoop(plant, tree, episode), ArmLoop(plant_of(tree), tree, episode)
     law = wrong(tree).parameters
     seen = smoothed_arm_frequency(noisy.run(law), episode, tree)
@@ -133,7 +169,7 @@ def test_twin_with_the_truth_moves_as_mujoco_does(tree: Tree) -> None:
 def test_driven_twin_shows_what_the_sensors_read() -> None:
     """With the torques that were commanded it moves as the plant did, which acted on noisy readings."""
     tree, law = ARMS[1], wrong(ARMS[1])
-    plant, episode = plant_of(tree, angle_noise=1e-4, speed_sensor=False), episode_of(tree)
+    plant, episode = plant_of(tree, angle_noise=1e-4, speed_sensor=False), episode_of(tree, keeps_readings=True)
     record = ArmLoop(plant, tree, episode).run(law.parameters)
     assert record.readings is not None
     readings, weights = record.readings.angles, slope_weights(0.002)

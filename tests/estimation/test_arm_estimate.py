@@ -13,7 +13,7 @@ from random_arm import random_arm, wrong_tree
 from metaid.compiled.arms import ArmLoop
 from metaid.episode import window_ends
 from metaid.episode.arms import ArmEpisode
-from metaid.estimation import Readings, ReadTrial
+from metaid.estimation import Loop, Readings, ReadTrial
 from metaid.estimation.arms import (
     ArmMotions,
     ArmUnknowns,
@@ -23,8 +23,8 @@ from metaid.estimation.arms import (
 )
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, Tree
-from metaid.plant import ArmPlant, ArmSettings
-from metaid.plant.arms import ArmFaults, ArmStart
+from metaid.plant import ArmPlant, ArmSettings, FaultSettings, slope_weights
+from metaid.plant.arms import ArmStart
 
 NOISE = 1e-4
 STEPS = 100
@@ -32,7 +32,9 @@ STEPS = 100
 
 def plant_of(tree: Tree, noise: float = 0.0) -> ArmPlant:
     """A plant that is this arm; with noise it has no sensor of speeds."""
-    plant = ArmPlant("arm", ArmSettings(urdf="arm.urdf", faults=ArmFaults(angle_noise=noise, speed_sensor=not noise)))
+    plant = ArmPlant(
+        "arm", ArmSettings(urdf="arm.urdf", faults=FaultSettings(angle_noise=noise, speed_sensor=not noise))
+    )
     plant.__dict__["arm"] = SimpleNamespace(tree=tree)
     return plant
 
@@ -52,9 +54,14 @@ def episode_of(tree: Tree, pushes: int, seed: int = 1) -> ArmEpisode:
 
 def read(plant: ArmPlant, searched: ArmUnknowns, law: Array, episode: ArmEpisode, number: int) -> ReadTrial:
     """A trial on noisy sensors."""
-    record = ArmLoop(plant, searched.prior.nominal, episode).run(law, number)
+    record = ArmLoop(plant, searched.prior.nominal, replace(episode, keeps_readings=True)).run(law, number)
     assert record.readings is not None
-    return read_arm_trial(searched.frames, law, episode, record.timestep, record.readings, np.full(plant.njoint, NOISE))
+    return read_arm_trial(searched.frames, law, episode, loop_of(plant.njoint), record.readings)
+
+
+def loop_of(njoint: int) -> Loop:
+    """Sensors with noise, read every 2 ms."""
+    return Loop(0.002, np.full(njoint, NOISE), slope_weights(0.002))
 
 
 def share_wrong(searched: ArmUnknowns, tree: Tree, values: Array) -> float:
@@ -172,11 +179,11 @@ def test_starts_that_are_not_exact_are_found_with_the_rest() -> None:
     law, spread = searched.prior.nominal.parameters, np.array([[1e-3] * 3, [1e-2] * 3])
     episode = episode_of(tree, 9)
     states = episode.states + spread * random.standard_normal(episode.states.shape)
-    moved = replace(episode, starts=tuple(ArmStart(*state) for state in states))
+    moved = replace(episode, starts=tuple(ArmStart(*state) for state in states), keeps_readings=True)
     record = ArmLoop(plant_of(tree, NOISE), searched.prior.nominal, moved).run(law)
     # The law acts on the pose that the arm was to have; here that is where its springs are.
     assert record.readings is not None
-    trial = read_arm_trial(searched.frames, law, moved, record.timestep, record.readings, np.full(3, NOISE))
+    trial = read_arm_trial(searched.frames, law, moved, loop_of(3), record.readings)
     trial = replace(trial, poses=episode.states[:, 0], start_speeds=episode.states[:, 1])
     root = np.broadcast_to(np.diag(spread.ravel()), (9, 6, 6))
     wrong, right = (estimate_arm([replace(trial, start_spread=each)], searched, None, False) for each in (None, root))

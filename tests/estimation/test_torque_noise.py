@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from watched import GRAVITY, NOISE, raised, watched
 
-from metaid.estimation import NoisyExperiment, Readings, ReadTrial, Unknowns
+from metaid.estimation import Loop, NoisyExperiment, Readings, ReadTrial, Unknowns
 from metaid.estimation.noisy import Innovations, fit_with_torque_noise, unmodelled_forces
 from metaid.models import Lumps
 from metaid.plant import FaultSettings
@@ -108,7 +108,7 @@ def test_readings_are_compared_as_ever_where_torques_have_no_noise() -> None:
     seen = watched(2, faults=NOISY.model_copy(update={"torque_noise": 0.0}))
     lumps = seen.nominal.lumps
     experiment = NoisyExperiment(
-        lumps, Unknowns(lumps), GRAVITY, 0.002, seen.starts, None, np.full(2, NOISE), np.array([-1.0, 0.0, 1.0])
+        lumps, Unknowns(lumps), GRAVITY, 0.002, seen.starts, Loop(0.002, np.full(2, NOISE), np.array([-1.0, 0.0, 1.0]))
     )
     trial = seen.read_trial(raised(lumps, 1.5))
     assert type(experiment._comparison([trial])) is Readings

@@ -17,7 +17,16 @@ from metaid.results import judge, lumps_frame, read_findings, read_snapshot, sum
 from metaid.results.lump_tables import fault_rows
 from metaid.show.notes import note
 from metaid.store import Store
-from metaid.study import EpisodeSettings, Problem, StudySettings, StudySpec, create_study, load_chain_study, run_study
+from metaid.study import (
+    EpisodeSettings,
+    Problem,
+    StudySettings,
+    StudySpec,
+    create_study,
+    load_chain_study,
+    load_study,
+    run_study,
+)
 from metaid.study.settings import EstimateSettings
 
 
@@ -81,7 +90,7 @@ def test_faults_stand_beside_the_lumps_wherever_a_study_is_shown(
 def test_what_the_plant_file_says_of_a_searched_fault_is_not_believed() -> None:
     """The twin of a plant whose delay is searched has none at first; otherwise it has the one that is in the file."""
     searched, believed = (Problem(late_and_tilted(*kinds)).experiment() for kinds in (("delay",), ()))
-    assert (searched.delay, believed.delay) == (0, 2)
+    assert (searched.loop.delay, believed.loop.delay) == (0, 2)
 
 
 def test_friction_without_a_nominal_value_is_found_on_a_plant_without_other_faults(tmp_path: Path) -> None:
@@ -173,7 +182,7 @@ def test_gain_of_the_only_motor_is_refused() -> None:
         load_chain_study("one-link-count", {"estimate.faults": ["gain"]})
 
 
-def test_faults_of_an_arm_are_refused() -> None:
-    """In one line that names what an arm's estimate may have."""
-    with pytest.raises(StudyError, match=r"estimate: unknown key 'faults' .allowed: enabled, mass, com"):
-        load_chain_study("scara", {"estimate.faults": ["delay"]})
+def test_friction_of_an_arm_is_no_fault() -> None:
+    """It is among the base parameters, and the message says so."""
+    with pytest.raises(StudyError, match=r"friction of an arm's joints is among its base parameters.*allowed: delay"):
+        load_study("scara", {"estimate.faults": ["viscous"]})

@@ -73,6 +73,7 @@ def follow_torques(
     timestep: float,
     threads: int = 2,
     spring: Array | None = None,
+    substeps: int = 1,
 ) -> Followed:
     """Coefficients of the joint coordinates (ncandidate x npush x ncoefficient x njoint) of twins that are driven by
     the torques that were commanded.  Eq. 28.
@@ -84,15 +85,16 @@ def follow_torques(
         torques: as they were commanded (npush x nstep x njoint), in N m or N.
         seen: polynomials at every reading (nbasis x nstep + 1 x ncoefficient), which of them is for each push (npush),
             and for how many steps it is followed (npush).
-        timestep: in s.
+        timestep: in which the twins move, in s.
         threads: that share the candidates.
         spring: stiffness of springs in the joints (njoint), in N m/rad or N/m; None for none.
+        substeps: how many timesteps a torque holds.
     """
     pulled = np.zeros(torques.shape[2]) if spring is None else spring
     shape = len(candidates), len(torques), seen[0].shape[2], torques.shape[2]
 
     def share(*rest: Any) -> None:
-        _follow_torque(frames, candidates, starts, torques, pulled, seen, timestep, *rest)
+        _follow_torque(frames, candidates, starts, torques, pulled, seen, (timestep, substeps), *rest)
 
     return _shared(share, shape, threads)
 
@@ -138,9 +140,9 @@ def _follow_law(frames, law, candidates, pushes, windows, timestep, share, work,
 
 
 @compiled
-def _follow_torque(frames, candidates, starts, torques, spring, seen, timestep, share, work, coefficients, arrived):  # type: ignore[no-untyped-def]
+def _follow_torque(frames, candidates, starts, torques, spring, seen, times, share, work, coefficients, arrived):  # type: ignore[no-untyped-def]
     """The same, driven."""
-    (basis, chosen, steps), (first, stride), (_, motion, space) = seen, share, work
+    (basis, chosen, steps), (timestep, substeps), (first, stride), (_, motion, space) = seen, times, share, work
     for candidate in range(first, candidates.shape[0], stride):
         parameters = candidates[candidate]
         for push in range(torques.shape[0]):
@@ -149,8 +151,9 @@ def _follow_torque(frames, candidates, starts, torques, spring, seen, timestep, 
             if steps[push] > 0:
                 _add_reading(polynomials[0], motion, filled)
             while follows and step < steps[push]:
-                _push_by_torque(frames, parameters, torques[push, step], spring, motion, space)
-                follows = _advance(frames, parameters, timestep, motion, space)
+                for _ in range(substeps):
+                    _push_by_torque(frames, parameters, torques[push, step], spring, motion, space)
+                    follows = follows and _advance(frames, parameters, timestep, motion, space)
                 step += 1
                 _add_reading(polynomials[step], motion, filled)
             arrived[candidate, push] = follows

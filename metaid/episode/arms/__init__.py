@@ -6,7 +6,7 @@
 from metaid.episode.arms.arm_episode import RUNAWAY, ArmEpisode
 from metaid.episode.arms.arm_record import KINETIC, ArmMeasure, ArmRecord, ceiling_hz, resolution_hz, same_arm_record
 from metaid.episode.arms.smoothed import smoothed_arm_frequency
-from metaid.episode.arms.stepwise import run_arm_stepwise, sensor_noise
+from metaid.episode.arms.stepwise import run_arm_stepwise
 
 __all__ = [
     "KINETIC",
@@ -18,6 +18,5 @@ __all__ = [
     "resolution_hz",
     "run_arm_stepwise",
     "same_arm_record",
-    "sensor_noise",
     "smoothed_arm_frequency",
 ]

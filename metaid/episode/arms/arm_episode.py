@@ -33,7 +33,9 @@ class ArmEpisode:
         window_ends: up to which steps the motion is kept.
         runaway: a joint this many times faster than any was at a start has fallen, hinges and slides apart; so has
             one that leaves its range.
-        seed: of the noise of the sensors.
+        seed: of the noise.
+        lead: in s, for a plant whose torques come late: the law gets the coordinates that the speeds lead to by then.
+        keeps_readings: whether what the sensors read is kept, as of a plant with faults.
     """
 
     starts: tuple[ArmStart, ...]
@@ -42,6 +44,8 @@ class ArmEpisode:
     window_ends: tuple[int, ...] = ()
     runaway: float = RUNAWAY
     seed: int = 0
+    lead: float = 0.0
+    keeps_readings: bool = False
 
     def __post_init__(self) -> None:
         if self.steps < 1:
@@ -54,6 +58,15 @@ class ArmEpisode:
     @property
     def npush(self) -> int:
         return len(self.starts)
+
+    @property
+    def njoint(self) -> int:
+        return len(self.starts[0].pose)
+
+    @property
+    def readings_steps(self) -> int:
+        """For how many steps after a push readings are kept."""
+        return self.steps if self.keeps_readings else 0
 
     @property
     def total_steps(self) -> int:

@@ -6,35 +6,30 @@ import numpy as np
 
 from metaid.episode.arms.arm_episode import ArmEpisode
 from metaid.episode.arms.arm_record import ArmRecord
+from metaid.episode.noise import noise_of
 from metaid.episode.readings import SensorReadings
 from metaid.episode.windows import QUANTITIES, Windows
 from metaid.models import Array
 from metaid.models.tree import Tree, joint_mass_matrix, joint_torque
-from metaid.plant import slope_weights, stream
+from metaid.plant import FaultyPlant
 from metaid.plant.arms import ArmPlant
 
 
-def sensor_noise(plant: ArmPlant, episode: ArmEpisode, number: int) -> Array:
-    """What chance adds to every angle reading (npush x nstep + 1 x njoint), in rad or m, in the trial of that `number`:
-    the same with whatever candidate it is run.
-    """
-    shape = episode.npush, episode.steps + 1, plant.njoint
-    size = plant.settings.faults.angle_noise
-    return size * stream(episode.seed, number).standard_normal(shape) if size else np.zeros(shape)
-
-
-def run_arm_stepwise(plant: ArmPlant, law: Tree, nominal: Tree, episode: ArmEpisode, number: int = 0) -> ArmRecord:
+def run_arm_stepwise(
+    plant: ArmPlant | FaultyPlant, law: Tree, nominal: Tree, episode: ArmEpisode, number: int = 0
+) -> ArmRecord:
     """One episode.
 
     Args:
-        plant: that moves.
+        plant: that moves; a FaultyPlant shows what its sensors read.
         law: the candidate, whose torque it is sent.
         nominal: whose mass matrix is the metric.
         episode: what is done.
         number: of the trial, which its noise depends on.
     """
-    n, dt, faults = plant.njoint, plant.timestep, plant.settings.faults
-    noise, weights = sensor_noise(plant, episode, number), slope_weights(dt)
+    if isinstance(plant, FaultyPlant):
+        plant.begin(noise_of(plant, episode, number))
+    n, dt = plant.njoint, plant.timestep
     low, high, allowed = episode.bounds(nominal)
     ends = np.array(episode.window_ends, dtype=np.int64)
     motion = np.zeros((episode.npush, len(ends), QUANTITIES, n))
@@ -44,22 +39,18 @@ def run_arm_stepwise(plant: ArmPlant, law: Tree, nominal: Tree, episode: ArmEpis
     for push, start in enumerate(episode.starts):
         stiffness, sums = float(episode.stiffness[push]), np.zeros((2, n))
 
-        def read(step: int, push: int = push, expected: Array = start.speeds) -> tuple[Array, Array]:
-            position, speed = plant.states()
-            angles[push, step] = position + noise[push, step]
-            if not faults.speed_sensor:
-                seen = angles[push, step + 1 - len(weights) : step + 1] if step + 1 >= len(weights) else None
-                speed = expected if seen is None else weights @ seen
-            speeds[push, step] = speed
+        def read(step: int, push: int = push) -> tuple[Array, Array]:
+            angles[push, step], speeds[push, step] = plant.states()
             return angles[push, step].copy(), speeds[push, step].copy()
 
         plant.push(start)
         position, speed = read(0)
         for step in range(1, episode.steps + 1):
-            pull = -stiffness * (position - start.pose)
-            plant.apply_torque(joint_torque(law, position, speed, pull))
+            ahead = position + episode.lead * speed
+            pull = -stiffness * (ahead - start.pose)
+            plant.apply_torque(joint_torque(law, ahead, speed, pull))
             plant.step()
-            metric, before = joint_mass_matrix(nominal, position), speed
+            metric, before = joint_mass_matrix(nominal, ahead), speed
             position, speed = read(step)
             steps[push] = step
             inside = (low <= position) & (position <= high) & (np.abs(speed) <= allowed)
@@ -75,7 +66,8 @@ def run_arm_stepwise(plant: ArmPlant, law: Tree, nominal: Tree, episode: ArmEpis
     whole = steps - fell
     seen = (ends <= whole[:, None]).sum(axis=1)
     windows = Windows(ends, seen, motion, np.zeros((episode.npush, len(ends), n), dtype=np.int64))
-    kept = SensorReadings(whole + 1, angles, speeds if faults.speed_sensor else None) if faults.named else None
+    sensed = not isinstance(plant, FaultyPlant) or plant.faults.speed_sensor
+    kept = SensorReadings(whole + 1, angles, speeds if sensed else None) if episode.keeps_readings else None
     for push in range(episode.npush):
         angles[push, whole[push] + 1 :] = speeds[push, whole[push] + 1 :] = 0.0
     return ArmRecord(dt, steps, fell, energies[:, 0], energies[:, 1], windows, kept)

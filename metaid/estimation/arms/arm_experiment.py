@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -12,14 +13,13 @@ from metaid.compiled.arms import Frames, commanded_arm_torques
 from metaid.episode import Outcome, SensorReadings, Windows
 from metaid.episode.arms import ArmEpisode
 from metaid.estimation.arms.motions import ArmMotions
-from metaid.estimation.arms.unknowns import ArmEstimate, ArmUnknowns
+from metaid.estimation.arms.unknowns import SPREAD, ArmEstimate, ArmUnknowns
 from metaid.estimation.estimate import Found, fit
 from metaid.estimation.experiment import RESTARTS, OfReadings
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults, searched_faults
-from metaid.estimation.noisy import Readings, filtered_speeds
+from metaid.estimation.noisy import Loop, Readings
 from metaid.estimation.trials import ReadTrial, WatchedArmTrial
 from metaid.models import Array
-from metaid.plant import slope_weights
 
 PROBES = 1  # the nominal arm's law alone: it leaves much to see
 AGREED = 1e-6  # of what an unknown may be beforehand: two estimates that are so near each other are the same
@@ -37,7 +37,7 @@ class ArmExperiment(OfReadings):
         searched: what is unknown of it.
         timestep: between two torques, in s.
         resolution: of the measure, in Hz; a value below it passes for coasting.
-        noise: standard deviation of a reading of each joint (njoint), in rad or m; None where sensors are exact.
+        loop: how the arm is controlled and read; None where sensors are exact.
         faults: that are searched beside what is unknown of the arm.
         takes_up: whether faults are searched, too, once nothing explains the trials without them.
         torque_noise: None: an arm's torques have none.
@@ -47,10 +47,13 @@ class ArmExperiment(OfReadings):
     searched: ArmUnknowns
     timestep: float
     resolution: float
-    noise: Array | None = None
+    loop: Loop | None = None
     faults: SearchedFaults = NO_FAULTS
     takes_up: bool = False
     torque_noise: Array | None = None
+
+    leads_on: ClassVar[bool] = True
+    scale: ClassVar[float] = SPREAD
 
     @property
     def probes(self) -> int:
@@ -71,16 +74,10 @@ class ArmExperiment(OfReadings):
 
     def trial(self, values: Array, outcome: Outcome) -> SeenArmTrial | None:
         """A trial whose law had these base parameters (nbase), and what was seen of it; None where nothing was."""
-        law, episode = self.searched.prior.parameters_at(values), self.episode
-        shown, read = outcome.windows, outcome.readings
-        if self.noise is None:
-            return None if shown is None else watched_arm_trial(law, episode, self.timestep, shown)
-        frames = self.searched.frames
-        return None if read is None else read_arm_trial(frames, law, episode, self.timestep, read, self.noise)
-
-    @property
-    def declared_delay(self) -> float:
-        return 0.0
+        law, shown, read = self.searched.prior.parameters_at(values), outcome.windows, outcome.readings
+        if self.loop is None:
+            return None if shown is None else watched_arm_trial(law, self.episode, self.timestep, shown)
+        return None if read is None else read_arm_trial(self.searched.frames, law, self.episode, self.loop, read)
 
     def _fit(self, compared: Any, begin: Array | None, restarts: int) -> Found:
         found: Found = fit(compared, self._begin(begin), restarts, refines=begin is not None)
@@ -101,14 +98,14 @@ class ArmExperiment(OfReadings):
 
     def is_coasting(self, value: float) -> bool:
         """Whether a trial with this `value` of the measure coasts."""
-        return self.noise is None and value <= self.resolution
+        return self.loop is None and value <= self.resolution
 
     def is_settled(self, before: Any, after: Any) -> bool:
         """Whether one more trial tells no more, from the estimate `before` the last one to the one `after` it: without
         noise where they agree, else where intervals have stopped shrinking. An arm with dry friction never coasts as
         well as can be told: a law that takes it for smooth chatters.
         """
-        if self.noise is None:
+        if self.loop is None:
             moved = np.abs(after.unknowns - before.unknowns).max()
             return float(moved) <= AGREED * self.searched.spread
         return float(after.deviations.max()) > STILL_SHRINKS * float(before.deviations.max())
@@ -164,27 +161,15 @@ def watched_arm_trial(law: Array, episode: ArmEpisode, timestep: float, windows:
     return WatchedArmTrial(law, timestep, episode.states, episode.stiffness, windows)
 
 
-def read_arm_trial(
-    frames: Frames,
-    law: Array,
-    episode: ArmEpisode,
-    timestep: float,
-    read: SensorReadings,
-    noise: Array,
-) -> ReadTrial:
+def read_arm_trial(frames: Frames, law: Array, episode: ArmEpisode, loop: Loop, read: SensorReadings) -> ReadTrial:
     """The trial on noisy sensors in which a law led to these readings.
 
     Args:
         frames: of the arm.
         law: parameters of the candidate that was sent (njoint x 13).
         episode: what was done.
-        timestep: between two torques, in s.
+        loop: how the arm is controlled and read.
         read: what the sensors read.
-        noise: standard deviation of a reading of each joint (njoint), in rad or m.
     """
-    speeds = read.speeds
-    if speeds is None:
-        speeds = filtered_speeds(read.angles, episode.states[:, 1], slope_weights(timestep))
-    torques = commanded_arm_torques(frames, law, episode, read.angles, speeds)
-    poses, begun = episode.states.swapaxes(0, 1)
-    return ReadTrial(timestep, read.angles, torques, read.steps, begun, None, noise, poses=poses)
+    poses, speeds = np.ascontiguousarray(episode.states.swapaxes(0, 1))
+    return loop.trial(read, speeds, partial(commanded_arm_torques, frames, law, episode), poses)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from metaid.compiled.arms import Frames, follow_torques
+from metaid.compiled.arms import follow_torques
 from metaid.estimation.arms.motions import STEP, THREADS, beside
 from metaid.estimation.arms.unknowns import ArmUnknowns
 from metaid.estimation.trials import Coefficients, Driven, Joints
 from metaid.models import Array
-from metaid.models.tree import PARAMETERS
+from metaid.models.tree import PARAMETERS, tilted_gravity
 
 DAMPING, COULOMB = PARAMETERS.index("damping"), PARAMETERS.index("coulomb")
 
@@ -38,22 +38,17 @@ def drive_arm(
     if joints is not None:
         candidates[..., DAMPING] += joints.viscous
         candidates[..., COULOMB] += joints.dry
-        frames, spring, offset = tilted(frames, joints.tilt), joints.spring, joints.offset
+        frames = frames._replace(gravity=tilted_gravity(frames.gravity, joints.tilt))
+        spring, offset = joints.spring, joints.offset
     starts = np.ascontiguousarray(states + moved)
     starts[:, :, 0] -= offset
     seen = basis, np.arange(npush), steps
-    twin = follow_torques(frames, candidates, starts, trial.torques, seen, trial.timestep, THREADS, spring)
+    twin = follow_torques(
+        frames, candidates, starts, trial.torques, seen, trial.timestep, THREADS, spring, trial.substeps
+    )
     if not twin.arrived[:, steps > 0].all():
         return None
     read = np.where(steps[:, None] > 0, basis.sum(axis=1), 0.0)[:, None] * offset[:, None]
     values = twin.values.swapaxes(2, 3)
     slopes = np.moveaxis((values[1:] - values[0]) / STEP, 0, -1)
     return Coefficients(np.where((steps > 0)[:, None, None], values[0] + read, 0.0), np.ascontiguousarray(slopes))
-
-
-def tilted(frames: Frames, tilt: Array) -> Frames:
-    """The frames of an arm whose base is turned by `tilt` (2) about its x and then its y axis, in rad."""
-    (cosine, across), (sine, along) = np.cos(tilt), np.sin(tilt)
-    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cosine, -sine], [0.0, sine, cosine]])
-    about_y = np.array([[across, 0.0, along], [0.0, 1.0, 0.0], [-along, 0.0, across]])
-    return frames._replace(gravity=np.ascontiguousarray((about_y @ about_x).T @ frames.gravity))

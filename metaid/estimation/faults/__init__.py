@@ -7,7 +7,14 @@ estimate.faults.values
 
 from metaid.estimation.faults.explaining import Proposal, TakenUp, named_faults
 from metaid.estimation.faults.forces import FORCES, UNSEEN, Unmodelled
-from metaid.estimation.faults.searched import NO_FAULTS, FoundFaults, SearchedFaults, found_faults, searched_faults
+from metaid.estimation.faults.searched import (
+    NO_FAULTS,
+    FoundFaults,
+    SearchedFaults,
+    found_faults,
+    late,
+    searched_faults,
+)
 
 __all__ = [
     "FORCES",
@@ -19,6 +26,7 @@ __all__ = [
     "TakenUp",
     "Unmodelled",
     "found_faults",
+    "late",
     "named_faults",
     "searched_faults",
 ]

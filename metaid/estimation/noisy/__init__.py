@@ -9,6 +9,7 @@ Where torques are noisy, `fit_with_torque_noise` compares `Innovations` instead:
 from metaid.estimation.noisy.commanded import centred, commanded_torques, filtered_speeds
 from metaid.estimation.noisy.held_out import hold_out
 from metaid.estimation.noisy.innovations import Innovations
+from metaid.estimation.noisy.loop import Loop
 from metaid.estimation.noisy.proposed import Search, explanations, proposed_faults
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.taken_up import take_up
@@ -18,6 +19,7 @@ from metaid.estimation.trials import ReadTrial
 
 __all__ = [
     "Innovations",
+    "Loop",
     "ReadTrial",
     "Readings",
     "Search",

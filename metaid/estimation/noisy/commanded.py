@@ -10,35 +10,19 @@ from metaid.models import Array, Lumps, compensation_basis
 KINDS = ("gravity", "coriolis", "damping", "coulomb")
 
 
-def commanded_torques(
-    law: Lumps,
-    readings: Array,
-    speeds: Array,
-    gravity: float,
-    lead: float = 0.0,
-    delay: int = 0,
-    limits: Array | float = np.inf,
-) -> Array:
-    """The joint torques (npush x nstep x njoint), in N m, that were to act in each step. None follows from the last
-    reading.
+def commanded_torques(law: Lumps, angles: Array, speeds: Array, gravity: float) -> Array:
+    """The joint torques (npush x nstep x njoint), in N m, that a law makes. None follows from the last reading.
 
     Args:
         law: that was sent.
-        readings: angles of the joints (npush x nstep + 1 x njoint), in rad.
+        angles: of the joints that it acted on (npush x nstep + 1 x njoint), in rad.
         speeds: of the joints as the law took them to be (npush x nstep + 1 x njoint), in rad/s.
         gravity: in m/s².
-        lead: seconds by which the law looked ahead.
-        delay: steps that a torque is late by; until the first is there, none acts.
-        limits: what the motors give at most (njoint), in N m.
     """
-    angles, turning = np.cumsum(readings[:, :-1], axis=-1), np.cumsum(speeds[:, :-1], axis=-1)
-    angles = angles + lead * turning
+    leaning, turning = np.cumsum(angles[:, :-1], axis=-1), np.cumsum(speeds[:, :-1], axis=-1)
     lumps = law.vector_of(KINDS)
-    force = compensation_basis(angles, turning, gravity, KINDS) @ lumps  # Eqs. 5 and 15
-    torques = np.zeros_like(readings[:, :-1])
-    late = min(delay, torques.shape[1])
-    torques[:, late:] = np.cumsum(force[..., ::-1], axis=-1)[:, : torques.shape[1] - late, ::-1]  # Eq. 6
-    return np.asarray(np.clip(torques, -limits, limits), dtype=np.float64)
+    force = compensation_basis(leaning, turning, gravity, KINDS) @ lumps  # Eqs. 5 and 15
+    return np.ascontiguousarray(np.cumsum(force[..., ::-1], axis=-1)[..., ::-1])  # Eq. 6
 
 
 def centred(torques: Array, substeps: int) -> Array:

@@ -13,7 +13,7 @@ from metaid.models.tree.joint_friction import JointFriction, dahl, dry_states
 from metaid.models.tree.model_error import ModelError, difference, model_error
 from metaid.models.tree.planar import planar_chain, planar_tree
 from metaid.models.tree.regressor import body_torque, joint_mass_matrix, joint_torque, torque_regressor
-from metaid.models.tree.tree import PARAMETERS, Tree
+from metaid.models.tree.tree import PARAMETERS, Tree, tilted_gravity
 from metaid.models.tree.tree_model import TreeModel, nominal_model
 
 __all__ = [
@@ -41,5 +41,6 @@ __all__ = [
     "possible_bodies",
     "pseudo_inertia",
     "random_states",
+    "tilted_gravity",
     "torque_regressor",
 ]

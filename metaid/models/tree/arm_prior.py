@@ -43,17 +43,19 @@ class PriorDeviations:
 class ArmPrior:
     """A `nominal` arm and how wrong it may be.
 
-    Its base parameters are `counted_by` those of these names (nbase), by default by any that are independent.
+    Its base parameters are `counted_by` those of these names (nbase), by default by any that are independent; where the
+    base `tilts`, there are more.
     """
 
     nominal: Tree
     deviations: PriorDeviations = PriorDeviations()
     counted_by: tuple[str, ...] | None = None
+    tilts: bool = False
 
     @cached_property
     def base(self) -> BaseParameters:
         """The combinations that a torque can tell."""
-        return base_parameters(self.nominal, self.counted_by)
+        return base_parameters(self.nominal, self.counted_by, self.tilts)
 
     @cached_property
     def values(self) -> Array:

@@ -7,16 +7,17 @@ moments of the links that carry it. A base parameter is such a combination.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models.lumps import Array
 from metaid.models.tree.regressor import torque_regressor
-from metaid.models.tree.tree import PARAMETERS, Tree
+from metaid.models.tree.tree import PARAMETERS, Tree, tilted_gravity
 
 STATES = 200  # random ones, of which torques are compared
+TILTS = 0.3 * np.eye(2)  # rad, about the x and the y axis of a base
 FAST = 10.0  # rad/s² or m/s², of random accelerations
 NOTHING = 1e-9  # of the largest singular value: what rounding leaves of a combination that no torque shows
 RARELY_FIRST = 1e-3  # by which masses are chosen after what they can be added to
@@ -76,13 +77,17 @@ def random_states(tree: Tree, count: int, random: np.random.Generator) -> tuple[
     return random.uniform(low, np.maximum(low, high), (count, tree.njoint)), speeds, FAST * accelerations
 
 
-def base_parameters(tree: Tree, counted_by: Sequence[str] | None = None) -> BaseParameters:
+def base_parameters(tree: Tree, counted_by: Sequence[str] | None = None, tilts: bool = False) -> BaseParameters:
     """Those of an arm, from its kinematics alone.  Eq. 40.
 
-    They are `counted_by` the parameters of these names (nbase). By default independent ones are looked for.
+    Args:
+        tree: the arm.
+        counted_by: the parameters that they are counted by (nbase). By default independent ones are looked for.
+        tilts: whether its base may be tilted, which lets gravity show what it does not show of an upright one.
     """
-    coordinates, speeds, accelerations = random_states(tree, STATES, np.random.default_rng(0))
-    rows = _reduced(torque_regressor(tree, coordinates, speeds, accelerations))
+    states = random_states(tree, STATES, np.random.default_rng(0))
+    leaning = [tree, *(replace(tree, gravity=tilted_gravity(tree.gravity, tilt)) for tilt in TILTS)]
+    rows = _reduced(np.concatenate([torque_regressor(each, *states) for each in (leaning if tilts else [tree])]))
     kinds, names = list(PARAMETERS) * tree.njoint, parameter_names(tree.njoint)
     if counted_by is None:
         columns = _independent(rows, kinds)

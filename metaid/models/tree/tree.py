@@ -88,3 +88,13 @@ class Tree:
         inertia = about_origin - offset + moment[:, :, None] * com[:, None, :]
         rotor, damping, coulomb = parameters[:, 10:].T
         return replace(self, mass=mass, com=com, inertia=inertia, rotor=rotor, damping=damping, coulomb=coulomb)
+
+
+def tilted_gravity(gravity: Array, tilt: Array) -> Array:
+    """The `gravity` (3) that the frame of a base has which is turned by `tilt` (2), in rad, about its x and then its y
+    axis.
+    """
+    (cosine, across), (sine, along) = np.cos(tilt), np.sin(tilt)
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cosine, -sine], [0.0, sine, cosine]])
+    about_y = np.array([[across, 0.0, along], [0.0, 1.0, 0.0], [-along, 0.0, across]])
+    return np.ascontiguousarray((about_y @ about_x).T @ gravity)

@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from metaid.plant.arms.arm_plant import ArmPlant, ArmStart
-from metaid.plant.arms.settings import ArmFaults, ArmSettings
+from metaid.plant.arms.settings import ArmSettings
 
 if TYPE_CHECKING:
     from metaid.plant.arms.lean import arm_model, build_arm_spec, set_parameters
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Arm",
-    "ArmFaults",
     "ArmPlant",
     "ArmSettings",
     "ArmStart",

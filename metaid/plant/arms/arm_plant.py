@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from metaid.errors import PlantError
 from metaid.models import Array
-from metaid.models.tree import Tree
+from metaid.models.tree import Tree, tilted_gravity
 from metaid.plant.arms.settings import ArmSettings
 
 if TYPE_CHECKING:
@@ -24,6 +27,10 @@ class ArmStart:
 
     pose: Array
     speeds: Array
+
+    def struck(self, noise: Array) -> ArmStart:
+        """The same where chance adds this `noise` (njoint) to the speeds, as shares of them."""
+        return replace(self, speeds=self.speeds * (1.0 + noise))
 
 
 @dataclass(eq=False)
@@ -60,7 +67,17 @@ class ArmPlant:
         """The lean model that moves."""
         from metaid.plant.arms.lean import arm_model
 
-        return arm_model(self.tree, self.timestep)
+        tree, faults = self.tree, self.settings.faults
+        if (wrong := faults.misfits(tree.njoint, 2)) is not None:
+            raise PlantError(f"plant {self.name}: {wrong}")
+        model = arm_model(replace(tree, gravity=tilted_gravity(tree.gravity, faults.tilts(2))), self.timestep)
+        model.jnt_stiffness[:] = self.stiffness
+        return model
+
+    @property
+    def stiffness(self) -> Array:
+        """Of springs in the joints (njoint), at rest at 0, in N m/rad or N/m."""
+        return np.array([self.settings.stiffness.get(name, 0.0) for name in self.tree.names])
 
     @cached_property
     def data(self) -> MjData:
@@ -77,12 +94,22 @@ class ArmPlant:
     def timestep(self) -> float:
         return self.settings.timestep
 
+    def true_pose(self, start: ArmStart) -> Array:
+        """Joint coordinates (njoint), in rad or m, where encoders read those of `start`."""
+        return start.pose - self.settings.faults.encoder_offsets(self.njoint)
+
+    def start_speeds(self, start: ArmStart) -> Array:
+        """Joint speeds (njoint), in rad/s or m/s, with which a push begins."""
+        return start.speeds
+
     def push(self, start: ArmStart) -> None:
-        """Brings the arm to the pose and the speeds of `start`; nothing is left of the motion before."""
+        """Brings the arm to the pose, as encoders read it, and the speeds of `start`; nothing is left of the motion
+        before.
+        """
         from mujoco import mj_resetData
 
         mj_resetData(self.model, self.data)
-        self.data.qpos[:], self.data.qvel[:] = start.pose, start.speeds
+        self.data.qpos[:], self.data.qvel[:] = self.true_pose(start), start.speeds
 
     def states(self) -> tuple[Array, Array]:
         """Joint coordinates (njoint), in rad or m, and joint speeds (njoint), in rad/s or m/s."""

@@ -53,7 +53,7 @@ def read_arm(settings: ArmSettings, source: str) -> Arm:
     refuse_what_is_no_arm(named, whole)
     tree = fuse(whole)
     refuse_another_motion(named, whole, tree, settings.timestep)
-    for key in ("rotor", "damping", "frictionloss", "torque_limit"):
+    for key in ("rotor", "damping", "frictionloss", "torque_limit", "stiffness"):
         _known(source, key, getattr(settings, key), tree.names)
     tree = replace(
         tree,

@@ -7,23 +7,10 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from metaid.files import Settings
+from metaid.plant.faults import FaultSettings
 
 Value = Annotated[float, Field(ge=-1e6, le=1e6)]
 AtLeastZero = Annotated[float, Field(ge=0, le=1e6)]
-
-
-class ArmFaults(Settings):
-    """The `[faults]` of an arm: `angle_noise` in rad (of a slide in m), its standard deviation; `speed_sensor = false`,
-    then speeds are those of a straight line through the last angle readings.
-    """
-
-    angle_noise: AtLeastZero = 0.0
-    speed_sensor: bool = True
-
-    @property
-    def named(self) -> dict[str, object]:
-        """The faults that are on, with their size."""
-        return {name: value for name, value in self if value != type(self).model_fields[name].default}
 
 
 class ArmSettings(Settings):
@@ -34,7 +21,8 @@ class ArmSettings(Settings):
     of its reference pose, or the nearest in the joint's range). `gravity`: three numbers in m/s², in the frame of the
     base, instead of the file's; `timestep` in s. By the name of the joint, instead of what the file says: inertia of
     the rotor as the joint feels it, `rotor`, in kg m² (of a slide in kg), viscous friction `damping` in N m s (N s/m),
-    dry friction `frictionloss` and `torque_limit` in N m (N). `truth_known = false` keeps the truth from reports.
+    dry friction `frictionloss` and `torque_limit` in N m (N), and the `stiffness` of a spring, at rest at 0, in N m/rad
+    (N/m). `truth_known = false` keeps the truth from reports. The faults of a real arm are in `[faults]`.
     """
 
     description: str = ""
@@ -49,7 +37,8 @@ class ArmSettings(Settings):
     damping: dict[str, AtLeastZero] = Field(default_factory=dict)
     frictionloss: dict[str, AtLeastZero] = Field(default_factory=dict)
     torque_limit: dict[str, Annotated[float, Field(gt=0, le=1e9)]] = Field(default_factory=dict)
-    faults: ArmFaults = ArmFaults()
+    stiffness: dict[str, AtLeastZero] = Field(default_factory=dict)
+    faults: FaultSettings = FaultSettings()
 
     @model_validator(mode="after")
     def _one_file(self) -> ArmSettings:
@@ -63,6 +52,11 @@ class ArmSettings(Settings):
             if self.joints and self.joints.count(name) > 1:
                 raise ValueError(f"joints: '{name}' is named twice (allowed: each joint once)")
         return self
+
+    @property
+    def control_period(self) -> float:
+        """Time between two torques, and between two readings, in s."""
+        return self.timestep * self.faults.control_every
 
     @property
     def kind(self) -> str:

@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from metaid.models import DEVIATIONS, Array
 from metaid.show.figures.lumps import LEAST, draw_correlation
 from metaid.show.figures.style import COLOURS, FALL, INK, SURVIVOR, VALUES, every, new_axes, size_of, verbatim
-from metaid.study.estimates import ArmFound, StudyEstimate
+from metaid.study.estimates import ChainFound, StudyEstimate
 
 if TYPE_CHECKING:
     from metaid.estimation import Replay
@@ -72,7 +72,7 @@ def _over_time(shown: Replay, axes: Axes) -> Axes:
     return axes
 
 
-def plot_residuals(found: StudyEstimate | ArmFound, axes: Axes | None = None) -> Axes:
+def plot_residuals(found: StudyEstimate, axes: Axes | None = None) -> Axes:
     """Root mean square of the residuals over all trials by push and joint, in units of what noise or rounding
     explains.
     """
@@ -93,14 +93,14 @@ def plot_residuals(found: StudyEstimate | ArmFound, axes: Axes | None = None) ->
     return axes
 
 
-def plot_covariance(found: StudyEstimate, axes: Axes | None = None) -> Axes:
+def plot_covariance(found: ChainFound, axes: Axes | None = None) -> Axes:
     """Correlation of the unknowns by the covariance of the estimate."""
     deviations = found.estimate.deviations
     matrix = found.estimate.covariance / np.outer(deviations, deviations)
     return draw_correlation(matrix, list(found.estimate.names), "correlation by the estimate", new_axes(axes))
 
 
-def plot_growth(found: StudyEstimate, true: Array | None, axes: Axes | None = None) -> Axes:
+def plot_growth(found: ChainFound, true: Array | None, axes: Axes | None = None) -> Axes:
     """The deviation of the worst known lump, and the largest error of any, over the number of trials.
 
     Args:

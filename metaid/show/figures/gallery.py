@@ -21,7 +21,7 @@ from metaid.show.figures.lumps import plot_correlation, plot_ranges
 from metaid.show.figures.panels import pair_of_panels, pairs_of_panels, panels, share_legend
 from metaid.show.figures.search import plot_convergence, plot_error, plot_factor
 from metaid.show.figures.style import COLUMN, PAGE, style
-from metaid.study.estimates import ArmFound, StudyEstimate
+from metaid.study.estimates import StudyEstimate
 
 if TYPE_CHECKING:
     from metaid.estimation import Replay
@@ -280,7 +280,7 @@ def motion_picture(shown: Replay, titles: dict[int, str], explains: bool, more: 
     return Picture("estimate-motion", caption, figure)
 
 
-def residuals_picture(found: StudyEstimate | ArmFound, width: float) -> Picture:
+def residuals_picture(found: StudyEstimate, width: float) -> Picture:
     """Where the twin differs from the plant; `width` in inches."""
     figure = Figure(figsize=(width, 2.4), layout="constrained")
     plot_residuals(found, figure.subplots())

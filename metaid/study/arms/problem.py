@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from metaid.episode import QUANTITIES, Outcome, fall_value, window_ends
 from metaid.episode.arms import KINETIC, ArmEpisode, ceiling_hz, resolution_hz
+from metaid.errors import StudyError
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, Tree
-from metaid.plant.arms import ArmPlant, ArmSettings
+from metaid.plant import ArmPlant, ArmSettings, joint_limits, slope_weights
 from metaid.search import (
     SAMPLERS,
     Coordinates,
@@ -26,6 +27,7 @@ from metaid.study.arms.settings import ArmSpec
 
 if TYPE_CHECKING:
     from metaid.compiled.arms import ArmObjective
+    from metaid.estimation import Loop
     from metaid.estimation.arms import ArmExperiment
 
 FARTHEST = 10.0  # standard deviations of the prior: no base parameter beyond is tried
@@ -42,10 +44,14 @@ class ArmProblem:
     def __init__(self, spec: ArmSpec) -> None:
         self.spec = spec
         self.nominal: Tree = spec.nominal.tree
-        self.prior = ArmPrior(self.nominal, spec.study.estimate.prior, spec.counted_by)
+        self.prior = ArmPrior(self.nominal, spec.study.estimate.prior, spec.counted_by, spec.tilts)
         self.names = list(self.prior.base.names)
         reach = FARTHEST * np.sqrt(np.diag(self.prior.covariance))
         self.low, self.high = self.prior.values - reach, self.prior.values + reach
+        if (wrong := spec.study.estimate.misfits(self.nominal.njoint, self.keeps_readings)) is not None:
+            raise StudyError(wrong)
+        if (wrong := spec.plant.faults.misfits(self.nominal.njoint, 2)) is not None:
+            raise StudyError(f"plant {spec.plant_name}: {wrong}")
 
     @cached_property
     def episode(self) -> ArmEpisode:
@@ -53,7 +59,8 @@ class ArmProblem:
         wanted, starts = self.spec.study.episode, self.spec.arm_starts
         steps = max(round(wanted.horizon / self.timestep), 2)
         stiffness = np.array(self.spec.stiffness)
-        return ArmEpisode(starts, stiffness, steps, window_ends(steps), wanted.runaway, self.spec.study.seed)
+        ends, seed = window_ends(steps), self.spec.study.seed
+        return ArmEpisode(starts, stiffness, steps, ends, wanted.runaway, seed, wanted.lead, self.keeps_readings)
 
     @property
     def is_matching(self) -> bool:
@@ -99,8 +106,9 @@ class ArmProblem:
 
     @property
     def keeps_readings(self) -> bool:
-        """Whether trials keep what noisy sensors read."""
-        return bool(self.spec.plant.faults.named)
+        """Whether trials keep what sensors read, as of a plant with faults, and where faults are searched."""
+        wanted, faults = self.spec.study, self.spec.plant
+        return bool(faults.faults.named or faults.stiffness or wanted.episode.lead or wanted.estimate.faults)
 
     @property
     def resolution(self) -> float:
@@ -111,13 +119,17 @@ class ArmProblem:
         """A plant of its own for each worker."""
         plant = self.spec.plant
         settings = ArmSettings(
-            mjcf=self.spec.plant_name, timestep=plant.timestep, truth_known=plant.truth_known, faults=plant.faults
+            mjcf=self.spec.plant_name,
+            timestep=plant.timestep,
+            truth_known=plant.truth_known,
+            faults=plant.faults,
+            stiffness=plant.stiffness,
         )
         return ArmPlant(self.spec.plant_name, settings, plant.arm.tree)
 
     def nominal_plant(self) -> ArmPlant:
-        """The nominal arm as a plant."""
-        return ArmPlant("nominal", ArmSettings(mjcf="nominal", timestep=self.timestep), self.nominal)
+        """The nominal arm as a plant, without faults."""
+        return ArmPlant("nominal", ArmSettings(mjcf="nominal", timestep=self.spec.plant.timestep), self.nominal)
 
     def make_objective(self) -> ArmObjective:
         """An objective of its own for each worker, in base parameters."""
@@ -144,10 +156,46 @@ class ArmProblem:
 
     def experiment(self) -> ArmExperiment | None:
         """What an estimate needs to know of this study; None where none is to be made."""
-        if not self.spec.study.estimate.enabled:
+        wanted, faults = self.spec.study.estimate, self.spec.plant.faults
+        if not wanted.enabled:
             return None
+        from metaid.estimation import searched_faults
         from metaid.estimation.arms import ArmExperiment, ArmUnknowns  # loads numba
 
-        size = self.spec.plant.faults.angle_noise
-        noise = np.full(self.nominal.njoint, max(size, QUIETEST)) if self.keeps_readings else None
-        return ArmExperiment(self.episode, ArmUnknowns(self.prior), self.timestep, self.resolution, noise)
+        searched, speeds = ArmUnknowns(self.prior), self.episode.states[:, 1]
+        return ArmExperiment(
+            self.episode,
+            searched,
+            self.timestep,
+            self.resolution,
+            self._loop if self.keeps_readings else None,
+            searched_faults(wanted.searched_faults, searched, 0.0, speeds),
+            wanted.takes_up_faults and not faults.torque_noise,
+            np.full(self.nominal.njoint, faults.torque_noise) if faults.torque_noise else None,
+        )
+
+    @property
+    def _loop(self) -> Loop:
+        """How the arm is controlled and read, as far as its user states it."""
+        from metaid.estimation import Loop  # loads numba
+
+        plant, wanted, n = self.spec.plant, self.spec.study.estimate, self.nominal.njoint
+        faults, speeds = plant.faults, self.episode.states[:, 1]
+        of_sensors = np.hypot(faults.angle_noise, faults.encoder_step / np.sqrt(12.0))
+        return Loop(
+            timestep=plant.timestep,
+            noise=np.full(n, max(of_sensors, QUIETEST)),
+            speed_weights=slope_weights(self.timestep),
+            start_spread=faults.push_noise * speeds[:, :, None] * np.eye(n) if faults.push_noise else None,
+            substeps=faults.control_every,
+            delay=0 if "delay" in wanted.unbelieved_faults else faults.delay,
+            lead=self.episode.lead,
+            torque_limits=joint_limits(wanted.torque_limit, n),
+        )
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """What of an estimate follows from the study, by the names of its fields."""
+        from metaid.estimation.arms import ArmUnknowns
+
+        return {"searched": ArmUnknowns(self.prior)}

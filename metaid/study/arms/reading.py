@@ -72,9 +72,10 @@ def arm_spec(
             timestep=plant.timestep,
             truth_known=settings.truth_known,
             faults=settings.faults,
+            stiffness=settings.stiffness,
         ),
         nominal=TreeSettings.of(believed),
-        counted_by=base_parameters(believed).names,
+        counted_by=base_parameters(believed, None, "tilt" in study.estimate.unbelieved_faults).names,
         starts=tuple(StartSettings(pose=start.pose.tolist(), speeds=start.speeds.tolist()) for start in starts),
         stiffness=stiffness.tolist(),
         study=study,
@@ -87,7 +88,7 @@ def with_nominal_arm(spec: ArmSpec, believed: Tree) -> ArmSpec:
         0.0 if old == 0.0 else _stiffness(spec.study.episode, believed, start)
         for old, start in zip(spec.stiffness, spec.arm_starts, strict=True)
     ]
-    changes = {"nominal": TreeSettings.of(believed), "counted_by": base_parameters(believed).names}
+    changes = {"nominal": TreeSettings.of(believed), "counted_by": base_parameters(believed, None, spec.tilts).names}
     return spec.model_copy(update={**changes, "stiffness": tuple(stiffness)})
 
 

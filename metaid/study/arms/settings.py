@@ -6,12 +6,14 @@ from hashlib import blake2b
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from metaid.files import Settings
 from metaid.models.tree import PriorDeviations, Tree
-from metaid.plant.arms import ArmFaults, ArmStart
+from metaid.plant import FaultSettings
+from metaid.plant.arms import ArmStart
 from metaid.search import OutputErrorOptions, StepOptions
+from metaid.study.estimating import AnyEstimateSettings
 
 Vector = Annotated[tuple[float, ...], Field(strict=False)]
 Share = Annotated[float, Field(gt=0, le=10)]
@@ -41,7 +43,8 @@ class ArmEpisodeSettings(Settings):
     """`[episode]`: how many pushes coast, `coasts` (default: 2 a joint), and how many swing as on springs, `springs`
     (default: 1 a joint), with the `stiffness` k in 1/s² of the q̈ = −k (q − q₀) that their law asks for (default: by the
     torque limits, at most 30); how long each is, `horizon` in s; the `speed` of the fastest joint at a start in rad/s;
-    how many times faster a joint must be to have run away, `runaway`.
+    how many times faster a joint must be to have run away, `runaway`; the `lead` in s, for an arm whose torques come
+    late: the law gets the coordinates that the speeds lead to by then.
     """
 
     coasts: Annotated[int, Field(ge=1, le=1000)] | None = None
@@ -50,16 +53,16 @@ class ArmEpisodeSettings(Settings):
     horizon: Annotated[float, Field(gt=0, le=60)] = 0.3
     speed: Annotated[float, Field(gt=0, le=100)] = 3.0
     runaway: Annotated[float, Field(gt=1, le=1e6)] = 5.0
+    lead: Annotated[float, Field(ge=0, le=1)] = 0.0
 
 
-class ArmEstimateSettings(Settings):
-    """`[estimate]`: whether one is made of the trials at all, `enabled`. How wrong the nominal arm may be, as standard
-    deviations: of each link's `mass`, of its centre of mass `com` as a share of its distance from the joint, of its
+class ArmEstimateSettings(AnyEstimateSettings):
+    """`[estimate]` of an arm, with what it has of any robot. How wrong the nominal arm may be, as standard deviations:
+    of each link's `mass`, of its centre of mass `com` as a share of its distance from the joint, of its
     moments of `inertia`; of each joint's `rotor`, `damping` and dry friction `coulomb`, as shares of the joint's torque
     (docs/method.md, Eq. 41).
     """
 
-    enabled: bool = True
     mass: Share = 0.3
     com: Share = 0.15
     inertia: Share = 0.3
@@ -70,7 +73,17 @@ class ArmEstimateSettings(Settings):
     @property
     def prior(self) -> PriorDeviations:
         """The same as the model has it."""
-        return PriorDeviations(**self.model_dump(exclude={"enabled"}))
+        return PriorDeviations(**self.model_dump(exclude=set(AnyEstimateSettings.model_fields)))
+
+    @field_validator("faults")
+    @classmethod
+    def _not_known(cls, faults: tuple[str, ...] | str) -> tuple[str, ...] | str:
+        if {"viscous", "dry"} & set(faults):
+            raise ValueError(
+                "friction of an arm's joints is among its base parameters, damping and coulomb, and always searched "
+                "(allowed: delay, tilt, offset, spring, gain)"
+            )
+        return faults
 
 
 class ArmStudySettings(Settings):
@@ -155,12 +168,15 @@ class TreeSettings(Settings):
 
 
 class ArmPlantSettings(Settings):
-    """A simulated arm with nothing left to look up: its `arm`, its `timestep` in s, its `faults`."""
+    """A simulated arm with nothing left to look up: its `arm`, its `timestep` in s, its `faults`, and the stiffness of
+    springs in its joints, by their names, in N m/rad or N/m.
+    """
 
     arm: TreeSettings
     timestep: float
     truth_known: bool
-    faults: ArmFaults
+    faults: FaultSettings
+    stiffness: dict[str, float] = Field(default_factory=dict)
 
 
 class StartSettings(Settings):
@@ -188,7 +204,12 @@ class ArmSpec(Settings):
     @property
     def timestep(self) -> float:
         """Time between two control steps, in s."""
-        return self.plant.timestep
+        return self.plant.timestep * self.plant.faults.control_every
+
+    @property
+    def tilts(self) -> bool:
+        """Whether the base may be tilted, as far as the study knows."""
+        return "tilt" in self.study.estimate.unbelieved_faults
 
     @property
     def arm_starts(self) -> tuple[ArmStart, ...]:

@@ -1,89 +1,32 @@
-"""What all trials of a study of an arm say together, as it is kept with the study."""
+"""What all trials of a study of an arm say together, with its base parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from metaid.estimation import Approximation, HeldOut
 from metaid.estimation.arms import ArmEstimate
 from metaid.models import Array
 from metaid.models.tree import possible_bodies
-from metaid.store import Trial
-from metaid.study.arms import ArmProblem
-from metaid.study.estimates.chain import interval_name, worst_shown
-from metaid.study.estimates.making import CLOSE, first_enough
+from metaid.study.estimates.study_estimate import StudyEstimate
 from metaid.study.identifiability import COARSEST
-
-if TYPE_CHECKING:
-    from metaid.estimation import Replay
-    from metaid.estimation.arms import ArmExperiment, SeenArmTrial
 
 
 @dataclass(frozen=True)
-class ArmFound:
-    """An estimate, and all that is said of it.
-
-    Attributes:
-        estimate: what the trials say.
-        trials: how many it is made of.
-        seen: makes the experiment and these trials, as that has them.
-        held_out: how well fits to some pushes predict the others; None where the estimate explains what was seen to
-            the noise, and where no push can be left out.
-        known_from: how many of the first trials were enough to know every base parameter as well as all of them.
-    """
+class ArmFound(StudyEstimate):
+    """That of an arm."""
 
     estimate: ArmEstimate
-    trials: int
-    seen: Callable[[], tuple[ArmExperiment, tuple[SeenArmTrial, ...]]] = field(compare=False, repr=False)
-    held_out: HeldOut | None = None
-    known_from: int | None = None
-
-    @property
-    def explains(self) -> bool:
-        """Whether the model explains what was seen."""
-        return self.estimate.is_explained
-
-    @property
-    def description(self) -> str:
-        """How well the model explains what was seen, in a sentence."""
-        found = f"misfit {self.estimate.misfit:.3g} (explained: below {self.estimate.explained_below:.3g})"
-        if self.explains:
-            return f"the model explains what was seen: {found}"
-        return (
-            "the model does not explain what was seen, be it for springs, play, torques that come late or are cut off, "
-            f"or wrong frames: {found}"
-        )
-
-    @cached_property
-    def approximation(self) -> Approximation | None:
-        """What the estimate is worth where it does not explain what was seen to the noise, base parameter by base
-        parameter; None where it does, and where no push can be left out.
-        """
-        estimate, held, prior = self.estimate, self.held_out, self.estimate.searched.prior
-        if held is None:
-            return None
-        values, beforehand = estimate.values, np.sqrt(np.diag(prior.covariance))
-        return Approximation(
-            replace(held, unknowns=estimate.searched.values(held.unknowns)),
-            estimate.misfit,
-            estimate.residuals,
-            prior.nominal.names,
-            estimate.value_deviations,
-            np.zeros(len(values)),
-            COARSEST * np.maximum(np.abs(values), beforehand),
-            possible_bodies(prior, values) is not None,
-        )
 
     @property
     def deviations(self) -> Array:
         """Standard deviation of each base parameter (nbase), in its unit."""
-        return self.estimate.value_deviations if self.approximation is None else self.approximation.deviations
+        if self.approximation is not None:
+            return self.approximation.deviations
+        own = self.estimate.value_deviations
+        return own if self.hinted is None else np.hypot(own, self._changes(self.hinted.shift))
 
     @property
     def covariance(self) -> Array:
@@ -92,66 +35,41 @@ class ArmFound:
         return np.asarray(self.estimate.value_covariance * np.outer(wider, wider), dtype=np.float64)
 
     @property
-    def interval_name(self) -> str:
-        """What `low` to `high` of the base parameters is."""
-        return interval_name(None)
+    def usual(self) -> str:
+        return "springs, play, torques that come late or are cut off, or wrong frames"
 
-    def replay(self) -> Replay:
-        """A trial as the plant showed it, and as the twin at the estimate moves: see `worst_shown`."""
-        experiment, trials = self.seen()
-        number = worst_shown(self.estimate.residuals, self.explains)
-        return experiment.replay(trials, self.estimate, number)
+    def shift_in_words(self, shift: Array) -> str:
+        base, changes = self.estimate.searched.prior.base, self._changes(shift)
+        moved = int(np.argmax(np.abs(changes) / self._scales))
+        way = "larger" if changes[moved] > 0.0 else "smaller"
+        return f"{base.names[moved]} would be {abs(changes[moved]):.2g} {base.units[moved]} {way}"
 
+    def beyond(self, reach: Array) -> list[str]:
+        # What unknowns may be off by has no signs.
+        changes = np.abs(self.estimate.searched.root) @ reach
+        names = self.estimate.searched.prior.base.names
+        return [name for name, far in zip(names, changes > COARSEST * self._scales, strict=True) if far]
 
-def watched_arm_trials(
-    problem: ArmProblem, trials: Sequence[Trial]
-) -> tuple[ArmExperiment | None, tuple[SeenArmTrial, ...]]:
-    """The experiment of the study that `problem` is, None where none can be made, and its `trials` as that has them."""
-    shown = [each for each in trials if each.outcome.windows is not None or each.outcome.readings is not None]
-    experiment = problem.experiment() if shown else None
-    if experiment is None:
-        return None, ()
-    seen = (experiment.trial(each.factors, each.outcome) for each in shown)
-    return experiment, tuple(trial for trial in seen if trial is not None)
+    def _approximated(self, held_out: HeldOut) -> Approximation:
+        estimate, force = self.estimate, self.hinted
+        count = len(estimate.unknowns)
+        return Approximation(
+            replace(held_out, unknowns=estimate.searched.values(held_out.unknowns[:, :count])),
+            estimate.misfit,
+            estimate.residuals,
+            estimate.searched.joints,
+            estimate.value_deviations,
+            np.zeros(count) if force is None else self._changes(force.shift),
+            COARSEST * self._scales,
+            not self.impossible and possible_bodies(estimate.searched.prior, estimate.values) is not None,
+        )
 
+    @property
+    def _scales(self) -> Array:
+        """What changes of each base parameter (nbase) are large or small beside."""
+        beforehand = np.sqrt(np.diag(self.estimate.searched.prior.covariance))
+        return np.maximum(np.abs(self.estimate.values), beforehand)
 
-def arm_estimate(problem: ArmProblem, trials: Sequence[Trial]) -> ArmFound | None:
-    """The estimate from all `trials` of the study that `problem` is; None where nothing can be made of them."""
-    with threadpool_limits(1):
-        experiment, watched = watched_arm_trials(problem, trials)
-        if experiment is None or not watched:
-            return None
-        # From where the first trials lead, all of them lead on in a step or two.
-        few = watched[: experiment.probes]
-        probed = experiment.estimate(few, thorough=len(few) == len(watched))
-        estimate = probed if len(few) == len(watched) else experiment.estimate(watched, probed)
-        if estimate is None:
-            return None
-        held_out = None if estimate.is_explained else experiment.held_out(watched, estimate)
-        known_from = _known_from(estimate, probed, experiment, watched)
-    return ArmFound(estimate, len(watched), lambda: (experiment, watched), held_out, known_from)
-
-
-def _known_from(
-    estimate: ArmEstimate, probed: ArmEstimate | None, experiment: ArmExperiment, watched: tuple[SeenArmTrial, ...]
-) -> int | None:
-    """How many of the first trials were enough for an estimate of all; None where it explains nothing.
-
-    Args:
-        estimate: of all trials.
-        probed: of the first of them alone that the experiment needs for one.
-        experiment: of the study.
-        watched: the trials.
-    """
-    if not estimate.is_explained:
-        return None
-    reach = CLOSE * experiment.searched.spread  # of every unknown's deviation beforehand
-
-    def is_enough(count: int) -> bool:
-        early: ArmEstimate | None = estimate
-        if count < len(watched):
-            some = watched[:count]
-            early = probed if count == experiment.probes else experiment.estimate(some, probed, False)
-        return early is not None and np.abs(early.unknowns - estimate.unknowns).max() <= reach
-
-    return first_enough(experiment.probes, len(watched), is_enough)
+    def _changes(self, shift: Array) -> Array:
+        """Of the base parameters (nbase), with a `shift` of the unknowns (nbase)."""
+        return np.asarray(self.estimate.searched.root @ shift, dtype=np.float64)

@@ -8,19 +8,16 @@ both are the same to the last bit. It is a system attribute of the study, which 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
 import metaid
-from metaid.estimation.arms import ArmUnknowns
 from metaid.store import ForeignTrial, Lease, Store, Trial
-from metaid.study.arms import ArmProblem
-from metaid.study.estimates.arm import ArmFound, arm_estimate, watched_arm_trials
-from metaid.study.estimates.chain import StudyEstimate
 from metaid.study.estimates.making import study_estimate, watched_trials
+from metaid.study.estimates.study_estimate import StudyEstimate
 from metaid.study.estimates.text import text_of, value_of
 from metaid.study.kinds import AnyProblem
 
@@ -54,8 +51,7 @@ def kept_with(store: Store, name: str) -> Any:
 
 
 def estimate_from(kept: Any, problem: AnyProblem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial] = ()) -> Any:
-    """What all trials of a study say: a `StudyEstimate`, or of an arm an `ArmFound`; None where nothing can be made of
-    them.
+    """What all trials of a study say, a `StudyEstimate`; None where nothing can be made of them.
 
     Args:
         kept: what the DB has of it.
@@ -63,33 +59,29 @@ def estimate_from(kept: Any, problem: AnyProblem, trials: Sequence[Trial], forei
         trials: metaid's own.
         foreign: those of others, with the motion that they carry.
     """
-    is_arm, given = isinstance(problem, ArmProblem), _given(problem, trials, foreign)
+    given = _given(problem, lambda: watched_trials(problem, trials, foreign)[:2])
     try:
         if kept["of"] == _is_of(problem, trials, foreign):
             found = value_of(kept["estimate"], given)
-            if found is None or isinstance(found, ArmFound if is_arm else StudyEstimate):
+            if found is None or isinstance(found, StudyEstimate):
                 return found
     except (ValueError, TypeError, LookupError, AttributeError):
         pass  # there is none, or one that metaid did not write
     return value_of(_made(problem, trials, foreign), given)
 
 
-def _given(problem: AnyProblem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial]) -> dict[str, Any]:
-    """What an estimate has that follows from the study and its trials, and is not kept."""
-    if isinstance(problem, ArmProblem):
-        arm = problem
-        return {"seen": lambda: watched_arm_trials(arm, trials), "searched": ArmUnknowns(problem.prior)}
-    chain = problem
-    return {"seen": lambda: watched_trials(chain, trials, foreign)[:2]}
+def _given(problem: AnyProblem, seen: Callable[[], Any]) -> dict[str, Any]:
+    """What an estimate has that follows from the study and its trials, which `seen` makes, and is not kept."""
+    return {"seen": seen, **problem.given}
 
 
 def _made(problem: AnyProblem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial]) -> str:
     """The text of the estimate that is made of all trials."""
-    if isinstance(problem, ArmProblem):
-        of_arm = arm_estimate(problem, trials)
-        return text_of(of_arm, {} if of_arm is None else {"seen": of_arm.seen, "searched": of_arm.estimate.searched})
     found = study_estimate(problem, trials, foreign)
-    return text_of(found, {} if found is None else {"seen": found.seen})
+    given = (
+        {} if found is None else {"seen": found.seen, **{key: getattr(found.estimate, key) for key in problem.given}}
+    )
+    return text_of(found, given)
 
 
 def _is_of(problem: AnyProblem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial]) -> dict[str, Any]:

@@ -1,29 +1,30 @@
-"""The estimate of a study of a chain, made of its trials and of those that others had evaluated."""
+"""The estimate of a study, made of its trials and of those that others had evaluated."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from metaid.episode import QUANTITIES, Episode, Outcome
+from metaid.episode import QUANTITIES, Outcome
+from metaid.estimation import Estimate
 from metaid.store import ForeignTrial, Trial
-from metaid.study.estimates.chain import StudyEstimate
-from metaid.study.problem import MOST_TRIALS, Problem
-
-if TYPE_CHECKING:
-    from metaid.estimation import ChainExperiment, SeenTrial
+from metaid.study.estimates.arm import ArmFound
+from metaid.study.estimates.chain import ChainFound
+from metaid.study.estimates.study_estimate import StudyEstimate
+from metaid.study.kinds import AnyProblem
+from metaid.study.problem import MOST_TRIALS
 
 FIRST_TRIALS = 12  # of which it is looked for how early the estimate was there
-CLOSE = 1e-3  # of every lump: so near its last value an estimate was there
+CLOSE = 1e-3  # of what an unknown is a multiple of: so near its last value an estimate was there
 
 
 def watched_trials(
-    problem: Problem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial] = ()
-) -> tuple[ChainExperiment | None, tuple[SeenTrial, ...], int]:
+    problem: AnyProblem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial] = ()
+) -> tuple[Any, tuple[Any, ...], int]:
     """The experiment of a study, and its trials as that has them, metaid's own before those of
     others, at most MOST_TRIALS of each; and of how many others there are. No experiment where none can be made.
 
@@ -43,7 +44,7 @@ def watched_trials(
 
 
 def study_estimate(
-    problem: Problem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial] = ()
+    problem: AnyProblem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial] = ()
 ) -> StudyEstimate | None:
     """The estimate from the `trials` of the study of this `problem`, and after these from those of the
     `foreign` ones that carry its motion. None where there is none to be made.
@@ -53,9 +54,7 @@ def study_estimate(
         return None if experiment is None else estimate_of(experiment, watched, problem.is_matching, others)
 
 
-def estimate_of(
-    experiment: ChainExperiment, trials: tuple[SeenTrial, ...], is_probed: bool, by_others: int = 0
-) -> StudyEstimate | None:
+def estimate_of(experiment: Any, trials: tuple[Any, ...], is_probed: bool, by_others: int = 0) -> StudyEstimate | None:
     """The estimate from all `trials` of an `experiment`; None where there is none to be made.
 
     Args:
@@ -65,34 +64,45 @@ def estimate_of(
             probes alone than from the nominal model, for squares of a motion that nearly coasts carry no sign.
         by_others: how many of the last trials are not metaid's own.
     """
-    probes = trials[: experiment.probes] if is_probed and len(trials) > experiment.probes else ()
-    estimate = experiment.estimate(trials, experiment.estimate(probes) if probes else None)
+    leads_on = experiment.leads_on
+    probes = trials[: experiment.probes] if (is_probed or leads_on) and len(trials) > experiment.probes else ()
+    probed = experiment.estimate(probes, thorough=not leads_on) if probes else None
+    estimate = experiment.estimate(trials, probed)
     if estimate is None:
         return None
     estimate, taken_up = experiment.taken_up(trials, estimate)
     searching, left = experiment.searching(estimate), not estimate.is_explained
-    found = StudyEstimate(
+    found = (ChainFound if isinstance(estimate, Estimate) else ArmFound)(
         estimate,
-        searching.unknowns.kinds,
         len(trials),
         lambda: (experiment, trials),
         by_others,
         taken_up,
         tuple(searching.unmodelled(trials, estimate)),
-        searching.held_out(trials, estimate) if left and estimate.counts is None else None,
+        searching.held_out(trials, estimate) if left and not experiment.counts else None,
         searching.proposed(trials, estimate) if left else None,
     )
-    return replace(found, known_from=_known_from(found, searching, trials))
+    return replace(found, known_from=_known_from(found, searching, trials, probed if leads_on else None))
 
 
-def _known_from(found: StudyEstimate, experiment: ChainExperiment, trials: tuple[SeenTrial, ...]) -> int | None:
-    """How many of the first `trials` were enough for what was `found`; None where that is not said."""
-    if not found.explains or found.estimate.counts is not None:
+def _known_from(found: StudyEstimate, experiment: Any, trials: tuple[Any, ...], probed: Any) -> int | None:
+    """How many of the first trials were enough for an estimate; None where that is not said.
+
+    Args:
+        found: of all trials.
+        experiment: of the study, with all that was found.
+        trials: as it has them.
+        probed: the estimate of the first of them, from where all others follow; None where each begins anew.
+    """
+    if not found.explains or experiment.counts:
         return None
+    final, reach = found.estimate, CLOSE * experiment.scale
 
     def is_enough(count: int) -> bool:
-        early = found.estimate if count == len(trials) else experiment.estimate(trials[:count])
-        return early is not None and np.abs(early.log_factors - found.estimate.log_factors).max() <= CLOSE
+        if count == len(trials):
+            return True
+        early = experiment.estimate(trials[:count], probed, probed is None)
+        return early is not None and bool(np.abs(early.unknowns - final.unknowns).max() <= reach)
 
     return first_enough(experiment.probes, min(len(trials), FIRST_TRIALS), is_enough)  # fewer cannot tell all
 
@@ -116,7 +126,7 @@ def first_enough(fewest: int, most: int, is_enough: Callable[[int], bool]) -> in
     return enough
 
 
-def shown_by_others(problem: Problem, foreign: Sequence[ForeignTrial]) -> list[Trial]:
+def shown_by_others(problem: AnyProblem, foreign: Sequence[ForeignTrial]) -> list[Trial]:
     """The `foreign` trials that `metaid.objective` evaluated with the settings of the study of this `problem`, and
     that carry motion: each once.
     """
@@ -126,9 +136,9 @@ def shown_by_others(problem: Problem, foreign: Sequence[ForeignTrial]) -> list[T
     return [each for i, each in enumerate(fits) if not any(_is_copy(each, earlier) for earlier in fits[:i])]
 
 
-def has_motion_of(episode: Episode, outcome: Outcome) -> bool:
+def has_motion_of(episode: Any, outcome: Outcome) -> bool:
     """Whether the windows or the readings of an `outcome` are of such an `episode`."""
-    npush, njoint = episode.pushes.shape
+    npush, njoint = episode.npush, episode.njoint
     if episode.readings_steps:
         read = outcome.readings
         return read is not None and read.angles.shape == (npush, episode.readings_steps + 1, njoint)

@@ -19,9 +19,9 @@ from metaid.estimation import Estimate, FoundFaults, HeldOut, Proposal, Searched
 from metaid.estimation.arms import ArmEstimate
 from metaid.models import Lumps
 from metaid.study.estimates.arm import ArmFound
-from metaid.study.estimates.chain import StudyEstimate
+from metaid.study.estimates.chain import ChainFound
 
-_CLASSES: tuple[type, ...] = (StudyEstimate, Estimate, Lumps, FoundFaults, SearchedFaults, TakenUp, Proposal)
+_CLASSES: tuple[type, ...] = (ChainFound, Estimate, Lumps, FoundFaults, SearchedFaults, TakenUp, Proposal)
 _CLASSES += Unmodelled, HeldOut, ArmFound, ArmEstimate
 KEPT = {one.__name__: one for one in _CLASSES}
 LARGEST = 500_000_000  # bytes of JSON: a text that claims more was not written by metaid

@@ -1,0 +1,76 @@
+"""How a noisy plant is controlled and read, and what that makes of the readings of a trial."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from metaid.episode import SensorReadings
+from metaid.estimation.faults import late
+from metaid.estimation.noisy.commanded import centred, filtered_speeds
+from metaid.estimation.trials import ReadTrial
+from metaid.models import Array
+
+
+@dataclass(frozen=True)
+class Loop:
+    """How a plant is controlled and read, as far as its user states it.
+
+    Attributes:
+        timestep: in which the twin moves, in s.
+        noise: standard deviation of a reading of each joint (njoint), in rad or m, from the plant at rest.
+        speed_weights: of the last angle readings (nreading), in 1/s, for the speed where there is no sensor of it.
+        start_spread: what pushes differ by, as `ReadTrial` has it (npush x njoint x njoint), in rad/s, or None.
+        substeps: how many timesteps a torque holds.
+        delay: how many torques late it is.
+        lead: seconds by which the law looks ahead.
+        torque_limits: what the motors are said to give at most (njoint), in N m.
+        has_unknown_encoders: whether the resolution of the encoders is to be seen in the readings; else it is in the
+            `noise`.
+        is_continuous: whether the plant moves continuously, as a real one does, and not in steps, as a simulated one.
+    """
+
+    timestep: float
+    noise: Array
+    speed_weights: Array
+    start_spread: Array | None = None
+    substeps: int = 1
+    delay: int = 0
+    lead: float = 0.0
+    torque_limits: Array | float = np.inf
+    has_unknown_encoders: bool = False
+    is_continuous: bool = False
+
+    @property
+    def declared_delay(self) -> float:
+        """By which torques are known to be late, in s."""
+        return self.delay * self.timestep * self.substeps
+
+    def trial(
+        self,
+        read: SensorReadings,
+        start_speeds: Array,
+        law: Callable[[Array, Array], Array],
+        poses: Array | None = None,
+    ) -> ReadTrial:
+        """A trial by what its sensors read.
+
+        Args:
+            read: what they read.
+            start_speeds: joint speeds (npush x njoint), in rad/s, that such pushes give.
+            law: the torques (npush x nstep x njoint), in N m, that it makes of joint coordinates and speeds
+                (npush x nstep + 1 x njoint each).
+            poses: joint coordinates (npush x njoint) at which pushes begin; None for the upright.
+        """
+        speeds = read.speeds
+        if speeds is None:
+            speeds = filtered_speeds(read.angles, start_speeds, self.speed_weights)
+        torques = late(law(read.angles + self.lead * speeds, speeds), self.delay)
+        torques = np.asarray(np.clip(torques, -self.torque_limits, self.torque_limits), dtype=np.float64)
+        if self.is_continuous:
+            torques = centred(torques, self.substeps)
+        noise = np.hypot(self.noise, read.encoder_steps / np.sqrt(12.0)) if self.has_unknown_encoders else self.noise
+        pushes = start_speeds, self.start_spread
+        return ReadTrial(self.timestep, read.angles, torques, read.steps, *pushes, noise, self.substeps, poses)

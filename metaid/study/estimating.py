@@ -1,0 +1,70 @@
+"""What `[estimate]` of a study file says of any robot."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator
+
+from metaid.files import Settings
+from metaid.plant import FAULT_UNITS, Limit
+
+TAKEN_UP = ("delay", "tilt")  # of the faults that a study may take up by itself those that a plant file may have
+
+FaultKind = Literal["delay", "tilt", "offset", "viscous", "dry", "spring", "gain"]
+
+
+class AnyEstimateSettings(Settings):
+    """What `[estimate]` has for chains and arms alike. `enabled`: whether an estimate is made of the trials at all.
+    `faults`: what else of the plant is unknown (`metaid.plant.unknown_faults`), or "proposed", where such faults are
+    taken up once nothing explains the trials without them; what the plant file says of these is not believed.
+    `torque_limit`: what the motors give at most, in N m, one number or one a joint, as far as you know; the plant file
+    is not asked.
+    """
+
+    enabled: bool = True
+    faults: Annotated[tuple[FaultKind, ...], Field(strict=False)] | Literal["proposed"] = ()
+    torque_limit: Limit | Annotated[tuple[Limit, ...], Field(min_length=1, strict=False)] | None = None
+
+    @property
+    def searched_faults(self) -> tuple[str, ...]:
+        """The kinds that are searched from the first trial on."""
+        return () if self.takes_up_faults else tuple(self.faults)
+
+    @property
+    def takes_up_faults(self) -> bool:
+        """Whether faults are taken up where nothing explains the trials without them."""
+        return self.faults == "proposed"
+
+    @property
+    def unbelieved_faults(self) -> tuple[str, ...]:
+        """The kinds of which nothing is believed that the plant file says."""
+        return TAKEN_UP if self.takes_up_faults else self.searched_faults
+
+    def misfits(self, njoint: int, has_readings: bool) -> str | None:
+        """What does not suit a robot of `njoint` joints, whose trials keep readings or not; None where all does."""
+        if self.faults and not self.enabled:
+            return "estimate: faults: only an estimate finds them (allowed: enabled = true)"
+        if "gain" in self.searched_faults and njoint == 1:
+            return (
+                "estimate: faults: 'gain' of one motor cannot be told from the lumps, which it multiplies "
+                "(allowed: with two joints or more, where gains are those relative to the first motor)"
+            )
+        limit = self.torque_limit
+        if limit is not None and not (self.enabled and has_readings):
+            return (
+                "estimate: torque_limit: only an estimate from readings knows of it (allowed: on a rig or a plant with "
+                "[faults], with enabled = true)"
+            )
+        if isinstance(limit, tuple) and len(limit) != njoint:
+            return f"estimate: torque_limit has {len(limit)} numbers (allowed: one, or {njoint})"
+        return None
+
+    @field_validator("faults")
+    @classmethod
+    def _each_once(cls, faults: tuple[str, ...] | str) -> tuple[str, ...] | str:
+        if isinstance(faults, str):
+            return faults
+        if len(set(faults)) < len(faults):
+            raise ValueError("names a fault twice (allowed: each once)")
+        return tuple(kind for kind in FAULT_UNITS if kind in faults)

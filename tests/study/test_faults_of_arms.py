@@ -1,0 +1,101 @@
+"""Studies of an arm of three joints on a plant that has what real ones have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from arm_studies import spec_of
+
+from metaid.errors import StudyError
+from metaid.models import Array
+from metaid.results.arms import read_any_snapshot
+from metaid.store import Store
+from metaid.study import create_study, load_study, run_study
+from metaid.study.estimates import ArmFound
+
+SENSORS = {"angle_noise": 1e-4, "speed_sensor": False}
+
+
+def found_with(folder: Path, searched: tuple[str, ...] | str, **faults: object) -> tuple[ArmFound, Array]:
+    """What two trials on a plant with these faults say, and how many deviations each base parameter is off."""
+    wanted = searched if isinstance(searched, str) else list(searched)
+    spec = spec_of(**{"trials": 2, "estimate.faults": wanted})
+    plant = spec.plant.model_copy(update={"faults": spec.plant.faults.model_copy(update={**SENSORS, **faults})})
+    store = Store(str(folder / "arm.db"), create=True)
+    run_study(store, create_study(store, spec.model_copy(update={"plant": plant}), "arm"))
+    found = read_any_snapshot(store, "arm").estimate
+    assert isinstance(found, ArmFound)
+    true = found.estimate.searched.prior.base.of(spec.plant.arm.tree.parameters)
+    return found, np.asarray((found.estimate.values - true) / found.deviations)
+
+
+@pytest.mark.parametrize(
+    ("kinds", "faults", "true"),
+    [
+        (("delay",), {"delay": 2}, {"delay": 0.004}),
+        (("tilt",), {"tilt": (0.02, -0.03)}, {"tilt_x": 0.02, "tilt_y": -0.03}),
+        (("offset",), {"encoder_offset": (0.0, 0.02, -0.01)}, {"offset_2": 0.02}),
+        (("gain",), {"torque_gain": (1.0, 1.1, 0.95)}, {"gain_2": 1.1, "gain_3": 0.95}),
+        (
+            ("delay", "tilt", "gain"),
+            {"delay": 1, "control_every": 2, "tilt": (0.02, -0.03), "torque_gain": (1.0, 1.1, 0.95)},
+            {"delay": 0.004, "tilt_x": 0.02, "tilt_y": -0.03, "gain_2": 1.1, "gain_3": 0.95},
+        ),
+    ],
+    ids=["delay", "tilt", "offset", "gain", "together"],
+)
+def test_searched_faults_of_an_arm_are_found(
+    tmp_path: Path, kinds: tuple[str, ...], faults: dict[str, object], true: dict[str, float]
+) -> None:
+    """Within four deviations, with the base parameters; the model then explains what was read."""
+    found, off = found_with(tmp_path, kinds, **faults)
+    assert found.explains
+    assert np.abs(off).max() < 4.0
+    assert found.estimate.faults is not None
+    named = zip(found.estimate.faults.values, found.estimate.faults.deviations, strict=True)
+    values = dict(zip(found.estimate.faults.searched.names, named, strict=True))
+    for name, size in true.items():
+        value, deviation = values[name]
+        assert abs(value - size) < 4.0 * deviation < 0.05 * abs(size)
+
+
+def test_friction_of_an_arm_is_found_with_its_base_parameters(tmp_path: Path) -> None:
+    """It needs no fault: the plant has viscous friction that the nominal arm has not, and it is known to a tenth."""
+    found, off = found_with(tmp_path, ())
+    names = found.estimate.searched.prior.base.names
+    damping = [names.index(f"damping{joint}") for joint in (1, 2, 3)]
+    assert np.abs(off[damping]).max() < 4.0
+    assert (found.estimate.values[damping] > 10.0 * found.deviations[damping]).all()
+
+
+def test_study_of_an_arm_takes_up_the_fault_that_explains_it(tmp_path: Path) -> None:
+    """A delay that nobody has named is what is missing, and the study says so."""
+    found, off = found_with(tmp_path, "proposed", delay=2)
+    assert found.explains
+    assert found.taken_up is not None
+    assert found.taken_up.kinds == ("delay",)
+    assert np.abs(off).max() < 4.0
+
+
+def test_pushes_of_an_arm_that_differ_are_accounted_for(tmp_path: Path) -> None:
+    """Start speeds scatter by 2 %, and intervals hold what is true."""
+    found, off = found_with(tmp_path, (), push_noise=0.02)
+    assert found.explains
+    assert np.abs(off).max() < 4.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"estimate.faults": ["viscous"]}, "friction of an arm's joints is among its base parameters"),
+        ({"estimate.faults": ["delay"], "estimate.enabled": False}, "only an estimate finds them"),
+        ({"estimate.torque_limit": 5.0}, "only an estimate from readings knows of it"),
+        ({"estimate.faults": ["delay"], "estimate.torque_limit": [5.0, 5.0]}, "has 2 numbers .allowed: one, or 3"),
+    ],
+)
+def test_what_an_arm_cannot_have_is_refused(changes: dict[str, object], said: str) -> None:
+    """In one line, before anything is run."""
+    with pytest.raises(StudyError, match=said):
+        load_study("spatial-three-link", changes)
