@@ -7,10 +7,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from metaid.show.arm_report import render_any
     from metaid.show.companions import delete_companion
     from metaid.show.comparing import render_comparison
     from metaid.show.dashboard import make_dashboard, serve
+    from metaid.show.report import render
     from metaid.show.scene import open_viewer
     from metaid.show.stages import ArmStage, ChainStage
     from metaid.show.video import SUFFIXES, film
@@ -23,7 +23,7 @@ _MODULE_OF = {
     "film": "video",
     "make_dashboard": "dashboard",
     "open_viewer": "scene",
-    "render_any": "arm_report",
+    "render": "report",
     "render_comparison": "comparing",
     "serve": "dashboard",
 }
@@ -36,7 +36,7 @@ __all__ = [
     "film",
     "make_dashboard",
     "open_viewer",
-    "render_any",
+    "render",
     "render_comparison",
     "serve",
 ]

@@ -16,10 +16,9 @@ from conftest import Finished, random_links
 from mujoco import MjData, MjModel, mj_step
 from PIL import Image
 
-from metaid.api import candidates_of, episode_objective
+from metaid.api import episode_objective
 from metaid.plant import ArmPlant, MujocoPlant, PlantSettings, load_plant
-from metaid.results import read_findings
-from metaid.results.arms import laws_of
+from metaid.results import candidates_of, read_findings
 from metaid.show.scene import in_viewer
 from metaid.show.stages import ChainStage
 from metaid.store import Store
@@ -69,7 +68,7 @@ def test_film_of_a_study_that_found_nothing_shows_its_best_trial_and_says_so(est
     """The nominal model is not shown as if it had been identified."""
     store = Store(str(estimated))
     found = read_findings(store, "hidden")
-    shown = candidates_of(store, "hidden", episode_objective(found.problem.make_plant(), 10))
+    shown = candidates_of(store, "hidden", found.problem.open_plant())[1]
     assert list(shown) == ["nominal", "best trial", "true"]
     assert (shown["best trial"].vector == found.best_factors * shown["nominal"].vector).all()
     assert (shown["best trial"].vector != shown["nominal"].vector).any()
@@ -124,7 +123,7 @@ def test_film_of_an_arm_needs_its_study(metaid: Metaid, arms: Path) -> None:
     arm = load_plant("spatial-three-link")
     assert isinstance(arm, ArmPlant)
     with closing(Store(str(arms))) as store:
-        assert list(laws_of(store, "bent", arm)[1]) == ["nominal", "best trial", "true"]
+        assert list(candidates_of(store, "bent", arm)[1]) == ["nominal", "best trial", "true"]
 
 
 def moving_plant(**lacking: float) -> MujocoPlant:

@@ -84,3 +84,14 @@ def _chain_figure(plant: MujocoPlant, width: float = 0.64 * PAGE) -> Figure:
         figure = Figure(figsize=(width, max(3.2, 0.5 * plant.njoint)), layout="constrained")
         plot_plant(plant, figure.subplots())
     return figure
+
+
+@singledispatch
+def sketch(plant: Any, episode: Any, width: float) -> Figure:
+    """A plant without shapes, `width` inches wide, as an `episode` of it may begin."""
+    raise TypeError(plant)
+
+
+@sketch.register
+def _chain_sketch(plant: MujocoPlant, episode: Any, width: float) -> Figure:
+    return plant_figure(plant, width)

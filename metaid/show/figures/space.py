@@ -9,9 +9,10 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from metaid.episode.arms import ArmEpisode
 from metaid.models import Array
-from metaid.plant.arms import ArmPlant, ArmStart
-from metaid.show.figures.plants import plant_figure
+from metaid.plant.arms import ArmPlant
+from metaid.show.figures.plants import plant_figure, sketch
 from metaid.show.figures.style import FALL, INK, PAGE, RANGE, SURVIVOR, style, verbatim
 
 if TYPE_CHECKING:
@@ -39,17 +40,12 @@ def _arm_figure(arm: ArmPlant, width: float = PAGE) -> Figure:
     return figure
 
 
-def rods_figure(arm: ArmPlant, start: ArmStart, width: float) -> Figure:
-    """An arm of which no shapes are known, as lines from joint to joint and to the last centre of mass, at a start.
-
-    Args:
-        arm: a plant.
-        start: where its joints are.
-        width: of the figure, in inches.
-    """
+@sketch.register
+def _rods(arm: ArmPlant, episode: ArmEpisode, width: float) -> Figure:
+    """Lines from joint to joint and to the last centre of mass, where the first push begins."""
     import mujoco
 
-    arm.push(start)
+    arm.push(episode.starts[0])
     mujoco.mj_kinematics(arm.model, arm.data)
     places, directions = arm.data.xanchor.copy(), arm.data.xaxis.copy()
     line = np.concatenate([np.zeros((1, 3)), places, arm.data.xipos[-1:]])

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from metaid.episode import QUANTITIES, Outcome, fall_value, window_ends
 from metaid.episode.arms import KINETIC, ArmEpisode, ceiling_hz, resolution_hz
 from metaid.errors import StudyError
 from metaid.models import Array
-from metaid.models.tree import ArmPrior, Tree
+from metaid.models.tree import ArmPrior, ModelError, Tree, model_error
 from metaid.plant import ArmPlant, ArmSettings, joint_limits, slope_weights
 from metaid.search import (
     SAMPLERS,
@@ -24,6 +26,7 @@ from metaid.search import (
     plain_coordinates,
 )
 from metaid.study.arms.settings import ArmSpec
+from metaid.study.parameters import Parameters, base_parameters_of, settled
 
 if TYPE_CHECKING:
     from metaid.compiled.arms import ArmObjective
@@ -199,3 +202,72 @@ class ArmProblem:
         from metaid.estimation.arms import ArmUnknowns
 
         return {"searched": ArmUnknowns(self.prior)}
+
+    # What results are told by. A chain's problem answers to the same.
+
+    faint, all_fell = "push more, or faster", "a push fell in every trial: begin nearer, or slower"
+    far_off = "; with dry friction, or noise, no law comes so near"
+    draws_episodes = False  # for a picture: bounds are too far away for what is between them
+    noise_floor = None  # of the measure: none is subtracted
+    tilts = 2  # axes about which a base may be tilted
+
+    @cached_property
+    def sought(self) -> Parameters:
+        """The base parameters, which candidates are."""
+        return base_parameters_of(self.prior)
+
+    @property
+    def estimated(self) -> Parameters:
+        """The base parameters, which an estimate is of."""
+        return self.sought
+
+    @property
+    def can_be_estimated(self) -> bool:
+        """Whether the motion of its trials can be matched."""
+        return self.spec.study.estimate.enabled
+
+    def as_good_as(self, best: float) -> float:
+        """The largest value that cannot be told from the `best` one."""
+        return best + self.resolution
+
+    @property
+    def slides(self) -> NDArray[np.bool_]:
+        """Which joints are slides, and no hinges (njoint)."""
+        return self.nominal.slides
+
+    @property
+    def push_titles(self) -> list[str]:
+        """What the pushes of an episode are called (npush)."""
+        stiffness = self.episode.stiffness.tolist()
+        return [f"push {i + 1}: {'springs' if each else 'coast'}" for i, each in enumerate(stiffness)]
+
+    @property
+    def nominal_law(self) -> Array:
+        """The nominal parameters (njoint x 13)."""
+        return self.nominal.parameters
+
+    def law_at(self, values: Mapping[str, float]) -> Array:
+        """The parameters (njoint x 13) of the most probable arm with these `values` of the base parameters, by name."""
+        return self.prior.parameters_at(np.array([values[name] for name in self.names]))
+
+    def true_values(self, wanted: Parameters) -> Array:
+        """The true base parameters (nbase); NaN where they are not known. Only results ask for them."""
+        true, base = self.true_law(), self.prior.base
+        return np.full(len(wanted.names), np.nan) if true is None else settled(base, base.of(true))
+
+    def true_law(self) -> Array | None:
+        """The true parameters (njoint x 13); None where they are not known. Only results ask for them."""
+        return self.open_plant().true_parameters()
+
+    def model_error(self, law: Any) -> ModelError | None:
+        """How wrong a law is on states that no trial has seen; None where the truth is not known."""
+        true = self.true_law()
+        return None if true is None else model_error(self.open_plant().tree, law)
+
+    def is_about(self, plant: Any) -> bool:
+        """Whether this is the `plant` that is studied, to rounding."""
+        if not isinstance(plant, ArmPlant):
+            return False
+        one, other = self.open_plant().tree, plant.tree
+        pairs = (one.position, other.position), (one.parameters, other.parameters)
+        return one.names == other.names and all(np.allclose(*pair, rtol=1e-6, atol=1e-12) for pair in pairs)
