@@ -347,6 +347,11 @@ class Problem:
         return self.episode.noise_floor.frequency if self.measure.is_noisy else None
 
     @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Which of the lumps that are sought (nlump) the measure can find."""
+        return self.measure.determined(self.lumps)
+
+    @property
     def draws_episodes(self) -> bool:
         """Whether figures may ask for more episodes: a rig is not moved for a picture."""
         return self.is_simulated

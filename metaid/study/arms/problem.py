@@ -231,6 +231,11 @@ class ArmProblem:
         return best + self.resolution
 
     @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Which of the base parameters (nbase) the measure can find: all of them."""
+        return np.ones(len(self.names), dtype=np.bool_)
+
+    @property
     def slides(self) -> NDArray[np.bool_]:
         """Which joints are slides, and no hinges (njoint)."""
         return self.nominal.slides
