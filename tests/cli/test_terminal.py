@@ -25,7 +25,7 @@ from metaid.store import Store
 
 WIDTHS = (60, 80, 120)
 TOO_NARROW = "too narrow for: "
-PRINTING = ("checks.arm_check", "arms", "compare", "listing", "paper", "plants", "printed", "results", "studies")
+PRINTING = ("checks.determined", "compare", "episodes", "listing", "paper", "plants", "printed", "results", "shown_plants")
 STYLE = re.compile(r"\x1b\[[\d;]*m")
 
 Metaid = Callable[..., Finished]
