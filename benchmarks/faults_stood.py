@@ -89,11 +89,10 @@ def stand(named: str, nlink: int, seed: int) -> Stood:
         verdict, found = judge(snapshot), snapshot.estimate
         trials = store.trials(name, spec.names)
     cpu = time.process_time() - began
-    truth = snapshot.problem.open_plant().true_lumps()
-    assert truth is not None
+    truth = snapshot.problem.true_values(snapshot.problem.estimated)
     error, taken_up = np.inf, list[str]()
     if found is not None:
-        off = np.log(found.lumps_of(found.estimate) / truth.vector_of(found.kinds))
+        off = np.log(found.values / truth)
         error = float(np.abs(np.expm1(off)).max())
         taken_up = list(found.estimate.faults.searched.kinds) if found.estimate.faults else []
     motion = sum(trial.outcome.steps for trial in trials) * spec.timestep

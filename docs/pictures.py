@@ -29,7 +29,7 @@ from metaid.cli.live import Live  # noqa: E402
 from metaid.plant import load_plant  # noqa: E402
 from metaid.results import read_findings  # noqa: E402
 from metaid.show import make_dashboard  # noqa: E402
-from metaid.show.figures import Gallery, arm_figure, plant_figure, save  # noqa: E402
+from metaid.show.figures import Gallery, plant_figure, save  # noqa: E402
 from metaid.store import Store  # noqa: E402
 from metaid.study import Progress, run_study  # noqa: E402
 
@@ -107,7 +107,7 @@ def figures(store: Store) -> None:
         if study == "from-afar":
             save(plant_figure(gallery.found.problem.make_plant()), IMAGES / "plant.png")
             shrink(IMAGES / "plant.png")
-    save(arm_figure(load_plant("pa10")), IMAGES / "arm.png")
+    save(plant_figure(load_plant("pa10")), IMAGES / "arm.png")
     shrink(IMAGES / "arm.png")
 
 

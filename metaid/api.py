@@ -16,7 +16,7 @@ import pandas as pd
 
 from metaid import results
 from metaid.episode import Episode, Outcome, tip_push
-from metaid.errors import EpisodeError, StorageError
+from metaid.errors import EpisodeError
 from metaid.models import Array, Lumps, factors_from_names
 from metaid.models.tree import ArmPrior
 from metaid.plant import ArmPlant, MujocoPlant, load_chain, load_plant
@@ -25,7 +25,9 @@ from metaid.results import (
     Comparison,
     Findings,
     Validation,
+    judge,
     read_findings,
+    read_snapshot,
 )
 from metaid.store import DEFAULT_STORAGE, Store
 from metaid.study import (
@@ -74,20 +76,6 @@ def episode_objective(
             "make a study with a nominal model"
         )
     return Objective(plant, lumps, Episode(tip_push(plant, peak_speed), steps), "crossing")
-
-
-def candidates_of(store: Store, name: str, objective: Objective) -> dict[str, Lumps]:
-    """A study's nominal and identified lumps, and those of the plant that `objective` is about. Where the study has
-    identified none, those of its best trial, which are called so.  Raises StorageError where the study is about another
-    plant or has no survivor.
-    """
-    found = read_findings(store, name)
-    nominal, plant = found.problem.lumps, found.problem.make_plant()
-    if not isinstance(objective.plant, MujocoPlant) or plant.settings != objective.plant.settings:
-        raise StorageError(f"study '{name}' is about the plant {plant.name}, not about {objective.plant.name}")
-    identified = found.lumps["identified"].notna().any()
-    shown, factors = ("identified", found.identified_factors) if identified else ("best trial", found.best_factors)
-    return {"nominal": nominal, shown: nominal.scaled(factors), "true": objective.nominal}
 
 
 def check_factors(factors: Mapping[str, float], lumps: Lumps) -> Array:
@@ -321,10 +309,9 @@ def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: 
         StorageError: the DB has no such study.
         StudyError: no lump was found, or the plant is a rig.
     """
-    from metaid.results.arms import read_any_snapshot, validate_any
-
     with closing(Store(storage or default_storage())) as store:
-        return validate_any(read_any_snapshot(store, name), pushes, seed)
+        snapshot = read_snapshot(store, name)
+        return results.validate(snapshot, judge(snapshot), pushes, seed)
 
 
 def model(name: str, storage: str | None = None, even_if_not_found: bool = False) -> IdentifiedModel:
@@ -340,11 +327,10 @@ def model(name: str, storage: str | None = None, even_if_not_found: bool = False
         StorageError: the DB has no such study.
         StudyError: the study has found no model.
     """
-    from metaid.results.arms import read_any_snapshot
     from metaid.results.exporting import identified_model
 
     with closing(Store(storage or default_storage())) as store:
-        return identified_model(read_any_snapshot(store, name), even_if_not_found)
+        return identified_model(read_snapshot(store, name), even_if_not_found)
 
 
 def load_findings(name: str, storage: str | None = None) -> Findings:

@@ -19,11 +19,11 @@ from postgres import Postgres, run_postgres
 from rig import Serve, serving
 
 from metaid.cli import main
-from metaid.models import Chain
+from metaid.models import Array, Chain, Lumps
 from metaid.plant import FaultSettings, LinkSettings, MujocoPlant, PlantSettings
 from metaid.results import identified_factors, read_snapshot
 from metaid.store import Store
-from metaid.study import AnySpec, StudySpec
+from metaid.study import AnySpec, Problem, StudySpec
 
 LONG_SET_UP = ("test_wheel.py", "test_workers.py")  # what is made for them takes longer than their tests
 
@@ -78,6 +78,11 @@ def matching_spec(noisy: bool) -> StudySpec:
         assert isinstance(spec.plant, PlantSettings)
         return spec.model_copy(update={"plant": spec.plant.model_copy(update={"faults": faults})})
     return load_chain_study("two-link-tpe", {"sampler": "output-error", "trials": 8, "search.probes": 3})
+
+
+def law_of(problem: Problem, factors: Array) -> Lumps:
+    """The law whose lumps are `factors` (nlump) of a study's nominal ones; nothing is known of inertia."""
+    return problem.law_at(dict(zip(problem.names, (problem.lumps.vector * factors).tolist(), strict=True)))
 
 
 def what_is_known(store: Store, name: str) -> tuple[str, ...]:

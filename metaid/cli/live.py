@@ -16,11 +16,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from metaid.errors import printable
-from metaid.models import Array, lump_unit
+from metaid.models import Array
 from metaid.search import SAMPLERS
 from metaid.store import Store
-from metaid.study import AnyProblem, ArmProblem, problem_of, stored_spec
 from metaid.study import Progress as RunProgress
+from metaid.study import problem_of, stored_spec
 
 INTERVAL = 5.0  # s between plain lines
 LOOK_BACK = 10  # generations over which a lump's last move is shown
@@ -40,8 +40,11 @@ class Live:
     def __init__(self, store: Store, name: str, quiet: bool, console: Console | None = None) -> None:
         self._bests: deque[Array] = deque(maxlen=LOOK_BACK)
         self._problem = problem_of(stored_spec(store, name))
-        self._true_factors: Array | None = None
-        self._learn_lumps(self._problem)
+        self._sought = self._problem.sought
+        true = self._problem.true_values(self._sought)
+        self._true_factors = np.where(true == 0.0, np.nan, true) / self._sought.scale
+        # Of base parameters, of which one may be next to nothing, a share of an error says nothing.
+        self._tells_error = self._sought.deviations is None and not np.isnan(self._true_factors).all()
         self._console = console or Console(stderr=True, markup=False, highlight=False)
         self._prints_lines = not quiet and not self._console.is_terminal
         self._name = printable(name)
@@ -50,18 +53,6 @@ class Live:
         self._started: tuple[float, int] | None = None
         self._last_line = time.monotonic()
         self.trials = 0
-
-    def _learn_lumps(self, problem: AnyProblem) -> None:
-        """Notes the units and nominal values of what is searched, and the true ones where they are known."""
-        if isinstance(problem, ArmProblem):
-            self._units, self._nominal = list(problem.prior.base.units), np.ones(len(problem.names))
-            return
-        truth = problem.open_plant().true_lumps()
-        self._units, self._nominal = [lump_unit(name) for name in problem.names], problem.lumps.vector
-        if truth is not None:
-            true = truth.vector_of(problem.lumps.searched, np.nan)
-            self._true_factors = np.where(true == 0.0, np.nan, true) / self._nominal
-        self._determined = problem.measure.determined(problem.lumps)
 
     def update(self, progress: RunProgress) -> None:
         """Shows how far the run is."""
@@ -88,8 +79,8 @@ class Live:
         if progress.spread is not None:
             name = SAMPLERS[self._problem.spec.study.sampler].spread_name
             parts.append(f"{name} {progress.spread:.2g}")
-        if progress.best is not None and self._true_factors is not None:
-            errors = np.abs(progress.best.factors / self._true_factors - 1.0)[self._determined]
+        if progress.best is not None and self._tells_error:
+            errors = np.abs(progress.best.factors / self._true_factors - 1.0)[self._problem.seen]
             parts.append(f"error {np.nanmax(errors):.2%}")
         return ", ".join(parts)
 
@@ -103,7 +94,7 @@ class Live:
             table.add_column(title, justify="left" if title in ("lump", "") else "right")
         for i, lump in enumerate(self._problem.names[:MOST_LUMPS]):
             moved = best[i] / earlier[i] - 1.0 if earlier[i] else np.nan
-            table.add_row(lump, f"{best[i] * self._nominal[i]:.5g}", self._units[i], f"{moved:+.2%}")
+            table.add_row(lump, f"{best[i] * self._sought.scale[i]:.5g}", self._sought.units[i], f"{moved:+.2%}")
         if len(best) > MOST_LUMPS:
             table.add_row(f"and {len(best) - MOST_LUMPS} more", "", "", "")
         return table

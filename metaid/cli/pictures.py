@@ -17,11 +17,10 @@ from metaid.errors import MetaidError
 @click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="FILE.png, .pdf or .svg.")
 def draw(name: str, output: Path) -> None:
     """Draw a labelled sketch of a plant: lengths, masses, centres of mass; of an arm its shapes and joints at home."""
-    from metaid.plant import ArmPlant, load_plant
-    from metaid.show.figures import arm_figure, plant_figure, save
+    from metaid.plant import load_plant
+    from metaid.show.figures import plant_figure, save
 
-    plant = load_plant(name)
-    figure = arm_figure(plant) if isinstance(plant, ArmPlant) else plant_figure(plant)
+    figure = plant_figure(load_plant(name))
     with whole_file(output, FIGURE_SUFFIXES) as partial:
         save(figure, partial)
 
@@ -50,23 +49,14 @@ def view(name: str) -> None:
 def plot(name: str, storage: str, folder: Path, ending: str, width: str, over: tuple[str, str] | None) -> None:
     """Draw a study's figures: convergence, factors, ranges, frequency, fall boundary, …
 
-    Of an arm: convergence, how well base parameters are known, tracking, motion beside the twin's. A file each, named
-    after what it shows, at the width of a journal's page or column.
+    Of an arm also how well base parameters are known. A file each, named after what it shows, at the width of a
+    journal's page or column.
     """
-    from metaid.results import read_any_findings
-    from metaid.results.arms import ArmFindings
-    from metaid.show.figures import ArmGallery, Gallery, save
+    from metaid.results import read_findings
+    from metaid.show.figures import Gallery, save
 
     with open_store(storage) as store:
-        found = read_any_findings(store, name)
-    if isinstance(found, ArmFindings):
-        if over is not None:
-            raise click.UsageError(f"--over: study '{name}' is of an arm (its figures: {', '.join(ArmGallery.NAMES)})")
-        shown = list(ArmGallery(found).pictures(width))
-        if not shown:
-            raise MetaidError(f"study '{name}' has nothing to draw yet: run it first")
-    else:
-        shown = list(Gallery(found, over).pictures(width))
+        shown = list(Gallery(read_findings(store, name), over).pictures(width))
     try:
         folder.mkdir(exist_ok=True)
     except OSError as problem:
@@ -83,11 +73,11 @@ def plot(name: str, storage: str, folder: Path, ending: str, width: str, over: t
 @click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="FILE.html.")
 def report(name: str, storage: str, output: Path) -> None:
     """Write one self-contained page: what was searched, what was found, figures, cost, how to repeat it."""
-    from metaid.results import read_any_findings
-    from metaid.show import render_any
+    from metaid.results import read_findings
+    from metaid.show import render
 
     with open_store(storage) as store, whole_file(output, (".html",)) as partial:
-        partial.write_text(render_any(read_any_findings(store, name)), encoding="utf-8")
+        partial.write_text(render(read_findings(store, name)), encoding="utf-8")
     say(f"the report of '{name}' is {output}")
 
 

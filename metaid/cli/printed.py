@@ -10,8 +10,8 @@ from metaid.cli.common import number_text, print_table, say
 
 COLUMNS = ("nominal", "identified", "low", "high", "true")
 FAULT_COLUMNS = ("identified", "low", "high", "true")
-PARAMETER_COLUMNS = ("nominal", "low", "high", "true")
-DISPENSABLE = ("nominal", "true", "error")  # columns of lumps that are left out where the terminal is too narrow
+PARAMETER_COLUMNS = ("nominal", "identified", "sd", "low", "high", "true")
+DISPENSABLE = ("nominal", "sd", "true", "error")  # columns of lumps that are left out where the terminal is too narrow
 DIGITS, MOST_DIGITS = 5, 8
 MOST_NAMED = 10  # trials of others
 NUMBERED = "numbered as Optuna numbers them"
@@ -188,12 +188,12 @@ def _show_bodies(shown: dict[str, Any]) -> None:
     if shown["bodies"] is None:
         say(shown["why_no_bodies"])
         return
-    rows = []
+    rows, keys = [], [key for key in PARAMETER_COLUMNS if key in shown["bodies"][0]]
     for row in shown["bodies"]:
-        cells = {key: number_text(row[key]) for key in PARAMETER_COLUMNS}
+        cells = {key: number_text(row[key]) for key in keys}
         if not row["bounded"]:
             cells["high"] = "unbounded"
         rows.append([row["name"], *cells.values(), row["unit"]])
-    title, columns = "All possible bodies with these lumps", ["parameter", *PARAMETER_COLUMNS, "unit"]
-    print_table(title, columns, rows, words=["unit"], dispensable=DISPENSABLE)
+    title = "Possible bodies with these base parameters" if "sd" in keys else "All possible bodies with these lumps"
+    print_table(title, ["parameter", *keys, "unit"], rows, words=["unit"], dispensable=DISPENSABLE)
     say(describe_possible_bodies(shown["bodies"]))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 import signal
 from collections.abc import Sequence
@@ -11,15 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from metaid.cli.checks import describe_forecast, describe_reached, forecast_row, share
+from metaid.cli.checks import describe_reached, share
 from metaid.cli.common import (
     Group,
     json_option,
-    number_text,
     open_store,
     pairs,
-    print_json,
-    print_table,
     say,
     storage_option,
 )
@@ -136,102 +132,23 @@ def _toml_value(text: str) -> Any:
 @json_option
 def check(source: str, changes: tuple[str, ...], until: float | None, as_json: bool) -> None:
     """What STUDY can determine, and how well, by its nominal model, before any trial."""
-    from metaid.models import lump_unit
-    from metaid.study import (
-        ArmSpec,
-        forecast,
-        identifiability,
-        problem_of,
-        question,
-        refuse_until,
-        refuse_what_cannot_be_run,
-    )
+    from metaid.cli.checks import print_check
+    from metaid.study import problem_of, question, refuse_until, refuse_what_cannot_be_run
 
     spec = load_study(source, changes)
     refuse_what_cannot_be_run(spec)
     if until is not None:
         refuse_until(spec, until)
-    if isinstance(spec, ArmSpec):
-        from metaid.cli.checks import check_arm
-
-        check_arm(spec, as_json)
-        return
     if asked := question(spec):
         say(asked, err=True)
-    problem = problem_of(spec)
-    found = identifiability(problem)
-    foreseen = None if until is None else forecast(problem, until)
-    numbers = found.resolution.tolist(), found.determined, found.low.tolist(), found.high.tolist()
-    rows = list(zip(found.names, *numbers, strict=True))
-    if as_json:
-        lumps = [
-            {
-                "name": name,
-                "resolution": resolution if math.isfinite(resolution) else None,
-                "determined": determined,
-                "low": low if math.isfinite(high) else None,
-                "high": high if math.isfinite(high) else None,
-            }
-            for name, resolution, determined, low, high in rows
-        ]
-        print_json(
-            {
-                "study": spec.name,
-                "measure": spec.study.episode.measure,
-                "lumps": lumps,
-                "undetermined": list(found.combinations),
-                **({} if foreseen is None else {"until": forecast_row(foreseen)}),
-            }
-        )
-        return
-    is_bounded = all(math.isfinite(high) for *_, high in rows)
-    shown = [
-        [
-            name,
-            _share(resolution) if math.isfinite(resolution) else "–",
-            "yes" if determined else "NO",
-            *([number_text(low), number_text(high), lump_unit(name)] if is_bounded else []),
-        ]
-        for name, resolution, determined, low, high in rows
-    ]
-    title = f"{spec.name}: what {_judge(spec)} with these pushes can determine"
-    headings = ["lump", "to within", "determined", *(["from", "to", "unit"] if is_bounded else [])]
-    print_table(title, headings, shown, words=["determined", "unit"], dispensable=["from", "to"])
-    if is_bounded:
-        say(f"a lump beyond from and to is excluded by the bounds{_and_widened(spec)}")
-    for combination in found.combinations:
-        terms = sorted(combination.items(), key=lambda term: -abs(term[1]))[:4]
-        say(
-            "no trial shows a change of these factors together: "
-            + " ".join(f"{weight:+.2f} {name}" for name, weight in terms)
-        )
-    if foreseen is not None:
-        say(describe_forecast(foreseen))
-
-
-def _and_widened(spec: StudySpec) -> str:
-    """What becomes of the bounds, as the end of a sentence."""
-    from metaid.study import problem_of
-
-    widens = problem_of(spec).widens_by_itself
-    return ": one that holds the search back is moved away, once" if widens else " (search.low, search.high)"
-
-
-def _share(value: float) -> str:
-    return f"{value:.2%}" if value >= 5e-5 else "under 0.01%"
-
-
-def _judge(spec: StudySpec) -> str:
-    """What determines the lumps of a study: its measure, or the estimate where that answers."""
-    from metaid.study import problem_of
-
-    return "the estimate" if problem_of(spec).is_told_by_estimate else spec.study.episode.measure
+    print_check(problem_of(spec), until, as_json)
 
 
 def _undetermined(spec: StudySpec) -> str | None:
     """What the pushes of a study do not determine, in one line; None if they do, or if it costs nothing to see it in
     the verdict: the estimate from simulated trials says the same, and trying it beforehand takes as long.
     """
+    from metaid.cli.checks.determined import judge_of
     from metaid.study import identifiability, problem_of
 
     problem = problem_of(spec)
@@ -240,7 +157,7 @@ def _undetermined(spec: StudySpec) -> str | None:
     names = identifiability(problem).undetermined_names
     if not names:
         return None
-    what = f"{_judge(spec)} with these pushes cannot determine {', '.join(names)}"
+    what = f"{judge_of(problem)} with these pushes cannot determine {', '.join(names)}"
     return f"warning: {what} (see metaid study check)"
 
 

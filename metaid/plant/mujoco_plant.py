@@ -103,3 +103,10 @@ class MujocoPlant:
         if not self.settings.truth_known:
             return None
         return replace(self.chain.lumps_of((*IDEAL, *FRICTION)), searched=self.chain.kinds)
+
+    tilts = 1  # axes about which its base may be tilted
+
+    @property
+    def hidden_forces(self) -> dict[str, Array]:
+        """Of the kinds of faults that are forces of its joints what they are (njoint). Only reports use them."""
+        return {"viscous": self.chain.damping, "dry": self.chain.coulomb, "spring": self.chain.stiffness}

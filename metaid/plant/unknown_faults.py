@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from metaid.models import Array
+from metaid.plant.arms import ArmPlant
 from metaid.plant.mujoco_plant import MujocoPlant
 
 FAULT_UNITS = {
@@ -44,20 +45,18 @@ def fault_unit(name: str) -> str:
     return FAULT_UNITS[name.partition("_")[0]]
 
 
-def true_faults(plant: MujocoPlant, kinds: Sequence[str]) -> Array:
+def true_faults(plant: MujocoPlant | ArmPlant, kinds: Sequence[str]) -> Array:
     """What the faults of these `kinds` (nfault) of a simulated plant are, in the order of `fault_names`; NaN where its
-    file keeps the truth.
+    file keeps the truth. Friction of an arm is none of its faults.
     """
-    faults, chain, n = plant.settings.faults, plant.chain, plant.njoint
+    faults, n = plant.settings.faults, plant.njoint
     gains = faults.torque_gains(n)
     true = {
         "delay": [faults.delay * plant.settings.control_period],
-        "tilt": faults.tilts(1),
+        "tilt": faults.tilts(plant.tilts),
         "offset": faults.encoder_offsets(n),
-        "viscous": chain.damping,
-        "dry": chain.coulomb,
-        "spring": chain.stiffness,
         "gain": gains[1:] / gains[0],
+        **plant.hidden_forces,
     }
     values = np.concatenate([np.empty(0), *(np.asarray(true[kind], dtype=np.float64) for kind in kinds)])
     return values if plant.settings.truth_known else np.full(len(values), np.nan)

@@ -5,13 +5,14 @@ Only here are results compared with the true lumps. Neither MuJoCo nor numba is 
 
 from metaid.results.best import best_rows, identified_factors
 from metaid.results.body_tables import body_rows, describe_possible_bodies
+from metaid.results.candidates import candidates, candidates_of
 from metaid.results.comparison import Comparison, compare
 from metaid.results.control import BANDWIDTH, smooth_sinusoids, track
 from metaid.results.estimates import (
     describe_known_from,
     describe_trials,
 )
-from metaid.results.findings import Findings, findings_of, read_any_findings, read_findings
+from metaid.results.findings import MODEL_ERRORS, Findings, findings_of, read_findings
 from metaid.results.lump_tables import without_nan
 from metaid.results.overview import shown_rows, summary
 from metaid.results.snapshot import Snapshot, read_snapshot
@@ -25,12 +26,13 @@ from metaid.results.tables import (
     studies_frame,
     trials_frame,
 )
-from metaid.results.validation import PUSHES, Validation, validate_factors
+from metaid.results.validation import PUSHES, Validation, validate, validate_law
 from metaid.results.verdict import RESULTS, Verdict, judge, missed
 from metaid.study.estimates import interval_name
 
 __all__ = [
     "BANDWIDTH",
+    "MODEL_ERRORS",
     "PUSHES",
     "RESULTS",
     "Comparison",
@@ -44,6 +46,8 @@ __all__ = [
     "best_trial_frame",
     "bodies_frame",
     "body_rows",
+    "candidates",
+    "candidates_of",
     "compare",
     "describe_known_from",
     "describe_possible_bodies",
@@ -57,7 +61,6 @@ __all__ = [
     "missed",
     "optuna_estimate_frame",
     "plane",
-    "read_any_findings",
     "read_findings",
     "read_snapshot",
     "shown_rows",
@@ -67,6 +70,7 @@ __all__ = [
     "sweep",
     "track",
     "trials_frame",
-    "validate_factors",
+    "validate",
+    "validate_law",
     "without_nan",
 ]

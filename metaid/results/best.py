@@ -7,15 +7,16 @@ Everything that shows a result asks here: `study show`, its JSON, frames, figure
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from metaid.models import Array
+from metaid.results.by_measure import resolution_at
 from metaid.store import Trial
-from metaid.study import Problem
-
-NOMINAL_SENSITIVITY = 1.5  # by how much ranges by the nominal model's sensitivity are widened: it is not the plant's
+from metaid.study import COARSEST, AnyProblem, Known, Parameters
 
 
 def best_index(values: Array) -> int:
@@ -40,9 +41,9 @@ def best_rows(survivors: pd.DataFrame, count: int) -> pd.DataFrame:
     return best
 
 
-def identified_factors(problem: Problem, factors: Array, values: Array) -> Array:
-    """The factor of each lump (nlump) that follows from a study's survivors, with `factors` (ntrial x nlump) and
-    `values` of the measure (ntrial), in the order in which they were evaluated.
+def identified_factors(problem: AnyProblem, factors: Array, values: Array) -> Array:
+    """The candidate (n) that follows from a study's survivors, which are `factors` (ntrial x n) with `values` of the
+    measure (ntrial), in the order in which they were evaluated.
 
     It is the best trial's; of a noisy measure, whose best trial is only the luckiest, it is the mean of the trials that
     cannot be told from it.
@@ -55,25 +56,34 @@ def identified_factors(problem: Problem, factors: Array, values: Array) -> Array
     return identified
 
 
-def factor_range(problem: Problem, factors: Array, values: Array, resolution: Array) -> tuple[Array, Array]:
-    """The least and the largest factor of each lump, (nlump) each, that cannot be told from the identified one.
+def known_by_best(problem: AnyProblem, survivors: Sequence[Trial]) -> Known:
+    """What the best of these `survivors` says of what was sought, in SI units; there are no standard deviations.
 
-    It is the range of the trials that the measure cannot tell from the best, which the paper calls the range of
-    possible values. They are a sample, and often a small one. Where the measure sees all lumps, the range is at least
-    as wide as the ellipsoid of the factors whose value is as small as theirs, by the nominal model's sensitivity
-    (Eq. 14).
-
-    Args:
-        problem: of the study.
-        factors: of the survivors' lumps (ntrial x nlump), in the order in which they were evaluated.
-        values: of the measure (ntrial), in its unit.
-        resolution: of each factor (nlump) where the best value is the measure's resolution.
+    Low and high are the range of the trials that the measure cannot tell from the best, which the paper calls the range
+    of possible values. They are a sample, and often a small one. Where the measure sees all, the range is at least as
+    wide as the ellipsoid of the candidates whose value is as small as theirs, by the sensitivity (Eqs. 14 and 63).
     """
-    limit = problem.as_good_as(float(values.min()))
+    wanted, scale = problem.sought, problem.sought.scale
+    nothing = np.full(len(scale), np.nan)
+    if not survivors:
+        resolution, _ = resolution_at(problem, wanted.nominal / scale)
+        return replace(Known.alone(nothing), determined=_is_shown(wanted, resolution))
+    factors = np.array([trial.factors for trial in survivors])
+    values = np.array([trial.outcome.value for trial in survivors])
+    best = identified_factors(problem, factors, values)
+    limit, (resolution, margin) = problem.as_good_as(float(values.min())), resolution_at(problem, best)
     equal = factors[values <= limit]
     low, high = equal.min(axis=0), equal.max(axis=0)
     if problem.measure.sees_coriolis:
-        identified = identified_factors(problem, factors, values)
-        reach = NOMINAL_SENSITIVITY * resolution * limit / problem.resolution
-        low, high = np.minimum(low, identified - reach), np.maximum(high, identified + reach)
-    return low, high
+        reach = margin * resolution * limit / problem.resolution
+        low, high = np.minimum(low, best - reach), np.maximum(high, best + reach)
+    known = Known(scale * best, nothing, scale * low, scale * high, _is_shown(wanted, resolution))
+    narrow = known.high - known.low <= 2.0 * COARSEST * wanted.sizes(known.values)
+    # Of a lump that the measure does not see, a trial says nothing.
+    return replace(known.only(np.isfinite(resolution)), determined=known.determined & narrow)
+
+
+def _is_shown(wanted: Parameters, resolution: Array) -> NDArray[np.bool_]:
+    """Which of what is `wanted` (n) the measure tells to a tenth, by the `resolution` of a candidate's numbers (n)."""
+    shown: NDArray[np.bool_] = resolution <= COARSEST * wanted.sizes(wanted.nominal) / wanted.scale
+    return shown

@@ -1,7 +1,10 @@
-"""What is known of individual parameters: the set of all possible bodies with the lumps of an estimate."""
+"""What is known of individual parameters of the links: of a chain the set of all possible bodies with the lumps of an
+estimate, of an arm the possible bodies that are closest to the nominal ones, and how far from these they may be.
+"""
 
 from __future__ import annotations
 
+from functools import singledispatch
 from typing import Any
 
 import numpy as np
@@ -10,59 +13,90 @@ from threadpoolctl import threadpool_limits
 
 from metaid.errors import StudyError
 from metaid.models import DEVIATIONS, Array, Chain, body_extents, known_lumps
-from metaid.plant import MujocoPlant
+from metaid.models.tree import body_quantities, known_bodies
+from metaid.plant import SocketPlant
 from metaid.results.lump_tables import without_nan
+from metaid.results.snapshot import Snapshot
 from metaid.results.verdict import Verdict
-from metaid.study import COARSEST, Problem
-from metaid.study.estimates import ChainFound
+from metaid.study import COARSEST
+from metaid.study.estimates import ArmFound, ChainFound
 
 
-def bodies_table(problem: Problem, found: ChainFound | None, verdict: Verdict) -> pd.DataFrame:
+def bodies_table(snapshot: Snapshot, verdict: Verdict) -> pd.DataFrame:
     """One row a parameter of the links: what `metaid.bodies` gives.
 
     Args:
-        problem: of a study.
-        found: its estimate.
-        verdict: on the study.
+        snapshot: of a study.
+        verdict: on it.
 
     Raises:
         StudyError: the verdict is not that the estimate found lumps, or no body has such lumps.
     """
     if not verdict.has_result:
         raise StudyError(f"no bodies: the verdict is '{verdict.word}': {'; '.join(verdict.reasons)}")
-    if found is None or verdict.source != "estimate":
+    if snapshot.estimate is None or verdict.source != "estimate":
         raise StudyError("no bodies: the lumps are those of the best trial, without intervals (allowed: an estimate)")
-    estimate, nominal = found.estimate, problem.nominal
+    with threadpool_limits(1):
+        columns = _bodies(snapshot.estimate, snapshot.problem)
+    if columns is None:
+        raise StudyError("no bodies: no possible body has the lumps of the estimate: are the lengths right?")
+    return pd.DataFrame(columns)
+
+
+@singledispatch
+def _bodies(found: Any, problem: Any) -> dict[str, Any] | None:
+    """The columns of the table, by what was `found` in a study; None where there is no such body."""
+    raise TypeError(found)
+
+
+@_bodies.register
+def _of_chain(found: ChainFound, problem: Any) -> dict[str, Any] | None:
+    estimate, nominal, plant = found.estimate, problem.nominal, problem.open_plant()
     is_given = problem.spec.study.estimate.lengths == "exact" or "coriolis" not in problem.estimated_kinds
     length = nominal.length if is_given else None
     lumps = known_lumps(estimate.names, estimate.parameters, found.covariance, DEVIATIONS, length)
-    with threadpool_limits(1):
-        extents = body_extents(lumps)
+    extents = body_extents(lumps)
     if extents is None:
-        raise StudyError("no bodies: no possible body has the lumps of the estimate: are the lengths right?")
+        return None
 
     def of(chain: Chain) -> Array:
         return np.concatenate([chain.mass, chain.com, chain.inertia, chain.length])[: len(lumps.names)]
 
-    plant, true = problem.open_plant(), np.full(len(lumps.names), np.nan)
-    if isinstance(plant, MujocoPlant) and plant.settings.truth_known:
-        true = of(plant.chain)
-    columns = {
+    is_told = not isinstance(plant, SocketPlant) and plant.settings.truth_known
+    return {
         "name": lumps.names,
         "unit": lumps.units,
         "nominal": of(nominal),
         "low": extents[0],
         "high": extents[1],
         "bounded": np.isfinite(extents[1]),
-        "true": true,
+        "true": of(plant.chain) if is_told else np.full(len(lumps.names), np.nan),
     }
-    return pd.DataFrame(columns)
 
 
-def body_rows(problem: Problem, found: ChainFound | None, verdict: Verdict) -> dict[str, Any]:
+@_bodies.register
+def _of_arm(found: ArmFound, problem: Any) -> dict[str, Any] | None:
+    bodies, plant = known_bodies(problem.prior, found.values, found.covariance), problem.open_plant()
+    if bodies is None:
+        return None
+    reach, is_told = DEVIATIONS * bodies.deviations, plant.settings.truth_known
+    return {
+        "name": bodies.names,
+        "unit": bodies.units,
+        "nominal": body_quantities(problem.nominal),
+        "identified": bodies.values,
+        "sd": bodies.deviations,
+        "low": bodies.values - reach,
+        "high": bodies.values + reach,
+        "bounded": np.ones(len(reach), dtype=np.bool_),
+        "true": body_quantities(plant.tree) if is_told else np.full(len(reach), np.nan),
+    }
+
+
+def body_rows(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
     """The same for a `summary`: `bodies`, None where there are none, and `why_no_bodies`."""
     try:
-        frame = bodies_table(problem, found, verdict)
+        frame = bodies_table(snapshot, verdict)
     except StudyError as why:
         return {"bodies": None, "why_no_bodies": str(why)}
     rows = frame.replace({"high": {np.inf: np.nan}}).to_dict("records")
@@ -74,9 +108,15 @@ def describe_possible_bodies(rows: list[dict[str, Any]]) -> str:
     known = [
         row["name"]
         for row in rows
-        if row["bounded"] and row["high"] - row["low"] <= COARSEST * (row["high"] + row["low"])
+        if row["bounded"] and row["high"] - row["low"] <= COARSEST * abs(row["high"] + row["low"])
     ]
-    text = "low to high is over all possible bodies whose lumps are within the ellipsoid of the intervals"
+    if "sd" in rows[0]:
+        text = (
+            "identified are the possible bodies closest to the nominal ones, and low to high is their 95 % interval to "
+            "first order, in which what the trials leave open is as wrong as [estimate] says that it may be"
+        )
+    else:
+        text = "low to high is over all possible bodies whose lumps are within the ellipsoid of the intervals"
     if any(row["name"] == "length_1" for row in rows):
         text += "; no length is assumed"
     return f"{text}; known to a tenth: {', '.join(known) or 'none'}"

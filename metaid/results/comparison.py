@@ -10,10 +10,9 @@ import numpy as np
 import pandas as pd
 
 from metaid.errors import StudyError
-from metaid.results.arms import AnySnapshot, ArmSnapshot, judge_any, read_any_snapshot
 from metaid.results.lump_tables import largest_error, without_nan
-from metaid.results.snapshot import counted_states
-from metaid.results.verdict import Verdict
+from metaid.results.snapshot import Snapshot, counted_states, read_snapshot
+from metaid.results.verdict import Verdict, judge
 from metaid.store import Store
 
 FEWEST = 2  # studies of a comparison
@@ -70,9 +69,9 @@ def compare(store: Store, names: Sequence[str]) -> Comparison:
     """Compares studies in the DB.  Raises StorageError, and StudyError where they are not of the same plant."""
     if len(set(names)) < max(FEWEST, len(names)):
         raise StudyError(f"to compare: {', '.join(names) or 'nothing'} (allowed: {FEWEST} studies or more, each once)")
-    snapshots = [read_any_snapshot(store, name) for name in names]
+    snapshots = [read_snapshot(store, name) for name in names]
     _refuse_other_plants(snapshots)
-    verdicts = [judge_any(snapshot) for snapshot in snapshots]
+    verdicts = [judge(snapshot) for snapshot in snapshots]
     rows = [_study_row(*each) for each in zip(snapshots, verdicts, strict=True)]
     tables = [verdict.shown.assign(study=name) for verdict, name in zip(verdicts, names, strict=True)]
     lumps = pd.concat(tables, ignore_index=True)
@@ -82,27 +81,20 @@ def compare(store: Store, names: Sequence[str]) -> Comparison:
     return Comparison(pd.DataFrame(rows), lumps[[*first, *(key for key in lumps.columns if key not in first)]])
 
 
-def _refuse_other_plants(snapshots: Sequence[AnySnapshot]) -> None:
+def _refuse_other_plants(snapshots: Sequence[Snapshot]) -> None:
     """Joints that differ make lumps that cannot be compared. The same plant may have other faults."""
-
-    def joints(snapshot: AnySnapshot) -> tuple[str, ...] | int:
-        if isinstance(snapshot, ArmSnapshot):
-            return snapshot.spec.nominal.names
-        return len(snapshot.spec.nominal)
-
     first = snapshots[0]
     for other in snapshots[1:]:
-        if joints(other) != joints(first):
+        if other.spec.joints != first.spec.joints:
             raise StudyError(
                 f"study '{other.name}' is of the plant {other.spec.plant_name}, '{first.name}' of "
                 f"{first.spec.plant_name}: only studies of plants with the same joints can be compared"
             )
 
 
-def _study_row(snapshot: AnySnapshot, verdict: Verdict) -> dict[str, Any]:
+def _study_row(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
     spec, counts, found = snapshot.spec, counted_states(snapshot.trials), snapshot.estimate
-    is_arm = isinstance(snapshot, ArmSnapshot)
-    error = None if is_arm else largest_error(verdict.lumps)
+    error = largest_error(verdict.lumps)
     return {
         "name": snapshot.name,
         "plant": spec.plant_name,

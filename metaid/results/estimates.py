@@ -1,33 +1,10 @@
-"""What is said of the estimate of a study: why there is none, of which trials it is, how early it was there."""
+"""What is said of the estimate of a study: of which trials it is, how early it was there, what it is worth."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 
-from metaid.store import Trial
-from metaid.study import Problem
-from metaid.study.estimates import CLOSE, FIRST_TRIALS
-
-if TYPE_CHECKING:
-    from metaid.estimation import Approximation
-
-
-def why_no_estimate(problem: Problem, tried: Sequence[Trial]) -> str:
-    """Why there is no estimate from the trials that were `tried` in the study of this `problem`."""
-    if not problem.spec.study.estimate.enabled:
-        return "[estimate] enabled is false"
-    if not problem.can_be_estimated:
-        return "its episodes keep no windows of motion"
-    if not tried:
-        return "it has no trial yet: run it first"
-    windows = [each.outcome.windows.seen for each in tried if each.outcome.windows is not None]
-    readings = [each.outcome.readings.steps for each in tried if each.outcome.readings is not None]
-    if not windows and not readings:
-        return f"no trial in the DB has {'readings' if problem.keeps_readings else 'windows of its motion'}"
-    if not any(each.any() for each in (*windows, *readings)):
-        return "every trial fell within its shortest window"
-    return "the twin cannot follow these trials from any chain near the nominal one"
+from metaid.study.estimates import CLOSE, FIRST_TRIALS, StudyEstimate
 
 
 def describe_trials(shown: dict[str, Any], total: int) -> str:
@@ -55,15 +32,7 @@ def describe_known_from(shown: dict[str, Any], total: int) -> str:
     return f"every lump was known to {CLOSE:.1%} after {which} of {total} trials"
 
 
-class Approximated(Protocol):
-    """An estimate of a chain or of an arm."""
-
-    @property
-    def approximation(self) -> Approximation | None:
-        """What it is worth where it does not explain what was seen to the noise."""
-
-
-def approximation_rows(found: Approximated, verdict: str) -> dict[str, Any]:
+def approximation_rows(found: StudyEstimate, verdict: str) -> dict[str, Any]:
     """What pushes that were left out say of an estimate that was `found`, as `study show --json` has it under
     `estimate`; nothing where the `verdict` did not ask them.
     """

@@ -2,36 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from metaid.errors import StorageError, unknown
 from metaid.models import Array
-from metaid.results.arms import ArmFindings, ArmSnapshot, read_any_snapshot
+from metaid.models.tree import ModelError
 from metaid.results.best import best_index, best_rows
 from metaid.results.overview import summarized
-from metaid.results.snapshot import Snapshot, read_snapshot
-from metaid.results.tables import trials_table
-from metaid.results.validation import Validation, validate_chain
+from metaid.results.snapshot import Snapshot, read_snapshot, trials_table
+from metaid.results.validation import Validation, validate
 from metaid.results.verdict import Verdict, judge
 from metaid.store import Store
-from metaid.study import Problem, StudySpec
-from metaid.study.estimates import ChainFound
-
-if TYPE_CHECKING:
-    from metaid.compiled import Objective
+from metaid.study import AnyProblem, AnySpec, Parameters
+from metaid.study.estimates import StudyEstimate
 
 CLOSEST = 50  # best survivors at least, for their correlation
+MODEL_ERRORS = {"gravity": "gravity torque", "coriolis": "Coriolis torque", "mass_matrix": "mass matrix"}
 
 
 @dataclass(frozen=True)
 class Findings:
     """What follows from the `snapshot` of a study and the `verdict` on it: its `trials`, as `metaid.trials` has them,
-    the `lumps` that it searched, as `metaid.lumps` has them, and its `summary`.
+    the `lumps` that it searched, as `metaid.lumps` has them, and its `summary`. Of an arm lumps are base parameters,
+    and candidates are these and not factors.
     """
 
     snapshot: Snapshot
@@ -45,17 +44,22 @@ class Findings:
         return self.snapshot.name
 
     @property
-    def spec(self) -> StudySpec:
+    def spec(self) -> AnySpec:
         return self.snapshot.spec
 
     @property
-    def problem(self) -> Problem:
+    def problem(self) -> AnyProblem:
         return self.snapshot.problem
 
     @property
-    def estimate(self) -> ChainFound | None:
+    def estimate(self) -> StudyEstimate | None:
         """From all trials; None where nothing can be made of them."""
         return self.snapshot.estimate
+
+    @property
+    def sought(self) -> Parameters:
+        """What was searched."""
+        return self.problem.sought
 
     @property
     def names(self) -> list[str]:
@@ -72,7 +76,7 @@ class Findings:
         """On new pushes and along a trajectory; None where nothing was found, or the plant is a rig."""
         if not self.verdict.has_result or not self.problem.is_simulated:
             return None
-        return validate_chain(self.snapshot, self.verdict)
+        return validate(self.snapshot, self.verdict)
 
     @property
     def label(self) -> str:
@@ -99,13 +103,13 @@ class Findings:
 
     @property
     def true_factors(self) -> Array | None:
-        """True ÷ nominal (nlump), or None where the plant does not know."""
-        true: Array = (self.lumps["true"] / self.lumps["nominal"]).to_numpy()
+        """The candidate (nlump) that is true, or None where the plant does not know."""
+        true: Array = self.lumps["true"].to_numpy() / self.sought.scale
         return None if np.isnan(true).any() else true
 
     @property
     def best_factors(self) -> Array:
-        """Factors (nlump) of the best survivor.  Raises StorageError where there is none yet."""
+        """The candidate (nlump) of the best survivor.  Raises StorageError where there is none yet."""
         survivors = self.survivors
         if survivors.empty:
             raise StorageError(f"study '{self.name}' has no survivor yet, so there is nothing to show: run it first")
@@ -115,23 +119,51 @@ class Findings:
 
     @property
     def identified_factors(self) -> Array:
-        """Factors (nlump) of the identified lumps; 1 where a lump is not identified.  Raises StorageError where there
-        is no survivor yet.
+        """The candidate (nlump) that is identified; the nominal one where a lump is not.  Raises StorageError where
+        there is no survivor yet.
         """
         _ = self.best_factors
-        factor: Array = self.lumps["factor"].to_numpy()
-        return np.where(np.isnan(factor), 1.0, factor)
+        found: Array = self.lumps["identified"].fillna(self.lumps["nominal"]).to_numpy() / self.sought.scale
+        return found
+
+    def drawn(self, factors: Array) -> Array:
+        """Candidates (... x nlump) as figures show them."""
+        return (factors - self.sought.origin) / self.sought.step
+
+    def drawn_rows(self, trials: pd.DataFrame) -> pd.DataFrame:
+        """Some `trials` with candidates as figures show them."""
+        shown = self.drawn(trials[self.names].to_numpy(dtype=np.float64))
+        return trials.assign(**dict(zip(self.names, shown.T, strict=True)))
 
     def errors(self, trials: pd.DataFrame) -> Array:
         """The largest error of an identified lump in each of `trials` (ntrial), relative to the truth; NaN where the
         plant does not know it, or no lump is identified.
         """
-        true = (self.lumps["true"] / self.lumps["nominal"]).to_numpy()
+        true = self.lumps["true"].to_numpy() / self.sought.scale
         identified = self.lumps["identified"].notna().to_numpy()
         if not identified.any():
             return np.full(len(trials), np.nan)
         errors: Array = np.abs(trials[self.names].to_numpy() / true - 1.0)[:, identified].max(axis=1, initial=0.0)
         return errors
+
+    def error_curves(self, trials: pd.DataFrame) -> Mapping[str, Array]:
+        """How wrong each of some `trials` is (ntrial), by what it is that is wrong: the largest error of a lump, or
+        parts of the dynamics on states that no trial has seen; nothing where that is not known.
+        """
+        candidates = self.sought.scale * trials[self.names].to_numpy(dtype=np.float64)
+        laws = (self.problem.law_at(dict(zip(self.names, each, strict=True))) for each in candidates.tolist())
+        found = [error for law in laws if (error := self.problem.model_error(law)) is not None]
+        if found:
+            return {name: np.array([getattr(error, key) for error in found]) for key, name in MODEL_ERRORS.items()}
+        if self.true_factors is None or np.isnan(errors := self.errors(trials)).all():
+            return {}
+        return {"largest lump error": errors}
+
+    @cached_property
+    def nominal_error(self) -> dict[str, float] | None:
+        """How wrong the nominal law is on states that no trial has seen; None where that is not known."""
+        error: ModelError | None = self.problem.model_error(self.problem.nominal_law)
+        return None if error is None else asdict(error)
 
     @property
     def bests(self) -> pd.DataFrame:
@@ -152,26 +184,20 @@ class Findings:
         """The `equals`, or the CLOSEST best survivors if those are more."""
         return best_rows(self.survivors, max(len(self.equals), CLOSEST))
 
-    def objective(self) -> Objective:
+    def objective(self) -> Any:
         """What the study evaluated its candidates with."""
         return self.problem.make_objective()
 
     def index(self, lump: str) -> int:
         """Where a lump stands.  Raises StorageError, naming the allowed ones."""
         if lump not in self.names:
-            raise StorageError(unknown("lump", lump, self.names))
+            raise StorageError(unknown(self.sought.noun, lump, self.names))
         return self.names.index(lump)
 
 
 def read_findings(store: Store, name: str) -> Findings:
     """The findings of a study in the DB.  Raises StorageError."""
     return findings_of(read_snapshot(store, name))
-
-
-def read_any_findings(store: Store, name: str) -> Findings | ArmFindings:
-    """The same of a study of a chain or of an arm."""
-    snapshot = read_any_snapshot(store, name)
-    return ArmFindings(snapshot) if isinstance(snapshot, ArmSnapshot) else findings_of(snapshot)
 
 
 def findings_of(snapshot: Snapshot) -> Findings:

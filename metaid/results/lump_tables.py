@@ -1,131 +1,65 @@
-"""The table of lumps that follows from the best trial of a study, and that of an estimate, with that of the faults
-that it searched.
-"""
+"""The tables of what was found: lumps or base parameters by the best trial or by the estimate, and faults."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from metaid.models import DEVIATIONS, Array, lump_names, lump_unit
-from metaid.plant import MujocoPlant, fault_names, fault_unit, true_faults
-from metaid.results.best import factor_range, identified_factors
+from metaid.models import DEVIATIONS
+from metaid.plant import SocketPlant, fault_names, fault_unit, true_faults
+from metaid.results.best import known_by_best
 from metaid.results.snapshot import Snapshot
-from metaid.study import COARSEST, Problem, identifiability_by_measure
-from metaid.study.estimates import ChainFound
+from metaid.study import AnyProblem, Known, Parameters
+from metaid.study.estimates import StudyEstimate
+
+NOTHING = 1e-9  # of what a base parameter may have been wrong by: an error is no share of less
 
 
 def best_table(snapshot: Snapshot) -> pd.DataFrame:
-    """One row a lump, as `lumps_frame` has them, by the best trial."""
-    problem, survivors = snapshot.problem, snapshot.survivors
-    nominal = problem.lumps.vector
-    unknown = np.full(len(nominal), np.nan)
-    resolution = _resolution(problem)
-    determined = resolution <= COARSEST
-    factor = low = high = unknown
-    if survivors:
-        factors = np.array([trial.factors for trial in survivors])
-        values = np.array([trial.outcome.value for trial in survivors])
-        found = identified_factors(problem, factors, values), *factor_range(problem, factors, values, resolution)
-        determined &= found[2] - found[1] <= 2.0 * COARSEST * found[0]
-        # Of a lump that the measure does not see, a trial says nothing.
-        factor, low, high = (np.where(np.isfinite(resolution), each, np.nan) for each in found)
-    return _lump_rows(problem, problem.lumps.searched, factor, (unknown, low * nominal, high * nominal), determined)
+    """One row a parameter that was sought, as `lumps_frame` has them, by the best trial."""
+    problem = snapshot.problem
+    return _rows(problem, problem.sought, known_by_best(problem, snapshot.survivors))
 
 
-def estimate_table(problem: Problem, found: ChainFound | None, is_result: bool) -> pd.DataFrame:
-    """One row a lump, those of inertia included, as `lumps_frame` has them; NaN where there is no estimate. There are
+def estimate_table(problem: AnyProblem, found: StudyEstimate | None, is_result: bool) -> pd.DataFrame:
+    """One row a parameter that is estimated, as `lumps_frame` has them; NaN where there is no estimate. There are
     intervals where it `is_result`: it explains what was seen, or is approximate.
     """
-    kinds = problem.estimated_kinds
-    names = lump_names(problem.nominal.nlink, kinds)
-    nominal = problem.nominal.lumps_of(kinds).vector_of(kinds)
-    factor = deviation = low = high = np.full(len(names), np.nan)
-    determined = np.zeros(len(names), dtype=np.bool_)
-    if found is not None:
-        factor = found.estimate.lumps.vector_of(kinds) / nominal
-    if found is not None and is_result:
-        deviation = found.lump_deviations
-        low, high = factor * np.exp(-DEVIATIONS * deviation), factor * np.exp(DEVIATIONS * deviation)
-        determined = deviation <= COARSEST
-        if (extent := found.estimate.extent) is not None:
-            low, high = np.exp(extent[0]), np.exp(extent[1])
-            deviation, determined = np.full(len(names), np.nan), high - low <= 2.0 * COARSEST * factor
-    intervals = factor * nominal * deviation, low * nominal, high * nominal
-    return _lump_rows(problem, kinds, factor, intervals, determined)
+    wanted = problem.estimated
+    if found is None:
+        return _rows(problem, wanted, Known.alone(np.full(len(wanted.names), np.nan)))
+    return _rows(problem, wanted, found.known(wanted) if is_result else Known.alone(found.values))
 
 
-def _lump_rows(
-    problem: Problem,
-    kinds: tuple[str, ...],
-    factor: Array,
-    intervals: tuple[Array, Array, Array],
-    determined: NDArray[np.bool_],
-) -> pd.DataFrame:
-    """One row a lump beside the truth, as `lumps_frame` has them.
-
-    Args:
-        problem: of a study.
-        kinds: of the lumps.
-        factor: identified, of the nominal lumps (nlump); NaN where there is none.
-        intervals: standard deviations and the lower and upper ends of the lumps (nlump); NaN where there are none.
-        determined: which lumps (nlump) are.
-    """
-    names = lump_names(problem.nominal.nlink, kinds)
-    nominal = problem.nominal.lumps_of(kinds).vector_of(kinds)
-    truth = problem.open_plant().true_lumps()  # here, and only here, the truth meets the result
-    true = np.full(len(names), np.nan) if truth is None else truth.vector_of(kinds, np.nan)
-    units = [lump_unit(lump) for lump in names]
-    return table_of((names, units), nominal, (factor, factor * nominal), intervals, (determined, true))
-
-
-def table_of(
-    names: tuple[Sequence[str], Sequence[str]],
-    nominal: Array,
-    found: tuple[Array, Array],
-    intervals: tuple[Array, Array, Array],
-    sure: tuple[NDArray[np.bool_], Array],
-) -> pd.DataFrame:
-    """What was found beside the truth, as `lumps_frame` has it, whatever is known of a plant.
-
-    Args:
-        names: of lumps or base parameters (nrow), and their units.
-        nominal: values (nrow).
-        found: what was identified as factors of these (nrow), and itself; NaN where it is not known.
-        intervals: standard deviations, lower and upper ends (nrow); NaN where there are none.
-        sure: which (nrow) are determined; and the true values, NaN where they are not known.
-    """
-    (name, unit), (factor, identified), (deviation, low, high), (determined, true) = names, found, intervals, sure
+def _rows(problem: AnyProblem, wanted: Parameters, known: Known) -> pd.DataFrame:
+    """What is `known` of what is `wanted` of a study, beside the truth."""
+    true = problem.true_values(wanted)  # here, and only here, the truth meets the result
+    least = 0.0 if wanted.deviations is None else NOTHING * wanted.deviations
     columns = {
-        "name": name,
-        "unit": unit,
-        "nominal": nominal,
-        "factor": factor,
-        "identified": identified,
-        "sd": deviation,
-        "low": low,
-        "high": high,
+        "name": wanted.names,
+        "unit": wanted.units,
+        "nominal": wanted.nominal,
+        "factor": known.values / np.where(wanted.nominal == 0.0, np.nan, wanted.nominal),
+        "identified": known.values,
+        "sd": known.deviations,
+        "low": known.low,
+        "high": known.high,
         "true": true,
-        "error": identified / np.where(true == 0.0, np.nan, true) - 1.0,
-        "determined": determined,
+        "error": known.values / np.where(np.abs(true) <= least, np.nan, true) - 1.0,
+        "determined": known.determined,
     }
-    return pd.DataFrame(columns)
-
-
-def _resolution(problem: Problem) -> Array:
-    """How well the trials can find each factor (nlump); inf where the pushes or the measure do not show the lump."""
-    resolution = identifiability_by_measure(problem).resolution
-    return np.where(problem.measure.determined(problem.lumps), resolution, np.inf)
+    expressions = {} if wanted.expressions is None else {"expression": wanted.expressions}
+    return pd.DataFrame({**columns, **expressions})
 
 
 def largest_error(lumps: pd.DataFrame) -> float | None:
     """The largest relative error of a determined lump in a table of `lumps`; None where one of them is not known, or no
-    lump is determined.
+    lump is determined. Of base parameters it says nothing: one may be next to nothing, though all is well known.
     """
+    if "expression" in lumps:
+        return None
     errors = lumps["error"][lumps["determined"]].abs()
     return None if errors.empty or errors.isna().any() else float(errors.max())
 
@@ -135,7 +69,7 @@ def without_nan(row: dict[Any, Any]) -> dict[str, Any]:
     return {str(key): None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()}
 
 
-def fault_table(problem: Problem, found: ChainFound | None, is_result: bool) -> pd.DataFrame:
+def fault_table(problem: AnyProblem, found: StudyEstimate | None, is_result: bool) -> pd.DataFrame:
     """One row a fault that was searched or taken up, see `[estimate] faults`: `name`, `unit`, `identified`, `sd`, `low`
     and `high` of the 95 % interval, `true`, `error`, which is the difference of the two, and whether it is
     `determined`. NaN as in `estimate_table`; no row where no fault was searched.
@@ -143,10 +77,10 @@ def fault_table(problem: Problem, found: ChainFound | None, is_result: bool) -> 
     kinds = problem.spec.study.estimate.searched_faults
     if found is not None and found.estimate.faults is not None:
         kinds = found.estimate.faults.searched.kinds
-    names, plant = fault_names(kinds, problem.nominal.nlink), problem.open_plant()
+    names, plant = fault_names(kinds, problem.counted_joints, problem.tilts), problem.open_plant()
     nothing = np.full(len(names), np.nan)
     # Here, and only here, the truth meets the result.
-    true = true_faults(plant, kinds) if isinstance(plant, MujocoPlant) else nothing
+    true = nothing if isinstance(plant, SocketPlant) else true_faults(plant, kinds)
     value, deviation, determined = nothing, nothing, np.zeros(len(names), dtype=np.bool_)
     if found is not None and (faults := found.estimate.faults) is not None:
         value = faults.values
@@ -166,7 +100,7 @@ def fault_table(problem: Problem, found: ChainFound | None, is_result: bool) -> 
     return pd.DataFrame(columns)
 
 
-def fault_rows(problem: Problem, found: ChainFound | None, is_result: bool) -> dict[str, Any]:
+def fault_rows(problem: AnyProblem, found: StudyEstimate | None, is_result: bool) -> dict[str, Any]:
     """The same as `study show --json` has it, under `faults`; nothing where no fault is ever searched."""
     if not problem.spec.study.estimate.faults:
         return {}

@@ -1,7 +1,7 @@
 """A study as the DB has it at one moment. Everything else that is known of the study follows from it.
 
-The trials are read once, and the study's `Problem` is made once. Tables, summary and findings are functions of the
-snapshot, so they agree with one another whatever a run writes meanwhile.
+The trials are read once, and what follows from the study's settings is made once. Tables, summary and findings are
+functions of the snapshot, so they agree with one another whatever a run writes meanwhile.
 """
 
 from __future__ import annotations
@@ -15,9 +15,18 @@ import numpy as np
 import pandas as pd
 
 from metaid.errors import StudyError
+from metaid.results.best import best_trial
 from metaid.store import EXPERIMENT, ForeignTrial, Store, Trial, shown_trial
-from metaid.study import ENDED_KEY, ArmSpec, Problem, StudySpec, of_chain, optuna_spec, problem_of, stored_spec
-from metaid.study.estimates import ChainFound, estimate_from, kept_with, shown_by_others
+from metaid.study import (
+    ENDED_KEY,
+    AnyProblem,
+    AnySpec,
+    of_chain,
+    optuna_spec,
+    problem_of,
+    stored_spec,
+)
+from metaid.study.estimates import StudyEstimate, estimate_from, kept_with, shown_by_others
 
 if TYPE_CHECKING:
     import optuna
@@ -33,7 +42,7 @@ class Snapshot:
     """
 
     name: str
-    spec: StudySpec
+    spec: AnySpec
     trials: list[Trial]
     foreign: tuple[ForeignTrial, ...] = ()
     ended: int | None = None
@@ -45,40 +54,51 @@ class Snapshot:
         return len(self.trials) >= self.spec.study.trials or len(self.trials) == self.ended
 
     @cached_property
-    def problem(self) -> Problem:
+    def problem(self) -> AnyProblem:
         """What follows from its settings."""
         return problem_of(self.spec)
 
     @property
     def survivors(self) -> list[Trial]:
-        """Trials that did not fall."""
-        return surviving(self.trials)
+        """Trials that neither fell nor failed."""
+        return [trial for trial in self.trials if not trial.outcome.fell]
 
     @property
-    def all_shown(self) -> list[Trial]:
-        """The trials that an estimate may be made of."""
-        return [*self.trials, *shown_by_others(self.problem, self.foreign)]
+    def best(self) -> Trial | None:
+        """The best of these; None where there is none."""
+        return best_trial(self.survivors) if self.survivors else None
 
     @cached_property
-    def estimate(self) -> ChainFound | None:
+    def estimate(self) -> StudyEstimate | None:
         """What all trials say together, those of others that carry motion included; None where nothing can be made of
         them.
         """
-        found: ChainFound | None = estimate_from(self.kept, self.problem, self.trials, self.foreign)
+        found: StudyEstimate | None = estimate_from(self.kept, self.problem, self.trials, self.foreign)
         return found
+
+    @property
+    def why_no_estimate(self) -> str:
+        """Why there is none."""
+        problem = self.problem
+        tried = [*self.trials, *shown_by_others(problem, self.foreign)]
+        if not problem.spec.study.estimate.enabled:
+            return "[estimate] enabled is false"
+        if not problem.can_be_estimated:
+            return "its episodes keep no windows of motion"
+        if not tried:
+            return "it has no trial yet: run it first"
+        windows = [each.outcome.windows.seen for each in tried if each.outcome.windows is not None]
+        readings = [each.outcome.readings.steps for each in tried if each.outcome.readings is not None]
+        if not windows and not readings:
+            return f"no trial in the DB has {'readings' if problem.keeps_readings else 'windows of its motion'}"
+        if not any(each.any() for each in (*windows, *readings)):
+            return "every trial fell within its shortest window"
+        return "the twin cannot follow these trials from any model near the nominal one"
 
 
 def read_snapshot(store: Store, name: str) -> Snapshot:
-    """The study of a chain of that `name`, its trials read at once.  Raises StorageError, and StudyError where it is of
-    an arm.
-    """
+    """The study of that `name`, its trials read at once.  Raises StorageError."""
     spec = stored_spec(store, name)
-    if isinstance(spec, ArmSpec):
-        raise StudyError(
-            f"study '{name}' is of the arm {spec.plant_name} "
-            "(allowed of an arm: study run, show, list, validate, plot, report, export, model and delete; "
-            "metaid.summary, lumps and trials)"
-        )
     stored = store.read(name, spec.names)
     return Snapshot(name, spec, stored.own, stored.foreign, store.attribute(name, ENDED_KEY), kept_with(store, name))
 
@@ -107,20 +127,26 @@ def counted_states(trials: Sequence[Trial]) -> dict[str, int]:
     return {"total": len(trials), **counts}
 
 
-def surviving(trials: Sequence[Trial]) -> list[Trial]:
-    """Those of the `trials` that neither fell nor failed."""
-    return [trial for trial in trials if not trial.outcome.fell]
-
-
-def trial_columns(trials: Sequence[Trial]) -> dict[str, Any]:
-    """What a frame has of each trial (ntrial), whatever was searched: `number`, `state`, `value` (NaN where it failed),
-    `generation`, `steps`.
+def trials_table(snapshot: Snapshot) -> pd.DataFrame:
+    """One row a trial: `number`, `state`, `value` (NaN where it failed), `generation`, `steps`, `periods_i` of each
+    joint where they are counted, then what the candidate is, under the names of what is sought.
     """
+    spec, trials = snapshot.spec, snapshot.trials
     values = [np.nan if trial.outcome.failure is not None else trial.outcome.value for trial in trials]
-    return {
+    numbers = {
+        "generation": [trial.generation for trial in trials],
+        "steps": [trial.outcome.steps for trial in trials],
+        **{
+            f"periods_{joint + 1}": [trial.outcome.periods[joint] for trial in trials]
+            for joint in range(spec.joints_with_periods)
+        },
+    }
+    candidates = np.array([trial.factors for trial in trials]).reshape(len(trials), len(spec.names))
+    columns = {
         "number": np.array([trial.number for trial in trials], dtype=np.int64),
         "state": pd.Categorical([trial.state.name for trial in trials], STATES),
         "value": np.array(values, dtype=np.float64),
-        "generation": np.array([trial.generation for trial in trials], dtype=np.int64),
-        "steps": np.array([trial.outcome.steps for trial in trials], dtype=np.int64),
+        **{key: np.array(column, dtype=np.int64) for key, column in numbers.items()},
+        **dict(zip(spec.names, candidates.T, strict=True)),
     }
+    return pd.DataFrame(columns)

@@ -8,21 +8,11 @@ import numpy as np
 import pandas as pd
 
 from metaid.errors import StudyError
-from metaid.results.arms import ArmSnapshot, arm_trials_table, judge_any, read_any_snapshot
-from metaid.results.best import best_trial
 from metaid.results.body_tables import bodies_table
-from metaid.results.estimates import why_no_estimate
 from metaid.results.lump_tables import best_table, estimate_table, fault_rows, largest_error
-from metaid.results.snapshot import (
-    Snapshot,
-    counted_states,
-    read_snapshot,
-    snapshot_of,
-    surviving,
-    trial_columns,
-)
-from metaid.results.verdict import Verdict, judge
-from metaid.store import Store, Trial
+from metaid.results.snapshot import Snapshot, counted_states, read_snapshot, snapshot_of, trials_table
+from metaid.results.verdict import judge
+from metaid.store import Store
 
 if TYPE_CHECKING:
     import optuna
@@ -33,8 +23,7 @@ def trials_frame(store: Store, name: str) -> pd.DataFrame:
     then a factor per lump, under its name. Of an arm there are no periods, and base parameters in SI units in place of
     factors.
     """
-    snapshot = read_any_snapshot(store, name)
-    return arm_trials_table(snapshot) if isinstance(snapshot, ArmSnapshot) else trials_table(snapshot)
+    return trials_table(read_snapshot(store, name))
 
 
 def lumps_frame(store: Store, name: str) -> pd.DataFrame:
@@ -46,10 +35,9 @@ def lumps_frame(store: Store, name: str) -> pd.DataFrame:
     lumps, and, where a study searches or takes up faults, these as `faults`, a row each as `study show --json` has it.
     Of an arm a row is a base parameter, with its `expression`.
     """
-    snapshot = read_any_snapshot(store, name)
-    verdict = judge_any(snapshot)
-    if not isinstance(snapshot, ArmSnapshot):
-        verdict.lumps.attrs |= fault_rows(snapshot.problem, snapshot.estimate, verdict.has_result)
+    snapshot = read_snapshot(store, name)
+    verdict = judge(snapshot)
+    verdict.lumps.attrs |= fault_rows(snapshot.problem, snapshot.estimate, verdict.has_result)
     verdict.lumps.attrs |= {"verdict": verdict.word, "reasons": list(verdict.reasons), "source": verdict.source}
     return verdict.lumps
 
@@ -71,8 +59,7 @@ def estimate_frame(store: Store, name: str) -> pd.DataFrame:
 
 def _estimated(snapshot: Snapshot) -> pd.DataFrame:
     if snapshot.estimate is None:
-        why = why_no_estimate(snapshot.problem, snapshot.all_shown)
-        raise StudyError(f"study '{snapshot.name}' has no estimate: {why}")
+        raise StudyError(f"study '{snapshot.name}' has no estimate: {snapshot.why_no_estimate}")
     return estimate_table(snapshot.problem, snapshot.estimate, snapshot.estimate.explains)
 
 
@@ -89,7 +76,7 @@ def bodies_frame(store: Store, name: str) -> pd.DataFrame:
     Raises StudyError where no estimate found lumps, or no body has such lumps.
     """
     snapshot = read_snapshot(store, name)
-    return bodies_table(snapshot.problem, snapshot.estimate, judge(snapshot))
+    return bodies_table(snapshot, judge(snapshot))
 
 
 def studies_frame(store: Store) -> pd.DataFrame:
@@ -101,36 +88,20 @@ def studies_frame(store: Store) -> pd.DataFrame:
 
 
 def _study_row(store: Store, name: str) -> dict[str, object]:
-    snapshot = read_any_snapshot(store, name)
+    snapshot = read_snapshot(store, name)
     spec, counts = snapshot.spec, counted_states(snapshot.trials)
     known: dict[str, object] = {"name": name, "plant": spec.plant_name, "sampler": spec.study.sampler}
     known |= {"trials": counts["total"], "pruned": counts["pruned"]}
-    if isinstance(snapshot, ArmSnapshot):
-        return {**known, **_judged(snapshot.problem.measure.name, surviving(snapshot.trials), judge_any(snapshot))}
     try:
         snapshot.problem.check()
         measure = snapshot.problem.measure.name
     except StudyError:  # too large to be computed: the others are listed all the same, and `show` says why
-        return {**known, "measure": snapshot.spec.study.episode.measure, "verdict": ""}
-    verdict = judge_any(snapshot)
+        return {**known, "measure": spec.measure, "verdict": ""}
+    verdict = judge(snapshot)
     return {
         **known,
-        **_judged(measure, snapshot.survivors, verdict),
+        "measure": measure,
+        "verdict": verdict.word,
+        "best": snapshot.best and snapshot.best.outcome.value,
         "max_error": largest_error(verdict.lumps),
     }
-
-
-def _judged(measure: str, survivors: list[Trial], verdict: Verdict) -> dict[str, object]:
-    best = best_trial(survivors).outcome.value if survivors else None
-    return {"measure": measure, "verdict": verdict.word, "best": best}
-
-
-def trials_table(snapshot: Snapshot) -> pd.DataFrame:
-    """The frame of `trials_frame`."""
-    spec, trials = snapshot.spec, snapshot.trials
-    periods = {
-        f"periods_{joint + 1}": np.array([trial.outcome.periods[joint] for trial in trials], dtype=np.int64)
-        for joint in range(len(spec.nominal))
-    }
-    factors = np.array([trial.factors for trial in trials]).reshape(len(trials), len(spec.names))
-    return pd.DataFrame({**trial_columns(trials), **periods, **dict(zip(spec.names, factors.T, strict=True))})

@@ -1,28 +1,25 @@
 """How well a study's result serves: on pushes that the search never used, and in control along a trajectory.
 
-Both are simulated with the nominal lumps, the identified ones and, where the plant knows them, the true ones. The true
-ones only serve to say how good a result could have been.
+Both are simulated under the nominal law, the identified one and, where the plant knows it, the true one. The true one
+only serves to say how good a result could have been.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.episode import REACH, natural_time, rich_pushes
 from metaid.errors import StudyError
-from metaid.models import Array, Chain, ChainModel, Lumps, compensation_torque, kind_of
-from metaid.plant import MujocoPlant, Plant, Start
-from metaid.results.control import BANDWIDTH, smooth_sinusoids, track
+from metaid.models import Array
+from metaid.results.candidates import identified_law
+from metaid.results.courses import course_of
 from metaid.results.snapshot import Snapshot
 from metaid.results.verdict import Verdict
-from metaid.study import HORIZON, Problem
+from metaid.study import AnyProblem
 
-COASTING = 0.1  # a joint speed changed by more than this share of the fastest link's is no longer coasting
-COASTING_HORIZON = 100.0  # natural times for which coasting is watched
 PUSHES, MOST_PUSHES = 10, 1000
 DEGREES = 180.0 / np.pi
 Joints = slice | NDArray[np.bool_]
@@ -30,7 +27,7 @@ Joints = slice | NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Validated:
-    """How a plant moves with the lumps named `model`.
+    """How a plant moves under the law named `model`.
 
     `coasting` (npush): time, in s, for which each push coasts, at most the horizon; `errors` (nsteps x njoint): of the
     joint coordinates along the trajectory, in rad or m, as far as it got before the plant was out of control; `tracked`
@@ -116,19 +113,8 @@ class Validation:
         return {**head, **natural, "horizon_s": self.horizon, "models": [row(shown) for shown in self.models]}
 
 
-def check_pushes(pushes: int, seed: int) -> None:
-    """Raises StudyError where so many pushes, or such a seed, are not allowed."""
-    if not 1 <= pushes <= MOST_PUSHES or seed < 0:
-        raise StudyError(f"pushes is {pushes} and seed is {seed} (allowed: 1 to {MOST_PUSHES} pushes, a seed from 0)")
-
-
-def fresh_seed(study_seed: int, seed: int) -> int:
-    """Of a stream of random numbers that no study's pushes come from."""
-    return int(np.random.SeedSequence([study_seed, seed]).generate_state(1)[0])
-
-
-def validate_chain(snapshot: Snapshot, verdict: Verdict, pushes: int = PUSHES, seed: int = 0) -> Validation:
-    """`validate_factors` of what a study found.
+def validate(snapshot: Snapshot, verdict: Verdict, pushes: int = PUSHES, seed: int = 0) -> Validation:
+    """`validate_law` of what a study found.
 
     Args:
         snapshot: of the study.
@@ -137,125 +123,41 @@ def validate_chain(snapshot: Snapshot, verdict: Verdict, pushes: int = PUSHES, s
         seed: of these pushes.
 
     Raises:
-        StudyError: no lump was found, or as `validate_factors` does.
+        StudyError: nothing was found, or as `validate_law` does.
     """
-    found = verdict.lumps.set_index("name")
-    if not (verdict.has_result or (found["determined"] & found["factor"].notna()).any()):
+    found = verdict.lumps
+    if not (verdict.has_result or (found["determined"] & found["identified"].notna()).any()):
         raise verdict.refusal(snapshot.name, "nothing to validate")
-    factors = found["factor"].fillna(1.0)
-    inertia = factors[[lump for lump in found.index if kind_of(lump) == "inertia"]]
-    values = (inertia * found["nominal"][inertia.index]).to_numpy() if len(inertia) else None
-    return validate_factors(snapshot.problem, factors[snapshot.problem.names].to_numpy(), pushes, seed, values)
+    return validate_law(snapshot.problem, identified_law(snapshot.problem, verdict), pushes, seed)
 
 
-def validate_factors(
-    problem: Problem, factors: Array, pushes: int = PUSHES, seed: int = 0, inertia: Array | None = None
-) -> Validation:
-    """Coasting and tracking with identified lumps, and with the nominal ones and the true ones beside.
+def validate_law(problem: AnyProblem, identified: Any, pushes: int = PUSHES, seed: int = 0) -> Validation:
+    """Coasting and tracking with an identified law, and with the nominal one and the true one beside.
 
     Args:
         problem: of the study.
-        factors: of its lumps (nlump), as identified.
-        pushes: how many rich pushes.
+        identified: the law, as the plant takes it: lumps of a chain, parameters (njoint x 13) of an arm.
+        pushes: how many pushes, which the search never used.
         seed: of these pushes.
-        inertia: the inertia lumps (nlink), in kg m², where an estimate has identified them.
 
     Raises:
         StudyError: the number of pushes or the seed is not allowed, or the plant is a rig.
     """
-    check_pushes(pushes, seed)
-    plant, nominal = problem.make_plant(), problem.nominal
-    time = natural_time(nominal, plant.gravity)
-    fresh = fresh_pushes(plant, pushes, REACH / (HORIZON * time), problem.spec.study.seed, seed)
-    steps = round(COASTING_HORIZON * time / plant.timestep)
-    candidates = {"nominal": problem.lumps, "identified": replace(problem.lumps.scaled(factors), inertia=inertia)}
-    truth = plant.true_lumps()
-    if truth is not None:
-        candidates["true"] = truth
-    if inertia is None:
-        candidates = {name: _with_nominal_inertia_ratio(lumps, nominal) for name, lumps in candidates.items()}
-
-    def validated(name: str, lumps: Lumps) -> Validated:
-        coasting = np.array([coasting_time(plant, lumps, impulses, steps) for impulses in fresh])
-        return Validated(name, coasting, *tracking_errors(plant, lumps, nominal))
-
-    models = tuple(validated(name, lumps) for name, lumps in candidates.items())
-    horizon, assumed = steps * plant.timestep, inertia is None
-    return Validation(plant.name, seed, fresh, plant.timestep, horizon, models, time, takes_nominal_inertia=assumed)
+    if not 1 <= pushes <= MOST_PUSHES or seed < 0:
+        raise StudyError(f"pushes is {pushes} and seed is {seed} (allowed: 1 to {MOST_PUSHES} pushes, a seed from 0)")
+    plant, true = problem.open_plant(), problem.true_law()
+    laws = {"nominal": problem.nominal_law, "identified": identified, **({} if true is None else {"true": true})}
+    course = course_of(plant, problem, laws, pushes, fresh_seed(problem.spec.study.seed, seed))
+    models = tuple(Validated(name, course.coasting(law), *course.tracking(law)) for name, law in laws.items())
+    horizon = course.steps * plant.timestep
+    return Validation(plant.name, seed, course.pushes, plant.timestep, horizon, models, **course.about)
 
 
-def _with_nominal_inertia_ratio(lumps: Lumps, nominal: Chain) -> Lumps:
-    """Where inertia lumps are not identified, d_i is μ_i times the nominal model's d_i / μ_i, for every model alike."""
-    return replace(lumps, inertia=nominal.inertia_lumps * lumps.gravity / nominal.lumps.gravity)
-
-
-def fresh_pushes(plant: Plant, count: int, peak_speed: float, study_seed: int, seed: int) -> Array:
-    """Rich pushes from a stream of random numbers that no study's pushes come from.
+def fresh_seed(study_seed: int, seed: int) -> int:
+    """Of a stream of random numbers that no study's pushes come from.
 
     Args:
-        plant: that is pushed.
-        count: of the pushes.
-        peak_speed: of the fastest link after each, in rad/s.
         study_seed: the study's seed.
         seed: of the validation; another one gives other pushes.
-
-    Returns:
-        The impulses (count x njoint), in N s.
     """
-    return rich_pushes(plant, count, peak_speed, fresh_seed(study_seed, seed))
-
-
-def coasting_time(plant: Plant, lumps: Lumps, impulses: Array, steps: int) -> float:
-    """For how long a plant coasts after a push, with `lumps` in the law.
-
-    It has coasted until a joint's speed has changed by a tenth of the speed of the fastest link after the push. A
-    MujocoPlant is watched by a compiled loop, any other step by step.
-
-    Args:
-        plant: it is brought to rest upright first.
-        lumps: of the law.
-        impulses: of the push (njoint), in N s.
-        steps: after which it is no longer watched.
-
-    Returns:
-        The time in s, at most that of all `steps`.
-    """
-    if not isinstance(plant, MujocoPlant):
-        return coasting_time_stepwise(plant, lumps, impulses, steps)
-    from metaid.compiled import coasting_steps
-
-    return coasting_steps(plant, lumps, impulses, steps, COASTING) * plant.timestep
-
-
-def coasting_time_stepwise(plant: Plant, lumps: Lumps, impulses: Array, steps: int) -> float:
-    """`coasting_time` on any plant, in s, step by step in Python: the reference for the compiled loop.
-
-    Args:
-        plant: it is brought to rest upright first.
-        lumps: of the law.
-        impulses: of the push (njoint), in N s.
-        steps: after which it is no longer watched.
-    """
-    plant.push(Start.upright(impulses))
-    angles, speeds = plant.states()
-    pushed, tolerance = speeds, COASTING * np.abs(np.cumsum(speeds)).max()
-    for step in range(steps):
-        plant.apply_torque(compensation_torque(lumps, angles, speeds, plant.gravity))
-        plant.step()
-        angles, speeds = plant.states()
-        if not np.abs(speeds - pushed).max() <= tolerance:
-            return step * plant.timestep
-    return steps * plant.timestep
-
-
-def tracking_errors(plant: Plant, lumps: Lumps, nominal: Chain) -> tuple[Array, bool]:
-    """Errors of the joint angles (nsteps x njoint), in rad, along smooth sinusoids under computed torque with `lumps`,
-    up to where control was lost, and whether it never was.
-
-    The feedback is weighted by the nominal mass matrix, for every model alike.
-    """
-    time = natural_time(nominal, plant.gravity)
-    desired = smooth_sinusoids(plant.njoint, time, plant.timestep)
-    model, feedback = ChainModel(lumps, plant.gravity), ChainModel(nominal.lumps, plant.gravity)
-    seen = track(plant, model, feedback, desired, BANDWIDTH / time)
-    return seen.angles - desired.angles[: len(seen.angles)], len(seen.angles) == len(desired.angles)
+    return int(np.random.SeedSequence([study_seed, seed]).generate_state(1)[0])

@@ -15,12 +15,12 @@ import pandas as pd
 
 from metaid.errors import StudyError
 from metaid.models import Array
-from metaid.results.best import best_trial
-from metaid.results.estimates import why_no_estimate
+from metaid.results.by_measure import at_bounds
 from metaid.results.lump_tables import best_table, estimate_table, fault_table
 from metaid.results.snapshot import Snapshot
-from metaid.study import COARSEST, Problem, lumps_at_bounds
-from metaid.study.estimates import ChainFound
+from metaid.store import Trial
+from metaid.study import COARSEST, AnyProblem
+from metaid.study.estimates import StudyEstimate
 
 Word = Literal["found", "approximate", "not found", "unfinished"]
 Source = Literal["estimate", "best trial"]
@@ -76,11 +76,10 @@ def judge(snapshot: Snapshot) -> Verdict:
         if lumps["determined"].any():
             missing = _missing(problem, estimate, lumps)
             return Verdict("found", "estimate", (*estimate.reasons, *missing, *estimate.provisos), lumps)
-        reasons = (f"the trials show no lump to better than {COARSEST:.0%}: push more, or harder",)
+        reasons = (f"the trials show no {problem.sought.noun} to better than {COARSEST:.0%}: {problem.faint}",)
         return _not_yet(snapshot, "estimate", reasons, lumps)
     if problem.is_matching:
-        why = why_no_estimate(problem, snapshot.all_shown) if estimate is None else estimate.description
-        against: tuple[str, ...] = (why,)
+        against: tuple[str, ...] = (snapshot.why_no_estimate if estimate is None else estimate.description,)
         source: Source = "estimate"
         lumps = estimate_table(problem, estimate, is_result=False)
     else:
@@ -101,7 +100,7 @@ def judge(snapshot: Snapshot) -> Verdict:
     )
 
 
-def _missing(problem: Problem, estimate: ChainFound, lumps: pd.DataFrame) -> Iterator[str]:
+def _missing(problem: AnyProblem, estimate: StudyEstimate, lumps: pd.DataFrame) -> Iterator[str]:
     """Which of the `lumps` and faults of an `estimate` are not determined."""
     for table in (lumps, fault_table(problem, estimate, is_result=True)):
         yield from missed(table, "these trials do")
@@ -116,71 +115,61 @@ def missed(lumps: pd.DataFrame, who: str) -> Iterator[str]:
 
 
 def _not_yet(snapshot: Snapshot, source: Source, reasons: tuple[str, ...], lumps: pd.DataFrame) -> Verdict:
-    done = len(snapshot.trials), snapshot.spec.study.trials
-    return not_yet(snapshot.is_finished, done, source, reasons, lumps)
-
-
-def not_yet(
-    is_finished: bool, done: tuple[int, int], source: Source, reasons: tuple[str, ...], lumps: pd.DataFrame
-) -> Verdict:
     """Unfinished where trials are left, else not found: then lumps have the numbers of the last estimate or the best
     trial, and none is said to be known.
 
     Args:
-        is_finished: whether nothing is left to do.
-        done: how many trials there are, and how many there are to be.
+        snapshot: the study.
         source: of the lumps.
         reasons: why nothing is found.
         lumps: the table of what was to be found.
     """
-    lumps = lumps.copy()
+    lumps, done = lumps.copy(), len(snapshot.trials)
     lumps[["sd", "low", "high"]] = np.nan
-    if not is_finished:
-        left = f"{done[0]} of {done[1]} trials are done"
-        return Verdict("unfinished", source, (left, *reasons) if done[0] else (left,), lumps)
+    if not snapshot.is_finished:
+        left = f"{done} of {snapshot.spec.study.trials} trials are done"
+        return Verdict("unfinished", source, (left, *reasons) if done else (left,), lumps)
     lumps["determined"] = False
     return Verdict("not found", source, reasons, lumps)
 
 
 def _against_best(snapshot: Snapshot, lumps: pd.DataFrame) -> Iterator[str]:
     """What speaks against taking the best trial for the result."""
-    if not snapshot.survivors:
-        yield "no trial survived: raise search.high, or start higher" if snapshot.trials else "no trial yet"
+    if snapshot.best is None:
+        yield snapshot.problem.all_fell if snapshot.trials else "no trial yet"
         return
-    yield from _too_far(snapshot, lumps)
-    yield from _untested(snapshot)
+    yield from _too_far(snapshot, snapshot.best, lumps)
+    yield from _untested(snapshot, snapshot.best)
 
 
-def _untested(snapshot: Snapshot) -> Iterator[str]:
-    """Why the model of a best trial was not tested, or what refuted it.
+def _untested(snapshot: Snapshot, best: Trial) -> Iterator[str]:
+    """Why the model of the `best` trial was not tested, or what refuted it.
 
     Wrong lumps can make up for friction or a spring so well that noise, or a count, does not show what is left over.
     Pushes of an ideal plant that coast as far as the measure can tell have tested the model themselves.
     """
-    problem, estimate = snapshot.problem, snapshot.estimate
-    best = best_trial(snapshot.survivors).outcome.value
+    problem, estimate, name = snapshot.problem, snapshot.estimate, snapshot.problem.measure.name
     shows_all = problem.measure.sees_coriolis and not problem.measure.is_noisy
     if estimate is not None:
-        if not (shows_all and best <= problem.resolution):
+        if not (shows_all and best.outcome.value <= problem.resolution):
             yield estimate.description
     elif not shows_all:
-        why = why_no_estimate(problem, snapshot.all_shown)
-        name = problem.measure.name
-        yield f"nothing has tested the model, and {name} alone cannot tell friction from wrong lumps: {why}"
+        yield (
+            f"nothing has tested the model, and {name} alone cannot tell friction from wrong lumps: "
+            f"{snapshot.why_no_estimate}"
+        )
 
 
-def _too_far(snapshot: Snapshot, lumps: pd.DataFrame) -> Iterator[str]:
-    """Whether the best trial is far from coasting, or tells nothing of any lump."""
-    problem = snapshot.problem
-    best, measure = best_trial(snapshot.survivors), problem.measure
+def _too_far(snapshot: Snapshot, best: Trial, lumps: pd.DataFrame) -> Iterator[str]:
+    """Whether the `best` trial is far from coasting, or tells nothing of any lump."""
+    problem, measure, noun = snapshot.problem, snapshot.problem.measure, snapshot.problem.sought.noun
     value, unit, resolution = best.outcome.value, measure.unit, problem.resolution
     is_far = value > FAR * resolution
     if is_far:
         yield (
             f"the best value, {value:.3g} {unit}, is {value / resolution:.3g} times the {resolution:.2g} {unit} that "
-            f"{measure.name} can tell from none: try more trials, another seed or another sampler"
+            f"{measure.name} can tell from none: try more trials, another seed or another sampler{problem.far_off}"
         )
-        tried = np.array([trial.factors for trial in snapshot.trials])
-        yield from map(str, lumps_at_bounds(problem, best.factors, tried))
+        yield from at_bounds(problem, best.factors, np.array([trial.factors for trial in snapshot.trials]))
     if not is_far and not lumps["determined"].any():
-        yield f"{measure.name} with these pushes determines no lump to better than {COARSEST:.0%}"
+        yield f"{measure.name} with these pushes determines no {noun} to better than {COARSEST:.0%}"

@@ -7,34 +7,36 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from metaid.show.arm_report import render_any
-    from metaid.show.arm_video import film_arm
     from metaid.show.companions import delete_companion
     from metaid.show.comparing import render_comparison
     from metaid.show.dashboard import make_dashboard, serve
+    from metaid.show.report import render
     from metaid.show.scene import open_viewer
+    from metaid.show.stages import ArmStage, ChainStage
     from metaid.show.video import SUFFIXES, film
 
 _MODULE_OF = {
+    "ArmStage": "stages",
+    "ChainStage": "stages",
     "SUFFIXES": "video",
     "delete_companion": "companions",
     "film": "video",
-    "film_arm": "arm_video",
     "make_dashboard": "dashboard",
     "open_viewer": "scene",
-    "render_any": "arm_report",
+    "render": "report",
     "render_comparison": "comparing",
     "serve": "dashboard",
 }
 
 __all__ = [
     "SUFFIXES",
+    "ArmStage",
+    "ChainStage",
     "delete_companion",
     "film",
-    "film_arm",
     "make_dashboard",
     "open_viewer",
-    "render_any",
+    "render",
     "render_comparison",
     "serve",
 ]

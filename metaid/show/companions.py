@@ -44,7 +44,7 @@ def write_companion(store: Store, found: Findings) -> optuna.Study:
         for lump, low, high in zip(names, found.problem.low.tolist(), found.problem.high.tolist(), strict=True)
     }
     companion = optuna.create_study(storage=store.optuna, study_name=companion_name(found.name))
-    numbers = ["generation", "steps", *(f"periods_{joint + 1}" for joint in range(found.problem.nominal.nlink))]
+    numbers = ["generation", "steps", *(f"periods_{joint + 1}" for joint in range(found.spec.joints_with_periods))]
     companion.add_trials(
         create_trial(
             state=TrialState[row["state"]],

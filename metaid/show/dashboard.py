@@ -21,12 +21,11 @@ import optuna
 import pandas as pd
 
 from metaid.errors import MetaidError, optional_packages, printable
-from metaid.results import Findings, findings_of
-from metaid.results.arms import ArmSnapshot, read_any_snapshot
+from metaid.results import Findings, read_findings
 from metaid.show.companions import companion_name, is_long, write_companion
 from metaid.show.figures import FALL, RANGE, SURVIVOR
 from metaid.show.loopback import loopback_only
-from metaid.show.notes import SIGNED, arm_note, note
+from metaid.show.notes import SIGNED, note
 from metaid.store import Store
 
 with optional_packages("dashboard"):
@@ -125,21 +124,13 @@ def explain(store: Store, name: str) -> None:
     count = store.optuna.get_n_trials(study._study_id)
     if store.optuna.get_study_system_attrs(study._study_id).get(SHOWN_KEY) == count:
         return
-    snapshot = read_any_snapshot(store, name)
-    if isinstance(snapshot, ArmSnapshot):
-        _annotate(study, arm_note(snapshot))
-    else:
-        _explain_chain(store, study, findings_of(snapshot))
-    store.optuna.set_study_system_attr(study._study_id, SHOWN_KEY, count)
-
-
-def _explain_chain(store: Store, study: optuna.Study, found: Findings) -> None:
-    shown = [study, write_companion(store, found)] if is_long(found) else [study]
-    for each in shown:
+    found = read_findings(store, name)
+    for each in [study, write_companion(store, found)] if is_long(found) else [study]:
         _annotate(each, note(found))
         if not found.survivors.empty:
             for title, graph in graphs(found).items():
                 save_plotly_graph_object(each, graph, graph_object_id=title)
+    store.optuna.set_study_system_attr(study._study_id, SHOWN_KEY, count)
 
 
 def _annotate(study: optuna.Study, text: str) -> None:
@@ -183,20 +174,21 @@ def _convergence(found: Findings) -> Graph:
 
 
 def _lumps(found: Findings) -> Graph:
-    lumps = found.lumps.dropna(subset=["identified"])
-    factor, low, high, nominal = (lumps[key] for key in ("factor", "low", "high", "nominal"))
+    lumps, known = found.lumps, found.lumps["identified"].notna().to_numpy()
+    ends = (lumps[key].to_numpy() / found.sought.scale for key in ("identified", "low", "high"))
+    value, low, high = (found.drawn(each)[known] for each in ends)
     ranges = {
         "type": "scatter",
         "mode": "markers",
         "name": f"identified, with its {found.interval_name}",
-        "x": lumps["name"].tolist(),
-        "y": five_digits(factor),
+        "x": lumps["name"][known].tolist(),
+        "y": five_digits(value),
         "marker": {"color": SURVIVOR, "size": 9},
         "error_y": {
             "type": "data",
             "symmetric": False,
-            "array": five_digits(high / nominal - factor),
-            "arrayminus": five_digits(factor - low / nominal),
+            "array": five_digits(high - value),
+            "arrayminus": five_digits(value - low),
         },
     }
     data = [ranges]
@@ -208,15 +200,16 @@ def _lumps(found: Findings) -> Graph:
                 "mode": "markers",
                 "name": "truth",
                 "x": found.names,
-                "y": five_digits(found.true_factors),
+                "y": five_digits(found.drawn(found.true_factors)),
                 "marker": star,
             }
         )
-    return Graph(data, _layout("Lumps", "", "factor of nominal"))
+    return Graph(data, _layout("Lumps", "", found.sought.axis))
 
 
 def _falls(found: Findings, first: str, second: str) -> Graph:
-    kinds = [("survivor", found.survivors, RANGE, "circle"), ("fall", found.falls, FALL, "x")]
+    shown = [found.drawn_rows(rows) for rows in (found.survivors, found.falls)]
+    kinds = [("survivor", shown[0], RANGE, "circle"), ("fall", shown[1], FALL, "x")]
     data = [
         {
             "type": "scatter",
@@ -228,7 +221,7 @@ def _falls(found: Findings, first: str, second: str) -> Graph:
         }
         for label, rows, colour, symbol in kinds
     ]
-    return Graph(data, _layout("Falls", f"factor of {first}", f"factor of {second}"))
+    return Graph(data, _layout("Falls", found.sought.label(first), found.sought.label(second)))
 
 
 def _layout(title: str, x: str, y: str, scale: str = "linear") -> dict[str, Any]:

@@ -5,15 +5,21 @@ from __future__ import annotations
 from typing import Any
 
 from metaid.results import RESULTS, Findings, describe_known_from, describe_trials, interval_name, shown_rows
-from metaid.results.arms import ArmSnapshot, arm_summary, judge_arm
 from metaid.show.companions import companion_name, is_long
 
+CANDIDATES = {
+    "lump": "A parameter is a factor of the nominal lump.",
+    "base parameter": "A parameter is one of them, in SI units: a combination of masses, centres of mass, inertias, "
+    "rotors and friction that the torque depends on.",
+}
+SPRINGS = {"lump": "", "base parameter": ", or swings as on the springs that its law asks for"}
 SIGNED = "*This note is written by metaid. Take this line out to keep your own.*"
 
 
 def note(found: Findings) -> str:
     """What the study is, in Markdown."""
-    shown, trials = found.summary, found.summary["trials"]
+    shown, trials, noun = found.summary, found.summary["trials"], found.sought.noun
+    plant = escaped(shown["plant"])
     if is_long(found):
         name = escaped(companion_name(found.name))
         companion = f"This study is long. The study *{name}* has its best trials, and others evenly spaced."
@@ -23,9 +29,9 @@ def note(found: Findings) -> str:
 
 {escaped(found.spec.study.description)}
 
-Lumps of the plant **{escaped(shown["plant"])}**, searched by {shown["sampler"]} with seed {shown["seed"]}.
-A parameter is a factor of the nominal lump. The value is the measure
-*{shown["measure"]}*, in {found.problem.measure.unit}; it is least where the pendulum coasts.
+{noun.capitalize()}s of the plant **{plant}**, searched by {shown["sampler"]} with seed {shown["seed"]}.
+{CANDIDATES[noun]} The value is the measure
+*{shown["measure"]}*, in {found.problem.measure.unit}; it is least where the plant coasts{SPRINGS[noun]}.
 
 **{trials["complete"]}** trials survived. **{trials["pruned"]}** fell: they are PRUNED, their last step is the one that
 they survived to, and their value ranks them behind every survivor.
@@ -36,31 +42,6 @@ they survived to, and their value ranks them behind every survivor.
 
 {_table(shown_rows(shown))}
 {_fault_table(shown_rows(shown, "faults"))}
-{_estimate(shown)}
-
-{SIGNED}
-"""
-
-
-def arm_note(snapshot: ArmSnapshot) -> str:
-    """What a study of an arm is, in Markdown."""
-    shown = arm_summary(snapshot, judge_arm(snapshot))
-    counts = shown["trials"]
-    return f"""# {escaped(snapshot.name)}
-
-{escaped(snapshot.spec.study.description)}
-
-Base parameters of the arm **{escaped(shown["plant"])}**, searched by {shown["sampler"]} with seed {shown["seed"]}.
-A parameter is one of them, in SI units: a combination of masses, centres of mass, inertias, rotors and friction that
-the torque depends on. The value is the measure *{shown["measure"]}*, in {snapshot.problem.measure.unit}. It is least
-where the arm coasts, or swings as on the springs that its law asks for.
-
-**{counts["complete"]}** trials survived. In **{counts["pruned"]}** a push fell: they are PRUNED.
-
-**Verdict: {shown["verdict"]}.** {escaped("; ".join(shown["reasons"]))}
-
-{_table(shown_rows(shown))}
-
 {_estimate(shown)}
 
 {SIGNED}

@@ -17,15 +17,14 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import tomli_w
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 import metaid
-from metaid.plant import PlantSettings
 from metaid.results import (
+    MODEL_ERRORS,
     Findings,
     body_rows,
     describe_known_from,
@@ -34,9 +33,21 @@ from metaid.results import (
     interval_name,
     shown_rows,
 )
-from metaid.show.figures import COLUMN, INK, PAGE, Gallery, Picture, plant_figure, said_in, style, with_titles
+from metaid.show.figures import COLUMN, INK, PAGE, Gallery, Picture, said_in, sketch, style, with_titles
+from metaid.show.words import (
+    episode_words,
+    joint_rows,
+    left_open,
+    nominal_words,
+    plant_caption,
+    plant_words,
+    plural,
+    shows_plant,
+    study_files,
+)
 
 VERSIONS_OF = ("mujoco-core", "numba", "numpy", "cmaes", "optuna", "matplotlib")
+UNITS = {"deg": "°", "mm": "mm"}
 WIDEST = 0.02  # of a lump's value: a wider range is reported
 
 
@@ -51,33 +62,61 @@ class PageFigure:
 
 
 def render(found: Findings) -> str:
-    """The page.  Raises StorageError where there is no survivor yet."""
-    gallery = Gallery(found)
-    bodies = body_rows(found.problem, found.estimate, found.verdict)["bodies"]
+    """The page.  Raises StorageError where there is nothing to show yet."""
+    gallery, problem, spec = Gallery(found), found.problem, found.spec
+    bodies = body_rows(found.snapshot, found.verdict)["bodies"]
     return filled_in(
         "report.html",
         found=found,
+        noun=found.sought.noun,
         summary=found.summary,
         lumps=shown_rows(found.summary),
         faults=shown_rows(found.summary, "faults"),
-        study=found.spec.study,
-        unit=found.problem.measure.unit,
-        episode=found.problem.episode,
-        timestep=found.problem.timestep,
+        study=spec.study,
+        settings=settings(found),
         plant_picture=plant_picture(found),
-        shows_plant=shows_plant(found),
+        joints=joint_rows(problem.nominal),
+        errors=errors(found),
         validation=None if found.validation is None else found.validation.summary(),
+        units={} if found.validation is None else {UNITS[unit]: unit for unit in found.validation.kinds},
+        left_open=left_open(problem.nominal, found),
         left_out=gallery.left_out,
         figures=page_figures(gallery.pictures("page"), gallery.pictures("column")),
-        falls=falls(found.trials, found.problem.episode.total_steps),
-        cost=cost(found.trials, found.problem.timestep, reached(found)),
+        falls=falls(found.trials, problem.episode.total_steps),
+        cost=cost(found.trials, problem.timestep, reached(found)),
         unidentified=unidentified(found),
         estimate=estimate_texts(found.summary),
+        expressions={
+            row["name"]: row["expression"]
+            for row in found.summary["lumps"]
+            if row.get("expression", row["name"]) != row["name"]
+        },
         bodies=bodies,
         describe_possible_bodies=describe_possible_bodies(bodies) if bodies else None,
-        files=files(found),
+        files=study_files(spec, file_stem(found.name), shows_plant(found)),
         quoted_name=shlex.quote(found.name),
     )
+
+
+def settings(found: Findings) -> dict[str, str]:
+    """What was searched, by what each text is about."""
+    study, shown, unit = found.spec.study, found.summary, found.problem.measure.unit
+    coordinates = study.search.model_dump().get("coordinates")
+    measure, best = f"{shown['measure']}, in {unit}", shown["best"]
+    if best["number"] is not None:
+        measure += f"; the best is {best['value']:.3g} {unit} at trial {best['number']}"
+    if "noise_floor_hz" in shown:
+        measure += f"; the noise of a plant at rest, {shown['noise_floor_hz']:.3g} Hz, is subtracted"
+        if shown["source"] != "estimate":
+            measure += "; the identified lumps are means over the trials that the measure cannot tell from the best"
+    return {
+        "Plant": plant_words(found.spec),
+        "Nominal model": nominal_words(study.nominal),
+        "Sampler": f"{study.sampler}, seed {study.seed}, {f'{coordinates} coordinates, ' if coordinates else ''}"
+        f"at most {plural(study.trials, 'trial')}",
+        "Measure": measure,
+        "Episode": episode_words(found.problem.episode, found.problem.timestep),
+    }
 
 
 def filled_in(template: str, **values: Any) -> str:
@@ -113,22 +152,23 @@ def _labelled(table: re.Match[str]) -> str:
     return re.sub(r"<tr>(<td>.*?)</tr>", row, table[0], flags=re.DOTALL)
 
 
-def shows_plant(found: Findings) -> bool:
-    """Whether the plant's own parameters may be shown: not of a rig, nor where its file has `truth_known = false`."""
-    plant = found.spec.plant
-    return isinstance(plant, PlantSettings) and plant.truth_known
-
-
 def plant_picture(found: Findings) -> PageFigure:
     """A sketch of the plant, or of the nominal model where the plant is not to be shown."""
-    plant = found.problem.make_plant() if shows_plant(found) else found.problem.nominal_plant()
+    plant = found.problem.open_plant() if shows_plant(found) else found.problem.nominal_plant()
     widths = {"wide": 0.64 * PAGE, "narrow": COLUMN}
-    wide, narrow = (inline_svg(plant_figure(plant, width), f"plant-{name}-") for name, width in widths.items())
-    caption = "The plant as it is simulated, bent a little at every joint. The search never sees these numbers."
-    if not shows_plant(found):
-        what = "A plant whose truth is not told" if found.problem.is_simulated else "A rig"
-        caption = f"{what}, drawn by the nominal model, bent a little at every joint."
-    return PageFigure("plant", caption, wide, narrow)
+    wide, narrow = (
+        inline_svg(sketch(plant, found.problem.episode, width), f"plant-{name}-") for name, width in widths.items()
+    )
+    return PageFigure("plant", plant_caption(plant, found), wide, narrow)
+
+
+def errors(found: Findings) -> list[dict[str, Any]]:
+    """How wrong the nominal and the identified law are on states that no trial has seen, where that is known."""
+    nominal, identified = found.nominal_error, found.summary["model_error"] or {}
+    if nominal is None:
+        return []
+    rows = MODEL_ERRORS.items()
+    return [{"name": name, "nominal": nominal[key], "identified": identified.get(key)} for key, name in rows]
 
 
 def page_figures(page: Iterable[Picture], column: Iterable[Picture]) -> list[PageFigure]:
@@ -198,12 +238,12 @@ def cost(trials: pd.DataFrame, timestep: float, reached: list[dict[str, Any]]) -
 
 def reached(found: Findings) -> list[dict[str, Any]]:
     """Trials and steps until every lump was within 10, 1 and 0.1 %."""
-    if found.true_factors is None:
+    if found.true_factors is None or found.nominal_error is not None:
         return []
     steps, rows = found.trials["steps"].cumsum(), []
-    bests, errors = found.bests, found.errors(found.bests)
+    bests, wrong = found.bests, found.errors(found.bests)
     for digit in (0.1, 0.01, 0.001):
-        within = np.flatnonzero(errors <= digit)
+        within = np.flatnonzero(wrong <= digit)
         if len(within):
             number = int(bests["number"].iloc[within[0]])
             rows.append({"within": digit, "trials": number + 1, "steps": int(steps.loc[number])})
@@ -211,41 +251,26 @@ def reached(found: Findings) -> list[dict[str, Any]]:
 
 
 def unidentified(found: Findings) -> list[dict[str, Any]]:
-    """Lumps that this study does not determine, or determines only roughly, each with the reason."""
-    rows = []
-    by_estimate = found.verdict.source == "estimate"
-    for lump in found.summary["lumps"]:
-        why = None
+    """What this study does not determine, or determines only roughly, each with the reason."""
+    by_estimate, has_prior = found.verdict.source == "estimate", found.sought.deviations is not None
+    who = "these trials do" if by_estimate else f"{found.problem.measure.name} with these pushes does"
+    tenth = "what it is, or of what it may have been wrong by beforehand" if has_prior else "its value"
+    what = f"its {found.interval_name} is" if by_estimate else "what cannot be told from the best trial differs by"
+
+    def why(lump: dict[str, Any]) -> str | None:
         if found.verdict.word == "not found":
-            why = "not found: see the verdict"
-        elif not lump["determined"]:
-            who = "these trials do" if by_estimate else f"{found.problem.measure.name} with these pushes does"
-            why = f"{who} not know it to a tenth of its value"
-        elif lump["identified"] is None:
-            why = "not found yet"
-        elif lump["low"] is not None and (width := (lump["high"] - lump["low"]) / lump["identified"]) > WIDEST:
-            what = (
-                f"its {found.interval_name} is" if by_estimate else "what cannot be told from the best trial differs by"
-            )
-            why = f"{what} {width:.1%} of its value"
-        if why is not None:
-            rows.append({"name": lump["name"], "why": why})
-    return rows
+            return "not found: see the verdict"
+        if not lump["determined"]:
+            return f"{who} not know it to a tenth of {tenth}"
+        if lump["identified"] is None:
+            return "not found yet"
+        if has_prior or lump["low"] is None:
+            return None
+        width = (lump["high"] - lump["low"]) / lump["identified"]
+        return f"{what} {width:.1%} of its value" if width > WIDEST else None
 
-
-def files(found: Findings) -> dict[str, str]:
-    """A plant file and a study file, by name, that make this very study again, trial for trial. Where the truth is not
-    told, the plant file is the reader's own.
-    """
-    stem = file_stem(found.name)
-    plant = found.spec.plant.model_dump(mode="json", exclude_none=True)
-    links = [link.model_dump(mode="json", exclude_none=True) for link in found.spec.nominal]
-    study = found.spec.study.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
-    study |= {"plant": f"{stem}-plant.toml", "nominal": {"links": links}}
-    if found.problem.is_simulated and not shows_plant(found):
-        study["plant"] = f"{found.spec.plant_name}.toml"
-        return {f"{stem}.toml": tomli_w.dumps(study)}
-    return {f"{stem}-plant.toml": tomli_w.dumps(plant), f"{stem}.toml": tomli_w.dumps(study)}
+    reasons = ((lump["name"], why(lump)) for lump in found.summary["lumps"])
+    return [{"name": name, "why": reason} for name, reason in reasons if reason is not None]
 
 
 def file_stem(name: str) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import sys
 from copy import copy
+from functools import singledispatch
+from typing import Any
 
 import numpy as np
 
@@ -77,8 +79,8 @@ def front_camera(chain: Chain, angles: Array) -> Camera:
 
 
 def arm_scene(plant: ArmPlant) -> mujoco.MjModel:
-    """What a film shows of an arm: as `viewer_model`, shapes without a colour of their own coloured by link."""
-    model, links = copy(viewer_model(plant)), plant.arm.whole.link_of
+    """What a film shows of an arm: as `in_viewer`, shapes without a colour of their own coloured by link."""
+    model, links = copy(in_viewer(plant)[0]), plant.arm.whole.link_of
     model.vis.headlight.ambient[:] = model.vis.headlight.diffuse[:] = 0.5
     if model.ngeom == plant.arm.whole.model.ngeom:
         for geom in range(model.ngeom):
@@ -119,18 +121,29 @@ def open_viewer(plant: MujocoPlant | ArmPlant) -> None:
         import glfw  # noqa: F401, MuJoCo's own error does not name it
         import mujoco.viewer
 
-    model = viewer_model(plant)
+    model, pose = in_viewer(plant)
     data = mujoco.MjData(model)
-    if isinstance(plant, ArmPlant):
-        data.qpos[:] = plant.arm.whole.pose if model is plant.arm.whole.model else plant.home
+    data.qpos[:] = pose
     mujoco.viewer.launch(model, data)
 
 
-def viewer_model(plant: MujocoPlant | ArmPlant) -> mujoco.MjModel:
-    """The model that the viewer moves: the plant's own, with shapes; of an arm the whole file, where that has some."""
-    if isinstance(plant, ArmPlant):
-        return plant.arm.whole.model if plant.arm.whole.model.ngeom else _rods(plant)
-    return scene(plant.chain, plant.felt_gravity, plant.timestep, plant.tilt)
+@singledispatch
+def in_viewer(plant: Any) -> tuple[mujoco.MjModel, Array]:
+    """The model that the viewer moves, the plant's own, with shapes, and the coordinates (nq) at which it begins."""
+    raise TypeError(plant)
+
+
+@in_viewer.register
+def _chain_in_viewer(plant: MujocoPlant) -> tuple[mujoco.MjModel, Array]:
+    """Upright."""
+    return scene(plant.chain, plant.felt_gravity, plant.timestep, plant.tilt), np.zeros(plant.njoint)
+
+
+@in_viewer.register
+def _arm_in_viewer(plant: ArmPlant) -> tuple[mujoco.MjModel, Array]:
+    """At home: the whole file, where that has shapes, else rods."""
+    whole = plant.arm.whole
+    return (whole.model, whole.pose) if whole.model.ngeom else (_rods(plant), plant.home)
 
 
 def _rods(plant: ArmPlant) -> mujoco.MjModel:

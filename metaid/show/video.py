@@ -1,4 +1,4 @@
-"""Moving pictures of an episode, without a screen: panels side by side after the same push.
+"""Moving pictures, without a screen: panels side by side, each of the same plant under the law of a candidate.
 
 Frames come from a child process (`metaid.show.rendering`), with EGL or else OSMesa unless MUJOCO_GL says which.
 """
@@ -10,19 +10,17 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mujoco import MjModel
 from numpy.typing import NDArray
 
-from metaid.compiled import Objective
 from metaid.errors import RenderError, optional_packages
-from metaid.models import Array, Lumps
-from metaid.plant import MujocoPlant
+from metaid.models import Array
 from metaid.show.rendering import Camera, write_job
-from metaid.show.scene import front_camera, scene
+from metaid.show.stages import Motion, Stage
 
 with optional_packages("video"):
     import imageio_ffmpeg
@@ -32,79 +30,34 @@ with optional_packages("video"):
 SUFFIXES = (".mp4", ".gif")
 RATES = {".mp4": 25, ".gif": 10}  # frames per second
 SIZES = {".mp4": 384, ".gif": 240}  # pixels, of each square panel
-FILM_SECONDS = 20.0  # of motion at most
 BACKENDS = ("egl", "osmesa")
 CAPTION = 32  # pixels above the panels
 Frame = NDArray[np.uint8]
 
 
-@dataclass(frozen=True)
-class Motion:
-    """What a panel of a film shows: joint `angles` (nframe x njoint), in rad, under a `caption`."""
-
-    caption: str
-    angles: Array
-
-
-def film(objective: Objective, candidates: Mapping[str, Lumps], path: Path) -> None:
-    """Writes what a simulated plant does after the last push of an episode, in real time, in a panel a candidate.
+def film(stage: Stage, candidates: Mapping[str, Any], path: Path) -> None:
+    """Writes what a simulated plant does, in real time, in a panel a candidate.
 
     Args:
-        objective: whose plant is filmed, in whose episode.
-        candidates: the lumps that the plant is compensated with in each panel, by the panel's caption.
+        stage: the plant that is filmed, where it stands.
+        candidates: the laws that the plant is compensated with in each panel, by the panel's caption.
         path: of the file; its ending says the format.
 
     Raises:
-        RenderError: nothing here can render, or the plant is not simulated.
+        RenderError: nothing here can render.
     """
-    plant = objective.plant
-    if not isinstance(plant, MujocoPlant):
-        raise RenderError(f"plant {plant.name} is a rig (allowed: a simulated plant)")
-    rate = RATES[path.suffix]
-    motions = [filmed(objective, lumps, caption, rate) for caption, lumps in candidates.items()]
-    angles = together(motions)
-    camera = front_camera(plant.chain, angles)
-    write_film(scene(plant.chain, plant.gravity, plant.timestep), angles, camera, motions, path)
+    rate, size = RATES[path.suffix], SIZES[path.suffix]
+    motions = [stage.motion(law, caption, rate) for caption, law in candidates.items()]
+    model, poses = stage.model, stage.poses(together(motions))
+    heading = _heading([motion.caption for motion in motions], size)
+    frames = (np.vstack([heading, frame]) for frame in _render(model, poses, stage.camera(poses), size))
+    (_write_gif if path.suffix == ".gif" else _write_mp4)(frames, path, rate)
 
 
 def together(motions: Sequence[Motion]) -> Array:
     """The joint angles of all panels (npanel x nframe x njoint): one that fell stands still while the others go on."""
     length = max(len(motion.angles) for motion in motions)
     return np.array([np.pad(motion.angles, ((0, length - len(motion.angles)), (0, 0)), "edge") for motion in motions])
-
-
-def write_film(model: MjModel, poses: Array, camera: Camera, motions: Sequence[Motion], path: Path) -> None:
-    """Writes a film whose ending says the format.
-
-    Args:
-        model: that is drawn.
-        poses: of its joints in each panel and frame (npanel x nframe x nq).
-        camera: for all panels.
-        motions: of the panels, for their captions.
-        path: of the file.
-    """
-    rate, size = RATES[path.suffix], SIZES[path.suffix]
-    heading = _heading([motion.caption for motion in motions], size)
-    frames = (np.vstack([heading, frame]) for frame in _render(model, poses, camera, size))
-    (_write_gif if path.suffix == ".gif" else _write_mp4)(frames, path, rate)
-
-
-def filmed(objective: Objective, lumps: Lumps, caption: str, rate: int) -> Motion:
-    """The motion of a panel: that of the very episode, faults and noise included, whose numbers the objective gives.
-
-    Of a plant with sensors that err it is what they read.
-
-    Args:
-        objective: whose plant is filmed, in whose episode.
-        lumps: that the plant is compensated with.
-        caption: of the panel.
-        rate: frames a second.
-    """
-    candidate = Objective(objective.plant, lumps, objective.episode, objective.measure.name)
-    record, trajectory = candidate.watch(np.ones(len(lumps.vector)))
-    last = min(len(trajectory.angles), FILM_SECONDS / record.timestep)
-    steps = np.arange(0.0, last, 1.0 / (rate * record.timestep)).astype(int)
-    return Motion(f"{caption}: falls" if record.fall_step is not None else caption, trajectory.angles[steps])
 
 
 def _heading(captions: list[str], size: int) -> Frame:

@@ -31,6 +31,7 @@ from metaid.study.kinds import (
     spec_from,
     with_nominal,
 )
+from metaid.study.parameters import Known, Parameters
 from metaid.study.problem import MOST_TRIALS, Problem
 from metaid.study.progress import Progress
 from metaid.study.pushing import COUNTING_STEPS, HORIZON, TIP_SPEED
@@ -51,9 +52,11 @@ __all__ = [
     "ArmSpec",
     "EpisodeSettings",
     "Forecast",
+    "Known",
     "LumpAtBound",
     "NominalMetricSampler",
     "OptunaObjective",
+    "Parameters",
     "Problem",
     "Progress",
     "SearchSettings",

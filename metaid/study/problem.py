@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from metaid.episode import QUANTITIES, Episode, Outcome, failure, pushed_speeds
 from metaid.errors import EpisodeError, StudyError
@@ -22,6 +23,7 @@ from metaid.models import (
     Chain,
     Lumps,
     factors_from_names,
+    kind_of,
     refuse_impossible,
 )
 from metaid.plant import MujocoPlant, Plant, PlantSettings, SocketPlant, SocketSettings, chain_of
@@ -46,12 +48,14 @@ from metaid.study.contradictions import (
     upper_bounds,
 )
 from metaid.study.experiments import noisy_experiment, rig_experiment
+from metaid.study.parameters import Parameters, lumps_of
 from metaid.study.pushing import make_episode, refuse_unseen_pushes, rest_noise
 from metaid.study.settings import StudySpec
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective
     from metaid.estimation import ChainExperiment
+    from metaid.models.tree import ModelError
 
 WINDOW_BUDGET = 4_000_000  # bytes a study, before they are made a text
 READING_BUDGET = 16_000_000  # likewise
@@ -340,3 +344,72 @@ class Problem:
     def at_plant(self, plant: Plant) -> Episode:
         """The episode that this `plant` is pushed in; pushes it to find out."""
         return make_episode(plant, self.spec, self.nominal, self.measure)
+
+    # What results are told by. An arm's problem answers to the same.
+
+    faint, all_fell, far_off = "push more, or harder", "no trial survived: raise search.high, or start higher", ""
+    tilts = 1  # axes about which a base may be tilted
+
+    @cached_property
+    def sought(self) -> Parameters:
+        """The lumps that candidates are factors of."""
+        return lumps_of(self.nominal, self.lumps.searched)
+
+    @cached_property
+    def estimated(self) -> Parameters:
+        """The lumps that an estimate is of."""
+        return lumps_of(self.nominal, self.estimated_kinds)
+
+    @property
+    def noise_floor(self) -> float | None:
+        """What noise alone shows of a plant at rest, in Hz; None where it is not subtracted."""
+        return self.episode.noise_floor.frequency if self.measure.is_noisy else None
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Which of the lumps that are sought (nlump) the measure can find."""
+        return self.measure.determined(self.lumps)
+
+    @property
+    def draws_episodes(self) -> bool:
+        """Whether figures may ask for more episodes: a rig is not moved for a picture."""
+        return self.is_simulated
+
+    @property
+    def slides(self) -> NDArray[np.bool_]:
+        """Which joints are slides, and no hinges (njoint)."""
+        return np.zeros(self.nominal.nlink, dtype=np.bool_)
+
+    @property
+    def push_titles(self) -> list[str]:
+        """What the pushes of an episode are called (npush)."""
+        return [f"push {push + 1}" for push in range(len(self.episode.pushes))]
+
+    @property
+    def nominal_law(self) -> Lumps:
+        """The nominal lumps that candidates are factors of."""
+        return self.lumps
+
+    def law_at(self, values: Mapping[str, float]) -> Lumps:
+        """The law with these `values` of lumps, by name: of all that are sought, and of inertia where it has these."""
+        law = self.lumps.with_parameters(np.array([values[name] for name in self.names]))
+        inertia = [value for name, value in values.items() if kind_of(name) == "inertia"]
+        return replace(law, inertia=np.array(inertia) if inertia else None)
+
+    def true_values(self, wanted: Parameters) -> Array:
+        """The true values (n) of what is `wanted`; NaN where they are not known. Only results ask for them."""
+        truth = self.open_plant().true_lumps()
+        kinds = tuple(dict.fromkeys(map(kind_of, wanted.names)))
+        return np.full(len(wanted.names), np.nan) if truth is None else truth.vector_of(kinds, np.nan)
+
+    def true_law(self) -> Lumps | None:
+        """The law with the true lumps; None where they are not known. Only results ask for it."""
+        return self.open_plant().true_lumps()
+
+    def model_error(self, law: Any) -> ModelError | None:
+        """How wrong a law is on states that no trial has seen: of a chain the errors of its lumps say so."""
+        return None
+
+    def is_about(self, plant: Any) -> bool:
+        """Whether this is the `plant` that is studied."""
+        return isinstance(plant, MujocoPlant) and plant.settings == self.spec.plant

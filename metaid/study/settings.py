@@ -186,6 +186,26 @@ class StudySpec(Settings):
         """The names under which the factors of candidates are in the DB."""
         return lump_names(len(self.nominal), self.study.search.lumps)
 
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """What its joints are called."""
+        return tuple(f"joint {i + 1}" for i in range(len(self.nominal)))
+
+    @property
+    def gravity(self) -> float:
+        """In m/s²."""
+        return self.plant.gravity
+
+    @property
+    def measure(self) -> str:
+        """The name of what is measured."""
+        return self.study.episode.measure
+
+    @property
+    def joints_with_periods(self) -> int:
+        """How many joints have their periods counted in each trial."""
+        return len(self.nominal)
+
 
 def read_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec | ArmSpec:
     """The shipped study of that name, or the study file at that path, with `changes` by dotted key; it may

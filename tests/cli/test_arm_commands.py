@@ -20,7 +20,7 @@ from metaid.plant import ArmPlant, load_chain, load_plant
 from metaid.plant.arms import ArmStart
 from metaid.plant.arms.reading import forces_of_lean
 from metaid.results.exporting import mjcf
-from metaid.show.scene import viewer_model
+from metaid.show.scene import in_viewer
 
 Metaid = Callable[..., Finished]
 ARMS = {"puma560": 6, "pa10": 7, "crs-a465": 6, "scara": 4, "spatial-three-link": 3, "horizontal-five-link": 5}
@@ -128,7 +128,7 @@ def test_viewer_shows_the_shapes_of_the_file_or_rods(metaid: Metaid) -> None:
     """In the model that MuJoCo's viewer moves."""
     write("bare.toml", 'urdf = "bare.urdf"', bare_urdf=BARE)
     for name, shapes in (("scara", 7), ("./bare.toml", 1)):
-        assert viewer_model(load_plant(name)).ngeom == shapes
+        assert in_viewer(load_plant(name))[0].ngeom == shapes
 
 
 MISTAKES = {

@@ -27,7 +27,17 @@ pytestmark = pytest.mark.slow
 
 WIDTHS = (60, 80, 120)
 TOO_NARROW = "too narrow for: "
-PRINTING = ("checks.arm_check", "arms", "compare", "listing", "paper", "plants", "printed", "results", "studies")
+PRINTING = (
+    "checks.determined",
+    "compare",
+    "episodes",
+    "listing",
+    "paper",
+    "plants",
+    "printed",
+    "results",
+    "shown_plants",
+)
 STYLE = re.compile(r"\x1b\[[\d;]*m")
 
 Metaid = Callable[..., Finished]

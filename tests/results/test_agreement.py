@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import law_of
 
 import metaid as package
-from metaid import api, results
+from metaid import results
 from metaid.episode import Outcome
 from metaid.errors import StudyError
 from metaid.models import Array
-from metaid.results import Findings, read_findings, validate_factors
+from metaid.results import Findings, read_findings, validate_law
 from metaid.show import companions, dashboard
 from metaid.show.figures import Gallery, plot_boundary
 from metaid.show.report import render
@@ -56,13 +57,12 @@ def equal(tmp_path: Path) -> tuple[Store, Problem]:
 def shown_by_everyone(store: Store, name: str) -> dict[str, Array]:
     """The identified factors of a study, by who shows them."""
     found, nominal = read_findings(store, name), read_findings(store, name).problem.lumps.vector
-    objective = api.episode_objective(found.problem.make_plant(), steps=10)
     summary = results.summary(store, name)
     return {
         "study show --json": np.array([lump["identified"] for lump in summary["lumps"]]) / nominal,
         "frame": results.lumps_frame(store, name)["factor"].to_numpy(),
         "findings": found.identified_factors,
-        "film": api.candidates_of(store, name, objective)["identified"].vector / nominal,
+        "film": results.candidates_of(store, name, found.problem.open_plant())[1]["identified"].vector / nominal,
     }
 
 
@@ -100,8 +100,8 @@ def test_validation_is_of_the_last_of_equal_trials(equal: tuple[Store, Problem])
     """What is validated is what `study show` prints."""
     store, problem = equal
     ours = package.validate("two-link-tpe", store.url, pushes=1).summary()
-    assert ours == validate_factors(problem, np.full(3, LAST), pushes=1).summary()
-    assert ours != validate_factors(problem, np.full(3, FIRST), pushes=1).summary()
+    assert ours == validate_law(problem, law_of(problem, np.full(3, LAST)), pushes=1).summary()
+    assert ours != validate_law(problem, law_of(problem, np.full(3, FIRST)), pushes=1).summary()
 
 
 def test_dinoip_stands_by_the_last_step_before_the_fall(studied: Path) -> None:
@@ -121,7 +121,7 @@ def test_noisy_study_shows_the_mean_of_equal_trials(tmp_path: Path) -> None:
     for who, shown in shown_by_everyone(store, "noisy-three-link").items():
         assert shown == pytest.approx(np.full(6, 1.1)), who
     ours = package.validate("noisy-three-link", store.url, pushes=1).summary()
-    assert ours == validate_factors(problem, np.full(6, 1.1), pushes=1).summary()
+    assert ours == validate_law(problem, law_of(problem, np.full(6, 1.1)), pushes=1).summary()
 
 
 class Overtaken(Store):

@@ -13,7 +13,7 @@ from pandas.testing import assert_frame_equal
 
 import metaid as package
 from metaid.errors import StudyError
-from metaid.results import validate_factors
+from metaid.results import validate_law
 from metaid.store import Store
 from metaid.study import Problem, create_study, load_chain_study, run_study
 from metaid.study.estimates.making import first_enough
@@ -209,11 +209,9 @@ def test_validation_is_of_the_estimate_with_its_inertia_lumps(metaid: Metaid) ->
     run_study(store, "rubbing")
     store.close()
     problem, lumps = Problem(spec), package.lumps("rubbing").set_index("name")
-    factors, inertia = lumps["factor"][problem.names].to_numpy(), lumps["identified"][INERTIA].to_numpy()
     assert np.abs(lumps["error"]).max() < 1e-6
-    assert (
-        package.validate("rubbing", pushes=1).summary() == validate_factors(problem, factors, 1, 0, inertia).summary()
-    )
+    identified = problem.law_at(lumps["identified"].to_dict())
+    assert package.validate("rubbing", pushes=1).summary() == validate_law(problem, identified, 1, 0).summary()
 
 
 def test_validation_of_lumps_that_were_not_found_is_refused(estimated: Path) -> None:

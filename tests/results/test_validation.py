@@ -8,16 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import Finished, random_links, random_plant
+from conftest import Finished, law_of, random_links, random_plant
 
 import metaid as package
-from metaid.episode import natural_time
+from metaid.episode import natural_time, rich_pushes
 from metaid.errors import StudyError
 from metaid.models import FRICTION, IDEAL, ChainModel, Lumps
 from metaid.plant import FaultyPlant, MujocoPlant, PlantSettings, draw
-from metaid.results import smooth_sinusoids, track, validate_factors
+from metaid.results import smooth_sinusoids, track, validate_law
 from metaid.results.control import computed_torque, track_stepwise
-from metaid.results.validation import Validated, coasting_time, coasting_time_stepwise, fresh_pushes, tracking_errors
+from metaid.results.courses import coasting_time, coasting_time_stepwise, tracking_errors
+from metaid.results.validation import Validated, fresh_seed
 from metaid.study import Problem, load_chain_study
 
 pytestmark = pytest.mark.slow
@@ -42,7 +43,7 @@ def test_true_model_coasts_for_the_whole_horizon(nlink: int) -> None:
     plant = random_plant(nlink)
     truth = plant.chain.lumps
     heavier = Lumps(1.05 * truth.gravity, truth.coriolis)
-    for impulses in fresh_pushes(plant, 3, 4.0, study_seed=1, seed=0):
+    for impulses in rich_pushes(plant, 3, 4.0, fresh_seed(1, 0)):
         assert coasting_time(plant, truth, impulses, 3000) == 3000 * plant.timestep
         assert coasting_time(plant, heavier, impulses, 3000) < 3000 * plant.timestep
 
@@ -94,7 +95,7 @@ def test_compiled_loops_give_the_numbers_of_the_stepwise_ones(nlink: int, fricti
     chain, time = plant.chain, natural_time(plant.chain, plant.gravity)
     whole, ideal = chain.lumps_of((*IDEAL, *FRICTION)), chain.lumps
     for lumps in (whole, ideal, whole.scaled(np.full(len(whole.vector), 1.1))):
-        for impulses in fresh_pushes(plant, 3, 4.0, study_seed=1, seed=0):
+        for impulses in rich_pushes(plant, 3, 4.0, fresh_seed(1, 0)):
             expected = coasting_time_stepwise(plant, lumps, impulses, 300)
             assert coasting_time(plant, lumps, impulses, 300) == expected
             assert 0.0 < expected <= 300 * plant.timestep
@@ -123,7 +124,7 @@ def test_plant_that_is_not_mujocos_is_validated_step_by_step() -> None:
 def test_validation_pushes_are_not_those_of_the_search(problem: Problem) -> None:
     """Even with equal seeds, and another seed means other pushes."""
     plant, seed = problem.make_plant(), problem.spec.study.seed
-    one, other = (fresh_pushes(plant, 6, 4.0, seed, given) for given in (seed, seed + 1))
+    one, other = (rich_pushes(plant, 6, 4.0, fresh_seed(seed, given)) for given in (seed, seed + 1))
     assert not np.isclose(one, other).any()
     assert not np.isclose(one, problem.episode.pushes).any()
 
@@ -131,12 +132,12 @@ def test_validation_pushes_are_not_those_of_the_search(problem: Problem) -> None
 def test_better_models_coast_longer_and_track_better(problem: Problem) -> None:
     """Nominal, then 1 % wrong, then the truth; and the same twice."""
     wrong = true_factors(problem) * (1 + 0.01 * np.array([1, -1, 1, -1, 1, -1]))
-    validation = validate_factors(problem, wrong, pushes=4)
+    validation = validate_law(problem, law_of(problem, wrong), pushes=4)
     nominal, identified, true = validation.models
     assert [shown.model for shown in validation.models] == ["nominal", "identified", "true"]
     assert np.median(nominal.coasting) < np.median(identified.coasting) < np.median(true.coasting)
     assert nominal.rms_error > 2 * max(identified.rms_error, true.rms_error)
-    again = validate_factors(problem, wrong, pushes=4)
+    again = validate_law(problem, law_of(problem, wrong), pushes=4)
     assert again.summary() == validation.summary()
 
 
@@ -182,12 +183,12 @@ def test_impossible_validations_are_refused_in_one_line(metaid: Metaid, problem:
         assert len(refused.err.strip().splitlines()) == 1
         assert refused.out == ""
     with pytest.raises(StudyError, match="1 to 1000"):
-        validate_factors(problem, np.ones(6), pushes=0)
+        validate_law(problem, law_of(problem, np.ones(6)), pushes=0)
 
 
 def test_truth_is_left_out_where_the_plant_does_not_know_it() -> None:
     """Nominal and identified alone."""
     spec = load_chain_study("three-link-coast")
     secret = spec.model_copy(update={"plant": spec.plant.model_copy(update={"truth_known": False})})
-    models = validate_factors(Problem(secret), np.ones(6), pushes=1).models
+    models = validate_law(Problem(secret), law_of(Problem(secret), np.ones(6)), pushes=1).models
     assert [shown.model for shown in models] == ["nominal", "identified"]

@@ -13,6 +13,10 @@ from PIL import Image
 pytestmark = pytest.mark.slow
 
 Metaid = Callable[..., Finished]
+FIGURES = (
+    "convergence, factors, known, tracking, parallel, estimate-motion, estimate-residuals, estimate-correlation, "
+    "estimate-trials"
+)
 
 
 def drawn(folder: Path) -> set[str]:
@@ -26,8 +30,8 @@ def drawn(folder: Path) -> set[str]:
 def test_arm_that_was_found_is_drawn(arms: Path, metaid: Metaid, tmp_path: Path) -> None:
     """How the trials went, how well base parameters are known, tracking, and the motion beside the twin's."""
     out = metaid("study", "plot", "exact", "--storage", str(arms), "-o", "pictures").out
-    assert out == "5 figures are in pictures: convergence, known, tracking, estimate-motion, estimate-residuals\n"
-    assert drawn(tmp_path / "pictures") == {"convergence", "known", "tracking", "estimate-motion", "estimate-residuals"}
+    assert out == f"9 figures are in pictures: {FIGURES}\n"
+    assert drawn(tmp_path / "pictures") == set(FIGURES.split(", "))
 
 
 def test_arm_that_was_not_found_is_drawn_where_the_twin_differs(arms: Path, metaid: Metaid, tmp_path: Path) -> None:
@@ -40,5 +44,5 @@ def test_fall_boundary_of_an_arm_is_refused_in_one_line(arms: Path, metaid: Meta
     """It names the figures that there are, and leaves no folder behind."""
     refused = metaid("study", "plot", "exact", "--storage", str(arms), "-o", "pictures", "--over", "zz1", "m2x")
     assert (refused.status, refused.out, refused.err.count("\n")) == (2, "", 1)
-    assert "(its figures: convergence, known, tracking, estimate-motion, estimate-residuals)" in refused.err
+    assert f"(its figures: {FIGURES})" in refused.err
     assert not (tmp_path / "pictures").exists()

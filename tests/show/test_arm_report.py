@@ -14,30 +14,28 @@ from conftest import Finished
 from pages import ids_are_single, repeat, seen_everywhere
 
 import metaid as package
-from metaid.results import read_any_findings
-from metaid.results.arms import ArmFindings
-from metaid.show import render_any
+from metaid.results import Findings, read_findings
+from metaid.show import render
 from metaid.store import Store
 
 pytestmark = pytest.mark.slow
 
 Metaid = Callable[..., Finished]
-FIGURES = ("convergence", "known", "tracking", "estimate-motion", "estimate-residuals")
+FIGURES = ("convergence", "factors", "known", "tracking", "parallel", "estimate-motion", "estimate-residuals")
+FIGURES += ("estimate-correlation", "estimate-trials")
 
 
-def findings(arms: Path, name: str) -> ArmFindings:
+def findings(arms: Path, name: str) -> Findings:
     """Those of a study of an arm."""
     with closing(Store(str(arms))) as store:
-        found = read_any_findings(store, name)
-    assert isinstance(found, ArmFindings)
-    return found
+        return read_findings(store, name)
 
 
 @pytest.fixture(scope="module")
 def page(arms: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of the study `exact`."""
     written = tmp_path_factory.mktemp("report") / "exact.html"
-    written.write_text(render_any(findings(arms, "exact")), encoding="utf-8")
+    written.write_text(render(findings(arms, "exact")), encoding="utf-8")
     return written
 
 
@@ -58,7 +56,7 @@ def test_browser_shows_an_arm_what_it_is_worth_and_its_figures(page: Path, arms:
 def test_page_of_an_arm_that_was_not_found_is_whole(arms: Path, browser: Browser, tmp_path: Path) -> None:
     """On a phone, a tablet, a desk and on paper, with the figures that there are."""
     bent = tmp_path / "bent.html"
-    bent.write_text(render_any(findings(arms, "bent")), encoding="utf-8")
+    bent.write_text(render(findings(arms, "bent")), encoding="utf-8")
     assert all("Not found." in text for text in seen_everywhere(browser, bent, figures=3))
 
 

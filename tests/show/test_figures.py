@@ -22,7 +22,7 @@ from metaid.errors import StorageError
 from metaid.results import Findings, plane, sweep
 
 Metaid = Callable[..., Finished]
-FILES = {"convergence", "factors", "ranges", "frequency", "boundary", "parallel", "correlation", "episode"}
+FILES = {"convergence", "factors", "ranges", "frequency", "boundary", "parallel", "correlation", "episode", "tracking"}
 FILES |= {"estimate-motion", "estimate-residuals", "estimate-correlation", "estimate-trials"}
 OF_SEVERAL_LUMPS = {"boundary", "parallel", "correlation"}
 

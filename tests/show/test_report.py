@@ -21,7 +21,17 @@ from metaid.study import create_study, load_chain_study, run_study
 pytestmark = pytest.mark.slow
 
 Metaid = Callable[..., Finished]
-FIGURES = ("convergence", "factors", "ranges", "frequency", "boundary", "parallel", "correlation", "episode")
+FIGURES = (
+    "convergence",
+    "factors",
+    "ranges",
+    "frequency",
+    "boundary",
+    "parallel",
+    "correlation",
+    "episode",
+    "tracking",
+)
 FIGURES += ("estimate-motion", "estimate-residuals", "estimate-correlation", "estimate-trials")
 TRACKING = "tracking_rms_deg", "tracking_max_deg"
 # What a browser says of what is in the middle of each mark that has a text, where that is on top.
@@ -75,7 +85,7 @@ def hidden(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_page_without_falls_and_truth_is_whole(hidden: Path, browser: Browser) -> None:
     """It has fewer figures, and says what is not drawn."""
-    assert all("What is not drawn" in text for text in seen_everywhere(browser, hidden, figures=12))
+    assert all("What is not drawn" in text for text in seen_everywhere(browser, hidden, figures=13))
 
 
 def test_plant_that_does_not_tell_its_truth_is_nowhere_on_the_page(hidden: Path) -> None:

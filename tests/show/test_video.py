@@ -16,12 +16,11 @@ from conftest import Finished, random_links
 from mujoco import MjData, MjModel, mj_step
 from PIL import Image
 
-from metaid.api import candidates_of, episode_objective
+from metaid.api import episode_objective
 from metaid.plant import ArmPlant, MujocoPlant, PlantSettings, load_plant
-from metaid.results import read_findings
-from metaid.results.arms import laws_of
-from metaid.show.scene import viewer_model
-from metaid.show.video import filmed
+from metaid.results import candidates_of, read_findings
+from metaid.show.scene import in_viewer
+from metaid.show.stages import ChainStage
 from metaid.store import Store
 
 pytestmark = pytest.mark.slow
@@ -71,7 +70,7 @@ def test_film_of_a_study_that_found_nothing_shows_its_best_trial_and_says_so(est
     """The nominal model is not shown as if it had been identified."""
     store = Store(str(estimated))
     found = read_findings(store, "hidden")
-    shown = candidates_of(store, "hidden", episode_objective(found.problem.make_plant(), 10))
+    shown = candidates_of(store, "hidden", found.problem.open_plant())[1]
     assert list(shown) == ["nominal", "best trial", "true"]
     assert (shown["best trial"].vector == found.best_factors * shown["nominal"].vector).all()
     assert (shown["best trial"].vector != shown["nominal"].vector).any()
@@ -126,7 +125,7 @@ def test_film_of_an_arm_needs_its_study(metaid: Metaid, arms: Path) -> None:
     arm = load_plant("spatial-three-link")
     assert isinstance(arm, ArmPlant)
     with closing(Store(str(arms))) as store:
-        assert list(laws_of(store, "bent", arm)[1]) == ["nominal", "best trial", "true"]
+        assert list(candidates_of(store, "bent", arm)[1]) == ["nominal", "best trial", "true"]
 
 
 def moving_plant(**lacking: float) -> MujocoPlant:
@@ -150,18 +149,18 @@ def motion(model: MjModel, steps: int = 1000) -> np.ndarray:
 def test_viewers_model_moves_as_the_plant_does(lacking: dict[str, float]) -> None:
     """To the last bit, with friction, springs, a declared fault and a tilted base: what is drawn weighs nothing."""
     plant = moving_plant(**lacking)
-    assert (motion(viewer_model(plant)) == motion(plant.model)).all()
+    assert (motion(in_viewer(plant)[0]) == motion(plant.model)).all()
 
 
 def test_each_part_of_the_motion_is_seen_in_the_viewer() -> None:
     """Damping, dry friction, springs, the declared fault and the tilt each change how the viewer's model moves."""
     plant = moving_plant()
-    whole = motion(viewer_model(plant), 200)
+    whole = motion(in_viewer(plant)[0], 200)
     for name in ("damping", "frictionloss", "stiffness"):
-        assert np.abs(motion(viewer_model(moving_plant(**{name: 0.0})), 200) - whole).max() > 1e-3, name
+        assert np.abs(motion(in_viewer(moving_plant(**{name: 0.0}))[0], 200) - whole).max() > 1e-3, name
     for change in ({"over_compensation": 0.0}, {"faults": plant.settings.faults.model_copy(update={"tilt": 0.0})}):
         other = MujocoPlant("other", plant.settings.model_copy(update=change))
-        assert np.abs(motion(viewer_model(other), 200) - whole).max() > 1e-3, change
+        assert np.abs(motion(in_viewer(other)[0], 200) - whole).max() > 1e-3, change
 
 
 @pytest.mark.parametrize("faults", [{"delay": 10}, {"tilt": 0.2}, {"angle_noise": 0.01, "push_noise": 0.1}])
@@ -172,7 +171,7 @@ def test_film_shows_the_episode_of_the_table(faults: dict[str, float]) -> None:
     objective = episode_objective(plant, 1000)
     for factor in (0.9, 1.1):
         factors = np.array([factor])
-        shown = filmed(objective, objective.nominal.scaled(factors), "candidate", rate=100)
+        shown = ChainStage(objective).motion(objective.nominal.scaled(factors), "candidate", rate=100)
         table = objective.summary(factors)
         assert shown.caption == ("candidate: falls" if table["fell"] else "candidate")
         seen = objective.watch(factors)[1].angles[::5]  # a frame every 5 steps of 2 ms

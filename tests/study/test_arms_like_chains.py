@@ -12,7 +12,7 @@ from optuna.trial import TrialState
 
 import metaid
 from metaid.errors import StudyError
-from metaid.results.arms import read_any_snapshot
+from metaid.results import read_snapshot
 from metaid.store import Store
 from metaid.study import create_study, forecast, problem_of, run_study
 
@@ -42,7 +42,7 @@ def test_run_of_an_arm_ends_once_its_torques_are_known(tmp_path: Path) -> None:
         spec = with_noise(spec_of(trials=8), 1e-4)
         name = create_study(store, spec, f"arm-{number}")
         trials.append(run_study(store, name, until=until).trials)
-        found = read_any_snapshot(store, name).estimate
+        found = read_snapshot(store, name).estimate
         assert found.half_width <= until
         problem = problem_of(spec)
         true, base = spec.plant.arm.tree, problem.prior.base

@@ -19,7 +19,6 @@ from conftest import Finished
 import metaid as package
 from metaid.plant import FaultSettings, PlantSettings
 from metaid.results import judge, read_snapshot, summary
-from metaid.results.arms import ArmSnapshot, arm_summary, judge_arm, read_any_snapshot
 from metaid.results.overview import summarized
 from metaid.store import Store
 from metaid.study import create_study, load_chain_study, run_study
@@ -47,15 +46,13 @@ def refused(*_: Any) -> Any:
 
 def shown_of(snapshot: Any) -> str:
     """What `study show --json` says of a study."""
-    if isinstance(snapshot, ArmSnapshot):
-        return json.dumps(arm_summary(snapshot, judge_arm(snapshot)))
     return json.dumps(summarized(snapshot, judge(snapshot)))
 
 
 def same_either_way(storage: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> str:
     """What is said of a study by the kept estimate, after it has been compared with what is said by one made anew."""
     with closing(Store(str(storage))) as store:
-        snapshot = read_any_snapshot(store, name)
+        snapshot = read_snapshot(store, name)
     anew = shown_of(replace(snapshot, kept=None))
     monkeypatch.setattr(kept, "_made", refused)
     assert shown_of(snapshot) == anew

@@ -13,7 +13,7 @@ from rig import ROOT, Server, rig_at, serving
 
 from metaid.errors import StudyError
 from metaid.plant.arms import ArmStart
-from metaid.results.arms import read_any_snapshot
+from metaid.results import read_snapshot
 from metaid.store import Store
 from metaid.study import ArmSpec, create_study, load_study, problem_of, run_study
 
@@ -47,7 +47,7 @@ def test_arm_behind_a_socket_is_found(tmp_path: Path, server: Server) -> None:
     """With its rotors and its friction, though what moves it shares neither code nor integrator with the twin."""
     store = Store(str(tmp_path / "arm.db"), create=True)
     run_study(store, create_study(store, spec_of(tmp_path, server)))
-    snapshot = read_any_snapshot(store, "arm-rig")
+    snapshot = read_snapshot(store, "arm-rig")
     found = snapshot.estimate
     assert found.explains
     model = mujoco.MjModel.from_xml_path(str(ARM))

@@ -1,6 +1,15 @@
-"""What is known of a study before any trial, as `metaid study check` prints it."""
+"""What is known of a study before any trial, as `metaid study check` prints it; see `determined`, which loads more."""
 
-from metaid.cli.checks.arm_check import check_arm
-from metaid.cli.checks.until import describe_forecast, describe_reached, forecast_row, share
+from typing import Any
 
-__all__ = ["check_arm", "describe_forecast", "describe_reached", "forecast_row", "share"]
+from metaid.cli.checks.until import describe_forecast, describe_reached, share
+
+__all__ = ["describe_forecast", "describe_reached", "print_check", "share"]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "print_check":  # loads what reads studies
+        from metaid.cli.checks.determined import print_check
+
+        return print_check
+    raise AttributeError(f"module 'metaid.cli.checks' has no attribute '{name}'")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +20,13 @@ ALIKE = 1e-9  # relative: how far two loops may differ that take the same steps
 
 @dataclass(frozen=True)
 class ArmMeasure:
-    """What is minimised: its `name` and its `unit`."""
+    """What is minimised: its `name` and its `unit`. It sees all base parameters."""
 
     name: str
     unit: str
+
+    sees_coriolis: ClassVar[bool] = True
+    is_noisy: ClassVar[bool] = False
 
 
 KINETIC = ArmMeasure("kinetic", "Hz")  # Eq. 44

@@ -10,6 +10,7 @@ from metaid.models.tree.arm_prior import ArmPrior, PriorDeviations
 from metaid.models.tree.base import BaseParameters, base_parameters, random_states
 from metaid.models.tree.bodies import PossibleBodies, nominal_pseudo_inertias, possible_bodies, pseudo_inertia
 from metaid.models.tree.joint_friction import JointFriction, dahl, dry_states
+from metaid.models.tree.known_bodies import KnownBodies, body_quantities, known_bodies
 from metaid.models.tree.model_error import ModelError, difference, model_error, torque_half_width
 from metaid.models.tree.planar import planar_chain, planar_tree
 from metaid.models.tree.regressor import body_torque, joint_mass_matrix, joint_torque, torque_regressor
@@ -21,18 +22,21 @@ __all__ = [
     "ArmPrior",
     "BaseParameters",
     "JointFriction",
+    "KnownBodies",
     "ModelError",
     "PossibleBodies",
     "PriorDeviations",
     "Tree",
     "TreeModel",
     "base_parameters",
+    "body_quantities",
     "body_torque",
     "dahl",
     "difference",
     "dry_states",
     "joint_mass_matrix",
     "joint_torque",
+    "known_bodies",
     "model_error",
     "nominal_model",
     "nominal_pseudo_inertias",

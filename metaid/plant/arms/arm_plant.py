@@ -142,3 +142,10 @@ class ArmPlant:
         reports use them.
         """
         return self.tree.parameters if self.settings.truth_known else None
+
+    tilts = 2  # axes about which its base may be tilted
+
+    @property
+    def hidden_forces(self) -> dict[str, Array]:
+        """Of the kinds of faults that are forces of its joints what they are (njoint). Only reports use them."""
+        return {"spring": self.stiffness}

@@ -244,17 +244,6 @@ def _without_nan(row: dict[Any, Any]) -> dict[str, Any]:
     return {str(key): None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()}
 
 
-def covariance_frame(names: list[str], values: Array, relative: Array) -> pd.DataFrame:
-    """The covariance of lumps in their units.
-
-    Args:
-        names: of the lumps (nlump).
-        values: of them (nlump).
-        relative: the covariance of their relative errors (nlump x nlump).
-    """
-    return pd.DataFrame(relative * np.outer(values, values), index=names, columns=names)
-
-
 SUFFIXES: dict[str, Callable[[IdentifiedModel], str]] = {
     ".toml": _toml,
     ".xml": _mjcf,

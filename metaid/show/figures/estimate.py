@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from metaid.models import DEVIATIONS, Array
 from metaid.show.figures.lumps import LEAST, draw_correlation
 from metaid.show.figures.style import COLOURS, FALL, INK, SURVIVOR, VALUES, every, new_axes, size_of, verbatim
-from metaid.study.estimates import ChainFound, StudyEstimate
+from metaid.study.estimates import StudyEstimate
 
 if TYPE_CHECKING:
     from metaid.estimation import Replay
@@ -93,32 +93,34 @@ def plot_residuals(found: StudyEstimate, axes: Axes | None = None) -> Axes:
     return axes
 
 
-def plot_covariance(found: ChainFound, axes: Axes | None = None) -> Axes:
+def plot_covariance(found: StudyEstimate, axes: Axes | None = None) -> Axes:
     """Correlation of the unknowns by the covariance of the estimate."""
-    deviations = found.estimate.deviations
-    matrix = found.estimate.covariance / np.outer(deviations, deviations)
-    return draw_correlation(matrix, list(found.estimate.names), "correlation by the estimate", new_axes(axes))
+    names, covariance = found.correlated
+    deviations = np.sqrt(np.diag(covariance))
+    matrix = covariance / np.outer(deviations, deviations)
+    return draw_correlation(matrix, names, "correlation by the estimate", new_axes(axes))
 
 
-def plot_growth(found: ChainFound, true: Array | None, axes: Axes | None = None) -> Axes:
+def plot_growth(found: StudyEstimate, true: Array | None, axes: Axes | None = None) -> Axes:
     """The deviation of the worst known lump, and the largest error of any, over the number of trials.
 
     Args:
         found: the estimate.
-        true: the true lumps (nlump), where they are known.
+        true: the true lumps (nlump), or base parameters, where they are known.
         axes: to draw on; default: a new one.
     """
     axes = new_axes(axes)
     counts, estimates = found.growth
-    deviations = [100.0 * each.lump_deviations.max() for each in estimates]
-    axes.plot(counts, deviations, "o-", color=SURVIVOR, markersize=3, label="standard deviation")
+    deviations, errors = zip(*(found.shares(each, true) for each in estimates), strict=True)
+    largest = [100.0 * each.max() for each in deviations]
+    axes.plot(counts, largest, "o-", color=SURVIVOR, markersize=3, label="standard deviation")
     if true is not None:
-        errors = [100.0 * max(np.abs(found.lumps_of(each) / true - 1.0).max(), LEAST) for each in estimates]
-        axes.plot(counts, errors, "x--", color=FALL, markersize=4, label="error")
+        largest = [100.0 * max(each.max(), LEAST) for each in errors]
+        axes.plot(counts, largest, "x--", color=FALL, markersize=4, label="error")
     axes.set_yscale("log")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("trials")
-    axes.set_ylabel("largest of all lumps, %")
+    axes.set_ylabel(f"largest of {found.share_of}, %")
     axes.grid(True)
     axes.legend(loc="best")
     return axes

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -17,19 +17,20 @@ from metaid.results import Findings, Plane, Sweep, plane, sweep
 from metaid.show.figures.episodes import plot_angles, plot_phase
 from metaid.show.figures.estimate import plot_covariance, plot_difference, plot_growth, plot_motion, plot_residuals
 from metaid.show.figures.landscape import plot_boundary, plot_parallel, plot_sweep
-from metaid.show.figures.lumps import plot_correlation, plot_ranges
+from metaid.show.figures.lumps import plot_correlation, plot_known, plot_ranges
 from metaid.show.figures.panels import pair_of_panels, pairs_of_panels, panels, share_legend
 from metaid.show.figures.search import plot_convergence, plot_error, plot_factor
 from metaid.show.figures.style import COLUMN, PAGE, style
-from metaid.study.estimates import StudyEstimate
+from metaid.show.figures.tracking import plot_tracking
 
 if TYPE_CHECKING:
     from metaid.estimation import Replay
 
 LEAST_HEIGHT = 2.3  # inches: 200 pixels of a phone
 PANELS = 12  # lumps at most in a figure of one panel each
-FEWEST = 2  # trials a lump, at least, for the correlation of their factors
+FEWEST = 2  # trials at least for a line over them; and a lump for the correlation of their factors
 PUSHES = 6  # pushes at most in a figure of two panels each
+LINE = 0.14  # inches, of a base parameter
 SWEPT, GRID = 61, 31  # factors along a line, and along each side of a plane
 WIDTHS = {"page": PAGE, "column": COLUMN}  # inches
 
@@ -46,37 +47,71 @@ class Picture:
 class Gallery:
     """All figures of a study; `over` are the two lumps of the fall boundary (default: gravity of the first two links).
 
-    Raises StorageError where there is no survivor yet, or no such lump.
+    Raises StorageError where there is nothing to draw yet, no such lump, or no fall boundary.
     """
 
     def __init__(self, found: Findings, over: tuple[str, str] | None = None) -> None:
         self.found = found
-        self.centre = found.best_factors
-        self.objective = found.objective()
         self.names = found.names[:PANELS]
+        if found.estimate is None:
+            _ = self.centre  # refuses a study that has nothing to draw
+        if over is not None and not found.problem.draws_episodes:
+            raise StorageError(
+                f"study '{found.name}' has no fall boundary to draw (its figures: {', '.join(self._makers)})"
+            )
         self.over = over or (found.names[0], found.names[min(1, len(found.names) - 1)])
         self._pair = found.index(self.over[0]), found.index(self.over[1])
         if over and over[0] == over[1]:
             raise StorageError(f"a boundary is over two different lumps, not {over[0]} twice")
 
+    @property
+    def centre(self) -> Array:
+        """The best candidate (nlump).  Raises StorageError where there is none yet."""
+        return self.found.best_factors
+
+    @cached_property
+    def objective(self) -> Any:
+        """What evaluates candidates."""
+        return self.found.objective()
+
     def pictures(self, width: str = "page") -> Iterator[Picture]:
-        """One after another, for a `width` of "page" or "column". A rig is not moved for a picture: those that need
-        more episodes are left out.
-        """
-        simulated = self.found.problem.is_simulated
-        identified = self.found.lumps["identified"].notna().any()
-        makers = [self._convergence, self._factors, *([self._ranges] if identified else [])]
-        makers += [self._frequency] if simulated else []
-        if len(self.found.names) > 1:
-            makers += [self._boundary, self._parallel, *([self._correlation] if self._correlates else [])]
-        if self.found.estimate is not None:
-            makers += [self._motion, self._residuals]
-            counted = self.found.estimate.estimate.counts is not None
-            makers += [self._covariance, *([] if counted else [self._growth])] if self.found.estimate.explains else []
-        for make in [*makers, *([self._episode] if simulated else [])]:
+        """One after another, for a `width` of "page" or "column"."""
+        for make in self._makers.values():
             with style():
                 picture = make(WIDTHS[width])
             yield picture
+
+    @cached_property
+    def _makers(self) -> dict[str, Callable[[float], Picture]]:
+        """What makes each figure that there is, by its name. A rig is not moved for a picture: those that need more
+        episodes are left out.
+        """
+        found, estimate, problem = self.found, self.found.estimate, self.found.problem
+        survived, several = not found.survivors.empty, len(found.names) > 1
+        explains, episodes = estimate is not None and estimate.explains, survived and problem.draws_episodes
+        known, prior = found.lumps["identified"].notna().any(), found.sought.deviations is not None
+        makers = [
+            ("convergence", self._is_line, self._convergence),
+            ("factors", self._is_line, self._factors),
+            ("ranges", known and survived and not prior, self._ranges),
+            ("known", found.verdict.has_result and prior, self._known),
+            ("tracking", found.verdict.has_result and problem.is_simulated, self._tracking),
+            ("frequency", episodes, self._frequency),
+            ("boundary", survived and several and not prior, self._boundary),
+            ("parallel", self._is_line and several, self._parallel),
+            ("correlation", several and self._correlates, self._correlation),
+            ("estimate-motion", estimate is not None and not problem.slides.all(), self._motion),
+            ("estimate-residuals", estimate is not None, self._residuals),
+            ("estimate-correlation", explains, self._covariance),
+            ("estimate-trials", explains and estimate is not None and estimate.counts is None, self._growth),
+            ("episode", episodes, self._episode),
+        ]
+        return {name: make for name, is_drawn, make in makers if is_drawn}
+
+    @property
+    def _is_line(self) -> bool:
+        """Whether there are trials enough for a line over them."""
+        return len(self.found.survivors) >= FEWEST
 
     @property
     def _correlates(self) -> bool:
@@ -86,15 +121,23 @@ class Gallery:
     @property
     def left_out(self) -> list[tuple[str, str]]:
         """What is not drawn, and why."""
-        found, said = self.found, []
+        found, problem, verdict = self.found, self.found.problem, self.found.verdict
+        prior, said = found.sought.deviations is not None, []
+        if not self._is_line:
+            said.append(("How the trials went", f"there are {len(found.survivors)} that did not fall"))
         if found.true_factors is None:
-            said.append(("Errors", "the plant does not tell its true lumps"))
-        if not found.lumps["identified"].notna().any():
-            said.append(("Ranges of the lumps", f"no lump is identified: the verdict is '{found.verdict.word}'"))
-        if not found.problem.is_simulated:
-            said.append(("Frequency over the factors, motion of the best", "a rig is not moved for a picture"))
+            said.append(("Errors", f"the plant does not tell its true {found.sought.noun}s"))
+        if not found.lumps["identified"].notna().any() or (prior and not verdict.has_result):
+            what = f"How well {found.sought.noun}s are known" if prior else "Ranges of the lumps"
+            said.append((what, f"no {found.sought.noun} is identified: the verdict is '{verdict.word}'"))
+        if not problem.is_simulated:
+            said.append(
+                ("Frequency over the factors, motion of the best, tracking", "a rig is not moved for a picture")
+            )
+        elif not verdict.has_result:
+            said.append(("Tracking", f"the verdict is '{verdict.word}'"))
         if len(found.names) == 1:
-            said.append(("Fall boundary, parallel lines, correlation", "there is one lump alone"))
+            said.append(("Fall boundary, parallel lines, correlation", f"there is one {found.sought.noun} alone"))
         elif not self._correlates:
             said.append(("Correlation of the factors over the best trials", f"{len(found.closest)} trials are too few"))
         if not len(found.falls):
@@ -103,6 +146,8 @@ class Gallery:
             said.append(("Motion beside the twin's", "no estimate has a twin"))
         elif not found.estimate.explains:
             said.append(("Correlation and growth of the estimate", "it does not explain what was seen"))
+        if found.estimate is not None and problem.slides.any():
+            said.append(("The motion of slides", "it has another unit"))
         return said
 
     @cached_property
@@ -113,7 +158,7 @@ class Gallery:
     @cached_property
     def boundary(self) -> Plane | None:
         """The measure over the two lumps, between their bounds; None of a rig."""
-        if not self.found.problem.is_simulated:
+        if not self.found.problem.draws_episodes:
             return None
         first, second = (self._between_bounds(i, GRID) for i in self._pair)
         return plane(self.objective, self.centre, self._pair, first, second)
@@ -121,7 +166,8 @@ class Gallery:
     @cached_property
     def trajectory(self) -> Trajectory:
         """The best candidate's motion after the last push."""
-        return self.objective.watch(self.centre)[1]
+        trajectory: Trajectory = self.objective.watch(self.centre)[1]
+        return trajectory
 
     def _between_bounds(self, lump: int, count: int) -> Array:
         """Evenly spaced factors (count) of a lump, from its lower to its upper bound."""
@@ -130,15 +176,20 @@ class Gallery:
     def _convergence(self, width: float) -> Picture:
         caption = "The measure of every survivor, and the best so far"
         caption += "; falls are marked along the top." if len(self.found.falls) else "."
-        if self.found.true_factors is None or np.isnan(self.found.errors(self.found.bests)).all():
+        if not self.found.error_curves(self.found.bests[-1:]):
             figure = Figure(figsize=(width, 2.6), layout="constrained")
             plot_convergence(self.found, figure.subplots())
             return Picture("convergence", caption, figure)
         figure, (left, right) = pair_of_panels(width, (1, 1))
         plot_convergence(self.found, left)
         plot_error(self.found, right)
+        if self.found.nominal_error is None:
+            caption += " The other panel has the largest error of a lump of the best candidate, which the search never"
+            return Picture("convergence", f"{caption} sees.", figure)
+        share_legend(figure, [left, right])
         caption += (
-            " The other panel has the largest error of a lump of the best candidate, which the search never sees."
+            " The other panel has how wrong the arm of the best trial is on states that no trial has seen, which no "
+            "search sees."
         )
         return Picture("convergence", caption, figure)
 
@@ -147,7 +198,8 @@ class Gallery:
         for lump, panel in zip(self.names, axes, strict=True):
             plot_factor(self.found, lump, panel)
         share_legend(figure, axes)
-        return Picture("factors", f"Each lump's factor over the trials.{self._how_many}", figure)
+        what = f"{self.found.sought.noun}, as {self.found.sought.axis}"
+        return Picture("factors", f"Each {what}, over the trials.{self._how_many}", figure)
 
     def _frequency(self, width: float) -> Picture:
         figure, axes = panels(width, len(self.names))
@@ -160,7 +212,7 @@ class Gallery:
     @property
     def _how_many(self) -> str:
         shown, all_of_them = len(self.names), len(self.found.names)
-        return "" if shown == all_of_them else f" The first {shown} of {all_of_them} lumps."
+        return "" if shown == all_of_them else f" The first {shown} of {all_of_them}."
 
     def _ranges(self, width: float) -> Picture:
         height = max(1.2 + 0.2 * len(self.found.known_lumps), LEAST_HEIGHT)
@@ -170,6 +222,19 @@ class Gallery:
         if self.found.verdict.source == "estimate":
             caption = f"Each lump's {self.found.interval_name} by the estimate from all trials."
         return Picture("ranges", caption, figure)
+
+    def _known(self, width: float) -> Picture:
+        figure = Figure(figsize=(width, 1.0 + LINE * len(self.found.lumps)), layout="constrained")
+        share_legend(figure, [plot_known(self.found, figure.subplots())])
+        caption = "How well each base parameter is known, as a share of how wrong it may have been beforehand."
+        return Picture("known", caption, figure)
+
+    def _tracking(self, width: float) -> Picture:
+        assert self.found.validation is not None
+        figure = Figure(figsize=(width, 2.6), layout="constrained")
+        share_legend(figure, [plot_tracking(self.found.validation, figure.subplots())])
+        caption = "Computed torque along smooth sinusoids with each model, the feedback the same."
+        return Picture("tracking", caption, figure)
 
     def _boundary(self, width: float) -> Picture:
         figure = Figure(figsize=(width, 3.6), layout="constrained")
@@ -202,45 +267,66 @@ class Gallery:
 
     @cached_property
     def replay(self) -> Replay:
-        """A trial as the plant showed it, and as the twin at the estimate does."""
+        """A trial as the plant showed it, and as the twin at the estimate does; of its hinges alone."""
         assert self.found.estimate is not None
-        return self.found.estimate.replay()
+        whole, hinges = self.found.estimate.replay(), ~self.found.problem.slides
+        parts = {part: getattr(whole, part)[..., hinges] for part in ("seen", "simulated", "noise")}
+        return replace(whole, **parts, joints=tuple(np.array(whole.joints)[hinges].tolist()))
 
     def _motion(self, width: float) -> Picture:
         assert self.found.estimate is not None
-        npush = len(self.replay.seen)
-        how_many = "" if npush <= PUSHES else f" The first {PUSHES} of {npush} pushes."
-        titles = {push: f"push {push + 1}" for push in range(min(npush, PUSHES))}
-        return motion_picture(self.replay, titles, self.found.estimate.explains, how_many, width)
+        titles = self.found.problem.push_titles
+        pushes = np.unique(np.linspace(0, len(titles) - 1, PUSHES).round().astype(int)).tolist()
+        figure, axes = pairs_of_panels(width, len(pushes))
+        for push, (motion, difference) in zip(pushes, axes, strict=True):
+            plot_motion(self.replay, push, motion).set_title(titles[push])
+            plot_difference(self.replay, push, difference)
+            motion.set_xlabel("")
+            for panel in (motion, difference):
+                panel.label_outer()
+        share_legend(figure, [motion for motion, _ in axes])
+        which = "first trial" if self.found.estimate.explains else "trial that it shows worst"
+        caption = (
+            f"What the plant showed and what the twin at the estimate shows under the same law, in the {which}; below "
+            "each push the difference."
+        )
+        more = "" if len(pushes) == len(titles) else f" {len(pushes)} of {len(titles)} pushes."
+        return Picture("estimate-motion", caption + more, figure)
 
     def _residuals(self, width: float) -> Picture:
         assert self.found.estimate is not None
-        picture = residuals_picture(self.found.estimate, width)
-        if self.found.estimate.estimate.counts is None:
-            return picture
-        caption = "By how much the twin's counts of half periods differ from the plant's, by push and joint."
-        return replace(picture, caption=caption)
+        figure = Figure(figsize=(width, 2.4), layout="constrained")
+        plot_residuals(self.found.estimate, figure.subplots())
+        caption = (
+            "By how much the twin's motion differs from what was seen, by push and joint over all trials of the "
+            "estimate, in units of what noise or rounding explains."
+        )
+        if self.found.estimate.counts is not None:
+            caption = "By how much the twin's counts of half periods differ from the plant's, by push and joint."
+        return Picture("estimate-residuals", caption, figure)
 
     def _covariance(self, width: float) -> Picture:
         assert self.found.estimate is not None
-        side = min(width, 4.2 if len(self.found.estimate.estimate.names) < 20 else 6.5)
+        side = min(width, 4.2 if len(self.found.estimate.correlated[0]) < 20 else 6.5)
         figure = Figure(figsize=(side, 0.9 * side), layout="constrained")
         plot_covariance(self.found.estimate, figure.subplots())
+        noun = self.found.sought.noun
         caption = (
-            "Correlation of the lumps by the covariance of the estimate: "
-            "near 1 or −1 a combination of two lumps is known better than either."
+            f"Correlation of the {noun}s by the covariance of the estimate: "
+            f"near 1 or −1 a combination of two {noun}s is known better than either."
         )
         return Picture("estimate-correlation", caption, figure)
 
     def _growth(self, width: float) -> Picture:
         assert self.found.estimate is not None
-        truth = self.found.problem.open_plant().true_lumps()  # the truth meets the result in reports alone
-        true = None if truth is None else truth.vector_of(self.found.estimate.kinds)
+        true = self.found.problem.true_values(
+            self.found.problem.estimated
+        )  # the truth meets the result in reports alone
         figure = Figure(figsize=(width, 2.4), layout="constrained")
-        plot_growth(self.found.estimate, true, figure.subplots())
+        plot_growth(self.found.estimate, None if np.isnan(true).any() else true, figure.subplots())
         caption = (
-            "How well the estimate from the first trials alone knows the lumps: the largest standard deviation of a "
-            "lump and, where the truth is known, the largest error."
+            f"How well the estimate from the first trials alone knows the {self.found.sought.noun}s: the largest "
+            "standard deviation and, where the truth is known, the largest error."
         )
         return Picture("estimate-trials", caption, figure)
 
@@ -252,40 +338,3 @@ class Gallery:
             "Joint angles and phase portrait of the best candidate after the last push; exactly compensated, it coasts."
         )
         return Picture("episode", caption, figure)
-
-
-def motion_picture(shown: Replay, titles: dict[int, str], explains: bool, more: str, width: float) -> Picture:
-    """What a plant showed and what the twin at the estimate shows.
-
-    Args:
-        shown: a trial.
-        titles: of the pushes that are drawn, by their numbers.
-        explains: whether the twin shows what was seen.
-        more: what else the caption says.
-        width: of the figure, in inches.
-    """
-    figure, axes = pairs_of_panels(width, len(titles))
-    for (push, title), (motion, difference) in zip(titles.items(), axes, strict=True):
-        plot_motion(shown, push, motion).set_title(title)
-        plot_difference(shown, push, difference)
-        motion.set_xlabel("")
-        for panel in (motion, difference):
-            panel.label_outer()
-    share_legend(figure, [motion for motion, _ in axes])
-    which = "first trial" if explains else "trial that it shows worst"
-    caption = (
-        f"What the plant showed and what the twin at the estimate shows under the same law, in the {which}; below "
-        f"each push the difference.{more}"
-    )
-    return Picture("estimate-motion", caption, figure)
-
-
-def residuals_picture(found: StudyEstimate, width: float) -> Picture:
-    """Where the twin differs from the plant; `width` in inches."""
-    figure = Figure(figsize=(width, 2.4), layout="constrained")
-    plot_residuals(found, figure.subplots())
-    caption = (
-        "By how much the twin's motion differs from what was seen, by push and joint over all trials of the "
-        "estimate, in units of what noise or rounding explains."
-    )
-    return Picture("estimate-residuals", caption, figure)

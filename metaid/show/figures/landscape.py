@@ -41,7 +41,7 @@ def plot_boundary(
             axes.contour(boundary.first, boundary.second, fell, levels=[0.5], colors=[FALL], linewidths=1.2)
             axes.plot([], [], color=FALL, label="edge of falling, the others at their best")
     many = len(found.trials) > MANY
-    survivors, falls = found.survivors, found.falls
+    survivors, falls = found.drawn_rows(found.survivors), found.drawn_rows(found.falls)
     axes.plot(
         survivors[first],
         survivors[second],
@@ -65,11 +65,18 @@ def plot_boundary(
             rasterized=many,
         )
     if len(survivors):
-        axes.plot(*found.best_factors[[one, two]], "D", color="none", markeredgecolor=INK, markersize=6, label="best")
+        axes.plot(
+            *found.drawn(found.best_factors)[[one, two]],
+            "D",
+            color="none",
+            markeredgecolor=INK,
+            markersize=6,
+            label="best",
+        )
     if found.true_factors is not None:
-        axes.plot(*found.true_factors[[one, two]], "*", color=INK, markersize=9, label="truth")
-    axes.set_xlabel(f"factor of {first}")
-    axes.set_ylabel(f"factor of {second}")
+        axes.plot(*found.drawn(found.true_factors)[[one, two]], "*", color=INK, markersize=9, label="truth")
+    axes.set_xlabel(found.sought.label(first))
+    axes.set_ylabel(found.sought.label(second))
     axes.grid(True)
     axes.legend(loc="best")
     return axes
@@ -110,7 +117,7 @@ def plot_parallel(found: Findings, axes: Axes | None = None) -> Axes:
     places = np.arange(len(found.names))
 
     def lines(trials: pd.DataFrame) -> list[Array]:
-        factors = trials[found.names].to_numpy()
+        factors = found.drawn(trials[found.names].to_numpy(dtype=np.float64))
         return list(np.stack([np.broadcast_to(places, factors.shape), factors], axis=-1))
 
     best = best_rows(found.survivors, LINES // 2)
@@ -127,14 +134,14 @@ def plot_parallel(found: Findings, axes: Axes | None = None) -> Axes:
     axes.add_collection(drawn)
     axes.figure.colorbar(drawn, ax=axes, label=found.label, pad=0.01)
     if found.true_factors is not None:
-        (truth,) = axes.plot(places, found.true_factors, "*", color=INK, markersize=7, label="truth")
+        (truth,) = axes.plot(places, found.drawn(found.true_factors), "*", color=INK, markersize=7, label="truth")
         truth.set(markeredgecolor="white", markeredgewidth=0.5)  # a wider edge leaves no star
     for place in places.tolist():
         axes.axvline(place, color=INK, linewidth=0.4, alpha=0.5)
     axes.autoscale_view()
     crowded = len(places) > axes.bbox.width / axes.figure.dpi  # more than a label an inch
     axes.set_xticks(places, found.names, rotation=90 if crowded else 0)
-    axes.set_ylabel("factor of nominal")
+    axes.set_ylabel(found.sought.axis)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="best")
     return axes

@@ -7,7 +7,6 @@ from matplotlib.axes import Axes
 
 from metaid.models import DEVIATIONS, Array
 from metaid.results import Findings
-from metaid.results.arms import ArmFindings
 from metaid.show.figures.style import INK, RANGE, SURVIVOR, every, new_axes, say_at, size_of
 
 READABLE = 8  # lumps up to which a correlation is written in its cell
@@ -51,12 +50,13 @@ def plot_ranges(found: Findings, axes: Axes | None = None) -> Axes:
     return axes
 
 
-def plot_known(found: ArmFindings, axes: Axes | None = None) -> Axes:
+def plot_known(found: Findings, axes: Axes | None = None) -> Axes:
     """How well each base parameter is known: its standard deviation and, where the truth is known, its error and that
-    of the nominal arm, as shares of how wrong it may have been beforehand.
+    of the nominal arm, as shares of how wrong it may have been beforehand. Of lumps nothing is said beforehand: they
+    have no such figure.
     """
     axes = new_axes(axes)
-    lumps, beforehand = found.lumps, np.sqrt(np.diag(found.problem.prior.covariance))
+    lumps, beforehand = found.lumps, found.sought.step
     half = (lumps["high"] - lumps["low"]) / (2.0 * DEVIATIONS)
     places = np.arange(len(lumps))
     axes.axvline(1.0, color=INK, linewidth=0.7, linestyle=":")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import singledispatch
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -68,9 +71,27 @@ def _label(chain: Chain, i: int) -> str:
     )
 
 
-def plant_figure(plant: MujocoPlant, width: float = 0.64 * PAGE) -> Figure:
-    """The sketch, `width` inches wide, at a size that holds its labels."""
+@singledispatch
+def plant_figure(plant: Any, width: float = 0.64 * PAGE) -> Figure:
+    """A sketch of a plant, `width` inches wide, at a size that holds its labels. Lengths are to scale, in m."""
+    raise TypeError(plant)
+
+
+@plant_figure.register
+def _chain_figure(plant: MujocoPlant, width: float = 0.64 * PAGE) -> Figure:
+    """Bent a little at every joint."""
     with style():
         figure = Figure(figsize=(width, max(3.2, 0.5 * plant.njoint)), layout="constrained")
         plot_plant(plant, figure.subplots())
     return figure
+
+
+@singledispatch
+def sketch(plant: Any, episode: Any, width: float) -> Figure:
+    """A plant without shapes, `width` inches wide, as an `episode` of it may begin."""
+    raise TypeError(plant)
+
+
+@sketch.register
+def _chain_sketch(plant: MujocoPlant, episode: Any, width: float) -> Figure:
+    return plant_figure(plant, width)

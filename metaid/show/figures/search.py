@@ -8,14 +8,12 @@ from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from metaid.models import Array
 from metaid.results import Findings
-from metaid.results.arms import ArmFindings
 from metaid.show.figures.style import COLOURS, FALL, INK, MANY, RANGE, SURVIVOR, new_axes, say_at
 
 FEW = 60  # trials, each of which is a large mark
-ERRORS = {"gravity": "gravity torque", "coriolis": "Coriolis torque", "mass_matrix": "mass matrix"}
 
 
-def plot_convergence(found: Findings | ArmFindings, axes: Axes | None = None) -> Axes:
+def plot_convergence(found: Findings, axes: Axes | None = None) -> Axes:
     """The best frequency so far over the trials; falls are marked along the top."""
     axes = new_axes(axes)
     survivors = found.survivors
@@ -46,53 +44,36 @@ def plot_convergence(found: Findings | ArmFindings, axes: Axes | None = None) ->
 
 
 def plot_error(found: Findings, axes: Axes | None = None) -> Axes:
-    """The largest error of a lump, in %, of the best candidate so far; it needs a plant that knows its truth."""
-    axes = new_axes(axes)
-    if found.true_factors is None:
-        axes.text(0.5, 0.5, "the plant does not tell its truth", transform=axes.transAxes, ha="center")
-        return _finish(axes, "largest lump error, %")
-    bests = found.bests
-    errors = 100.0 * found.errors(bests)
-    if np.isnan(errors).all():
-        axes.text(0.5, 0.5, "no lump is identified", transform=axes.transAxes, ha="center")
-        return _finish(axes, "largest lump error, %")
-    last = found.trials["number"].max()
-    axes.step(np.append(bests["number"], last), np.append(errors, errors[-1:]), where="post", color=SURVIVOR)
-    texts = [f"trial {number}: {error:.3g} %" for number, error in zip(bests["number"], errors, strict=True)]
-    say_at(axes, bests["number"], errors, texts)
-    axes.axhline(1.0, color=INK, linewidth=0.7, linestyle=":", label="1 %")
-    axes.set_yscale("log")
-    return _finish(axes, "largest lump error, %")
-
-
-def plot_model_error(found: ArmFindings, axes: Axes | None = None) -> Axes:
-    """How wrong the arm of the best candidate so far is, in %, on states that no trial has seen; it needs a plant that
-    knows its truth.
+    """How wrong the best candidate so far is, in %: its largest error of a lump, or of an arm its dynamics on states
+    that no trial has seen. It needs a plant that knows its truth.
     """
-    axes, what = new_axes(axes), "error of the best so far, %"
-    bests = found.bests
-    if len(bests) > FEW:
+    axes, bests = new_axes(axes), found.bests
+    if len(bests) > FEW and found.nominal_error is not None:  # a hundred states each
         bests = bests.iloc[np.unique(np.geomspace(1, len(bests), FEW).round().astype(int)) - 1]
-    errors = found.model_errors(bests)
-    if errors is None or errors.empty:
-        axes.text(0.5, 0.5, "the plant does not tell its truth", transform=axes.transAxes, ha="center")
-        return _finish(axes, what)
-    last = found.trials["number"].max()
-    for (key, name), colour in zip(ERRORS.items(), COLOURS[2:], strict=False):
-        percent = 100.0 * errors[key].to_numpy()
-        axes.step(
-            np.append(bests["number"], last), np.append(percent, percent[-1:]), where="post", color=colour, label=name
-        )
+    curves = found.error_curves(bests)
+    label = f"{next(iter(curves))}, %" if len(curves) == 1 else "error of the best so far, %"
+    if not curves:
+        why = "the plant does not tell its truth" if found.true_factors is None else "no lump is identified"
+        axes.text(0.5, 0.5, why, transform=axes.transAxes, ha="center")
+        return _finish(axes, label)
+    last, colours = found.trials["number"].max(), [SURVIVOR] if len(curves) == 1 else COLOURS[2:]
+    for (name, errors), colour in zip(curves.items(), colours, strict=False):
+        percent, numbers = 100.0 * errors, bests["number"]
+        axes.step(np.append(numbers, last), np.append(percent, percent[-1:]), where="post", color=colour, label=name)
+        texts = [f"trial {number}: {error:.3g} %" for number, error in zip(numbers, percent, strict=True)]
+        say_at(axes, numbers, percent, texts)
     axes.axhline(1.0, color=INK, linewidth=0.7, linestyle=":", label="1 %")
     axes.set_yscale("log")
-    return _finish(axes, what)
+    return _finish(axes, label)
 
 
 def plot_factor(found: Findings, lump: str, axes: Axes | None = None) -> Axes:
-    """One lump's factor over the trials, falls marked; the truth, where it is known, as a line."""
+    """One lump's factor over the trials, falls marked; the truth, where it is known, as a line. A base parameter is
+    shown as how far it is from the nominal one, in its standard deviations beforehand.
+    """
     axes = new_axes(axes)
     index = found.index(lump)
-    survivors, falls = found.survivors, found.falls
+    survivors, falls = found.drawn_rows(found.survivors), found.drawn_rows(found.falls)
     many = len(found.trials) > MANY
     axes.plot(
         survivors["number"],
@@ -116,12 +97,12 @@ def plot_factor(found: Findings, lump: str, axes: Axes | None = None) -> Axes:
             rasterized=many,
         )
     if found.true_factors is not None:
-        axes.axhline(found.true_factors[index], color=INK, linewidth=0.8, linestyle="--", label="truth")
+        axes.axhline(found.drawn(found.true_factors)[index], color=INK, linewidth=0.8, linestyle="--", label="truth")
     axes.set_title(lump)
-    return _finish(axes, "factor of nominal")
+    return _finish(axes, found.sought.axis)
 
 
-def _mark_falls(found: Findings | ArmFindings, axes: Axes) -> None:
+def _mark_falls(found: Findings, axes: Axes) -> None:
     falls = found.falls["number"].to_numpy()
     if not len(falls):  # an empty line that is not clipped has a place all the same: the layout would make room for it
         return

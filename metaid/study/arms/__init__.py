@@ -8,7 +8,13 @@ from metaid.study.arms.identifiability import ArmIdentifiability, arm_identifiab
 from metaid.study.arms.nominal import drawn_nominal
 from metaid.study.arms.problem import ArmProblem
 from metaid.study.arms.reading import arm_spec, with_nominal_arm
-from metaid.study.arms.settings import ArmEstimateSettings, ArmSearchSettings, ArmSpec, ArmStudySettings
+from metaid.study.arms.settings import (
+    ArmEstimateSettings,
+    ArmSearchSettings,
+    ArmSpec,
+    ArmStudySettings,
+    DrawnNominalSettings,
+)
 
 __all__ = [
     "ArmEstimateSettings",
@@ -17,6 +23,7 @@ __all__ = [
     "ArmSearchSettings",
     "ArmSpec",
     "ArmStudySettings",
+    "DrawnNominalSettings",
     "arm_identifiability",
     "arm_rehearsal",
     "arm_spec",

@@ -8,12 +8,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from metaid.episode import QUANTITIES, Outcome, window_ends
 from metaid.episode.arms import KINETIC, ArmEpisode, failed_push, resolution_hz
 from metaid.errors import StudyError
 from metaid.models import Array
-from metaid.models.tree import ArmPrior, Tree
+from metaid.models.tree import ArmPrior, ModelError, Tree, model_error
 from metaid.plant import ArmPlant, ArmSettings, SocketPlant, SocketSettings, joint_limits, slope_weights
 from metaid.search import (
     SAMPLERS,
@@ -27,6 +28,7 @@ from metaid.search import (
 )
 from metaid.study.arms.calibration import calibrate_arm, start_spread_of_arm
 from metaid.study.arms.settings import ArmPlantSettings, ArmSpec
+from metaid.study.parameters import Parameters, base_parameters_of, settled
 
 if TYPE_CHECKING:
     from metaid.compiled.arms import ArmObjective
@@ -279,3 +281,77 @@ class ArmProblem:
         from metaid.estimation.arms import ArmUnknowns
 
         return {"searched": ArmUnknowns(self.prior)}
+
+    # What results are told by. A chain's problem answers to the same.
+
+    faint, all_fell = "push more, or faster", "a push fell in every trial: begin nearer, or slower"
+    far_off = "; with dry friction, or noise, no law comes so near"
+    draws_episodes = False  # for a picture: bounds are too far away for what is between them
+    noise_floor = None  # of the measure: none is subtracted
+    tilts = 2  # axes about which a base may be tilted
+
+    @cached_property
+    def sought(self) -> Parameters:
+        """The base parameters, which candidates are."""
+        return base_parameters_of(self.prior)
+
+    @property
+    def estimated(self) -> Parameters:
+        """The base parameters, which an estimate is of."""
+        return self.sought
+
+    @property
+    def can_be_estimated(self) -> bool:
+        """Whether the motion of its trials can be matched."""
+        return self.spec.study.estimate.enabled
+
+    def as_good_as(self, best: float) -> float:
+        """The largest value that cannot be told from the `best` one."""
+        return best + self.resolution
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Which of the base parameters (nbase) the measure can find: all of them."""
+        return np.ones(len(self.names), dtype=np.bool_)
+
+    @property
+    def slides(self) -> NDArray[np.bool_]:
+        """Which joints are slides, and no hinges (njoint)."""
+        return self.nominal.slides
+
+    @property
+    def push_titles(self) -> list[str]:
+        """What the pushes of an episode are called (npush)."""
+        stiffness = self.episode.stiffness.tolist()
+        return [f"push {i + 1}: {'springs' if each else 'coast'}" for i, each in enumerate(stiffness)]
+
+    @property
+    def nominal_law(self) -> Array:
+        """The nominal parameters (njoint x 13)."""
+        return self.nominal.parameters
+
+    def law_at(self, values: Mapping[str, float]) -> Array:
+        """The parameters (njoint x 13) of the most probable arm with these `values` of the base parameters, by name."""
+        return self.prior.parameters_at(np.array([values[name] for name in self.names]))
+
+    def true_values(self, wanted: Parameters) -> Array:
+        """The true base parameters (nbase); NaN where they are not known. Only results ask for them."""
+        true, base = self.true_law(), self.prior.base
+        return np.full(len(wanted.names), np.nan) if true is None else settled(base, base.of(true))
+
+    def true_law(self) -> Array | None:
+        """The true parameters (njoint x 13); None where they are not known. Only results ask for them."""
+        return None if self.truth is None else self.truth.parameters
+
+    def model_error(self, law: Any) -> ModelError | None:
+        """How wrong a law is on states that no trial has seen; None where the truth is not known."""
+        return None if self.truth is None else model_error(self.truth, law)
+
+    def is_about(self, plant: Any) -> bool:
+        """Whether this is the `plant` that is studied, to rounding."""
+        simulated = self.spec.plant
+        if not isinstance(plant, ArmPlant) or not isinstance(simulated, ArmPlantSettings):
+            return False
+        one, other = simulated.arm.tree, plant.tree
+        pairs = (one.position, other.position), (one.parameters, other.parameters)
+        return one.names == other.names and all(np.allclose(*pair, rtol=1e-6, atol=1e-12) for pair in pairs)

@@ -249,6 +249,26 @@ class ArmSpec(Settings):
         return list(self.counted_by)
 
     @property
+    def joints(self) -> tuple[str, ...]:
+        """What its joints are called."""
+        return self.nominal.names
+
+    @property
+    def gravity(self) -> tuple[float, ...]:
+        """In the frame of the base (3), in m/s²."""
+        return self.nominal.gravity
+
+    @property
+    def measure(self) -> str:
+        """The name of what is measured."""
+        return "kinetic"
+
+    @property
+    def joints_with_periods(self) -> int:
+        """How many joints have their periods counted in each trial: none of an arm."""
+        return 0
+
+    @property
     def experiment(self) -> str:
         """A digest of what a trial's outcome follows from, beside its parameters and its number."""
         study = self.study

@@ -8,10 +8,11 @@ import numpy as np
 
 from metaid.estimation import Approximation, HeldOut
 from metaid.estimation.arms import ArmEstimate
-from metaid.models import Array
+from metaid.models import DEVIATIONS, Array
 from metaid.models.tree import possible_bodies
 from metaid.study.estimates.study_estimate import StudyEstimate
 from metaid.study.identifiability import COARSEST
+from metaid.study.parameters import Known, Parameters
 
 
 @dataclass(frozen=True)
@@ -78,3 +79,26 @@ class ArmFound(StudyEstimate):
     def _changes(self, shift: Array) -> Array:
         """Of the base parameters (nbase), with a `shift` of the unknowns (nbase)."""
         return np.asarray(self.estimate.searched.root @ shift, dtype=np.float64)
+
+    @property
+    def values(self) -> Array:
+        return self.estimate.values
+
+    @property
+    def value_covariance(self) -> Array:
+        return self.covariance
+
+    share_of = "what was not known"
+
+    def shares(self, early: ArmEstimate, true: Array | None) -> tuple[Array, Array | None]:
+        beforehand = np.sqrt(np.diag(self.estimate.searched.prior.covariance))
+        return early.left_unknown, None if true is None else np.abs(early.values - true) / beforehand
+
+    @property
+    def correlated(self) -> tuple[list[str], Array]:
+        return list(self.estimate.searched.prior.base.names), self.covariance
+
+    def known(self, wanted: Parameters) -> Known:
+        values, deviations = self.values, self.deviations
+        reach, determined = DEVIATIONS * deviations, deviations <= COARSEST * wanted.sizes(values)
+        return Known(values, deviations, values - reach, values + reach, determined)

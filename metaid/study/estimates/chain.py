@@ -8,9 +8,10 @@ from functools import cached_property
 import numpy as np
 
 from metaid.estimation import Approximation, Estimate, HeldOut, has_mass
-from metaid.models import Array, half_width
+from metaid.models import DEVIATIONS, Array, half_width
 from metaid.study.estimates.study_estimate import StudyEstimate, interval_name
 from metaid.study.identifiability import COARSEST
+from metaid.study.parameters import Known, Parameters
 
 
 @dataclass(frozen=True)
@@ -28,11 +29,6 @@ class ChainFound(StudyEstimate):
         if self.approximation is not None or self.hinted is None:
             return own
         return np.hypot(own, self.estimate.design @ self.hinted.shift)
-
-    @property
-    def widening(self) -> float:
-        """By how much the misfit makes standard deviations larger than if the model explained all."""
-        return 1.0 if self.estimate.is_explained else self.estimate.misfit
 
     @property
     def covariance(self) -> Array:
@@ -99,6 +95,33 @@ class ChainFound(StudyEstimate):
     def lumps_of(self, estimate: Estimate) -> Array:
         """The lumps (nlump) of an `estimate`."""
         return estimate.lumps.vector_of(self.kinds)
+
+    @property
+    def counts(self) -> int | None:
+        return self.estimate.counts
+
+    @property
+    def values(self) -> Array:
+        return self.lumps_of(self.estimate)
+
+    @property
+    def value_covariance(self) -> Array | None:
+        return None if self.counts is not None else self.lump_covariance * np.outer(self.values, self.values)
+
+    def shares(self, early: Estimate, true: Array | None) -> tuple[Array, Array | None]:
+        return early.lump_deviations, None if true is None else np.abs(self.lumps_of(early) / true - 1.0)
+
+    @property
+    def correlated(self) -> tuple[list[str], Array]:
+        return list(self.estimate.names), self.estimate.covariance
+
+    def known(self, wanted: Parameters) -> Known:
+        values, deviations = self.values, self.lump_deviations
+        if (extent := self.estimate.extent) is None:
+            reach = np.exp(DEVIATIONS * deviations)
+            return Known(values, values * deviations, values / reach, values * reach, deviations <= COARSEST)
+        low, high = np.exp(extent) * wanted.nominal
+        return Known(values, np.full(len(values), np.nan), low, high, high - low <= 2.0 * COARSEST * values)
 
 
 def _describe_counts(misfit: float, explained_below: float, counts: int) -> str:

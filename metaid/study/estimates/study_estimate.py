@@ -16,6 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from metaid.estimation import Approximation, HeldOut, Proposal, Replay, TakenUp, Unmodelled
 from metaid.models import Array
+from metaid.study.parameters import Known, Parameters
 
 FEW_TRIALS = 3
 MOST_SHOWN = 7  # numbers of trials, from each of which an estimate is shown
@@ -173,6 +174,45 @@ class StudyEstimate:
     def usual(self) -> str:
         """What such models often lack, in words."""
         raise NotImplementedError
+
+    @property
+    def counts(self) -> int | None:
+        """How many counts were compared; None where none were."""
+        return None
+
+    @property
+    def values(self) -> Array:
+        """Of the parameters that the estimate is of (n), in SI units."""
+        raise NotImplementedError
+
+    @property
+    def value_covariance(self) -> Array | None:
+        """Of these (n x n); None where there is none."""
+        raise NotImplementedError
+
+    def known(self, wanted: Parameters) -> Known:
+        """What is known of the parameters that are `wanted`. One is determined that is known to a tenth of what it is;
+        of an arm also to a tenth of what it may have been wrong by beforehand.
+        """
+        raise NotImplementedError
+
+    share_of = "all lumps"  # what `shares` are of
+
+    def shares(self, early: Any, true: Array | None) -> tuple[Array, Array | None]:
+        """Standard deviations of an `early` estimate (n) and, where what is `true` (n) is known, its errors (n), as
+        shares of each lump; of an arm of how wrong each base parameter may have been beforehand.
+        """
+        raise NotImplementedError
+
+    @property
+    def correlated(self) -> tuple[list[str], Array]:
+        """Names (n) and a covariance (n x n) of what hangs together."""
+        raise NotImplementedError
+
+    @property
+    def widening(self) -> float:
+        """By how much the misfit makes standard deviations larger than if the model explained all."""
+        return 1.0 if self.estimate.is_explained else self.estimate.misfit
 
     @property
     def interval_name(self) -> str:

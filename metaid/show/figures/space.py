@@ -1,4 +1,4 @@
-"""A picture of an arm at home: its shapes, its joints, and which way they turn."""
+"""A picture of a plant in space: its shapes, its joints, and which way they turn."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from metaid.episode.arms import ArmEpisode
 from metaid.models import Array
-from metaid.plant.arms import ArmPlant, ArmStart
+from metaid.plant.arms import ArmPlant
+from metaid.show.figures.plants import plant_figure, sketch
 from metaid.show.figures.style import FALL, INK, PAGE, RANGE, SURVIVOR, style, verbatim
 
 if TYPE_CHECKING:
@@ -21,12 +23,13 @@ LIGHT = np.array([0.35, -0.55, 0.76])  # towards the light
 THICK = 0.04  # of a link without shapes, as a share of the arm's size
 
 
-def arm_figure(arm: ArmPlant) -> Figure:
+@plant_figure.register
+def _arm_figure(arm: ArmPlant, width: float = PAGE) -> Figure:
     """The arm at home with the shapes of its file, or with rods between its joints where the file has none, and what
-    its joints are. Lengths are to scale, in m.
+    its joints are.
     """
     with style():
-        figure = Figure(figsize=(PAGE, max(0.62 * PAGE, 0.33 * arm.njoint + 0.6)))
+        figure = Figure(figsize=(width, max(0.62 * width, 0.33 * arm.njoint + 0.6)))
         axes: Axes3D = figure.add_axes((0.0, 0.02, 0.64, 0.92), projection="3d")
         triangles, colours = _surfaces(arm)
         _draw(axes, triangles, colours)
@@ -37,17 +40,12 @@ def arm_figure(arm: ArmPlant) -> Figure:
     return figure
 
 
-def rods_figure(arm: ArmPlant, start: ArmStart, width: float) -> Figure:
-    """An arm of which no shapes are known, as lines from joint to joint and to the last centre of mass, at a start.
-
-    Args:
-        arm: a plant.
-        start: where its joints are.
-        width: of the figure, in inches.
-    """
+@sketch.register
+def _rods(arm: ArmPlant, episode: ArmEpisode, width: float) -> Figure:
+    """Lines from joint to joint and to the last centre of mass, where the first push begins."""
     import mujoco
 
-    arm.push(start)
+    arm.push(episode.starts[0])
     mujoco.mj_kinematics(arm.model, arm.data)
     places, directions = arm.data.xanchor.copy(), arm.data.xaxis.copy()
     line = np.concatenate([np.zeros((1, 3)), places, arm.data.xipos[-1:]])

@@ -1,34 +1,79 @@
-"""What `metaid plant show` and `metaid episode` print of an arm."""
+"""What `metaid plant show` prints, by what a plant file says."""
 
 from __future__ import annotations
 
 import math
+from functools import singledispatch
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import click
 import numpy as np
 
-from metaid.cli.common import (
-    FIGURE_SUFFIXES,
-    lump_rows,
-    number_text,
-    open_store,
-    print_json,
-    print_lumps,
-    print_table,
-    whole_file,
-)
+from metaid.cli.common import lump_rows, number_text, print_json, print_lumps, print_table
+from metaid.models import lump_names, lump_unit
 from metaid.models.tree import PARAMETERS, planar_chain
-from metaid.plant.arms import ArmPlant
-
-if TYPE_CHECKING:
-    from metaid.compiled.arms import ArmPush
+from metaid.plant import ArmPlant, ArmSettings, MujocoPlant, PlantSettings, SocketSettings
 
 
-def show_arm(arm: ArmPlant, as_json: bool) -> None:
+@singledispatch
+def show(settings: Any, name: str, as_json: bool) -> None:
+    """What is known of the plant of that `name`."""
+    raise TypeError(settings)
+
+
+@show.register
+def _chain(settings: PlantSettings, name: str, as_json: bool) -> None:
+    """Its links, and its true lumps where it knows them."""
+    shown = MujocoPlant(name, settings)
+    chain, truth = shown.chain, shown.true_lumps()
+    columns = ("length", "mass", "com", "inertia", "damping", "coulomb", "stiffness")
+    links = [
+        dict(zip(columns, map(float, row), strict=True))
+        for row in zip(*(getattr(chain, column) for column in columns), strict=True)
+    ]
+    lumps = lump_rows(chain.lumps_of(chain.kinds))
+    if truth is None:
+        lumps = [{**lump, "true": None} for lump in lumps]
+    if as_json:
+        common = {key: getattr(shown.settings, key) for key in ("gravity", "timestep", "over_compensation")}
+        faults = shown.settings.faults.model_dump(mode="json")
+        print_json({"plant": shown.name, **common, "faults": faults, "links": links, "lumps": lumps})
+        return
+    heading = ["link", "length, m", "mass, kg", "com, m", "inertia, kg m²", "damping, N m s", "dry friction, N m"]
+    heading.append("stiffness, N m/rad")
+    dispensable = ["stiffness, N m/rad", "dry friction, N m", "damping, N m s"]
+    fault = shown.settings.over_compensation
+    rows = [[str(i + 1), *(number_text(link[column]) for column in columns)] for i, link in enumerate(links)]
+    print_table(
+        f"{shown.name}: {shown.settings.description}",
+        heading,
+        rows,
+        f"gravity {shown.gravity} m/s², timestep {shown.timestep} s"
+        + (f"; declared fault: the torque that it receives has gravity factors larger by {fault}" if fault else "")
+        + "".join(f"; {name} {value}" for name, value in shown.settings.faults.named.items()),
+        dispensable=dispensable,
+    )
+    print_lumps("True lumps", lumps)
+
+
+@show.register
+def _rig(settings: SocketSettings, name: str, as_json: bool) -> None:
+    """What is known of a plant behind a socket; it is not called for that."""
+    names = lump_names(settings.joints)
+    if as_json:
+        lumps = [{"name": lump, "unit": lump_unit(lump), "true": None} for lump in names]
+        print_json({"plant": name, **settings.model_dump(exclude={"description"}), "links": [], "lumps": lumps})
+        return
+    rows = [[key, str(value)] for key, value in settings.model_dump(exclude={"description"}).items()]
+    note = f"This plant is a rig, so its {len(names)} true lumps are not known."
+    print_table(f"{name}: {settings.description}", ["setting", "value"], rows, note, words=["value"])
+
+
+@show.register
+def _arm(settings: ArmSettings, name: str, as_json: bool) -> None:
     """Its joints with their axes and limits, and the parameters of its links."""
-    tree, settings, lost = arm.tree, arm.settings, arm.arm.whole.lost_meshes
+    arm = ArmPlant(name, settings)
+    tree, lost = arm.tree, arm.arm.whole.lost_meshes
     _, axes = arm.arm.whole.joints_at(arm.home)
     joints = [
         {
@@ -90,52 +135,6 @@ def show_arm(arm: ArmPlant, as_json: bool) -> None:
     print_table("Links", heading, rows, note, dispensable=[*heading[:3:-1], heading[3]])
     if lumps:
         print_lumps("True lumps of a planar chain", lumps)
-
-
-def draw_push_to(push: ArmPush, output: Path) -> None:
-    """Draws what each joint does after a push."""
-    from metaid.show.figures import draw_push
-
-    with whole_file(output, FIGURE_SUFFIXES) as partial:
-        draw_push(push, partial)
-
-
-def show_push(push: ArmPush, as_json: bool) -> None:
-    """What each joint does after a push."""
-    shown = push.summary()
-    if as_json:
-        print_json(shown)
-        return
-    what = (
-        f"fell after {shown['fall_time_s']:.3g} s, at step {shown['fall_step']} of {shown['steps']}"
-        if shown["fell"]
-        else f"{shown['steps']} steps without a fall; kinetic {number_text(shown['kinetic_hz'], '.3g')} Hz"
-    )
-    keys = "from", "to", "start_speed", "end_speed"
-    rows = [
-        [joint["name"], joint["does"], *(number_text(joint[key], ".4g") for key in keys)] for joint in shown["joints"]
-    ]
-    unit = "rad or m" if push.slides.any() else "rad"
-    heading = ["joint", "it", f"from, {unit}", "to", "speed at the start, 1/s", "at the end"]
-    print_table(f"{push.plant}: {what}", heading, rows, words=["it"])
-
-
-def film_study_of_arm(arm: ArmPlant, study_name: str | None, storage: str, video: Path) -> None:
-    """Films an arm under the laws of a study: of the nominal arm, the identified one and the true one.
-
-    Args:
-        arm: that is filmed.
-        study_name: of the study; an arm is not filmed without one.
-        storage: of the DB.
-        video: the file.
-    """
-    from metaid.results.arms import laws_of
-    from metaid.show import SUFFIXES, film_arm
-
-    if study_name is None:
-        raise click.UsageError(f"--video: plant {arm.name} is an arm (allowed of an arm: with --study NAME)")
-    with open_store(storage) as store, whole_file(video, SUFFIXES, "--video") as partial:
-        film_arm(arm, *laws_of(store, study_name, arm), partial)
 
 
 def _finite(value: float) -> float | None:

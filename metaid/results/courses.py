@@ -1,0 +1,255 @@
+"""Where models are tried: on pushes that the search never used, and along a trajectory.
+
+A `Course` is that of one plant. A chain is pushed from the upright and swings about it, an arm is let go within the
+ranges of its joints and goes along sinusoids from the middle of them. Sensors of an arm are exact here, for it is
+models that are compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, singledispatch
+from typing import Any, Protocol
+
+import numpy as np
+
+from metaid.episode import REACH, natural_time, rich_pushes
+from metaid.errors import StudyError
+from metaid.models import Array, Chain, ChainModel, Lumps, compensation_torque
+from metaid.plant import ArmPlant, MujocoPlant, Plant, Start
+from metaid.plant.arms import ArmStart
+from metaid.results.control import AMPLITUDE, BANDWIDTH, LOST, smooth_sinusoids, track
+from metaid.study import HORIZON
+
+COASTING = 0.1  # speeds changed by more than this share of what they were are no longer coasting
+COASTING_HORIZON = 100.0  # natural times for which a chain is watched
+ARM_HORIZON = 1.0  # s for which an arm is watched: joints cross half of their ranges at most
+SHORTEST, LONGEST = 1.0, 2.0  # s, periods of the joints of an arm along the trajectory
+ARM_BANDWIDTH = 10.0  # rad/s, of the feedback
+ROOM = 0.5  # of half a joint's range, that the mean joint of an arm swings at most
+SLIDE = 1.0 / 3.0  # m that a slide swings for each rad of a hinge
+
+
+class Course(Protocol):
+    """Where laws of a plant are tried."""
+
+    @property
+    def steps(self) -> int:
+        """For how many each push is watched."""
+
+    @property
+    def pushes(self) -> Array:
+        """Of a chain impulses (npush x njoint), in N s; of an arm joint coordinates and speeds at the starts
+        (npush x 2 x njoint).
+        """
+
+    def coasting(self, law: Any) -> Array:
+        """How long each push (npush) coasts under a law, in s, at most for all steps."""
+
+    def tracking(self, law: Any) -> tuple[Array, bool]:
+        """Errors of the joints (nsteps x njoint), in rad or m, along smooth sinusoids under computed torque with a law,
+        up to where control was lost, and whether it never was.
+        """
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What else a `Validation` says of it."""
+
+
+@singledispatch
+def course_of(plant: Any, problem: Any, laws: Mapping[str, Any], pushes: int, seed: int) -> Course:
+    """The course of a `plant`.
+
+    Args:
+        plant: that is moved.
+        problem: of the study.
+        laws: that are tried, by name; `identified` is one of them.
+        pushes: how many.
+        seed: of these, as `fresh_seed` makes it.
+
+    Raises:
+        StudyError: the plant is a rig.
+    """
+    raise StudyError(f"plant {plant.name} is a rig, and this needs a simulated plant")
+
+
+@course_of.register
+def _chain_course(plant: MujocoPlant, problem: Any, laws: Mapping[str, Any], pushes: int, seed: int) -> Course:
+    return ChainCourse(plant, problem.nominal, laws["identified"].inertia is None, pushes, seed)
+
+
+@course_of.register
+def _arm_course(plant: ArmPlant, problem: Any, laws: Mapping[str, Any], pushes: int, seed: int) -> Course:
+    from metaid.plant.arms import draw_free_starts  # loads MuJoCo
+
+    speed = problem.spec.study.episode.speed
+    starts = draw_free_starts(problem.nominal, pushes, ARM_HORIZON, seed, speed)
+    return ArmCourse(plant, problem.nominal.parameters, laws["identified"], tuple(starts))
+
+
+@dataclass(frozen=True)
+class ChainCourse:
+    """The course of a simulated chain.
+
+    Attributes:
+        plant: that moves.
+        nominal: the chain that it is believed to be.
+        takes_nominal_inertia: whether inertia lumps are not known, so that every model takes the nominal ratios.
+        count: of the pushes.
+        seed: of these.
+    """
+
+    plant: MujocoPlant
+    nominal: Chain
+    takes_nominal_inertia: bool
+    count: int
+    seed: int
+
+    @property
+    def natural_time(self) -> float:
+        """√(l/g), in s."""
+        return natural_time(self.nominal, self.plant.gravity)
+
+    @property
+    def steps(self) -> int:
+        return round(COASTING_HORIZON * self.natural_time / self.plant.timestep)
+
+    @cached_property
+    def pushes(self) -> Array:
+        return rich_pushes(self.plant, self.count, REACH / (HORIZON * self.natural_time), self.seed)
+
+    def coasting(self, law: Lumps) -> Array:
+        whole = self._whole(law)
+        return np.array([coasting_time(self.plant, whole, impulses, self.steps) for impulses in self.pushes])
+
+    def tracking(self, law: Lumps) -> tuple[Array, bool]:
+        return tracking_errors(self.plant, self._whole(law), self.nominal)
+
+    @property
+    def about(self) -> dict[str, Any]:
+        return {"natural_time": self.natural_time, "takes_nominal_inertia": self.takes_nominal_inertia}
+
+    def _whole(self, law: Lumps) -> Lumps:
+        """The law with inertia lumps: where none are identified, d_i is μ_i times the nominal model's d_i / μ_i, for
+        every model alike.
+        """
+        if not self.takes_nominal_inertia:
+            return law
+        return replace(law, inertia=self.nominal.inertia_lumps * law.gravity / self.nominal.lumps.gravity)
+
+
+@dataclass(frozen=True)
+class ArmCourse:
+    """The course of a simulated arm.
+
+    Attributes:
+        plant: that moves.
+        nominal: parameters (njoint x 13), whose mass matrix is the metric of coasting.
+        feedback: parameters (njoint x 13), whose mass matrix weighs the feedback along the trajectory.
+        starts: of the pushes.
+    """
+
+    plant: ArmPlant
+    nominal: Array
+    feedback: Array
+    starts: tuple[ArmStart, ...]
+
+    @property
+    def steps(self) -> int:
+        return round(ARM_HORIZON / self.plant.timestep)
+
+    @property
+    def pushes(self) -> Array:
+        return np.array([(start.pose, start.speeds) for start in self.starts])
+
+    def coasting(self, law: Array) -> Array:
+        from metaid.compiled.arms import arm_coasting_steps  # loads numba
+
+        steps = arm_coasting_steps(self.plant, (law, self.nominal), self.starts, self.steps, COASTING)
+        return self.plant.timestep * steps.astype(np.float64)
+
+    def tracking(self, law: Array) -> tuple[Array, bool]:
+        return arm_tracking_errors(self.plant, (law, self.feedback))
+
+    @property
+    def about(self) -> dict[str, Any]:
+        return {"slides": self.plant.tree.slides}
+
+
+def coasting_time(plant: Plant, lumps: Lumps, impulses: Array, steps: int) -> float:
+    """For how long a plant coasts after a push, with `lumps` in the law.
+
+    It has coasted until a joint's speed has changed by a tenth of the speed of the fastest link after the push. A
+    MujocoPlant is watched by a compiled loop, any other step by step.
+
+    Args:
+        plant: it is brought to rest upright first.
+        lumps: of the law.
+        impulses: of the push (njoint), in N s.
+        steps: after which it is no longer watched.
+
+    Returns:
+        The time in s, at most that of all `steps`.
+    """
+    if not isinstance(plant, MujocoPlant):
+        return coasting_time_stepwise(plant, lumps, impulses, steps)
+    from metaid.compiled import coasting_steps
+
+    return coasting_steps(plant, lumps, impulses, steps, COASTING) * plant.timestep
+
+
+def coasting_time_stepwise(plant: Plant, lumps: Lumps, impulses: Array, steps: int) -> float:
+    """`coasting_time` on any plant, in s, step by step in Python: the reference for the compiled loop.
+
+    Args:
+        plant: it is brought to rest upright first.
+        lumps: of the law.
+        impulses: of the push (njoint), in N s.
+        steps: after which it is no longer watched.
+    """
+    plant.push(Start.upright(impulses))
+    angles, speeds = plant.states()
+    pushed, tolerance = speeds, COASTING * np.abs(np.cumsum(speeds)).max()
+    for step in range(steps):
+        plant.apply_torque(compensation_torque(lumps, angles, speeds, plant.gravity))
+        plant.step()
+        angles, speeds = plant.states()
+        if not np.abs(speeds - pushed).max() <= tolerance:
+            return step * plant.timestep
+    return steps * plant.timestep
+
+
+def tracking_errors(plant: Plant, lumps: Lumps, nominal: Chain) -> tuple[Array, bool]:
+    """Errors of the joint angles (nsteps x njoint), in rad, along smooth sinusoids under computed torque with `lumps`,
+    up to where control was lost, and whether it never was.
+
+    The feedback is weighted by the nominal mass matrix, for every model alike.
+    """
+    time = natural_time(nominal, plant.gravity)
+    desired = smooth_sinusoids(plant.njoint, time, plant.timestep)
+    model, feedback = ChainModel(lumps, plant.gravity), ChainModel(nominal.lumps, plant.gravity)
+    seen = track(plant, model, feedback, desired, BANDWIDTH / time)
+    return seen.angles - desired.angles[: len(seen.angles)], len(seen.angles) == len(desired.angles)
+
+
+def arm_tracking_errors(plant: ArmPlant, laws: tuple[Array, Array]) -> tuple[Array, bool]:
+    """Errors of the joint coordinates (nsteps x njoint), in rad or m, along smooth sinusoids from the middle of the
+    ranges under computed torque, up to where control was lost, and whether it never was.
+
+    Args:
+        plant: that moves.
+        laws: parameters (njoint x 13 each) of the feedforward, and of the arm whose mass matrix weighs the feedback,
+            the same for every feedforward.
+    """
+    from metaid.compiled.arms import track_arm  # loads numba
+
+    tree = plant.tree
+    half = np.where(np.isfinite(tree.low + tree.high), 0.5 * (tree.high - tree.low), np.inf)
+    middle = np.where(np.isfinite(half), tree.low + half, np.clip(0.0, tree.low, tree.high))
+    widest = np.where(tree.slides, SLIDE * AMPLITUDE, AMPLITUDE)
+    amplitude, periods = np.minimum(widest, ROOM * half), (SHORTEST, LONGEST)
+    desired = smooth_sinusoids(tree.njoint, 1.0, plant.timestep, amplitude=amplitude, periods=periods)
+    angles = middle + desired.angles
+    seen = track_arm(plant, laws, (angles, desired.speeds, desired.accelerations), ARM_BANDWIDTH, LOST)
+    return seen - angles[: len(seen)], len(seen) == len(angles)

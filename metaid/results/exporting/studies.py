@@ -1,0 +1,113 @@
+"""The identified model of a study."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from functools import singledispatch
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+import metaid
+from metaid.errors import StudyError
+from metaid.models import IDEAL, Array, Chain, Lumps, kind_of
+from metaid.models.tree import Tree
+from metaid.results.exporting.dynamics import Dynamics, arm_dynamics, chain_dynamics
+from metaid.results.exporting.identified import IdentifiedModel, no_model
+from metaid.results.snapshot import Snapshot, read_snapshot
+from metaid.results.verdict import Verdict, judge
+from metaid.store import Store
+from metaid.study import AnySpec, with_nominal
+
+
+def identified_model(snapshot: Snapshot, even_if_not_found: bool = False) -> IdentifiedModel:
+    """What a study identified; where its verdict is not `found`, and `even_if_not_found` asks for it, its last estimate
+    or its best trial.  Raises StudyError where it identified nothing, and says why.
+    """
+    verdict, spec, found = judge(snapshot), snapshot.spec, snapshot.estimate
+    guess = None if verdict.has_result else _best_guess(snapshot, verdict)
+    if not verdict.has_result and (guess is None or not even_if_not_found):
+        raise no_model(snapshot.name, verdict, can_be_forced=guess is not None)
+    table = verdict.lumps.assign(value=verdict.values if guess is None else guess)
+    about = {
+        "plant": spec.plant_name,
+        "sampler": spec.study.sampler,
+        "measure": snapshot.problem.measure.name,
+        "seed": spec.study.seed,
+        "trials": len(snapshot.trials),
+        "verdict": verdict.word,
+        "reasons": list(verdict.reasons),
+        "source": verdict.source,
+        "misfit": None if found is None else found.estimate.misfit,
+        "written": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "metaid": metaid.__version__,
+    }
+    covariance = None
+    if guess is None and verdict.source == "estimate" and found is not None and found.value_covariance is not None:
+        names = table["name"].tolist()
+        covariance = pd.DataFrame(found.value_covariance, index=names, columns=names)
+    known = table["name"][table["identified"].notna()] if guess is None else table["name"]
+    values = dict(zip(table["name"], table["value"].tolist(), strict=True))
+    dynamics = _dynamics(snapshot.problem.nominal, snapshot.problem, values, known.tolist())
+    return IdentifiedModel(snapshot.name, about, table, covariance, dynamics, spec.gravity, spec.plant.timestep)
+
+
+def started_from(store: Store, spec: AnySpec, other: str) -> AnySpec:
+    """A study whose nominal model is what the study `other` in the DB identified.  Raises StorageError, and StudyError
+    where that has identified nothing, or another kind of plant.
+    """
+    found = identified_model(read_snapshot(store, other))
+    changed = with_nominal(spec, found.nominal)
+    if found.gravity != spec.gravity:
+        raise StudyError(
+            f"study {spec.name}: its plant's gravity is {spec.gravity} m/s², that of study '{other}' {found.gravity}: "
+            "they must agree, it is not searched"
+        )
+    return changed
+
+
+def _best_guess(snapshot: Snapshot, verdict: Verdict) -> Array | None:
+    """The values (n) where nothing is found, in the order of the verdict's table: those of the last estimate, or of the
+    best trial; None where there is neither.
+    """
+    if verdict.source == "estimate":
+        return None if snapshot.estimate is None else snapshot.estimate.values
+    return None if snapshot.best is None else snapshot.problem.sought.scale * snapshot.best.factors
+
+
+@singledispatch
+def _dynamics(nominal: Any, problem: Any, values: dict[str, float], known: list[str]) -> Dynamics:
+    """How a plant moves.
+
+    Args:
+        nominal: the chain or the arm that it is believed to be.
+        problem: of the study.
+        values: that were identified, by name.
+        known: the names of those that are not the nominal ones.
+    """
+    raise TypeError(nominal)
+
+
+@_dynamics.register
+def _of_chain(nominal: Chain, problem: Any, values: dict[str, float], known: list[str]) -> Dynamics:
+    lumps = _lumps_of(values, nominal.lumps_of(IDEAL))
+    return chain_dynamics(lumps, problem.spec.gravity, nominal, np.isin(lumps.names, known))
+
+
+@_dynamics.register
+def _of_arm(nominal: Tree, problem: Any, values: dict[str, float], known: list[str]) -> Dynamics:
+    return arm_dynamics(problem.prior, np.array([values[name] for name in problem.names]))
+
+
+def _lumps_of(values: dict[str, float], nominal: Lumps) -> Lumps:
+    """Lumps with these `values` by name. Gravity and Coriolis lumps that have none are the nominal ones; inertia lumps
+    and friction that have none are left out.
+    """
+    kinds = dict.fromkeys((*IDEAL, *map(kind_of, values)))
+    searched = tuple(kind for kind in (*IDEAL, "inertia") if kind in kinds)
+    parts = {kind: nominal.gravity for kind in kinds if kind not in IDEAL}
+    shaped = Lumps(nominal.gravity, nominal.coriolis, **parts, searched=tuple(kinds))
+    vector = [values.get(name, usual) for name, usual in zip(shaped.names, shaped.vector.tolist(), strict=True)]
+    filled = shaped.with_parameters(np.array(vector))
+    return Lumps(**{kind: getattr(filled, kind) for kind in kinds}, searched=searched)

@@ -1,0 +1,133 @@
+"""What a film is made of: where a plant stands, and how it moves under the law of a candidate.
+
+A `Stage` is one plant that is filmed. A chain is filmed after the last push of an episode, an arm from home, moving
+slowly: where the law is right it goes on as it set out, as if nothing weighed anything.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from mujoco import MjModel
+
+from metaid.compiled import Objective
+from metaid.compiled.arms import ArmLoop
+from metaid.episode.arms import ArmEpisode
+from metaid.models import Array, Lumps
+from metaid.models.tree import Tree
+from metaid.plant import MujocoPlant
+from metaid.plant.arms import ArmPlant, ArmStart
+from metaid.show.rendering import Camera
+from metaid.show.scene import arm_scene, front_camera, scene, scene_poses, side_camera
+
+FILM_SECONDS = 20.0  # of the motion of a chain at most
+ARM_SECONDS = 4.0
+SLOW, SLIDING = 0.2, 0.05  # rad/s and m/s at which the joints of an arm set out
+RUNAWAY = 20.0  # times that fast: a film shows a fall for longer than an episode does
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What a panel of a film shows: joint `angles` (nframe x njoint), in rad, under a `caption`."""
+
+    caption: str
+    angles: Array
+
+
+class Stage(Protocol):
+    """A plant that is filmed."""
+
+    def motion(self, law: Any, caption: str, rate: int) -> Motion:
+        """What a panel shows.
+
+        Args:
+            law: of the candidate, as the plant takes it.
+            caption: of the panel.
+            rate: frames a second.
+        """
+
+    @property
+    def model(self) -> MjModel:
+        """What is drawn."""
+
+    def poses(self, angles: Array) -> Array:
+        """Coordinates of all joints of the model (... x nq) where those that move are at `angles` (... x njoint)."""
+
+    def camera(self, poses: Array) -> Camera:
+        """From where all these `poses` (... x nq) are seen."""
+
+
+@dataclass(frozen=True)
+class ChainStage:
+    """The simulated chain of an `objective`, in whose episode it is filmed. Laws are lumps."""
+
+    objective: Objective
+
+    @property
+    def plant(self) -> MujocoPlant:
+        """That is filmed: an objective of another is refused before."""
+        assert isinstance(self.objective.plant, MujocoPlant)
+        return self.objective.plant
+
+    def motion(self, law: Lumps, caption: str, rate: int) -> Motion:
+        """That of the very episode, faults and noise included, whose numbers the objective gives.
+
+        Of a plant with sensors that err it is what they read.
+        """
+        candidate = Objective(self.plant, law, self.objective.episode, self.objective.measure.name)
+        record, trajectory = candidate.watch(np.ones(len(law.vector)))
+        last = min(len(trajectory.angles), FILM_SECONDS / record.timestep)
+        steps = np.arange(0.0, last, 1.0 / (rate * record.timestep)).astype(int)
+        return Motion(f"{caption}: falls" if record.fall_step is not None else caption, trajectory.angles[steps])
+
+    @property
+    def model(self) -> MjModel:
+        return scene(self.plant.chain, self.plant.gravity, self.plant.timestep)
+
+    def poses(self, angles: Array) -> Array:
+        return angles
+
+    def camera(self, poses: Array) -> Camera:
+        return front_camera(self.plant.chain, poses)
+
+
+@dataclass(frozen=True)
+class ArmStage:
+    """A simulated arm with the shapes of its file, of which the `nominal` arm is believed. Laws are parameters
+    (njoint x 13).
+    """
+
+    plant: ArmPlant
+    nominal: Tree
+
+    def motion(self, law: Array, caption: str, rate: int) -> Motion:
+        """From home, every joint moving slowly towards the middle of its range."""
+        plant, start = self.plant, slow_start(self.plant)
+        steps = max(round(ARM_SECONDS / plant.timestep), 1)
+        ends = np.unique(np.arange(1.0 / rate, ARM_SECONDS, 1.0 / rate) / plant.timestep).round().astype(int)
+        episode = ArmEpisode((start,), np.zeros(1), steps, tuple(ends.tolist()), RUNAWAY)
+        record = ArmLoop(plant, self.nominal, episode).run(law)
+        seen = record.windows.angles[0, : record.windows.seen[0]]
+        angles = np.concatenate([start.pose[None], seen])
+        return Motion(f"{caption}: falls" if record.fell[0] else caption, angles)
+
+    @cached_property
+    def model(self) -> MjModel:
+        return arm_scene(self.plant)
+
+    def poses(self, angles: Array) -> Array:
+        return scene_poses(self.plant, self.model, angles)
+
+    def camera(self, poses: Array) -> Camera:
+        return side_camera(self.model, poses)
+
+
+def slow_start(plant: ArmPlant) -> ArmStart:
+    """At home, every joint moving slowly towards the middle of its range."""
+    tree, home = plant.tree, plant.home
+    middle = np.where(np.isfinite(tree.low + tree.high), (tree.low + tree.high) / 2, 0.0)
+    speeds = np.where(tree.slides, SLIDING, SLOW) * np.where(home > middle, -1.0, 1.0)
+    return ArmStart(home, speeds)

@@ -1,0 +1,189 @@
+"""What the report says of a plant, of an episode, and of what is left open, where chains and arms differ."""
+
+from __future__ import annotations
+
+from functools import singledispatch
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from metaid.episode import Episode
+from metaid.episode.arms import ArmEpisode
+from metaid.models import Chain
+from metaid.models.tree import Tree
+from metaid.plant import ArmPlant, MujocoPlant, PlantSettings
+from metaid.results import Findings
+from metaid.study import ArmSpec, StudySpec
+from metaid.study.arms import DrawnNominalSettings
+
+
+def plural(count: int, noun: str) -> str:
+    """`1 link`, `2 links`, `2 pushes`."""
+    ending = "es" if noun.endswith("sh") else "s"
+    return f"{count:,} {noun}{ending if count != 1 else ''}"
+
+
+@singledispatch
+def nominal_words(nominal: Any) -> str:
+    """Where the nominal model of a study is from."""
+    return "the links in the study file"
+
+
+@nominal_words.register
+def _named(nominal: str) -> str:
+    return nominal
+
+
+@nominal_words.register
+def _drawn(nominal: DrawnNominalSettings) -> str:
+    return f"drawn about {nominal.plant} with seed {nominal.seed}"
+
+
+@singledispatch
+def plant_words(spec: Any) -> str:
+    """What the plant of a study is."""
+    raise TypeError(spec)
+
+
+@plant_words.register
+def _chain(spec: StudySpec) -> str:
+    size = plural(len(spec.nominal), "link")
+    return f"{spec.plant_name}: {size}, gravity {spec.gravity} m/s², timestep {spec.timestep} s"
+
+
+@plant_words.register
+def _arm(spec: ArmSpec) -> str:
+    faults = "".join(f"; {name} {value}" for name, value in spec.faults.named.items())
+    return f"{spec.plant_name}: {plural(len(spec.joints), 'joint')}, timestep {spec.timestep} s{faults}"
+
+
+@singledispatch
+def episode_words(episode: Any, timestep: float) -> str:
+    """What is done to the plant with each candidate, torques being `timestep` (s) apart."""
+    raise TypeError(episode)
+
+
+@episode_words.register
+def _chains_episode(episode: Episode, timestep: float) -> str:
+    rule = episode.fall_rule
+    return (
+        f"{plural(len(episode.pushes), 'push')}, {episode.steps:,} steps ({episode.steps * timestep:.3g} s) after "
+        f"each; a link has fallen past {np.degrees(rule.limit):.3g}° if it is {rule.margin:.3g} times faster than any "
+        "was after the push"
+    )
+
+
+@episode_words.register
+def _arms_episode(episode: ArmEpisode, timestep: float) -> str:
+    springs = int(np.count_nonzero(episode.stiffness))
+    coasts = episode.npush - springs
+    return (
+        f"{plural(coasts, 'push')} that coast{'s' * (coasts == 1)} and {springs} that swing{'s' * (springs == 1)} as "
+        f"on springs, {episode.steps:,} steps ({episode.steps * timestep:.3g} s) each; a push has fallen in which a "
+        f"joint leaves its range, or is {episode.runaway:.3g} times faster than any was at a start"
+    )
+
+
+@singledispatch
+def joint_rows(nominal: Any) -> list[dict[str, str]]:
+    """The joints of a nominal model, where there is anything to say of them."""
+    return []
+
+
+@joint_rows.register
+def _of_arm(nominal: Tree) -> list[dict[str, str]]:
+    def end(value: float, is_slide: bool) -> str:
+        if not np.isfinite(value):
+            return "none"
+        return f"{value:g} m" if is_slide else f"{np.degrees(value):.0f}°"
+
+    return [
+        {"name": name, "kind": "slide" if slides else "hinge", "low": end(low, slides), "high": end(high, slides)}
+        for name, slides, low, high in zip(
+            nominal.names, nominal.slides.tolist(), nominal.low.tolist(), nominal.high.tolist(), strict=True
+        )
+    ]
+
+
+@singledispatch
+def left_open(nominal: Any, found: Findings) -> str:
+    """What does not follow from what was `found`, in a sentence or two."""
+    raise TypeError(nominal)
+
+
+@left_open.register
+def _by_lumps(nominal: Chain, found: Findings) -> str:
+    lumps, said = found.problem.names, []
+    if found.verdict.source != "estimate":
+        said.append("Inertia lumps act in no term that is compensated.")
+    if not any(name.startswith(("damping", "coulomb")) for name in lumps):
+        said.append("Friction is not searched.")
+    said.append("Lumps are what the dynamics need: single masses and lengths do not follow from them.")
+    return " ".join(said)
+
+
+@left_open.register
+def _by_base_parameters(nominal: Tree, found: Findings) -> str:
+    return (
+        "Base parameters are all that the torque depends on: single masses, centres of mass and moments of inertia do "
+        "not follow from them."
+    )
+
+
+@singledispatch
+def plant_caption(plant: Any, found: Findings) -> str:
+    """What the picture of a plant shows."""
+    raise TypeError(plant)
+
+
+@plant_caption.register
+def _sketched(plant: MujocoPlant, found: Findings) -> str:
+    if shows_plant(found):
+        return "The plant as it is simulated, bent a little at every joint. The search never sees these numbers."
+    what = "A plant whose truth is not told" if found.problem.is_simulated else "A rig"
+    return f"{what}, drawn by the nominal model, bent a little at every joint."
+
+
+@plant_caption.register
+def _of_rods(plant: ArmPlant, found: Findings) -> str:
+    return "Its joints, the arrows by the right-hand rule, and the last centre of mass, where the first push begins."
+
+
+def shows_plant(found: Findings) -> bool:
+    """Whether the plant's own parameters may be shown: not of a rig, nor where its file has `truth_known = false`; of
+    an arm the study has those of its joints and links alone, and the nominal ones are shown.
+    """
+    plant = found.spec.plant
+    return isinstance(plant, PlantSettings) and plant.truth_known
+
+
+@singledispatch
+def study_files(spec: Any, stem: str, shows_plant: bool) -> dict[str, str]:
+    """Files, by name, that make this very study again, trial for trial, the study file last. Where the plant is not to
+    be shown, the plant file is the reader's own.
+
+    Args:
+        spec: of the study.
+        stem: of the names of files.
+        shows_plant: whether the plant may be told.
+    """
+    raise TypeError(spec)
+
+
+@study_files.register
+def _of_chain(spec: StudySpec, stem: str, shows_plant: bool) -> dict[str, str]:
+    links = [link.model_dump(mode="json", exclude_none=True) for link in spec.nominal]
+    study = spec.study.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    study |= {"plant": f"{stem}-plant.toml", "nominal": {"links": links}}
+    if isinstance(spec.plant, PlantSettings) and not shows_plant:
+        study["plant"] = f"{spec.plant_name}.toml"
+        return {f"{stem}.toml": tomli_w.dumps(study)}
+    plant = spec.plant.model_dump(mode="json", exclude_none=True)
+    return {f"{stem}-plant.toml": tomli_w.dumps(plant), f"{stem}.toml": tomli_w.dumps(study)}
+
+
+@study_files.register
+def _of_an_arm(spec: ArmSpec, stem: str, shows_plant: bool) -> dict[str, str]:
+    study = spec.study.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    return {f"{stem}.toml": tomli_w.dumps(study)}
