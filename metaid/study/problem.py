@@ -38,6 +38,7 @@ from metaid.search import (
     sensitivity,
     widened,
 )
+from metaid.study.any_problem import StudyProblem
 from metaid.study.calibration import calibrate, calibration_of
 from metaid.study.contradictions import (
     check_bounds,
@@ -63,12 +64,14 @@ MOST_TRIALS = 32  # that an estimate is made of
 MOST_READ = 12  # that keep readings where the sampler does without the estimate: it is to be there in seconds
 
 
-class Problem:
+class Problem(StudyProblem):
     """All that a study's settings determine before any trial. Nothing is pushed before the episode is asked for.
 
     Raises StudyError where the settings contradict each other, those of the pushes when they are asked for, as by
     `check`.
     """
+
+    spec: StudySpec
 
     def __init__(self, spec: StudySpec) -> None:
         self.spec = spec
@@ -111,16 +114,6 @@ class Problem:
         """How many joints have their periods counted in each trial."""
         return self.nominal.nlink
 
-    @property
-    def is_simulated(self) -> bool:
-        """Whether the plant is simulated here, and not a rig, which is not to be moved without need."""
-        return isinstance(self.spec.plant, PlantSettings)
-
-    @property
-    def is_ready(self) -> bool:
-        """Whether all is known that a trial needs: a rig's pushes are found when its study is created."""
-        return self.is_simulated or self.spec.pushed is not None
-
     def calibrated(self) -> StudySpec:
         """The study with the pushes that its rig needs, and what was measured of them and of its sensors."""
         with closing(self.open_rig()) as rig:
@@ -132,11 +125,6 @@ class Problem:
         where there is no such lump.
         """
         return factors_from_names(dict(factors), self.nominal.nlink, kinds=self.lumps.searched)
-
-    @property
-    def timestep(self) -> float:
-        """Time between two control steps, in s."""
-        return self.spec.timestep
 
     @property
     def trials_with_windows(self) -> int:
@@ -220,18 +208,6 @@ class Problem:
             return self.open_rig()
         return MujocoPlant(self.spec.plant_name, self.spec.plant)
 
-    def open_rig(self) -> SocketPlant:
-        """The plant behind the socket that the study names."""
-        assert isinstance(self.spec.plant, SocketSettings)
-        return SocketPlant(self.spec.plant_name, self.spec.plant)
-
-    def make_plant(self) -> MujocoPlant:
-        """A simulated plant.  Raises StudyError where the study's is none."""
-        plant = self.open_plant()
-        if isinstance(plant, MujocoPlant):
-            return plant
-        raise StudyError(f"plant {plant.name} is a rig, and this needs a simulated plant")
-
     def nominal_plant(self) -> MujocoPlant:
         """The nominal model as a plant, with the faults of the plant file but for those that are searched."""
         if isinstance(self.spec.plant, PlantSettings):
@@ -259,11 +235,6 @@ class Problem:
         """The searcher at the study's seed, knowing of no trial; it may go by another `experiment` than the study's."""
         study = self.spec.study
         return make_searcher(study.sampler, self.coordinates, study.seed, study.search, experiment or self.experiment)
-
-    @property
-    def is_matching(self) -> bool:
-        """Whether the sampler works by the estimate. Where that explains nothing, no best trial is the result."""
-        return SAMPLERS[self.spec.study.sampler].by_estimate
 
     @property
     def can_be_estimated(self) -> bool:

@@ -17,7 +17,6 @@ from metaid.models import Array
 from metaid.models.tree import ArmPrior, ModelError, Tree, model_error
 from metaid.plant import ArmPlant, ArmSettings, SocketPlant, SocketSettings, joint_limits, slope_weights
 from metaid.search import (
-    SAMPLERS,
     Coordinates,
     SamplerOptions,
     Searcher,
@@ -26,6 +25,7 @@ from metaid.search import (
     make_searcher,
     plain_coordinates,
 )
+from metaid.study.any_problem import StudyProblem
 from metaid.study.arms.calibration import calibrate_arm, start_spread_of_arm
 from metaid.study.arms.settings import ArmPlantSettings, ArmSpec
 from metaid.study.parameters import Parameters, base_parameters_of, settled
@@ -43,10 +43,12 @@ WINDOW_BUDGET = 8_000_000  # bytes a study
 MOST_MATCHED = 8  # trials that an estimate is made of where the sampler does without
 
 
-class ArmProblem:
+class ArmProblem(StudyProblem):
     """All that the settings of a study of an arm determine before any trial."""
 
     widens, measure = False, KINETIC
+
+    spec: ArmSpec
 
     def __init__(self, spec: ArmSpec) -> None:
         self.spec = spec
@@ -82,26 +84,11 @@ class ArmProblem:
             keeps_readings=self.keeps_readings,
         )
 
-    @property
-    def is_simulated(self) -> bool:
-        """Whether the plant is simulated here, and not a rig, which is not to be moved without need."""
-        return isinstance(self.spec.plant, ArmPlantSettings)
-
-    @property
-    def is_ready(self) -> bool:
-        """Whether all is known that a trial needs: how a rig's pushes begin is found when its study is created."""
-        return self.is_simulated or self.spec.pushed is not None
-
     def calibrated(self) -> ArmSpec:
         """The study of a rig with what is measured at it."""
         with closing(self.open_rig()) as rig:
             pushed = calibrate_arm(rig, self.nominal, self.spec.arm_starts)
         return self.spec.model_copy(update={"pushed": pushed})
-
-    @property
-    def is_matching(self) -> bool:
-        """Whether the sampler sends the estimate from all trials before."""
-        return SAMPLERS[self.spec.study.sampler].by_estimate
 
     @cached_property
     def coordinates(self) -> Coordinates:
@@ -123,11 +110,6 @@ class ArmProblem:
     def counted_joints(self) -> int:
         """How many joints have their periods in each trial: 0 of each, for an arm's are not counted."""
         return self.nominal.njoint
-
-    @property
-    def timestep(self) -> float:
-        """Time between two control steps, in s."""
-        return self.spec.timestep
 
     @property
     def trials_with_windows(self) -> int:
@@ -156,11 +138,6 @@ class ArmProblem:
         """A value of the measure below this passes for coasting, in Hz."""
         return resolution_hz(self.episode.steps * self.timestep)
 
-    def open_rig(self) -> SocketPlant:
-        """The plant behind the socket that the study names."""
-        assert isinstance(self.spec.plant, SocketSettings)
-        return SocketPlant(self.spec.plant_name, self.spec.plant)
-
     def open_plant(self) -> ArmPlant | SocketPlant:
         """A plant of its own for each worker, simulated or not."""
         plant = self.spec.plant
@@ -174,13 +151,6 @@ class ArmProblem:
             stiffness=plant.stiffness,
         )
         return ArmPlant(self.spec.plant_name, settings, plant.arm.tree)
-
-    def make_plant(self) -> ArmPlant:
-        """A simulated plant.  Raises StudyError where the study's is none."""
-        plant = self.open_plant()
-        if isinstance(plant, SocketPlant):
-            raise StudyError(f"plant {plant.name} is a rig, and this needs a simulated plant")
-        return plant
 
     @property
     def truth(self) -> Tree | None:
