@@ -25,7 +25,8 @@ from metaid.store import Store
 
 WIDTHS = (60, 80, 120)
 TOO_NARROW = "too narrow for: "
-PRINTING = ("checks.arm_check", "arms", "compare", "listing", "paper", "plants", "printed", "results", "studies")
+PRINTING = ("checks.determined", "compare", "episodes", "listing", "paper", "plants", "printed", "results")
+PRINTING += ("shown_plants",)
 STYLE = re.compile(r"\x1b\[[\d;]*m")
 
 Metaid = Callable[..., Finished]
