@@ -10,7 +10,7 @@ from arm_studies import spec_of
 
 from metaid.errors import StudyError
 from metaid.models import Array
-from metaid.results.arms import read_any_snapshot
+from metaid.results import read_snapshot
 from metaid.store import Store
 from metaid.study import create_study, load_study, run_study
 from metaid.study.estimates import ArmFound
@@ -25,7 +25,7 @@ def found_with(folder: Path, searched: tuple[str, ...] | str, **faults: object) 
     plant = spec.plant.model_copy(update={"faults": spec.plant.faults.model_copy(update={**SENSORS, **faults})})
     store = Store(str(folder / "arm.db"), create=True)
     run_study(store, create_study(store, spec.model_copy(update={"plant": plant}), "arm"))
-    found = read_any_snapshot(store, "arm").estimate
+    found = read_snapshot(store, "arm").estimate
     assert isinstance(found, ArmFound)
     true = found.estimate.searched.prior.base.of(spec.plant.arm.tree.parameters)
     return found, np.asarray((found.estimate.values - true) / found.deviations)
