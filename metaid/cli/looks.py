@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, singledispatch
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import click
 
@@ -157,5 +157,4 @@ class ArmLook:
         from metaid.show import ArmStage  # needs what films need
 
         assert problem is not None, "an arm is filmed with a study"
-        assert isinstance(problem.nominal, Tree), "it is about this arm"
-        return ArmStage(self.plant, problem.nominal)
+        return ArmStage(self.plant, cast(Tree, problem.nominal))  # the study is about this arm

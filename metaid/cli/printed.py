@@ -96,7 +96,8 @@ def describe_verdict(shown: dict[str, Any]) -> str:
         widest = max((lump["high"] - lump["low"]) / (2.0 * lump["identified"]) for lump in known)
         head = f"{len(known)} lumps, each to within {error_text(widest, '')} or better"
         error = [] if shown["max_error"] is None else [f"largest error {error_text(shown['max_error'], '')}"]
-        said = [head, *error, *_fault_texts(shown.get("faults", []))]
+        said = [head, *error]
+    said += _fault_texts(shown.get("faults", []))
     return f"{shown['verdict'].upper()}: {'; '.join([*first, *said, *reasons[len(first) :]])}"
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from arm_studies import spec_of
+from conftest import Finished
 
 from metaid.errors import StudyError
 from metaid.models import Array
@@ -61,6 +64,18 @@ def test_searched_faults_of_an_arm_are_found(
     for name, size in true.items():
         value, deviation = values[name]
         assert abs(value - size) < 4.0 * deviation < 0.05 * abs(size)
+
+
+def test_faults_of_an_arm_stand_beside_its_base_parameters(tmp_path: Path, metaid: Callable[..., Finished]) -> None:
+    """In the table with the truth, in the verdict and in the report."""
+    found_with(tmp_path, ("delay", "tilt"), delay=2, tilt=(0.02, -0.03))
+    storage = ("--storage", str(tmp_path / "arm.db"))
+    faults = {row["name"]: row for row in json.loads(metaid("study", "show", "arm", "--json", *storage).out)["faults"]}
+    assert {name: row["true"] for name, row in faults.items()} == {"delay": 0.004, "tilt_x": 0.02, "tilt_y": -0.03}
+    assert all(row["low"] < row["true"] < row["high"] for row in faults.values())
+    assert "; delay 0.00" in metaid("study", "show", "arm", *storage).out.splitlines()[-1]
+    assert metaid("study", "report", "arm", *storage, "-o", "arm.html").status == 0
+    assert 'id="faults-table"' in Path("arm.html").read_text(encoding="utf-8")
 
 
 def test_friction_of_an_arm_is_found_with_its_base_parameters(tmp_path: Path) -> None:
