@@ -183,7 +183,7 @@ def test_trials_end_where_intervals_stop_shrinking(store: Store) -> None:
 def test_size_of_the_noise_is_not_read_from_the_plant_file(store: Store) -> None:
     """It is that of the plant at rest, to a percent."""
     experiment = Problem(spec_of(2, 7, NOISE)).experiment()
-    noise = experiment.noise  # type: ignore[union-attr]
+    noise = experiment.loop.noise  # type: ignore[union-attr]
     assert noise == pytest.approx(np.full(2, 1e-3), rel=0.01)
     assert (noise != 1e-3).all()
 

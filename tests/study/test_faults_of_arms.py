@@ -106,7 +106,7 @@ def test_pushes_of_an_arm_that_differ_are_accounted_for(tmp_path: Path) -> None:
 def test_intervals_hold_on_an_arm_whose_torques_are_noisy(tmp_path: Path) -> None:
     """The readings lead the twin, the size of the noise is found, and 95 % intervals hold in about 95 % of cases."""
     off, sizes = [], []
-    for seed in range(4):
+    for seed in range(2):
         found, each = found_with(tmp_path, (), seed, torque_noise=0.5)
         assert found.explains
         assert found.estimate.torque_noise is not None
