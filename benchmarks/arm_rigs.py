@@ -9,12 +9,12 @@ import numpy as np
 
 from benchmarks.common import NEEDS_MORE
 from metaid.episode import window_ends
-from metaid.episode.arms import ArmEpisode
+from metaid.episode.spatial import ArmEpisode
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, PriorDeviations
 from metaid.plant import ArmPlant, ArmSettings, FaultSettings, load_plant
-from metaid.plant.arms import draw_starts
-from metaid.study.arms import drawn_nominal
+from metaid.plant.description import draw_starts
+from metaid.study.spatial import drawn_nominal
 
 SHIPPED = ("pa10", "crs-a465", "puma560")
 OTHERS = ("scara", "spatial-three-link")  # shipped, too

@@ -34,9 +34,9 @@ from threadpoolctl import threadpool_limits
 from benchmarks.arm_rigs import OTHERS, SHIPPED, URDFS, WITHIN, experiment_on, plant_of
 from benchmarks.arms_minimised import MINIMISERS, minimise, minimised_table
 from benchmarks.common import Row, table
-from metaid.compiled.arms import ArmLoop
+from metaid.compiled.spatial import ArmLoop
 from metaid.estimation import Loop, ReadTrial
-from metaid.estimation.arms import (
+from metaid.estimation.spatial import (
     ArmEstimate,
     ArmUnknowns,
     WatchedArmTrial,

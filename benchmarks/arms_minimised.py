@@ -10,11 +10,11 @@ import numpy as np
 
 from benchmarks.arm_rigs import HORIZON, WITHIN, experiment_on, plant_of
 from benchmarks.common import table
-from metaid.compiled.arms import ArmObjective
-from metaid.episode.arms import resolution_hz
+from metaid.compiled.spatial import ArmObjective
+from metaid.episode.spatial import resolution_hz
 from metaid.models.tree import ModelError, model_error
 from metaid.search import SamplerOptions, arm_sensitivity, believed_metric, make_searcher
-from metaid.study.arms import ArmSearchSettings
+from metaid.study.spatial import ArmSearchSettings
 
 MINIMISERS = ("cmaes", "tpe", "optuna-cmaes")
 FARTHEST = 10.0  # standard deviations of the prior: no base parameter beyond is tried

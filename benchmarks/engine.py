@@ -17,16 +17,16 @@ from numba import types
 
 from benchmarks.common import NO_LIMIT, PLANTS, Row, interleaved, make_spec, run_alone
 from metaid.compiled import CompiledLoop, DirectStep, MujocoStep, compiled, fastest_step, mujoco_step, quiet_mujoco
-from metaid.compiled.arms import ArmLoop
 from metaid.compiled.loop import start_states
+from metaid.compiled.spatial import ArmLoop
 from metaid.episode import Episode, run_stepwise, window_ends
-from metaid.episode.arms import ArmEpisode
+from metaid.episode.spatial import ArmEpisode
 from metaid.models import Array
 from metaid.models.tree import PriorDeviations
 from metaid.plant import ArmPlant, load_plant
-from metaid.plant.arms import draw_starts
+from metaid.plant.description import draw_starts
 from metaid.study import Problem
-from metaid.study.arms import drawn_nominal
+from metaid.study.spatial import drawn_nominal
 
 ARMS = ("crs-a465", "puma560", "pa10")
 HORIZON, STIFFNESS = 0.3, 30.0  # s, 1/s²

@@ -27,8 +27,8 @@ import metaid
 from metaid.cli import app
 from metaid.files import Settings
 from metaid.plant import ArmSettings, PlantSettings, SocketSettings
-from metaid.study.arms import ArmStudySettings
 from metaid.study.settings import NominalSettings, StudySettings
+from metaid.study.spatial import ArmStudySettings
 
 PAGE = Path(__file__).with_name("reference.md")
 KEYS = Path(__file__).with_name("keys.toml")

@@ -51,7 +51,7 @@ def simulated_log(
     times = rig.timestep * np.arange(steps)
     angles, speeds, torques = np.empty((3, steps, n))
     if is_arm:
-        from metaid.plant.arms import ArmStart
+        from metaid.plant import ArmStart
 
         rig.push(ArmStart(home, np.zeros(n)))
     else:

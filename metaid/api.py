@@ -42,13 +42,13 @@ from metaid.study import (
     run_study,
     stored_spec,
 )
-from metaid.study.arms import ArmEstimateSettings, drawn_nominal
+from metaid.study.spatial import ArmEstimateSettings, drawn_nominal
 
 if TYPE_CHECKING:
     import optuna
 
     from metaid.compiled import Objective  # loads MuJoCo and numba, which a reader of a DB does without
-    from metaid.compiled.arms import ArmPush
+    from metaid.compiled.spatial import ArmPush
     from metaid.results.exporting import IdentifiedModel
 
 
@@ -141,7 +141,7 @@ def arm_push(
     Raises:
         EpisodeError: it has no such base parameter, or does not report what it is.
     """
-    from metaid.compiled.arms import law_of, push_arm
+    from metaid.compiled.spatial import law_of, push_arm
 
     if plant.true_parameters() is None:
         raise EpisodeError(

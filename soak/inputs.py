@@ -27,7 +27,7 @@ from metaid.episode import Episode, Outcome, run_stepwise, tip_push
 from metaid.files import shipped_folder, shipped_names
 from metaid.models import lump_names
 from metaid.plant import ArmPlant, MujocoPlant, load_chain, load_plant, read_plant
-from metaid.plant.arms import draw_starts
+from metaid.plant.description import draw_starts
 from metaid.store import Store
 from metaid.study import Problem, create_study, load_chain_study, run_study
 from soak import cases

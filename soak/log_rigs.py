@@ -14,8 +14,7 @@ from scipy.spatial.transform import Rotation
 from benchmarks.chains import random_chain
 from metaid.models import Array
 from metaid.models.tree import Tree, joint_mass_matrix, joint_torque, planar_tree
-from metaid.plant import ArmPlant, FaultSettings, MujocoPlant, PlantSettings, Start, load_plant
-from metaid.plant.arms import ArmStart
+from metaid.plant import ArmPlant, ArmStart, FaultSettings, MujocoPlant, PlantSettings, Start, load_plant
 
 SEED = 7
 STEP = 5e-4  # s, of the simulation

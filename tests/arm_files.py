@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from metaid.plant import ArmSettings
-from metaid.plant.arms import Arm, read_arm
+from metaid.plant.description import Arm, read_arm
 
 # A turned base, a joint off its body's origin, a reference angle, two joints on one body, a slide, a fixed body, a
 # gripper of two fingers, and masses that follow from shapes.

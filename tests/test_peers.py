@@ -26,8 +26,7 @@ from benchmarks.rivals.regression import regress, search_beforehand, weighted
 from benchmarks.rivals.servo import Sensors, follow
 from benchmarks.rivals.subjects import GRAVITY, ArmSubject, subject_of
 from metaid.models import Array
-from metaid.plant import FaultyPlant, MujocoPlant, PlantSettings, Start, chain_of, draw, slope_weights
-from metaid.plant.arms import ArmStart
+from metaid.plant import ArmStart, FaultyPlant, MujocoPlant, PlantSettings, Start, chain_of, draw, slope_weights
 
 pytestmark = pytest.mark.slow
 

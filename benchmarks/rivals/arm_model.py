@@ -13,9 +13,9 @@ from benchmarks.rivals.logs import Log
 from benchmarks.rivals.models import Motion
 from benchmarks.rivals.servo import NO_FILTER, Followed, Sensors, Servo, read_and_command, recorded
 from metaid.compiled import compiled
-from metaid.compiled.arms import Frames, frames_of
-from metaid.compiled.arms.dynamics import fill_mass_matrix, joint_torques, move_links, new_space
-from metaid.compiled.arms.friction import accelerate_freely, accelerate_with_friction, new_motion, soften
+from metaid.compiled.spatial import Frames, frames_of
+from metaid.compiled.spatial.dynamics import fill_mass_matrix, joint_torques, move_links, new_space
+from metaid.compiled.spatial.friction import accelerate_freely, accelerate_with_friction, new_motion, soften
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS, ArmPrior, Tree, joint_mass_matrix, joint_torque, torque_regressor
 from metaid.plant import slope_weights

@@ -8,11 +8,11 @@ from benchmarks.arm_rigs import HORIZON, STIFFNESS, WINDOWS
 from benchmarks.rivals.conditions import Condition
 from benchmarks.rivals.judging import Found
 from benchmarks.rivals.pushed import trials_of
-from metaid.compiled.arms import ArmLoop, commanded_arm_torques
+from metaid.compiled.spatial import ArmLoop, commanded_arm_torques
 from metaid.episode import window_ends
-from metaid.episode.arms import ArmEpisode
+from metaid.episode.spatial import ArmEpisode
 from metaid.estimation import Loop, ReadTrial
-from metaid.estimation.arms import (
+from metaid.estimation.spatial import (
     ArmEstimate,
     ArmUnknowns,
     WatchedArmTrial,
@@ -22,7 +22,7 @@ from metaid.estimation.arms import (
 )
 from metaid.models.tree import ArmPrior
 from metaid.plant import ArmPlant, FaultSettings, slope_weights
-from metaid.plant.arms import draw_starts
+from metaid.plant.description import draw_starts
 
 LEAST_NOISE = 1e-15  # rad: readings of a rig with exact sensors are kept, too
 

@@ -2,14 +2,15 @@
 
 `Plant` is the protocol, and `Start` from where a push begins. `MujocoPlant` is a chain that MuJoCo simulates,
 `FaultyPlant` the same behind the faults that a real one has, and `SocketPlant` a rig, or any other process, behind a
-socket. `ArmPlant` is a serial arm in space (`metaid.plant.arms`). `load_plant` reads a plant file. MuJoCo is loaded
-when a simulated plant first moves.
+socket. `ArmPlant` is a serial arm in space, whose MJCF or URDF `metaid.plant.description` reads. `load_plant` reads a
+plant file. MuJoCo is loaded when a simulated plant first moves.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from metaid.plant.arms import ArmPlant, ArmSettings
+from metaid.plant.arm_plant import ArmPlant, ArmStart
+from metaid.plant.arm_settings import ArmSettings
 from metaid.plant.faults import FaultSettings, Limit, Noise, draw, joint_limits, slope_weights, stream
 from metaid.plant.faulty_plant import FaultyPlant
 from metaid.plant.loading import load_chain, load_plant, load_rig, read_any_plant, read_plant
@@ -27,6 +28,7 @@ __all__ = [
     "FAULT_UNITS",
     "ArmPlant",
     "ArmSettings",
+    "ArmStart",
     "FaultSettings",
     "FaultyPlant",
     "Limit",

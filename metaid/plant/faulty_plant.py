@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from metaid.models import Array, Lumps
-from metaid.plant.arms.arm_plant import ArmPlant, ArmStart
+from metaid.plant.arm_plant import ArmPlant, ArmStart
 from metaid.plant.faults import Noise, draw, readings, slope_weights
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.start import Start

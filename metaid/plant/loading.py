@@ -6,7 +6,8 @@ from pathlib import Path
 
 from metaid.errors import PlantError
 from metaid.files import check, find_file, read_toml
-from metaid.plant.arms import ArmPlant, ArmSettings
+from metaid.plant.arm_plant import ArmPlant
+from metaid.plant.arm_settings import ArmSettings
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.settings import PlantSettings
 from metaid.plant.socket_plant import SocketPlant, SocketSettings

@@ -16,7 +16,7 @@ from pydantic import Field, field_validator
 from metaid.errors import AbsentPlant, ImplausiblePlant, LostPlant, PlantError
 from metaid.files import Settings
 from metaid.models import Array, Lumps
-from metaid.plant.arms.arm_plant import ArmStart
+from metaid.plant.arm_plant import ArmStart
 from metaid.plant.start import Start
 from metaid.plant.wire import Wire, WireError, floats, parse_address
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from metaid.models import Array
-from metaid.plant.arms import ArmPlant
+from metaid.plant.arm_plant import ArmPlant
 from metaid.plant.mujoco_plant import MujocoPlant
 
 FAULT_UNITS = {

@@ -17,8 +17,7 @@ import numpy as np
 from metaid.episode import REACH, natural_time, rich_pushes
 from metaid.errors import StudyError
 from metaid.models import Array, Chain, ChainModel, Lumps, compensation_torque
-from metaid.plant import ArmPlant, MujocoPlant, Plant, Start
-from metaid.plant.arms import ArmStart
+from metaid.plant import ArmPlant, ArmStart, MujocoPlant, Plant, Start
 from metaid.results.control import AMPLITUDE, BANDWIDTH, LOST, smooth_sinusoids, track
 from metaid.study import HORIZON
 
@@ -81,7 +80,7 @@ def _chain_course(plant: MujocoPlant, problem: Any, laws: Mapping[str, Any], pus
 
 @course_of.register
 def _arm_course(plant: ArmPlant, problem: Any, laws: Mapping[str, Any], pushes: int, seed: int) -> Course:
-    from metaid.plant.arms import draw_free_starts  # loads MuJoCo
+    from metaid.plant.description import draw_free_starts  # loads MuJoCo
 
     speed = problem.spec.study.episode.speed
     starts = draw_free_starts(problem.nominal, pushes, ARM_HORIZON, seed, speed)
@@ -164,7 +163,7 @@ class ArmCourse:
         return np.array([(start.pose, start.speeds) for start in self.starts])
 
     def coasting(self, law: Array) -> Array:
-        from metaid.compiled.arms import arm_coasting_steps  # loads numba
+        from metaid.compiled.spatial import arm_coasting_steps  # loads numba
 
         steps = arm_coasting_steps(self.plant, (law, self.nominal), self.starts, self.steps, COASTING)
         return self.plant.timestep * steps.astype(np.float64)
@@ -242,7 +241,7 @@ def arm_tracking_errors(plant: ArmPlant, laws: tuple[Array, Array]) -> tuple[Arr
         laws: parameters (njoint x 13 each) of the feedforward, and of the arm whose mass matrix weighs the feedback,
             the same for every feedforward.
     """
-    from metaid.compiled.arms import track_arm  # loads numba
+    from metaid.compiled.spatial import track_arm  # loads numba
 
     tree = plant.tree
     half = np.where(np.isfinite(tree.low + tree.high), 0.5 * (tree.high - tree.low), np.inf)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from metaid.episode.arms import ArmEpisode
+from metaid.episode.spatial import ArmEpisode
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS, ArmPrior, joint_mass_matrix, torque_regressor
 from metaid.search.coordinates import Coordinates

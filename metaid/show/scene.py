@@ -13,7 +13,7 @@ import numpy as np
 from metaid.errors import RenderError, optional_packages, usable_mujoco
 from metaid.models import Array, Chain
 from metaid.plant import ArmPlant, MujocoPlant, build_spec
-from metaid.plant.arms import build_arm_spec
+from metaid.plant.description import build_arm_spec
 from metaid.show.rendering import Camera
 
 with usable_mujoco():

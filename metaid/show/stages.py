@@ -14,12 +14,11 @@ import numpy as np
 from mujoco import MjModel
 
 from metaid.compiled import Objective
-from metaid.compiled.arms import ArmLoop
-from metaid.episode.arms import ArmEpisode
+from metaid.compiled.spatial import ArmLoop
+from metaid.episode.spatial import ArmEpisode
 from metaid.models import Array, Lumps
 from metaid.models.tree import Tree
-from metaid.plant import MujocoPlant
-from metaid.plant.arms import ArmPlant, ArmStart
+from metaid.plant import ArmPlant, ArmStart, MujocoPlant
 from metaid.show.rendering import Camera
 from metaid.show.scene import arm_scene, front_camera, scene, scene_poses, side_camera
 

@@ -9,13 +9,13 @@ import numpy as np
 import tomli_w
 
 from metaid.episode import Episode
-from metaid.episode.arms import ArmEpisode
+from metaid.episode.spatial import ArmEpisode
 from metaid.models import Chain
 from metaid.models.tree import Tree
 from metaid.plant import ArmPlant, MujocoPlant, PlantSettings
 from metaid.results import Findings
 from metaid.study import ArmSpec, StudySpec
-from metaid.study.arms import DrawnNominalSettings
+from metaid.study.spatial import DrawnNominalSettings
 
 
 def plural(count: int, noun: str) -> str:

@@ -6,7 +6,6 @@
 import sys
 
 import metaid
-from metaid.study.arms import ArmProblem, ArmSpec, arm_identifiability
 from metaid.study.bounds import LumpAtBound, lumps_at_bounds
 from metaid.study.create import (
     advice,
@@ -37,6 +36,7 @@ from metaid.study.progress import Progress
 from metaid.study.pushing import COUNTING_STEPS, HORIZON, TIP_SPEED
 from metaid.study.run import ARITHMETIC_KEY, ENDED_KEY, arithmetic, run_study
 from metaid.study.settings import EpisodeSettings, SearchSettings, StudySettings, StudySpec
+from metaid.study.spatial import ArmProblem, ArmSpec, arm_identifiability
 
 __all__ = [
     "ARITHMETIC_KEY",

@@ -10,8 +10,8 @@ from metaid.models import question_of_units
 from metaid.plant import PlantSettings, chain_of
 from metaid.search import SAMPLERS
 from metaid.store import SPEC_KEY, Store, refuse_if_run
-from metaid.study.arms import ArmSpec
 from metaid.study.kinds import AnySpec, problem_of, spec_from
+from metaid.study.spatial import ArmSpec
 
 if TYPE_CHECKING:
     import optuna

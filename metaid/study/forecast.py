@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 from metaid.errors import StudyError
 from metaid.search import SAMPLERS, NarrowingSearcher
-from metaid.study.arms import ArmProblem, arm_rehearsal
 from metaid.study.identifiability import COARSEST, chain_rehearsal
 from metaid.study.kinds import AnyProblem, AnySpec
 from metaid.study.problem import MOST_TRIALS
+from metaid.study.spatial import ArmProblem, arm_rehearsal
 
 MARGIN = 0.7  # of the wanted width, on the nominal model: that of the plant differs by some tenths
 OWN_NOISE = 1  # added to the study's seed: a forecast has other noise than the study

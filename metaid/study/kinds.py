@@ -10,9 +10,9 @@ from typing import Any, overload
 from metaid.errors import StudyError
 from metaid.models.tree import Tree
 from metaid.plant import LinkSettings
-from metaid.study.arms import ArmProblem, ArmSpec, with_nominal_arm
 from metaid.study.problem import Problem
 from metaid.study.settings import NominalSettings, StudySpec, read_study
+from metaid.study.spatial import ArmProblem, ArmSpec, with_nominal_arm
 
 AnySpec = StudySpec | ArmSpec
 AnyProblem = Problem | ArmProblem

@@ -26,8 +26,8 @@ from metaid.plant import (
     read_plant,
 )
 from metaid.search import SamplerOptions
-from metaid.study.arms import ArmSpec, arm_spec
 from metaid.study.estimating import AnyEstimateSettings
+from metaid.study.spatial import ArmSpec, arm_spec
 
 LARGEST_STEPS = 10_000_000  # after a push
 

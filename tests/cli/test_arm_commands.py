@@ -16,9 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from metaid.files import shipped_names
 from metaid.models.tree import PARAMETERS, planar_tree
-from metaid.plant import ArmPlant, load_chain, load_plant
-from metaid.plant.arms import ArmStart
-from metaid.plant.arms.reading import forces_of_lean
+from metaid.plant import ArmPlant, ArmStart, load_chain, load_plant
+from metaid.plant.description.reading import forces_of_lean
 from metaid.results.exporting import mjcf
 from metaid.show.scene import in_viewer
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from random_arm import random_arm
 
-from metaid.compiled.arms import ArmLoop, Times, commanded_arm_torques, follow_laws, follow_torques, frames_of
-from metaid.compiled.arms.vectors import cosine_and_sine
+from metaid.compiled.spatial import ArmLoop, Times, commanded_arm_torques, follow_laws, follow_torques, frames_of
+from metaid.compiled.spatial.vectors import cosine_and_sine
 from metaid.compiled.stages import agrees_with_mj_step
 from metaid.episode import window_ends
-from metaid.episode.arms import ArmEpisode, run_arm_stepwise, same_arm_record, smoothed_arm_frequency
+from metaid.episode.spatial import ArmEpisode, run_arm_stepwise, same_arm_record, smoothed_arm_frequency
 from metaid.models.tree import Tree, joint_torque
-from metaid.plant import ArmPlant, ArmSettings, FaultSettings, FaultyPlant, slope_weights
-from metaid.plant.arms import ArmStart, arm_model
+from metaid.plant import ArmPlant, ArmSettings, ArmStart, FaultSettings, FaultyPlant, slope_weights
+from metaid.plant.description import arm_model
 
 STEPS = 40
 

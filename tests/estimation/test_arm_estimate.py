@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from random_arm import random_arm, wrong_tree
 
-from metaid.compiled.arms import ArmLoop
+from metaid.compiled.spatial import ArmLoop
 from metaid.episode import window_ends
-from metaid.episode.arms import ArmEpisode
+from metaid.episode.spatial import ArmEpisode
 from metaid.estimation import Loop, Readings, ReadTrial
-from metaid.estimation.arms import (
+from metaid.estimation.spatial import (
     ArmMotions,
     ArmUnknowns,
     estimate_arm,
@@ -23,8 +23,7 @@ from metaid.estimation.arms import (
 )
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, Tree
-from metaid.plant import ArmPlant, ArmSettings, FaultSettings, slope_weights
-from metaid.plant.arms import ArmStart
+from metaid.plant import ArmPlant, ArmSettings, ArmStart, FaultSettings, slope_weights
 
 NOISE = 1e-4
 STEPS = 100

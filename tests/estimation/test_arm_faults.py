@@ -10,11 +10,11 @@ import pytest
 from random_arm import random_arm
 
 from metaid.estimation import Readings, ReadTrial, fit, searched_faults
-from metaid.estimation.arms import ArmUnknowns
 from metaid.estimation.noisy import explanations
+from metaid.estimation.spatial import ArmUnknowns
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, Tree, joint_torque
-from metaid.plant.arms import arm_model
+from metaid.plant.description import arm_model
 
 pytestmark = pytest.mark.slow
 

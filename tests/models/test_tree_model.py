@@ -25,7 +25,7 @@ from metaid.models.tree import (
     random_states,
     torque_regressor,
 )
-from metaid.plant.arms import arm_model
+from metaid.plant.description import arm_model
 
 ARMS = [(4, ()), (5, (1, 3)), (3, (0,)), (1, ())]
 

@@ -10,11 +10,11 @@ from arm_files import URDF, read, two
 
 from metaid.errors import PlantError
 from metaid.plant import ArmSettings
-from metaid.plant.arms import read_arm
-from metaid.plant.arms.compiling import compile_file
-from metaid.plant.arms.fusing import Whole, fuse
-from metaid.plant.arms.reading import refuse_another_motion
-from metaid.plant.arms.refusing import moving_joints
+from metaid.plant.description import read_arm
+from metaid.plant.description.compiling import compile_file
+from metaid.plant.description.fusing import Whole, fuse
+from metaid.plant.description.reading import refuse_another_motion
+from metaid.plant.description.refusing import moving_joints
 
 REFUSED = {
     "floating base": (

@@ -10,8 +10,8 @@ import pytest
 
 from metaid.errors import PlantError
 from metaid.plant import ArmPlant, ArmSettings, load_plant
-from metaid.plant.arms import draw_starts
-from metaid.plant.arms.starts import CLEARANCE, MARGIN, SPEED
+from metaid.plant.description import draw_starts
+from metaid.plant.description.starts import CLEARANCE, MARGIN, SPEED
 
 HORIZON = 0.3
 # A slide on a rail without ends, on which a pendulum hangs beside a wall.

@@ -11,9 +11,9 @@ import pytest
 from arm_files import HOME, JOINTS, MJCF, URDF, read, two
 
 from metaid.models.tree import Tree
-from metaid.plant import ArmPlant, ArmSettings, build_spec, load_chain
-from metaid.plant.arms import Arm, ArmStart, arm_model, build_arm_spec, set_parameters, surfaces
-from metaid.plant.arms.reading import forces_of_lean, forces_of_whole
+from metaid.plant import ArmPlant, ArmSettings, ArmStart, build_spec, load_chain
+from metaid.plant.description import Arm, arm_model, build_arm_spec, set_parameters, surfaces
+from metaid.plant.description.reading import forces_of_lean, forces_of_whole
 
 
 @pytest.fixture

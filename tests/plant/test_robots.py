@@ -10,8 +10,8 @@ import pytest
 
 from metaid.models import Array
 from metaid.plant import ArmPlant, ArmSettings
-from metaid.plant.arms import arm_model, draw_starts
-from metaid.plant.arms.reading import forces_of_lean
+from metaid.plant.description import arm_model, draw_starts
+from metaid.plant.description.reading import forces_of_lean
 
 pytestmark = pytest.mark.robots
 pinocchio: Any = pytest.importorskip("pinocchio", reason="`make robots` installs pinocchio")

@@ -13,12 +13,12 @@ from conftest import Finished
 from random_arm import random_arm, wrong_tree
 
 import metaid as package
-from metaid.compiled.arms import arm_coasting_steps, track_arm
+from metaid.compiled.spatial import arm_coasting_steps, track_arm
 from metaid.errors import StudyError
 from metaid.models import Array
 from metaid.models.tree import Tree, joint_mass_matrix, joint_torque
-from metaid.plant import ArmPlant, ArmSettings
-from metaid.plant.arms import ArmStart, draw_free_starts
+from metaid.plant import ArmPlant, ArmSettings, ArmStart
+from metaid.plant.description import draw_free_starts
 from metaid.results import Validation, smooth_sinusoids
 from metaid.results.validation import Validated
 

@@ -23,7 +23,7 @@ from metaid.models import Array, ChainModel
 from metaid.models.law import sliding
 from metaid.models.tree import ArmPrior, Tree, joint_mass_matrix, joint_torque
 from metaid.plant import ArmSettings
-from metaid.plant.arms import read_arm
+from metaid.plant.description import read_arm
 from metaid.results.exporting import IdentifiedModel, arm_dynamics, chain_dynamics
 
 TOLERANCE = 1e-9

@@ -12,7 +12,7 @@ import pytest
 from rig import ROOT, Server, rig_at, serving
 
 from metaid.errors import StudyError
-from metaid.plant.arms import ArmStart
+from metaid.plant import ArmStart
 from metaid.results import read_snapshot
 from metaid.store import Store
 from metaid.study import ArmSpec, create_study, load_study, problem_of, run_study

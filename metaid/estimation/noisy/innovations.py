@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.arms.led_arm import lead_arm_trial, watch_arm
 from metaid.estimation.noisy.led_chain import lead_chain, watch_chain
 from metaid.estimation.noisy.readings import Readings, started
+from metaid.estimation.spatial.led_arm import lead_arm_trial, watch_arm
 from metaid.estimation.trials import Coefficients, Driven, Gains, Joints, ReadTrial
 from metaid.models import Array
 

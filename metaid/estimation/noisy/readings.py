@@ -10,12 +10,12 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from metaid.estimation.arms.driven import drive_arm
 from metaid.estimation.descent import Residuals
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults
 from metaid.estimation.noisy.polynomials import before
 from metaid.estimation.noisy.smoothed import smoothed
 from metaid.estimation.noisy.windows import Compared, ReadingsInWindows, Spread
+from metaid.estimation.spatial.driven import drive_arm
 from metaid.estimation.trials import Coefficients, Driven, Joints, ReadTrial, Replay
 from metaid.estimation.twin import drive
 from metaid.models import Array

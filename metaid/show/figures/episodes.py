@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from metaid.compiled import Objective
-from metaid.compiled.arms import ArmPush
+from metaid.compiled.spatial import ArmPush
 from metaid.episode import Trajectory
 from metaid.models import Array
 from metaid.show.figures.style import COLOURS, FALL, PAGE, new_axes, save, style, verbatim

@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from metaid.episode.arms import ArmEpisode
+from metaid.episode.spatial import ArmEpisode
 from metaid.models import Array
-from metaid.plant.arms import ArmPlant
+from metaid.plant import ArmPlant
 from metaid.show.figures.plants import plant_figure, sketch
 from metaid.show.figures.style import FALL, INK, PAGE, RANGE, SURVIVOR, style, verbatim
 
@@ -73,7 +73,7 @@ def _look_at(axes: Axes3D, limits: Array, zoom: float = 1.0) -> None:
 
 def _surfaces(arm: ArmPlant) -> tuple[Array, Array]:
     """All triangles (n x 3 x 3), in m, and their colours (n x 3)."""
-    from metaid.plant.arms import rod, surfaces
+    from metaid.plant.description import rod, surfaces
 
     shown = surfaces(arm.arm.whole, arm.home)
     if not any(surface.link >= 0 for surface in shown):

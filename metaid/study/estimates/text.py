@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from metaid.estimation import Estimate, FoundFaults, HeldOut, Proposal, SearchedFaults, TakenUp, Unmodelled
-from metaid.estimation.arms import ArmEstimate
+from metaid.estimation.spatial import ArmEstimate
 from metaid.models import Lumps
 from metaid.study.estimates.arm import ArmFound
 from metaid.study.estimates.chain import ChainFound

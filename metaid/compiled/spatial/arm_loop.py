@@ -1,0 +1,243 @@
+"""Episodes of a simulated arm at full speed: MuJoCo's step, and between two of them the law of a candidate."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from numba.extending import overload
+
+from metaid.compiled.decorator import compiled
+from metaid.compiled.quiet import quiet_mujoco
+from metaid.compiled.spatial.dynamics import Frames, fill_law, frames_of, kinetic_squares, new_space
+from metaid.compiled.stages import (
+    DirectStep,
+    MujocoStep,
+    agrees_with_mj_step,
+    direct_step,
+    forget,
+    mujoco_step,
+    step_directly,
+    step_with_mujoco,
+)
+from metaid.compiled.undocumented import class_of
+from metaid.episode import QUANTITIES, SensorReadings, Windows, noise_of
+from metaid.episode.spatial import ArmEpisode, ArmRecord, run_arm_stepwise, same_arm_record
+from metaid.models import Array
+from metaid.models.tree import Tree
+from metaid.plant import ArmPlant, FaultyPlant, slope_weights
+
+CHECKED_STEPS = 12
+
+
+class ArmLoop:
+    """Episodes on a simulated arm; holds its state, so one per thread.
+
+    Where the compiled loop does not agree with the plain one on a short episode, that is used, which is slow.
+
+    Args:
+        plant: that moves.
+        nominal: what is believed of it; its mass matrix is the metric.
+        episode: what is done to it with every candidate.
+    """
+
+    def __init__(self, plant: ArmPlant, nominal: Tree, episode: ArmEpisode) -> None:
+        self.plant, self.nominal, self.episode = plant, nominal, episode
+        self._frames = frames_of(nominal)
+        self._space = new_space(plant.njoint)
+        self._step = fastest_arm_step(plant)
+        self._behind = FaultyPlant(plant)
+        self.is_compiled = True
+        if not self._agrees():
+            self.is_compiled = False
+            warnings.warn(
+                f"the compiled loop disagrees with the stepwise one on plant {plant.name}; using that, which is slow",
+                stacklevel=2,
+            )
+
+    def run(self, parameters: Array, number: int = 0) -> ArmRecord:
+        """What an episode shows with the law of a candidate.
+
+        Args:
+            parameters: of the candidate (njoint x 13), in the order of PARAMETERS.
+            number: of the trial, which the noise depends on.
+        """
+        if not self.is_compiled:
+            with quiet_mujoco():
+                law = self.nominal.with_parameters(parameters)
+                return run_arm_stepwise(self._behind, law, self.nominal, self.episode, number)
+        return self._compiled(parameters, self.episode, number)
+
+    def _agrees(self) -> bool:
+        short = self.episode.shortened(CHECKED_STEPS)
+        with quiet_mujoco():
+            slow = run_arm_stepwise(self._behind, self.nominal, self.nominal, short)
+        return same_arm_record(self._compiled(self.nominal.parameters, short, 0), slow)
+
+    def _compiled(self, parameters: Array, episode: ArmEpisode, number: int) -> ArmRecord:
+        plant, faults = self.plant, self.plant.settings.faults
+        npush, n, period = episode.npush, plant.njoint, plant.settings.control_period
+        ends = np.array(episode.window_ends, dtype=np.int64)
+        steps, fell = np.zeros(npush, dtype=np.int64), np.zeros(npush, dtype=np.bool_)
+        energies, motion = np.zeros((npush, 2)), np.zeros((npush, len(ends), QUANTITIES, n))
+        angles, speeds = np.zeros((2, npush, episode.steps + 1, n))
+        noise = noise_of(self._behind, episode, number)
+        offsets, weights = faults.encoder_offsets(n), slope_weights(period)
+        sensors = noise.angles, noise.speeds, faults.speed_sensor, faults.encoder_step, offsets, weights
+        drives = faults.control_every, faults.torque_limits(n), faults.torque_gains(n), noise.torques
+        starts = self._starts(episode, noise.impulses), episode.states
+        settings = period, episode.lead, episode.steps, ends, *episode.bounds(self.nominal)
+        models = self._frames, np.array(parameters, order="C"), np.array(self.nominal.parameters, order="C")
+        work = self._space, np.zeros((6, n)), np.zeros((faults.delay + 1, n))
+        with quiet_mujoco():
+            outputs = steps, fell, energies, motion, angles, speeds
+            _run(self._step, models, starts, episode.stiffness, sensors, drives, settings, work, outputs)
+        whole = steps - fell
+        seen = (ends <= whole[:, None]).sum(axis=1)
+        windows = Windows(ends, seen, motion, np.zeros((npush, len(ends), n), dtype=np.int64))
+        sensed = speeds if faults.speed_sensor else None
+        kept = SensorReadings(whole + 1, angles, sensed) if episode.keeps_readings else None
+        return ArmRecord(period, steps, fell, energies[:, 0], energies[:, 1], windows, kept)
+
+    def _starts(self, episode: ArmEpisode, noise: Array) -> Array:
+        """True joint coordinates and speeds at the start of each push (npush x 2 x njoint), with the `noise` of pushes
+        (npush x njoint).
+        """
+        struck = [start.struck(each) for start, each in zip(episode.starts, noise, strict=True)]
+        return np.array([(self.plant.true_pose(start), start.speeds) for start in struck], dtype=np.float64)
+
+
+def fastest_arm_step(plant: ArmPlant) -> MujocoStep | DirectStep:
+    """How a compiled loop moves an arm on: MuJoCo's stages one by one, or `mj_step` where these are not the same to the
+    last bit.
+    """
+    with quiet_mujoco():
+        make = direct_step if agrees_with_mj_step(plant.model, plant.data) else mujoco_step
+    return make(plant.model, plant.data)
+
+
+def commanded_arm_torques(
+    frames: Frames, parameters: Array, episode: ArmEpisode, positions: Array, speeds: Array
+) -> Array:
+    """The torques that a law made of sensor readings (npush x nstep x njoint), in N m or N.
+
+    Args:
+        frames: of the arm.
+        parameters: of the law (njoint x 13).
+        episode: in which it was sent.
+        positions: joint coordinates that it acted on (npush x nstep + 1 x njoint), in rad or m.
+        speeds: of the joints as the law took them to be (npush x nstep + 1 x njoint), in rad/s or m/s.
+    """
+    torques = np.zeros((episode.npush, episode.steps, positions.shape[2]))
+    law = np.array(parameters, order="C")
+    space, pull = new_space(positions.shape[2]), np.zeros(positions.shape[2])
+    _command_all(frames, law, episode.states, episode.stiffness, positions, speeds, space, pull, torques)
+    return torques
+
+
+def step_arm(plant):  # type: ignore[no-untyped-def]
+    """Lets a timestep of a `Step` pass."""
+    raise NotImplementedError
+
+
+@overload(step_arm, inline="always")
+def _step_of(plant):  # type: ignore[no-untyped-def]
+    if class_of(plant) is MujocoStep:
+        return lambda plant: step_with_mujoco(plant)
+    return lambda plant: step_directly(plant)
+
+
+@compiled
+def _run(plant, models, starts, stiffness, sensors, drives, settings, work, outputs):  # type: ignore[no-untyped-def]
+    """All pushes of an episode. Fills the `outputs`; see `ArmRecord`.
+
+    `starts`: joint coordinates and speeds (npush x 2 x njoint) at the start of each push, true and as they were to be.
+    `work`: the space of the dynamics; six vectors (njoint), the pull of the springs, a jump of speeds, two sums, a
+    command, coordinates ahead; and the commands under way (delay + 1 x njoint).
+    """
+    frames, law, nominal = models
+    truly, expected = starts
+    control_every, limits, gains, torque_noise = drives
+    timestep, lead, most, ends, low, high, allowed = settings
+    space, vectors, commands = work
+    slots = commands.shape[0]
+    ran, fell, energies, motion, angles, speeds = outputs
+    n = expected.shape[2]
+    pull, jump, squares, jumps, command, ahead = vectors
+    for push in range(expected.shape[0]):
+        forget(plant)  # type: ignore[no-untyped-call]
+        for i in range(n):
+            plant.qpos[i], plant.qvel[i] = truly[push, 0, i], truly[push, 1, i]
+            squares[i] = jumps[i] = 0.0
+            for slot in range(slots):
+                commands[slot, i] = 0.0
+        start, window, step, fallen = expected[push], 0, 0, False
+        _read(plant, start, sensors, push, 0, angles[push], speeds[push])
+        while step < most:
+            before, speed_before = angles[push, step], speeds[push, step]
+            for i in range(n):
+                ahead[i] = before[i] + lead * speed_before[i]
+            fill_law(frames, law, start, stiffness[push], ahead, speed_before, pull, space, command)
+            for i in range(n):
+                commands[step % slots, i] = command[i]
+                delivered = min(max(commands[(step + 1) % slots, i], -limits[i]), limits[i])
+                plant.torque[i] = gains[i] * delivered + torque_noise[push, step, i]
+            for _ in range(control_every):
+                step_arm(plant)  # type: ignore[no-untyped-call]
+            step += 1
+            _read(plant, start, sensors, push, step, angles[push], speeds[push])
+            for i in range(n):
+                inside = low[i] <= angles[push, step, i] and angles[push, step, i] <= high[i]
+                if not (inside and abs(speeds[push, step, i]) <= allowed[i]):
+                    fallen = True
+            if fallen:
+                for i in range(n):
+                    angles[push, step, i] = speeds[push, step, i] = 0.0
+                break
+            for i in range(n):
+                jump[i] = speeds[push, step, i] - speed_before[i] - timestep * pull[i]
+                squares[i] += speed_before[i] * speed_before[i]
+                jumps[i] += jump[i] * jump[i]
+            moved, jumped = kinetic_squares(frames, nominal, space, speed_before, jump)
+            energies[push, 0] += timestep * moved
+            energies[push, 1] += jumped / timestep
+            if window < ends.shape[0] and step == ends[window]:
+                for i in range(n):
+                    motion[push, window, 0, i] = angles[push, step, i]
+                    motion[push, window, 1, i] = speeds[push, step, i]
+                    motion[push, window, 2, i] = timestep * squares[i]
+                    motion[push, window, 3, i] = jumps[i] / timestep
+                window += 1
+        ran[push], fell[push] = step, fallen
+    for i in range(n):
+        plant.torque[i] = 0.0
+
+
+@compiled
+def _read(plant, start, sensors, push, step, angles, speeds):  # type: ignore[no-untyped-def]
+    """Fills in what the sensors read at a step."""
+    angle_noise, speed_noise, has_speed_sensor, encoder_step, offsets, weights = sensors
+    count = weights.shape[0]
+    for i in range(start.shape[1]):
+        angle = plant.qpos[i] + offsets[i] + angle_noise[push, step, i]
+        if encoder_step > 0.0:
+            angle = np.floor(angle / encoder_step + 0.5) * encoder_step
+        angles[step, i] = angle
+        if has_speed_sensor:
+            speeds[step, i] = plant.qvel[i] + speed_noise[push, step, i]
+        elif step + 1 >= count:
+            speed = 0.0
+            for k in range(count):
+                speed += weights[k] * angles[step + 1 - count + k, i]
+            speeds[step, i] = speed
+        else:
+            speeds[step, i] = start[1, i]
+
+
+@compiled
+def _command_all(frames, law, starts, stiffness, angles, speeds, space, pull, torques):  # type: ignore[no-untyped-def]
+    """Fills in the torques of all steps of all pushes."""
+    for push in range(torques.shape[0]):
+        for step in range(torques.shape[1]):
+            position, speed, torque = angles[push, step], speeds[push, step], torques[push, step]
+            fill_law(frames, law, starts[push], stiffness[push], position, speed, pull, space, torque)

@@ -1,0 +1,129 @@
+"""The two loops of a validation of an arm, compiled: a coast that is watched, and computed torque along a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.compiled.decorator import compiled
+from metaid.compiled.quiet import quiet_mujoco
+from metaid.compiled.spatial.arm_loop import fastest_arm_step, step_arm
+from metaid.compiled.spatial.dynamics import (
+    Frames,
+    accelerating_torques,
+    fill_mass_matrix,
+    frames_of,
+    kinetic_squares,
+    new_space,
+)
+from metaid.compiled.stages import forget
+from metaid.models import Array
+from metaid.plant import ArmPlant, ArmStart
+
+
+def arm_coasting_steps(
+    plant: ArmPlant, laws: tuple[Array, Array], starts: Sequence[ArmStart], steps: int, share: float
+) -> NDArray[np.int64]:
+    """For how many steps an arm coasts.
+
+    Args:
+        plant: that moves.
+        laws: parameters (njoint x 13 each) of the arm whose bias torque it is sent, and of that whose mass matrix is
+            the metric.
+        starts: from where, one push after another.
+        steps: after which a push is no longer watched.
+        share: of the joint speeds at the start, by which they may change in the metric.
+
+    Returns:
+        The steps of each push (npush) after which the speeds had not changed by more, at most `steps`.
+    """
+    models, space = _models(plant, laws), new_space(plant.njoint)
+    step, vectors = fastest_arm_step(plant), np.zeros((2, plant.njoint))
+    with quiet_mujoco():
+        each = [_coast(step, models, (start.pose, start.speeds), steps, share, (space, vectors)) for start in starts]
+    return np.array(each, dtype=np.int64)
+
+
+def track_arm(
+    plant: ArmPlant, laws: tuple[Array, Array], desired: tuple[Array, Array, Array], bandwidth: float, lost: float
+) -> Array:
+    """Drives an arm from rest along a motion with computed torque.
+
+    Args:
+        plant: it is brought to rest where the motion begins first.
+        laws: parameters (njoint x 13 each) of the feedforward, and of the arm whose mass matrix weighs the feedback.
+        desired: joint coordinates in rad or m, speeds and accelerations of them, each (nsteps x njoint).
+        bandwidth: of the feedback, in rad/s.
+        lost: the error of a joint, in rad or m, beyond which control is lost.
+
+    Returns:
+        Joint coordinates (nseen x njoint), up to where control was lost.
+    """
+    models, step = _models(plant, laws), fastest_arm_step(plant)
+    positions, speeds, accelerations = (np.ascontiguousarray(part) for part in desired)
+    seen, work = np.zeros(positions.shape), (new_space(plant.njoint), np.zeros((2, plant.njoint)))
+    with quiet_mujoco():
+        count = _track(step, models, (positions, speeds, accelerations), bandwidth, lost, work, seen)
+    return seen[:count]
+
+
+def _models(plant: ArmPlant, laws: tuple[Array, Array]) -> tuple[Frames, Array, Array]:
+    """What the loops take: where the joints are, and copies of the laws, all of one layout."""
+    law, metric = (np.array(parameters, order="C") for parameters in laws)
+    return frames_of(plant.tree), law, metric
+
+
+@compiled
+def _coast(plant, models, start, steps, share, work):  # type: ignore[no-untyped-def]
+    """Steps until joint speeds differ from those at the `start` by more than a `share` of them, in the metric."""
+    (frames, law, metric), (pose, speeds), (space, vectors) = models, start, work
+    still, change = vectors[0], vectors[1]
+    forget(plant)  # type: ignore[no-untyped-call]
+    for i in range(change.shape[0]):
+        plant.qpos[i], plant.qvel[i] = pose[i], speeds[i]
+    for step in range(steps + 1):
+        accelerating_torques(frames, law, plant.qpos, plant.qvel, still, space, plant.torque)
+        for i in range(change.shape[0]):
+            change[i] = plant.qvel[i] - speeds[i]
+        changed, whole = kinetic_squares(frames, metric, space, change, speeds)
+        if not changed <= share * share * whole:  # so that NaN is no coasting
+            return step - 1
+        if step < steps:
+            step_arm(plant)  # type: ignore[no-untyped-call]
+    return steps
+
+
+@compiled
+def _track(plant, models, motion, bandwidth, lost, work, seen):  # type: ignore[no-untyped-def]
+    """Fills in what was `seen` (nsteps x njoint); returns the steps before control was lost.
+
+    τ = M̃(q) q̈_d + h̃ + g̃ + M̄(q) (k_p e + k_d ė), the `models` being those of M̃ and M̄. Friction and Coriolis forces
+    are those at the wanted speeds: where a joint sticks, its own tell nothing of the torque that it needs to move.
+    """
+    (frames, law, metric), (positions, speeds, accelerations), (space, vectors) = models, motion, work
+    torque, correction = vectors[0], vectors[1]
+    n = seen.shape[1]
+    forget(plant)  # type: ignore[no-untyped-call]
+    for i in range(n):
+        plant.qpos[i], plant.qvel[i] = positions[0, i], 0.0
+    for step in range(seen.shape[0]):
+        for i in range(n):
+            error = positions[step, i] - plant.qpos[i]
+            if not abs(error) <= lost:
+                return step
+            seen[step, i] = plant.qpos[i]
+            rate = speeds[step, i] - plant.qvel[i]
+            correction[i] = bandwidth * bandwidth * error + 2.0 * bandwidth * rate
+        accelerating_torques(frames, law, plant.qpos, speeds[step], accelerations[step], space, torque)
+        fill_mass_matrix(frames, metric, space)
+        for i in range(n):
+            for j in range(i):
+                torque[i] += space.mass_matrix[i, j] * correction[j]
+                torque[j] += space.mass_matrix[i, j] * correction[i]
+            torque[i] += space.mass_matrix[i, i] * correction[i]
+        for i in range(n):
+            plant.torque[i] = torque[i]
+        step_arm(plant)  # type: ignore[no-untyped-call]
+    return seen.shape[0]

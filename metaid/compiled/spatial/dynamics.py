@@ -1,0 +1,304 @@
+"""The dynamics of an arm, compiled: linear in its parameters, which need not be those of bodies that can be.
+
+Frames, parameters and their order are those of `metaid.models.tree`. All vectors of a link are in its own frame.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from metaid.compiled.decorator import compiled
+from metaid.compiled.spatial.vectors import (
+    cosine_and_sine,
+    cross,
+    dot,
+    inward,
+    outward,
+    plus,
+    put,
+    symmetric,
+    times,
+    triple,
+    triple_from,
+)
+from metaid.models import SLIDING, Array
+from metaid.models.tree import Tree
+
+
+class Frames(NamedTuple):
+    """Where the joints of an arm are. The axes of a link are fixed + cos q turned + sin q across (njoint x 9 each, row
+    by row), its origin is at position + q slide (njoint x 3 each); its joint's own axis (njoint x 3), and 1 for a slide
+    (njoint).
+    """
+
+    fixed: Array
+    turned: Array
+    across: Array
+    position: Array
+    slide: Array
+    axis: Array
+    is_slide: Array
+    gravity: Array
+
+
+class Space(NamedTuple):
+    """Working space: of each link its axes (njoint x 9) and its origin in the frame of the link before, its spin, the
+    rate of that, and the acceleration of its origin less gravity (njoint x 3 each); what it carries (njoint x 10); the
+    mass matrix, its lower triangle, and the factor of that (njoint x njoint).
+    """
+
+    matrix: Array
+    place: Array
+    spin: Array
+    spin_rate: Array
+    rate: Array
+    carried: Array
+    mass_matrix: Array
+    factor: Array
+
+
+def frames_of(tree: Tree) -> Frames:
+    """Those of an arm."""
+    n, axis = tree.njoint, tree.axis
+    along = np.einsum("ni,nj->nij", axis, axis)
+    skew = np.zeros((n, 3, 3))
+    skew[:, [2, 0, 1], [1, 2, 0]] = axis
+    skew[:, [1, 2, 0], [2, 0, 1]] = -axis
+    hinge = (~tree.slides)[:, None, None]
+    parts = np.where(hinge, along, np.eye(3)), np.where(hinge, np.eye(3) - along, 0.0), np.where(hinge, skew, 0.0)
+    fixed, turned, across = (np.array(tree.rotation @ part, order="C").reshape(n, 9) for part in parts)
+    slide = np.einsum("nij,nj->ni", tree.rotation, axis) * tree.slides[:, None]
+    position, axis, gravity = (np.array(each, np.float64, order="C") for each in (tree.position, axis, tree.gravity))
+    return Frames(fixed, turned, across, position, slide, axis, tree.slides.astype(np.float64), gravity)
+
+
+def new_space(njoint: int) -> Space:
+    """Working space for an arm with so many joints."""
+    place, spin, spin_rate, rate = np.zeros((4, njoint, 3))
+    matrix, factor = np.zeros((2, njoint, njoint))
+    return Space(np.zeros((njoint, 9)), place, spin, spin_rate, rate, np.zeros((njoint, 10)), matrix, factor)
+
+
+@compiled
+def move_links(frames, qpos, qvel, qacc, space):  # type: ignore[no-untyped-def]
+    """Works out how every link turns and accelerates.  Eq. 36.
+
+    Args:
+        frames: of the arm.
+        qpos: joint coordinates (njoint), in rad or m.
+        qvel: joint speeds (njoint), in rad/s or m/s.
+        qacc: joint accelerations (njoint), in rad/s² or m/s².
+        space: filled in.
+    """
+    spin, spin_rate = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    rate = times(-1.0, triple(frames.gravity))
+    for i in range(qpos.shape[0]):
+        matrix, axis = space.matrix[i], triple(frames.axis[i])
+        cosine, sine = cosine_and_sine(qpos[i])
+        for j in range(9):
+            matrix[j] = frames.fixed[i, j] + cosine * frames.turned[i, j] + sine * frames.across[i, j]
+        place = plus(triple(frames.position[i]), times(qpos[i], triple(frames.slide[i])))
+        put(space.place[i], place)
+        rate = plus(rate, plus(cross(spin_rate, place), cross(spin, cross(spin, place))))
+        spin, spin_rate, rate = outward(matrix, spin), outward(matrix, spin_rate), outward(matrix, rate)
+        if frames.is_slide[i] == 0.0:
+            spin_rate = plus(spin_rate, plus(times(qacc[i], axis), times(qvel[i], cross(spin, axis))))
+            spin = plus(spin, times(qvel[i], axis))
+        else:
+            rate = plus(rate, plus(times(qacc[i], axis), times(2.0 * qvel[i], cross(spin, axis))))
+        put(space.spin[i], spin)
+        put(space.spin_rate[i], spin_rate)
+        put(space.rate[i], rate)
+
+
+@compiled
+def joint_torques(frames, parameters, space, torque):  # type: ignore[no-untyped-def]
+    """Works out what moves the links as they move, rotors and friction left out.  Eqs. 37 and 38.
+
+    Args:
+        frames: of the arm.
+        parameters: of the joints and links (njoint x 13).
+        space: how the links move.
+        torque: of the joints (njoint), filled in.
+    """
+    force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for i in range(torque.shape[0] - 1, -1, -1):
+        own = parameters[i]
+        first, inertia = triple_from(own, 1), (triple_from(own, 4), triple_from(own, 7))
+        spin, spin_rate, rate = triple(space.spin[i]), triple(space.spin_rate[i]), triple(space.rate[i])
+        force = plus(force, plus(times(own[0], rate), plus(cross(spin_rate, first), cross(spin, cross(spin, first)))))
+        moment = plus(moment, plus(symmetric(inertia, spin_rate), cross(spin, symmetric(inertia, spin))))
+        moment = plus(moment, cross(first, rate))
+        axis = triple(frames.axis[i])
+        torque[i] = dot(axis, moment) if frames.is_slide[i] == 0.0 else dot(axis, force)
+        force, moment = inward(space.matrix[i], force), inward(space.matrix[i], moment)
+        moment = plus(moment, cross(triple(space.place[i]), force))
+
+
+@compiled
+def accelerating_torques(frames, parameters, qpos, qvel, qacc, space, torque):  # type: ignore[no-untyped-def]
+    """Works out what accelerates an arm, rotors and friction included.  Eq. 39.
+
+    Args:
+        frames: of the arm.
+        parameters: of the joints and links (njoint x 13).
+        qpos: joint coordinates (njoint), in rad or m.
+        qvel: joint speeds (njoint), in rad/s or m/s.
+        qacc: joint accelerations that are wanted (njoint), in rad/s² or m/s².
+        space: filled in.
+        torque: of the joints (njoint), filled in.
+    """
+    move_links(frames, qpos, qvel, qacc, space)
+    joint_torques(frames, parameters, space, torque)
+    for i in range(torque.shape[0]):
+        torque[i] += parameters[i, 10] * qacc[i] + parameters[i, 11] * qvel[i]
+        torque[i] += parameters[i, 12] * min(max(qvel[i] * (1.0 / SLIDING), -1.0), 1.0)  # Eq. 15
+
+
+@compiled
+def fill_law(frames, law, start, stiffness, position, speed, pull, space, torque):  # type: ignore[no-untyped-def]
+    """Works out what a law asks for and its torque.  Eq. 43.
+
+    Args:
+        frames: of the arm.
+        law: parameters (njoint x 13).
+        start: joint coordinates and speeds at the start (2 x njoint).
+        stiffness: k, in 1/s².
+        position: joint coordinates (njoint) that it acts on.
+        speed: joint speeds (njoint) that it acts on.
+        pull: the joint accelerations that it asks for (njoint), filled in.
+        space: how the links move, filled in.
+        torque: of the joints (njoint), filled in.
+    """
+    for i in range(pull.shape[0]):
+        pull[i] = -stiffness * (position[i] - start[0, i])
+    accelerating_torques(frames, law, position, speed, pull, space, torque)
+
+
+@compiled
+def kinetic_squares(frames, parameters, space, one, other):  # type: ignore[no-untyped-def]
+    """vᵀ M v for two vectors of joint speeds v where the links are: twice their kinetic energies, rotors included.
+
+    Link by link, which takes fewer steps than the mass matrix.
+
+    Args:
+        frames: of the arm.
+        parameters: of the joints and links (njoint x 13).
+        space: where the links are.
+        one: joint speeds (njoint).
+        other: joint speeds (njoint).
+    """
+    first_square = other_square = 0.0
+    spin, speed = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    other_spin, other_speed = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for i in range(one.shape[0]):
+        own, matrix, place, axis = parameters[i], space.matrix[i], triple(space.place[i]), triple(frames.axis[i])
+        speed = outward(matrix, plus(speed, cross(spin, place)))
+        other_speed = outward(matrix, plus(other_speed, cross(other_spin, place)))
+        spin, other_spin = outward(matrix, spin), outward(matrix, other_spin)
+        if frames.is_slide[i] == 0.0:
+            spin, other_spin = plus(spin, times(one[i], axis)), plus(other_spin, times(other[i], axis))
+        else:
+            speed, other_speed = plus(speed, times(one[i], axis)), plus(other_speed, times(other[i], axis))
+        first_square += _link_square(own, spin, speed) + own[10] * one[i] * one[i]
+        other_square += _link_square(own, other_spin, other_speed) + own[10] * other[i] * other[i]
+    return first_square, other_square
+
+
+@compiled
+def _link_square(own, spin, speed):  # type: ignore[no-untyped-def]
+    """Twice the kinetic energy of a link that turns, and whose origin moves."""
+    first, inertia = triple_from(own, 1), (triple_from(own, 4), triple_from(own, 7))
+    moved = own[0] * dot(speed, speed) + 2.0 * dot(speed, cross(spin, first))
+    return moved + dot(spin, symmetric(inertia, spin))
+
+
+@compiled
+def fill_mass_matrix(frames, parameters, space):  # type: ignore[no-untyped-def]
+    """Fills in the mass matrix where the links are: the torque that turns each joint alone, with all that it carries
+    as one body. Rotors are included.
+    """
+    n = space.matrix.shape[0]
+    carried, matrix_of = space.carried, space.mass_matrix
+    for i in range(n):
+        for j in range(10):
+            carried[i, j] = parameters[i, j]
+    for i in range(n - 1, -1, -1):
+        own, matrix, axis = carried[i], space.matrix[i], triple(frames.axis[i])
+        first, inertia = triple_from(own, 1), (triple_from(own, 4), triple_from(own, 7))
+        if frames.is_slide[i] == 0.0:
+            force, moment = cross(axis, first), symmetric(inertia, axis)
+            matrix_of[i, i] = dot(axis, moment) + parameters[i, 10]
+        else:
+            force, moment = times(own[0], axis), cross(first, axis)
+            matrix_of[i, i] = dot(axis, force) + parameters[i, 10]
+        for j in range(i - 1, -1, -1):
+            out = space.matrix[j + 1]
+            force, moment = inward(out, force), inward(out, moment)
+            moment = plus(moment, cross(triple(space.place[j + 1]), force))
+            other = triple(frames.axis[j])
+            matrix_of[i, j] = dot(other, moment) if frames.is_slide[j] == 0.0 else dot(other, force)
+        if i > 0:
+            _add_carried(own, first, inertia, matrix, triple(space.place[i]), carried[i - 1])
+
+
+@compiled
+def _add_carried(own, first, inertia, matrix, place, below):  # type: ignore[no-untyped-def]
+    """Adds what hangs on a link to the link before, at its origin."""
+    mass = own[0]
+    turned = inward(matrix, first)
+    below[0] += mass
+    below[1] += turned[0] + mass * place[0]
+    below[2] += turned[1] + mass * place[1]
+    below[3] += turned[2] + mass * place[2]
+    # I + 2 p·h − p hᵀ − h pᵀ with h = s + m p/2: parallel axes
+    one, two, three = triple(matrix), triple_from(matrix, 3), triple_from(matrix, 6)
+    row0, row1, row2 = symmetric(inertia, one), symmetric(inertia, two), symmetric(inertia, three)
+    half = plus(turned, times(0.5 * mass, place))
+    around = 2.0 * dot(place, half)
+    px, py, pz = place
+    hx, hy, hz = half
+    below[4] += dot(one, row0) + around - 2.0 * px * hx
+    below[5] += dot(one, row1) - px * hy - hx * py
+    below[6] += dot(one, row2) - px * hz - hx * pz
+    below[7] += dot(two, row1) + around - 2.0 * py * hy
+    below[8] += dot(two, row2) - py * hz - hy * pz
+    below[9] += dot(three, row2) + around - 2.0 * pz * hz
+
+
+@compiled
+def factorise(matrix, extra, factor):  # type: ignore[no-untyped-def]
+    """The lower Cholesky factor of `matrix` with `extra` on its diagonal; whether it is positive definite."""
+    n = matrix.shape[0]
+    for i in range(n):
+        for j in range(i + 1):
+            rest = matrix[i, j]
+            if i == j:
+                rest += extra[i]
+            for k in range(j):
+                rest -= factor[i, k] * factor[j, k]
+            if i == j:
+                if not rest > 0.0:
+                    return False
+                factor[i, i] = np.sqrt(rest)
+            else:
+                factor[i, j] = rest / factor[j, j]
+    return True
+
+
+@compiled
+def solve(factor, vector):  # type: ignore[no-untyped-def]
+    """Replaces a `vector` by the solution of factor · factorᵀ x = vector."""
+    n = vector.shape[0]
+    for i in range(n):
+        rest = vector[i]
+        for j in range(i):
+            rest -= factor[i, j] * vector[j]
+        vector[i] = rest / factor[i, i]
+    for i in range(n - 1, -1, -1):
+        rest = vector[i]
+        for j in range(i + 1, n):
+            rest -= factor[j, i] * vector[j]
+        vector[i] = rest / factor[i, i]

@@ -1,0 +1,314 @@
+"""Twins of an arm: candidates that are simulated under the laws or the torques that the plant was sent.
+
+All candidates of a call have the same pushes, and are shared among threads. A twin takes the plant's own steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.compiled.decorator import compiled
+from metaid.compiled.spatial.dynamics import Frames, fill_law, fill_mass_matrix, joint_torques, move_links, new_space
+from metaid.compiled.spatial.friction import (
+    accelerate_freely,
+    accelerate_with_friction,
+    new_motion,
+    soften,
+)
+from metaid.models import Array
+
+TOO_FAST = 1e3  # rad/s or m/s: no arm that is simulated gets there
+
+
+class Times(NamedTuple):
+    """How a twin moves from one reading to the next: its `timestep` in s, and how many of these there are; and whether
+    the plant moves continuously, as a real one does, and not by such steps of Euler's, as a simulated one.
+    """
+
+    timestep: float
+    substeps: int = 1
+    is_continuous: bool = False
+
+
+@dataclass(frozen=True)
+class Followed:
+    """Twins that followed the pushes: `values` (ncandidate x npush x nvalue x njoint), and which of them did
+    (ncandidate x npush).
+    """
+
+    values: Array
+    arrived: NDArray[np.bool_]
+
+
+def follow_laws(
+    frames: Frames,
+    law: Array,
+    candidates: Array,
+    pushes: tuple[Array, Array],
+    windows: tuple[NDArray[np.int64], NDArray[np.int64]],
+    timestep: float,
+    threads: int = 2,
+) -> Followed:
+    """Joint speeds at the ends of windows (ncandidate x npush x nwindow x njoint) of twins under the law that was sent.
+
+    Args:
+        frames: of the arm.
+        law: parameters of the candidate that was sent (njoint x 13).
+        candidates: parameters of the twins (ncandidate x njoint x 13).
+        pushes: joint coordinates and speeds at the starts (npush x 2 x njoint), and k (npush), in 1/s².
+        windows: the steps at which they end (nwindow), and how many of them are wanted of each push (npush).
+        timestep: in s.
+        threads: that share the candidates.
+    """
+    shape = len(candidates), len(pushes[0]), len(windows[0]), law.shape[0]
+
+    def share(*rest: Any) -> None:
+        _follow_law(frames, law, candidates, pushes, windows, timestep, *rest)
+
+    return shared(share, shape, threads)
+
+
+def follow_torques(
+    frames: Frames,
+    candidates: Array,
+    starts: Array,
+    torques: Array,
+    seen: tuple[Array, NDArray[np.int64], NDArray[np.int64]],
+    times: Times,
+    threads: int = 2,
+    spring: Array | None = None,
+) -> Followed:
+    """Coefficients of the joint coordinates (ncandidate x npush x ncoefficient x njoint) of twins that are driven by
+    the torques that were commanded.  Eq. 28.
+
+    Args:
+        frames: of the arm.
+        candidates: parameters of the twins (ncandidate x njoint x 13).
+        starts: joint coordinates and speeds at the starts (ncandidate x npush x 2 x njoint).
+        torques: as they were commanded (npush x nstep x njoint), in N m or N.
+        seen: polynomials at every reading (nbasis x nstep + 1 x ncoefficient), which of them is for each push (npush),
+            and for how many steps it is followed (npush).
+        times: how the twins move between two readings.
+        threads: that share the candidates.
+        spring: stiffness of springs in the joints (njoint), in N m/rad or N/m; None for none.
+    """
+    pulled = np.zeros(torques.shape[2]) if spring is None else spring
+    shape = len(candidates), len(torques), seen[0].shape[2], torques.shape[2]
+
+    def share(*rest: Any) -> None:
+        _follow_torque(frames, candidates, starts, torques, pulled, seen, times, *rest)
+
+    return shared(share, shape, threads)
+
+
+def shared(fill: Callable[..., None], shape: tuple[int, int, int, int], threads: int) -> Followed:
+    """What `fill` fills in, on that many threads, each with a share of the candidates: values of this `shape`."""
+    values, arrived = np.zeros(shape), np.zeros(shape[:2], dtype=np.bool_)
+    threads = min(threads, shape[0])
+
+    def run(first: int) -> None:
+        work = np.zeros((shape[3], 13)), new_motion(shape[3]), new_space(shape[3])
+        fill((first, threads), work, values, arrived)
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(run, range(threads)))
+    return Followed(values, arrived)
+
+
+@compiled
+def _follow_law(frames, law, candidates, pushes, windows, timestep, share, work, speeds, arrived):  # type: ignore[no-untyped-def]
+    """Runs a `share` of the candidates: the first, and the stride from one to the next."""
+    (starts, stiffness), (ends, wanted), (first, stride), (difference, motion, space) = pushes, windows, share, work
+    n = law.shape[0]
+    for candidate in range(first, candidates.shape[0], stride):
+        parameters = candidates[candidate]
+        for i in range(n):
+            for j in range(13):
+                difference[i, j] = law[i, j] - parameters[i, j]
+            difference[i, 12] = law[i, 12]  # dry friction of the arm is apart
+        for push in range(starts.shape[0]):
+            start, step = starts[push], 0
+            follows = set_off(frames, parameters, start, motion, space)
+            for window in range(wanted[push]):
+                while follows and step < ends[window]:
+                    # The force that the law leaves, dry friction of the arm apart: that of the difference.  Eq. 45
+                    position, speed, pull, force = motion.position, motion.speed, motion.pull, motion.force
+                    fill_law(frames, difference, start, stiffness[push], position, speed, pull, space, force)
+                    follows = advance(frames, parameters, timestep, motion, space)
+                    step += 1
+                for i in range(n):
+                    speeds[candidate, push, window, i] = motion.speed[i]
+            arrived[candidate, push] = follows
+
+
+@compiled
+def _follow_torque(frames, candidates, starts, torques, spring, seen, times, share, work, coefficients, arrived):  # type: ignore[no-untyped-def]
+    """The same, driven."""
+    (basis, chosen, steps), (first, stride), (_, motion, space) = seen, share, work
+    for candidate in range(first, candidates.shape[0], stride):
+        parameters = candidates[candidate]
+        for push in range(torques.shape[0]):
+            follows = set_off(frames, parameters, starts[candidate, push], motion, space)
+            step, polynomials, filled = 0, basis[chosen[push]], coefficients[candidate, push]
+            if steps[push] > 0:
+                _add_reading(polynomials[0], motion, filled)
+            while follows and step < steps[push]:
+                follows = move_on(frames, parameters, torques[push, step], spring, times, motion, space)
+                step += 1
+                _add_reading(polynomials[step], motion, filled)
+            arrived[candidate, push] = follows
+
+
+@compiled
+def move_on(frames, parameters, torque, spring, times, motion, space):  # type: ignore[no-untyped-def]
+    """From one reading to the next; whether the twin could.
+
+    Args:
+        frames: of the arm.
+        parameters: of the twin (njoint x 13).
+        torque: that is held (njoint), in N m or N.
+        spring: stiffness of springs in the joints (njoint), in N m/rad or N/m.
+        times: the timestep in s; how many there are to the next reading; whether the arm moves continuously.
+        motion: that moves on.
+        space: of the dynamics.
+    """
+    timestep, substeps, is_continuous = times
+    for _ in range(substeps):
+        if is_continuous:
+            follows = flow(frames, parameters, torque, spring, timestep, motion, space)
+        else:
+            push_by_torque(frames, parameters, torque, spring, motion, space)
+            follows = advance(frames, parameters, timestep, motion, space)
+        if not follows:
+            return False
+    return True
+
+
+@compiled
+def _add_reading(polynomials, motion, coefficients):  # type: ignore[no-untyped-def]
+    """Adds what the reading at a step has of the coefficients."""
+    for k in range(coefficients.shape[0]):
+        for i in range(coefficients.shape[1]):
+            coefficients[k, i] += polynomials[k] * motion.position[i]
+
+
+@compiled
+def set_off(frames, parameters, start, motion, space):  # type: ignore[no-untyped-def]
+    """Begins a push; whether a twin with these parameters can.
+
+    Args:
+        frames: of the arm.
+        parameters: of the twin (njoint x 13).
+        start: joint coordinates and speeds (2 x njoint).
+        motion: of the twin, set to the start.
+        space: of the dynamics.
+    """
+    is_dry = False
+    for i in range(motion.position.shape[0]):
+        motion.position[i], motion.speed[i] = start[0, i], start[1, i]
+        motion.pull[i] = 0.0
+        motion.side[i] = np.sign(start[1, i])
+        is_dry = is_dry or parameters[i, 12] != 0.0
+    return not is_dry or soften(frames, parameters, motion, space)
+
+
+@compiled
+def push_by_torque(frames, parameters, torque, spring, motion, space):  # type: ignore[no-untyped-def]
+    """The force that a torque leaves beside the bias, dry friction apart.
+
+    Args:
+        frames: of the arm.
+        parameters: of the twin (njoint x 13).
+        torque: that acts (njoint), in N m or N.
+        spring: stiffness of springs in the joints (njoint), in N m/rad or N/m.
+        motion: whose force is filled in.
+        space: of the dynamics.
+    """
+    force = motion.force
+    move_links(frames, motion.position, motion.speed, motion.zero, space)
+    joint_torques(frames, parameters, space, force)
+    for i in range(force.shape[0]):
+        force[i] = torque[i] - force[i] - parameters[i, 11] * motion.speed[i] - spring[i] * motion.position[i]
+
+
+@compiled
+def accelerate(frames, parameters, motion, space):  # type: ignore[no-untyped-def]
+    """Fills in what the force makes of the arm, with dry friction; whether its mass matrix is one.
+
+    Args:
+        frames: of the arm.
+        parameters: of the twin (njoint x 13).
+        motion: with the force; `beyond` is filled in.
+        space: of the dynamics, which the links have been moved in.
+    """
+    fill_mass_matrix(frames, parameters, space)
+    is_dry = False
+    for i in range(motion.force.shape[0]):
+        is_dry = is_dry or parameters[i, 12] != 0.0
+    return accelerate_with_friction(parameters, motion, space) if is_dry else accelerate_freely(motion, space)
+
+
+@compiled
+def flow(frames, parameters, torque, spring, timestep, motion, space):  # type: ignore[no-untyped-def]
+    """One step of the fourth-order Runge-Kutta method, as an arm moves that is not simulated; whether the twin could.
+
+    Eq. 30.
+
+    Args:
+        frames: of the arm.
+        parameters: of the twin (njoint x 13).
+        torque: that is held (njoint), in N m or N.
+        spring: stiffness of springs in the joints (njoint), in N m/rad or N/m.
+        timestep: in s.
+        motion: that moves on.
+        space: of the dynamics.
+    """
+    position, speed, stages = motion.position, motion.speed, motion.stages
+    n = position.shape[0]
+    for i in range(n):
+        stages[0, i], stages[1, i] = position[i], speed[i]
+        stages[2, i] = stages[3, i] = 0.0
+    for stage in range(4):
+        push_by_torque(frames, parameters, torque, spring, motion, space)
+        if not accelerate(frames, parameters, motion, space):
+            return False
+        weight = timestep / 6.0 if stage == 0 or stage == 3 else timestep / 3.0
+        ahead = timestep if stage == 2 else 0.5 * timestep
+        for i in range(n):
+            rate, change = speed[i], motion.beyond[i]
+            stages[2, i] += weight * rate
+            stages[3, i] += weight * change
+            if stage < 3:
+                position[i], speed[i] = stages[0, i] + ahead * rate, stages[1, i] + ahead * change
+    for i in range(n):
+        position[i], speed[i] = stages[0, i] + stages[2, i], stages[1, i] + stages[3, i]
+        if not abs(speed[i]) <= TOO_FAST:
+            return False
+    return True
+
+
+@compiled
+def advance(frames, parameters, timestep, motion, space):  # type: ignore[no-untyped-def]
+    """One step of Euler's, as MuJoCo takes it; whether the twin could.
+
+    Args:
+        frames: of the arm.
+        parameters: of the twin (njoint x 13).
+        timestep: in s.
+        motion: that moves on.
+        space: of the dynamics.
+    """
+    if not accelerate(frames, parameters, motion, space):
+        return False
+    for i in range(motion.force.shape[0]):
+        motion.speed[i] += timestep * (motion.beyond[i] + motion.pull[i])
+        motion.position[i] += timestep * motion.speed[i]
+        if not abs(motion.speed[i]) <= TOO_FAST:
+            return False
+    return True

@@ -1,0 +1,164 @@
+"""What is unknown of an arm, its base parameters as steps along what is believed of them (Eq. 51), and what all trials
+say of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+import numpy as np
+
+from metaid.estimation.estimate import Found
+from metaid.models import DEVIATIONS, Array
+from metaid.models.tree import PARAMETERS, ArmPrior, TreeModel, joint_torque, random_states, torque_half_width
+
+if TYPE_CHECKING:
+    from metaid.compiled.spatial import Frames
+
+ROTOR = PARAMETERS.index("rotor")
+GEARED = 0.1  # standard deviations of a rotor's inertia
+LEAST_GAIN = 1e-3  # of cost: dry friction makes it uneven, and a descent would feel its way to no avail
+POSES = 64  # at which torques are looked at
+SPREAD = 0.3  # of an unknown: a descent takes steps of as much as of a chain's log factors
+
+
+@dataclass(frozen=True, eq=False)
+class ArmUnknowns:
+    """The unknowns z (nbase) of an arm: its base parameters are β₀ + S z, of which `prior` has β₀ and S. Where `known`
+    has them all (nbase), nothing is unknown any more.
+    """
+
+    prior: ArmPrior
+    spread: float = SPREAD
+    known: Array | None = None
+
+    kernel: ClassVar[Literal["spatial"]] = "spatial"
+    kinds: ClassVar[tuple[str, ...]] = ("damping", "coulomb")  # friction is among the base parameters
+    tilts: ClassVar[int] = 2  # a base turns about two horizontal axes
+    ends_when_cut: ClassVar[bool] = False  # near a singular mass matrix steps are cut, and lead to a wrong minimum
+    least_gain: ClassVar[float] = LEAST_GAIN
+
+    @property
+    def names(self) -> list[str]:
+        """Of the base parameters (nbase), of which there are as many as unknowns; none where they are known."""
+        return [] if self.known is not None else list(self.prior.base.names)
+
+    @property
+    def njoint(self) -> int:
+        return self.prior.nominal.njoint
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """What the joints are called (njoint)."""
+        return tuple(self.prior.nominal.names)
+
+    @cached_property
+    def frames(self) -> Frames:
+        """Where the joints are."""
+        from metaid.compiled.spatial import frames_of  # loads numba
+
+        return frames_of(self.prior.nominal)
+
+    @cached_property
+    def root(self) -> Array:
+        """S (nbase x nbase): unknowns that are independent, of standard deviation `spread`, make what is believed.
+
+        Eq. 51.
+        """
+        return np.asarray(self.prior.root / self.spread)
+
+    @cached_property
+    def begin(self) -> Array:
+        """The unknowns (nbase) of the nominal arm with heavier rotors: a share of what their inertia may be more.
+
+        Its mass matrix is far from singular, so a descent that begins there is less often led to where it is.
+        """
+        parameters = self.prior.nominal.parameters.copy()
+        variances = np.diag(self.prior.parameter_covariance).reshape(parameters.shape)
+        parameters[:, ROTOR] += GEARED * np.sqrt(variances[:, ROTOR])
+        change = self.prior.base.of(parameters) - self.prior.values
+        return np.asarray(np.linalg.lstsq(self.root, change, rcond=None)[0], dtype=np.float64)
+
+    def values(self, unknowns: Array) -> Array:
+        """The base parameters (... x nbase)."""
+        return np.asarray(self.prior.values + unknowns @ self.root.T, dtype=np.float64)
+
+    def parameters(self, unknowns: Array) -> Array:
+        """The most probable parameters of every joint and its link (... x njoint x 13)."""
+        if self.known is not None:
+            unknowns = np.broadcast_to(self.known, (*unknowns.shape[:-1], len(self.known)))
+        return np.ascontiguousarray(self.prior.parameters_at(self.values(unknowns)))
+
+    def alone(self, unknowns: Array) -> ArmUnknowns:
+        """The arm there, of which nothing is unknown any more."""
+        return replace(self, known=unknowns)
+
+    def torque(self, gravity: float, speed: float) -> float:
+        """About what the joints need, in N m, at a `speed` in rad/s; the arm has its own gravity."""
+        states = random_states(self.prior.nominal, POSES, np.random.default_rng(0))[0]
+        rest, each = np.zeros_like(states), np.full_like(states, speed**2)
+        needed = joint_torque(self.prior.nominal, states, rest, each)
+        return float(np.abs(np.stack([needed, joint_torque(self.prior.nominal, states, rest, rest)])).max())
+
+    def estimated(self, found: dict[str, Any]) -> ArmEstimate:
+        """The estimate with the fields of a `Fit` that were `found`."""
+        return ArmEstimate(**found, searched=self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmEstimate(Found):
+    """What all trials say of an arm, whose base parameters are those of what was `searched`.
+
+    `names` are the base parameters'; `unknowns` and `covariance` are of the z of Eq. 51.
+    """
+
+    searched: ArmUnknowns
+
+    @property
+    def values(self) -> Array:
+        """The base parameters (nbase)."""
+        return self.searched.values(self.unknowns)
+
+    @property
+    def parameters(self) -> Array:
+        """The most probable parameters of every joint and its link (njoint x 13): the law that is to be sent next."""
+        return self.searched.parameters(self.unknowns)
+
+    @property
+    def model(self) -> TreeModel:
+        """The arm."""
+        return TreeModel(self.searched.prior, self.values)
+
+    @cached_property
+    def value_covariance(self) -> Array:
+        """Of the base parameters (nbase x nbase)."""
+        return np.asarray(self.searched.root @ self.covariance @ self.searched.root.T, dtype=np.float64)
+
+    @property
+    def half_width(self) -> float:
+        """Half the widest interval that holds the torque of each joint, as a share of it; see `torque_half_width`."""
+        return self.half_width_with(self.value_covariance)
+
+    def half_width_with(self, covariance: Array) -> float:
+        """The same with a `covariance` of the base parameters (nbase x nbase)."""
+        prior = self.searched.prior
+        return torque_half_width(prior.nominal, prior.base, self.values, covariance)
+
+    @property
+    def value_deviations(self) -> Array:
+        """Standard deviation of each base parameter (nbase), in its unit."""
+        return np.sqrt(np.diag(self.value_covariance))
+
+    @property
+    def left_unknown(self) -> Array:
+        """Which share of what was not known beforehand of each base parameter the trials left unknown (nbase): 1 where
+        they tell nothing.
+        """
+        return self.value_deviations / np.sqrt(np.diag(self.searched.prior.covariance))
+
+    def interval(self, deviations: float = DEVIATIONS) -> tuple[Array, Array]:
+        """Least and largest base parameters (nbase) within so many standard `deviations`: 95 % of them by default."""
+        reach = deviations * self.value_deviations
+        return self.values - reach, self.values + reach

@@ -1,0 +1,151 @@
+"""A serial arm, simulated by MuJoCo."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from metaid.errors import PlantError
+from metaid.models import Array
+from metaid.models.tree import Tree, tilted_gravity
+from metaid.plant.arm_settings import ArmSettings
+
+if TYPE_CHECKING:
+    from mujoco import MjData, MjModel
+
+    from metaid.plant.description.reading import Arm
+
+
+@dataclass(frozen=True, eq=False)
+class ArmStart:
+    """From where a push of an arm begins: joint coordinates `pose` (njoint), in rad or m, and joint `speeds` (njoint),
+    in rad/s or m/s. A position controller brought it there.
+    """
+
+    pose: Array
+    speeds: Array
+
+    @property
+    def asked(self) -> dict[str, list[float]]:
+        """What a rig is asked for."""
+        return {"pose": self.pose.tolist(), "speeds": self.speeds.tolist()}
+
+    def struck(self, noise: Array) -> ArmStart:
+        """The same where chance adds this `noise` (njoint) to the speeds, as shares of them."""
+        return replace(self, speeds=self.speeds * (1.0 + noise))
+
+
+@dataclass(eq=False)
+class ArmPlant:
+    """An arm in MuJoCo: its joints and links alone. The simulation is its own, so a worker needs a plant of its own.
+
+    MuJoCo is loaded and the user's file compiled when anything of it is asked for. Raises PlantError then, where that
+    file is no serial arm. A `known` arm needs no file.
+    """
+
+    name: str
+    settings: ArmSettings
+    known: Tree | None = None
+
+    @cached_property
+    def arm(self) -> Arm:
+        """The arm as its file says it is."""
+        from metaid.plant.description.reading import read_arm
+
+        return read_arm(self.settings, f"plant {self.name}")
+
+    @property
+    def tree(self) -> Tree:
+        """Its joints and links. Neither search nor estimate may see its parameters."""
+        return self.arm.tree if self.known is None else self.known
+
+    @property
+    def home(self) -> Array:
+        """Joint coordinates at home (njoint), in rad or m."""
+        return self.arm.home
+
+    @cached_property
+    def model(self) -> MjModel:
+        """The lean model that moves."""
+        from metaid.plant.description.lean import arm_model
+
+        tree, faults = self.tree, self.settings.faults
+        if (wrong := faults.misfits(tree.njoint, 2)) is not None:
+            raise PlantError(f"plant {self.name}: {wrong}")
+        model = arm_model(replace(tree, gravity=tilted_gravity(tree.gravity, faults.tilts(2))), self.timestep)
+        model.jnt_stiffness[:] = self.stiffness
+        return model
+
+    @property
+    def stiffness(self) -> Array:
+        """Of springs in the joints (njoint), at rest at 0, in N m/rad or N/m."""
+        return np.array([self.settings.stiffness.get(name, 0.0) for name in self.tree.names])
+
+    @cached_property
+    def data(self) -> MjData:
+        """The state of `model`."""
+        from mujoco import MjData
+
+        return MjData(self.model)
+
+    @property
+    def njoint(self) -> int:
+        return self.tree.njoint
+
+    @property
+    def timestep(self) -> float:
+        return self.settings.timestep
+
+    def true_pose(self, start: ArmStart) -> Array:
+        """Joint coordinates (njoint), in rad or m, where encoders read those of `start`."""
+        return start.pose - self.settings.faults.encoder_offsets(self.njoint)
+
+    def start_speeds(self, start: ArmStart) -> Array:
+        """Joint speeds (njoint), in rad/s or m/s, with which a push begins."""
+        return start.speeds
+
+    def push(self, start: ArmStart) -> None:
+        """Brings the arm to the pose, as encoders read it, and the speeds of `start`; nothing is left of the motion
+        before.
+        """
+        from mujoco import mj_resetData
+
+        mj_resetData(self.model, self.data)
+        self.data.qpos[:], self.data.qvel[:] = self.true_pose(start), start.speeds
+
+    def states(self) -> tuple[Array, Array]:
+        """Joint coordinates (njoint), in rad or m, and joint speeds (njoint), in rad/s or m/s."""
+        return self.data.qpos.copy(), self.data.qvel.copy()
+
+    def apply_torque(self, torque: Array) -> None:
+        """Sets the joint torque (njoint), in N m or N, that holds during the next step."""
+        self.data.qfrc_applied[:] = torque
+
+    def step(self) -> None:
+        """Lets one timestep pass."""
+        from mujoco import mj_step
+
+        mj_step(self.model, self.data)
+
+    def stop(self) -> None:
+        """Takes the torque off at once."""
+        self.data.qfrc_applied[:] = 0.0
+
+    def close(self) -> None:
+        """A simulated plant holds nothing that must be released."""
+
+    def true_parameters(self) -> Array | None:
+        """The parameters of its joints and links (njoint x 13), in the order of PARAMETERS, where it knows them. Only
+        reports use them.
+        """
+        return self.tree.parameters if self.settings.truth_known else None
+
+    tilts = 2  # axes about which its base may be tilted
+
+    @property
+    def hidden_forces(self) -> dict[str, Array]:
+        """Of the kinds of faults that are forces of its joints what they are (njoint). Only reports use them."""
+        return {"spring": self.stiffness}

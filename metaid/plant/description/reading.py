@@ -1,0 +1,160 @@
+"""From an arm's plant file to a `Tree`: MuJoCo compiles the user's whole file, then what moves is taken from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from metaid.errors import PlantError, unknown, usable_mujoco
+from metaid.models import Array
+from metaid.models.tree import Tree
+from metaid.plant.arm_settings import ArmSettings
+from metaid.plant.description.compiling import compile_file, gathered_warnings
+from metaid.plant.description.fusing import Whole, fuse, joint_name
+from metaid.plant.description.lean import arm_model
+from metaid.plant.description.refusing import moving_joints, refuse_what_is_no_arm
+
+with usable_mujoco():
+    import mujoco
+
+TOLERANCE = 1e-8  # relative: the lean model must move as the whole file does
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """An arm as its plant file says it is: its `tree`, the `whole` file it was made from, and the coordinates `home`
+    of its joints (njoint), in rad or m.
+    """
+
+    tree: Tree
+    whole: Whole
+    home: Array
+
+
+def read_arm(settings: ArmSettings, source: str) -> Arm:
+    """The arm of a plant file.
+
+    Args:
+        settings: of the plant file, its `mjcf` or `urdf` as it is found from here.
+        source: the plant file, for the message of an error.
+
+    Raises:
+        PlantError: the file is missing, does not compile, or is no serial arm.
+    """
+    path = Path(settings.file)
+    model, lost = compile_file(path, is_urdf=settings.kind == "urdf")
+    named = f"{source}: {path.name}"
+    joints = moving_joints(named, model, settings.joints)
+    whole = Whole(model, joints, _pose(model, settings, source), lost)
+    refuse_what_is_no_arm(named, whole)
+    tree = fuse(whole)
+    refuse_another_motion(named, whole, tree, settings.timestep)
+    for key in ("rotor", "damping", "frictionloss", "torque_limit", "stiffness"):
+        _known(source, key, getattr(settings, key), tree.names)
+    tree = replace(
+        tree,
+        gravity=tree.gravity if settings.gravity is None else np.array(settings.gravity),
+        rotor=_instead(tree.rotor, settings.rotor, tree.names),
+        damping=_instead(tree.damping, settings.damping, tree.names),
+        coulomb=_instead(tree.coulomb, settings.frictionloss, tree.names),
+        torque_limit=_instead(tree.torque_limit, settings.torque_limit, tree.names),
+    )
+    return Arm(tree, whole, whole.pose[whole.addresses])
+
+
+def _known(source: str, key: str, given: Mapping[str, float], names: tuple[str, ...]) -> None:
+    for name in given:
+        if name not in names:
+            raise PlantError(f"{source}: {key}: {unknown('joint', name, names)}")
+
+
+def _instead(values: Array, given: Mapping[str, float], names: tuple[str, ...]) -> Array:
+    return np.array([given.get(name, value) for name, value in zip(names, values, strict=True)])
+
+
+def _pose(model: mujoco.MjModel, settings: ArmSettings, source: str) -> Array:
+    """Coordinates of all joints of the model (nq): those of `home`, else those of the file's keyframe of that name,
+    else those of its reference pose, within their ranges.
+    """
+    kinds = model.jnt_type
+    single = np.flatnonzero((kinds == mujoco.mjtJoint.mjJNT_HINGE) | (kinds == mujoco.mjtJoint.mjJNT_SLIDE))
+    names = {joint_name(model, int(joint)): int(joint) for joint in single}
+    _known(source, "home", settings.home, tuple(names))
+    keys = [key for key in range(model.nkey) if model.key(key).name == "home"]
+    pose: Array = model.key_qpos[keys[0]].copy() if keys else model.qpos0.copy()
+    for name, joint in names.items():
+        address, limited = model.jnt_qposadr[joint], model.jnt_limited[joint]
+        low, high = model.jnt_range[joint] if limited else (-np.inf, np.inf)
+        given = settings.home.get(name)
+        if given is not None and not low <= given <= high:
+            raise PlantError(f"{source}: home: {name}: {given:g} is beyond its range (allowed: {low:g} to {high:g})")
+        pose[address] = np.clip(pose[address], low, high) if given is None else given
+    return pose
+
+
+def refuse_another_motion(source: str, whole: Whole, tree: Tree, timestep: float) -> None:
+    """Compares the lean model with the whole file in random states.
+
+    What is known to move an arm otherwise has been refused by name. This finds what was not thought of.
+
+    Args:
+        source: the file, for the message of an error.
+        whole: the file, compiled, and the joints that move.
+        tree: made of it.
+        timestep: in s.
+
+    Raises:
+        PlantError: they do not move alike.
+    """
+    with gathered_warnings() as warned:
+        try:
+            lean = arm_model(tree, timestep)
+        except (ValueError, mujoco.FatalError) as problem:
+            raise PlantError(f"{source}: MuJoCo cannot build its joints and links alone: {problem}") from None
+        _compare(source, whole, tree, lean)
+    if warned:
+        raise PlantError(f"{source}: MuJoCo cannot compute its motion: {warned[0]}")
+
+
+def _compare(source: str, whole: Whole, tree: Tree, lean: mujoco.MjModel) -> None:
+    random = np.random.default_rng(0)
+    low, high = np.maximum(tree.low, -np.pi), np.minimum(tree.high, np.pi)
+    for _ in range(3):
+        coordinates, speeds = random.uniform(low, np.maximum(low, high)), random.uniform(-1.0, 1.0, tree.njoint)
+        of_lean, of_whole = forces_of_lean(lean, coordinates, speeds), forces_of_whole(whole, coordinates, speeds)
+        inertia = np.abs(of_whole[0]).max()
+        for what, mine, theirs in zip(("inertia", "weight", "passive force"), of_lean, of_whole, strict=True):
+            difference = np.abs(mine - theirs).reshape(tree.njoint, -1).max(axis=1)
+            if not difference.max() <= TOLERANCE * max(np.abs(theirs).max(), inertia):
+                raise PlantError(
+                    f"{source}: joint '{tree.names[int(difference.argmax())]}' feels more {what} than that of its "
+                    f"links (allowed: weight, inertia, rotors and friction alone)"
+                )
+
+
+def forces_of_lean(model: mujoco.MjModel, coordinates: Array, speeds: Array) -> tuple[Array, Array, Array]:
+    """Mass matrix (njoint x njoint), bias force and passive force (njoint each) of a lean model in a state."""
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = coordinates, speeds
+    return _forces(model, data, list(range(model.nv)))
+
+
+def forces_of_whole(whole: Whole, coordinates: Array, speeds: Array) -> tuple[Array, Array, Array]:
+    """The same of the whole file, of the joints that move while the others are held."""
+    model = copy(whole.model)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT  # what touches in such a pose does not matter
+    data = mujoco.MjData(model)
+    data.qpos[:] = whole.at(coordinates)
+    data.qvel[whole.degrees] = speeds
+    return _forces(model, data, whole.degrees)
+
+
+def _forces(model: mujoco.MjModel, data: mujoco.MjData, degrees: list[int]) -> tuple[Array, Array, Array]:
+    mujoco.mj_forward(model, data)
+    matrix = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, matrix)
+    return matrix[np.ix_(degrees, degrees)], data.qfrc_bias[degrees], data.qfrc_passive[degrees]

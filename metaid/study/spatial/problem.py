@@ -1,0 +1,327 @@
+"""What follows from the settings of a study of an arm before any trial."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import closing
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.episode import QUANTITIES, Outcome, window_ends
+from metaid.episode.spatial import KINETIC, ArmEpisode, failed_push, resolution_hz
+from metaid.errors import StudyError
+from metaid.models import Array
+from metaid.models.tree import ArmPrior, ModelError, Tree, model_error
+from metaid.plant import ArmPlant, ArmSettings, SocketPlant, SocketSettings, joint_limits, slope_weights
+from metaid.search import (
+    Coordinates,
+    SamplerOptions,
+    Searcher,
+    arm_sensitivity,
+    believed_metric,
+    make_searcher,
+    plain_coordinates,
+)
+from metaid.study.any_problem import StudyProblem
+from metaid.study.parameters import Parameters, base_parameters_of, settled
+from metaid.study.spatial.calibration import calibrate_arm, start_spread_of_arm
+from metaid.study.spatial.settings import ArmPlantSettings, ArmSpec
+
+if TYPE_CHECKING:
+    from metaid.compiled.spatial import ArmObjective
+    from metaid.estimation import Loop
+    from metaid.estimation.spatial import ArmExperiment
+
+FARTHEST = 10.0  # standard deviations of the prior: no base parameter beyond is tried
+QUIETEST = 1e-9  # rad: so far a twin agrees with a sensor that has no noise
+QUIETEST_RIG = 1e-4  # rad: the least noise that readings of a rig are taken to have, that of an encoder of 14 bits
+SUBSTEPS = 2  # of the twin of a rig that moves continuously, in each timestep of it
+WINDOW_BUDGET = 8_000_000  # bytes a study
+MOST_MATCHED = 8  # trials that an estimate is made of where the sampler does without
+
+
+class ArmProblem(StudyProblem):
+    """All that the settings of a study of an arm determine before any trial."""
+
+    widens, measure = False, KINETIC
+
+    spec: ArmSpec
+
+    def __init__(self, spec: ArmSpec) -> None:
+        self.spec = spec
+        self.nominal: Tree = spec.nominal.tree
+        self.prior = ArmPrior(self.nominal, spec.study.estimate.prior, spec.counted_by, spec.tilts)
+        self.names = list(self.prior.base.names)
+        reach = FARTHEST * np.sqrt(np.diag(self.prior.covariance))
+        self.start = self.prior.values
+        self.low, self.high = self.start - reach, self.start + reach
+        if (wrong := spec.study.estimate.misfits(self.nominal.njoint, self.keeps_readings)) is not None:
+            raise StudyError(wrong)
+        if (wrong := spec.faults.misfits(self.nominal.njoint, 2)) is not None:
+            raise StudyError(f"plant {spec.plant_name}: {wrong}")
+        if not self.is_simulated and spec.study.workers != 1:
+            raise StudyError(f"plant {spec.plant_name} is one rig: workers is {spec.study.workers} (allowed: 1)")
+
+    @cached_property
+    def episode(self) -> ArmEpisode:
+        """What is done to the arm with each candidate."""
+        wanted, starts = self.spec.study.episode, self.spec.arm_starts
+        steps = max(round(wanted.horizon / self.timestep), 2)
+        stiffness = np.array(self.spec.stiffness)
+        pushed = self.spec.pushed
+        return ArmEpisode(
+            starts,
+            stiffness,
+            steps,
+            window_ends(steps),
+            wanted.runaway,
+            self.spec.study.seed,
+            begun=None if pushed is None else pushed.begun,
+            lead=wanted.lead,
+            keeps_readings=self.keeps_readings,
+        )
+
+    def calibrated(self) -> ArmSpec:
+        """The study of a rig with what is measured at it."""
+        with closing(self.open_rig()) as rig:
+            pushed = calibrate_arm(rig, self.nominal, self.spec.arm_starts)
+        return self.spec.model_copy(update={"pushed": pushed})
+
+    @cached_property
+    def coordinates(self) -> Coordinates:
+        """What a searcher moves in: one that minimises, in the metric of the measure."""
+        return plain_coordinates(self.start, self.low, self.high) if self.is_matching else self.metric
+
+    @cached_property
+    def metric(self) -> Coordinates:
+        """That metric, whatever the searcher moves in."""
+        return believed_metric(self.sensitivity(), self.prior, self.low, self.high)
+
+    def sensitivity(self, values: Array | None = None) -> Array:
+        """H (nbase x nbase) of the measure, by the nominal arm, or by the mass matrix of one with these `values`
+        (nbase).  Eq. 61.
+        """
+        return arm_sensitivity(self.prior, self.episode, self.timestep, values)
+
+    @property
+    def counted_joints(self) -> int:
+        """How many joints have their periods in each trial: 0 of each, for an arm's are not counted."""
+        return self.nominal.njoint
+
+    @property
+    def trials_with_windows(self) -> int:
+        """How many trials, from the first on, keep their windows in the DB."""
+        size = self.episode.npush * len(self.episode.window_ends) * QUANTITIES * len(self.nominal.names) * 8
+        return self._most_matched(WINDOW_BUDGET // size)
+
+    @property
+    def trials_with_readings(self) -> int:
+        """How many trials, from the first on, keep their readings in the DB."""
+        return self._most_matched(self.spec.study.trials) if self.keeps_readings else 0
+
+    def _most_matched(self, most: int) -> int:
+        return most if self.is_matching else min(most, MOST_MATCHED)
+
+    @property
+    def keeps_readings(self) -> bool:
+        """Whether trials keep what sensors read, as of a plant with faults, and where faults are searched."""
+        wanted, plant = self.spec.study, self.spec.plant
+        if not isinstance(plant, ArmPlantSettings):
+            return True
+        return bool(plant.faults.named or plant.stiffness or wanted.episode.lead or wanted.estimate.faults)
+
+    @property
+    def resolution(self) -> float:
+        """A value of the measure below this passes for coasting, in Hz."""
+        return resolution_hz(self.episode.steps * self.timestep)
+
+    def open_plant(self) -> ArmPlant | SocketPlant:
+        """A plant of its own for each worker, simulated or not."""
+        plant = self.spec.plant
+        if not isinstance(plant, ArmPlantSettings):
+            return self.open_rig()
+        settings = ArmSettings(
+            mjcf=self.spec.plant_name,
+            timestep=plant.timestep,
+            truth_known=plant.truth_known,
+            faults=plant.faults,
+            stiffness=plant.stiffness,
+        )
+        return ArmPlant(self.spec.plant_name, settings, plant.arm.tree)
+
+    @property
+    def truth(self) -> Tree | None:
+        """The true arm, where it is known."""
+        plant = self.spec.plant
+        return plant.arm.tree if isinstance(plant, ArmPlantSettings) and plant.truth_known else None
+
+    def nominal_plant(self) -> ArmPlant:
+        """The nominal arm as a plant, without faults."""
+        return ArmPlant("nominal", ArmSettings(mjcf="nominal", timestep=self.spec.plant.timestep), self.nominal)
+
+    def candidate(self, factors: Mapping[str, float]) -> Array:
+        """The candidate (nbase) with these `factors` of its nominal base parameters, 1 of those not named.  Raises
+        EpisodeError where there is no such base parameter.
+        """
+        return self.prior.scaled(factors)
+
+    def make_objective(self) -> ArmObjective:
+        """An objective of its own for each worker, in base parameters."""
+        from metaid.compiled.spatial import ArmObjective  # loads MuJoCo and numba
+
+        return ArmObjective(self.open_plant(), self.prior, self.episode)
+
+    def failed(self, reason: str) -> Outcome:
+        """What the searcher is told of a candidate that could not be evaluated for that `reason`."""
+        return failed_push(self.episode, self.timestep, reason)
+
+    def make_searcher(self) -> Searcher:
+        """The searcher at the study's seed, knowing of no trial."""
+        study, wanted = self.spec.study, self.spec.study.search
+        options = SamplerOptions(probes=wanted.probes, sigma=wanted.sigma, generation=wanted.generation)
+        return make_searcher(study.sampler, self.coordinates, study.seed, options, self.experiment)
+
+    def check(self) -> None:
+        """Nothing is left that its settings could contradict."""
+
+    def widen(self, values: Array) -> None:
+        """No bound is moved: they are so far away that nothing beyond is believed."""
+
+    def experiment(self) -> ArmExperiment | None:
+        """What an estimate needs to know of this study; None where none is to be made."""
+        wanted, faults = self.spec.study.estimate, self.spec.faults
+        if not wanted.enabled:
+            return None
+        from metaid.estimation import searched_faults
+        from metaid.estimation.spatial import ArmExperiment, ArmUnknowns  # loads numba
+
+        searched, speeds = ArmUnknowns(self.prior), self.episode.begins[:, 1]
+        return ArmExperiment(
+            self.episode,
+            searched,
+            self.timestep,
+            self.resolution,
+            self._loop if self.keeps_readings else None,
+            searched_faults(wanted.searched_faults, searched, 0.0, speeds),
+            wanted.takes_up_faults and not faults.torque_noise,
+            np.full(self.nominal.njoint, faults.torque_noise) if faults.torque_noise else None,
+        )
+
+    @property
+    def _loop(self) -> Loop:
+        """How the arm is controlled and read, as far as its user states it, or as it was measured at a rig."""
+        from metaid.estimation import Loop  # loads numba
+
+        plant, wanted, n = self.spec.plant, self.spec.study.estimate, self.nominal.njoint
+        weights, limits = slope_weights(self.timestep), joint_limits(wanted.torque_limit, n)
+        if isinstance(plant, SocketSettings):
+            is_continuous, pushed = plant.motion == "continuous", self.spec.pushed
+            substeps = SUBSTEPS if is_continuous else 1
+            noise = np.zeros(n) if pushed is None else np.array(pushed.angle_noise)
+            return Loop(
+                timestep=plant.timestep / substeps,
+                noise=np.maximum(noise, QUIETEST_RIG),
+                speed_weights=weights,
+                start_spread=None if pushed is None else start_spread_of_arm(pushed),
+                substeps=substeps,
+                lead=self.episode.lead,
+                torque_limits=limits,
+                has_unknown_encoders=True,
+                is_continuous=is_continuous,
+            )
+        faults, speeds = plant.faults, self.episode.begins[:, 1]
+        of_sensors = np.hypot(faults.angle_noise, faults.encoder_step / np.sqrt(12.0))
+        return Loop(
+            timestep=plant.timestep,
+            noise=np.full(n, max(of_sensors, QUIETEST)),
+            speed_weights=weights,
+            start_spread=faults.push_noise * speeds[:, :, None] * np.eye(n) if faults.push_noise else None,
+            substeps=faults.control_every,
+            delay=0 if "delay" in wanted.unbelieved_faults else faults.delay,
+            lead=self.episode.lead,
+            torque_limits=limits,
+        )
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """What of an estimate follows from the study, by the names of its fields."""
+        from metaid.estimation.spatial import ArmUnknowns
+
+        return {"searched": ArmUnknowns(self.prior)}
+
+    # What results are told by. A chain's problem answers to the same.
+
+    faint, all_fell = "push more, or faster", "a push fell in every trial: begin nearer, or slower"
+    far_off = "; with dry friction, or noise, no law comes so near"
+    draws_episodes = False  # for a picture: bounds are too far away for what is between them
+    noise_floor = None  # of the measure: none is subtracted
+    tilts = 2  # axes about which a base may be tilted
+
+    @cached_property
+    def sought(self) -> Parameters:
+        """The base parameters, which candidates are."""
+        return base_parameters_of(self.prior)
+
+    @property
+    def estimated(self) -> Parameters:
+        """The base parameters, which an estimate is of."""
+        return self.sought
+
+    @property
+    def can_be_estimated(self) -> bool:
+        """Whether the motion of its trials can be matched."""
+        return self.spec.study.estimate.enabled
+
+    def as_good_as(self, best: float) -> float:
+        """The largest value that cannot be told from the `best` one."""
+        return best + self.resolution
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Which of the base parameters (nbase) the measure can find: all of them."""
+        return np.ones(len(self.names), dtype=np.bool_)
+
+    @property
+    def slides(self) -> NDArray[np.bool_]:
+        """Which joints are slides, and no hinges (njoint)."""
+        return self.nominal.slides
+
+    @property
+    def push_titles(self) -> list[str]:
+        """What the pushes of an episode are called (npush)."""
+        stiffness = self.episode.stiffness.tolist()
+        return [f"push {i + 1}: {'springs' if each else 'coast'}" for i, each in enumerate(stiffness)]
+
+    @property
+    def nominal_law(self) -> Array:
+        """The nominal parameters (njoint x 13)."""
+        return self.nominal.parameters
+
+    def law_at(self, values: Mapping[str, float]) -> Array:
+        """The parameters (njoint x 13) of the most probable arm with these `values` of the base parameters, by name."""
+        return self.prior.parameters_at(np.array([values[name] for name in self.names]))
+
+    def true_values(self, wanted: Parameters) -> Array:
+        """The true base parameters (nbase); NaN where they are not known. Only results ask for them."""
+        true, base = self.true_law(), self.prior.base
+        return np.full(len(wanted.names), np.nan) if true is None else settled(base, base.of(true))
+
+    def true_law(self) -> Array | None:
+        """The true parameters (njoint x 13); None where they are not known. Only results ask for them."""
+        return None if self.truth is None else self.truth.parameters
+
+    def model_error(self, law: Any) -> ModelError | None:
+        """How wrong a law is on states that no trial has seen; None where the truth is not known."""
+        return None if self.truth is None else model_error(self.truth, law)
+
+    def is_about(self, plant: Any) -> bool:
+        """Whether this is the `plant` that is studied, to rounding."""
+        simulated = self.spec.plant
+        if not isinstance(plant, ArmPlant) or not isinstance(simulated, ArmPlantSettings):
+            return False
+        one, other = simulated.arm.tree, plant.tree
+        pairs = (one.position, other.position), (one.parameters, other.parameters)
+        return one.names == other.names and all(np.allclose(*pair, rtol=1e-6, atol=1e-12) for pair in pairs)
