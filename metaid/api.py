@@ -120,10 +120,10 @@ def perturb(
         EpisodeError: it has no such lump, or does not report what it is.
     """
     loaded = load_plant(plant) if isinstance(plant, (str, Path)) else plant
-    if isinstance(loaded, ArmPlant):
-        return arm_push(loaded, factors or {}, steps, seed, nominal).summary()
-    objective = episode_objective(loaded, COUNTING_STEPS if steps is None else steps)
-    return objective.summary(check_factors(factors or {}, objective.nominal))
+    if isinstance(loaded, MujocoPlant):
+        objective = episode_objective(loaded, COUNTING_STEPS if steps is None else steps)
+        return objective.summary(check_factors(factors or {}, objective.nominal))
+    return arm_push(loaded, factors or {}, steps, seed, nominal).summary()
 
 
 def arm_push(

@@ -10,7 +10,7 @@ import numpy as np
 
 from metaid.errors import PlantError
 from metaid.models import Array
-from metaid.models.tree import Tree, tilted_gravity
+from metaid.models.tree import Tree, joint_torque, tilted_gravity
 from metaid.plant.arm_settings import ArmSettings
 
 if TYPE_CHECKING:
@@ -98,6 +98,12 @@ class ArmPlant:
     @property
     def timestep(self) -> float:
         return self.settings.timestep
+
+    def compensation(self, angles: Array, speeds: Array) -> Array:
+        """The joint torques (... x njoint), in N m or N, that compensate gravity, Coriolis forces and friction at joint
+        coordinates `angles`, in rad or m, and `speeds`, in rad/s or m/s (... x njoint each).
+        """
+        return joint_torque(self.tree, angles, speeds, np.zeros_like(angles))
 
     def true_pose(self, start: ArmStart) -> Array:
         """Joint coordinates (njoint), in rad or m, where encoders read those of `start`."""

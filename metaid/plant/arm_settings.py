@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field, model_validator
 
@@ -52,6 +52,8 @@ class ArmSettings(Settings):
             if self.joints and self.joints.count(name) > 1:
                 raise ValueError(f"joints: '{name}' is named twice (allowed: each joint once)")
         return self
+
+    why_no_chain: ClassVar[str] = "an arm, and not a planar chain (allowed here: a plant file with [[links]])"
 
     @property
     def control_period(self) -> float:

@@ -21,11 +21,13 @@ def load_plant(name: str | Path) -> MujocoPlant | ArmPlant:
     """The shipped plant of that name, or what is at that path: a plant file, an MJCF or a URDF.  Raises PlantError."""
     path = find_file("plants", str(name), PlantError)
     settings = read_any_plant(path)
-    if isinstance(settings, ArmSettings):
-        arm = ArmPlant(path.stem, settings)
-        _ = arm.model  # so that one that cannot be built is refused here
-        return arm
-    return _chain(path, settings)
+    if settings.why_no_chain is None:
+        return _chain(path, settings)
+    if not isinstance(settings, ArmSettings):
+        raise PlantError(f"{path}: {settings.why_no_chain}")
+    arm = ArmPlant(path.stem, settings)
+    _ = arm.model  # so that one that cannot be built is refused here
+    return arm
 
 
 def load_chain(name: str | Path) -> MujocoPlant:
@@ -46,12 +48,8 @@ def read_plant(path: Path) -> PlantSettings:
 
 
 def _of_chain(path: Path, settings: AnySettings) -> PlantSettings:
-    if isinstance(settings, SocketSettings):
-        raise PlantError(
-            f"{path}: a plant behind a socket has no links to simulate or draw (allowed: plant show, and in a study)"
-        )
-    if isinstance(settings, ArmSettings):
-        raise PlantError(f"{path}: an arm, and not a planar chain (allowed here: a plant file with [[links]])")
+    if not isinstance(settings, PlantSettings):
+        raise PlantError(f"{path}: {settings.why_no_chain}")
     return settings
 
 

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from metaid.models import FRICTION, IDEAL, Array, Lumps, refuse_impossible, refuse_too_long_a_step, speeds_after
+from metaid.models import (
+    FRICTION,
+    IDEAL,
+    Array,
+    Lumps,
+    compensation_basis,
+    refuse_impossible,
+    refuse_too_long_a_step,
+    speeds_after,
+)
 from metaid.plant.settings import PlantSettings, chain_of
 from metaid.plant.start import Start
 
@@ -71,6 +80,15 @@ class MujocoPlant:
     def felt_gravity(self) -> float:
         """In m/s². Too large a torque by a share of the gravity terms is the same as gravity weaker by that share."""
         return self.gravity * (1.0 - self.settings.over_compensation)
+
+    def compensation(self, angles: Array, speeds: Array) -> Array:
+        """The joint torques (... x njoint), in N m, that compensate gravity, Coriolis forces and friction at joint
+        `angles`, in rad, and `speeds`, in rad/s (... x njoint each).
+        """
+        kinds = self.chain.kinds
+        leaning, turning = np.cumsum(angles, axis=-1), np.cumsum(speeds, axis=-1)
+        forces = compensation_basis(leaning, turning, self.gravity, kinds) @ self.chain.lumps_of(kinds).vector
+        return np.asarray(np.cumsum(forces[..., ::-1], axis=-1)[..., ::-1], dtype=np.float64)  # Eq. 6
 
     def true_angles(self, start: Start) -> Array:
         """Joint angles (njoint), in rad, where encoders read those of `start`."""

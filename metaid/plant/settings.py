@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -63,6 +63,8 @@ class PlantSettings(Settings):
         if (wrong := self.faults.misfits(len(self.links), 1)) is not None:
             raise ValueError(wrong)
         return self
+
+    why_no_chain: ClassVar[None] = None
 
     @property
     def control_period(self) -> float:

@@ -8,7 +8,7 @@ new connection. A reading that is no finite number raises ImplausiblePlant, and 
 from __future__ import annotations
 
 import time
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -39,6 +39,10 @@ class SocketSettings(Settings):
     motion: Literal["continuous", "stepped"] = "continuous"
     step_timeout: Seconds = 0.5
     push_timeout: Seconds = 60.0
+
+    why_no_chain: ClassVar[str] = (
+        "a plant behind a socket has no links to simulate or draw (allowed: plant show, and in a study)"
+    )
 
     @field_validator("socket")
     @classmethod

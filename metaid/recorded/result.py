@@ -12,7 +12,7 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from metaid.errors import RecordError, unknown
-from metaid.plant import ArmPlant, load_plant
+from metaid.plant import load_plant
 from metaid.recorded.choosing import Choices
 from metaid.recorded.doubts.checks import Fact, facts_of
 from metaid.recorded.estimating import RecordedEstimate, estimate_records
@@ -175,12 +175,13 @@ def _zeros(found: RecordedEstimate, own: Smoothed) -> Any:
 
 
 def _model(nominal: Any, coupled: list[tuple[int, int]], gravity: Sequence[float] | None) -> LinearModel:
-    if isinstance(nominal, ArmPlant):
+    chain = getattr(nominal, "chain", None)
+    if chain is None:
         tree = nominal.tree if gravity is None else replace(nominal.tree, gravity=np.asarray(gravity, dtype=float))
         return arm_model(tree, coupled=tuple(coupled))
     if gravity is not None:
         raise RecordError("gravity: a planar chain says its own in its plant file (allowed: of an MJCF or URDF)")
-    return chain_model(nominal.chain, nominal.gravity).with_coupled(tuple(coupled))
+    return chain_model(chain, nominal.gravity).with_coupled(tuple(coupled))
 
 
 def _by_joint(what: str, given: Mapping[str, float], model: LinearModel, usual: float) -> Any:

@@ -21,7 +21,6 @@ from metaid.study import (
     ENDED_KEY,
     AnyProblem,
     AnySpec,
-    of_chain,
     optuna_spec,
     problem_of,
     stored_spec,
@@ -117,7 +116,7 @@ def snapshot_of(study: optuna.Study) -> Snapshot:
         ForeignTrial(each.number, each.state.name, each.user_attrs.get(EXPERIMENT), None, shown_trial(each, spec.names))
         for each in study.get_trials(deepcopy=False)
     ]
-    return Snapshot(study.study_name, of_chain(spec), [], tuple(foreign))
+    return Snapshot(study.study_name, spec, [], tuple(foreign))
 
 
 def counted_states(trials: Sequence[Trial]) -> dict[str, int]:

@@ -35,6 +35,11 @@ class StudyProblem(ABC):
         """Time between two control steps, in s."""
         return float(self.spec.timestep)
 
+    @property
+    def question(self) -> str | None:
+        """What to ask about the units of the plant or the nominal model; None if nothing."""
+        return None
+
     @abstractmethod
     def open_plant(self) -> Any:
         """A plant of its own for each worker, simulated or not."""

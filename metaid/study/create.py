@@ -6,12 +6,9 @@ import json
 from typing import TYPE_CHECKING
 
 from metaid.errors import StorageError, StudyError
-from metaid.models import question_of_units
-from metaid.plant import PlantSettings, chain_of
 from metaid.search import SAMPLERS
 from metaid.store import SPEC_KEY, Store, refuse_if_run
 from metaid.study.kinds import AnySpec, problem_of, spec_from
-from metaid.study.spatial import ArmSpec
 
 if TYPE_CHECKING:
     import optuna
@@ -84,12 +81,7 @@ def advice(spec: AnySpec) -> str | None:
 
 def question(spec: AnySpec) -> str | None:
     """What to ask about the units of the study's plant or nominal model, in one line; None if nothing."""
-    if isinstance(spec, ArmSpec):
-        return None
-    gravity = spec.plant.gravity
-    asked = question_of_units("the nominal model", chain_of(spec.nominal), gravity)
-    if isinstance(spec.plant, PlantSettings):
-        asked = question_of_units(f"plant {spec.plant_name}", chain_of(spec.plant.links), gravity) or asked
+    asked = problem_of(spec).question
     return asked and f"warning: {asked}"
 
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from metaid.errors import StudyError
-from metaid.search import SAMPLERS, NarrowingSearcher
+from metaid.search import SAMPLERS, NarrowingSearcher, Searcher
 from metaid.study.identifiability import COARSEST, chain_rehearsal
 from metaid.study.kinds import AnyProblem, AnySpec
-from metaid.study.problem import MOST_TRIALS
+from metaid.study.problem import MOST_TRIALS, Problem
 from metaid.study.spatial import ArmProblem, arm_rehearsal
 
 MARGIN = 0.7  # of the wanted width, on the nominal model: that of the plant differs by some tenths
-OWN_NOISE = 1  # added to the study's seed: a forecast has other noise than the study
+REHEARSALS: dict[type, Callable[[Any], tuple[Searcher, Any]]] = {Problem: chain_rehearsal, ArmProblem: arm_rehearsal}
 
 
 @dataclass(frozen=True)
@@ -40,8 +42,7 @@ def forecast(problem: AnyProblem, until: float) -> Forecast:
     the study's.  Raises StudyError where there is no such run.
     """
     refuse_until(problem.spec, until)
-    rehearsed = arm_rehearsal(problem) if isinstance(problem, ArmProblem) else chain_rehearsal(problem, OWN_NOISE)
-    searcher, objective = rehearsed
+    searcher, objective = REHEARSALS[type(problem)](problem)
     assert isinstance(searcher, NarrowingSearcher), "it goes by the estimate"
     searcher.until = MARGIN * until
     trials = steps = 0

@@ -33,6 +33,7 @@ COARSEST = 0.1  # a lump that is not known better than to a tenth is not determi
 NEGLIGIBLE = 0.02  # weight of a lump in a combination, of 1
 # Factors of the gravity lumps in the first trials of an estimate, as many as it needs; those of others are between.
 OVER_COMPENSATED = (1.5, 2.0)
+OWN_NOISE = 1  # added to the study's seed: a rehearsal has other noise than the study
 EPISODES = 32  # with exact lumps, which show how far noise moves the measure
 HALVINGS = 11  # of the interval in which a factor stops being noticed
 
@@ -146,13 +147,13 @@ def _from_estimate(problem: Problem) -> Identifiability:
     return Identifiability(tuple(names), DEVIATIONS * estimate.lump_deviations, *unbounded)
 
 
-def chain_rehearsal(problem: Problem, further: int) -> tuple[Searcher, Objective]:
+def chain_rehearsal(problem: Problem) -> tuple[Searcher, Objective]:
     """The searcher and the objective of a study if its nominal model were the truth, pushed to the study's start
-    speeds; `further` is added to the seed of the noise.
+    speeds.
     """
     pushes = pushes_for(problem.nominal_plant(), problem.start_speeds)
     searcher = problem.make_searcher(partial(_nominal_experiment, problem, pushes))
-    return searcher, _nominal_objective(problem, pushes, further)
+    return searcher, _nominal_objective(problem, pushes, OWN_NOISE)
 
 
 def _nominal_objective(problem: Problem, pushes: Array | None = None, further: int = 0) -> Objective:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, overload
 
@@ -11,12 +12,13 @@ from metaid.errors import StudyError
 from metaid.models.tree import Tree
 from metaid.plant import LinkSettings
 from metaid.study.problem import Problem
-from metaid.study.settings import NominalSettings, StudySpec, read_study
-from metaid.study.spatial import ArmProblem, ArmSpec, with_nominal_arm
+from metaid.study.settings import StudySpec, read_study
+from metaid.study.spatial import ArmProblem, ArmSpec
 
 AnySpec = StudySpec | ArmSpec
 AnyProblem = Problem | ArmProblem
 
+PROBLEMS: dict[type, Callable[[Any], AnyProblem]] = {StudySpec: Problem, ArmSpec: ArmProblem}
 _latest: deque[AnyProblem] = deque(maxlen=4)  # so that a command makes what follows from a study once
 
 
@@ -41,7 +43,7 @@ def problem_of(spec: AnySpec) -> AnyProblem:
     """
     known = next((each for each in tuple(_latest) if each.spec == spec), None)
     if known is None:
-        known = ArmProblem(spec) if isinstance(spec, ArmSpec) else Problem(spec)
+        known = PROBLEMS[type(spec)](spec)
         _latest.append(known)
     return known
 
@@ -59,22 +61,7 @@ def with_nominal(spec: AnySpec, nominal: tuple[LinkSettings, ...] | Tree) -> Any
     """A study whose nominal model is this one: the links of a chain, or an arm.  Raises StudyError where that is no
     model of the study's plant.
     """
-    what = "an arm" if isinstance(nominal, Tree) else "a planar chain"
-    if isinstance(spec, ArmSpec):
-        if not isinstance(nominal, Tree) or nominal.names != spec.nominal.names:
-            raise StudyError(
-                f"study {spec.name}: its plant {spec.plant_name} is an arm with the joints "
-                f"{', '.join(spec.nominal.names)}, and the model to start from is {what}"
-                + (f" with the joints {', '.join(nominal.names)}" if isinstance(nominal, Tree) else "")
-            )
-        return with_nominal_arm(spec, nominal)
-    if isinstance(nominal, Tree) or len(nominal) != len(spec.nominal):
-        raise StudyError(
-            f"study {spec.name}: its plant {spec.plant_name} is a planar chain of {len(spec.nominal)} links, and the "
-            f"model to start from is {what}" + ("" if isinstance(nominal, Tree) else f" of {len(nominal)}")
-        )
-    study = spec.study.model_copy(update={"nominal": NominalSettings(links=nominal)})
-    changed = spec.model_copy(update={"nominal": nominal, "study": study})
+    changed = spec.with_nominal(nominal)
     problem_of(changed).check()
     return changed
 

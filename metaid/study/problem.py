@@ -24,6 +24,7 @@ from metaid.models import (
     Lumps,
     factors_from_names,
     kind_of,
+    question_of_units,
     refuse_impossible,
 )
 from metaid.plant import MujocoPlant, Plant, PlantSettings, SocketPlant, SocketSettings, chain_of
@@ -113,6 +114,14 @@ class Problem(StudyProblem):
     def counted_joints(self) -> int:
         """How many joints have their periods counted in each trial."""
         return self.nominal.nlink
+
+    @property
+    def question(self) -> str | None:
+        plant, gravity = self.spec.plant, self.spec.plant.gravity
+        asked = question_of_units("the nominal model", self.nominal, gravity)
+        if isinstance(plant, PlantSettings):
+            asked = question_of_units(f"plant {self.spec.plant_name}", chain_of(plant.links), gravity) or asked
+        return asked
 
     def calibrated(self) -> StudySpec:
         """The study with the pushes that its rig needs, and what was measured of them and of its sensors."""

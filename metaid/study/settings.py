@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from hashlib import blake2b
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field, field_validator
 
@@ -201,6 +201,19 @@ class StudySpec(Settings):
         """The name of what is measured."""
         return self.study.episode.measure
 
+    def with_nominal(self, nominal: Any) -> StudySpec:
+        """A study of the same chain with another `nominal` model, its links.  Raises StudyError where that is no chain
+        with as many.
+        """
+        is_chain = isinstance(nominal, tuple)
+        if not is_chain or len(nominal) != len(self.nominal):
+            raise StudyError(
+                f"study {self.name}: its plant {self.plant_name} is a planar chain of {len(self.nominal)} links, "
+                f"and the model to start from is {f'a planar chain of {len(nominal)}' if is_chain else 'an arm'}"
+            )
+        study = self.study.model_copy(update={"nominal": NominalSettings(links=nominal)})
+        return self.model_copy(update={"nominal": nominal, "study": study})
+
     @property
     def joints_with_periods(self) -> int:
         """How many joints have their periods counted in each trial."""
@@ -227,13 +240,11 @@ def read_study(name: str | Path, changes: dict[str, Any] | None = None) -> Study
     if isinstance(wanted := tables.get("plant"), str):
         plant_path = named("plant", wanted)
         any_plant = read_any_plant(plant_path)
-        is_rig_of_arm = isinstance(any_plant, SocketSettings) and _is_of_arm(tables.get("nominal"), named)
-        if not isinstance(any_plant, PlantSettings) and (is_rig_of_arm or isinstance(any_plant, ArmSettings)):
+        if not isinstance(any_plant, PlantSettings) and _is_of_arm(any_plant, tables.get("nominal"), named):
             return arm_spec(path, tables, plant_path, any_plant, named)
     study = check(StudySettings, tables, str(path), StudyError)
     plant_path = named("plant", study.plant)
-    plant = read_any_plant(plant_path)
-    assert not isinstance(plant, ArmSettings), "the plant of a study is a text, and one that names an arm is read above"
+    plant = cast("PlantSettings | SocketSettings", read_any_plant(plant_path))  # one that names an arm is read above
     if isinstance(plant, SocketSettings) and "workers" not in study.model_fields_set:
         study = study.model_copy(update={"workers": 1})
     if isinstance(study.nominal, NominalSettings):
@@ -243,8 +254,10 @@ def read_study(name: str | Path, changes: dict[str, Any] | None = None) -> Study
     return StudySpec(name=path.stem, plant_name=plant_path.stem, plant=plant, nominal=nominal, study=study)
 
 
-def _is_of_arm(nominal: Any, named: Callable[[str, str], Path]) -> bool:
-    """Whether the `nominal` of a study file is an arm."""
+def _is_of_arm(plant: ArmSettings | SocketSettings, nominal: Any, named: Callable[[str, str], Path]) -> bool:
+    """Whether a study is of an arm: by its `plant`, or, of a rig, by the `nominal` model that its file names."""
+    if not isinstance(plant, SocketSettings):
+        return True
     file = nominal.get("plant") if isinstance(nominal, dict) else nominal
     return isinstance(file, str) and isinstance(read_any_plant(named("nominal", file)), ArmSettings)
 

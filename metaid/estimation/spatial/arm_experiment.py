@@ -131,7 +131,7 @@ def compared_of_arm(
     read = [trial for trial in trials if isinstance(trial, ReadTrial)]
     if read:
         return (Innovations if has_torque_noise else Readings)(read, searched, faults=faults)
-    return ArmMotions([trial for trial in trials if isinstance(trial, WatchedArmTrial)], searched)
+    return ArmMotions([trial for trial in trials if not isinstance(trial, ReadTrial)], searched)
 
 
 def estimate_arm(

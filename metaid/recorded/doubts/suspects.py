@@ -148,8 +148,8 @@ def suspects(equations: Equations, values: Array) -> Iterator[Suspect]:
             one_each[..., joints, joints] = torques
             columns.append(one_each @ against)
         yield Suspect("another scale of the torques", columns, every, np.full(n - 1, SCALE), against)
-    if isinstance(model.source, ArmPrior):
-        yield _misplaced(equations, model.source, values[: model.nbody])
+    if model.prior is not None:
+        yield _misplaced(equations, model.prior, values[: model.nbody])
 
 
 def _misplaced(equations: Equations, prior: ArmPrior, bodies: Array) -> Suspect:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from metaid.errors import RecordError
-from metaid.models import Array, compensation_basis
-from metaid.models.tree import joint_torque
+from metaid.models import Array
 from metaid.plant import ArmPlant, MujocoPlant
 from metaid.recorded.reading.log import Record
 
@@ -17,9 +14,4 @@ def law_torques(record: Record, plant: MujocoPlant | ArmPlant) -> Array:
     """
     if record.speeds is None:
         raise RecordError(f"{record.name}: no column 'speed_1', which the law is made of (allowed: a log with speeds)")
-    if isinstance(plant, ArmPlant):
-        return joint_torque(plant.tree, record.angles, record.speeds, np.zeros_like(record.angles))
-    kinds = plant.chain.kinds
-    angles, speeds = np.cumsum(record.angles, axis=1), np.cumsum(record.speeds, axis=1)
-    forces = compensation_basis(angles, speeds, plant.gravity, kinds) @ plant.chain.lumps_of(kinds).vector
-    return np.asarray(np.cumsum(forces[:, ::-1], axis=1)[:, ::-1], dtype=np.float64)  # Eq. 6
+    return plant.compensation(record.angles, record.speeds)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +74,17 @@ class LinearModel:
 
     @property
     def is_chain(self) -> bool:
-        return not isinstance(self.source, ArmPrior)
+        return self.prior is None
+
+    @property
+    def chain(self) -> tuple[Chain, float]:
+        """Of a chain, with gravity in m/s²."""
+        return cast("tuple[Chain, float]", self.source)
+
+    @property
+    def prior(self) -> ArmPrior | None:
+        """Of an arm; None of a chain."""
+        return self.source if isinstance(self.source, ArmPrior) else None
 
     @property
     def terms(self) -> tuple[str, ...]:

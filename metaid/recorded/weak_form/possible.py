@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from metaid.models import Array
-from metaid.models.tree import PARAMETERS, ArmPrior, Tree, nominal_pseudo_inertias, planar_tree, pseudo_inertia
+from metaid.models.tree import PARAMETERS, Tree, nominal_pseudo_inertias, planar_tree, pseudo_inertia
 from metaid.recorded.weak_form.linear_model import RIGID, LinearModel
 
 WEIGHT = 0.05  # of the divergence, beside χ² / 2
@@ -93,18 +93,19 @@ class Possible:
     def __init__(self, model: LinearModel, scale: float, fastest: Array) -> None:
         self._model, self._scale, self._fastest = model, scale, fastest
         self._friction = np.arange(model.nbody, len(model.names))
-        if isinstance(model.source, ArmPrior):
-            self._tree = model.source.nominal
+        prior = model.prior
+        if prior is not None:
+            self._tree = prior.nominal
             self._links = scale * self._tree.parameters[:, :RIGID].ravel()
-            base = model.source.base
+            base = prior.base
             kept = base.columns % len(PARAMETERS) < RIGID
             matrix = base.matrix[kept].reshape(kept.sum(), self._tree.njoint, len(PARAMETERS))[..., :RIGID]
             self._matrix = matrix.reshape(kept.sum(), -1)
             self._lengths = np.zeros(0)
-            spread = np.sqrt(np.diag(model.source.parameter_covariance)).reshape(-1, len(PARAMETERS))[:, BODY]
+            spread = np.sqrt(np.diag(prior.parameter_covariance)).reshape(-1, len(PARAMETERS))[:, BODY]
             self._usual_rotor = scale * np.maximum(self._tree.rotor, THIN * spread)
         else:
-            chain, gravity = model.source
+            chain, gravity = model.chain
             self._tree = planar_tree(chain, gravity)
             own = np.stack([chain.mass, chain.mass * chain.com, chain.inertia + chain.mass * chain.com**2], axis=1)
             self._links = scale * np.column_stack([own, np.zeros(chain.nlink)]).ravel()
@@ -123,7 +124,7 @@ class Possible:
         model, nlinks, nfriction = self._model, len(self._links), len(self._friction)
         jacobian = np.zeros((len(model.names), self._nfree))
         jacobian[self._friction, nlinks + np.arange(nfriction)] = 1.0
-        if isinstance(model.source, ArmPrior):
+        if model.prior is not None:
             jacobian[: model.nbody, :nlinks] = self._matrix
             return jacobian @ x, jacobian
         n = model.njoint

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from metaid.episode import QUANTITIES, Outcome
 from metaid.estimation import Estimate
+from metaid.estimation.spatial import ArmEstimate
 from metaid.store import ForeignTrial, Trial
 from metaid.study.estimates.arm import ArmFound
 from metaid.study.estimates.chain import ChainFound
@@ -18,6 +19,7 @@ from metaid.study.estimates.study_estimate import StudyEstimate
 from metaid.study.kinds import AnyProblem
 from metaid.study.problem import MOST_TRIALS
 
+FOUND: dict[type, type[StudyEstimate]] = {Estimate: ChainFound, ArmEstimate: ArmFound}
 FIRST_TRIALS = 12  # of which it is looked for how early the estimate was there
 CLOSE = 1e-3  # of what an unknown is a multiple of: so near its last value an estimate was there
 
@@ -72,7 +74,7 @@ def estimate_of(experiment: Any, trials: tuple[Any, ...], is_probed: bool, by_ot
         return None
     estimate, taken_up = experiment.taken_up(trials, estimate)
     searching, left = experiment.searching(estimate), not estimate.is_explained
-    found = (ChainFound if isinstance(estimate, Estimate) else ArmFound)(
+    found = FOUND[type(estimate)](
         estimate,
         len(trials),
         lambda: (experiment, trials),

@@ -7,7 +7,7 @@ pushes that coast and on pushes that swing as on springs.
 from metaid.study.spatial.identifiability import ArmIdentifiability, arm_identifiability, arm_rehearsal
 from metaid.study.spatial.nominal import drawn_nominal
 from metaid.study.spatial.problem import ArmProblem
-from metaid.study.spatial.reading import arm_spec, with_nominal_arm
+from metaid.study.spatial.reading import arm_spec
 from metaid.study.spatial.settings import (
     ArmEstimateSettings,
     ArmSearchSettings,
@@ -28,5 +28,4 @@ __all__ = [
     "arm_rehearsal",
     "arm_spec",
     "drawn_nominal",
-    "with_nominal_arm",
 ]

@@ -77,8 +77,8 @@ def _nominal_problem(problem: ArmProblem, further: int = 0) -> ArmProblem:
     """The same study on the nominal arm, with an estimate; `further` is added to the seed of the noise."""
     spec = problem.spec
     nominal = TreeSettings.of(problem.nominal)
-    if isinstance(spec.plant, ArmPlantSettings):
-        plant = spec.plant.model_copy(update={"arm": nominal})
+    if spec.simulated is not None:
+        plant = spec.simulated.model_copy(update={"arm": nominal})
     else:
         noise = FaultSettings(angle_noise=QUIETEST_RIG)
         plant = ArmPlantSettings(arm=nominal, timestep=spec.plant.timestep, truth_known=False, faults=noise)

@@ -28,7 +28,7 @@ from metaid.search import (
 from metaid.study.any_problem import StudyProblem
 from metaid.study.parameters import Parameters, base_parameters_of, settled
 from metaid.study.spatial.calibration import calibrate_arm, start_spread_of_arm
-from metaid.study.spatial.settings import ArmPlantSettings, ArmSpec
+from metaid.study.spatial.settings import ArmSpec
 
 if TYPE_CHECKING:
     from metaid.compiled.spatial import ArmObjective
@@ -128,8 +128,8 @@ class ArmProblem(StudyProblem):
     @property
     def keeps_readings(self) -> bool:
         """Whether trials keep what sensors read, as of a plant with faults, and where faults are searched."""
-        wanted, plant = self.spec.study, self.spec.plant
-        if not isinstance(plant, ArmPlantSettings):
+        wanted, plant = self.spec.study, self.spec.simulated
+        if plant is None:
             return True
         return bool(plant.faults.named or plant.stiffness or wanted.episode.lead or wanted.estimate.faults)
 
@@ -140,8 +140,8 @@ class ArmProblem(StudyProblem):
 
     def open_plant(self) -> ArmPlant | SocketPlant:
         """A plant of its own for each worker, simulated or not."""
-        plant = self.spec.plant
-        if not isinstance(plant, ArmPlantSettings):
+        plant = self.spec.simulated
+        if plant is None:
             return self.open_rig()
         settings = ArmSettings(
             mjcf=self.spec.plant_name,
@@ -155,8 +155,8 @@ class ArmProblem(StudyProblem):
     @property
     def truth(self) -> Tree | None:
         """The true arm, where it is known."""
-        plant = self.spec.plant
-        return plant.arm.tree if isinstance(plant, ArmPlantSettings) and plant.truth_known else None
+        plant = self.spec.simulated
+        return None if plant is None or not plant.truth_known else plant.arm.tree
 
     def nominal_plant(self) -> ArmPlant:
         """The nominal arm as a plant, without faults."""
@@ -319,9 +319,9 @@ class ArmProblem(StudyProblem):
 
     def is_about(self, plant: Any) -> bool:
         """Whether this is the `plant` that is studied, to rounding."""
-        simulated = self.spec.plant
-        if not isinstance(plant, ArmPlant) or not isinstance(simulated, ArmPlantSettings):
+        one, other = self.spec.simulated, getattr(plant, "tree", None)
+        if one is None or other is None:
             return False
-        one, other = simulated.arm.tree, plant.tree
-        pairs = (one.position, other.position), (one.parameters, other.parameters)
-        return one.names == other.names and all(np.allclose(*pair, rtol=1e-6, atol=1e-12) for pair in pairs)
+        own = one.arm.tree
+        pairs = (own.position, other.position), (own.parameters, other.parameters)
+        return own.names == other.names and all(np.allclose(*pair, rtol=1e-6, atol=1e-12) for pair in pairs)

@@ -10,8 +10,7 @@ import numpy as np
 
 from metaid.errors import PlantError, StudyError
 from metaid.files import check
-from metaid.models import Array
-from metaid.models.tree import Tree, base_parameters, joint_mass_matrix
+from metaid.models.tree import Tree, base_parameters
 from metaid.plant import ArmPlant, ArmSettings, ArmStart, SocketSettings, read_any_plant
 from metaid.study.spatial.nominal import drawn_nominal
 from metaid.study.spatial.settings import (
@@ -23,9 +22,6 @@ from metaid.study.spatial.settings import (
     StartSettings,
     TreeSettings,
 )
-
-STIFFEST = 30.0  # 1/s², of the springs; a push of 0.3 s is then a quarter of a period
-SPARED = 0.3  # of a joint's torque limit, for the torque of a spring
 
 
 def arm_spec(
@@ -64,7 +60,7 @@ def arm_spec(
     starts = _starts(study.episode, shaped, study.seed)
     coasts = _coasts(study.episode, shaped)
     stiffness = np.array(
-        [0.0 if i < coasts else _stiffness(study.episode, believed, start) for i, start in enumerate(starts)]
+        [0.0 if i < coasts else study.episode.stiffness_of(believed, start) for i, start in enumerate(starts)]
     )
     return ArmSpec(
         name=path.stem,
@@ -111,16 +107,6 @@ def _agreeing(rig: SocketSettings, believed: Tree, path: Path) -> SocketSettings
     return rig
 
 
-def with_nominal_arm(spec: ArmSpec, believed: Tree) -> ArmSpec:
-    """A study of the same arm, of which its user believes something else."""
-    stiffness = [
-        0.0 if old == 0.0 else _stiffness(spec.study.episode, believed, start)
-        for old, start in zip(spec.stiffness, spec.arm_starts, strict=True)
-    ]
-    changes = {"nominal": TreeSettings.of(believed), "counted_by": base_parameters(believed, None, spec.tilts).names}
-    return spec.model_copy(update={**changes, "stiffness": tuple(stiffness)})
-
-
 def _nominal(study: ArmStudySettings, named: Callable[[str, str], Path]) -> tuple[ArmPlant, Tree]:
     """The arm that the nominal one is, or is drawn about, and the nominal one."""
     if not isinstance(study.nominal, DrawnNominalSettings):
@@ -147,12 +133,3 @@ def _starts(episode: ArmEpisodeSettings, plant: ArmPlant, seed: int) -> tuple[Ar
 
     springs = plant.njoint if episode.springs is None else episode.springs
     return draw_starts(plant, _coasts(episode, plant) + springs, episode.horizon, seed, episode.speed)
-
-
-def _stiffness(episode: ArmEpisodeSettings, nominal: Tree, start: ArmStart) -> float:
-    """k of a push with springs: an oscillation from speeds v needs torques of √k M v, which the motors must spare."""
-    if episode.stiffness is not None:
-        return episode.stiffness
-    momentum: Array = np.abs(joint_mass_matrix(nominal, start.pose) @ start.speeds)
-    room = SPARED * nominal.torque_limit / np.maximum(momentum, 1e-12)
-    return float(min(STIFFEST, np.min(room) ** 2))

@@ -8,9 +8,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from metaid.errors import StudyError
 from metaid.files import Settings
 from metaid.models import Array
-from metaid.models.tree import PriorDeviations, Tree
+from metaid.models.tree import PriorDeviations, Tree, base_parameters, joint_mass_matrix
 from metaid.plant import ArmStart, FaultSettings, SocketSettings
 from metaid.search import OutputErrorOptions, StepOptions
 from metaid.study.estimating import AnyEstimateSettings
@@ -18,6 +19,8 @@ from metaid.study.estimating import AnyEstimateSettings
 Vector = Annotated[tuple[float, ...], Field(strict=False)]
 Share = Annotated[float, Field(gt=0, le=10)]
 
+STIFFEST = 30.0  # 1/s², of the springs; a push of 0.3 s is then a quarter of a period
+SPARED = 0.3  # of a joint's torque limit, for the torque of a spring
 FEW, MANY = 4, 2000  # trials by default: with an estimate from all trials before, and of a sampler that minimises
 
 
@@ -54,6 +57,16 @@ class ArmEpisodeSettings(Settings):
     speed: Annotated[float, Field(gt=0, le=100)] = 3.0
     runaway: Annotated[float, Field(gt=1, le=1e6)] = 5.0
     lead: Annotated[float, Field(ge=0, le=1)] = 0.0
+
+    def stiffness_of(self, nominal: Tree, start: ArmStart) -> float:
+        """k of a push with springs, in 1/s²: an oscillation from speeds v needs torques of √k M v, which the motors are
+        to spare.
+        """
+        if self.stiffness is not None:
+            return self.stiffness
+        momentum: Array = np.abs(joint_mass_matrix(nominal, start.pose) @ start.speeds)
+        room = SPARED * nominal.torque_limit / np.maximum(momentum, 1e-12)
+        return float(min(STIFFEST, np.min(room) ** 2))
 
 
 class ArmEstimateSettings(AnyEstimateSettings):
@@ -230,7 +243,31 @@ class ArmSpec(Settings):
     @property
     def faults(self) -> FaultSettings:
         """Of a simulated plant; a rig's are not known."""
-        return self.plant.faults if isinstance(self.plant, ArmPlantSettings) else FaultSettings()
+        return FaultSettings() if self.simulated is None else self.simulated.faults
+
+    @property
+    def simulated(self) -> ArmPlantSettings | None:
+        """The simulated plant; None where it is a rig."""
+        return None if isinstance(self.plant, SocketSettings) else self.plant
+
+    def with_nominal(self, nominal: Any) -> ArmSpec:
+        """A study of the same arm, of which its user believes something else.  Raises StudyError where the `nominal`
+        model is no arm with its joints.
+        """
+        names = getattr(nominal, "names", None)
+        if names != self.nominal.names:
+            what = "a planar chain" if names is None else f"an arm with the joints {', '.join(names)}"
+            raise StudyError(
+                f"study {self.name}: its plant {self.plant_name} is an arm with the joints "
+                f"{', '.join(self.nominal.names)}, and the model to start from is {what}"
+            )
+        stiffness = tuple(
+            0.0 if old == 0.0 else self.study.episode.stiffness_of(nominal, start)
+            for old, start in zip(self.stiffness, self.arm_starts, strict=True)
+        )
+        counted_by = base_parameters(nominal, None, self.tilts).names
+        changes = {"nominal": TreeSettings.of(nominal), "counted_by": counted_by, "stiffness": stiffness}
+        return self.model_copy(update=changes)
 
     @property
     def tilts(self) -> bool:
