@@ -10,12 +10,14 @@ import pytest
 from conftest import Finished, random_plant
 
 from metaid.compiled import Objective
-from metaid.episode import RICH_FALL_LIMIT, Episode, FallRule, noise_floor, rich_pushes
+from metaid.episode import RICH_FALL_LIMIT, Episode, FallRule, Outcome, noise_floor, rich_pushes
 from metaid.episode.smoothing import smooth_energies, smoothed_hz
 from metaid.errors import StudyError
+from metaid.models import Array
 from metaid.results import identified_factors
-from metaid.results.best import factor_range
-from metaid.study import Problem, load_chain_study
+from metaid.results.best import known_by_best
+from metaid.store import Trial
+from metaid.study import Problem, identifiability_by_measure, load_chain_study
 
 pytestmark = pytest.mark.slow
 
@@ -120,23 +122,35 @@ def test_friction_is_refused_for_it_is_even_in_time() -> None:
         load_chain_study("noisy-three-link", changes)
 
 
+def survivors_of(factors: Array, values: Array) -> list[Trial]:
+    """Trials that survived, with these `factors` (ntrial x nlump) and `values` of the measure (ntrial)."""
+    return [
+        Trial(number, 0, each, Outcome(value, False, 1, (0,) * 3))
+        for number, (each, value) in enumerate(zip(factors, values.tolist(), strict=True))
+    ]
+
+
 def test_identified_lumps_are_means_over_the_range_not_the_luckiest_trial() -> None:
     """Trials that noise takes below zero are as good as each other; those of a smooth measure are not."""
     problem = Problem(load_chain_study("noisy-three-link"))
     factors = np.array([[1.0] * 6, [1.2] * 6, [1.1] * 6, [3.0] * 6])
     values = np.array([-3.0, 0.5, 0.0, 5.0]) * problem.resolution
     assert identified_factors(problem, factors, values) == pytest.approx(np.full(6, 1.1))
-    low, high = factor_range(problem, factors, values, np.zeros(6))
-    assert (low.tolist(), high.tolist()) == (pytest.approx([1.0] * 6), pytest.approx([1.2] * 6))
+    known, nominal = known_by_best(problem, survivors_of(factors, values)), problem.lumps.vector
+    np.testing.assert_allclose(known.values, 1.1 * nominal)
+    assert (known.low <= nominal).all()
+    assert (known.high >= 1.2 * nominal).all()
     spectral = Problem(load_chain_study("three-link-coast"))
     assert identified_factors(spectral, factors, values - values.min()).tolist() == [1.0] * 6
 
 
 def test_range_is_at_least_as_wide_as_the_pushes_are_sensitive() -> None:
     """One trial alone has no range of its own: 1.5 times the resolution, and the more the larger its value is."""
-    problem, resolution = Problem(load_chain_study("three-link-coast")), np.full(6, 0.01)
+    problem = Problem(load_chain_study("three-link-coast"))
+    resolution, nominal = identifiability_by_measure(problem).resolution, problem.lumps.vector
     for multiple in (0.0, 2.0):
         values = np.array([multiple * problem.resolution])
-        low, high = factor_range(problem, np.ones((1, 6)), values, resolution)
-        assert high == pytest.approx(np.full(6, 1.0 + 0.015 * (multiple + 1.0)))
-        assert low == pytest.approx(np.full(6, 1.0 - 0.015 * (multiple + 1.0)))
+        known = known_by_best(problem, survivors_of(np.ones((1, 6)), values))
+        reach = 1.5 * resolution * (multiple + 1.0)
+        np.testing.assert_allclose(known.high, nominal * (1.0 + reach))
+        np.testing.assert_allclose(known.low, nominal * (1.0 - reach))
