@@ -20,7 +20,7 @@ from metaid.study.create import (
 from metaid.study.evaluation import NominalMetricSampler, OptunaObjective
 from metaid.study.forecast import Forecast, forecast, refuse_until
 from metaid.study.identifiability import COARSEST, identifiability, identifiability_by_measure
-from metaid.study.kinds import (
+from metaid.study.loading import (
     AnyProblem,
     AnySpec,
     load_chain_study,

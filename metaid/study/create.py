@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from metaid.errors import StorageError, StudyError
 from metaid.search import SAMPLERS
 from metaid.store import SPEC_KEY, Store, refuse_if_run
-from metaid.study.kinds import AnySpec, problem_of, spec_from
+from metaid.study.loading import AnySpec, problem_of, spec_from
 
 if TYPE_CHECKING:
     import optuna

@@ -9,7 +9,7 @@ from typing import Any
 from metaid.errors import StudyError
 from metaid.search import SAMPLERS, NarrowingSearcher, Searcher
 from metaid.study.identifiability import COARSEST, chain_rehearsal
-from metaid.study.kinds import AnyProblem, AnySpec
+from metaid.study.loading import AnyProblem, AnySpec
 from metaid.study.problem import MOST_TRIALS, Problem
 from metaid.study.spatial import ArmProblem, arm_rehearsal
 

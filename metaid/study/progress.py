@@ -16,7 +16,7 @@ from metaid.errors import StorageError
 from metaid.models import Array
 from metaid.search import NarrowingSearcher, WideningSearcher
 from metaid.store import Trial
-from metaid.study.kinds import AnyProblem
+from metaid.study.loading import AnyProblem
 
 HELD_BACK = 0.25  # of a study's trials, after which a search whose best trial is at a bound is held back by it
 REPLAY_TOLERANCE = 1e-6  # relative; another machine's linear algebra may round differently

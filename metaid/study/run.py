@@ -25,7 +25,7 @@ from metaid.study.create import stored_spec
 from metaid.study.estimates import keep_estimate
 from metaid.study.evaluation import Evaluator, make_evaluator
 from metaid.study.forecast import refuse_until
-from metaid.study.kinds import AnyProblem, AnySpec, problem_of
+from metaid.study.loading import AnyProblem, AnySpec, problem_of
 from metaid.study.problem import MOST_TRIALS
 from metaid.study.progress import Progress, Run
 from metaid.study.writer import Writer

@@ -7,7 +7,7 @@ from types import TracebackType
 
 from metaid.errors import StorageError
 from metaid.store import SERVER_PATIENCE, Lease, Store, Trial, keep_trying
-from metaid.study.kinds import AnyProblem
+from metaid.study.loading import AnyProblem
 
 
 class Writer:

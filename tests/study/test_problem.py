@@ -62,7 +62,7 @@ def test_command_makes_what_follows_from_a_study_once(
     metaid("study", "create", "two-link-tpe", *changes, "--name", "chain", "--set", "seed=5")
     if command != ["run"]:
         metaid("study", "run", "chain")
-    sys.modules["metaid.study.kinds"]._latest.clear()  # type: ignore[attr-defined]
+    sys.modules["metaid.study.loading"]._latest.clear()  # type: ignore[attr-defined]
     made: list[Any] = []
     for kind in (Problem, ArmProblem):
         begin = kind.__init__

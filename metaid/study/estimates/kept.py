@@ -19,7 +19,7 @@ from metaid.store import ForeignTrial, Lease, Store, Trial
 from metaid.study.estimates.making import study_estimate, watched_trials
 from metaid.study.estimates.study_estimate import StudyEstimate
 from metaid.study.estimates.text import text_of, value_of
-from metaid.study.kinds import AnyProblem
+from metaid.study.loading import AnyProblem
 
 KEY = "metaid:estimate"
 SOURCES = "models", "plant", "episode", "compiled", "estimation", "study"  # the packages that an estimate follows from

@@ -16,7 +16,7 @@ from metaid.store import ForeignTrial, Trial
 from metaid.study.estimates.arm import ArmFound
 from metaid.study.estimates.chain import ChainFound
 from metaid.study.estimates.study_estimate import StudyEstimate
-from metaid.study.kinds import AnyProblem
+from metaid.study.loading import AnyProblem
 from metaid.study.problem import MOST_TRIALS
 
 FOUND: dict[type, type[StudyEstimate]] = {Estimate: ChainFound, ArmEstimate: ArmFound}

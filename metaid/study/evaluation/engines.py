@@ -6,7 +6,7 @@ from metaid.errors import StudyError, unknown
 from metaid.study.evaluation.evaluator import Evaluator
 from metaid.study.evaluation.ray_actors import WORKER_PATIENCE, RayEvaluator
 from metaid.study.evaluation.threads import ThreadEvaluator
-from metaid.study.kinds import AnyProblem
+from metaid.study.loading import AnyProblem
 
 ENGINES = ("local", "ray")
 

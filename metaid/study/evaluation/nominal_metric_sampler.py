@@ -8,7 +8,7 @@ from optuna.samplers import BaseSampler
 
 from metaid.search import MetricSampler, tpe_for_metric
 from metaid.study.evaluation.optuna_objective import OptunaObjective
-from metaid.study.kinds import AnySpec, load_study, problem_of
+from metaid.study.loading import AnySpec, load_study, problem_of
 
 
 class NominalMetricSampler(MetricSampler):

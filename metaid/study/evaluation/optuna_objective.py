@@ -15,7 +15,7 @@ from optuna.trial import TrialState
 from metaid.errors import StudyError
 from metaid.store import EXPERIMENT, MOTION_KEYS, outcome_attributes, study_attributes
 from metaid.study.create import optuna_spec
-from metaid.study.kinds import AnySpec, problem_of
+from metaid.study.loading import AnySpec, problem_of
 
 MINIMIZES = [optuna.study.StudyDirection.MINIMIZE]
 

@@ -24,7 +24,7 @@ from metaid.models import Array
 from metaid.study.evaluation.evaluator import MOST_SHARED, do_nothing
 from metaid.study.evaluation.ray_private import ray_on_loopback
 from metaid.study.evaluation.shares import Share, Shares
-from metaid.study.kinds import AnyProblem, problem_of, spec_from
+from metaid.study.loading import AnyProblem, problem_of, spec_from
 
 WORKER_PATIENCE = 120.0  # s without an answer after which a worker is replaced
 SLOWDOWN_ALLOWED = 100.0  # times what the slowest candidate so far took: a worker may take as long, past its patience

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from metaid.episode import Outcome
-from metaid.study.kinds import AnyProblem
+from metaid.study.loading import AnyProblem
 
 LOSSES_ALLOWED = 3  # workers that a candidate may be alone with when they are lost, before it is given up
 

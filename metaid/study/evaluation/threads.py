@@ -9,7 +9,7 @@ from types import TracebackType
 from metaid.episode import Outcome
 from metaid.models import Array
 from metaid.study.evaluation.evaluator import MOST_SHARED, do_nothing
-from metaid.study.kinds import AnyProblem
+from metaid.study.loading import AnyProblem
 
 
 class ThreadEvaluator:

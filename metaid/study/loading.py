@@ -1,4 +1,4 @@
-"""A study is of a planar chain or of a serial arm: what tells them apart."""
+"""Studies by name, by path, or by the text that a DB has of them; and what follows from each, made once."""
 
 from __future__ import annotations
 
