@@ -13,7 +13,7 @@ from benchmarks.common import table
 from metaid.compiled.spatial import ArmObjective
 from metaid.episode.spatial import resolution_hz
 from metaid.models.tree import ModelError, model_error
-from metaid.search import SamplerOptions, arm_sensitivity, believed_metric, make_searcher
+from metaid.search import SamplerOptions, arm_sensitivity, make_searcher, prior_metric
 from metaid.study.spatial import ArmSearchSettings
 
 MINIMISERS = ("cmaes", "tpe", "optuna-cmaes")
@@ -59,7 +59,7 @@ def minimise(name: str, seed: int, sampler: str, trials: int, noise: float, is_s
     reach = FARTHEST * np.sqrt(np.diag(prior.covariance))
     began = time.process_time()
     h = arm_sensitivity(prior, episode, plant.timestep)
-    coordinates = believed_metric(h, prior, prior.values - reach, prior.values + reach)
+    coordinates = prior_metric(h, prior, prior.values - reach, prior.values + reach)
     searcher = make_searcher(sampler, coordinates, seed, SamplerOptions(sigma=ArmSearchSettings().sigma))
     objective = ArmObjective(plant, prior, episode)
     number = falls = 0

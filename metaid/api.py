@@ -150,8 +150,8 @@ def arm_push(
         )
     _refuse_no_factors(factors)
     prior = ArmEstimateSettings().prior
-    believed = plant.tree if nominal is None else drawn_nominal(plant.tree, nominal, prior)
-    return push_arm(plant, law_of(ArmPrior(believed, prior), dict(factors)), steps or ARM_STEPS, seed)
+    law = plant.tree if nominal is None else drawn_nominal(plant.tree, nominal, prior)
+    return push_arm(plant, law_of(ArmPrior(law, prior), dict(factors)), steps or ARM_STEPS, seed)
 
 
 def evaluate(study: str | Path | AnySpec, factors: Mapping[str, float] | None = None) -> Outcome:

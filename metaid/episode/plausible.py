@@ -43,7 +43,7 @@ _Text = Callable[[int], str]  # of a joint, what was seen of it or expected
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What was measured at a rig before any trial, and what is believed of it.
+    """What was measured at a rig before any trial, and its nominal model.
 
     Attributes:
         start_speeds: joint speeds (npush x njoint) right after each push, in rad/s.

@@ -93,7 +93,7 @@ class ChainCourse:
 
     Attributes:
         plant: that moves.
-        nominal: the chain that it is believed to be.
+        nominal: the nominal chain.
         takes_nominal_inertia: whether inertia lumps are not known, so that every model takes the nominal ratios.
         count: of the pushes.
         seed: of these.

@@ -5,7 +5,7 @@ one more sampler is one more entry. The coordinates that searchers move in, and 
 nominal model, are here too.
 """
 
-from metaid.search.arm_metric import arm_sensitivity, believed_metric
+from metaid.search.arm_metric import arm_sensitivity, prior_metric
 from metaid.search.bounds import at_bounds, bounds_in_force, widened
 from metaid.search.cmaes import Cmaes
 from metaid.search.coordinates import Coordinates, nominal_metric, plain_coordinates
@@ -29,12 +29,12 @@ __all__ = [
     "WideningSearcher",
     "arm_sensitivity",
     "at_bounds",
-    "believed_metric",
     "bounds_in_force",
     "designed_speeds",
     "make_searcher",
     "nominal_metric",
     "plain_coordinates",
+    "prior_metric",
     "sensitivity",
     "tpe_for_metric",
     "widened",

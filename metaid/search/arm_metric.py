@@ -11,7 +11,7 @@ from metaid.search.coordinates import Coordinates
 
 SAMPLES = 20  # of the motion after each push
 ROTOR = PARAMETERS.index("rotor")
-SPREAD = 0.3  # root mean square of what is believed of a coordinate
+SPREAD = 0.3  # root mean square of a coordinate's prior
 LEAST_SHOWN = 0.005  # of the mean: what an independent step of the prior counts for at least, however little it shows
 
 
@@ -26,7 +26,7 @@ def arm_sensitivity(prior: ArmPrior, episode: ArmEpisode, timestep: float, value
         episode: the pushes.
         timestep: in s.
         values: base parameters (nbase) of an arm whose mass matrix moves. By default it is the nominal one's, with
-            rotors heavier by a standard deviation of what is believed of them. Of a wrist whose rotor was taken for
+            rotors heavier by a standard deviation of their prior. Of a wrist whose rotor was taken for
             nothing the nominal mass matrix is far too light.
     """
     nominal = prior.nominal
@@ -46,9 +46,9 @@ def arm_sensitivity(prior: ArmPrior, episode: ArmEpisode, timestep: float, value
     return h
 
 
-def believed_metric(h: Array, prior: ArmPrior, low: Array, high: Array) -> Coordinates:
+def prior_metric(h: Array, prior: ArmPrior, low: Array, high: Array) -> Coordinates:
     """Coordinates in which the kinetic measure is round, but for what it hardly shows, which is not stretched beyond
-    what is believed of it.  Eq. 62.
+    its prior.  Eq. 62.
 
     Args:
         h: the measure's sensitivity (nbase x nbase).

@@ -95,7 +95,7 @@ class ChainStage:
 
 @dataclass(frozen=True)
 class ArmStage:
-    """A simulated arm with the shapes of its file, of which the `nominal` arm is believed. Laws are parameters
+    """A simulated arm with the shapes of its file, with its `nominal` arm. Laws are parameters
     (njoint x 13).
     """
 

@@ -17,7 +17,7 @@ FaultKind = Literal["delay", "tilt", "offset", "viscous", "dry", "spring", "gain
 class AnyEstimateSettings(Settings):
     """What `[estimate]` has for chains and arms alike. `enabled`: whether an estimate is made of the trials at all.
     `faults`: what else of the plant is unknown (`metaid.plant.unknown_faults`), or "proposed", where such faults are
-    taken up once nothing explains the trials without them; what the plant file says of these is not believed.
+    taken up once nothing explains the trials without them; the plant file is not asked for these.
     `torque_limit`: what the motors give at most, in N m, one number or one a joint, as far as you know; the plant file
     is not asked.
     """
@@ -37,8 +37,8 @@ class AnyEstimateSettings(Settings):
         return self.faults == "proposed"
 
     @property
-    def unbelieved_faults(self) -> tuple[str, ...]:
-        """The kinds of which nothing is believed that the plant file says."""
+    def undeclared_faults(self) -> tuple[str, ...]:
+        """The kinds of which the plant file is not asked."""
         return TAKEN_UP if self.takes_up_faults else self.searched_faults
 
     def misfits(self, njoint: int, has_readings: bool) -> str | None:

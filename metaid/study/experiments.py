@@ -26,7 +26,7 @@ def noisy_experiment(
 ) -> NoisyExperiment:
     """What the estimate knows of a plant with faults: how it is controlled, and what its user states of its pushes,
     of its encoders, and of the noise of its torques. Noise of its sensors is that of the plant at rest. What is said of
-    faults that are searched is not believed. All else shows in the misfit.
+    faults that are searched is not used. All else shows in the misfit.
 
     Args:
         plant: that is pushed.
@@ -46,7 +46,7 @@ def noisy_experiment(
         speed_weights=slope_weights(spec.timestep),
         start_spread=spread_of_pushes(plant, episode.pushes),
         substeps=faults.control_every,
-        delay=0 if "delay" in wanted.unbelieved_faults else faults.delay,
+        delay=0 if "delay" in wanted.undeclared_faults else faults.delay,
         lead=episode.lead,
         torque_limits=joint_limits(wanted.torque_limit, plant.njoint),
     )

@@ -220,7 +220,7 @@ class Problem(StudyProblem):
     def nominal_plant(self) -> MujocoPlant:
         """The nominal model as a plant, with the faults of the plant file but for those that are searched."""
         if isinstance(self.spec.plant, PlantSettings):
-            faults = self.spec.plant.faults.without(self.spec.study.estimate.unbelieved_faults)
+            faults = self.spec.plant.faults.without(self.spec.study.estimate.undeclared_faults)
             return MujocoPlant(
                 "nominal", self.spec.plant.model_copy(update={"links": self.spec.nominal, "faults": faults})
             )

@@ -37,7 +37,7 @@ class ArmLoop:
 
     Args:
         plant: that moves.
-        nominal: what is believed of it; its mass matrix is the metric.
+        nominal: the nominal arm; its mass matrix is the metric.
         episode: what is done to it with every candidate.
     """
 

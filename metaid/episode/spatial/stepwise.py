@@ -86,7 +86,7 @@ class StepwiseArmLoop:
 
     Args:
         plant: that moves.
-        nominal: what is believed of it; its mass matrix is the metric.
+        nominal: the nominal arm; its mass matrix is the metric.
         episode: what is done to it with every candidate.
     """
 

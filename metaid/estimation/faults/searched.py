@@ -24,7 +24,7 @@ OF_TORQUE = {"viscous": 0.1, "dry": 0.1, "spring": 0.3}  # likewise, as shares o
 LOG_GAIN = 0.3  # likewise, of the logarithm of a gain
 NEVER_NEGATIVE = ("viscous", "dry", "spring")  # friction resists, and what is at rest in a spring is held by it
 BELOW, TRIFLE = 3.0, 1e-3  # standard deviations, and a share of what may be: a fault farther below 0 is none
-DETERMINED = 0.3  # of what was believed of a fault: a deviation below this tells something of it
+DETERMINED = 0.3  # of the prior deviation of a fault: a deviation below this tells something of it
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class SearchedFaults:
 class FoundFaults:
     """The faults that were `searched`: their `values` (nfault) and standard `deviations` (nfault), in the units of
     `metaid.plant.unknown_faults`; the `unknowns` (nfault) of the fit that they are; and which are `determined`
-    (nfault): the trials say more of them than was believed beforehand.
+    (nfault): the trials narrow their priors.
     """
 
     searched: SearchedFaults

@@ -1,8 +1,8 @@
 """Faults that an estimate takes up by itself, where nothing explains what was seen without them.
 
-A fault is taken up with all that an estimate owes: the fit with it explains everything to the noise, shows no further
-force, predicts pushes that it was not fitted to, and has no rival. A rival is another fault that explains as much and
-with which a lump would be elsewhere.
+A fault is taken up under all that is asked of an estimate: the fit with it explains everything to the noise, shows no
+further force, predicts pushes that it was not fitted to, and has no rival. A rival is another fault that explains as
+much and with which a lump would be elsewhere.
 """
 
 from __future__ import annotations

@@ -85,7 +85,7 @@ def likeliest_noise(
 def _step(innovations: Innovations, point: Array, logarithms: Array, direction: Array, pushes: int) -> float:
     """The step of the `logarithms` (njoint) of sizes in a `direction` (njoint), to the top of a parabola."""
     tried = (logarithms + step * direction for step in (-APART, 0.0, APART))
-    less, here, more = (innovations.likelihood(point, np.exp(each), pushes) + _belief(each) for each in tried)
+    less, here, more = (innovations.likelihood(point, np.exp(each), pushes) + _log_prior(each) for each in tried)
     slope, curvature = (more - less) / (2.0 * APART), (more - 2.0 * here + less) / APART**2
     if not np.isfinite(slope + curvature):
         return 0.0
@@ -94,6 +94,6 @@ def _step(innovations: Innovations, point: Array, logarithms: Array, direction: 
     return float(np.clip(-slope / curvature, -FARTHEST, FARTHEST))
 
 
-def _belief(logarithms: Array) -> float:
+def _log_prior(logarithms: Array) -> float:
     """The logarithm of how likely the `logarithms` (njoint) of sizes are beforehand: drives of a plant are alike."""
     return -0.5 * float(((logarithms - logarithms.mean()) ** 2).sum()) / ALIKE**2

@@ -1,4 +1,4 @@
-"""What is unknown of an arm, its base parameters as steps along what is believed of them (Eq. 51), and what all trials
+"""What is unknown of an arm, its base parameters as steps along their prior (Eq. 51), and what all trials
 say of it.
 """
 
@@ -63,7 +63,7 @@ class ArmUnknowns:
 
     @cached_property
     def root(self) -> Array:
-        """S (nbase x nbase): unknowns that are independent, of standard deviation `spread`, make what is believed.
+        """S (nbase x nbase): unknowns that are independent, of standard deviation `spread`, make the prior.
 
         Eq. 51.
         """

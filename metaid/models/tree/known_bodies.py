@@ -44,10 +44,10 @@ def known_bodies(prior: ArmPrior, values: Array, covariance: Array) -> KnownBodi
     possible = possible_bodies(prior, values)
     if possible is None:
         return None
-    njoint, believed, gain = prior.nominal.njoint, prior.parameter_covariance, prior.gain
-    left = believed - gain @ prior.base.matrix @ believed + gain @ covariance @ gain.T
+    njoint, beforehand, gain = prior.nominal.njoint, prior.parameter_covariance, prior.gain
+    left = beforehand - gain @ prior.base.matrix @ beforehand + gain @ covariance @ gain.T
     blocks = left.reshape(njoint, -1, njoint, left.shape[0] // njoint)
-    steps = NUDGE * np.sqrt(np.diag(believed)).reshape(njoint, -1)[:, :BODY]
+    steps = NUDGE * np.sqrt(np.diag(beforehand)).reshape(njoint, -1)[:, :BODY]
     parameters, deviations = possible.tree.parameters[:, :BODY], []
     for i, (own, step) in enumerate(zip(parameters, np.diag(np.ones(BODY)) * steps[:, None], strict=True)):
         change = (_quantities(own + step) - _quantities(own - step)) / (2.0 * np.diag(step)[:, None])

@@ -1,6 +1,6 @@
 """The lean MuJoCo model of an arm: joints and inertials alone.
 
-It is made from a `Tree`, so that the plant, what is believed of it, and every candidate are simulated alike.
+It is made from a `Tree`, so that the plant, the nominal arm, and every candidate are simulated alike.
 """
 
 from __future__ import annotations

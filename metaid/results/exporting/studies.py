@@ -81,7 +81,7 @@ def _dynamics(nominal: Any, problem: Any, values: dict[str, float], known: list[
     """How a plant moves.
 
     Args:
-        nominal: the chain or the arm that it is believed to be.
+        nominal: the nominal chain or arm.
         problem: of the study.
         values: that were identified, by name.
         known: the names of those that are not the nominal ones.

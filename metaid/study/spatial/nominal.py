@@ -1,4 +1,4 @@
-"""A nominal arm that is drawn at random about another: what one may believe of an arm before it is identified."""
+"""A nominal arm that is drawn at random about another, with the errors of the prior."""
 
 from __future__ import annotations
 

@@ -21,9 +21,9 @@ from metaid.search import (
     SamplerOptions,
     Searcher,
     arm_sensitivity,
-    believed_metric,
     make_searcher,
     plain_coordinates,
+    prior_metric,
 )
 from metaid.study.any_problem import StudyProblem
 from metaid.study.parameters import Parameters, base_parameters_of, settled
@@ -98,7 +98,7 @@ class ArmProblem(StudyProblem):
     @cached_property
     def metric(self) -> Coordinates:
         """That metric, whatever the searcher moves in."""
-        return believed_metric(self.sensitivity(), self.prior, self.low, self.high)
+        return prior_metric(self.sensitivity(), self.prior, self.low, self.high)
 
     def sensitivity(self, values: Array | None = None) -> Array:
         """H (nbase x nbase) of the measure, by the nominal arm, or by the mass matrix of one with these `values`
@@ -188,7 +188,7 @@ class ArmProblem(StudyProblem):
         """Nothing is left that its settings could contradict."""
 
     def widen(self, values: Array) -> None:
-        """No bound is moved: they are so far away that nothing beyond is believed."""
+        """No bound is moved: they are beyond what the prior allows."""
 
     def experiment(self) -> ArmExperiment | None:
         """What an estimate needs to know of this study; None where none is to be made."""
@@ -240,7 +240,7 @@ class ArmProblem(StudyProblem):
             speed_weights=weights,
             start_spread=faults.push_noise * speeds[:, :, None] * np.eye(n) if faults.push_noise else None,
             substeps=faults.control_every,
-            delay=0 if "delay" in wanted.unbelieved_faults else faults.delay,
+            delay=0 if "delay" in wanted.undeclared_faults else faults.delay,
             lead=self.episode.lead,
             torque_limits=limits,
         )

@@ -44,42 +44,42 @@ def arm_spec(
         StudyError: the file says what no study is.
         PlantError: a plant file is missing, or describes no serial arm.
     """
-    nominal = tables.get("nominal")
-    if isinstance(nominal, dict) and "links" in nominal:
+    stated = tables.get("nominal")
+    if isinstance(stated, dict) and "links" in stated:
         raise StudyError(
             f"{path}: plant {plant_path.stem} is an arm, and the nominal model has the links of a planar chain "
             "(allowed: nominal = the plant file of an arm, or [nominal] with plant and seed)"
         )
     study = check(ArmStudySettings, tables, str(path), StudyError)
-    shaped, believed = _nominal(study, named)
+    shaped, nominal = _nominal(study, named)
     if isinstance(settings, SocketSettings):
-        plant: ArmPlantSettings | SocketSettings = _agreeing(settings, believed, path)
+        plant: ArmPlantSettings | SocketSettings = _agreeing(settings, nominal, path)
     else:
         shaped = ArmPlant(plant_path.stem, settings)
-        plant = _simulated(shaped, believed, path)
+        plant = _simulated(shaped, nominal, path)
     starts = _starts(study.episode, shaped, study.seed)
     coasts = _coasts(study.episode, shaped)
     stiffness = np.array(
-        [0.0 if i < coasts else study.episode.stiffness_of(believed, start) for i, start in enumerate(starts)]
+        [0.0 if i < coasts else study.episode.stiffness_of(nominal, start) for i, start in enumerate(starts)]
     )
     return ArmSpec(
         name=path.stem,
         plant_name=plant_path.stem,
         plant=plant,
-        nominal=TreeSettings.of(believed),
-        counted_by=base_parameters(believed, None, "tilt" in study.estimate.unbelieved_faults).names,
+        nominal=TreeSettings.of(nominal),
+        counted_by=base_parameters(nominal, None, "tilt" in study.estimate.undeclared_faults).names,
         starts=tuple(StartSettings(pose=start.pose.tolist(), speeds=start.speeds.tolist()) for start in starts),
         stiffness=stiffness.tolist(),
         study=study,
     )
 
 
-def _simulated(plant: ArmPlant, believed: Tree, path: Path) -> ArmPlantSettings:
+def _simulated(plant: ArmPlant, nominal: Tree, path: Path) -> ArmPlantSettings:
     """A simulated plant, written out."""
-    if believed.names != plant.tree.names:
+    if nominal.names != plant.tree.names:
         raise StudyError(
             f"{path}: plant {plant.name} has the joints {', '.join(plant.tree.names)}, the nominal arm "
-            f"{', '.join(believed.names)}: they must agree"
+            f"{', '.join(nominal.names)}: they must agree"
         )
     settings = plant.settings
     return ArmPlantSettings(
@@ -91,14 +91,14 @@ def _simulated(plant: ArmPlant, believed: Tree, path: Path) -> ArmPlantSettings:
     )
 
 
-def _agreeing(rig: SocketSettings, believed: Tree, path: Path) -> SocketSettings:
+def _agreeing(rig: SocketSettings, nominal: Tree, path: Path) -> SocketSettings:
     """A rig that has the joints and the gravity of the nominal arm."""
-    if rig.joints != believed.njoint:
+    if rig.joints != nominal.njoint:
         raise StudyError(
-            f"{path}: the rig has {rig.joints} joints, the nominal arm {believed.njoint} "
-            f"({', '.join(believed.names)}): they must agree"
+            f"{path}: the rig has {rig.joints} joints, the nominal arm {nominal.njoint} "
+            f"({', '.join(nominal.names)}): they must agree"
         )
-    pull = float(np.linalg.norm(believed.gravity))
+    pull = float(np.linalg.norm(nominal.gravity))
     if not np.isclose(pull, rig.gravity):
         raise StudyError(
             f"{path}: the nominal arm's gravity is {pull:g} m/s², the rig's {rig.gravity:g}: they must agree, "

@@ -25,8 +25,9 @@ FEW, MANY = 4, 2000  # trials by default: with an estimate from all trials befor
 
 
 class DrawnNominalSettings(Settings):
-    """`[nominal]`: what one may believe of the arm of a `plant` file, drawn at random with a `seed`. Masses, moments of
-    inertia and centres of mass are as wrong as `[estimate]` says that they may be, friction and rotors are not known.
+    """`[nominal]`: a nominal arm that is drawn at random, with a `seed`, about the arm of a `plant` file. Masses,
+    moments of inertia and centres of mass are as wrong as `[estimate]` says that they may be, friction and rotors are
+    not known.
     """
 
     plant: str
@@ -251,7 +252,7 @@ class ArmSpec(Settings):
         return None if isinstance(self.plant, SocketSettings) else self.plant
 
     def with_nominal(self, nominal: Any) -> ArmSpec:
-        """A study of the same arm, of which its user believes something else.  Raises StudyError where the `nominal`
+        """A study of the same arm with another nominal one.  Raises StudyError where the `nominal`
         model is no arm with its joints.
         """
         names = getattr(nominal, "names", None)
@@ -272,7 +273,7 @@ class ArmSpec(Settings):
     @property
     def tilts(self) -> bool:
         """Whether the base may be tilted, as far as the study knows."""
-        return "tilt" in self.study.estimate.unbelieved_faults
+        return "tilt" in self.study.estimate.undeclared_faults
 
     @property
     def arm_starts(self) -> tuple[ArmStart, ...]:
