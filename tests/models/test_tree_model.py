@@ -23,6 +23,7 @@ from metaid.models.tree import (
     planar_chain,
     planar_tree,
     random_states,
+    seen_by_bias,
     torque_regressor,
 )
 from metaid.plant.description import arm_model
@@ -115,7 +116,7 @@ def test_expressions_name_what_is_added() -> None:
     units = dict(zip(base.names, base.units, strict=True))
     assert (units["m1z"], units["damping2"], units["coulomb1"]) == ("kg m", "N m s", "N m")
     first, second = (next(name for name in base.names if name in names) for names in (("yy1", "rotor1"), ("yy2",)))
-    seen = dict(zip(base.names, base.seen_by_bias.tolist(), strict=True))
+    seen = dict(zip(base.names, seen_by_bias(planar, base).tolist(), strict=True))
     assert not seen[first], "only accelerations show what turns about a fixed axis"
     assert not seen[second]
     assert seen["m1z"]

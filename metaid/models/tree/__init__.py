@@ -7,7 +7,7 @@ have.
 """
 
 from metaid.models.tree.arm_prior import ArmPrior, PriorDeviations
-from metaid.models.tree.base import BaseParameters, base_parameters, random_states
+from metaid.models.tree.base import BaseParameters, base_parameters, random_states, seen_by_bias
 from metaid.models.tree.bodies import PossibleBodies, nominal_pseudo_inertias, possible_bodies, pseudo_inertia
 from metaid.models.tree.joint_friction import JointFriction, dahl, dry_states
 from metaid.models.tree.known_bodies import KnownBodies, body_quantities, known_bodies
@@ -45,6 +45,7 @@ __all__ = [
     "possible_bodies",
     "pseudo_inertia",
     "random_states",
+    "seen_by_bias",
     "tilted_gravity",
     "torque_half_width",
     "torque_regressor",

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from metaid.models.lumps import Array
 from metaid.models.tree.regressor import torque_regressor
@@ -36,8 +37,6 @@ class BaseParameters:
         expressions: what each is made of (nbase): `m4x + 0.4 m5`.
         columns: where the parameters they are counted by are among all of them (nbase).
         matrix: the combinations (nbase x 13 njoint), of the parameters in the order of the tree's.
-        seen_by_bias: which of them (nbase) the torque shows of an arm that nothing accelerates: the others show in the
-            mass matrix alone.
     """
 
     names: tuple[str, ...]
@@ -45,7 +44,6 @@ class BaseParameters:
     expressions: tuple[str, ...]
     columns: NDArray[np.intp]
     matrix: Array
-    seen_by_bias: NDArray[np.bool_]
 
     def of(self, parameters: Array) -> Array:
         """The base parameters (... x nbase) of arms with these `parameters` (... x njoint x 13)."""
@@ -104,7 +102,6 @@ def base_parameters(tree: Tree, counted_by: Sequence[str] | None = None, tilts: 
         expressions=tuple(_expression(row, int(column), names) for row, column in zip(matrix, columns, strict=True)),
         columns=columns,
         matrix=matrix,
-        seen_by_bias=_seen_by_bias(tree, columns),
     )
 
 
@@ -113,7 +110,8 @@ def _reduced(regressor: Array) -> Array:
     columns all is the same.
     """
     states, njoint = regressor.shape[:2]
-    return np.asarray(np.linalg.qr(regressor.reshape(states * njoint, -1), mode="r"), dtype=np.float64)
+    with threadpool_limits(1):  # on a busy machine BLAS threads wait for each other a hundred times as long
+        return np.asarray(np.linalg.qr(regressor.reshape(states * njoint, -1), mode="r"), dtype=np.float64)
 
 
 def _independent(rows: Array, kinds: list[str]) -> NDArray[np.intp]:
@@ -128,11 +126,13 @@ def _independent(rows: Array, kinds: list[str]) -> NDArray[np.intp]:
     return np.sort(order[:rank])
 
 
-def _seen_by_bias(tree: Tree, columns: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Which base parameters (nbase) no combination hides that leaves the torque without accelerations as it is."""
+def seen_by_bias(tree: Tree, base: BaseParameters) -> NDArray[np.bool_]:
+    """Which base parameters (nbase) the torque shows of an arm that nothing accelerates, the others in the mass matrix
+    alone: those that no combination hides that leaves this torque as it is.
+    """
     coordinates, speeds, _ = random_states(tree, STATES, np.random.default_rng(0))
     rows = _reduced(torque_regressor(tree, coordinates, speeds, np.zeros_like(speeds)))
-    _, singular, right = np.linalg.svd(rows[:, columns], full_matrices=False)
+    _, singular, right = np.linalg.svd(rows[:, base.columns], full_matrices=False)
     hidden = right[singular <= NOTHING * singular[0]]
     return np.asarray(np.abs(hidden).max(axis=0, initial=0.0) < np.sqrt(NOTHING))
 

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from metaid.errors import StudyError
 from metaid.models import DEVIATIONS, Array
+from metaid.models.tree import seen_by_bias
 from metaid.plant import FaultSettings
 from metaid.search import Searcher
 from metaid.study.spatial.problem import QUIETEST_RIG, ArmProblem
@@ -63,7 +64,7 @@ def arm_identifiability(problem: ArmProblem) -> ArmIdentifiability:
         expressions=base.expressions,
         resolution=DEVIATIONS * estimate.value_deviations,
         beforehand=DEVIATIONS * np.sqrt(np.diag(prior.covariance)),
-        seen_by_bias=base.seen_by_bias,
+        seen_by_bias=seen_by_bias(problem.nominal, base),
     )
 
 
