@@ -13,7 +13,7 @@ demo: $(VENV)/.runtime
 	$(BIN)/metaid study run three-link --create --workers 2
 
 # Three workers on two cores: now and then a test waits for a browser, a server or another process.
-test: $(VENV)/.dev
+test: $(VENV)/.dev .venv-tools/bin/pip-licenses
 	$(BIN)/pytest -n 3 --dist worksteal --durations 15
 
 # Under a minute on two idle cores: what is not marked slow.
@@ -48,8 +48,8 @@ docs: .venv-docs/.ready
 	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet --strict
 
 # Licences, pins, and known vulnerabilities where the internet is; status 2 where it is not.
-audit: $(VENV)/.dev .venv-docs/.ready .venv-tools/bin/pip-audit
-	$(BIN)/python -m supply .venv-tools/bin/pip-audit
+audit: $(VENV)/.dev .venv-docs/.ready .venv-tools/bin/pip-audit .venv-tools/bin/pip-licenses
+	$(BIN)/python -m supply
 
 bench: $(VENV)/.runtime
 	$(BIN)/python -m benchmarks

@@ -7,12 +7,7 @@ from __future__ import annotations
 import json
 import sys
 import tomllib
-from collections.abc import Mapping
-from email.message import Message
-from importlib.metadata import Distribution
-from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import pytest
 from packaging.requirements import Requirement
@@ -20,7 +15,7 @@ from packaging.utils import canonicalize_name
 from packaging.version import Version
 from places import ROOT
 
-from supply.licences import ALLOWED_IN_DEVELOPMENT, READ_BY_HAND, is_allowed, licence
+from supply.licences import ALLOWED_IN_DEVELOPMENT, READ_BY_HAND, licences, refused
 from supply.pins import are_installed, direct, installed, pinned
 from supply.vulnerabilities import CANARY, AuditError, vulnerabilities
 
@@ -45,18 +40,29 @@ def test_lowest_version_that_is_allowed_is_the_one_that_is_tested(need: str) -> 
     assert Version(LOWEST[canonicalize_name(requirement.name)]) == Version(lower[0])
 
 
-def test_licences_of_what_is_pinned_are_allowed() -> None:
+@pytest.fixture(scope="module")
+def pip_licenses() -> list[str]:
+    """The tool that reads licences."""
+    tool = ROOT / ".venv-tools" / "bin" / "pip-licenses"
+    if not tool.exists():
+        pytest.skip("`make test` installs pip-licenses")
+    return [str(tool)]
+
+
+@pytest.mark.slow
+def test_licences_of_what_is_pinned_are_allowed(pip_licenses: list[str]) -> None:
     """Each as the package itself tells it."""
-    here = {name: package for name, package in installed(DIRECT).items() if PINNED.get(name) == package.version}
-    assert {name: licence(package) for name, package in here.items() if not is_allowed(licence(package))} == {}
+    here = {name for name, package in installed(DIRECT).items() if PINNED.get(name) == package.version}
+    assert refused(here, licences(sys.executable, pip_licenses)) == {}
 
 
-def test_every_dependency_of_the_site_is_pinned_and_has_an_allowed_licence(site: Path) -> None:
+@pytest.mark.slow
+def test_every_dependency_of_the_site_is_pinned_and_has_an_allowed_licence(site: Path, pip_licenses: list[str]) -> None:
     """What `make docs` has installed for itself, down to the last package."""
     assert site.is_dir()
     here = installed(SITE, ROOT / ".venv-docs")
     assert {name: package.version for name, package in here.items() if PINNED.get(name) != package.version} == {}
-    assert {name: licence(package) for name, package in here.items() if not is_allowed(licence(package))} == {}
+    assert refused(here, licences(ROOT / ".venv-docs" / "bin" / "python", pip_licenses)) == {}
 
 
 def test_robots_are_pinned_within_their_bounds_and_apart_from_all_else() -> None:
@@ -69,62 +75,32 @@ def test_robots_are_pinned_within_their_bounds_and_apart_from_all_else() -> None
 
 @pytest.mark.robots
 @pytest.mark.skipif(not are_installed(ROBOTS), reason="`make robots` installs them")
-def test_robots_that_are_installed_are_those_that_are_pinned_under_licences_that_are_allowed() -> None:
+def test_robots_that_are_installed_are_those_that_are_pinned_under_licences_that_are_allowed(
+    pip_licenses: list[str],
+) -> None:
     """Down to the last package."""
     here = installed(ROBOTS)
     assert set(PINNED_ROBOTS) == set(here) - set(PINNED)
     assert {name: here[name].version for name in PINNED_ROBOTS} == PINNED_ROBOTS
-    stated = {name: licence(here[name]) for name in PINNED_ROBOTS}
-    assert {name: each for name, each in stated.items() if not is_allowed(each, ALLOWED_IN_DEVELOPMENT)} == {}
+    assert refused(PINNED_ROBOTS, licences(sys.executable, pip_licenses), ALLOWED_IN_DEVELOPMENT) == {}
 
 
 def test_licence_that_was_read_by_hand_is_that_of_the_version_that_is_pinned() -> None:
-    """With where it was read; of another version nothing is known."""
+    """With where it was read; of another version nothing is known, and what a package states goes before it."""
     for name, read in READ_BY_HAND.items():
         assert read.version == (PINNED | PINNED_ROBOTS)[name]
         assert "https://" in read.source
-        assert licence(Described(Name=name, Version=read.version)) == read.licence
-        assert licence(Described(Name=name, Version="0")) == ""
-        assert licence(Described(Name=name, Version=read.version, License_Expression="MIT")) == "MIT"
+        here, unknown = read.version, "UNKNOWN"
+        for version, stated, told in ((here, unknown, read.licence), ("0", unknown, unknown), (here, "MIT", "MIT")):
+            answer = json.dumps([{"Name": name, "Version": version, "License": stated}])
+            assert licences(sys.executable, [sys.executable, "-c", f"print({answer!r})"]) == {name: told}
 
 
-class Described(Distribution):
-    """A package with given metadata."""
-
-    def __init__(self, **fields: str) -> None:
-        self._fields = fields
-
-    def read_text(self, filename: str) -> str | None:
-        """Its METADATA."""
-        message = Message()
-        for key, value in self._fields.items():
-            message[key.replace("_", "-")] = value
-        return str(message) if filename == "METADATA" else None
-
-    def locate_file(self, path: str | PathLike[str]) -> Any:
-        """It has no files."""
-        raise NotImplementedError
-
-
-@pytest.mark.parametrize(
-    ("fields", "allowed"),
-    [
-        ({"License_Expression": "MIT"}, True),
-        ({"License_Expression": "Apache-2.0 WITH LLVM-exception AND BSD-2-Clause"}, True),
-        ({"License_Expression": "GPL-3.0-only OR MIT"}, True),
-        ({"License_Expression": "GPL-3.0-only AND MIT"}, False),
-        ({"License": "AGPL", "Classifier": "License :: OSI Approved :: MIT License"}, False),
-        ({"License": "BSD 3-Clause License"}, True),
-        ({"License_Expression": "LGPL-3.0-or-later"}, False),
-        ({"License": "UNKNOWN", "Classifier": "License :: OSI Approved :: ISC License (ISCL)"}, True),
-        ({"Classifier": "License :: OSI Approved :: GNU General Public License v3 (GPLv3)"}, False),
-        ({"License": "Commercial, ask us"}, False),
-        ({}, False),
-    ],
-)
-def test_licence_is_allowed_only_where_it_is_known_to_be(fields: Mapping[str, str], allowed: bool) -> None:
-    """An expression before the field, the field before classifiers; a package that says nothing is not allowed."""
-    assert is_allowed(licence(Described(**fields))) is allowed
+def test_licence_is_allowed_only_where_it_is_known_to_be() -> None:
+    """One that is not in the list is refused with its package, and so is a package of which nothing is said."""
+    stated = {"a": "MIT", "b": "GPL-3.0-only AND MIT", "c": "LGPL-3.0-or-later"}
+    assert refused("abcd", stated) == {"b": "GPL-3.0-only AND MIT", "c": "LGPL-3.0-or-later", "d": "UNKNOWN"}
+    assert refused("abcd", stated, ALLOWED_IN_DEVELOPMENT) == {"b": "GPL-3.0-only AND MIT", "d": "UNKNOWN"}
 
 
 def answering(*answers: object) -> list[str]:
