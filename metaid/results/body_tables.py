@@ -76,10 +76,10 @@ def _of_chain(found: ChainFound, problem: Any) -> dict[str, Any] | None:
 
 @_bodies.register
 def _of_arm(found: ArmFound, problem: Any) -> dict[str, Any] | None:
-    bodies, plant = known_bodies(problem.prior, found.values, found.covariance), problem.open_plant()
+    bodies, truth = known_bodies(problem.prior, found.values, found.covariance), problem.truth
     if bodies is None:
         return None
-    reach, is_told = DEVIATIONS * bodies.deviations, plant.settings.truth_known
+    reach = DEVIATIONS * bodies.deviations
     return {
         "name": bodies.names,
         "unit": bodies.units,
@@ -89,7 +89,7 @@ def _of_arm(found: ArmFound, problem: Any) -> dict[str, Any] | None:
         "low": bodies.values - reach,
         "high": bodies.values + reach,
         "bounded": np.ones(len(reach), dtype=np.bool_),
-        "true": body_quantities(plant.tree) if is_told else np.full(len(reach), np.nan),
+        "true": np.full(len(reach), np.nan) if truth is None else body_quantities(truth),
     }
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from conftest import Finished
 from rig import ROOT, Server, rig_at, serving
 
 from metaid.errors import StudyError
@@ -43,8 +45,10 @@ def spec_of(folder: Path, server: Server, **rig: object) -> ArmSpec:
     return spec
 
 
-def test_arm_behind_a_socket_is_found(tmp_path: Path, server: Server) -> None:
-    """With its rotors and its friction, though what moves it shares neither code nor integrator with the twin."""
+def test_arm_behind_a_socket_is_found(tmp_path: Path, server: Server, metaid: Callable[..., Finished]) -> None:
+    """With its rotors and its friction, though what moves it shares neither code nor integrator with the twin; and what
+    was found is shown as of any study.
+    """
     store = Store(str(tmp_path / "arm.db"), create=True)
     run_study(store, create_study(store, spec_of(tmp_path, server)))
     snapshot = read_snapshot(store, "arm-rig")
@@ -62,6 +66,12 @@ def test_arm_behind_a_socket_is_found(tmp_path: Path, server: Server) -> None:
     lever = model.body_mass[3] * model.body_ipos[3]  # the first moments of the last link
     assert values["m3z"] == pytest.approx(lever[2], rel=1e-3)
     assert problem_of(snapshot.spec).truth is None
+    storage = ("--storage", store.url)
+    assert metaid("study", "report", "arm-rig", "-o", "rig.html", *storage).status == 0
+    assert "low to high is their 95 % interval" in metaid("study", "show", "arm-rig", "--bodies", *storage).out
+    assert "the torque of each joint is within" in metaid("study", "run", "arm-rig", "--until", "1%", *storage).out
+    refused = metaid("study", "validate", "arm-rig", *storage)
+    assert (refused.status, "is a rig, and this needs a simulated plant" in refused.err) == (2, True)
 
 
 def test_rig_of_an_arm_begins_where_it_is_asked_to(server: Server) -> None:

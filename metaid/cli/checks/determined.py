@@ -75,6 +75,7 @@ def _of_lumps(problem: Problem, until: float | None, as_json: bool) -> None:
 def _of_base_parameters(problem: ArmProblem, until: float | None, as_json: bool) -> None:
     """What one trial tells of each base parameter, and whether coasts show it or springs alone."""
     found = arm_identifiability(problem)
+    foreseen = None if until is None else forecast(problem, until)
     rows = list(
         zip(
             found.names,
@@ -94,6 +95,7 @@ def _of_base_parameters(problem: ArmProblem, until: float | None, as_json: bool)
                 "study": problem.spec.name,
                 "measure": problem.measure.name,
                 "lumps": [dict(zip(keys, row, strict=True)) for row in rows],
+                **({} if foreseen is None else {"until": forecast_row(foreseen)}),
             }
         )
         return
@@ -107,6 +109,8 @@ def _of_base_parameters(problem: ArmProblem, until: float | None, as_json: bool)
     missed = [row[0] for row in rows if not row[3]]
     if missed:
         say(f"one trial does not determine {', '.join(missed)}: push more, faster, or for longer")
+    if foreseen is not None:
+        say(describe_forecast(foreseen))
 
 
 def judge_of(problem: Problem) -> str:

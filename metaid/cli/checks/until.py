@@ -46,17 +46,22 @@ def describe_forecast(foreseen: Forecast) -> str:
     if not math.isfinite(foreseen.half_width):
         return f"--until {foreseen.until:.3g}: not reached, for no estimate explains {cost} of the nominal model"
     return (
-        f"--until {foreseen.until:.3g}: not reached, for after {cost} the least known lump is known to "
+        f"--until {foreseen.until:.3g}: not reached, for after {cost} the least known is known to "
         f"{foreseen.half_width:.2g} of it: push harder, longer, or with more pushes"
     )
 
 
 def describe_reached(shown: dict[str, Any], until: float) -> str:
-    """Whether all lumps of a study in its summary are known as well as wanted, and if not, which is the least known."""
+    """Whether all lumps of a study in its summary are known as well as wanted, and if not, which is the least known; of
+    an arm the torques of its joints.
+    """
     head = f"--until {until:.3g}: "
     known = None if shown["estimate"] is None else shown["estimate"]["half_width"]
     if known is None:
         return f"{head}not reached, nothing was found"
+    if all("expression" in lump for lump in shown["lumps"]):
+        what = f"with 95 % the torque of each joint is within {known:.2g} of what was found"
+        return f"{head}{'reached' if known <= until else 'not reached'}, {what}"
     loose = next((lump["name"] for lump in shown["lumps"] if not lump["determined"]), None)
     if loose is not None:
         return f"{head}not reached, {loose} is not determined"
