@@ -69,7 +69,7 @@ def test_searched_faults_of_an_arm_are_found(
 def test_faults_of_an_arm_stand_beside_its_base_parameters(tmp_path: Path, metaid: Callable[..., Finished]) -> None:
     """In the table with the truth, in the verdict and in the report."""
     found_with(tmp_path, ("delay", "tilt"), delay=2, tilt=(0.02, -0.03))
-    storage = ("--storage", str(tmp_path / "arm.db"))
+    storage = ("--storage", str(tmp_path / "arm-0.db"))
     faults = {row["name"]: row for row in json.loads(metaid("study", "show", "arm", "--json", *storage).out)["faults"]}
     assert {name: row["true"] for name, row in faults.items()} == {"delay": 0.004, "tilt_x": 0.02, "tilt_y": -0.03}
     assert all(row["low"] < row["true"] < row["high"] for row in faults.values())
