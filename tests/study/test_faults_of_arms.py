@@ -22,11 +22,11 @@ SENSORS = {"angle_noise": 1e-4, "speed_sensor": False}
 
 
 def found_with(
-    folder: Path, searched: tuple[str, ...] | str, seed: int = 0, **faults: object
+    folder: Path, searched: tuple[str, ...] | str, seed: int = 0, trials: int = 1, **faults: object
 ) -> tuple[ArmFound, Array]:
-    """What two trials on a plant with these faults say, and how many deviations each base parameter is off."""
+    """What so many trials on a plant with these faults say, and how many deviations each base parameter is off."""
     wanted = searched if isinstance(searched, str) else list(searched)
-    spec = spec_of(**{"trials": 2, "seed": seed, "estimate.faults": wanted})
+    spec = spec_of(**{"trials": trials, "seed": seed, "estimate.faults": wanted})
     plant = spec.plant.model_copy(update={"faults": spec.plant.faults.model_copy(update={**SENSORS, **faults})})
     store = Store(str(folder / f"arm-{seed}.db"), create=True)
     run_study(store, create_study(store, spec.model_copy(update={"plant": plant}), "arm"))
@@ -89,7 +89,7 @@ def test_friction_of_an_arm_is_found_with_its_base_parameters(tmp_path: Path) ->
 
 def test_study_of_an_arm_takes_up_the_fault_that_explains_it(tmp_path: Path) -> None:
     """A delay that nobody has named is what is missing, and the study says so."""
-    found, off = found_with(tmp_path, "proposed", delay=2)
+    found, off = found_with(tmp_path, "proposed", trials=2, delay=2)
     assert found.explains
     assert found.taken_up is not None
     assert found.taken_up.kinds == ("delay",)
