@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
 TRIALS_ALONE = {"estimate.enabled": False}  # where only trials are looked at
 
 
-def rig_files(folder: Path, server: Server, trials: int = 20, more: str = "") -> Path:
+def rig_files(folder: Path, server: Server, trials: int = 14, more: str = "") -> Path:
     """A plant file for the rig, and a study of it with the nominal model of `two-link-tpe`."""
     (folder / "rig.toml").write_text(
         f'socket = "{server.address}"\njoints = 2\nstep_timeout = 60.0\nmotion = "stepped"\n{more}'
@@ -39,10 +39,10 @@ def test_plant_behind_a_socket_gives_the_trials_of_the_built_in_one(serve: Serve
     """The same MuJoCo model stepped by another process, its connection lost twice: every factor is the same to the
     last bit, and every value is to the last bit that of the plain loop (the compiled one rounds its sums otherwise).
     """
-    server = serve("--body", "mujoco", "--watchdog", "60", "--fault", "drop@700", "--fault", "late@4000")
+    server = serve("--body", "mujoco", "--watchdog", "60", "--fault", "drop@700", "--fault", "late@2500")
     study = load_chain_study(rig_files(tmp_path, server), TRIALS_ALONE)
     found = metaid.run(study, storage=str(tmp_path / "rig.db"))
-    changes = {"sampler": "cmaes", "trials": 20, "search.widen": False, **TRIALS_ALONE}  # no bound of a rig is moved
+    changes = {"sampler": "cmaes", "trials": 14, "search.widen": False, **TRIALS_ALONE}  # no bound of a rig is moved
     metaid.run(load_chain_study("two-link-tpe", changes), name="built-in", storage=str(tmp_path / "built-in.db"))
     rig = metaid.trials("find-rig", str(tmp_path / "rig.db"))
     built_in = metaid.trials("built-in", str(tmp_path / "built-in.db"))
@@ -53,7 +53,7 @@ def test_plant_behind_a_socket_gives_the_trials_of_the_built_in_one(serve: Serve
     assert rig["value"].to_numpy() == pytest.approx(built_in["value"].to_numpy(), rel=1e-14)
     problem = Problem(load_chain_study("two-link-tpe", changes))
     plant, nominal = problem.make_plant(), problem.nominal.lumps
-    for number in (0, 11, 19):
+    for number in (0, 8, 13):
         record, _ = run_stepwise(plant, nominal.scaled(rig.loc[number, problem.names].to_numpy(float)), problem.episode)
         assert rig.loc[number, "value"] == problem.measure.value(record)
     assert found["true"].isna().all()
@@ -88,11 +88,11 @@ def test_study_of_a_rig_is_run_shown_and_reported_without_calling_it_again(
 def test_candidate_that_loses_the_rig_every_time_fails_and_the_run_goes_on(serve: Serve, tmp_path: Path) -> None:
     """Three tries; then the trial is FAIL with its reason, and the next candidate has its turn."""
     path = str(tmp_path / "rig.db")
-    server = serve("--body", "mujoco", "--watchdog", "60", *(f"--fault=drop@{step}" for step in (5000, 5001, 5002)))
-    metaid.run(rig_files(tmp_path, server, trials=14), storage=path)
+    server = serve("--body", "mujoco", "--watchdog", "60", *(f"--fault=drop@{step}" for step in (2000, 2001, 2002)))
+    metaid.run(rig_files(tmp_path, server, trials=8), storage=path)
     trials = metaid.trials("find-rig", path)
     failed = trials[trials["state"] == "FAIL"]
-    assert len(trials) == 14
+    assert len(trials) == 8
     assert len(failed) == 1
     reason = (
         optuna.load_study(study_name="find-rig", storage=f"sqlite:///{path}")
@@ -108,16 +108,16 @@ def test_run_ends_where_the_rig_dies_and_goes_on_from_there(serve: Serve, tmp_pa
     never stopped.
     """
     path, listen = str(tmp_path / "rig.db"), f"unix:{tmp_path / 'rig.sock'}"
-    dying = serve("--body", "mujoco", "--watchdog", "60", "--fault=die@5000", listen=listen)
+    dying = serve("--body", "mujoco", "--watchdog", "60", "--fault=die@2500", listen=listen)
     study = load_chain_study(rig_files(tmp_path, dying), TRIALS_ALONE)
     with pytest.raises(AbsentPlant, match=r"no connection to unix:.*tried 3 times"):
         metaid.run(study, storage=path)
     kept = metaid.trials("find-rig", path)
-    assert len(kept) == int(kept["steps"].cumsum().searchsorted(5000))
+    assert len(kept) == int(kept["steps"].cumsum().searchsorted(2500))
     assert len(kept) % 7 > 0
     serve("--body", "mujoco", "--watchdog", "60", listen=listen)
     metaid.run(study, storage=path)
-    changes = {"sampler": "cmaes", "trials": 20, "search.widen": False, **TRIALS_ALONE}
+    changes = {"sampler": "cmaes", "trials": 14, "search.widen": False, **TRIALS_ALONE}
     metaid.run(load_chain_study("two-link-tpe", changes), name="built-in", storage=path)
     again, built_in = metaid.trials("find-rig", path), metaid.trials("built-in", path)
     assert (again[["gravity_1", "steps"]] == built_in[["gravity_1", "steps"]]).all(axis=None)
