@@ -1,0 +1,51 @@
+"""A bench as a process of its own, for as long as it is wanted."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+ROOT = Path(__file__).resolve().parents[2]
+PATIENCE = 400.0  # s, for a bench that compiles on a busy machine
+
+
+@contextmanager
+def bench(plant: Path, timestep: float = 0.002, **imperfections: float | tuple[float, ...]) -> Iterator[str]:
+    """The address of a bench that moves the links of a `plant` file, or an MJCF, with `Imperfections`, ticks of
+    `timestep` s.
+    """
+    program = [sys.executable, "-m", "soak.bench", str(plant), "--timestep", repr(timestep)]
+    for name, value in _texts(imperfections).items():
+        program += ["--set", f"{name}={value}"]
+    with tempfile.TemporaryFile("w+") as said:
+        process = subprocess.Popen(program, cwd=ROOT, stdout=said, stderr=said)
+        try:
+            yield _address(process, said)
+        finally:
+            process.kill()
+            process.wait()
+
+
+def _texts(given: Mapping[str, float | tuple[float, ...]]) -> dict[str, str]:
+    return {
+        name: ",".join(map(repr, value)) if isinstance(value, tuple) else repr(value) for name, value in given.items()
+    }
+
+
+def _address(process: subprocess.Popen[bytes], said: IO[str]) -> str:
+    """Where it listens.  Raises RuntimeError where it has ended."""
+    until = time.monotonic() + PATIENCE
+    while time.monotonic() < until and process.poll() is None:
+        said.seek(0)
+        words = said.read().split()
+        if words[:2] == ["listening", "at"] and len(words) > 2:
+            return words[2]
+        time.sleep(0.05)
+    said.seek(0)
+    raise RuntimeError(f"the bench did not start: {said.read()}")
