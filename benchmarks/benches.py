@@ -33,7 +33,7 @@ from metaid.store import Store
 from metaid.study import create_study, load_study, run_study
 from soak.bench.serving import bench
 
-ENCODER: Mapping[str, Any] = {"encoder_step": 0.38e-3}
+ENCODER: dict[str, Any] = {"encoder_step": 0.38e-3}
 TRUE = ((0.30, 0.60, 0.21, 0.0062), (0.20, 0.55, 0.15, 0.0035))  # length, mass, centre of mass, inertia
 WRONG = 0.25  # of each of them, at most
 TRIALS = 4
@@ -137,6 +137,7 @@ def try_bench(row: str, links: int, timestep: float, seed: int, settings: str = 
         return Judged(row, links, seed, verdict.word, np.inf, np.inf, 0, 0, seconds, "")
     table = verdict.lumps
     true = true_chain(links, imperfections.get("rotors", ())).lumps_of(tuple(_kinds(table))).vector_of(_kinds(table))
+    true = true / (1.0 + imperfections.get("gains", (0.0,))[0])  # in units of what the first motor is told
     held = int(((table["low"] <= true) & (true <= table["high"])).sum())
     faults = found.estimate.faults
     named = {} if faults is None else dict(zip(faults.searched.names, faults.values.round(5).tolist(), strict=True))

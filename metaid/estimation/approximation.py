@@ -50,7 +50,7 @@ class Approximation:
 
     Attributes:
         held_out: what pushes that were left out say.
-        misfit: of the estimate.
+        widening: by how much what is not explained makes deviations larger than if all were.
         residuals: of each trial (npush x njoint), in units of the noise; NaN where a push was not seen.
         joints: their names (njoint).
         own: standard deviation of each unknown (nunknown), as if the model explained all.
@@ -60,7 +60,7 @@ class Approximation:
     """
 
     held_out: HeldOut
-    misfit: float
+    widening: float
     residuals: Sequence[Array]
     joints: Sequence[str]
     own: Array
@@ -79,7 +79,7 @@ class Approximation:
         parts = len(self.held_out.unknowns)
         reach = float(stdtrit(parts - 1, PROBABILITY)) / DEVIATIONS  # Student's
         repeated = reach * self.held_out.deviations[: len(self.own)]
-        return np.asarray(np.sqrt((max(self.misfit, 1.0) * self.own) ** 2 + repeated**2 + self.shift**2))
+        return np.asarray(np.sqrt((self.widening * self.own) ** 2 + repeated**2 + self.shift**2))
 
     @property
     def holds(self) -> bool:

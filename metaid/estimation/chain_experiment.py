@@ -12,7 +12,7 @@ import numpy as np
 from metaid.episode import Outcome
 from metaid.estimation.counting import Counts
 from metaid.estimation.estimate import Estimate
-from metaid.estimation.experiment import Experiment, OfReadings
+from metaid.estimation.experiment import SOME, Experiment, OfReadings
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults, searched_faults
 from metaid.estimation.motions import Motions, Quantity
 from metaid.estimation.noisy import Innovations, Loop, Readings, ReadTrial, commanded_torques
@@ -155,6 +155,11 @@ class NoisyExperiment(OfReadings, ChainExperiment):
         if self.torque_noise is not None:  # a trial narrows the intervals of those lumps that it shows
             return bool((after.deviations > STILL_SHRINKS * before.deviations).all())
         return float(after.deviations.max()) > STILL_SHRINKS * float(before.deviations.max())
+
+    @property
+    def _some_torque(self) -> Array:
+        speed = float(np.abs(self.start_speeds).max())
+        return SOME * self.unknowns.torques(self.gravity, speed)
 
     def _search(self, kinds: tuple[str, ...]) -> SearchedFaults:
         return searched_faults(kinds, self.unknowns, self.gravity, self.start_speeds)

@@ -40,10 +40,20 @@ class Found(Fit):
         faults: that were searched beside what is unknown of it; None where none were.
         torque_noise: standard deviation of the noise of each joint's torque (njoint), in N m, that was found; None
             where none was looked for.
+        led_misfit: the misfit of the twin that the readings lead, where noise of the torques stands for what the model
+            has not, and `misfit` is that of the twin without it; None elsewhere.
     """
 
     faults: FoundFaults | None = None
     torque_noise: Array | None = None
+    led_misfit: float | None = None
+
+    @property
+    def widening(self) -> float:
+        """By how much what is not explained makes standard deviations larger than if all were."""
+        if self.is_explained:
+            return 1.0
+        return max(self.misfit if self.led_misfit is None else self.led_misfit, 1.0)
 
     @property
     def point(self) -> Array:

@@ -13,14 +13,15 @@ from metaid.episode import Outcome
 from metaid.estimation.approximation import HeldOut
 from metaid.estimation.counting import Counts, match_counts
 from metaid.estimation.estimate import Comparison, Found, fit
-from metaid.estimation.faults import Proposal, SearchedFaults, TakenUp, Unmodelled
+from metaid.estimation.faults import NO_FAULTS, Proposal, SearchedFaults, TakenUp, Unmodelled
 from metaid.estimation.noisy import (
     Innovations,
     Loop,
     Readings,
-    explanations,
     fit_with_torque_noise,
     hold_out,
+    led,
+    led_by,
     proposed_faults,
     take_up,
     unmodelled_forces,
@@ -29,6 +30,7 @@ from metaid.estimation.trials import Replay
 from metaid.models import Array
 
 RESTARTS = 3  # of a fit that explains nothing, from elsewhere
+SOME = 0.03  # of what the joints need: noise of torques that stands for what the model has not, to begin with
 
 
 class Experiment(ABC):
@@ -156,33 +158,43 @@ class OfReadings(Experiment):
     def _search(self, kinds: tuple[str, ...]) -> SearchedFaults:
         """Faults of these `kinds` as unknowns."""
 
+    @property
+    @abstractmethod
+    def _some_torque(self) -> Array:
+        """What the noise of each joint's torque (njoint) may be that stands for what the model has not, in N m."""
+
     def _fit(self, compared: Comparison | Counts, begin: Array | None, restarts: int) -> Found:
         if self.torque_noise is None or not isinstance(compared, Innovations):
             return super()._fit(compared, begin, restarts)
         return fit_with_torque_noise(compared, begin, self.torque_noise)
 
     def unmodelled(self, trials: Sequence[Any], estimate: Found) -> list[Unmodelled]:
-        led = self._led(trials, estimate)
-        return [] if led is None else list(unmodelled_forces(led, estimate))
+        compared = None if estimate.led_misfit is not None else self._led(trials, estimate)
+        return [] if compared is None else list(unmodelled_forces(compared, estimate))
 
     def estimate(self, trials: Sequence[Any], start: Found | None = None, thorough: bool = True) -> Any:
-        if not self.takes_up:
-            return super().estimate(trials, start, thorough)
-        if start is not None and start.faults is not None:
-            found = self._searching(start.faults.searched).estimate(trials, start, thorough=False)
-            if found is not None and found.is_explained:
+        if start is not None and start.faults is not None and self.takes_up:
+            found = self._searching(start.faults.searched).estimate(trials, start, thorough)
+            if found is None or found.is_explained:
                 return found
-            start = None
-        found = super().estimate(trials, start, thorough=False)
-        if found is None or found.is_explained:
+        else:
+            found = super().estimate(trials, start, thorough=False)
+        if found is None or found.is_explained or self.torque_noise is not None:
             return found
-        explained = next(explanations(self._comparison(trials), found, self._search), None)
-        if explained is None and thorough:
-            return super().estimate(trials, start)
-        return explained or found
+        compared = self._comparison(trials)
+        if not isinstance(compared, Readings):
+            return found
+        if start is None and self.takes_up:
+            return take_up(compared, found, self._search, self._some_torque)[0]
+        faulty = replace(compared, faults=NO_FAULTS if found.faults is None else found.faults.searched)
+        begin = found if found.torque_noise is not None else replace(found, torque_noise=self._some_torque)
+        return led(faulty, begin) or found
 
     def taken_up(self, trials: Sequence[Any], estimate: Found) -> tuple[Any, TakenUp | None]:
-        return take_up(self._comparison(trials), estimate, self._search) if self.takes_up else (estimate, None)
+        compared = self._comparison(trials) if self.takes_up else None
+        if not isinstance(compared, Readings) or (estimate.is_explained and estimate.faults is None):
+            return estimate, None
+        return take_up(compared, estimate, self._search, self._some_torque)
 
     def searching(self, estimate: Found) -> Any:
         return self._searching(estimate.faults.searched) if self.takes_up and estimate.faults is not None else self
@@ -193,11 +205,13 @@ class OfReadings(Experiment):
         compared = self._comparison(trials)
         if not isinstance(compared, Readings):
             return None  # without noise the misfit says all
-        return proposed_faults(compared, estimate, self._search, self.loop.declared_delay)
+        return proposed_faults(compared, estimate, self._search, self._some_torque, self.loop.declared_delay)
 
     def held_out(self, trials: Sequence[Any], estimate: Found) -> HeldOut | None:
-        led = self._led(trials, estimate)
-        return None if led is None else hold_out(led, estimate.point)
+        fitted, compared = self._led(trials, estimate), self._comparison(trials)
+        if fitted is None:
+            return None
+        return hold_out(fitted, estimate.point, compared if estimate.led_misfit is not None else None)
 
     def _searching(self, faults: SearchedFaults) -> Any:
         """The same where these `faults` are searched from the first trial on."""
@@ -208,6 +222,7 @@ class OfReadings(Experiment):
         compared = self._comparison(trials)
         if not isinstance(compared, Readings):
             return None
-        if estimate.torque_noise is None or not isinstance(compared, Innovations):
+        if estimate.torque_noise is None:
             return compared
-        return compared.led(estimate.point, estimate.torque_noise)
+        innovations = compared if isinstance(compared, Innovations) else led_by(compared)
+        return innovations.led(estimate.point, estimate.torque_noise)

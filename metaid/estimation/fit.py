@@ -218,7 +218,8 @@ def misfit(found: Descent) -> float:
 
 
 def starting_points(comparison: Fitted, start: Array | None, restarts: int, seed: int) -> Iterator[Array]:
-    """The `start` if there is one, the nominal model, and random points about it.
+    """The `start` if there is one, the nominal model, and random points about it; a `start` alone where `restarts` is
+    below 0.
 
     Args:
         comparison: what is fitted, with the prior of its unknowns.
@@ -229,7 +230,8 @@ def starting_points(comparison: Fitted, start: Array | None, restarts: int, seed
     spreads = comparison.spreads
     if start is not None:
         yield start
-    yield np.zeros(len(spreads))
+    if start is None or restarts >= 0:
+        yield np.zeros(len(spreads))
     random = np.random.default_rng(seed)
     for _ in range(restarts):
         point = spreads * random.standard_normal(len(spreads))

@@ -23,7 +23,7 @@ def watch_push(start, forces, balance, derivatives, settings, ends, work, shown,
     """Runs one push that gives the joints the speeds `start` (njoint); returns how many windows it got through.
 
     Args:
-        start: joint speeds (njoint) right after the push, in rad/s.
+        start: joint angles and speeds (2 x njoint) right after the push, in rad and rad/s.
         forces: Q of Eq. 22 at each step (nstep x njoint), in N m; or empty.
         balance, derivatives, work: see `workspace`.
         settings: timestep in s; whether energies are differentiated too.
@@ -32,7 +32,7 @@ def watch_push(start, forces, balance, derivatives, settings, ends, work, shown,
         slopes: derivatives of joint speeds and the two energies, (nwindow x njoint x nunknown) each, filled in.
     """
     timestep, with_energies = settings
-    set_off(start, -1, work)
+    set_off(start, 0, 0, work)
     window = 0
     for step in range(ends[-1]):
         if not accelerate(step, forces, balance, work):
@@ -52,22 +52,24 @@ def watch_push(start, forces, balance, derivatives, settings, ends, work, shown,
 
 
 @compiled
-def set_off(start, start_column, work):  # type: ignore[no-untyped-def]
-    """The chain upright with the joint speeds `start` (njoint). Nothing depends on an unknown, but these speeds on
-    those from `start_column` on, unless it is −1.
+def set_off(start, start_column, extra, work):  # type: ignore[no-untyped-def]
+    """The chain with the joint angles and speeds `start` (2 x njoint). Nothing depends on an unknown, but of these the
+    last `extra` on those from `start_column` on.
     """
-    n = start.shape[0]
-    below = 0.0
+    n = start.shape[1]
+    lean, below = 0.0, 0.0
     for i in range(n):
-        below += start[i]
-        work.angle[i], work.speed[i], work.speed_energy[i], work.acceleration_energy[i] = 0.0, below, 0.0, 0.0
+        lean, below = lean + start[0, i], below + start[1, i]
+        work.angle[i], work.speed[i], work.speed_energy[i], work.acceleration_energy[i] = lean, below, 0.0, 0.0
+        work.slip[0, i] = np.sign(start[1, i])
     work.moved[:] = 0.0
+    work.slipped[:] = 0.0
     work.speed_slopes[:] = 0.0
     work.acceleration_slopes[:] = 0.0
-    if start_column >= 0:
-        for i in range(n):
-            for k in range(i + 1):  # joint k turns every link above it
-                work.moved[n + i, start_column + k] = 1.0
+    for column in range(extra):
+        kind, joint = divmod(2 * n - extra + column, n)
+        for i in range(joint, n):  # a joint turns every link above it
+            work.moved[kind * n + i, start_column + column] = 1.0
 
 
 @compiled
@@ -99,6 +101,8 @@ def _force(step, forces, balance, work):  # type: ignore[no-untyped-def]
         joint_angle = angle[i] - (angle[i - 1] if i > 0 else 0.0)
         share = min(max(joint_speed * (1.0 / SLIDING), -1.0), 1.0)
         friction = balance.damping[i] * joint_speed + balance.coulomb[i] * share + balance.spring[i] * joint_angle
+        if balance.dry[i] != 0.0:
+            friction -= slipping(i, joint_angle, joint_speed, balance, work)
         force[i] = friction - carried - balance.gravity[i] * sine[i] - stiffness * balance.law_inertia[i] * angle[i]
         carried = friction
         if forces.shape[0] > 0:
@@ -112,6 +116,18 @@ def _force(step, forces, balance, work):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def slipping(joint, joint_angle, joint_speed, balance, work):  # type: ignore[no-untyped-def]
+    """Dry friction, in N m, in a joint that is at an angle, by Dahl's law from where the step began (Eq. 71); keeps its
+    share.
+    """
+    moved = joint_angle - work.slip[1, joint]
+    goal = np.sign(moved) if moved != 0.0 else np.sign(joint_speed)
+    share = goal + (work.slip[0, joint] - goal) * np.exp(-abs(moved) / balance.presliding)
+    work.slip[2, joint] = share
+    return balance.dry[joint] * share
+
+
+@compiled
 def _solve(balance, work):  # type: ignore[no-untyped-def]
     """Turns F into α = M⁻¹ F by M = L D Lᵀ; False where M is not positive definite."""
     acceleration, cosine, sine, factors = work.acceleration, work.cosine, work.sine, work.factors
@@ -120,6 +136,8 @@ def _solve(balance, work):  # type: ignore[no-untyped-def]
         force, pivot = acceleration[i], balance.mass_inertia[i]
         for j in range(i):
             factor = balance.mass_coriolis[i, j] * (cosine[i] * cosine[j] + sine[i] * sine[j])
+            if j == i - 1:
+                factor -= balance.rotor[i]
             for k in range(j):
                 factor -= factors[i, k] * factors[j, k] * factors[k, k]
             factor /= factors[j, j]
@@ -165,13 +183,13 @@ def _add_energies(timestep, stiffness, work):  # type: ignore[no-untyped-def]
 def _show(window, timestep, start, work, shown):  # type: ignore[no-untyped-def]
     """Fills in what the push has shown to the end of this `window`."""
     angles, speeds, speed_energy, acceleration_energy = shown
-    for i in range(start.shape[0]):
-        angle, speed = work.angle[i], work.speed[i]
+    for i in range(start.shape[1]):
+        angle, speed, begin = work.angle[i], work.speed[i], start[1, i]
         if i > 0:
             angle -= work.angle[i - 1]
             speed -= work.speed[i - 1]
         angles[window, i], speeds[window, i] = angle, speed
-        speed_energy[window, i] = work.speed_energy[i] + 0.5 * timestep * (speed * speed - start[i] * start[i])
+        speed_energy[window, i] = work.speed_energy[i] + 0.5 * timestep * (speed * speed - begin * begin)
         acceleration_energy[window, i] = work.acceleration_energy[i]
 
 

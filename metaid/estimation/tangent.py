@@ -12,6 +12,8 @@ vector instructions.
 
 from __future__ import annotations
 
+import numpy as np
+
 from metaid.compiled import fused
 from metaid.estimation.workspace import BLOCK
 from metaid.models import SLIDING
@@ -72,6 +74,8 @@ def _slopes_of_joints(balance, work):  # type: ignore[no-untyped-def]
         joint_speed = speed[i] - (speed[i - 1] if i > 0 else 0.0)
         slope, spring = balance.damping[i], balance.spring[i]
         slope += balance.coulomb[i] / SLIDING if abs(joint_speed) < SLIDING else 0.0
+        if balance.dry[i] != 0.0:
+            spring -= balance.dry[i] * builds_up(i, joint_speed, balance, work)
         solved[i, 2 * n + i] += slope
         solved[i, n + i] += spring
         if i > 0:
@@ -81,6 +85,14 @@ def _slopes_of_joints(balance, work):  # type: ignore[no-untyped-def]
             solved[i, n + i - 1] -= spring
             solved[i - 1, n + i] -= spring
             solved[i - 1, n + i - 1] += spring
+
+
+@fused
+def builds_up(joint, joint_speed, balance, work):  # type: ignore[no-untyped-def]
+    """The derivative of the share of dry friction in a joint by its angle, in 1/rad; `slip` is as the force was."""
+    moved = work.angle[joint] - (work.angle[joint - 1] if joint > 0 else 0.0) - work.slip[1, joint]
+    goal = np.sign(moved) if moved != 0.0 else np.sign(joint_speed)
+    return goal * (goal - work.slip[2, joint]) / balance.presliding
 
 
 @fused

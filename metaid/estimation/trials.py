@@ -36,6 +36,11 @@ class WatchedTrial:
         """The steps (nwindow) at which windows end."""
         return self.windows.ends
 
+    @property
+    def starts(self) -> Array:
+        """Joint angles and speeds (npush x 2 x njoint) right after each push, in rad and rad/s."""
+        return np.stack([np.zeros_like(self.start_speeds), self.start_speeds], axis=1)
+
     def seen(self, windows: int) -> NDArray[np.bool_]:
         """Which of the first `windows` windows of each push were seen (npush x nwindow)."""
         return np.arange(min(windows, len(self.ends))) < self.windows.seen[:, None]
@@ -77,8 +82,8 @@ class ReadTrial:
         steps: how many steps (npush) of each push were seen before a fall.
         start_speeds: joint speeds (npush x njoint), in rad/s, that such pushes gave in a calibration.
         start_spread: what pushes differ by, a root of the covariance of the start speeds (npush x njoint x njoint), in
-            rad/s: any L with covariance L Lᵀ. Of an arm perhaps that of coordinates and speeds (npush x 2 njoint x
-            2 njoint). None where they are all alike.
+            rad/s, or of coordinates and speeds (npush x 2 njoint x 2 njoint): any L with covariance L Lᵀ. None where
+            they are all alike.
         noise: standard deviation of a reading of each joint (njoint), in rad, from the plant at rest.
         substeps: how many timesteps there are between two readings, and between two torques.
         poses: joint coordinates (npush x njoint), in rad or m, at which the pushes begin; None for a chain that stands
@@ -156,7 +161,9 @@ class Joints(NamedTuple):
 
     `viscous` in N m s, `dry` in N m and `spring` in N m/rad (njoint each): friction, and the stiffness of a spring that
     is at rest where the joint is straight. `offset` (njoint), in rad: what an encoder reads there. `tilt`, in rad: of
-    the base, one angle in the plane of a chain, two of an arm about horizontal axes.
+    the base, one angle in the plane of a chain, two of an arm about horizontal axes. `rotor` (njoint), in kg m²: the
+    reflected inertia of what turns with a joint, from the second on. `presliding`, in rad: over which dry friction
+    builds up where the plant moves continuously.
     """
 
     viscous: Array
@@ -164,6 +171,8 @@ class Joints(NamedTuple):
     spring: Array
     offset: Array
     tilt: Array
+    rotor: Array
+    presliding: float
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,7 @@ def simulate(
     seen = shown, slopes, reached
 
     def run(first: int, stride: int) -> None:
-        _watch_pushes(first, stride, trial.start_speeds, *common, workspace(n, nunknown, energies), *seen)
+        _watch_pushes(first, stride, trial.starts, *common, workspace(n, nunknown, energies), *seen)
 
     share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * nunknown)
     return Motion(*shown, *slopes, reached)
@@ -87,16 +87,19 @@ def drive(
         gravity: in m/s².
         joints: what they have beside the lumps; None for nothing.
     """
-    trial, states, steps, basis = driven
-    starts = np.ascontiguousarray(states[:, 1])
+    trial, starts, steps, basis = driven
     lumps = unknowns.lumps(log_factors)
-    npush, n = starts.shape
-    columns = len(log_factors) + (n if trial.start_spread is not None else 0)
-    start_column = len(log_factors) if trial.start_spread is not None else -1
+    npush, _, n = starts.shape
+    extra = 0 if trial.start_spread is None else trial.start_spread.shape[-1]
+    columns = len(log_factors) + extra
     values, slopes = np.empty((npush, n, basis.shape[2])), np.empty((npush, n, basis.shape[2], columns))
     followed = np.zeros(npush, dtype=np.bool_)
-    forces = balance(None, lumps, gravity, joints=joints), derivatives(unknowns, lumps, gravity)
-    common = trial.forces, *forces, (trial.timestep, start_column, trial.substeps, trial.is_continuous), basis, steps
+    forces = (
+        balance(None, lumps, gravity, joints=joints, is_continuous=trial.is_continuous),
+        derivatives(unknowns, lumps, gravity),
+    )
+    settings = trial.timestep, len(log_factors), extra, trial.substeps, trial.is_continuous
+    common = trial.forces, *forces, settings, basis, steps
 
     def run(first: int, stride: int) -> None:
         room = workspace(n, columns, False, trial.is_continuous)

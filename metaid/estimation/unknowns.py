@@ -127,8 +127,12 @@ class Unknowns:
         return np.log(parameters_of(self.names, lumps) / parameters_of(self.names, self.nominal))
 
     def torque(self, gravity: float, speed: float) -> float:
-        """About what the joints need, in N m, under `gravity` in m/s² and at a `speed` in rad/s."""
-        return max(gravity * float(self.nominal.gravity.max()), float(self.nominal.of("inertia").max()) * speed**2)
+        """About what the strongest joint needs, in N m, under `gravity` in m/s² and at a `speed` in rad/s."""
+        return float(self.torques(gravity, speed).max())
+
+    def torques(self, gravity: float, speed: float) -> Array:
+        """About what each joint needs (njoint), in N m, under `gravity` in m/s² and at a `speed` in rad/s."""
+        return np.maximum(gravity * self.nominal.gravity, self.nominal.of("inertia") * speed**2)
 
     def alone(self, log_factors: Array) -> Unknowns:
         """A chain with these `log_factors` (nunknown), of which nothing is unknown any more."""

@@ -19,8 +19,10 @@ class Balance(NamedTuple):
 
     `gravity` (n) times g, in N m, `coriolis` (n x n), `damping` and `coulomb` (n) are the law's lumps less the
     chain's. `spring` (n) is minus the stiffness of a spring in each joint, in N m/rad, and `lean` (n) the true absolute
-    angle, in rad, of each link whose angle is read as 0. `mass_coriolis` (n x n) and `mass_inertia` (n) are the chain's
-    own. `law_coriolis` and `law_inertia` are the law's, which ask for q̈ = −`stiffness` q.
+    angle, in rad, of each link whose angle is read as 0. `dry` (n) is dry friction in N m that builds up over
+    `presliding` rad, in steps of Runge and Kutta alone. `mass_coriolis` (n x n) and `mass_inertia` (n) are the chain's
+    own, with the inertia of its rotors; `rotor` (n), in kg m², is what that of joint i takes off between links i − 1
+    and i. `law_coriolis` and `law_inertia` are the law's, which ask for q̈ = −`stiffness` q.
     """
 
     gravity: Array
@@ -29,8 +31,11 @@ class Balance(NamedTuple):
     coulomb: Array
     spring: Array
     lean: Array
+    dry: Array
+    presliding: float
     mass_coriolis: Array
     mass_inertia: Array
+    rotor: Array
     law_coriolis: Array
     law_inertia: Array
     stiffness: float
@@ -57,7 +62,8 @@ class Workspace(NamedTuple):
     M⁻¹ [1 G H]. `closed` (n x 2 n): the last two of these. `pulls` (2 n x n): see `tangent`. `moved` (2 n x p): δφ
     above δω. `changed` (n x p): δα. `speed_slopes`, `acceleration_slopes` (n x p): derivatives of the energies.
     `stages` (4 x n): of a Runge-Kutta step the state before it, angles and speeds, and what it adds to them; `held` and
-    `added` (2 n x p): the same of the derivatives.
+    `added` (2 n x p): the same of the derivatives. `slip` (3 x n): of dry friction that builds up, its share of all of
+    it before the step, where the joint was then, in rad, and the share now; `slipped` (n x p): derivatives of the first.
     """
 
     angle: Array
@@ -78,10 +84,17 @@ class Workspace(NamedTuple):
     stages: Array
     held: Array
     added: Array
+    slip: Array
+    slipped: Array
 
 
 def balance(
-    law: Lumps | None, lumps: Lumps, gravity: float, stiffness: float = 0.0, joints: Joints | None = None
+    law: Lumps | None,
+    lumps: Lumps,
+    gravity: float,
+    stiffness: float = 0.0,
+    joints: Joints | None = None,
+    is_continuous: bool = False,
 ) -> Balance:
     """What the motion of a chain under a law follows from.
 
@@ -91,21 +104,25 @@ def balance(
         gravity: in m/s².
         stiffness: of the law, in 1/s².
         joints: what they have beside the lumps; None for nothing.
+        is_continuous: whether the twin takes Runge-Kutta steps.
     """
     if joints is None:
         none = np.zeros(lumps.nlink)
-        joints = Joints(none, none, none, none, np.zeros(1))
+        joints = Joints(none, none, none, none, np.zeros(1), none, 0.0)
     if law is None:
         law = Lumps(np.zeros(lumps.nlink), np.zeros((lumps.nlink, lumps.nlink)))
     return Balance(
         gravity=gravity * (law.gravity - lumps.gravity),
         coriolis=law.coriolis - lumps.coriolis,
         damping=law.of("damping") - lumps.of("damping") - joints.viscous,
-        coulomb=law.of("coulomb") - lumps.of("coulomb") - joints.dry,
+        coulomb=law.of("coulomb") - lumps.of("coulomb") - (0.0 if is_continuous else 1.0) * joints.dry,
         spring=0.0 - joints.spring,
         lean=joints.tilt[0] - np.cumsum(joints.offset),  # what reads too much leans the other way.  Eq. 56
+        dry=(1.0 if is_continuous else 0.0) * joints.dry,
+        presliding=joints.presliding,
         mass_coriolis=np.array(lumps.coriolis),
-        mass_inertia=np.array(lumps.of("inertia")),
+        mass_inertia=lumps.of("inertia") + joints.rotor + np.append(joints.rotor[1:], 0.0),
+        rotor=np.array(joints.rotor),
         law_coriolis=np.array(law.coriolis),
         law_inertia=np.array(law.of("inertia")),
         stiffness=float(stiffness),
@@ -157,6 +174,8 @@ def workspace(nlink: int, nunknown: int, energies: bool, is_continuous: bool = F
         np.zeros((4, nlink)),
         np.zeros((inner, columns * is_continuous)),
         np.zeros((inner, columns * is_continuous)),
+        np.zeros((3, nlink)),
+        np.zeros((nlink, columns * is_continuous)),
     )
 
 

@@ -2,7 +2,9 @@
 
 `delay`: by how long torques come late. `tilt`: of the base. `offset`: what each encoder reads where its joint is
 straight. `viscous`, `dry`: friction in each joint. `spring`: the stiffness of a spring in each joint, at rest where the
-joint is straight. `gain`: the torque of each motor from the second on, as a multiple of what was commanded, where that
+joint is straight. `bias`: a torque that each motor adds, whatever it is told. `lag`: the time constant of the motors.
+`rotor`: the reflected inertia of what turns with each joint from the second on; that of the first is one with its link.
+`presliding`: the angle over which dry friction builds up. `gain`: the torque of each motor from the second on, as a multiple of what was commanded, where that
 of the first is taken for 1. A common factor of all motors shows nowhere: all lumps times the same would move alike.
 """
 
@@ -18,14 +20,19 @@ from metaid.plant.mujoco_plant import MujocoPlant
 
 FAULT_UNITS = {
     "delay": "s",
+    "lag": "s",
     "tilt": "rad",
     "offset": "rad",
     "viscous": "N m s",
     "dry": "N m",
+    "presliding": "rad",
     "spring": "N m/rad",
+    "bias": "N m",
+    "rotor": "kg m²",
     "gain": "1",
 }
-OF_PLANT = ("delay", "tilt")  # the others are of each joint
+OF_PLANT = ("delay", "lag", "tilt", "presliding")  # the others are of each joint
+FROM_SECOND = ("rotor", "gain")  # of joints from the second on
 
 
 def fault_names(kinds: Sequence[str], njoint: int, tilts: int = 1) -> list[str]:
@@ -34,7 +41,7 @@ def fault_names(kinds: Sequence[str], njoint: int, tilts: int = 1) -> list[str]:
     """
     names: list[str] = []
     for kind in kinds:
-        joints = range(2 if kind == "gain" else 1, njoint + 1)
+        joints = range(2 if kind in FROM_SECOND else 1, njoint + 1)
         own = [f"{kind}_{joint}" for joint in joints]
         names += ["tilt_x", "tilt_y"] if (kind, tilts) == ("tilt", 2) else [kind] if kind in OF_PLANT else own
     return names
@@ -56,6 +63,10 @@ def true_faults(plant: MujocoPlant | ArmPlant, kinds: Sequence[str]) -> Array:
         "tilt": faults.tilts(plant.tilts),
         "offset": faults.encoder_offsets(n),
         "gain": gains[1:] / gains[0],
+        "lag": [0.0],
+        "presliding": [0.0],
+        "bias": np.zeros(n),
+        "rotor": np.zeros(n - 1),
         **plant.hidden_forces,
     }
     values = np.concatenate([np.empty(0), *(np.asarray(true[kind], dtype=np.float64) for kind in kinds)])

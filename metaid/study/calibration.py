@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from metaid.episode import Calibration, natural_time, pushed_speeds
+from metaid.episode import Calibration, natural_time
 from metaid.errors import PlantError
 from metaid.models import Array, Chain, ChainModel
 from metaid.plant import SocketPlant, Start
@@ -42,10 +42,10 @@ def calibrate(plant: SocketPlant, nominal: Chain, pushes: Array, repeats: int) -
                 f"(allowed: at most {LARGEST_IMPULSE:g}); the speeds after its trial pushes are too low to be believed"
             )
     angle_noise, speed_noise = noise_at_rest(rest_readings(plant, nominal))
-    seen = np.array([pushed_speeds(plant, different) for _ in range(REPEATS)])
-    speeds = seen.mean(axis=0)
+    angles, joint_speeds = np.moveaxis(np.array([_begun(plant, different) for _ in range(REPEATS)]), 2, 0)
+    speeds = np.cumsum(joint_speeds.mean(axis=0), axis=-1)
     noise = _push_noise(
-        np.diff(seen - speeds, axis=-1, prepend=0.0), _per_share(different, _joints(speeds)), speed_noise
+        joint_speeds - joint_speeds.mean(axis=0), _per_share(different, _joints(speeds)), speed_noise
     )
     if not noise <= LARGEST_SPREAD:
         raise PlantError(
@@ -56,6 +56,7 @@ def calibrate(plant: SocketPlant, nominal: Chain, pushes: Array, repeats: int) -
         impulses=pushes.tolist(),
         speeds=np.tile(speeds, (repeats, 1)).tolist(),
         push_noise=noise,
+        angle_spread=np.sqrt(np.maximum((angles**2).mean(axis=(0, 1)) - angle_noise**2, 0.0)).tolist(),
         angle_noise=angle_noise.tolist(),
         speed_noise=speed_noise.tolist(),
     )
@@ -81,6 +82,16 @@ def rest_readings(plant: SocketPlant, nominal: Chain) -> Array:
             plant.apply_torque(law.torque(angles, speeds))
             plant.step()
     finally:
+        plant.stop()
+    return np.array(seen)
+
+
+def _begun(plant: SocketPlant, pushes: Array) -> Array:
+    """Joint angles and speeds (npush x 2 x njoint) right after each of the `pushes` (npush x njoint), in N s."""
+    seen = []
+    for impulses in pushes:
+        plant.push(Start.upright(impulses))
+        seen.append(plant.states())
         plant.stop()
     return np.array(seen)
 
@@ -111,17 +122,26 @@ def _push_noise(deviations: Array, per_share: Array, speed_noise: Array) -> floa
 
 
 def start_spread(pushed: PushedSettings) -> Array | None:
-    """A root of the covariance (npush x njoint x njoint) of the joint speeds, in rad/s, right after each push about
-    those that were measured; None where all pushes were alike.
+    """A root of the covariance of the joint speeds, in rad/s, right after each push about those that were measured
+    (npush x njoint x njoint), or of the joint angles and speeds (npush x 2 njoint x 2 njoint) where angles differ, too;
+    None where all pushes were alike. Each impulse differs by itself, and each speed.
     """
-    speed_noise = np.array(pushed.speed_noise)
-    if pushed.push_noise == 0.0 and not speed_noise.any():
+    speed_noise, angle_spread = np.array(pushed.speed_noise), np.array(pushed.angle_spread)
+    if pushed.push_noise == 0.0 and not speed_noise.any() and not angle_spread.any():
         return None
-    share = pushed.push_noise * _per_share(np.array(pushed.impulses), _joints(np.array(pushed.speeds)))
+    speeds = _joints(np.array(pushed.speeds))
+    share = pushed.push_noise * np.concatenate(
+        [_per_share(np.array(pushed.impulses), speeds), speeds[:, :, None] * np.eye(speeds.shape[1])], axis=-1
+    )
     covariance = (1.0 + 1.0 / REPEATS) * share @ share.transpose(0, 2, 1) + np.diag(speed_noise**2) / REPEATS
     values, vectors = np.linalg.eigh(covariance)
     roots: Array = vectors * np.sqrt(np.maximum(values, 0.0))[:, None]
-    return roots
+    if not angle_spread.any():
+        return roots
+    npush, n = speeds.shape
+    both = np.zeros((npush, 2 * n, 2 * n))
+    both[:, :n, :n], both[:, n:, n:] = np.diag(angle_spread), roots
+    return both
 
 
 def calibration_of(pushed: PushedSettings, nominal: Chain, gravity: float, repeats: int) -> Calibration:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, field_validator
 
@@ -11,7 +11,9 @@ from metaid.plant import FAULT_UNITS, Limit
 
 TAKEN_UP = ("delay", "tilt")  # of the faults that a study may take up by itself those that a plant file may have
 
-FaultKind = Literal["delay", "tilt", "offset", "viscous", "dry", "spring", "gain"]
+FaultKind = Literal[
+    "delay", "lag", "tilt", "offset", "viscous", "dry", "presliding", "spring", "bias", "rotor", "gain"
+]
 
 
 class AnyEstimateSettings(Settings):
@@ -25,6 +27,13 @@ class AnyEstimateSettings(Settings):
     enabled: bool = True
     faults: Annotated[tuple[FaultKind, ...], Field(strict=False)] | Literal["proposed"] = ()
     torque_limit: Limit | Annotated[tuple[Limit, ...], Field(min_length=1, strict=False)] | None = None
+
+    @property
+    def of_rig(self) -> Self:
+        """The same of a rig: a real machine has faults, so they are taken up unless the file says which to search."""
+        if "faults" in self.model_fields_set or not self.enabled:
+            return self
+        return self.model_copy(update={"faults": "proposed"})
 
     @property
     def searched_faults(self) -> tuple[str, ...]:

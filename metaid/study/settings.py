@@ -144,13 +144,15 @@ class StudySettings(Settings):
 class PushedSettings(Settings):
     """What was found at a rig when the study was created: the `impulses` of its pushes, in N s, and the absolute link
     `speeds` that they gave, in rad/s, on average; both (npush x njoint). `push_noise`: by how much an impulse differs
-    from one time to the next, as a share of it. `angle_noise` in rad and `speed_noise` in rad/s: the standard
+    from one time to the next, as a share of it. `angle_spread`: by how much the joint angles (njoint) right after a
+    push do, in rad, beyond the noise of their readings. `angle_noise` in rad and `speed_noise` in rad/s: the standard
     deviations of the readings of each joint (njoint) at rest.
     """
 
     impulses: list[list[float]]
     speeds: list[list[float]]
     push_noise: float
+    angle_spread: list[float]
     angle_noise: list[float]
     speed_noise: list[float]
 
@@ -245,8 +247,9 @@ def read_study(name: str | Path, changes: dict[str, Any] | None = None) -> Study
     study = check(StudySettings, tables, str(path), StudyError)
     plant_path = named("plant", study.plant)
     plant = cast("PlantSettings | SocketSettings", read_any_plant(plant_path))  # one that names an arm is read above
-    if isinstance(plant, SocketSettings) and "workers" not in study.model_fields_set:
-        study = study.model_copy(update={"workers": 1})
+    if isinstance(plant, SocketSettings):
+        of_rig = {} if "workers" in study.model_fields_set else {"workers": 1}
+        study = study.model_copy(update=of_rig | {"estimate": study.estimate.of_rig})
     if isinstance(study.nominal, NominalSettings):
         nominal = study.nominal.links
     else:

@@ -66,7 +66,7 @@ def arm_of_mjcf(path: Path) -> Arm:
     bodies = np.flatnonzero(model.body_jntnum == 1)
     joints = model.body_jntadr[bodies]
     return Arm(
-        np.array([_joint_place(model, body) for body in bodies]),
+        np.array([_joint_place(model, int(body)) for body in bodies]),
         np.array([_rotation(model.body_quat[body]) for body in bodies]),
         model.jnt_axis[joints].astype(np.float64),
         model.body_mass[bodies].astype(np.float64),

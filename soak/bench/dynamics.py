@@ -55,7 +55,7 @@ def room(n: int) -> Room:
     return Room(*of_each, *(np.zeros(shape) for shape in shapes))
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def equations(arm: Any, angles: Any, speeds: Any, room: Any) -> None:
     """Fills in the mass matrix (n x n), in kg m², and the torques that hold the arm at these speeds without
     acceleration (n).
@@ -97,7 +97,7 @@ def equations(arm: Any, angles: Any, speeds: Any, room: Any) -> None:
     _project(arm, room)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _project(arm: Any, room: Any) -> None:
     """Kane's generalised forces, by how each joint moves each link."""
     n = room.bias.shape[0]
@@ -122,12 +122,12 @@ def _project(arm: Any, room: Any) -> None:
             room.mass[k, j] = room.mass[j, k]
 
 
-@njit(inline="always")  # type: ignore[untyped-decorator]
+@njit(inline="always")
 def _dot(one: Any, other: Any) -> Any:
     return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
 
 
-@njit(inline="always")  # type: ignore[untyped-decorator]
+@njit(inline="always")
 def _cross(one: Any, other: Any, into: Any) -> None:
     x = one[1] * other[2] - one[2] * other[1]
     y = one[2] * other[0] - one[0] * other[2]
@@ -135,20 +135,20 @@ def _cross(one: Any, other: Any, into: Any) -> None:
     into[0], into[1] = x, y
 
 
-@njit(inline="always")  # type: ignore[untyped-decorator]
+@njit(inline="always")
 def _times(matrix: Any, vector: Any, into: Any) -> None:
     for a in range(3):
         into[a] = matrix[a, 0] * vector[0] + matrix[a, 1] * vector[1] + matrix[a, 2] * vector[2]
 
 
-@njit(inline="always")  # type: ignore[untyped-decorator]
+@njit(inline="always")
 def _multiply(one: Any, other: Any, into: Any) -> None:
     for a in range(3):
         for b in range(3):
             into[a, b] = one[a, 0] * other[0, b] + one[a, 1] * other[1, b] + one[a, 2] * other[2, b]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _carry(spin: Any, spin_rate: Any, lift: Any, offset: Any, held: Any, into: Any) -> None:
     """The acceleration of a point so far from one that has that of `lift`."""
     x = spin_rate[1] * offset[2] - spin_rate[2] * offset[1]
@@ -160,7 +160,7 @@ def _carry(spin: Any, spin_rate: Any, lift: Any, offset: Any, held: Any, into: A
     into[2] = lift[2] + z + spin[0] * held[1] - spin[1] * held[0]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _rodrigues(axis: Any, angle: float, into: Any) -> None:
     """The rotation by an `angle` about an `axis`."""
     x, y, z = axis[0], axis[1], axis[2]
@@ -171,7 +171,7 @@ def _rodrigues(axis: Any, angle: float, into: Any) -> None:
     into[2, 0], into[2, 1], into[2, 2] = d * x * z - s * y, d * y * z + s * x, c + d * z * z
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _rates(arm: Any, joints: Any, lag: float, state: Any, wanted: Any, rates: Any, room: Any) -> None:
     """Fills in how angles, speeds, bristles and drive torques (4 x n) change."""
     angles, speeds, bristles, torques = state[0], state[1], state[2], state[3]
@@ -193,7 +193,7 @@ def _rates(arm: Any, joints: Any, lag: float, state: Any, wanted: Any, rates: An
     _solve(room.mass, force)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _solve(matrix: Any, vector: Any) -> None:
     """Turns a vector into the inverse of a positive definite matrix times it, by Cholesky's factors in its place."""
     n = vector.shape[0]
@@ -212,7 +212,7 @@ def _solve(matrix: Any, vector: Any) -> None:
         vector[i] /= matrix[i, i]
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def advance(arm: Any, joints: Any, drive: Any, state: Any, shown: Any, times: Any, commands: Any, room: Any) -> None:
     """Moves the bench on by a tick.
 

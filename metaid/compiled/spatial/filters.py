@@ -65,7 +65,7 @@ def lead_arm(
     Args:
         pushes: what was done, and what was read; starts are npush x 2 x njoint.
         parameters: of the twin (njoint x 13).
-        begins: covariance of the start speeds (npush x njoint x njoint).
+        begins: covariance of coordinates and speeds at the starts (npush x 2 njoint x 2 njoint).
         noise: covariances of a reading and of the torques that are held for a step (njoint x njoint each).
         chosen: which pushes it runs through.
     """
@@ -126,11 +126,11 @@ def _lead_push(frames, parameters, pushed, settings, noise, steps, work, spread,
     n = start.shape[1]
     if not set_off(frames, parameters, start, motion, space):
         return np.nan, np.nan
-    spread.state[:] = 0.0
+    for i in range(2 * n):
+        for j in range(2 * n):
+            spread.state[i, j] = begin[i, j]
     for i in range(n):
         other.softness[i] = motion.softness[i]
-        for j in range(n):
-            spread.state[n + i, n + j] = begin[i, j]
     squares, logarithm = 0.0, 0.0
     for reading in range(steps + 1):
         if reading > 0:

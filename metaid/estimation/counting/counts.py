@@ -131,7 +131,7 @@ class Counts(WatchedTrials):
 
         def run(first: int, stride: int) -> None:
             own = workspace(n, nunknown, False), crossing(n, nunknown)
-            count_pushes(first, stride, trial.start_speeds, *settled, *own, shown, reached)
+            count_pushes(first, stride, trial.starts, *settled, *own, shown, reached)
 
         share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * max(nunknown, 1))
         return shown, reached

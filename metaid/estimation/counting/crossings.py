@@ -79,7 +79,7 @@ def count_pushes(first, stride, starts, forces, balance, derivatives, timestep, 
 
     Args:
         first, stride: which pushes.
-        starts: joint speeds (npush x njoint) right after each push, in rad/s.
+        starts: joint angles and speeds (npush x 2 x njoint) right after each push, in rad and rad/s.
         forces: beside the law, none: (0 x 0).
         balance, derivatives, work: see `workspace`.
         timestep: in s.
@@ -96,11 +96,11 @@ def count_pushes(first, stride, starts, forces, balance, derivatives, timestep, 
 
 @compiled
 def _count_push(start, forces, balance, derivatives, timestep, ends, work, crossing, shown):  # type: ignore[no-untyped-def]
-    """Runs one push that gives the joints the speeds `start` (njoint); returns how many windows it got through."""
-    set_off(start, -1, work)
+    """Runs one push from the joint angles and speeds `start` (2 x njoint); returns how many windows it got through."""
+    set_off(start, 0, 0, work)
     side, before, top, _ = crossing
-    for i in range(start.shape[0]):
-        side[i], before[i], top[i] = np.sign(start[i]), start[i], 0.0
+    for i in range(start.shape[1]):
+        side[i], before[i], top[i] = np.sign(start[1, i]), start[1, i], 0.0
     window = 0
     for step in range(ends[-1]):
         if not accelerate(step, forces, balance, work):
@@ -111,13 +111,13 @@ def _count_push(start, forces, balance, derivatives, timestep, ends, work, cross
             move_tangent(timestep, balance.stiffness, False, work)
         if not move(timestep, work):
             return window
-        for i in range(start.shape[0]):
+        for i in range(start.shape[1]):
             _watch_joint(i, window, timestep, work, crossing, shown)
         if step + 1 == ends[window]:
             _show(window, work, crossing, shown)
             window += 1
             if window < ends.shape[0]:
-                for i in range(start.shape[0]):
+                for i in range(start.shape[1]):
                     shown[0][window, i] = shown[0][window - 1, i]
     return window
 

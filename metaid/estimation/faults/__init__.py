@@ -5,7 +5,7 @@ estimate = fit(Readings(trials, unknowns, gravity, faults=faults))
 estimate.faults.values
 """
 
-from metaid.estimation.faults.explaining import Proposal, TakenUp, named_faults
+from metaid.estimation.faults.explaining import Proposal, TakenUp, fault_sizes, named_faults
 from metaid.estimation.faults.forces import FORCES, UNSEEN, Unmodelled
 from metaid.estimation.faults.searched import (
     NO_FAULTS,
@@ -25,6 +25,7 @@ __all__ = [
     "SearchedFaults",
     "TakenUp",
     "Unmodelled",
+    "fault_sizes",
     "found_faults",
     "late",
     "named_faults",

@@ -5,13 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from metaid.estimation.faults.searched import FoundFaults
+from metaid.plant import FAULT_UNITS
+
 NAMES = {
     "delay": "a delay of",
+    "lag": "a torque lag of",
     "tilt": "a tilt of",
-    "viscous": "viscous friction of up to",
-    "spring": "springs of up to",
     "offset": "encoder offsets of up to",
+    "viscous": "viscous friction of up to",
+    "dry": "dry friction of up to",
+    "presliding": "pre-sliding over",
+    "spring": "springs of up to",
+    "bias": "constant torques of up to",
+    "rotor": "rotors of up to",
+    "gain": "gains of the motors of",
 }
+IN_THOUSANDTHS = {"s": "ms", "rad": "mrad"}
 
 
 @dataclass(frozen=True)
@@ -43,7 +53,8 @@ class TakenUp:
         sizes: theirs, in words.
         before: the misfit without them.
         after: the misfit with them.
-        predicted: the misfit of the pushes that were held out, by a fit to the others.
+        predicted: the misfit of the pushes that were held out, by fits to the others; NaN where the faults do not
+            explain all to the noise.
         predicted_below: a misfit below this is explained by noise.
         rivals: others that explain as much, in words, each with a lump that would be elsewhere.
     """
@@ -59,7 +70,7 @@ class TakenUp:
     @property
     def holds(self) -> bool:
         """Whether nothing speaks against them."""
-        return self.predicted < self.predicted_below and not self.rivals
+        return not self.rivals and not self.predicted >= self.predicted_below
 
     @property
     def description(self) -> str:
@@ -76,6 +87,23 @@ class TakenUp:
                 f"{self.predicted:.3g} (predicted: below {self.predicted_below:.3g})"
             )
         return f"the study took up {named}: with that the misfit falls from {self.before:.3g} to {self.after:.2g}"
+
+
+def fault_sizes(kinds: Sequence[str], found: FoundFaults, declared: float = 0.0) -> tuple[str, ...]:
+    """The largest fault of each of these `kinds` among those `found`, in words, with the delay in s that was `declared`
+    besides.
+    """
+    return tuple(_size(kind, found, declared if kind == "delay" else 0.0) for kind in kinds)
+
+
+def _size(kind: str, found: FoundFaults, declared: float) -> str:
+    """The largest fault of a `kind` among those `found`, in words, with what of it is `declared`, in its unit."""
+    names, about = found.searched.names, 1.0 if kind == "gain" else 0.0
+    own = [value for name, value in zip(names, found.values.tolist(), strict=True) if name.partition("_")[0] == kind]
+    value, unit = max(own, key=lambda each: abs(each - about)) + declared, FAULT_UNITS[kind]
+    if unit == "1":
+        return f"{value:.3g}"
+    return f"{1e3 * value:.2g} {IN_THOUSANDTHS[unit]}" if unit in IN_THOUSANDTHS else f"{value:.2g} {unit}"
 
 
 def named_faults(kinds: Sequence[str], sizes: Sequence[str]) -> str:

@@ -20,9 +20,16 @@ from metaid.plant import fault_names
 
 TURN = 0.05  # rad that the fastest joint turns by within a delay of one standard deviation
 LEAN = 0.1  # rad: standard deviation of a tilt and of an offset
-OF_TORQUE = {"viscous": 0.1, "dry": 0.1, "spring": 0.3}  # likewise, as shares of the plant's torque
-LOG_GAIN = 0.3  # likewise, of the logarithm of a gain
-NEVER_NEGATIVE = ("viscous", "dry", "spring")  # friction resists, and what is at rest in a spring is held by it
+OF_TORQUE = {"viscous": 0.1, "dry": 0.1, "spring": 0.3, "bias": 0.1}  # likewise, as shares of the plant's torque
+OF_INERTIA = 0.1  # likewise, of a rotor, as a share of the plant's largest inertia
+# Of what is above 0: what it is about, in its unit, and the standard deviation of its logarithm.
+ABOVE_ZERO = {"gain": (1.0, 0.3), "lag": (2e-3, 1.0), "presliding": (1e-3, 1.0)}
+NEVER_NEGATIVE = (
+    "viscous",
+    "dry",
+    "spring",
+    "rotor",
+)  # friction resists, and what is at rest in a spring is held by it
 BELOW, TRIFLE = 3.0, 1e-3  # standard deviations, and a share of what may be: a fault farther below 0 is none
 DETERMINED = 0.3  # of the prior deviation of a fault: a deviation below this tells something of it
 
@@ -30,8 +37,8 @@ DETERMINED = 0.3  # of the prior deviation of a fault: a deviation below this te
 @dataclass(frozen=True)
 class SearchedFaults:
     """Faults of some `kinds` of a plant with `njoint` joints, see `metaid.plant.unknown_faults`. `scales` (nfault): the
-    standard deviation of each beforehand, in its unit; of a gain, of its logarithm. `tilts`: about how many axes the
-    base may be tilted.
+    standard deviation of each beforehand, in its unit; of what is ABOVE_ZERO, of its logarithm. `tilts`: about how many
+    axes the base may be tilted.
     """
 
     kinds: tuple[str, ...]
@@ -45,18 +52,19 @@ class SearchedFaults:
         return fault_names(self.kinds, self.njoint, self.tilts)
 
     @cached_property
-    def _is_gain(self) -> Array:
-        return np.array([name.startswith("gain") for name in self.names], dtype=np.bool_)
+    def _about(self) -> Array:
+        """What each fault that is ABOVE_ZERO is about (nfault); 0 for the others."""
+        return np.array([ABOVE_ZERO.get(name.partition("_")[0], (0.0, 0.0))[0] for name in self.names])
 
     def values(self, unknowns: Array) -> Array:
         """The faults (nfault), in their units, at these `unknowns` (nfault)."""
         changes = self.scales * unknowns
-        return np.where(self._is_gain, np.exp(changes), changes)
+        return np.where(self._about > 0.0, self._about * np.exp(changes), changes)
 
     def deviations(self, unknowns: Array, deviations: Array) -> Array:
         """Standard deviations of the faults (nfault), in their units, from those of the `unknowns` (nfault)."""
         own = self.scales * deviations
-        return np.where(self._is_gain, self.values(unknowns) * own, own)
+        return np.where(self._about > 0.0, self.values(unknowns) * own, own)
 
     def _by_kind(self, unknowns: Array) -> dict[str, Array]:
         values, first, found = self.values(unknowns), 0, {}
@@ -69,7 +77,10 @@ class SearchedFaults:
         """What the joints have at these `unknowns` (nfault)."""
         found, nothing = self._by_kind(unknowns), np.zeros(self.njoint)
         viscous, dry, spring, offset = (found.get(kind, nothing) for kind in ("viscous", "dry", "spring", "offset"))
-        return Joints(viscous, dry, spring, offset, found.get("tilt", np.zeros(self.tilts)))
+        rotor = np.append(0.0, found.get("rotor", nothing[1:]))
+        presliding = found.get("presliding", np.array([ABOVE_ZERO["presliding"][0]]))
+        tilt = found.get("tilt", np.zeros(self.tilts))
+        return Joints(viscous, dry, spring, offset, tilt, rotor, float(presliding[0]))
 
     def delivered(self, torques: Array, period: float, unknowns: Array) -> Array:
         """The torques (npush x nstep x njoint), in N m, that act in place of those commanded, one every `period` in s,
@@ -78,8 +89,12 @@ class SearchedFaults:
         found = self._by_kind(unknowns)
         if "delay" in found:
             torques = late(torques, float(found["delay"][0]) / period)
+        if "lag" in found:
+            torques = lagging(torques, float(found["lag"][0]) / period)
         if "gain" in found:
             torques = torques * np.append(1.0, found["gain"])
+        if "bias" in found:
+            torques = torques + found["bias"]
         if "spring" in found and "offset" in found:
             torques = torques + found["spring"] * found["offset"]  # a spring is at rest where its joint is straight
         return torques
@@ -139,7 +154,9 @@ def searched_faults(kinds: tuple[str, ...], robot: Strong, gravity: float, start
         "viscous": OF_TORQUE["viscous"] * torque / speed,
         "dry": OF_TORQUE["dry"] * torque,
         "spring": OF_TORQUE["spring"] * torque,
-        "gain": LOG_GAIN,
+        "bias": OF_TORQUE["bias"] * torque,
+        "rotor": OF_INERTIA * robot.torque(0.0, 1.0),
+        **{kind: spread for kind, (_, spread) in ABOVE_ZERO.items()},
     }
     each = [scales[name.partition("_")[0]] for name in fault_names(kinds, robot.njoint, robot.tilts)]
     return SearchedFaults(kinds, robot.njoint, np.array(each), robot.tilts)
@@ -158,6 +175,17 @@ def late(torques: Array, steps: float) -> Array:
     whole = int(np.floor(steps))
     share = steps - whole
     return (1.0 - share) * _moved(torques, whole) + share * _moved(torques, whole + 1)
+
+
+def lagging(torques: Array, lag: float) -> Array:
+    """What motors make of `torques` (npush x nstep x njoint), in N m, whose torque follows with a time constant of
+    `lag` steps: the mean over each step. They begin at rest.  Eq. 57.
+    """
+    from scipy.signal import lfilter  # slow to load, and few studies need it
+
+    left = float(np.exp(-1.0 / lag))
+    before = lfilter([0.0, 1.0 - left], [1.0, -left], torques, axis=1)  # at the begin of each step
+    return np.asarray(torques + (before - torques) * lag * (1.0 - left), dtype=np.float64)
 
 
 def _moved(torques: Array, steps: int) -> Array:

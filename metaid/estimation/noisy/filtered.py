@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from metaid.compiled import add_noise, compiled, correct, fused, transpose, weigh
+from metaid.estimation.flow import flow
 from metaid.estimation.motion import accelerate, move, set_off
 from metaid.estimation.tangent import force_by_unknowns, linearise, move_tangent
 
@@ -22,12 +23,12 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
     follow.
 
     Args:
-        start: joint speeds (njoint) right after the push, in rad/s.
-        begin: covariance of the absolute speeds then (njoint x njoint), in rad²/s².
+        start: joint angles and speeds (2 x njoint) right after the push, in rad and rad/s.
+        begin: covariance of the absolute angles and speeds then (2 njoint x 2 njoint).
         forces: Q of Eq. 22 at each step (nstep x njoint), in N m: what was commanded.
         readings: absolute angles (nstep + 1 x njoint), in rad.
         balance, work: see `workspace`; `balance` without a law.
-        settings: timestep in s; how many timesteps a step has.
+        settings: timestep in s; how many timesteps a step has; whether the plant moves continuously.
         noise: covariances of a reading, in rad², and of Q, in (N m)² (njoint x njoint each).
         steps: for how many the push is followed.
         spread: see `Spread`.
@@ -35,14 +36,13 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
         weights: L⁻¹ with L Lᵀ the covariance of an innovation (nstep + 1 x njoint x njoint), in 1/rad, filled in.
         states: absolute angles, in rad, before speeds, in rad/s, after each reading (nstep + 1 x 2 njoint), filled in.
     """
-    timestep, substeps = settings
+    timestep, substeps, is_continuous, nothing = settings
     of_reading, of_force = noise
-    n = start.shape[0]
-    set_off(start, -1, work)
-    spread.state[:] = 0.0
-    for i in range(n):
-        for j in range(n):
-            spread.state[n + i, n + j] = begin[i, j]
+    n = start.shape[1]
+    set_off(start, 0, 0, work)
+    for i in range(2 * n):
+        for j in range(2 * n):
+            spread.state[i, j] = begin[i, j]
     squares, logarithm = 0.0, 0.0
     for reading in range(steps + 1):
         if reading > 0:
@@ -59,7 +59,10 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
                     for j in range(n):
                         spread.pushed[n + i, j] += timestep * work.solved[i, j]
                         spread.pushed[i, j] += timestep * timestep * work.solved[i, j]
-                if not move(timestep, work):
+                if is_continuous:
+                    if not flow(reading - 1, forces, balance, nothing, timestep, work):
+                        return np.nan, np.nan
+                elif not move(timestep, work):
                     return np.nan, np.nan
             add_noise(of_force, spread)
         logarithm += weigh(of_reading, spread)
@@ -93,21 +96,26 @@ def watch_innovations(start, forces, readings, balance, derivatives, settings, l
     Args:
         start, forces, readings, balance, steps: see `lead`.
         derivatives, work: see `workspace`.
-        settings: timestep in s; the column of the first start speed, or −1; how many timesteps a step has.
+        settings: timestep in s; the column of the first of the start's unknowns; how many these are; how many timesteps
+            a step has; whether the plant moves continuously.
         led: the gains and the weights that `lead` has filled in.
         basis: the polynomials at every reading (nstep + 1 x ncoefficient), that of the push first.
         seen: coefficients (njoint x ncoefficient) of the whitened innovations and their derivatives (njoint x
             ncoefficient x nunknown), filled in.
     """
-    timestep, start_column, substeps = settings
+    timestep, start_column, extra, substeps, is_continuous = settings
     gains, weights = led
     coefficients, slopes = seen
-    set_off(start, start_column, work)
+    set_off(start, start_column, extra, work)
     coefficients[:] = 0.0
     slopes[:] = 0.0
     for reading in range(steps + 1):
         if reading > 0:
             for _ in range(substeps):
+                if is_continuous:
+                    if not flow(reading - 1, forces, balance, derivatives, timestep, work):
+                        return False
+                    continue
                 if not accelerate(reading - 1, forces, balance, work):
                     return False
                 linearise(balance, work)

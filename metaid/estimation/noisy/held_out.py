@@ -23,13 +23,17 @@ ROUNDS = 4  # Gauss-Newton steps of what concerns a push alone
 Compared = TypeVar("Compared", bound=ReadingsInWindows[Any, Any])
 
 
-def hold_out(compared: ReadingsInWindows[Any, Any], point: Array) -> HeldOut | None:
+def hold_out(
+    compared: ReadingsInWindows[Any, Any], point: Array, judged: ReadingsInWindows[Any, Any] | None = None
+) -> HeldOut | None:
     """What pushes that are left out say of an estimate; None where there are too few, or no fit to the others.
 
     Args:
         compared: the readings of all pushes.
         point: all unknowns of the estimate (nunknown + nextra), from which the fits begin.
+        judged: by which pushes that are left out are predicted, where that is another comparison of them.
     """
+    judged = compared if judged is None else judged
     pushes, count = max(len(trial.steps) for trial in compared.trials), len(compared.spreads)
     parts = min(PARTS, pushes)
     if parts < 2:
@@ -38,26 +42,26 @@ def hold_out(compared: ReadingsInWindows[Any, Any], point: Array) -> HeldOut | N
     for part in range(parts):
         is_out = np.arange(pushes) % parts == part
         try:
-            kept, left = _only(compared, ~is_out), _only(compared, is_out)
+            kept, left = only_pushes(compared, ~is_out), only_pushes(judged, is_out)
         except ValueError:  # every push of a part fell at once
             return None
         unknowns = settled(kept, point)
         if unknowns is None:
             return None
         fits.append(unknowns)
-        squares[:2, part] = _squares(left, unknowns)
-        squares[2, part] = _squares(left, np.zeros(count))[0]
+        squares[:2, part] = squares_of(left, unknowns)
+        squares[2, part] = squares_of(left, np.zeros(count))[0]
     own, seen, nominal = squares.sum(axis=1)
     return HeldOut(float(np.sqrt(own / seen)), float(np.sqrt(nominal / seen)), np.array(fits))
 
 
-def _only(compared: Compared, pushes: NDArray[np.bool_]) -> Compared:
+def only_pushes(compared: Compared, pushes: NDArray[np.bool_]) -> Compared:
     """The same of these `pushes` (npush) alone.  Raises ValueError where none of them shows anything."""
     trials = [replace(trial, steps=np.where(pushes[: len(trial.steps)], trial.steps, 0)) for trial in compared.trials]
     return replace(compared, trials=trials)
 
 
-def _squares(compared: ReadingsInWindows[Any, Any], unknowns: Array) -> tuple[float, int]:
+def squares_of(compared: ReadingsInWindows[Any, Any], unknowns: Array) -> tuple[float, int]:
     """The least sum of squares of the residuals at these `unknowns` (nunknown), what concerns a push alone being where
     it serves best, and how many residuals there are; inf where the twin cannot follow.
     """

@@ -19,6 +19,7 @@ FILTERS: dict[str, tuple[Callable[..., Coefficients | None], Callable[..., Gains
     "planar": (watch_chain, lead_chain),
     "spatial": (watch_arm, lead_arm_trial),
 }
+NOTHING = 1e-3  # of cost: beside noise whose size is found, too, less changes nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +38,10 @@ class Innovations(Readings):
     @property
     def is_led(self) -> bool:
         return True
+
+    @property
+    def least_gain(self) -> float:
+        return NOTHING
 
     def _longest(self, number: int, windows: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return super()._longest(number, super().stages)
@@ -79,12 +84,13 @@ class Innovations(Readings):
         log_factors, faults = self._parted(unknowns)
         trial = self._delivered(self.trials[number], faults)
         starts, n = started(trial, whitened), trial.readings.shape[2]
-        begins, pushes = np.zeros((len(starts), n, n)), np.flatnonzero(trial.steps > 0)
+        begins, pushes = np.zeros((len(starts), 2 * n, 2 * n)), np.flatnonzero(trial.steps > 0)
         if most is not None:
             pushes = pushes[:: -(-len(pushes) // most) or 1]
             starts = started(replace(trial, start_spread=None), whitened)
             if trial.start_spread is not None:
-                begins = trial.start_spread @ trial.start_spread.swapaxes(1, 2)
+                own = 2 * n - trial.start_spread.shape[-1]
+                begins[:, own:, own:] = trial.start_spread @ trial.start_spread.swapaxes(1, 2)
         robot = self.unknowns, log_factors, self.gravity, self._joints(faults)
         lead = FILTERS[self.unknowns.kernel][1]
         return lead(trial, (starts, begins), pushes, *robot, torque_noise)

@@ -29,16 +29,20 @@ def watch_chain(
     """
     trial, starts, steps, basis = driven
     lumps, (npush, _, n), coefficients = unknowns.lumps(log_factors), starts.shape, basis.shape[2]
-    columns = len(log_factors) + (n if trial.start_spread is not None else 0)
-    start_column = len(log_factors) if trial.start_spread is not None else -1
+    extra = 0 if trial.start_spread is None else trial.start_spread.shape[-1]
+    columns = len(log_factors) + extra
     values, slopes = np.empty((npush, n, coefficients)), np.empty((npush, n, coefficients, columns))
     followed = np.zeros(npush, dtype=np.bool_)
-    forces = balance(None, lumps, gravity, joints=joints), derivatives(unknowns, lumps, gravity)
-    pushed = np.ascontiguousarray(starts[:, 1]), trial.forces, np.cumsum(trial.readings, axis=-1)
-    compared = (trial.timestep, start_column, trial.substeps), (led.gains, led.weights), basis, steps
+    forces = (
+        balance(None, lumps, gravity, joints=joints, is_continuous=trial.is_continuous),
+        derivatives(unknowns, lumps, gravity),
+    )
+    pushed = starts, trial.forces, np.cumsum(trial.readings, axis=-1)
+    settings = trial.timestep, len(log_factors), extra, trial.substeps, trial.is_continuous
+    compared = settings, (led.gains, led.weights), basis, steps
 
     def run(first: int, stride: int) -> None:
-        room = workspace(n, columns, False)
+        room = workspace(n, columns, False, trial.is_continuous)
         _watch_pushes(first, stride, pushed, *forces, *compared, room, (values, slopes, followed))
 
     share_out(run, npush, int(steps.sum()) * trial.substeps * n * (4 * n + coefficients) * columns)
@@ -59,8 +63,8 @@ def lead_chain(
 
     Args:
         trial: with the torques that acted.
-        begun: joint coordinates and speeds at the starts (npush x 2 x njoint), and the covariance of the speeds there
-            (npush x njoint x njoint).
+        begun: joint coordinates and speeds at the starts (npush x 2 x njoint), and their covariance there (npush x
+            2 njoint x 2 njoint).
         pushes: which it runs through.
         unknowns: what is unknown of the chain.
         log_factors: where it is (nunknown).
@@ -69,18 +73,21 @@ def lead_chain(
         torque_noise: standard deviation of the torque of each joint (njoint), in N m.
     """
     (starts, begins), (npush, readings, n) = begun, trial.readings.shape
-    forces = balance(None, unknowns.lumps(log_factors), gravity, joints=joints)
+    lumps = unknowns.lumps(log_factors)
+    forces = balance(None, lumps, gravity, joints=joints, is_continuous=trial.is_continuous)
     links = np.tril(np.ones((n, n)))  # absolute angles are sums of the joints'
     torques = np.eye(n) - np.eye(n, k=1)  # the torque of a joint turns its link, and the one below the other way
     noise = (links * trial.noise**2) @ links.T, (torques * torque_noise**2) @ torques.T
     gains, weights = np.zeros((npush, readings, 2 * n, n)), np.zeros((npush, readings, n, n))
     states, sums = np.zeros((npush, readings, 2 * n)), np.zeros((npush, 2))
-    pushed = np.ascontiguousarray(starts[:, 1]), np.ascontiguousarray(links @ begins @ links.T)
+    both = np.kron(np.eye(2), links)
+    pushed = starts, np.ascontiguousarray(both @ begins @ both.T)
     pushed_by = trial.forces, np.cumsum(trial.readings, axis=-1)
-    settings = (trial.timestep, trial.substeps), noise, trial.steps
+    nothing = derivatives(unknowns.alone(log_factors), lumps, gravity)
+    settings = (trial.timestep, trial.substeps, trial.is_continuous, nothing), noise, trial.steps
 
     def run(first: int, stride: int) -> None:
-        room = workspace(n, 0, False), spread_of(n)
+        room = workspace(n, 0, False, trial.is_continuous), spread_of(n)
         chosen = pushes[first::stride], (*pushed, *pushed_by), forces
         _lead_pushes(*chosen, *settings, *room, (gains, weights, states), sums)
 

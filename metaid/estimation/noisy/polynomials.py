@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
@@ -17,6 +19,7 @@ STRIDE = 4  # windows are twice as long as those so many before
 ROUGH_NOISE, CHANCE = 1.1, 4.0
 
 
+@lru_cache(maxsize=64)
 def polynomial_windows(steps: int, polynomials: int, shortest: float) -> tuple[NDArray[np.int64], Array]:
     """The steps (nwindow) at which windows end, and polynomials that are orthonormal on the readings of each (nwindow x
     nstep + 1 x ncoefficient).

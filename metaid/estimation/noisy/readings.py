@@ -52,8 +52,15 @@ class Drivable(Spread, Protocol):
     def least_gain(self) -> float:
         """Of cost; a step that promises less is not made."""
 
+    @property
+    def begin(self) -> Array | None:
+        """Where a fit begins (nunknown); None for the nominal."""
+
+    def torques(self, gravity: float, speed: float, /) -> Array:
+        """About what each joint needs (njoint), in N m, under `gravity` in m/s² and at a `speed` in rad/s."""
+
     def torque(self, gravity: float, speed: float, /) -> float:
-        """About what the joints need, in N m, under `gravity` in m/s² and at a `speed` in rad/s."""
+        """The same of the strongest."""
 
     @property
     def kernel(self) -> Literal["planar", "spatial"]:

@@ -16,9 +16,12 @@ APART, FARTHEST = 0.05, 1.5  # in the logarithm of a size: for its derivatives, 
 MOST_SWEEPS, CLOSE = 8, 0.02  # of the search for the sizes, and the step that ends it
 ALIKE = 0.3  # standard deviation of the logarithm of a joint's size about their mean, beforehand
 ROUGH_PUSHES, PUSHES = 12, 48  # whose readings tell the sizes: in the first round, and after it
+FLAT = 0.5  # of the logarithm of the likelihood by that of a size: noise so small that it tells nothing
 
 
-def fit_with_torque_noise(innovations: Innovations, start: Array | None, torque_noise: Array) -> Found:
+def fit_with_torque_noise(
+    innovations: Innovations, start: Array | None, torque_noise: Array, rounds: int = MOST_ROUNDS
+) -> Found:
     """The robot that all trials lead to where noise of the torques moves it, too, and the size of that noise.
 
     Gains and weights of the filter follow from the robot, and the robot from what the filter leaves. So they are found
@@ -28,6 +31,7 @@ def fit_with_torque_noise(innovations: Innovations, start: Array | None, torque_
         innovations: of all trials, without gains.
         start: log factors, with faults behind them (nunknown), to begin with; None for the nominal model.
         torque_noise: what the noise of each joint's torque is thought to be (njoint), in N m.
+        rounds: at most.
 
     Raises:
         ValueError: the twin cannot follow the trials.
@@ -36,14 +40,14 @@ def fit_with_torque_noise(innovations: Innovations, start: Array | None, torque_
     begin, sizes = np.zeros(count) if start is None else start, torque_noise
     found: Found | None = None
     point = np.append(begin, np.zeros(innovations.extras))
-    for _ in range(MOST_ROUNDS):
+    for _ in range(rounds):
         if found is None:
             sizes = likeliest_noise(innovations, point, sizes, ROUGH_PUSHES)
         sizes = likeliest_noise(innovations, point, sizes, PUSHES, 1)
         led = innovations.led(point, sizes)
         if led is None:
             raise ValueError("the twin cannot follow the readings")
-        before, found = found, replace(fit(led, point[:count], 0), torque_noise=sizes)
+        before, found = found, replace(fit(led, point[:count], -1), torque_noise=sizes)
         point = found.point
         if before is not None and _is_settled(before, found):
             break
@@ -87,7 +91,7 @@ def _step(innovations: Innovations, point: Array, logarithms: Array, direction: 
     tried = (logarithms + step * direction for step in (-APART, 0.0, APART))
     less, here, more = (innovations.likelihood(point, np.exp(each), pushes) + _log_prior(each) for each in tried)
     slope, curvature = (more - less) / (2.0 * APART), (more - 2.0 * here + less) / APART**2
-    if not np.isfinite(slope + curvature):
+    if not np.isfinite(slope + curvature) or (slope < 0.0 and slope > -FLAT):
         return 0.0
     if curvature >= 0.0:
         return float(np.sign(slope)) * FARTHEST

@@ -13,7 +13,7 @@ from metaid.compiled.spatial import Frames, commanded_arm_torques
 from metaid.episode import Outcome, SensorReadings, Windows
 from metaid.episode.spatial import ArmEpisode
 from metaid.estimation.estimate import Found, fit
-from metaid.estimation.experiment import RESTARTS, OfReadings
+from metaid.estimation.experiment import RESTARTS, SOME, OfReadings
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults, searched_faults
 from metaid.estimation.noisy import Innovations, Loop, Readings, fit_with_torque_noise
 from metaid.estimation.spatial.motions import ArmMotions
@@ -88,6 +88,10 @@ class ArmExperiment(OfReadings):
 
     def _begin(self, begin: Array | None) -> Array:
         return np.append(self.searched.begin, np.zeros(len(self.faults.names))) if begin is None else begin
+
+    @property
+    def _some_torque(self) -> Array:
+        return SOME * self.searched.torques(0.0, float(np.abs(self.episode.begins[:, 1]).max()))
 
     def _search(self, kinds: tuple[str, ...]) -> SearchedFaults:
         return searched_faults(kinds, self.searched, 0.0, self.episode.begins[:, 1])

@@ -51,8 +51,8 @@ def lead_arm_trial(
 
     Args:
         trial: with the torques that acted.
-        begun: joint coordinates and speeds at the starts (npush x 2 x njoint), and the covariance of the speeds there
-            (npush x njoint x njoint).
+        begun: joint coordinates and speeds at the starts (npush x 2 x njoint), and their covariance there (npush x
+            2 njoint x 2 njoint).
         pushes: which it runs through.
         searched: what is unknown of the arm.
         unknowns: where it is (nunknown).

@@ -35,7 +35,7 @@ class ArmUnknowns:
     known: Array | None = None
 
     kernel: ClassVar[Literal["spatial"]] = "spatial"
-    kinds: ClassVar[tuple[str, ...]] = ("damping", "coulomb")  # friction is among the base parameters
+    kinds: ClassVar[tuple[str, ...]] = ("damping", "coulomb", "rotor")  # these are among the base parameters
     tilts: ClassVar[int] = 2  # a base turns about two horizontal axes
     ends_when_cut: ClassVar[bool] = False  # near a singular mass matrix steps are cut, and lead to a wrong minimum
     least_gain: ClassVar[float] = LEAST_GAIN
@@ -96,11 +96,16 @@ class ArmUnknowns:
         return replace(self, known=unknowns)
 
     def torque(self, gravity: float, speed: float) -> float:
-        """About what the joints need, in N m, at a `speed` in rad/s; the arm has its own gravity."""
+        """About what the strongest joint needs, in N m, at a `speed` in rad/s; the arm has its own gravity."""
+        return float(self.torques(gravity, speed).max())
+
+    def torques(self, gravity: float, speed: float) -> Array:
+        """About what each joint needs (njoint), in N m, at a `speed` in rad/s; the arm has its own gravity."""
         states = random_states(self.prior.nominal, POSES, np.random.default_rng(0))[0]
         rest, each = np.zeros_like(states), np.full_like(states, speed**2)
         needed = joint_torque(self.prior.nominal, states, rest, each)
-        return float(np.abs(np.stack([needed, joint_torque(self.prior.nominal, states, rest, rest)])).max())
+        held = joint_torque(self.prior.nominal, states, rest, rest)
+        return np.asarray(np.abs(np.concatenate([needed, held])).max(axis=0), dtype=np.float64)
 
     def estimated(self, found: dict[str, Any]) -> ArmEstimate:
         """The estimate with the fields of a `Fit` that were `found`."""

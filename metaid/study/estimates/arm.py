@@ -61,7 +61,7 @@ class ArmFound(StudyEstimate):
         count = len(estimate.unknowns)
         return Approximation(
             replace(held_out, unknowns=estimate.searched.values(held_out.unknowns[:, :count])),
-            estimate.misfit,
+            estimate.widening,
             estimate.residuals,
             estimate.searched.joints,
             estimate.value_deviations,

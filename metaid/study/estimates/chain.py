@@ -55,7 +55,7 @@ class ChainFound(StudyEstimate):
         count = len(estimate.names)
         return Approximation(
             replace(held_out, unknowns=held_out.unknowns[:, :count]),
-            estimate.misfit,
+            estimate.widening,
             estimate.residuals,
             tuple(f"joint {i + 1}" for i in range(estimate.lumps.nlink)),
             estimate.deviations,

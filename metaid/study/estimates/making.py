@@ -82,7 +82,7 @@ def estimate_of(experiment: Any, trials: tuple[Any, ...], is_probed: bool, by_ot
         taken_up,
         tuple(searching.unmodelled(trials, estimate)),
         searching.held_out(trials, estimate) if left and not experiment.counts else None,
-        searching.proposed(trials, estimate) if left else None,
+        experiment.proposed(trials, estimate) if left else None,
     )
     return replace(found, known_from=_known_from(found, searching, trials, probed if leads_on else None))
 

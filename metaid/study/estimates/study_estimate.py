@@ -212,7 +212,7 @@ class StudyEstimate:
     @property
     def widening(self) -> float:
         """By how much the misfit makes standard deviations larger than if the model explained all."""
-        return 1.0 if self.estimate.is_explained else self.estimate.misfit
+        return float(self.estimate.widening)
 
     @property
     def interval_name(self) -> str:

@@ -54,6 +54,7 @@ def arm_spec(
     shaped, nominal = _nominal(study, named)
     if isinstance(settings, SocketSettings):
         plant: ArmPlantSettings | SocketSettings = _agreeing(settings, nominal, path)
+        study = study.model_copy(update={"estimate": study.estimate.of_rig})
     else:
         shaped = ArmPlant(plant_path.stem, settings)
         plant = _simulated(shaped, nominal, path)

@@ -1,0 +1,230 @@
+"""Faults that together explain what an estimate does not, taken up one after the other (Eq. 65).
+
+A twin without them loses the plant, and where it is lost nothing can be told. So it is led by the readings, as if
+torques had noise of unknown size: what the model has not shows as that noise. A fault is taken up where it makes
+pushes that were left out more likely, by LEAST at least. In each round all are tried that are not taken up yet, and the
+best stays; at the end each is tried without. A fault that no plant has is no candidate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from metaid.estimation.descent import place_at, triangle
+from metaid.estimation.estimate import Found
+from metaid.estimation.faults import SearchedFaults
+from metaid.estimation.noisy.held_out import only_pushes
+from metaid.estimation.noisy.innovations import Innovations
+from metaid.estimation.noisy.readings import Readings
+from metaid.estimation.noisy.torque_noise import PUSHES, fit_with_torque_noise, likeliest_noise
+from metaid.models import Array
+from metaid.plant import FAULT_UNITS
+
+Search = Callable[[tuple[str, ...]], SearchedFaults]  # makes faults of given kinds unknown
+
+# What goes as one: the angle over which friction builds up is nothing without friction.
+SINGLE: tuple[tuple[str, ...], ...] = (
+    ("delay",),
+    ("lag",),
+    ("tilt",),
+    ("offset",),
+    ("viscous",),
+    ("dry", "presliding"),
+    ("spring",),
+    ("bias",),
+    ("rotor",),
+    ("gain",),
+)
+# What is tried as one, too: without the other each may stand for both.
+TOGETHER = (("viscous", "dry", "presliding"), ("spring", "bias"))
+LUMP_OF = {"viscous": "damping", "dry": "coulomb", "rotor": "rotor"}  # what is searched already is not tried
+TWOFOLD = {"offset": "tilt", "lag": "delay"}  # what is the other, but for little, which is simpler
+OF_SEVERAL = {"offset", "rotor", "gain"}  # of one joint these are nothing, or a tilt
+LEAST = 10.0  # in the logarithm of a likelihood
+ROUNDS, LOOKED_AT = 6, 3  # of taking up, and how many faults are fitted wholly in each
+NEGLIGIBLE, NOTHING = 1e-3, 3.0  # of the noise that was found, and in the logarithm of the likelihood: none is needed
+ROUNDS_EACH = 3  # of gains and unknowns in turn
+OUT, OF = 1, 3  # of so many pushes that one is left out
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A fit with faults, whose twin is led: what it `found`, and the logarithm of the likelihood of the pushes that
+    were left out.
+    """
+
+    found: Found
+    faults: SearchedFaults
+    likelihood: float
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        return self.faults.kinds
+
+
+@dataclass(frozen=True)
+class Combining:
+    """The pushes that are fitted, `kept`, and those that are left out; how faults of given kinds are made unknown, and
+    what the noise of each joint's torque is thought to be (njoint) to begin with, in N m.
+    """
+
+    kept: Innovations
+    left: Innovations
+    search: Search
+    torque_noise: Array
+
+    def fitted(self, kinds: tuple[str, ...], before: Tried | None, start: Array | None = None) -> Tried | None:
+        """The fit with faults of these `kinds`, from where the one `before` ended, or a `start`; None where the twin
+        cannot follow, or no plant has what is found.
+        """
+        faults, noise = self.search(_in_order(kinds)), self.torque_noise
+        if before is not None:
+            assert before.found.torque_noise is not None
+            start, noise = begin_with(before.found, faults), before.found.torque_noise
+        try:
+            found = fit_with_torque_noise(replace(self.kept, faults=faults), start, noise, ROUNDS_EACH)
+        except ValueError:
+            return None
+        if found.faults is not None and found.faults.impossible:
+            return None
+        left = replace(self.left, faults=faults)
+        assert found.torque_noise is not None
+        point = np.append(found.start, np.zeros(left.extras))
+        sizes = likeliest_noise(left, point, found.torque_noise, PUSHES)  # what is unexplained of them, too
+        likelihood = left.likelihood(point, sizes, PUSHES)
+        return Tried(found, faults, likelihood) if np.isfinite(likelihood) else None
+
+    def explains(self, tried: Tried) -> bool:
+        """Whether no noise of torques is needed to explain the pushes that were fitted."""
+        noise, kept = tried.found.torque_noise, replace(self.kept, faults=tried.faults)
+        assert noise is not None
+        likely, without = (kept.likelihood(tried.found.point, size * noise, PUSHES) for size in (1.0, NEGLIGIBLE))
+        return without > likely - NOTHING
+
+    def best_of(self, before: Tried, candidates: list[tuple[str, ...]]) -> list[Tried]:
+        """The fits with the faults of LOOKED_AT of the `candidates` besides, best first: of those that a single step
+        from the fit `before` promises to leave least of the pushes.
+        """
+        assert before.found.torque_noise is not None
+        kept = replace(self.kept, faults=before.faults).led(before.found.point, before.found.torque_noise)
+        if kept is None:
+            return []
+        left = [self._left_by(before, kept, kinds) for kinds in candidates]
+        likely = [candidates[number] for number in np.argsort(left)[:LOOKED_AT] if np.isfinite(left[number])]
+        tried = (self.fitted((*before.kinds, *kinds), before) for kinds in likely)
+        return sorted((each for each in tried if each is not None), key=lambda each: -each.likelihood)
+
+    def _left_by(self, before: Tried, kept: Innovations, kinds: tuple[str, ...]) -> float:
+        """The cost that one Gauss-Newton step leaves with faults of these `kinds` besides, each unknown for one."""
+        faults = self.search(_in_order((*before.kinds, *kinds)))
+        faulty = replace(kept, faults=faults)
+        extras = before.found.extras if faulty.extras else np.empty(0)
+        place = place_at(faulty, np.concatenate([begin_with(before.found, faults), extras]), faulty.stages)
+        if place is None:
+            return np.inf
+        _, target = triangle(place, faulty.spreads)
+        return place.cost - 0.5 * float(target @ target) + len(faults.names)
+
+
+def combine(
+    readings: Readings, estimate: Found, search: Search, torque_noise: Array
+) -> tuple[Tried, list[Tried]] | None:
+    """The fit with the faults that together make pushes most likely that were left out, among them those that are
+    searched already; and others that do as well in the place of the last. None where the twin cannot be led.
+
+    Args:
+        readings: of all trials.
+        estimate: of them.
+        search: makes faults of given kinds unknown.
+        torque_noise: what the noise of each joint's torque is thought to be (njoint), in N m.
+    """
+    known = readings.faults.kinds
+    combining = _combining(readings, search, torque_noise)
+    if combining is None:
+        return None
+    taken_up = () if estimate.faults is None else estimate.faults.searched.kinds
+    begin = readings.unknowns.begin
+    if begin is not None:
+        begin = np.append(begin, np.zeros(len(readings.faults.names)))
+    tried = [_grown(combining, combining.fitted(known, None, begin), readings)]
+    if taken_up != known and not (tried[0] is not None and combining.explains(tried[0][0])):
+        tried.append(_grown(combining, combining.fitted(taken_up, None, estimate.start), readings))
+    grown = [each for each in tried if each is not None]
+    if not grown:
+        return None
+    best, rivals = max(grown, key=lambda each: each[0].likelihood)
+    return _fewest(combining, best, known), rivals
+
+
+def _grown(combining: Combining, best: Tried | None, readings: Readings) -> tuple[Tried, list[Tried]] | None:
+    """The `best` fit with more faults, one after the other, and others that do as well in the place of the last."""
+    if best is None:
+        return None
+    rivals: list[Tried] = []
+    for _ in range(ROUNDS):
+        if combining.explains(best):
+            break
+        tried = combining.best_of(best, list(_candidates(best.kinds, readings)))
+        if not tried or not tried[0].likelihood > best.likelihood + LEAST:
+            break
+        best, rivals = tried[0], [each for each in tried[1:] if each.likelihood > tried[0].likelihood - LEAST]
+    return best, rivals
+
+
+def _fewest(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tried:
+    """The `best` fit without the faults that it does as well without, or with simpler ones; `known` ones stay."""
+    for kind, simpler in TWOFOLD.items():
+        if kind in best.kinds and kind not in known:
+            instead = combining.fitted(tuple(simpler if each == kind else each for each in best.kinds), best)
+            if instead is not None and instead.likelihood > best.likelihood - LEAST:
+                best = instead
+    for kinds in SINGLE:
+        if not {*kinds} <= {*best.kinds} or {*kinds} & {*known}:
+            continue
+        without = combining.fitted(tuple(kind for kind in best.kinds if kind not in kinds), best)
+        if without is not None and without.likelihood > best.likelihood - LEAST:
+            best = without
+    return best
+
+
+def _combining(readings: Readings, search: Search, torque_noise: Array) -> Combining | None:
+    """The pushes in two parts; None where there are too few."""
+    led = led_by(readings)
+    is_out = np.arange(max(len(trial.steps) for trial in readings.trials)) % OF == OUT
+    try:
+        return Combining(only_pushes(led, ~is_out), only_pushes(led, is_out), search, torque_noise)
+    except ValueError:
+        return None
+
+
+def _candidates(kinds: tuple[str, ...], readings: Readings) -> Iterator[tuple[str, ...]]:
+    """What may be taken up beside faults of these `kinds`."""
+    searched, several = {*kinds, *readings.unknowns.kinds}, readings.unknowns.njoint > 1
+
+    def is_open(kind: str) -> bool:
+        twofold = any(kind in pair and {*pair} & searched for pair in TWOFOLD.items())
+        return not searched & {kind, LUMP_OF.get(kind, kind)} and not twofold and (several or kind not in OF_SEVERAL)
+
+    for more in (*SINGLE, *TOGETHER):
+        if all(is_open(kind) for kind in more):
+            yield more
+
+
+def led_by(readings: Readings) -> Innovations:
+    """The same, of which a filter leads the twin."""
+    own = {each.name: getattr(readings, each.name) for each in fields(Readings)}
+    return Innovations(**own)
+
+
+def begin_with(found: Found, faults: SearchedFaults) -> Array:
+    """The unknowns (nunknown) of what was `found`, with the `faults` that it has, and none of the others."""
+    own = found.faults
+    known = {} if own is None else dict(zip(own.searched.names, own.unknowns.tolist(), strict=True))
+    return np.append(found.unknowns, [known.get(name, 0.0) for name in faults.names])
+
+
+def _in_order(kinds: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(kind for kind in FAULT_UNITS if kind in kinds)
