@@ -3,7 +3,8 @@
 A twin without them loses the plant, and where it is lost nothing can be told. So it is led by the readings, as if
 torques had noise of unknown size: what the model has not shows as that noise. A fault is taken up where it makes
 pushes that were left out more likely, by LEAST at least. In each round all are tried that are not taken up yet, and the
-best stays; at the end each is tried without. A fault that no plant has is no candidate.
+best stays; at the end each is tried without. One that no plant has as it is found, friction that drives or a spring
+that pushes away, may be on the way to others, but does not stay.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from metaid.estimation.descent import place_at, triangle
 from metaid.estimation.estimate import Found
@@ -64,6 +66,12 @@ class Tried:
     def kinds(self) -> tuple[str, ...]:
         return self.faults.kinds
 
+    @property
+    def impossible(self) -> set[str]:
+        """The kinds of faults that no plant has as they were found."""
+        names = [] if self.found.faults is None else self.found.faults.impossible
+        return {name.partition("_")[0] for name in names}
+
 
 @dataclass(frozen=True)
 class Combining:
@@ -78,7 +86,7 @@ class Combining:
 
     def fitted(self, kinds: tuple[str, ...], before: Tried | None, start: Array | None = None) -> Tried | None:
         """The fit with faults of these `kinds`, from where the one `before` ended, or a `start`; None where the twin
-        cannot follow, or no plant has what is found.
+        cannot follow.
         """
         faults, noise = self.search(_in_order(kinds)), self.torque_noise
         if before is not None:
@@ -87,8 +95,6 @@ class Combining:
         try:
             found = fit_with_torque_noise(replace(self.kept, faults=faults), start, noise, ROUNDS_EACH)
         except ValueError:
-            return None
-        if found.faults is not None and found.faults.impossible:
             return None
         left = replace(self.left, faults=faults)
         assert found.torque_noise is not None
@@ -185,7 +191,7 @@ def _fewest(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tried:
         if not {*kinds} <= {*best.kinds} or {*kinds} & {*known}:
             continue
         without = combining.fitted(tuple(kind for kind in best.kinds if kind not in kinds), best)
-        if without is not None and without.likelihood > best.likelihood - LEAST:
+        if without is not None and ({*kinds} & best.impossible or without.likelihood > best.likelihood - LEAST):
             best = without
     return best
 
@@ -193,7 +199,7 @@ def _fewest(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tried:
 def _combining(readings: Readings, search: Search, torque_noise: Array) -> Combining | None:
     """The pushes in two parts; None where there are too few."""
     led = led_by(readings)
-    is_out = np.arange(max(len(trial.steps) for trial in readings.trials)) % OF == OUT
+    is_out = left_out(readings)
     try:
         return Combining(only_pushes(led, ~is_out), only_pushes(led, is_out), search, torque_noise)
     except ValueError:
@@ -211,6 +217,12 @@ def _candidates(kinds: tuple[str, ...], readings: Readings) -> Iterator[tuple[st
     for more in (*SINGLE, *TOGETHER):
         if all(is_open(kind) for kind in more):
             yield more
+
+
+def left_out(readings: Readings) -> NDArray[np.bool_]:
+    """Which pushes of each trial are left out (ntrial x npush): others in each, so that none is without its like."""
+    pushes = np.arange(max(len(trial.steps) for trial in readings.trials))
+    return np.asarray((pushes + np.arange(len(readings.trials))[:, None]) % OF == OUT)
 
 
 def led_by(readings: Readings) -> Innovations:

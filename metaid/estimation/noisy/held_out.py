@@ -56,8 +56,12 @@ def hold_out(
 
 
 def only_pushes(compared: Compared, pushes: NDArray[np.bool_]) -> Compared:
-    """The same of these `pushes` (npush) alone.  Raises ValueError where none of them shows anything."""
-    trials = [replace(trial, steps=np.where(pushes[: len(trial.steps)], trial.steps, 0)) for trial in compared.trials]
+    """The same of these `pushes` (npush, or ntrial x npush) alone.  Raises ValueError where none shows anything."""
+    each = np.broadcast_to(pushes, (len(compared.trials), pushes.shape[-1]))
+    trials = [
+        replace(trial, steps=np.where(kept[: len(trial.steps)], trial.steps, 0))
+        for trial, kept in zip(compared.trials, each, strict=True)
+    ]
     return replace(compared, trials=trials)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from metaid.estimation.estimate import Found, fit
 from metaid.estimation.faults import Proposal, TakenUp, fault_sizes, named_faults
-from metaid.estimation.noisy.combining import OF, OUT, Search, Tried, combine, led_by
+from metaid.estimation.noisy.combining import Search, Tried, combine, led_by, left_out
 from metaid.estimation.noisy.held_out import only_pushes, squares_of
 from metaid.estimation.noisy.polynomials import explained_by_noise
 from metaid.estimation.noisy.readings import Readings
@@ -95,9 +95,8 @@ def _predicted(readings: Readings, estimate: Found) -> tuple[float, float]:
     The squares of all pushes less those of the others alone are the squared prediction errors of the pushes held out,
     in units of what noise and the covariance of that fit make of them.
     """
-    is_out = np.arange(max(len(trial.steps) for trial in readings.trials)) % OF == OUT
     try:
-        kept = only_pushes(readings, ~is_out)
+        kept = only_pushes(readings, ~left_out(readings))
         found = fit(kept, estimate.start, -1)
     except ValueError:
         return np.inf, explained_by_noise(0)
