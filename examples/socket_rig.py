@@ -232,6 +232,8 @@ class Rig:
         """What a push or a step is answered with."""
         angles, speeds = self.body.states()
         shown = {"tick": self.tick, "angles": angles, "speeds": speeds}
+        if (time := getattr(self.body, "told_time", None)) is not None:
+            shown["time"] = time  # s since the push, of a body whose ticks do not keep time
         return shown if self.moving else {**shown, "stopped": self.why}
 
     def stop(self, why: str) -> None:

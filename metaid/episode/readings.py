@@ -27,11 +27,13 @@ class SensorReadings:
             before a fall, and none of a push that was not begun.
         angles: of the joints (npush x nreading x njoint), in rad.
         speeds: of the joints (npush x nreading x njoint), in rad/s; None where there is no speed sensor.
+        times: since the push, in s (npush x nreading); None where the plant does not tell them.
     """
 
     counts: NDArray[np.int64]
     angles: Array
     speeds: Array | None = None
+    times: Array | None = None
 
     @property
     def encoder_steps(self) -> Array:
@@ -60,7 +62,19 @@ class SensorReadings:
         is_kept = np.arange(len(self.counts)) < pushes
         angles = self.angles * is_kept[:, None, None]
         speeds = None if self.speeds is None else self.speeds * is_kept[:, None, None]
-        return replace(self, counts=self.counts * is_kept, angles=angles, speeds=speeds)
+        times = None if self.times is None else self.times * is_kept[:, None]
+        return replace(self, counts=self.counts * is_kept, angles=angles, speeds=speeds, times=times)
+
+
+def told_times(times: Sequence[Array | None], readings: SensorReadings) -> SensorReadings:
+    """The `readings` with the `times`, in s, of each push that was begun (nreading), unless a push has none."""
+    if any(each is None for each in times):
+        return readings
+    kept = np.zeros(readings.angles.shape[:2])
+    for push, (each, count) in enumerate(zip(times, readings.counts, strict=False)):
+        assert each is not None
+        kept[push, :count] = each[:count]
+    return replace(readings, times=kept)
 
 
 def readings_before_fall(

@@ -11,11 +11,11 @@ import numpy as np
 from metaid.episode.episode import Episode
 from metaid.episode.noise import noise_of
 from metaid.episode.plausible import PushCheck
-from metaid.episode.readings import readings_before_fall
+from metaid.episode.readings import readings_before_fall, told_times
 from metaid.episode.record import GoesOn, Record, Trajectory, crosses_at, crossings, energies, stopped, windows_of
 from metaid.errors import AbsentPlant, ImplausiblePlant, LostPlant
 from metaid.models import Array, ChainModel, Lumps, Model
-from metaid.plant import FaultyPlant, Plant
+from metaid.plant import FaultyPlant, Plant, SocketPlant
 
 TRIES = 3  # of an episode in which the plant was lost
 Seen = TypeVar("Seen")
@@ -131,20 +131,26 @@ def run_stepwise(
         plant.begin(noise_of(plant, episode, number))
     law = ChainModel(candidate, plant.gravity, episode.stiffness)
     motions: list[tuple[Array, Array]] = []
+    times: list[Array | None] = []
     for push in range(len(episode.pushes)):
         angles, speeds, fallen = _watch_push(plant, law, episode, push, {} if earlier is None else earlier)
         motions.append((angles, speeds))
+        times.append(plant.times if isinstance(plant, SocketPlant) else None)
         if fallen:
             break
         if goes_on is not None and push + 1 < len(episode.pushes):
-            so_far = stopped(_record_of(motions, plant, episode, fallen), episode, push + 1)
+            so_far = stopped(_record_of(motions, times, plant, episode, fallen), episode, push + 1)
             if not goes_on(so_far):
                 return so_far, Trajectory(angles, speeds)
-    return _record_of(motions, plant, episode, fallen), Trajectory(angles, speeds)
+    return _record_of(motions, times, plant, episode, fallen), Trajectory(angles, speeds)
 
 
-def _record_of(motions: Sequence[tuple[Array, Array]], plant: Plant, episode: Episode, fell: bool) -> Record:
-    """The record of an episode from the joint angles and speeds (nsteps + 1 x njoint) of each push that was begun."""
+def _record_of(
+    motions: Sequence[tuple[Array, Array]], times: Sequence[Array | None], plant: Plant, episode: Episode, fell: bool
+) -> Record:
+    """The record of an episode from the joint angles and speeds (nsteps + 1 x njoint) of each push that was begun, and
+    the times of its readings (nsteps + 1), in s, where the plant tells them.
+    """
     shape = episode.pushes.shape
     half_periods, span = np.zeros(shape, dtype=np.int64), np.zeros(shape)
     speed_energy, acceleration_energy = np.zeros(shape), np.zeros(shape)
@@ -162,6 +168,7 @@ def _record_of(motions: Sequence[tuple[Array, Array]], plant: Plant, episode: Ep
     if episode.readings_steps:
         reads_speeds = not isinstance(plant, FaultyPlant) or plant.faults.speed_sensor
         readings = readings_before_fall(motions, len(episode.pushes), episode.readings_steps, fell, reads_speeds)
+        readings = told_times(times, readings)
     fall_step = steps if fell else None
     return Record(plant.timestep, steps, fall_step, *seen, kept, episode.noise_floor.energy, windows, readings)
 

@@ -21,18 +21,22 @@ def watch_readings(start, forces, balance, derivatives, settings, basis, steps, 
         start: joint angles and speeds (2 x njoint) right after the push, in rad and rad/s.
         forces: Q of Eq. 22 at each step (nstep x njoint), in N m: what was commanded.
         balance, derivatives, work: see `workspace`; `balance` without a law.
-        settings: timestep in s; the column of the first of the start's unknowns; how many these are; how many timesteps
-            a step has; whether the plant moves continuously.
+        settings: timestep of each step (nstep), in s; the column of the first of the start's unknowns; how many these
+            are; how many timesteps a step has; whether the plant moves continuously.
         basis: the polynomials at every reading (nstep + 1 x ncoefficient), that of the push first.
         steps: for how many the push is followed.
         coefficients: of the joint angles (njoint x ncoefficient), in rad, filled in.
         slopes: their derivatives (njoint x ncoefficient x nunknown), filled in.
     """
-    timestep, start_column, extra, substeps, is_continuous = settings
+    timesteps, start_column, extra, substeps, is_continuous = settings
     set_off(start, start_column, extra, work)
     coefficients[:] = 0.0
     slopes[:] = 0.0
+    if steps > 0:
+        _add(basis[0], work, coefficients)
+        _add_slopes(basis[0], work, slopes)
     for step in range(steps):
+        timestep = timesteps[step]
         for _ in range(substeps):
             if is_continuous:
                 if not flow(step, forces, balance, derivatives, timestep, work):

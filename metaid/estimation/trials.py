@@ -89,6 +89,8 @@ class ReadTrial:
         poses: joint coordinates (npush x njoint), in rad or m, at which the pushes begin; None for a chain that stands
             upright.
         is_continuous: whether the plant moves continuously, as a real one does, and not by such steps of Euler's.
+        times: since the push, in s, of each reading (npush x nstep + 1), where the plant tells it; None where ticks are
+            taken to keep time.
     """
 
     timestep: float
@@ -101,6 +103,16 @@ class ReadTrial:
     substeps: int = 1
     poses: Array | None = None
     is_continuous: bool = False
+    times: Array | None = None
+
+    @cached_property
+    def timesteps(self) -> Array:
+        """What each step is made of (npush x nstep), in s."""
+        npush, nstep, _ = self.torques.shape
+        if self.times is None:
+            return np.full((npush, nstep), self.timestep)
+        seen = np.arange(nstep) < self.steps[:, None]
+        return np.where(seen, np.diff(self.times[:, : nstep + 1], axis=1) / self.substeps, self.timestep)
 
     @cached_property
     def forces(self) -> Array:

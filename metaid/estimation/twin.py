@@ -98,7 +98,7 @@ def drive(
         balance(None, lumps, gravity, joints=joints, is_continuous=trial.is_continuous),
         derivatives(unknowns, lumps, gravity),
     )
-    settings = trial.timestep, len(log_factors), extra, trial.substeps, trial.is_continuous
+    settings = trial.timesteps, len(log_factors), extra, trial.substeps, trial.is_continuous
     common = trial.forces, *forces, settings, basis, steps
 
     def run(first: int, stride: int) -> None:
@@ -113,9 +113,11 @@ def drive(
 def _watch_readings(first, stride, starts, forces, balance, derivatives, settings, bases, steps, work, seen):  # type: ignore[no-untyped-def]
     """Every `stride`-th push from the `first` on."""
     values, slopes, followed = seen
+    timesteps, column, extra, substeps, is_continuous = settings
     for push in range(first, starts.shape[0], stride):
         pushed, basis, shown = (starts[push], forces[push]), (bases[push], steps[push]), (values[push], slopes[push])
-        followed[push] = watch_readings(*pushed, balance, derivatives, settings, *basis, work, *shown)
+        own = timesteps[push], column, extra, substeps, is_continuous
+        followed[push] = watch_readings(*pushed, balance, derivatives, own, *basis, work, *shown)
 
 
 def share_out(run: Callable[[int, int], None], npush: int, multiplications: int) -> None:

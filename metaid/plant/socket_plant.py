@@ -21,6 +21,7 @@ from metaid.plant.start import Start
 from metaid.plant.wire import Wire, WireError, floats, parse_address
 
 PROTOCOL = 1
+LONGEST_TICK = 3.0  # timesteps, by the time that a plant tells
 
 Seconds = Annotated[float, Field(gt=0, le=3600)]
 
@@ -67,6 +68,12 @@ class SocketPlant:
         self._torque = np.zeros(settings.joints)
         self._state = np.zeros(settings.joints), np.zeros(settings.joints)
         self._tick = 0
+        self._times: list[float] = []
+
+    @property
+    def times(self) -> Array | None:
+        """Of the readings since the push (nreading), in s, as the plant tells them; None where it does not."""
+        return np.array(self._times) if len(self._times) == self._tick + 1 else None
 
     @property
     def njoint(self) -> int:
@@ -86,7 +93,7 @@ class SocketPlant:
             asked = start.asked
         except PlantError as problem:
             raise PlantError(f"plant {self.name} at {self.settings.socket}: {problem}") from None
-        self._tick = 0
+        self._tick, self._times = 0, []
         self.apply_torque(np.zeros(self.njoint))
         self._take(self._ask({"do": "push", **asked}, self.settings.push_timeout))
 
@@ -185,7 +192,22 @@ class SocketPlant:
                 raise self._implausible(f"tick {self._tick}: the {name} of joint {joint + 1} is {readings[joint]}")
         if "stopped" in answer and self._tick == 0:
             raise self._lost(f"push: it stopped itself before any torque: {str(answer['stopped'])[:200]}")
+        if "time" in answer:
+            self._tell(answer["time"])
         self._state = (np.full(self.njoint, np.nan),) * 2 if "stopped" in answer else (angles, speeds)
+
+    def _tell(self, said: Any) -> None:
+        """Keeps the time of a reading, which must go on from tick to tick about as the timestep says."""
+        time = floats([said])
+        if time is None or not np.isfinite(time[0]):
+            raise self._lost(f"tick {self._tick}: its time is {str(said)[:60]} (allowed: a number of s, or none)")
+        if self._times and not 0.0 < time[0] - self._times[-1] < LONGEST_TICK * self.timestep:
+            went = time[0] - self._times[-1]
+            raise self._lost(
+                f"tick {self._tick}: it took {went:.3g} s by the time that it tells "
+                f"(allowed: above 0, and below {LONGEST_TICK:g} timesteps)"
+            )
+        self._times.append(float(time[0]))
 
     def _why_tick(self, tick: float) -> str:
         if tick > self._tick:

@@ -1,7 +1,8 @@
 """The sensor readings of a trial as one text in the DB: exact, and read without pickle.
 
 The text is JSON: `counts`, how many readings there are of each push; `most`, how many there can be; `joints`, njoint;
-`angles` and, where there is a speed sensor, `speeds` (float64), push by push, little-endian in base64.
+`angles`, where there is a speed sensor `speeds`, and where they are told `times` (float64), push by push, little-endian
+in base64.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ def encoded(readings: SensorReadings) -> str:
     }
     if readings.speeds is not None:
         parts["speeds"] = text_of(readings.speeds[seen].astype("<f8"))
+    if readings.times is not None:
+        parts["times"] = text_of(readings.times[seen].astype("<f8"))
     return json.dumps(parts, separators=(",", ":"))
 
 
@@ -40,12 +43,14 @@ def decoded(text: str) -> SensorReadings:
     if not ((counts >= 0) & (counts <= most)).all() or not 0 < len(counts) * most * njoint <= LARGEST:
         raise ValueError("counts of readings that are none")
 
-    def whole(key: str) -> Array:
-        values = np.zeros((len(counts), most, njoint))
+    def whole(key: str, each: int = njoint) -> Array:
+        values = np.zeros((len(counts), most, each))
         read = array_of(parts[key], "<f8")
         if not np.isfinite(read).all():
             raise ValueError(f"{key} that are no numbers")
-        values[np.arange(most) < counts[:, None]] = read.reshape(int(counts.sum()), njoint)
+        values[np.arange(most) < counts[:, None]] = read.reshape(int(counts.sum()), each)
         return values
 
-    return SensorReadings(counts, whole("angles"), whole("speeds") if "speeds" in parts else None)
+    speeds = whole("speeds") if "speeds" in parts else None
+    times = whole("times", 1)[..., 0] if "times" in parts else None
+    return SensorReadings(counts, whole("angles"), speeds, times)

@@ -44,9 +44,7 @@ def calibrate(plant: SocketPlant, nominal: Chain, pushes: Array, repeats: int) -
     angle_noise, speed_noise = noise_at_rest(rest_readings(plant, nominal))
     angles, joint_speeds = np.moveaxis(np.array([_begun(plant, different) for _ in range(REPEATS)]), 2, 0)
     speeds = np.cumsum(joint_speeds.mean(axis=0), axis=-1)
-    noise = _push_noise(
-        joint_speeds - joint_speeds.mean(axis=0), _per_share(different, _joints(speeds)), speed_noise
-    )
+    noise = _push_noise(joint_speeds - joint_speeds.mean(axis=0), _per_share(different, _joints(speeds)), speed_noise)
     if not noise <= LARGEST_SPREAD:
         raise PlantError(
             f"plant {plant.name}: the same push differs by {noise:.0%} from one time to the next "

@@ -11,9 +11,7 @@ from metaid.plant import FAULT_UNITS, Limit
 
 TAKEN_UP = ("delay", "tilt")  # of the faults that a study may take up by itself those that a plant file may have
 
-FaultKind = Literal[
-    "delay", "lag", "tilt", "offset", "viscous", "dry", "presliding", "spring", "bias", "rotor", "gain"
-]
+FaultKind = Literal["delay", "lag", "tilt", "offset", "viscous", "dry", "presliding", "spring", "bias", "rotor", "gain"]
 
 
 class AnyEstimateSettings(Settings):

@@ -56,6 +56,11 @@ class Bench:
         equations(self.arm, np.zeros(len(impulses)), np.zeros(len(impulses)), self.room)
         return np.asarray(np.linalg.solve(self.room.mass, reach.T @ impulses), dtype=np.float64)
 
+    @property
+    def told_time(self) -> float | None:
+        """When the state is read, in s since the push, if the bench tells it."""
+        return self.time if self.has.tells_time else None
+
     def states(self) -> tuple[list[float], list[float]]:
         angles = self.state[0] + self.has.angle_noise * self.random.standard_normal(len(self.state[0]))
         if self.has.encoder_step > 0.0:

@@ -107,8 +107,9 @@ def _lead_pushes(pushes, parameters, begins, noise, chosen, work, spread, led): 
     """Every chosen push; fills in what the filter has of it."""
     frames, starts, torques, readings, steps, spring, times = pushes
     gains, weights, states, sums = led
-    settings = spring, times
+    timesteps, substeps, is_continuous = times
     for push in chosen:
+        settings = spring, timesteps[push], substeps, is_continuous
         pushed = starts[push], begins[push], torques[push], readings[push]
         own = gains[push], weights[push], states[push]
         found = _lead_push(frames, parameters, pushed, settings, noise, steps[push], work, spread, own)
@@ -119,7 +120,7 @@ def _lead_pushes(pushes, parameters, begins, noise, chosen, work, spread, led): 
 def _lead_push(frames, parameters, pushed, settings, noise, steps, work, spread, led):  # type: ignore[no-untyped-def]
     """One push; its two sums."""
     start, begin, torques, readings = pushed
-    spring, times = settings
+    spring, timesteps, substeps, is_continuous = settings
     of_reading, of_torque = noise
     motion, other, space, vectors, matrices = work
     gains, weights, states = led
@@ -137,9 +138,10 @@ def _lead_push(frames, parameters, pushed, settings, noise, steps, work, spread,
             before = vectors[0], vectors[1], vectors[2]
             for i in range(n):
                 before[0][i], before[1][i], before[2][i] = motion.position[i], motion.speed[i], motion.side[i]
-            if not move_on(frames, parameters, torques[reading - 1], spring, times, motion, space):
+            moving = timesteps[reading - 1], substeps, is_continuous
+            if not move_on(frames, parameters, torques[reading - 1], spring, moving, motion, space):
                 return np.nan, np.nan
-            step = before, torques[reading - 1], vectors[3], settings
+            step = before, torques[reading - 1], vectors[3], (spring, moving)
             if not _linearise(frames, parameters, step, motion, other, space, matrices, spread.pushed):
                 return np.nan, np.nan
             _carry(matrices, spread.state)
@@ -206,6 +208,7 @@ def _follow_readings(pushes, candidates, led, basis, share, work, coefficients, 
     """Runs a `share` of the candidates: the first, and the stride from one to the next."""
     frames, starts, torques, readings, steps, spring, times = pushes
     (gains, weights), (first, stride), (_, motion, space) = led, share, work
+    timesteps, substeps, is_continuous = times
     for candidate in range(first, candidates.shape[0], stride):
         parameters = candidates[candidate]
         for push in range(torques.shape[0]):
@@ -216,7 +219,8 @@ def _follow_readings(pushes, candidates, led, basis, share, work, coefficients, 
                 _set_right(*own, motion, filled)
                 if step == steps[push]:
                     break
-                follows = move_on(frames, parameters, torques[push, step], spring, times, motion, space)
+                moving = timesteps[push, step], substeps, is_continuous
+                follows = move_on(frames, parameters, torques[push, step], spring, moving, motion, space)
                 step += 1
             arrived[candidate, push] = follows
 

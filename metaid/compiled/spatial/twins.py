@@ -27,11 +27,12 @@ TOO_FAST = 1e3  # rad/s or m/s: no arm that is simulated gets there
 
 
 class Times(NamedTuple):
-    """How a twin moves from one reading to the next: its `timestep` in s, and how many of these there are; and whether
-    the plant moves continuously, as a real one does, and not by such steps of Euler's, as a simulated one.
+    """How a twin moves from one reading to the next: its `timesteps` (npush x nstep) in s, and how many of these there
+    are in a step; and whether the plant moves continuously, as a real one does, and not by such steps of Euler's, as a
+    simulated one.
     """
 
-    timestep: float
+    timesteps: Array
     substeps: int = 1
     is_continuous: bool = False
 
@@ -151,6 +152,7 @@ def _follow_law(frames, law, candidates, pushes, windows, timestep, share, work,
 def _follow_torque(frames, candidates, starts, torques, spring, seen, times, share, work, coefficients, arrived):  # type: ignore[no-untyped-def]
     """The same, driven."""
     (basis, chosen, steps), (first, stride), (_, motion, space) = seen, share, work
+    timesteps, substeps, is_continuous = times
     for candidate in range(first, candidates.shape[0], stride):
         parameters = candidates[candidate]
         for push in range(torques.shape[0]):
@@ -159,7 +161,8 @@ def _follow_torque(frames, candidates, starts, torques, spring, seen, times, sha
             if steps[push] > 0:
                 _add_reading(polynomials[0], motion, filled)
             while follows and step < steps[push]:
-                follows = move_on(frames, parameters, torques[push, step], spring, times, motion, space)
+                moving = timesteps[push, step], substeps, is_continuous
+                follows = move_on(frames, parameters, torques[push, step], spring, moving, motion, space)
                 step += 1
                 _add_reading(polynomials[step], motion, filled)
             arrived[candidate, push] = follows

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from metaid.episode.noise import noise_of
-from metaid.episode.readings import SensorReadings
+from metaid.episode.readings import SensorReadings, told_times
 from metaid.episode.spatial.arm_episode import ArmEpisode
 from metaid.episode.spatial.arm_record import ArmRecord
 from metaid.episode.stepwise import again_if_lost
@@ -41,7 +41,7 @@ def run_arm_stepwise(
     motion = np.zeros((episode.npush, len(ends), QUANTITIES, n))
     angles, speeds = np.zeros((2, episode.npush, episode.steps + 1, n))
     steps, fell = np.zeros(episode.npush, np.int64), np.zeros(episode.npush, np.bool_)
-    energies = np.zeros((episode.npush, 2))
+    energies, times = np.zeros((episode.npush, 2)), list[Array | None]()
     for push, start in enumerate(episode.starts):
         stiffness, sums = float(episode.stiffness[push]), np.zeros((2, n))
 
@@ -71,11 +71,13 @@ def run_arm_stepwise(
             for window in np.flatnonzero(ends == step):
                 motion[push, window] = position, speed, dt * sums[0], sums[1] / dt
         plant.stop()
+        times.append(plant.times if isinstance(plant, SocketPlant) else None)
     whole = steps - fell
     seen = (ends <= whole[:, None]).sum(axis=1)
     windows = Windows(ends, seen, motion, np.zeros((episode.npush, len(ends), n), dtype=np.int64))
     sensed = not isinstance(plant, FaultyPlant) or plant.faults.speed_sensor
     kept = SensorReadings(whole + 1, angles, speeds if sensed else None) if episode.keeps_readings else None
+    kept = None if kept is None else told_times(times, kept)
     for push in range(episode.npush):
         angles[push, whole[push] + 1 :] = speeds[push, whole[push] + 1 :] = 0.0
     return ArmRecord(dt, steps, fell, energies[:, 0], energies[:, 1], windows, kept)

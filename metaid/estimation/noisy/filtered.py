@@ -28,7 +28,8 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
         forces: Q of Eq. 22 at each step (nstep x njoint), in N m: what was commanded.
         readings: absolute angles (nstep + 1 x njoint), in rad.
         balance, work: see `workspace`; `balance` without a law.
-        settings: timestep in s; how many timesteps a step has; whether the plant moves continuously.
+        settings: timestep of each step (nstep), in s; how many timesteps a step has; whether the plant moves
+            continuously; `derivatives` of nothing.
         noise: covariances of a reading, in rad², and of Q, in (N m)² (njoint x njoint each).
         steps: for how many the push is followed.
         spread: see `Spread`.
@@ -36,7 +37,7 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
         weights: L⁻¹ with L Lᵀ the covariance of an innovation (nstep + 1 x njoint x njoint), in 1/rad, filled in.
         states: absolute angles, in rad, before speeds, in rad/s, after each reading (nstep + 1 x 2 njoint), filled in.
     """
-    timestep, substeps, is_continuous, nothing = settings
+    timesteps, substeps, is_continuous, nothing = settings
     of_reading, of_force = noise
     n = start.shape[1]
     set_off(start, 0, 0, work)
@@ -46,6 +47,7 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
     squares, logarithm = 0.0, 0.0
     for reading in range(steps + 1):
         if reading > 0:
+            timestep = timesteps[reading - 1]
             spread.pushed[:] = 0.0
             for _ in range(substeps):
                 if not accelerate(reading - 1, forces, balance, work):
@@ -96,14 +98,14 @@ def watch_innovations(start, forces, readings, balance, derivatives, settings, l
     Args:
         start, forces, readings, balance, steps: see `lead`.
         derivatives, work: see `workspace`.
-        settings: timestep in s; the column of the first of the start's unknowns; how many these are; how many timesteps
+        settings: timestep of each step (nstep), in s; the column of the first of the start's unknowns; how many these are; how many timesteps
             a step has; whether the plant moves continuously.
         led: the gains and the weights that `lead` has filled in.
         basis: the polynomials at every reading (nstep + 1 x ncoefficient), that of the push first.
         seen: coefficients (njoint x ncoefficient) of the whitened innovations and their derivatives (njoint x
             ncoefficient x nunknown), filled in.
     """
-    timestep, start_column, extra, substeps, is_continuous = settings
+    timesteps, start_column, extra, substeps, is_continuous = settings
     gains, weights = led
     coefficients, slopes = seen
     set_off(start, start_column, extra, work)
@@ -111,6 +113,7 @@ def watch_innovations(start, forces, readings, balance, derivatives, settings, l
     slopes[:] = 0.0
     for reading in range(steps + 1):
         if reading > 0:
+            timestep = timesteps[reading - 1]
             for _ in range(substeps):
                 if is_continuous:
                     if not flow(reading - 1, forces, balance, derivatives, timestep, work):

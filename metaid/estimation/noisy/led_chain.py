@@ -38,7 +38,7 @@ def watch_chain(
         derivatives(unknowns, lumps, gravity),
     )
     pushed = starts, trial.forces, np.cumsum(trial.readings, axis=-1)
-    settings = trial.timestep, len(log_factors), extra, trial.substeps, trial.is_continuous
+    settings = trial.timesteps, len(log_factors), extra, trial.substeps, trial.is_continuous
     compared = settings, (led.gains, led.weights), basis, steps
 
     def run(first: int, stride: int) -> None:
@@ -84,7 +84,7 @@ def lead_chain(
     pushed = starts, np.ascontiguousarray(both @ begins @ both.T)
     pushed_by = trial.forces, np.cumsum(trial.readings, axis=-1)
     nothing = derivatives(unknowns.alone(log_factors), lumps, gravity)
-    settings = (trial.timestep, trial.substeps, trial.is_continuous, nothing), noise, trial.steps
+    settings = (trial.timesteps, trial.substeps, trial.is_continuous, nothing), noise, trial.steps
 
     def run(first: int, stride: int) -> None:
         room = workspace(n, 0, False, trial.is_continuous), spread_of(n)
@@ -103,10 +103,12 @@ def _watch_pushes(first, stride, started, balance, derivatives, settings, led, b
     starts, forces, readings = started
     gains, weights = led
     values, slopes, followed = seen
+    timesteps, column, extra, substeps, is_continuous = settings
     for push in range(first, starts.shape[0], stride):
+        moving = timesteps[push], column, extra, substeps, is_continuous
         pushed, own = (starts[push], forces[push], readings[push]), (gains[push], weights[push])
         shown = bases[push], steps[push], work, (values[push], slopes[push])
-        followed[push] = watch_innovations(*pushed, balance, derivatives, settings, own, *shown)
+        followed[push] = watch_innovations(*pushed, balance, derivatives, moving, own, *shown)
 
 
 @compiled
@@ -114,8 +116,10 @@ def _lead_pushes(pushes, begun, balance, settings, noise, steps, work, spread, l
     """Each of the `pushes`; fills in the two sums of `lead` (npush x 2)."""
     starts, begins, forces, readings = begun
     gains, weights, states = led
+    timesteps, substeps, is_continuous, nothing = settings
     for push in pushes:
+        moving = timesteps[push], substeps, is_continuous, nothing
         pushed = starts[push], begins[push], forces[push], readings[push]
         own = gains[push], weights[push], states[push]
-        found = lead(*pushed, balance, settings, noise, steps[push], work, spread, *own)
+        found = lead(*pushed, balance, moving, noise, steps[push], work, spread, *own)
         sums[push, 0], sums[push, 1] = found

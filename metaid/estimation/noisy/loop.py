@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -71,6 +71,6 @@ class Loop:
         torques = np.asarray(np.clip(torques, -self.torque_limits, self.torque_limits), dtype=np.float64)
         noise = np.hypot(self.noise, read.encoder_steps / np.sqrt(12.0)) if self.has_unknown_encoders else self.noise
         pushes = start_speeds, self.start_spread
-        return ReadTrial(
-            self.timestep, read.angles, torques, read.steps, *pushes, noise, self.substeps, poses, self.is_continuous
-        )
+        seen = self.timestep, read.angles, torques, read.steps
+        trial = ReadTrial(*seen, *pushes, noise, self.substeps, poses, self.is_continuous)
+        return replace(trial, times=read.times)

@@ -86,7 +86,7 @@ def drive_arm(
     trial, _, steps, basis = driven
     twins = twins_beside(driven, searched, unknowns, joints)
     seen = basis, np.arange(len(steps)), steps
-    settings = Times(trial.timestep, trial.substeps, trial.is_continuous), THREADS, twins.spring
+    settings = Times(trial.timesteps, trial.substeps, trial.is_continuous), THREADS, twins.spring
     twin = follow_torques(twins.frames, twins.candidates, twins.starts, trial.torques, seen, *settings)
     if not twin.arrived[:, steps > 0].all():
         return None

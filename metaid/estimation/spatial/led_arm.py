@@ -31,7 +31,7 @@ def watch_arm(
     trial, _, steps, basis = driven
     beside = twins_beside(driven, searched, unknowns, joints)
     read = trial.readings - beside.offset
-    settings = steps, beside.spring, Times(trial.timestep, trial.substeps, trial.is_continuous)
+    settings = steps, beside.spring, Times(trial.timesteps, trial.substeps, trial.is_continuous)
     pushes = DrivenPushes(beside.frames, beside.starts, trial.torques, read, *settings)
     twin = follow_readings(pushes, beside.candidates, (led.gains, led.weights), np.ascontiguousarray(basis), THREADS)
     return coefficients_of(twin, steps) if twin.arrived[:, steps > 0].all() else None
@@ -63,7 +63,7 @@ def lead_arm_trial(
     starts, begins = begun
     alike = Driven(replace(trial, start_spread=None), starts, trial.steps, np.zeros((len(starts), 1, 1)))
     beside = twins_beside(alike, searched.alone(unknowns), np.empty(0), joints)
-    settings = trial.steps, beside.spring, Times(trial.timestep, trial.substeps, trial.is_continuous)
+    settings = trial.steps, beside.spring, Times(trial.timesteps, trial.substeps, trial.is_continuous)
     read = np.ascontiguousarray(trial.readings - beside.offset)
     driven = DrivenPushes(beside.frames, beside.starts[0], trial.torques, read, *settings)
     noise = np.diag(trial.noise**2), np.diag(torque_noise**2)
