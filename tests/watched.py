@@ -9,7 +9,7 @@ from chain_studies import random_chain
 
 from metaid.compiled import CompiledLoop, FaultyLoop, fastest_step
 from metaid.episode import RICH_FALL_LIMIT, Episode, FallRule, natural_time, rich_pushes, window_ends
-from metaid.estimation import ReadTrial, WatchedTrial, commanded_torques, filtered_speeds
+from metaid.estimation import ReadTrial, Unknowns, WatchedTrial, commanded_torques, filtered_speeds
 from metaid.models import Array, Chain, Lumps
 from metaid.plant import FaultSettings, MujocoPlant, PlantSettings, Start, chain_of, slope_weights
 
@@ -79,3 +79,8 @@ def raised(lumps: Lumps, factor: float) -> Lumps:
     factors = np.ones(len(lumps.vector))
     factors[: lumps.nlink] = factor
     return lumps.scaled(factors)
+
+
+def some_torque(seen: Watched) -> Array:
+    """A share of what each joint needs (njoint), in N m: noise of the torques may be as large."""
+    return 0.03 * Unknowns(seen.nominal.lumps).torques(GRAVITY, float(np.abs(seen.starts).max()))

@@ -124,12 +124,13 @@ def descend(
     radius = LONGEST_STEP
     for iteration in range(most):
         factor, target = triangle(place, fitted.spreads)
+        by_starts = _gain_by_following(place, fitted.spreads)
         while True:
             step = step_within(factor, target, radius)
             size = float(np.abs(step).max())
             left = factor @ step - target
-            gain = 0.5 * float(target @ target - left @ left)
-            if gain < max(least_gain, NEGLIGIBLE_SHARE * place.cost) or size < SHORTEST_STEP:
+            gain = 0.5 * float(target @ target - left @ left) + by_starts
+            if gain < max(least_gain, NEGLIGIBLE_SHARE * place.cost) or size < SHORTEST_STEP > by_starts:
                 return Descent(place, iteration, True)
             following = place.residuals.following @ np.append(1.0, step)
             new = place_at(fitted, place.point + np.concatenate([step, following]), windows)
@@ -146,6 +147,14 @@ def descend(
         if size < tolerance and (ends_when_cut or not is_cut):
             return Descent(place, iteration + 1, True)
     return Descent(place, most, False)
+
+
+def _gain_by_following(place: Place, spreads: Array) -> float:
+    """By how much the cost falls where what concerns a push alone goes to where it serves best, and nothing else."""
+    if not len(place.residuals.following):
+        return 0.0
+    values, prior = place.residuals.values, place.point[: len(spreads)] / spreads
+    return max(place.cost - 0.5 * float(values @ values + prior @ prior), 0.0)
 
 
 def step_within(factor: Array, target: Array, radius: float) -> Array:

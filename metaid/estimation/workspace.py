@@ -63,7 +63,8 @@ class Workspace(NamedTuple):
     above δω. `changed` (n x p): δα. `speed_slopes`, `acceleration_slopes` (n x p): derivatives of the energies.
     `stages` (4 x n): of a Runge-Kutta step the state before it, angles and speeds, and what it adds to them; `held` and
     `added` (2 n x p): the same of the derivatives. `slip` (3 x n): of dry friction that builds up, its share of all of
-    it before the step, where the joint was then, in rad, and the share now; `slipped` (n x p): derivatives of the first.
+    it before the step, where the joint was then, in rad, and the share now; `slipped` (n x p): derivatives of the
+    first.
     """
 
     angle: Array

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from random_arm import random_arm
 
-from metaid.estimation import Readings, ReadTrial, fit, searched_faults
-from metaid.estimation.noisy import explanations
+from metaid.estimation import Readings, ReadTrial, SearchedFaults, fit, searched_faults
+from metaid.estimation.noisy import take_up
 from metaid.estimation.spatial import ArmUnknowns
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, Tree, joint_torque
@@ -105,7 +105,13 @@ def test_fault_that_explains_an_arm_is_proposed() -> None:
     searched, trial = ArmUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, ("delay",))
     readings = Readings([trial], searched)
     plain = fit(readings, searched.begin, 0)
-    found = next(explanations(readings, plain, lambda kinds: searched_faults(kinds, searched, 0.0, trial.start_speeds)))
+    noise = 0.03 * searched.torques(0.0, float(np.abs(trial.start_speeds).max()))
+
+    def search(kinds: tuple[str, ...]) -> SearchedFaults:
+        return searched_faults(kinds, searched, 0.0, trial.start_speeds)
+
+    found, _ = take_up(readings, plain, search, noise)
+    assert found.is_explained
     assert found.faults is not None
     assert found.faults.searched.kinds == ("delay",)
     assert found.faults.values[0] == pytest.approx(DELAY, rel=0.1)

@@ -6,7 +6,7 @@ import re
 from typing import Any
 
 import pytest
-from watched import GRAVITY, NOISE, raised, watched
+from watched import GRAVITY, NOISE, raised, some_torque, watched
 
 from metaid.estimation import Readings, SearchedFaults, Unknowns, fit, searched_faults
 from metaid.estimation.noisy import proposed_faults
@@ -37,7 +37,7 @@ def test_faults_that_explain_the_misfit_are_proposed(
 
     estimate = fit(readings, restarts=0)
     assert not estimate.is_explained
-    proposal = proposed_faults(readings, estimate, search, declared)
+    proposal = proposed_faults(readings, estimate, search, some_torque(seen), declared)
     assert proposal is not None
     assert proposal.after < 1.3 < proposal.before
     assert re.search(said, proposal.description)
@@ -54,4 +54,4 @@ def test_fault_that_does_not_explain_the_misfit_is_not_proposed() -> None:
 
     estimate = fit(readings, restarts=0)
     assert not estimate.is_explained
-    assert proposed_faults(readings, estimate, search, 0.0) is None
+    assert proposed_faults(readings, estimate, search, some_torque(seen), 0.0) is None

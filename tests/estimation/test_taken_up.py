@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from watched import GRAVITY, NOISE, Watched, raised, watched
+from watched import GRAVITY, NOISE, Watched, raised, some_torque, watched
 
 from metaid.estimation import Estimate, Readings, ReadTrial, SearchedFaults, TakenUp, Unknowns, fit, searched_faults
-from metaid.estimation.noisy import take_up
+from metaid.estimation.noisy import take_up, unmodelled_forces
 from metaid.plant import FaultSettings
 
 pytestmark = pytest.mark.slow
@@ -31,7 +30,7 @@ def taken_up(seen: Watched, readings: Readings, begun_with: tuple[str, ...] = ()
         return searched_faults(kinds, readings.unknowns, GRAVITY, seen.starts)
 
     begun = replace(readings, trials=readings.trials[:1], faults=search(begun_with)) if begun_with else readings
-    return take_up(readings, fit(begun, restarts=0), search)
+    return take_up(readings, fit(begun, restarts=0), search, some_torque(seen))
 
 
 def read_again(trial: ReadTrial, noise: float) -> ReadTrial:
@@ -53,15 +52,15 @@ def test_fault_that_predicts_the_last_trial_holds(late: Watched) -> None:
     assert (np.abs(error) < 4.0 * estimate.deviations + 1e-6).all()
 
 
-def test_no_fault_is_taken_up_that_a_later_trial_refutes(late: Watched) -> None:
-    """Where torques of the second trial were cut, nothing explains both."""
+def test_fault_that_a_later_trial_refutes_explains_nothing(late: Watched) -> None:
+    """Where torques of the second trial were cut, it may predict better than none, and is no finding."""
     unknowns = Unknowns(late.nominal.lumps)
     trials = [late.read_trial(raised(late.nominal.lumps, law)) for law in LAWS]
     cut = replace(trials[1], torques=1.1 * trials[1].torques)
     estimate, taken = taken_up(late, Readings([trials[0], cut], unknowns, GRAVITY), ("delay",))
-    assert taken is None
     assert not estimate.is_explained
-    assert estimate.faults is None
+    assert estimate.led_misfit is not None
+    assert taken is None or taken.after > 3.0
 
 
 def test_fault_that_does_not_foretell_the_last_trial_does_not_hold(late: Watched) -> None:
@@ -76,16 +75,14 @@ def test_fault_that_does_not_foretell_the_last_trial_does_not_hold(late: Watched
     assert "but not pushes that were held out: their misfit is " in taken.description
 
 
-def test_spring_does_not_pass_for_a_tilt() -> None:
-    """Of one link in two short trials both explain as much, with gravity lumps far apart: both are named."""
+def test_spring_that_short_trials_cannot_tell_is_not_explained_away() -> None:
+    """Of one link in two short trials a wrong gravity lump explains as much: no fault is taken up, a force is seen."""
     seen = watched(1, 1, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False), spring=0.5, chain=4)
     trials = [seen.read_trial(raised(seen.nominal.lumps, law)) for law in (1.5, 1.2)]
-    _, taken = taken_up(seen, Readings(trials, Unknowns(seen.nominal.lumps), GRAVITY))
-    assert taken is not None
-    assert not taken.holds
-    assert taken.kinds == ("tilt",)
-    assert re.fullmatch(r"springs of up to .* N m/rad, with which gravity_1 would be .* % larger", taken.rivals[0])
-    assert taken.description.startswith("several faults explain what was seen: a tilt of ")
+    readings = Readings(trials, Unknowns(seen.nominal.lumps), GRAVITY)
+    estimate, taken = taken_up(seen, readings)
+    assert taken is None
+    assert any(force.is_seen for force in unmodelled_forces(readings, estimate))
 
 
 @pytest.mark.parametrize(("second", "kind"), [(0.0, "tilt"), (3e-4, "offset")])

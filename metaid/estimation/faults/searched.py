@@ -29,7 +29,7 @@ NEVER_NEGATIVE = (
     "dry",
     "spring",
     "rotor",
-)  # friction resists, and what is at rest in a spring is held by it
+)  # friction resists, and a spring holds what is at rest
 BELOW, TRIFLE = 3.0, 1e-3  # standard deviations, and a share of what may be: a fault farther below 0 is none
 DETERMINED = 0.3  # of the prior deviation of a fault: a deviation below this tells something of it
 

@@ -22,7 +22,7 @@ from metaid.estimation.noisy.held_out import only_pushes
 from metaid.estimation.noisy.innovations import Innovations
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.torque_noise import PUSHES, fit_with_torque_noise, likeliest_noise
-from metaid.models import Array
+from metaid.models import DEVIATIONS, Array
 from metaid.plant import FAULT_UNITS
 
 Search = Callable[[tuple[str, ...]], SearchedFaults]  # makes faults of given kinds unknown
@@ -45,6 +45,7 @@ TOGETHER = (("viscous", "dry", "presliding"), ("spring", "bias"))
 LUMP_OF = {"viscous": "damping", "dry": "coulomb", "rotor": "rotor"}  # what is searched already is not tried
 TWOFOLD = {"offset": "tilt", "lag": "delay"}  # what is the other, but for little, which is simpler
 OF_SEVERAL = {"offset", "rotor", "gain"}  # of one joint these are nothing, or a tilt
+TRIFLE = 1e-3  # of an unknown: a difference that does no harm
 LEAST = 10.0  # in the logarithm of a likelihood
 ROUNDS, LOOKED_AT = 8, 3  # of taking up, and how many faults are fitted wholly in each
 NEGLIGIBLE, NOTHING = 1e-3, 3.0  # of the noise that was found, and in the logarithm of the likelihood: none is needed
@@ -185,7 +186,8 @@ def _fewest(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tried:
     for kind, simpler in TWOFOLD.items():
         if kind in best.kinds and kind not in known:
             instead = combining.fitted(tuple(simpler if each == kind else each for each in best.kinds), best)
-            if instead is not None and instead.likelihood > best.likelihood - LEAST:
+            is_as_good = instead is not None and instead.likelihood > best.likelihood - NOTHING
+            if instead is not None and is_as_good and farthest_moved(best.found, instead.found) is None:
                 best = instead
     for kinds in SINGLE:
         if not {*kinds} <= {*best.kinds} or {*kinds} & {*known}:
@@ -217,6 +219,15 @@ def _candidates(kinds: tuple[str, ...], readings: Readings) -> Iterator[tuple[st
     for more in (*SINGLE, *TOGETHER):
         if all(is_open(kind) for kind in more):
             yield more
+
+
+def farthest_moved(one: Found, other: Found) -> int | None:
+    """The number of the unknown that an `other` estimate has farthest from `one`; None where all are the same but for
+    what the deviations of both say.
+    """
+    reach = DEVIATIONS * np.hypot(one.deviations, other.deviations)[: len(one.unknowns)] + TRIFLE
+    beyond = np.abs(other.unknowns - one.unknowns) / reach
+    return int(np.argmax(beyond)) if beyond.max() > 1.0 else None
 
 
 def left_out(readings: Readings) -> NDArray[np.bool_]:

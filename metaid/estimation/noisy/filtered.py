@@ -98,8 +98,8 @@ def watch_innovations(start, forces, readings, balance, derivatives, settings, l
     Args:
         start, forces, readings, balance, steps: see `lead`.
         derivatives, work: see `workspace`.
-        settings: timestep of each step (nstep), in s; the column of the first of the start's unknowns; how many these are; how many timesteps
-            a step has; whether the plant moves continuously.
+        settings: timestep of each step (nstep), in s; the column of the first of the start's unknowns; how many these
+            are; how many timesteps a step has; whether the plant moves continuously.
         led: the gains and the weights that `lead` has filled in.
         basis: the polynomials at every reading (nstep + 1 x ncoefficient), that of the push first.
         seen: coefficients (njoint x ncoefficient) of the whitened innovations and their derivatives (njoint x

@@ -7,17 +7,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from metaid.estimation.estimate import Found, fit
 from metaid.estimation.faults import Proposal, TakenUp, fault_sizes, named_faults
-from metaid.estimation.noisy.combining import Search, Tried, combine, led_by, left_out
+from metaid.estimation.noisy.combining import Search, Tried, combine, farthest_moved, led_by
 from metaid.estimation.noisy.held_out import only_pushes, squares_of
 from metaid.estimation.noisy.polynomials import explained_by_noise
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.torque_noise import fit_with_torque_noise
-from metaid.models import DEVIATIONS, Array
-
-TRIFLE = 1e-3  # of a lump: a difference that does no harm
+from metaid.models import Array
 
 
 def take_up(readings: Readings, estimate: Found, search: Search, torque_noise: Array) -> tuple[Found, TakenUp | None]:
@@ -43,7 +42,7 @@ def take_up(readings: Readings, estimate: Found, search: Search, torque_noise: A
     rivals = tuple(each for each in (_rival(tried, other) for other in others) if each)
     sizes = fault_sizes(kinds, found.faults)
     predicted = _predicted(faulty, found) if found.is_explained else (np.nan, found.explained_below)
-    return found, TakenUp(kinds, sizes, estimate.misfit, found.misfit, *predicted, rivals)
+    return found, TakenUp(kinds, sizes, _without(readings, estimate), found.misfit, *predicted, rivals)
 
 
 def proposed_faults(
@@ -96,7 +95,7 @@ def _predicted(readings: Readings, estimate: Found) -> tuple[float, float]:
     in units of what noise and the covariance of that fit make of them.
     """
     try:
-        kept = only_pushes(readings, ~left_out(readings))
+        kept = only_pushes(readings, ~_last(readings))
         found = fit(kept, estimate.start, -1)
     except ValueError:
         return np.inf, explained_by_noise(0)
@@ -107,14 +106,30 @@ def _predicted(readings: Readings, estimate: Found) -> tuple[float, float]:
     return float(np.sqrt(max(2.0 * (estimate.cost - found.cost), 0.0) / count)), explained_by_noise(count)
 
 
+def _last(readings: Readings) -> NDArray[np.bool_]:
+    """The pushes of the last trial that shows anything (ntrial x npush); of one trial alone every second."""
+    shown = [number for number, trial in enumerate(readings.trials) if trial.steps.any()]
+    out = np.zeros((len(readings.trials), max(len(trial.steps) for trial in readings.trials)), dtype=np.bool_)
+    out[shown[-1], 1 if len(shown) == 1 else 0 :: 2 if len(shown) == 1 else 1] = True
+    return out
+
+
+def _without(readings: Readings, estimate: Found) -> float:
+    """The misfit of the fit without the faults that an `estimate` has; inf where the twin cannot follow."""
+    if estimate.faults is None:
+        return estimate.misfit
+    try:
+        return float(fit(readings, estimate.unknowns, 0).misfit)
+    except ValueError:
+        return np.inf
+
+
 def _rival(best: Tried, other: Tried) -> str:
     """What speaks for an `other` explanation than the `best`, in words; nothing where it has the same lumps."""
-    change = other.found.unknowns - best.found.unknowns
-    reach = DEVIATIONS * np.hypot(best.found.deviations, other.found.deviations)[: len(change)] + TRIFLE
-    moved = int(np.argmax(np.abs(change) / reach))
-    if abs(change[moved]) <= reach[moved] or other.found.faults is None:
+    moved = farthest_moved(best.found, other.found)
+    if moved is None or other.found.faults is None:
         return ""
-    by = 100.0 * float(np.expm1(change[moved]))
+    by = 100.0 * float(np.expm1(other.found.unknowns[moved] - best.found.unknowns[moved]))
     named = named_faults(other.kinds, fault_sizes(other.kinds, other.found.faults))
     return (
         f"{named}, with which {best.found.names[moved]} would be {abs(by):.2g} % {'larger' if by > 0.0 else 'smaller'}"
