@@ -169,7 +169,8 @@ class OfReadings(Experiment):
         return fit_with_torque_noise(compared, begin, self.torque_noise)
 
     def unmodelled(self, trials: Sequence[Any], estimate: Found) -> list[Unmodelled]:
-        compared = None if estimate.led_misfit is not None else self._led(trials, estimate)
+        tried = estimate.led_misfit is not None and (self.takes_up or estimate.faults is not None)
+        compared = None if tried else self._led(trials, estimate)
         return [] if compared is None else list(unmodelled_forces(compared, estimate))
 
     def estimate(self, trials: Sequence[Any], start: Found | None = None, thorough: bool = True) -> Any:

@@ -3,10 +3,10 @@
 `delay`: by how long torques come late. `lag`: the time constant of the motors. `tilt`: of the base. `offset`: what each
 encoder reads where its joint is straight. `viscous`, `dry`: friction in each joint; `presliding`: the angle over which
 dry friction builds up. `spring`: the stiffness of a spring in each joint, at rest where the joint is straight. `bias`:
-a torque that each motor adds, whatever it is told. `rotor`: the reflected inertia of what turns with each joint from the
-second on; that of the first is one with its link. `gain`: the torque of each motor from the second on, as a multiple of
-what was commanded, where that of the first is taken for 1. A common factor of all motors shows nowhere: all lumps times
-the same would move alike.
+a torque that each motor adds, whatever it is told. `rotor`: the reflected inertia of what turns with each joint from
+the second on; that of the first is one with its link. `gain`: the torque of each motor from the second on, as a
+multiple of what was commanded, where that of the first is taken for 1. A common factor of all motors shows nowhere: all
+lumps times the same would move alike.
 """
 
 from __future__ import annotations

@@ -18,6 +18,8 @@ from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.torque_noise import fit_with_torque_noise
 from metaid.models import Array
 
+FAR = 0.2  # of the misfit before: faults with which it falls less are hardly what is missing
+
 
 def take_up(readings: Readings, estimate: Found, search: Search, torque_noise: Array) -> tuple[Found, TakenUp | None]:
     """The estimate of some `readings` with the faults that together predict pushes best that were left out, and what
@@ -58,7 +60,7 @@ def proposed_faults(
         declared: the delay in s that the torques of the trials have already.
     """
     found, taken_up = take_up(readings, estimate, search, torque_noise)
-    if taken_up is None or found.faults is None or not found.misfit < estimate.misfit:
+    if taken_up is None or found.faults is None or not (found.is_explained or found.misfit < FAR * estimate.misfit):
         return None
     sizes = fault_sizes(taken_up.kinds, found.faults, declared)
     return Proposal(taken_up.kinds, sizes, estimate.misfit, found.misfit, found.faults.searched.kinds)
