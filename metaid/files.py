@@ -5,6 +5,7 @@ Every problem becomes one line that says which file, which entry, and what is al
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,6 +19,14 @@ from metaid.errors import MetaidError, unknown
 PACKAGE = Path(__file__).resolve().parent
 ENDINGS = (".toml", ".xml", ".urdf")  # of what is a path, and no shipped name
 LARGEST_FILE = 1_000_000  # bytes; what a person writes of 64 links is a hundredth of it
+MOST_PARTS = 16  # of a dotted key; no setting has more than three
+
+# Where a key may stand, that many parts and one more. tomllib remembers every beginning of a key, which grows with the
+# square of its parts: 100 kB take 9 GB.
+_LONG_KEY = re.compile(
+    r"""(?:^|[\[{,])[ \t]*+(?:(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % MOST_PARTS,
+    re.MULTILINE,
+)
 
 
 class Settings(BaseModel):
@@ -118,6 +127,8 @@ def read_toml(path: Path, error: type[MetaidError]) -> dict[str, Any]:
 
 def parse_toml(text: str) -> dict[str, Any]:
     """The tables of `text`.  Raises ValueError, whatever is wrong with it."""
+    if _LONG_KEY.search(text):
+        raise ValueError(f"a dotted key of more than {MOST_PARTS} parts")
     try:
         return tomllib.loads(text)
     except RecursionError:

@@ -84,6 +84,17 @@ def test_file_too_large_for_a_person_to_have_written_is_refused_unread(metaid: M
     assert "too large" in answered.err
 
 
+@pytest.mark.parametrize("start", ["", "[", "[[", "a = {", "a = {b = 1, ", "  "])
+@pytest.mark.parametrize("part", ["a", " a\t", "'a.'", r'"a\""', "é-1"])
+def test_key_of_more_parts_than_any_setting_has_is_refused_unread(metaid: Metaid, start: str, part: str) -> None:
+    """The parser's memory grows with the square of them: 50 000 would take 9 GB."""
+    Path("dotted.toml").write_text(f"description = '{'a.' * 100}'\n{start}{'.'.join([part] * 50_000)} = 1")
+    for command in (("plant", "show"), ("study", "create")):
+        answered = metaid(*command, "dotted.toml")
+        assert answered.status == 2
+        assert "dotted.toml: not valid TOML: a dotted key of more than 16 parts" in answered.err
+
+
 class Bait:
     """Who unpickles it makes a folder."""
 
