@@ -14,6 +14,7 @@ import click
 
 import metaid
 from metaid.cli.common import Group, escape_what_has_no_code, say
+from metaid.cli.interrupted import Interruption
 from metaid.errors import MetaidError
 
 EXAMPLE = """\b
@@ -46,8 +47,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     when interrupted, or 1 when nobody reads its output any more.
     """
     escape_what_has_no_code()
+    interruption = Interruption()
     try:
-        status = app.main(arguments, standalone_mode=False, prog_name="metaid")
+        with interruption:
+            status = app.main(arguments, standalone_mode=False, prog_name="metaid", obj=interruption)
     except click.ClickException as problem:
         _fail(problem.format_message())
     except MetaidError as problem:
@@ -59,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _forget_output()
         _fail(f"{problem.filename or 'standard output'}: {problem.strerror}")
     except (KeyboardInterrupt, click.Abort):
-        sys.exit(130)
+        sys.exit(128 + interruption.number)
     sys.exit(status if isinstance(status, int) else 0)
 
 
