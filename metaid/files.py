@@ -23,10 +23,8 @@ MOST_PARTS = 16  # of a dotted key; no setting has more than three
 
 # Where a key may stand, that many parts and one more. tomllib remembers every beginning of a key, which grows with the
 # square of its parts: 100 kB take 9 GB.
-_LONG_KEY = re.compile(
-    r"""(?:^|[\[{,])[ \t]*+(?:(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % MOST_PARTS,
-    re.MULTILINE,
-)
+_PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
+_LONG_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*+(?:{_PART}[ \t]*+\.[ \t]*+){{{MOST_PARTS}}}", re.MULTILINE)
 
 
 class Settings(BaseModel):

@@ -216,7 +216,7 @@ def test_single_hinge_has_no_coriolis_torque_to_be_wrong_about() -> None:
 
 
 def test_balanced_hinge_is_wrong_by_a_share_of_what_accelerates_it() -> None:
-    """Neither gravity nor speed loads a body whose mass lies on its axis; a model that is heavy there is wrong by it."""
+    """Neither gravity nor speed loads a body whose mass lies on its axis; a model that is heavy beside it is wrong."""
     tree = replace(random_arm(1, 0), com=np.zeros((1, 3)))
     assert model_error(tree, 1.1 * tree.parameters).gravity == 0.0
     wrong = model_error(tree, replace(tree, com=np.full((1, 3), 0.1)).parameters)
