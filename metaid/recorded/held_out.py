@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.motion import AHEAD, simulated, starts_of
+from metaid.recorded.motion import AHEAD, Begun, simulated, starts_of
 from metaid.recorded.weak_form.equations import Equations, Fold, Solution
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.normal import ZERO, block_edges
@@ -82,17 +82,6 @@ class HeldOut:
                 "constant_speed": [each if np.isfinite(each) else None for each in self.constant_speed.tolist()],
             },
         }
-
-
-@dataclass(frozen=True)
-class _Begun:
-    """Simulations of a fold that begin at rows `starts` of a log, by unknowns (nparam) and zeros (njoint)."""
-
-    fold: int
-    log: int
-    starts: NDArray[np.intp]
-    values: Array
-    zeros: Array
 
 
 @dataclass(frozen=True)
@@ -217,12 +206,10 @@ class Yardstick:
                 count += len(left)
                 if with_motion:
                     starts = starts_of(self.logs[log], rows, max(4, most // len(fold.logs)))
-                    begun.append(_Begun(number, log, starts, solution.values, zeros))
+                    begun.append(Begun(number, self.logs[log], starts, solution.values, zeros))
             squares, whole = squares + own_squares, whole + own_whole
             folds.append(float(np.sqrt(own_squares.sum() / max(own_whole.sum(), 1e-300))))
-        ends, constant, motions = self._simulated(model, delay, begun)
-        nothing = np.full((1, n), np.nan)
-        ended, unmoved = (np.concatenate(each) if each else nothing for each in (ends, constant))
+        ended, unmoved, motions = _simulated(model, delay, [each for each in begun if len(each.starts)])
         return HeldOut(
             by=self.by,
             joints=model.joints,
@@ -235,37 +222,27 @@ class Yardstick:
             motions=motions,
         )
 
-    def _simulated(
-        self, model: LinearModel, delay: float, begun: Sequence[_Begun]
-    ) -> tuple[list[Array], list[Array], Array]:
-        """Errors of simulations of each log (nstart x njoint each), those of a constant speed, and the error of each
-        fold as a share of these, root mean square over joints (nfold).
-        """
-        ends, constant, owners = [], [], []
-        for log in sorted({each.log for each in begun}):
-            own = [each for each in begun if each.log == log and len(each.starts)]
-            if not own:
-                continue
-            sizes = [len(each.starts) for each in own]
-            motion = simulated(
-                model,
-                np.repeat([each.values for each in own], sizes, axis=0),
-                self.logs[log],
-                np.repeat([each.zeros for each in own], sizes, axis=0),
-                delay,
-                np.concatenate([each.starts for each in own]),
-            )
-            ends.append(motion.angle)
-            constant.append(motion.constant_speed)
-            owners.append(np.repeat([each.fold for each in own], sizes))
-        if not ends:
-            return [], [], np.zeros(0)
-        owner, ended, unmoved = (np.concatenate(each) for each in (owners, ends, constant))
-        shares = [
-            (ended[owner == fold] ** 2).mean(axis=0) / np.maximum((unmoved[owner == fold] ** 2).mean(axis=0), 1e-300)
-            for fold in np.unique(owner)
-        ]
-        return ends, constant, np.sqrt(np.mean(shares, axis=1))
+
+def _simulated(model: LinearModel, delay: float, begun: Sequence[Begun]) -> tuple[Array, Array, Array]:
+    """Errors of simulations (nstart x njoint), those of a constant speed, and the error of each fold as a share of
+    these, root mean square over joints (nfold); NaN where there are none.
+    """
+    if not begun:
+        nothing = np.full((1, model.njoint), np.nan)
+        return nothing, nothing, np.zeros(0)
+    ends, constant, owners = [], [], []
+    for period in sorted({round(each.own.period, 9) for each in begun}):  # of one grid but for rounding
+        own = [each for each in begun if round(each.own.period, 9) == period]
+        motion = simulated(model, own, delay)
+        ends.append(motion.angle)
+        constant.append(motion.constant_speed)
+        owners.append(np.repeat([each.fold for each in own], [len(each.starts) for each in own]))
+    owner, ended, unmoved = (np.concatenate(each) for each in (owners, ends, constant))
+    shares = [
+        (ended[owner == fold] ** 2).mean(axis=0) / np.maximum((unmoved[owner == fold] ** 2).mean(axis=0), 1e-300)
+        for fold in np.unique(owner)
+    ]
+    return ended, unmoved, np.sqrt(np.mean(shares, axis=1))
 
 
 def _middle(own: Smoothed) -> float:

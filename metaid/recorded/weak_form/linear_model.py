@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import cast
 
 import numpy as np
@@ -253,7 +254,7 @@ def lump_regressor(angles: Array, speeds: Array, accelerations: Array, gravity: 
     """
     n = angles.shape[-1]
     angles, speeds, accelerations = (np.cumsum(each, axis=-1) for each in (angles, speeds, accelerations))
-    first, second = np.triu_indices(n, 1)
+    first, second = _pairs(n)
     links, pairs = np.arange(n), np.arange(len(first))
     force = np.zeros((*angles.shape, 2 * n + len(first)))
     force[..., links, links] = -gravity * np.sin(angles)
@@ -263,6 +264,12 @@ def lump_regressor(angles: Array, speeds: Array, accelerations: Array, gravity: 
     force[..., second, n + pairs] = cosine * accelerations[..., first] - sine * speeds[..., first] ** 2
     force[..., links, n + len(first) + links] = accelerations
     return np.asarray(np.cumsum(force[..., ::-1, :], axis=-2)[..., ::-1, :], dtype=np.float64)  # Eq. 6
+
+
+@cache
+def _pairs(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """All pairs of different links, the first with the lower number (npair each)."""
+    return np.triu_indices(n, 1)
 
 
 def arm_model(
