@@ -94,7 +94,7 @@ def simulated(model: LinearModel, begun: Sequence[Begun], delay: float) -> Motio
     def friction(speeds: Array, rigid: Array) -> Array:
         state = model.sliding_after(sliding, speeds, step)
         columns = model.friction_columns(speeds, rest, state, rigid)
-        return np.asarray(np.einsum("sjp,sp->sj", columns, rubbing), dtype=np.float64)
+        return np.asarray((columns @ rubbing[..., None])[..., 0], dtype=np.float64)
 
     def rate(angles: Array, speeds: Array, torques: Array, before: Array, after: Array, rigid: Array) -> Array:
         """Accelerations at a state, with friction at the end of a step from the speeds `before` to about those `after`:
@@ -111,7 +111,7 @@ def simulated(model: LinearModel, begun: Sequence[Begun], delay: float) -> Motio
         shape = (len(angles), n + 1, n)
         where, moving = (np.broadcast_to(part[:, None], shape) for part in (angles, speeds))
         columns = model.bodies(where, moving, np.broadcast_to(units, shape))
-        needed = np.einsum("skjp,sp->skj", columns, bodies, optimize=True)
+        needed = (columns @ bodies[:, None, :, None])[..., 0]
         matrices = (needed[:, 1:] - needed[:, :1]).swapaxes(-1, -2) + spun
         present = friction(before, rigid)
         across = np.where(np.abs(after - before) > SLIGHT, after - before, SLIGHT)
@@ -124,7 +124,9 @@ def simulated(model: LinearModel, begun: Sequence[Begun], delay: float) -> Motio
 
     with np.errstate(all="ignore"):
         for torques in sent.swapaxes(0, 1):
-            rigid = np.einsum("sjp,sp->sj", model.bodies(angles, speeds, rest), bodies)  # load, without chatter
+            rigid = rest
+            if "load" in model.friction:  # without accelerations, so that nothing chatters
+                rigid = (model.bodies(angles, speeds, rest) @ bodies[..., None])[..., 0]
             for _ in range(fine):
                 faster = rate(angles, speeds, torques, speeds, speeds, rigid)
                 half = angles + 0.5 * step * speeds, speeds + 0.5 * step * faster

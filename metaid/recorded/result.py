@@ -12,6 +12,7 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from metaid.errors import RecordError, unknown
+from metaid.files import shipped_logs
 from metaid.plant import load_plant
 from metaid.recorded.choosing import Choices
 from metaid.recorded.doubts.checks import Fact, facts_of
@@ -102,7 +103,7 @@ def estimate(
     What trials of a study say is `metaid.study(NAME).estimate`.
 
     Args:
-        logs: paths or frames, each a run of its own.
+        logs: paths or frames, each a run of its own, or the name of shipped ones, `double-pendulum`.
         nominal: the nominal robot: the name of a shipped plant, or the path of a plant file, an MJCF or a URDF.
         validate: logs that nothing is fitted to.
         law: the plant that the torques compensated, where the logs have none.
@@ -128,7 +129,7 @@ def estimate(
                 raise RecordError(f"friction: {unknown('term', term, TERMS)}")
         choices = replace(choices, friction=tuple(friction))
     model = _model(plant, [_joints(pair, plant.njoint) for pair in coupled], gravity)
-    many = [logs] if isinstance(logs, str | Path | pd.DataFrame) else list(logs)
+    many = _with_shipped([logs] if isinstance(logs, str | Path | pd.DataFrame) else logs)
     if not many:
         raise RecordError("no log (allowed: one or more)")
     factors = _by_joint("scale", scale or {}, model, 1.0)
@@ -146,7 +147,7 @@ def estimate(
         return replace(record, angles=record.angles + offsets, torques=record.torques * factors)
 
     records = tuple(read(log, number) for number, log in enumerate(many, 1))
-    others = tuple(read(log, number) for number, log in enumerate(validate, len(many) + 1))
+    others = tuple(read(log, number) for number, log in enumerate(_with_shipped(validate), len(many) + 1))
     with threadpool_limits(1):  # matrices this small are slower on several
         found = estimate_records(records, model, choices)
         facts = facts_of(records, found)
@@ -155,6 +156,14 @@ def estimate(
             (own, other.name, _validated(found, own)) for other in others if (own := _smoothed(found, other))
         )
     return RecordedResult(plant.name, records, found, verdict, facts, validation)
+
+
+def _with_shipped(logs: Sequence[Log]) -> list[Log]:
+    """Logs, with all runs in place of the name that they ship under."""
+    every: list[Log] = []
+    for log in logs:
+        every += (not isinstance(log, pd.DataFrame) and shipped_logs(str(log))) or [log]
+    return every
 
 
 def _smoothed(found: RecordedEstimate, record: Record) -> Smoothed:

@@ -19,7 +19,7 @@ FRICTION_HELP = "Of viscous,coulomb,root,offset,load,hysteresis."
 NOT_FOUND = 3  # exit status
 
 
-@click.command(epilog="\b\nExample:\n  metaid estimate log.csv --nominal three-link -o model.xml -o model.py")
+@click.command(epilog="\b\nExample:\n  metaid estimate double-pendulum --nominal double-pendulum -o model.xml")
 @click.argument("logs", metavar="LOG [LOG ...]", type=click.Path(path_type=Path), nargs=-1, required=True)
 @click.option("--nominal", required=True, metavar="ROBOT", help=NOMINAL_HELP)
 @click.option(
@@ -64,7 +64,8 @@ def estimate(
     """Identify a robot from logs of its motion.
 
     A log has a column `time` in s and, of every joint, `angle_1` in rad, `torque_1` in N m and perhaps `speed_1` in
-    rad/s. Each log is a run of its own. Each file that is written says how well it predicts. Exit status 3: not found.
+    rad/s. Each log is a run of its own. `double-pendulum` is three that ship, of a real one. Each file that is written
+    says how well it predicts. Exit status 3: not found.
     """
     from metaid.recorded import estimate as estimated
     from metaid.results.exporting import SUFFIXES
