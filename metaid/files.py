@@ -40,7 +40,7 @@ _KINDS = {"plants": "plant", "studies": "study"}
 
 
 def shipped_folder(kind: str) -> Path:
-    """The folder of shipped files of a `kind` ("plants", "studies" or "logs"): inside an installed package, beside it in
+    """The folder of shipped files of a `kind` ("plants", "studies", "logs"): inside an installed package, beside it in
     a checkout.
     """
     installed = PACKAGE / kind

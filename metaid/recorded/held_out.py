@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +23,22 @@ ZERO_STEPS = 3  # of Newton's, for the zeros of a log that was held out
 
 
 @dataclass(frozen=True)
+class Part:
+    """What was predicted of one log of a `fold` that has `nlog` of them, in its `rows`: sums of `squares` of what was
+    missed and of the `whole` (njoint each), by these unknowns (nparam) and zeros (njoint).
+    """
+
+    fold: int
+    log: int
+    nlog: int
+    rows: NDArray[np.bool_]
+    squares: Array
+    whole: Array
+    values: Array
+    zeros: Array
+
+
+@dataclass(frozen=True)
 class HeldOut:
     """What was predicted of parts that were left out.
 
@@ -37,6 +53,7 @@ class HeldOut:
         constant_speed: what a constant speed would make of it (njoint).
         motions: error of each fold (nfold), root mean square over joints, each as a share of what a constant speed
             makes.
+        parts: of each log in each fold which rows were predicted, and by what.
     """
 
     by: str
@@ -48,6 +65,7 @@ class HeldOut:
     angle: Array
     constant_speed: Array
     motions: Array
+    parts: tuple[Part, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def relative(self) -> float:
@@ -234,7 +252,7 @@ class Yardstick:
                 sent = self.sent(log, delay)[rows]
                 left = sent - self.predicted(model, solution.values, log, zeros)[rows]
                 squares, whole = (left**2).sum(axis=0), (sent**2).sum(axis=0)
-                parts.append(_Part(number, log, len(fold.logs), rows, squares, whole, solution.values, zeros))
+                parts.append(Part(number, log, len(fold.logs), rows, squares, whole, solution.values, zeros))
         return _Predicted(tuple(parts), n)
 
     def _told(self, model: LinearModel, predicted: _Predicted, ended: Array, unmoved: Array, motions: Array) -> HeldOut:
@@ -250,30 +268,15 @@ class Yardstick:
             angle=np.sqrt((ended**2).mean(axis=0)),
             constant_speed=np.sqrt((unmoved**2).mean(axis=0)),
             motions=motions,
+            parts=predicted.parts,
         )
-
-
-@dataclass(frozen=True)
-class _Part:
-    """What was predicted of one log of a `fold` that has `nlog` of them, in its `rows`: sums of `squares` of what was
-    missed and of the `whole` (njoint each), by these unknowns (nparam) and zeros (njoint).
-    """
-
-    fold: int
-    log: int
-    nlog: int
-    rows: NDArray[np.bool_]
-    squares: Array
-    whole: Array
-    values: Array
-    zeros: Array
 
 
 @dataclass(frozen=True)
 class _Predicted:
     """The parts of all folds, of so many joints."""
 
-    parts: tuple[_Part, ...]
+    parts: tuple[Part, ...]
     njoint: int
 
     @property

@@ -21,6 +21,7 @@ from metaid.recorded.held_out import HeldOut, Yardstick
 from metaid.recorded.reading.laws import law_torques
 from metaid.recorded.reading.log import Record, read_record
 from metaid.recorded.telling.judging import RecordedVerdict, judge_records
+from metaid.recorded.telling.left_out import LeftOut, left_out, predicted_parts
 from metaid.recorded.telling.model_files import FileError, file_error, recorded_identified_model
 from metaid.recorded.telling.summary import summary
 from metaid.recorded.weak_form.equations import Fold
@@ -68,6 +69,16 @@ class RecordedResult:
     def model(self) -> IdentifiedModel:
         """The identified model, to be written."""
         return recorded_identified_model(self.records, self.plant, self.estimate, self.verdict)
+
+    @property
+    def left_out(self) -> list[LeftOut]:
+        """Torques over time of what was left out, predicted by what the others say, and of logs that nothing was fitted
+        to.
+        """
+        parts = left_out(self.estimate)
+        for own, name, held in self.validation:
+            parts += predicted_parts(self.estimate, Yardstick((own,), ()), held, (name,))
+        return parts
 
     def error_of(self, path: str | Path) -> FileError:
         """How well a file that was written predicts, loaded again: logs that nothing was fitted to where there are any,
