@@ -33,7 +33,14 @@ def left_out(found: RecordedEstimate) -> list[LeftOut]:
 def predicted_parts(
     found: RecordedEstimate, yardstick: Yardstick, held: HeldOut, names: tuple[str, ...]
 ) -> list[LeftOut]:
-    """The parts that a yardstick held out, of logs with these `names`."""
+    """The parts that were held out.
+
+    Args:
+        found: what the logs say.
+        yardstick: that held them out.
+        held: how well they are predicted.
+        names: of the yardstick's logs.
+    """
     return [
         LeftOut(
             names[part.log],
