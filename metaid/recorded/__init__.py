@@ -8,7 +8,7 @@ out. `judge_records` says whether the result can be used.
 
 from metaid.recorded.choosing import Choices
 from metaid.recorded.doubts.checks import Fact, facts_of
-from metaid.recorded.estimating import RecordedEstimate, estimate_records
+from metaid.recorded.estimating import RecordedEstimate, equations_like, estimate_records
 from metaid.recorded.held_out import HeldOut
 from metaid.recorded.reading.laws import law_torques
 from metaid.recorded.reading.log import Record, read_record
@@ -36,6 +36,7 @@ __all__ = [
     "RecordedVerdict",
     "arm_model",
     "chain_model",
+    "equations_like",
     "estimate",
     "estimate_records",
     "facts_of",
