@@ -5,8 +5,8 @@
 Of each robot: the seconds that the search takes, the determinant criterion less that of the best of 500 random series
 with the same limits, whether any limit is passed or anything touched at 1 kHz, and, of logs of ten wrong robots along
 the motion with the noise that was said, the root mean square of the errors as a share of the promised deviations
-(median and largest of all parameters), the deviations that `metaid.estimate` reports, and how many of its 95 % intervals
-hold the truth.
+(median and largest of all parameters), the deviations that `metaid.estimate` reports, and how many of its 95 %
+intervals hold the truth.
 """
 
 from __future__ import annotations

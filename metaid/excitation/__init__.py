@@ -4,10 +4,10 @@
 free of contacts; `forecast` records it of the nominal robot and estimates that log.
 """
 
-from metaid.excitation.excite import Excitation, criterion_of, excite, problem_of
+from metaid.excitation.exciting import Excitation, excite, problem_of
 from metaid.excitation.files import SUFFIXES, write_motion
 from metaid.excitation.forecast import Forecast, Noise, recorded
-from metaid.excitation.limits import Limits, read_limits, usual_limits
+from metaid.excitation.limits import Limits, LimitsSettings, read_limits, usual_limits
 from metaid.excitation.search import Criterion, Problem, Shape, best_of_random
 from metaid.excitation.series import Series, Trajectory, rest_to_rest
 
@@ -17,13 +17,13 @@ __all__ = [
     "Excitation",
     "Forecast",
     "Limits",
+    "LimitsSettings",
     "Noise",
     "Problem",
     "Series",
     "Shape",
     "Trajectory",
     "best_of_random",
-    "criterion_of",
     "excite",
     "problem_of",
     "read_limits",

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from metaid.errors import PlantError, unknown
-from metaid.excitation.excite import Excitation
+from metaid.excitation.exciting import Excitation
 
 SUFFIXES = (".csv", ".yaml")
 RATE = 250.0  # rows a second

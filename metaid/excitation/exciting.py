@@ -133,7 +133,17 @@ def problem_of(plant: ArmPlant | MujocoPlant, limits: Limits, period: float) -> 
 
 
 def criterion_of(problem: Problem, seconds: float, noise: Noise, seed: int) -> Criterion:
-    """What is best: torques have noise as a share of what random motions need."""
+    """What is best: torques have noise as a share of what random motions need.
+
+    Args:
+        problem: what is searched.
+        seconds: of the log.
+        noise: of it.
+        seed: of the motions.
+
+    Raises:
+        PlantError: no motion keeps the limits.
+    """
     model = problem.model
     drawn = draws(problem, np.random.default_rng([seed, 2]))
     series = [each[1] for each, _ in zip(drawn, range(USUAL), strict=False) if each is not None]
