@@ -145,12 +145,11 @@ def criterion_of(problem: Problem, seconds: float, noise: Noise, seed: int) -> C
         PlantError: no motion keeps the limits.
     """
     model = problem.model
-    drawn = draws(problem, np.random.default_rng([seed, 2]))
-    series = [each[1] for each, _ in zip(drawn, range(USUAL), strict=False) if each is not None]
-    if not series:
+    drawn = [rows @ problem.nominal for _, _, rows in draws(problem, [seed, 2], USUAL)]
+    if not drawn:
         why = problem.refused.most_common(1)[0][0]
         raise PlantError(f"no motion was found that keeps its limits: {why} (allowed: wider limits, another home)")
-    needed = np.sqrt(np.mean([(problem.torques(each, 50) ** 2).mean(axis=0) for each in series], axis=0))
+    needed = np.sqrt(np.mean([(torques**2).mean(axis=0) for torques in drawn], axis=0))
     usual = np.maximum(needed, LEAST * needed.max())
     bodies = np.sqrt(np.maximum(np.diag(model.covariance), 1e-300))
     scales = np.concatenate([bodies, usual / problem.limits.speed, usual])

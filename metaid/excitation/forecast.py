@@ -94,11 +94,15 @@ def forecast(model: LinearModel, nominal: Array, series: Series, seconds: float,
 
     first = recorded(torques, series, seconds, noise, 0)
     found = estimate_records([first], model, Choices(friction=FRICTION, zeros=False, delay=0.0))
-    variances = []
+    variances, errors = [], []
     for seed in range(REHEARSED):
         equations = equations_like(found, recorded(torques, series, seconds, noise, seed))
-        variances.append(np.diag(equations.covariance(equations.solved[0].values)))
-    deviations = np.sqrt(np.mean(variances, axis=0))
+        values = equations.solved[0].values
+        variances.append(np.diag(equations.covariance(values)))
+        errors.append(values - nominal)
+    usual = np.mean(variances, axis=0)
+    growth = max(1.0, float(np.sqrt(np.mean(np.square(errors) / usual))))  # by errors that last longer than it counts
+    deviations = growth * np.sqrt(usual)
     whole = np.abs(nominal)
     if not model.is_chain:
         whole[: model.nbody] = np.maximum(whole[: model.nbody], np.sqrt(np.diag(model.covariance)))

@@ -67,20 +67,23 @@ class Criterion:
     noise: Array
     readings: float
 
-    def information(self, series: Series) -> Array:
-        """On the scaled unknowns (nparam x nparam), what is believed included."""
-        rows = self.rows(series) * self.scales / self.noise[:, None]
-        flat = rows.reshape(-1, len(self.scales))
+    def information(self, series: Series, rows: Array | None = None) -> Array:
+        """On the scaled unknowns (nparam x nparam), what is believed included; `rows` is the regressor along the series
+        where it is there already.
+        """
+        rows = regressor_along(self.model, series, SAMPLES) if rows is None else rows
+        flat = (rows * self.scales / self.noise[:, None]).reshape(-1, len(self.scales))
         return np.asarray(self.readings / SAMPLES * flat.T @ flat + np.eye(len(self.scales)), dtype=np.float64)
 
-    def rows(self, series: Series) -> Array:
-        """The regressor along a series (nsample x njoint x nparam)."""
-        motion = series.at(series.period / SAMPLES * np.arange(SAMPLES))
-        return self.model.regressor(motion.angles, motion.speeds, motion.accelerations)
+    def value(self, series: Series, before: Array | float = 0.0, rows: Array | None = None) -> float:
+        """Of a series, with the information (nparam x nparam) that there is `before`; `rows` as above."""
+        return float(np.linalg.slogdet(self.information(series, rows) + before)[1])
 
-    def value(self, series: Series, before: Array | float = 0.0) -> float:
-        """Of a series, with the information (nparam x nparam) that there is `before`."""
-        return float(np.linalg.slogdet(self.information(series) + before)[1])
+
+def regressor_along(model: LinearModel, series: Series, count: int) -> Array:
+    """The torque for a unit of each unknown at so many times of a period (count x njoint x nparam)."""
+    motion = series.at(series.period / count * np.arange(count))
+    return model.regressor(motion.angles, motion.speeds, motion.accelerations)
 
 
 @dataclass(frozen=True)
@@ -108,10 +111,7 @@ class Problem:
 
     def torques(self, series: Series, count: int) -> Array:
         """What the nominal robot needs along a series (count x njoint), in N m or N."""
-        motion = series.at(series.period / count * np.arange(count))
-        return np.asarray(
-            self.model.regressor(motion.angles, motion.speeds, motion.accelerations) @ self.nominal, dtype=np.float64
-        )
+        return np.asarray(regressor_along(self.model, series, count) @ self.nominal, dtype=np.float64)
 
     def scaled(self, shape: Shape) -> Series:
         """The largest series of such a shape within coordinates, speeds and accelerations."""
@@ -133,12 +133,15 @@ class Problem:
         start = limits.low - by * lowest + np.clip(shape.place, 0.01, 0.99) * room
         return Series(start, by[:, None] * free.sines, by[:, None] * free.cosines, self.period)
 
-    def within_torques(self, series: Series) -> Series | None:
-        """The same, made smaller about its start until the motors can follow; None where they cannot."""
+    def within_torques(self, series: Series) -> tuple[Series, Array] | None:
+        """The same, made smaller about its start until the motors can follow, and the regressor along it; None where
+        they cannot.
+        """
         for _ in range(TIMES):
-            over = np.abs(self.torques(series, SAMPLES)).max(axis=0) / self.limits.torque
+            rows = regressor_along(self.model, series, SAMPLES)
+            over = np.abs(rows @ self.nominal).max(axis=0) / self.limits.torque
             if (over < WITHIN).all():
-                return series
+                return series, rows
             series = replace(series, sines=SMALLER * series.sines, cosines=SMALLER * series.cosines)
         self.refused[f"joint {self.model.joints[int(over.argmax())]} needs more torque than it has"] += 1
         return None
@@ -166,15 +169,16 @@ class Problem:
         )
 
 
-def draws(problem: Problem, random: np.random.Generator) -> Iterator[tuple[Shape, Series] | None]:
-    """Random series that motors can follow, without end; None where one cannot be followed."""
-    n = problem.model.njoint
+def draws(problem: Problem, seed: int | list[int], count: int) -> Iterator[tuple[Shape, Series, Array]]:
+    """Those of so many random series that motors can follow, with the regressor along each."""
+    random, n = np.random.default_rng(seed), problem.model.njoint
     size = 1.0 / np.arange(1, HARMONICS + 1)
-    while True:
+    for _ in range(count):
         sines, cosines = random.standard_normal((2, n, HARMONICS)) * size
         shape = Shape(sines, cosines, random.uniform(size=n))
-        series = problem.within_torques(problem.scaled(shape))
-        yield None if series is None else (shape, series)
+        followed = problem.within_torques(problem.scaled(shape))
+        if followed is not None:
+            yield shape, *followed
 
 
 def best_of_random(
@@ -192,10 +196,11 @@ def best_of_random(
     Raises:
         PlantError: none of them is allowed.
     """
-    drawn = draws(problem, np.random.default_rng(seed))
-    there = [each for each, _ in zip(drawn, range(count), strict=False) if each is not None]
-    ranked = sorted(there, key=lambda each: -criterion.value(each[1], before))
-    for shape, series in ranked:
+    there = [
+        (criterion.value(series, before, rows), shape, series) for shape, series, rows in draws(problem, seed, count)
+    ]
+    ranked = sorted(there, key=lambda each: -each[0])
+    for _, shape, series in ranked:
         if problem.is_clear(series) and problem.is_allowed(series):
             return shape, series
     why, often = problem.refused.most_common(1)[0] if problem.refused else ("none keeps its limits", count)
@@ -233,10 +238,10 @@ def improved(
         place = shape.place + step * which * random.standard_normal(len(shape.place))
         other = Shape(shape.sines + sines, shape.cosines + cosines, np.clip(place, 0.0, 1.0))
         tried = problem.within_torques(problem.scaled(other))
-        value = -np.inf if tried is None else criterion.value(tried, before)
-        if tried is not None and value > best and problem.is_clear(tried):
+        value = -np.inf if tried is None else criterion.value(tried[0], before, tried[1])
+        if tried is not None and value > best and problem.is_clear(tried[0]):
             shape, best, step = other, value, min(GROWS * step, FIRST)
-            passed.append((shape, tried))
+            passed.append((shape, tried[0]))
         else:
             step = max(SHRINKS * step, LAST)
     return next(each for each in reversed(passed) if problem.is_allowed(each[1]))
