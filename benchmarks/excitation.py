@@ -2,9 +2,9 @@
 
     python -m benchmarks.excitation [ROBOT ...]
 
-Of each robot: the seconds that the search takes, the determinant criterion less that of the best of 500 random series
-with the same limits, whether any limit is passed or anything touched at 1 kHz, and, of logs of ten wrong robots along
-the motion with the noise that was said, the root mean square of the errors as a share of the promised deviations
+Of each robot: the seconds of one core that it takes, the determinant criterion less that of the best of 500 random
+series with the same limits, whether any limit is passed or anything touched at 1 kHz, and, of logs of ten wrong robots
+along the motion with the noise that was said, the root mean square of the errors as a share of the promised deviations
 (median and largest of all parameters), the deviations that `metaid.estimate` reports, and how many of its 95 %
 intervals hold the truth.
 """
@@ -55,9 +55,9 @@ def true_values(found: Excitation, robot: str | Path, seed: int) -> Array:
 
 def row(robot: str) -> dict[str, Any]:
     """What is said of one robot."""
-    begun = time.perf_counter()
+    begun = time.process_time()
     found = excite(robot)
-    took = time.perf_counter() - begun
+    took = time.process_time() - begun
     model, noise, errors, deviations = found.problem.model, Noise(), [], []
     with threadpool_limits(1):
         _, random = best_of_random(found.problem, found.criterion, SEED)
@@ -76,7 +76,7 @@ def row(robot: str) -> dict[str, Any]:
     covered = np.mean(np.abs(errors) < 1.96 * np.array(deviations))
     return {
         "robot": Path(robot).stem,
-        "s": f"{took:.0f}",
+        "CPU s": f"{took:.0f}",
         "above random": f"{found.criterion.value(found.series) - found.criterion.value(random):.1f}",
         "limits and contacts": "kept" if found.problem.is_allowed(found.series) else "PASSED",
         "errors": f"{np.median(share):.2f}, {share.max():.2f}",
