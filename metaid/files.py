@@ -47,8 +47,8 @@ _KINDS = {"plants": "plant", "studies": "study"}
 
 
 def shipped_folder(kind: str) -> Path:
-    """The folder of shipped files of a `kind` ("plants" or "studies"): inside an installed package, beside it in a
-    checkout.
+    """The folder of shipped files of a `kind` ("plants", "studies", "logs"): inside an installed package, beside it in
+    a checkout.
     """
     installed = PACKAGE / kind
     return installed if installed.is_dir() else PACKAGE.parent / kind
@@ -57,6 +57,12 @@ def shipped_folder(kind: str) -> Path:
 def shipped_names(kind: str) -> list[str]:
     """Names of the shipped files of a `kind`, sorted."""
     return sorted(path.stem for path in shipped_folder(kind).glob("*.toml"))
+
+
+def shipped_logs(name: str) -> list[Path]:
+    """The logs of a real robot that ship under a `name`, one a run; none where there are no such logs."""
+    folder = shipped_folder("logs")
+    return sorted((folder / name).glob("*.csv")) if name in {path.name for path in folder.iterdir()} else []
 
 
 def find_file(kind: str, name: str, error: type[MetaidError]) -> Path:

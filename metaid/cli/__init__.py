@@ -83,12 +83,13 @@ def _forget_output() -> None:
         os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
-from metaid.cli import compare, episodes, listing, paper, pictures, plants, recorded, results, studies  # noqa: E402  (they add their commands to `app`)
+from metaid.cli import compare, episodes, excite, listing, paper, pictures, plants, recorded, results, studies  # noqa: E402  (they add their commands to `app`)
 
 app.add_command(plants.plant)
 app.add_command(episodes.episode)
 app.add_command(studies.study)
 app.add_command(recorded.estimate)
+app.add_command(excite.excite)
 app.add_command(paper.paper)
 plants.plant.add_command(pictures.draw)
 plants.plant.add_command(pictures.view)
