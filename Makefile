@@ -5,6 +5,8 @@ NEWEST ?= python3.14
 VENV ?= .venv
 CONSTRAINTS ?= constraints.txt
 BIN := $(VENV)/bin
+# Tests run side by side: what BLAS's threads do for one takes as much from the others.
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint $(CONSTRAINTS)
 
 .PHONY: demo test test-quick robots test-min test-newest pin-min check docs audit bench figures soak format build clean
@@ -14,15 +16,15 @@ demo: $(VENV)/.runtime
 
 # Three workers on two cores: now and then a test waits for a browser, a server or another process.
 test: $(VENV)/.dev .venv-tools/bin/pip-licenses
-	$(BIN)/pytest -n 3 --dist worksteal --durations 15
+	$(PYTEST) -n 3 --dist worksteal --durations 15
 
 # Under a minute on two idle cores: what is not marked slow.
 test-quick: $(VENV)/.dev
-	$(BIN)/pytest -n 2 --dist worksteal -m "not slow and not robots"
+	$(PYTEST) -n 2 --dist worksteal -m "not slow and not robots"
 
 # Installs pinocchio and example-robot-data, 820 MB, for the tests and benchmarks that need them, and runs these tests.
 robots: $(VENV)/.robots
-	$(BIN)/pytest -n 2 -m robots
+	$(PYTEST) -n 2 -m robots
 
 # The lowest version that pyproject.toml allows of each direct dependency; and the newest of everything, on the newest Python.
 test-min:

@@ -20,8 +20,16 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parent.parent
-PAGES = ("*.md", "docs/*.md")
-FILES = ("LICENSE", "docs/keys.toml", "docs/images/*", "docs/site.css", "docs/iframe-worker.js", "examples/*.py")
+PAGES = ("*.md", "docs/*.md", "logs/*/README.md")
+FILES = (
+    "LICENSE",
+    "logs/*/LICENSE",
+    "docs/keys.toml",
+    "docs/images/*",
+    "docs/site.css",
+    "docs/iframe-worker.js",
+    "examples/*.py",
+)
 FENCE = re.compile(r"(^```.*?^```$)", re.DOTALL | re.MULTILINE)
 COMMENT = re.compile(r"<!--.*?-->\n?", re.DOTALL)
 HEADING = re.compile(r"^(#{1,6}) (.+)$", re.MULTILINE)

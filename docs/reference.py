@@ -25,6 +25,7 @@ from pydantic_core import PydanticUndefined
 
 import metaid
 from metaid.cli import app
+from metaid.excitation import LimitsSettings
 from metaid.files import Settings
 from metaid.plant import ArmSettings, PlantSettings, SocketSettings
 from metaid.study.settings import NominalSettings, StudySettings
@@ -38,6 +39,7 @@ FILES: dict[str, type[Settings]] = {
     "keys-chain": PlantSettings,
     "keys-arm": ArmSettings,
     "keys-rig": SocketSettings,
+    "keys-limits": LimitsSettings,
     "keys-study": StudySettings,
     "keys-arm-study": ArmStudySettings,
 }

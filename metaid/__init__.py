@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     )
     from metaid.episode import Outcome
     from metaid.errors import EpisodeError, MetaidError, PlantError, RecordError, RenderError, StorageError, StudyError
+    from metaid.excitation import excite
     from metaid.plant import Plant, load_plant
     from metaid.recorded import estimate
     from metaid.show import figures
@@ -66,6 +67,7 @@ _HOME = {
         "StudyError",
     ),
     "metaid.episode": ("Outcome",),
+    "metaid.excitation": ("excite",),
     "metaid.plant": ("Plant", "load_plant"),
     "metaid.recorded": ("estimate",),
     "metaid.study": ("NominalMetricSampler", "load_study"),
@@ -88,6 +90,7 @@ __all__ = [
     "compare",
     "estimate",
     "evaluate",
+    "excite",
     "figures",
     "load_findings",
     "load_plant",

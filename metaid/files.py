@@ -5,6 +5,7 @@ Every problem becomes one line that says which file, which entry, and what is al
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,6 +19,12 @@ from metaid.errors import MetaidError, unknown
 PACKAGE = Path(__file__).resolve().parent
 ENDINGS = (".toml", ".xml", ".urdf")  # of what is a path, and no shipped name
 LARGEST_FILE = 1_000_000  # bytes; what a person writes of 64 links is a hundredth of it
+MOST_PARTS = 16  # of a dotted key; no setting has more than three
+
+# Where a key may stand, that many parts and one more. tomllib remembers every beginning of a key, which grows with the
+# square of its parts: 100 kB take 9 GB.
+_PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
+_LONG_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*+(?:{_PART}[ \t]*+\.[ \t]*+){{{MOST_PARTS}}}", re.MULTILINE)
 
 
 class Settings(BaseModel):
@@ -40,8 +47,8 @@ _KINDS = {"plants": "plant", "studies": "study"}
 
 
 def shipped_folder(kind: str) -> Path:
-    """The folder of shipped files of a `kind` ("plants" or "studies"): inside an installed package, beside it in a
-    checkout.
+    """The folder of shipped files of a `kind` ("plants", "studies", "logs"): inside an installed package, beside it in
+    a checkout.
     """
     installed = PACKAGE / kind
     return installed if installed.is_dir() else PACKAGE.parent / kind
@@ -50,6 +57,12 @@ def shipped_folder(kind: str) -> Path:
 def shipped_names(kind: str) -> list[str]:
     """Names of the shipped files of a `kind`, sorted."""
     return sorted(path.stem for path in shipped_folder(kind).glob("*.toml"))
+
+
+def shipped_logs(name: str) -> list[Path]:
+    """The logs of a real robot that ship under a `name`, one a run; none where there are no such logs."""
+    folder = shipped_folder("logs")
+    return sorted((folder / name).glob("*.csv")) if name in {path.name for path in folder.iterdir()} else []
 
 
 def find_file(kind: str, name: str, error: type[MetaidError]) -> Path:
@@ -118,6 +131,8 @@ def read_toml(path: Path, error: type[MetaidError]) -> dict[str, Any]:
 
 def parse_toml(text: str) -> dict[str, Any]:
     """The tables of `text`.  Raises ValueError, whatever is wrong with it."""
+    if _LONG_KEY.search(text):
+        raise ValueError(f"a dotted key of more than {MOST_PARTS} parts")
     try:
         return tomllib.loads(text)
     except RecursionError:

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow
 PACKAGE = ROOT / "metaid"
 # From the lowest to the highest; a package imports only those before it.
 ORDER = ("errors", "files", "models", "plant", "episode", "compiled", "estimation", "search", "store", "study")
-ORDER += ("results", "recorded", "show", "paper", "api", "cli")
+ORDER += ("results", "recorded", "excitation", "show", "paper", "api", "cli")
 PACKAGES = tuple(name for name in ORDER if (PACKAGE / name).is_dir())
 SLOW = ("cmaes", "scipy.optimize", "scipy.stats")  # half of what a command took that only reads a DB
 # What must not be loaded by importing a package.
@@ -32,6 +32,7 @@ ABSENT = {
     "study": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
     "results": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
     "recorded": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
+    "excitation": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
     "show": ("mujoco", "numba", "ray", *SLOW),
     "api": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
     "cli": ("mujoco", "numba", "ray", "optuna", "pandas", "matplotlib", *SLOW),

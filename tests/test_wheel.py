@@ -75,6 +75,7 @@ WORK = (
     ["plant", "list"],
     ["plant", "draw", "three-link", "-o", "plant.png"],
     ["episode", "three-link", "-o", "angles.png"],
+    ["estimate", "double-pendulum", "--nominal", "double-pendulum", "-o", "found.xml"],
 )
 NEEDS = {
     "dashboard": ["dashboard", "--port", "0"],
@@ -84,6 +85,7 @@ NEEDS = {
     "postgresql": ["study", "list", "--storage", "postgresql://me:secret@127.0.0.1:1/studies"],
 }
 SHIPPED = (("plants", "*.toml"), ("studies", "*.toml"), ("plants/arms", "*.xml"), ("examples", "*.py"))
+SHIPPED += (("logs/double-pendulum", "*"),)  # with its licence and citation
 IDENTIFIED = ["study", "show", "three-link", "--json"]
 
 

@@ -12,20 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from metaid.excitation import Series, Trajectory, rest_to_rest
 from metaid.models import Array
 
 PERIOD, HARMONICS = 5.0, 8  # s
 DRAWN, DIFFERENT = 80, 3  # trajectories drawn for each one that is taken, and how many are taken
 SAMPLES = 100  # of a trajectory, for its condition number
-
-
-@dataclass(frozen=True)
-class Trajectory:
-    """Joint `angles` in rad, `speeds` in rad/s and `accelerations` in rad/s² over time, each (nstep x njoint)."""
-
-    angles: Array
-    speeds: Array
-    accelerations: Array
 
 
 @dataclass(frozen=True)
@@ -78,10 +70,8 @@ def exciting(
 def _draw(random: np.random.Generator, limits: Limits) -> Array:
     """Coefficients (2 x njoint x nharmonic) of sines and cosines, from rest to rest and within the limits."""
     rates = _rates()
-    drawn: Array = random.standard_normal((2, len(limits.rest), HARMONICS)) / rates
-    sines, cosines = drawn
-    sines -= np.outer(sines @ rates, rates) / (rates @ rates)  # no speed at the ends
-    cosines -= np.outer(cosines @ rates**2, rates**2) / (rates**2 @ rates**2)  # and no acceleration
+    sines, cosines = random.standard_normal((2, len(limits.rest), HARMONICS)) / rates
+    drawn: Array = np.stack(rest_to_rest(sines, cosines, rates))
     angles, speeds, _ = _motion(drawn, _times(4 * SAMPLES), limits)
     moved = np.abs(angles - limits.rest).max(axis=0)
     by = np.maximum(moved / limits.swing, np.abs(speeds).max(axis=0) / limits.speed)
@@ -90,13 +80,8 @@ def _draw(random: np.random.Generator, limits: Limits) -> Array:
 
 def _motion(series: Array, times: Array, limits: Limits) -> tuple[Array, Array, Array]:
     """Angles, speeds and accelerations (ntime x njoint) of `series` (2 x njoint x nharmonic)."""
-    sines, cosines = series
-    rates = _rates()
-    sine, cosine = np.sin(np.outer(times, rates)), np.cos(np.outer(times, rates))
-    angles = limits.rest + sine @ sines.T + (cosine - 1.0) @ cosines.T
-    speeds = cosine @ (sines * rates).T - sine @ (cosines * rates).T
-    accelerations = -sine @ (sines * rates**2).T - cosine @ (cosines * rates**2).T
-    return angles, speeds, accelerations
+    motion = Series(limits.rest, series[0], series[1], PERIOD).at(times)
+    return motion.angles, motion.speeds, motion.accelerations
 
 
 def _times(samples: int) -> Array:

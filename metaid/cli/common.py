@@ -7,6 +7,7 @@ import io
 import json
 import math
 import os
+import shlex
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -200,6 +201,24 @@ def one_line(text: str) -> str:
 def number_text(value: float | None, form: str = ".5g") -> str:
     """A number for a table; a dash where it is not known."""
     return "–" if value is None or math.isnan(value) else format(value, form)
+
+
+def typed(context: click.Context) -> str:
+    """The command that was typed, but for options that are as they are by default."""
+    words = []
+    for parameter in context.command.params:
+        assert parameter.name is not None
+        value = context.params[parameter.name]
+        if context.get_parameter_source(parameter.name) is not click.core.ParameterSource.COMMANDLINE:
+            continue
+        values = value if isinstance(value, tuple) else (value,)
+        if isinstance(parameter, click.Argument):
+            words += [str(each) for each in values]
+        elif isinstance(parameter, click.Option) and parameter.is_bool_flag:
+            words.append((parameter.opts if value else parameter.secondary_opts)[0])
+        else:
+            words += [word for each in values for word in (parameter.opts[0], str(each))]
+    return f"{context.command_path} {shlex.join(words)}"
 
 
 def refuse_output(path: Path, suffixes: Sequence[str], option: str = "-o") -> None:

@@ -52,7 +52,7 @@ class Live:
         self._task = self._bar.add_task(self._name, state="")
         self._started: tuple[float, int] | None = None
         self._last_line = time.monotonic()
-        self.trials = 0
+        self.trials = store.count(name)
 
     def update(self, progress: RunProgress) -> None:
         """Shows how far the run is."""
@@ -106,6 +106,10 @@ class Live:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Takes the bar away."""
         self._bar.stop()
 
 

@@ -29,9 +29,12 @@ from metaid.errors import optional_packages
 @click.option("--bodies", is_flag=True, help="Also what the lumps say of each link: mass, centre of mass, inertia.")
 def show(name: str, storage: str, as_json: bool, bodies: bool) -> None:
     """What a study found: every lump beside its nominal value, and the truth where the plant knows it."""
+    from threadpoolctl import threadpool_limits
+
     from metaid.results import summary
 
-    with open_store(storage) as store:
+    # At these sizes starting BLAS's threads costs more than all that is computed.
+    with open_store(storage) as store, threadpool_limits(1):
         if as_json:
             print_json(summary(store, name, bodies))
         else:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import shlex
-import signal
 from collections.abc import Sequence
-from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -25,6 +23,7 @@ from metaid.errors import printable
 NOT_FOUND = 3  # exit status of a run whose trials are spent without a result
 
 if TYPE_CHECKING:
+    from metaid.cli.interrupted import Interruption
     from metaid.study import AnySpec, Progress, StudySpec
 
 
@@ -194,7 +193,9 @@ def _undetermined(spec: StudySpec) -> str | None:
     help="With output-error: end once all lumps at once are known so well with 95 %, e.g. 0.5%.",
 )
 @click.option("--quiet", is_flag=True, help="Print nothing while it runs.")
+@click.pass_obj
 def run(
+    interruption: Interruption,
     name: str,
     storage: str,
     make: bool,
@@ -216,23 +217,27 @@ def run(
     from metaid.errors import WorkerError
     from metaid.study import run_study
 
-    stop = _StopRequest()
     if make:
         name, _ = _make(storage, name, (), None, None, exist_ok=True)
     with open_store(storage) as store:
-        try:
-            with Live(store, name, quiet) as live:
+        with Live(store, name, quiet) as live:
 
-                def watch(progress: Progress) -> None:
-                    live.update(progress)
-                    stop.raise_if_requested()
+            def say_stopped() -> None:
+                live.close()
+                say(f"stopped; {_how_to_go_on(live.trials, store.shown, name)}", err=True)
 
+            def watch(progress: Progress) -> None:
+                live.update(progress)
+                interruption.raise_if_requested()
+
+            interruption.defer(say_stopped)
+            try:
                 run_study(store, name, trials, workers, engine, ray_address, watch, patience, until)
-        except WorkerError as problem:
-            raise WorkerError(f"{problem}; {_how_to_go_on(live.trials, store.shown, name)}") from None
-        except KeyboardInterrupt:
-            say(f"stopped; {_how_to_go_on(live.trials, store.shown, name)}", err=True)
-            raise click.exceptions.Exit(128 + stop.signal_number) from None
+            except WorkerError as problem:
+                raise WorkerError(f"{problem}; {_how_to_go_on(live.trials, store.shown, name)}") from None
+            except KeyboardInterrupt:
+                say_stopped()
+                raise click.exceptions.Exit(128 + interruption.number) from None
         shown = print_study(store, name)
         if until is not None:
             say(describe_reached(shown, until))
@@ -242,25 +247,6 @@ def run(
 
 def _how_to_go_on(trials: int, storage: str, name: str) -> str:
     return f"{trials} trials are in {storage}; go on with: metaid study run {shlex.quote(name)}"
-
-
-class _StopRequest:
-    """Ctrl-C and SIGTERM stop the run after the generation that is under way. A second one stops it at once."""
-
-    def __init__(self) -> None:
-        self.signal_number: int = 0
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._request)
-
-    def _request(self, number: int, _frame: FrameType | None) -> None:
-        again, self.signal_number = self.signal_number, number
-        if again:
-            raise KeyboardInterrupt
-
-    def raise_if_requested(self) -> None:
-        """Raises KeyboardInterrupt after a first signal; called where the run can be left."""
-        if self.signal_number:
-            raise KeyboardInterrupt
 
 
 @study.command(epilog="\b\nExample:\n  metaid study delete three-link --yes")

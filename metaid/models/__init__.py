@@ -8,7 +8,7 @@ Pure functions of arrays: nothing here knows MuJoCo, Optuna or files.
 
 from metaid.models.chain import Chain, speeds_after
 from metaid.models.chain_of_lumps import ChainOfLumps, chain_of_lumps
-from metaid.models.intervals import DEVIATIONS, deviations_at_once, half_width
+from metaid.models.intervals import COARSEST, DEVIATIONS, deviations_at_once, half_width
 from metaid.models.known_lumps import KnownLumps, known_lumps
 from metaid.models.law import SLIDING, compensation_basis, compensation_torque, mass_matrix
 from metaid.models.lumps import FRICTION, IDEAL, UNITS, Array, Lumps, factors_from_names, kind_of, lump_names, lump_unit
@@ -17,6 +17,7 @@ from metaid.models.possible import least_inertia, question_of_units, refuse_impo
 from metaid.models.possible_bodies import body_extents
 
 __all__ = [
+    "COARSEST",
     "DEVIATIONS",
     "FRICTION",
     "IDEAL",

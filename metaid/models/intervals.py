@@ -11,6 +11,7 @@ import numpy as np
 from metaid.models.lumps import Array
 
 LEVEL = 0.95
+COARSEST = 0.1  # what is not known better than to a tenth is not determined
 DEVIATIONS = 1.96  # standard deviations, which hold one value with LEVEL
 
 

@@ -8,6 +8,7 @@ from metaid.errors import PlantError
 from metaid.files import check, find_file, read_toml
 from metaid.plant.arm_plant import ArmPlant
 from metaid.plant.arm_settings import ArmSettings
+from metaid.plant.asked import refuse_files_outside
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.settings import PlantSettings
 from metaid.plant.socket_plant import SocketPlant, SocketSettings
@@ -66,6 +67,15 @@ def read_any_plant(path: Path) -> AnySettings:
         arm = check(ArmSettings, tables, str(path), PlantError)
         return arm.model_copy(update={arm.kind: str(path.parent / arm.file)})
     return check(PlantSettings, tables, str(path), PlantError)
+
+
+def refuse_parts_outside(path: Path, folder: Path) -> None:
+    """Raises PlantError where the MJCF or URDF of the plant file at a path, or a file that it names, lies outside a
+    `folder`.
+    """
+    settings = read_any_plant(path)
+    if isinstance(settings, ArmSettings):
+        refuse_files_outside(Path(settings.file), folder)
 
 
 def load_rig(name: str | Path) -> SocketPlant:

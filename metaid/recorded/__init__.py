@@ -8,13 +8,14 @@ out. `judge_records` says whether the result can be used.
 
 from metaid.recorded.choosing import Choices
 from metaid.recorded.doubts.checks import Fact, facts_of
-from metaid.recorded.estimating import RecordedEstimate, estimate_records
+from metaid.recorded.estimating import RecordedEstimate, equations_like, estimate_records
 from metaid.recorded.held_out import HeldOut
 from metaid.recorded.reading.laws import law_torques
 from metaid.recorded.reading.log import Record, read_record
 from metaid.recorded.result import Log, RecordedResult, estimate
-from metaid.recorded.telling.friction_curve import FrictionCurve, friction_curves
+from metaid.recorded.telling.curves import FrictionCurve, GravityCurve, friction_curves, gravity_curves
 from metaid.recorded.telling.judging import RecordedVerdict, judge_records
+from metaid.recorded.telling.left_out import LeftOut, left_out
 from metaid.recorded.telling.model_files import FileError
 from metaid.recorded.weak_form.linear_model import TERMS, LinearModel, arm_model, chain_model
 
@@ -24,7 +25,9 @@ __all__ = [
     "Fact",
     "FileError",
     "FrictionCurve",
+    "GravityCurve",
     "HeldOut",
+    "LeftOut",
     "LinearModel",
     "Log",
     "Record",
@@ -33,11 +36,14 @@ __all__ = [
     "RecordedVerdict",
     "arm_model",
     "chain_model",
+    "equations_like",
     "estimate",
     "estimate_records",
     "facts_of",
     "friction_curves",
+    "gravity_curves",
     "judge_records",
     "law_torques",
+    "left_out",
     "read_record",
 ]

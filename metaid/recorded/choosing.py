@@ -8,6 +8,7 @@ WORTH, never by its own significance alone.  Eq. 21.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -102,18 +103,23 @@ class _Search:
     def windows(self) -> list[tuple[float, int]]:
         return list(self._by_windows)
 
-    def errors(self, equations: Equations) -> tuple[float, Array]:
-        """That of what is left out, and that of each joint's torque (njoint)."""
-        is_chain = equations.model.is_chain
-        try:
-            held = self.yardstick.held_out(equations, with_motion=is_chain, most=STARTS)
-        except np.linalg.LinAlgError:
-            return float("inf"), np.full(equations.model.njoint, np.inf)
-        return held.motion if is_chain and len(held.motions) else held.relative, held.by_joint
+    def errors(self, candidates: Sequence[Equations]) -> list[tuple[float, Array]]:
+        """Of each of several equations that of what is left out, and that of each joint's torque (njoint)."""
+        is_chain, unsolved = candidates[0].model.is_chain, (float("inf"), np.full(candidates[0].model.njoint, np.inf))
+        solved = {}
+        for number, each in enumerate(candidates):
+            with suppress(np.linalg.LinAlgError):
+                solved[number] = each, self.yardstick.solutions(each)
+        held = self.yardstick.all_judged(list(solved.values()), with_motion=is_chain, most=STARTS)
+        found = {
+            number: (each.motion if is_chain and len(each.motions) else each.relative, each.by_joint)
+            for number, each in zip(solved, held, strict=True)
+        }
+        return [found.get(number, unsolved) for number in range(len(candidates))]
 
     def error(self, equations: Equations) -> float:
         """That of what is left out."""
-        return self.errors(equations)[0]
+        return self.errors([equations])[0][0]
 
     def better(self, what: str, other: Equations, error: float) -> float | None:
         """The error of another choice where it is worth its while; None where it is not."""
@@ -172,7 +178,7 @@ def _usual_power(span: float) -> int:
 
 def _best_windows(search: _Search, present: Equations) -> tuple[Equations, float]:
     every = [search.equations(windows, present) for windows in search.windows]
-    errors = [search.error(each) for each in every]
+    errors = [error for error, _ in search.errors(every)]
     best = int(np.argmin(errors))
     return every[best], errors[best]
 
@@ -223,7 +229,7 @@ def _finer_presliding(search: _Search, present: Equations, error: float) -> tupl
     def with_presliding(presliding: Array) -> Equations:
         return present.with_model(model.with_friction(model.friction, presliding))
 
-    by_joint = np.array([search.errors(with_presliding(factor * common))[1] for factor in factors])
+    by_joint = np.array([own for _, own in search.errors([with_presliding(factor * common) for factor in factors])])
     is_as_good = WORTH * by_joint <= by_joint.min(axis=0)
     other = with_presliding(common * np.where(is_as_good, factors[:, None], 0.0).max(axis=0))
     found = search.error(other)

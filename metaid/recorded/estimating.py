@@ -157,6 +157,18 @@ def estimate_records(records: Sequence[Record], model: LinearModel, choices: Cho
     )
 
 
+def equations_like(found: RecordedEstimate, record: Record) -> Equations:
+    """The equations of another log of the same robot, with the windows, terms and delay that were chosen.  Raises
+    RecordError where it is too short.
+    """
+    chosen = found.equations
+    own = smoothed(record)
+    equations = equations_of([record], [own], chosen.model, chosen.span, chosen.parts[0].windows.degree)
+    if equations is None:
+        raise RecordError(f"{record.name}: too short, or no joint moves (allowed: some seconds of motion)")
+    return replace(equations, zeros=chosen.zeros, delay=chosen.delay, scale=chosen.scale)
+
+
 def _plain(records: Sequence[Record], logs: Sequence[Smoothed], model: LinearModel) -> Equations | None:
     """Equations of windows of a middle length with the plainest friction; None where the logs are too short."""
     for span, power in ((0.2, 6), (0.1, 5), (0.3, 8), (0.06, 4), (0.5, 10)):

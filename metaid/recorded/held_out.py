@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.motion import AHEAD, simulated, starts_of
+from metaid.recorded.motion import AHEAD, Begun, simulated, starts_of
 from metaid.recorded.weak_form.equations import Equations, Fold, Solution
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.normal import ZERO, block_edges
@@ -20,6 +20,22 @@ MOST_FOLDS = 8  # logs are held out in so many groups at most
 WHOLE = 3  # so many logs or more: whole ones are held out
 MOST_STARTS = 60  # of simulations a fold
 ZERO_STEPS = 3  # of Newton's, for the zeros of a log that was held out
+
+
+@dataclass(frozen=True)
+class Part:
+    """What was predicted of one log of a `fold` that has `nlog` of them, in its `rows`: sums of `squares` of what was
+    missed and of the `whole` (njoint each), by these unknowns (nparam) and zeros (njoint).
+    """
+
+    fold: int
+    log: int
+    nlog: int
+    rows: NDArray[np.bool_]
+    squares: Array
+    whole: Array
+    values: Array
+    zeros: Array
 
 
 @dataclass(frozen=True)
@@ -37,6 +53,7 @@ class HeldOut:
         constant_speed: what a constant speed would make of it (njoint).
         motions: error of each fold (nfold), root mean square over joints, each as a share of what a constant speed
             makes.
+        parts: of each log in each fold which rows were predicted, and by what.
     """
 
     by: str
@@ -48,6 +65,7 @@ class HeldOut:
     angle: Array
     constant_speed: Array
     motions: Array
+    parts: tuple[Part, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def relative(self) -> float:
@@ -82,17 +100,6 @@ class HeldOut:
                 "constant_speed": [each if np.isfinite(each) else None for each in self.constant_speed.tolist()],
             },
         }
-
-
-@dataclass(frozen=True)
-class _Begun:
-    """Simulations of a fold that begin at rows `starts` of a log, by unknowns (nparam) and zeros (njoint)."""
-
-    fold: int
-    log: int
-    starts: NDArray[np.intp]
-    values: Array
-    zeros: Array
 
 
 @dataclass(frozen=True)
@@ -178,16 +185,15 @@ class Yardstick:
             zeros = zeros + np.linalg.solve(gram, rows.T @ (left / spread).ravel() / correlated - zeros / ZERO**2)
         return zeros
 
-    def held_out(self, equations: Equations, with_motion: bool = False, most: int = MOST_STARTS) -> HeldOut:
-        """How well each fold is predicted from the others, whose joints are weighed as those of all are: quick, while
-        something is chosen.
-
-        Args:
-            equations: of all logs.
-            with_motion: whether motion is simulated, too.
-            most: simulations a fold.
+    def solutions(self, equations: Equations) -> list[Solution]:
+        """What predicts each fold from the others, whose joints are weighed as those of all are: quick, while something
+        is chosen.
         """
-        return self.judged(equations, [equations.without(fold) for fold in self.folds], with_motion, most)
+        return [equations.without(fold) for fold in self.folds]
+
+    def held_out(self, equations: Equations) -> HeldOut:
+        """How well the torques of each fold are predicted by these."""
+        return self.judged(equations, self.solutions(equations))
 
     def judged(
         self, equations: Equations, solutions: Sequence[Solution], with_motion: bool = False, most: int = MOST_STARTS
@@ -200,11 +206,44 @@ class Yardstick:
             with_motion: whether motion is simulated, too.
             most: simulations a fold.
         """
+        return self.all_judged([(equations, solutions)], with_motion, most)[0]
+
+    def all_judged(
+        self,
+        candidates: Sequence[tuple[Equations, Sequence[Solution]]],
+        with_motion: bool = False,
+        most: int = MOST_STARTS,
+    ) -> list[HeldOut]:
+        """The same of several equations with their solutions. Those that have a model and a delay in common are
+        simulated side by side, which takes little longer than one of them.
+        """
+        predicted = [self._predicted(*each) for each in candidates]
+        found: list[HeldOut | None] = [None] * len(candidates)
+        begun = [
+            [
+                Begun(each.fold, self.logs[each.log], starts, each.values, each.zeros)
+                for each in own.parts
+                if len(starts := starts_of(self.logs[each.log], each.rows, max(4, most // each.nlog)))
+            ]
+            if with_motion
+            else []
+            for own in predicted
+        ]
+        alike: dict[tuple[int, float], list[int]] = {}
+        for number, (equations, _) in enumerate(candidates):
+            alike.setdefault((id(equations.model), equations.delay), []).append(number)
+        for numbers in alike.values():
+            equations = candidates[numbers[0]][0]
+            moved = _simulated(equations.model, equations.delay, [begun[number] for number in numbers])
+            for number, motion in zip(numbers, moved, strict=True):
+                found[number] = self._told(equations.model, predicted[number], *motion)
+        return [each for each in found if each is not None]
+
+    def _predicted(self, equations: Equations, solutions: Sequence[Solution]) -> _Predicted:
+        """Torques of all folds, each by a solution of its own."""
         model, delay, n = equations.model, equations.delay, equations.model.njoint
-        squares, whole, count = np.zeros(n), np.zeros(n), 0
-        folds, begun = [], []
+        parts = []
         for number, (fold, solution) in enumerate(zip(self.folds, solutions, strict=True)):
-            own_squares, own_whole = np.zeros(n), np.zeros(n)
             for log in fold.logs:
                 zeros = solution.zeros[log]
                 if equations.zeros and fold.third is None:
@@ -212,60 +251,85 @@ class Yardstick:
                 rows = self.rows_of(fold, log, equations.zeros or model.is_chain)
                 sent = self.sent(log, delay)[rows]
                 left = sent - self.predicted(model, solution.values, log, zeros)[rows]
-                own_squares += (left**2).sum(axis=0)
-                own_whole += (sent**2).sum(axis=0)
-                count += len(left)
-                if with_motion:
-                    starts = starts_of(self.logs[log], rows, max(4, most // len(fold.logs)))
-                    begun.append(_Begun(number, log, starts, solution.values, zeros))
-            squares, whole = squares + own_squares, whole + own_whole
-            folds.append(float(np.sqrt(own_squares.sum() / max(own_whole.sum(), 1e-300))))
-        ends, constant, motions = self._simulated(model, delay, begun)
-        nothing = np.full((1, n), np.nan)
-        ended, unmoved = (np.concatenate(each) if each else nothing for each in (ends, constant))
+                squares, whole = (left**2).sum(axis=0), (sent**2).sum(axis=0)
+                parts.append(Part(number, log, len(fold.logs), rows, squares, whole, solution.values, zeros))
+        return _Predicted(tuple(parts), n)
+
+    def _told(self, model: LinearModel, predicted: _Predicted, ended: Array, unmoved: Array, motions: Array) -> HeldOut:
+        """What torques and simulations were, in one."""
+        squares, whole, count = predicted.sums
         return HeldOut(
             by=self.by,
             joints=model.joints,
             missed=np.sqrt(squares / max(count, 1)),
             of=np.sqrt(whole / max(count, 1)),
-            folds=np.array(folds),
+            folds=predicted.folds,
             seconds=AHEAD,
             angle=np.sqrt((ended**2).mean(axis=0)),
             constant_speed=np.sqrt((unmoved**2).mean(axis=0)),
             motions=motions,
+            parts=predicted.parts,
         )
 
-    def _simulated(
-        self, model: LinearModel, delay: float, begun: Sequence[_Begun]
-    ) -> tuple[list[Array], list[Array], Array]:
-        """Errors of simulations of each log (nstart x njoint each), those of a constant speed, and the error of each
-        fold as a share of these, root mean square over joints (nfold).
-        """
-        ends, constant, owners = [], [], []
-        for log in sorted({each.log for each in begun}):
-            own = [each for each in begun if each.log == log and len(each.starts)]
-            if not own:
-                continue
-            sizes = [len(each.starts) for each in own]
-            motion = simulated(
-                model,
-                np.repeat([each.values for each in own], sizes, axis=0),
-                self.logs[log],
-                np.repeat([each.zeros for each in own], sizes, axis=0),
-                delay,
-                np.concatenate([each.starts for each in own]),
-            )
-            ends.append(motion.angle)
-            constant.append(motion.constant_speed)
-            owners.append(np.repeat([each.fold for each in own], sizes))
-        if not ends:
-            return [], [], np.zeros(0)
-        owner, ended, unmoved = (np.concatenate(each) for each in (owners, ends, constant))
+
+@dataclass(frozen=True)
+class _Predicted:
+    """The parts of all folds, of so many joints."""
+
+    parts: tuple[Part, ...]
+    njoint: int
+
+    @property
+    def sums(self) -> tuple[Array, Array, int]:
+        """Squares of what was missed and of the whole (njoint each), and of how many rows."""
+        nothing = np.zeros(self.njoint)
+        squares = sum((part.squares for part in self.parts), nothing)
+        whole = sum((part.whole for part in self.parts), nothing)
+        return squares, whole, sum(int(part.rows.sum()) for part in self.parts)
+
+    @property
+    def folds(self) -> Array:
+        """The relative error of each fold (nfold)."""
+        errors = []
+        for fold in sorted({part.fold for part in self.parts}):
+            own = [part for part in self.parts if part.fold == fold]
+            whole = sum(part.whole.sum() for part in own)
+            errors.append(float(np.sqrt(sum(part.squares.sum() for part in own) / max(whole, 1e-300))))
+        return np.array(errors)
+
+
+def _simulated(
+    model: LinearModel, delay: float, candidates: Sequence[Sequence[Begun]]
+) -> list[tuple[Array, Array, Array]]:
+    """Of each candidate errors of simulations (nstart x njoint), those of a constant speed, and the error of each fold
+    as a share of these, root mean square over joints (nfold); NaN where there are none.
+    """
+    every = [(number, each) for number, begun in enumerate(candidates) for each in begun]
+    ends: list[list[Array]] = [[] for _ in candidates]
+    constant: list[list[Array]] = [[] for _ in candidates]
+    owners: list[list[int]] = [[] for _ in candidates]
+    for period in sorted({round(each.own.period, 9) for _, each in every}):  # of one grid but for rounding
+        own = [(number, each) for number, each in every if round(each.own.period, 9) == period]
+        motion = simulated(model, [each for _, each in own], delay)
+        edges = np.cumsum([len(each.starts) for _, each in own])[:-1]
+        parts = zip(own, np.split(motion.angle, edges), np.split(motion.constant_speed, edges), strict=True)
+        for (number, each), end, still in parts:
+            ends[number].append(end)
+            constant[number].append(still)
+            owners[number] += [each.fold] * len(end)
+    nothing = np.full((1, model.njoint), np.nan)
+    found = []
+    for ended, unmoved, folds in zip(ends, constant, owners, strict=True):
+        if not ended:
+            found.append((nothing, nothing, np.zeros(0)))
+            continue
+        one, other, owner = np.concatenate(ended), np.concatenate(unmoved), np.array(folds)
         shares = [
-            (ended[owner == fold] ** 2).mean(axis=0) / np.maximum((unmoved[owner == fold] ** 2).mean(axis=0), 1e-300)
+            (one[owner == fold] ** 2).mean(axis=0) / np.maximum((other[owner == fold] ** 2).mean(axis=0), 1e-300)
             for fold in np.unique(owner)
         ]
-        return ends, constant, np.sqrt(np.mean(shares, axis=1))
+        found.append((one, other, np.sqrt(np.mean(shares, axis=1))))
+    return found
 
 
 def _middle(own: Smoothed) -> float:

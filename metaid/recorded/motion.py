@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,26 @@ STEP = 0.004  # s, of the simulation at most
 SLIGHT = 1e-4  # rad/s or m/s, for the derivative of friction by the speed
 RUNAWAY = 1e4  # rad/s or m/s: no simulation that is faster comes back
 LOST = 10.0  # rad or m: an angle that is farther off is off by this
+
+
+@dataclass(frozen=True)
+class Begun:
+    """Simulations of a fold that begin at rows `starts` of a log, by unknowns (nparam) and zeros of its encoders
+    (njoint).
+    """
+
+    fold: int
+    own: Smoothed
+    starts: NDArray[np.intp]
+    values: Array
+    zeros: Array
+
+    def sent(self, delay: float) -> Array:
+        """The torques that act (nstart x nstep x njoint), each at the middle of a period of the grid."""
+        own = self.own
+        middles = own.times + 0.5 * own.period - delay
+        sent = np.stack([np.interp(middles, own.times, column) for column in own.sent.T], axis=1)
+        return np.asarray(sent[self.starts[:, None] + np.arange(round(AHEAD / own.period))], dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -41,29 +62,30 @@ def starts_of(own: Smoothed, which: NDArray[np.bool_], most: int) -> NDArray[np.
     return np.asarray(rows[chosen], dtype=np.intp)
 
 
-def simulated(
-    model: LinearModel, values: Array, own: Smoothed, zeros: Array, delay: float, starts: NDArray[np.intp]
-) -> Motion:
-    """How simulations end that begin at rows of a grid.
+def simulated(model: LinearModel, begun: Sequence[Begun], delay: float) -> Motion:
+    """How simulations end, all of them side by side.
 
     Args:
         model: what is unknown.
-        values: the unknowns of each simulation (nstart x nparam).
-        own: the log.
-        zeros: of its encoders (nstart x njoint), in rad.
+        begun: what is simulated, on grids of the same period.
         delay: by which torques act later than they are logged, in s.
-        starts: the rows where simulations begin (nstart).
     """
-    n, nbody = model.njoint, model.nbody
-    fine = max(1, int(np.ceil(own.period / STEP)))
-    step, steps = own.period / fine, round(AHEAD / own.period)
-    middles = own.times + 0.5 * own.period - delay  # a step has the torque at its middle
-    sent = np.stack([np.interp(middles, own.times, column) for column in own.sent.T], axis=1)
-    angles, speeds, sliding = own.coordinates[starts] + zeros, own.speeds[starts], own.states(model)[starts]
+    n, nbody, period = model.njoint, model.nbody, begun[0].own.period
+    fine = max(1, int(np.ceil(period / STEP)))
+    step, steps = period / fine, round(AHEAD / period)
+    sizes = [len(each.starts) for each in begun]
+    sent = np.concatenate([each.sent(delay) for each in begun])
+    zeros = np.repeat([each.zeros for each in begun], sizes, axis=0)
+    values = np.repeat([each.values for each in begun], sizes, axis=0)
+    angles = np.concatenate([each.own.coordinates[each.starts] for each in begun]) + zeros
+    speeds = np.concatenate([each.own.speeds[each.starts] for each in begun])
+    sliding = np.concatenate([each.own.states(model)[each.starts] for each in begun])
+    seen = np.concatenate([each.own.coordinates[each.starts + steps] for each in begun]) + zeros
+    constant = angles + steps * period * speeds - seen
     bodies, rubbing = values[:, :nbody], values[:, nbody:]
     units = np.vstack([np.zeros(n), np.eye(n)])
     rest = np.zeros_like(speeds)
-    spun = np.zeros((len(starts), n, n))  # by rotors that coupled joints share
+    spun = np.zeros((len(angles), n, n))  # by rotors that coupled joints share
     if model.coupled:
         still = np.zeros((n + 1, n + len(model.coupled)))
         columns = model.friction_columns(np.zeros((n + 1, n)), units, still, np.zeros((n + 1, n)))
@@ -72,7 +94,7 @@ def simulated(
     def friction(speeds: Array, rigid: Array) -> Array:
         state = model.sliding_after(sliding, speeds, step)
         columns = model.friction_columns(speeds, rest, state, rigid)
-        return np.asarray(np.einsum("sjp,sp->sj", columns, rubbing), dtype=np.float64)
+        return np.asarray((columns @ rubbing[..., None])[..., 0], dtype=np.float64)
 
     def rate(angles: Array, speeds: Array, torques: Array, before: Array, after: Array, rigid: Array) -> Array:
         """Accelerations at a state, with friction at the end of a step from the speeds `before` to about those `after`:
@@ -89,7 +111,7 @@ def simulated(
         shape = (len(angles), n + 1, n)
         where, moving = (np.broadcast_to(part[:, None], shape) for part in (angles, speeds))
         columns = model.bodies(where, moving, np.broadcast_to(units, shape))
-        needed = np.einsum("skjp,sp->skj", columns, bodies, optimize=True)
+        needed = (columns @ bodies[:, None, :, None])[..., 0]
         matrices = (needed[:, 1:] - needed[:, :1]).swapaxes(-1, -2) + spun
         present = friction(before, rigid)
         across = np.where(np.abs(after - before) > SLIGHT, after - before, SLIGHT)
@@ -100,11 +122,11 @@ def simulated(
         rest_of_torque = torques - needed[:, 0] - present
         return np.asarray(np.linalg.solve(stiff, rest_of_torque[..., None])[..., 0], dtype=np.float64)
 
-    ends = starts + steps
     with np.errstate(all="ignore"):
-        for row in range(steps):
-            torques = sent[starts + row]
-            rigid = np.einsum("sjp,sp->sj", model.bodies(angles, speeds, rest), bodies)  # load, without chatter
+        for torques in sent.swapaxes(0, 1):
+            rigid = rest
+            if "load" in model.friction:  # without accelerations, so that nothing chatters
+                rigid = (model.bodies(angles, speeds, rest) @ bodies[..., None])[..., 0]
             for _ in range(fine):
                 faster = rate(angles, speeds, torques, speeds, speeds, rigid)
                 half = angles + 0.5 * step * speeds, speeds + 0.5 * step * faster
@@ -112,7 +134,5 @@ def simulated(
                 after = speeds + step * faster
                 sliding = model.sliding_after(sliding, 0.5 * (speeds + after), step)
                 angles, speeds = angles + 0.5 * step * (speeds + after), after
-        seen = own.coordinates[ends] + zeros
         missed = np.nan_to_num(angles - seen, nan=LOST, posinf=LOST, neginf=-LOST)
-    constant = own.coordinates[starts] + zeros + steps * own.period * own.speeds[starts] - seen
-    return Motion(steps * own.period, np.clip(missed, -LOST, LOST), constant)
+    return Motion(steps * period, np.clip(missed, -LOST, LOST), constant)

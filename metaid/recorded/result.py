@@ -12,6 +12,7 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from metaid.errors import RecordError, unknown
+from metaid.files import shipped_logs
 from metaid.plant import load_plant
 from metaid.recorded.choosing import Choices
 from metaid.recorded.doubts.checks import Fact, facts_of
@@ -20,6 +21,7 @@ from metaid.recorded.held_out import HeldOut, Yardstick
 from metaid.recorded.reading.laws import law_torques
 from metaid.recorded.reading.log import Record, read_record
 from metaid.recorded.telling.judging import RecordedVerdict, judge_records
+from metaid.recorded.telling.left_out import LeftOut, left_out, predicted_parts
 from metaid.recorded.telling.model_files import FileError, file_error, recorded_identified_model
 from metaid.recorded.telling.summary import summary
 from metaid.recorded.weak_form.equations import Fold
@@ -68,6 +70,16 @@ class RecordedResult:
         """The identified model, to be written."""
         return recorded_identified_model(self.records, self.plant, self.estimate, self.verdict)
 
+    @property
+    def left_out(self) -> list[LeftOut]:
+        """Torques over time of what was left out, predicted by what the others say, and of logs that nothing was fitted
+        to.
+        """
+        parts = left_out(self.estimate)
+        for own, name, held in self.validation:
+            parts += predicted_parts(self.estimate, Yardstick((own,), ()), held, (name,))
+        return parts
+
     def error_of(self, path: str | Path) -> FileError:
         """How well a file that was written predicts, loaded again: logs that nothing was fitted to where there are any,
         else the logs themselves.
@@ -102,7 +114,7 @@ def estimate(
     What trials of a study say is `metaid.study(NAME).estimate`.
 
     Args:
-        logs: paths or frames, each a run of its own.
+        logs: paths or frames, each a run of its own, or the name of shipped ones, `double-pendulum`.
         nominal: the nominal robot: the name of a shipped plant, or the path of a plant file, an MJCF or a URDF.
         validate: logs that nothing is fitted to.
         law: the plant that the torques compensated, where the logs have none.
@@ -128,7 +140,7 @@ def estimate(
                 raise RecordError(f"friction: {unknown('term', term, TERMS)}")
         choices = replace(choices, friction=tuple(friction))
     model = _model(plant, [_joints(pair, plant.njoint) for pair in coupled], gravity)
-    many = [logs] if isinstance(logs, str | Path | pd.DataFrame) else list(logs)
+    many = _with_shipped([logs] if isinstance(logs, str | Path | pd.DataFrame) else logs)
     if not many:
         raise RecordError("no log (allowed: one or more)")
     factors = _by_joint("scale", scale or {}, model, 1.0)
@@ -146,7 +158,7 @@ def estimate(
         return replace(record, angles=record.angles + offsets, torques=record.torques * factors)
 
     records = tuple(read(log, number) for number, log in enumerate(many, 1))
-    others = tuple(read(log, number) for number, log in enumerate(validate, len(many) + 1))
+    others = tuple(read(log, number) for number, log in enumerate(_with_shipped(validate), len(many) + 1))
     with threadpool_limits(1):  # matrices this small are slower on several
         found = estimate_records(records, model, choices)
         facts = facts_of(records, found)
@@ -155,6 +167,14 @@ def estimate(
             (own, other.name, _validated(found, own)) for other in others if (own := _smoothed(found, other))
         )
     return RecordedResult(plant.name, records, found, verdict, facts, validation)
+
+
+def _with_shipped(logs: Sequence[Log]) -> list[Log]:
+    """Logs, with all runs in place of the name that they ship under."""
+    every: list[Log] = []
+    for log in logs:
+        every += (not isinstance(log, pd.DataFrame) and shipped_logs(str(log))) or [log]
+    return every
 
 
 def _smoothed(found: RecordedEstimate, record: Record) -> Smoothed:

@@ -13,10 +13,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from metaid.models import Array
+from metaid.models import COARSEST, Array
 from metaid.results.by_measure import resolution_at
 from metaid.store import Trial
-from metaid.study import COARSEST, AnyProblem, Known, Parameters
+from metaid.study import AnyProblem, Known, Parameters
 
 
 def best_index(values: Array) -> int:

@@ -12,13 +12,12 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from metaid.errors import StudyError
-from metaid.models import DEVIATIONS, Array, Chain, body_extents, known_lumps
+from metaid.models import COARSEST, DEVIATIONS, Array, Chain, body_extents, known_lumps
 from metaid.models.tree import body_quantities, known_bodies
 from metaid.plant import SocketPlant
 from metaid.results.lump_tables import without_nan
 from metaid.results.snapshot import Snapshot
 from metaid.results.verdict import Verdict
-from metaid.study import COARSEST
 from metaid.study.estimates import ArmFound, ChainFound
 
 

@@ -244,8 +244,9 @@ def arm_tracking_errors(plant: ArmPlant, laws: tuple[Array, Array]) -> tuple[Arr
     from metaid.compiled.spatial import track_arm  # loads numba
 
     tree = plant.tree
-    half = np.where(np.isfinite(tree.low + tree.high), 0.5 * (tree.high - tree.low), np.inf)
-    middle = np.where(np.isfinite(half), tree.low + half, np.clip(0.0, tree.low, tree.high))
+    half, middle = 0.5 * (tree.high - tree.low), np.clip(0.0, tree.low, tree.high)
+    is_limited = np.isfinite(half)
+    middle[is_limited] = tree.low[is_limited] + half[is_limited]
     widest = np.where(tree.slides, SLIDE * AMPLITUDE, AMPLITUDE)
     amplitude, periods = np.minimum(widest, ROOM * half), (SHORTEST, LONGEST)
     desired = smooth_sinusoids(tree.njoint, 1.0, plant.timestep, amplitude=amplitude, periods=periods)

@@ -14,12 +14,12 @@ import numpy as np
 import pandas as pd
 
 from metaid.errors import StudyError
-from metaid.models import Array
+from metaid.models import COARSEST, Array
 from metaid.results.by_measure import at_bounds
 from metaid.results.lump_tables import best_table, estimate_table, fault_table
 from metaid.results.snapshot import Snapshot
 from metaid.store import Trial
-from metaid.study import COARSEST, AnyProblem
+from metaid.study import AnyProblem
 from metaid.study.estimates import StudyEstimate
 
 Word = Literal["found", "approximate", "not found", "unfinished"]

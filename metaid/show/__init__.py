@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from metaid.show.companions import delete_companion
     from metaid.show.comparing import render_comparison
     from metaid.show.dashboard import make_dashboard, serve
+    from metaid.show.log_report import render_log
     from metaid.show.report import render
     from metaid.show.scene import open_viewer
     from metaid.show.stages import ArmStage, ChainStage
@@ -25,6 +26,7 @@ _MODULE_OF = {
     "open_viewer": "scene",
     "render": "report",
     "render_comparison": "comparing",
+    "render_log": "log_report",
     "serve": "dashboard",
 }
 
@@ -38,6 +40,7 @@ __all__ = [
     "open_viewer",
     "render",
     "render_comparison",
+    "render_log",
     "serve",
 ]
 

@@ -127,6 +127,8 @@ class ArmStage:
 def slow_start(plant: ArmPlant) -> ArmStart:
     """At home, every joint moving slowly towards the middle of its range."""
     tree, home = plant.tree, plant.home
-    middle = np.where(np.isfinite(tree.low + tree.high), (tree.low + tree.high) / 2, 0.0)
+    is_limited = np.isfinite(tree.high - tree.low)
+    middle = np.zeros(tree.njoint)
+    middle[is_limited] = (tree.low[is_limited] + tree.high[is_limited]) / 2
     speeds = np.where(tree.slides, SLIDING, SLOW) * np.where(home > middle, -1.0, 1.0)
     return ArmStart(home, speeds)

@@ -14,6 +14,7 @@ from metaid.store.sqlite import (
     OpenFile,
     file_of,
     has_tables,
+    is_current,
     make_file,
     sqlite_options,
 )
@@ -57,7 +58,8 @@ def _tables(url: sa.URL, create: bool) -> Iterator[tuple[bool, bool]]:
         path = file_of(url)
         made = has_tables(path, create)
         is_there = path.exists()
-        yield made or not is_there, not is_there and make_file(path, _new_tables())
+        is_known = is_current(path) if is_there else make_file(path, _new_tables())
+        yield made or not is_there, is_known
     elif url.get_backend_name() == "postgresql":
         with checked_tables(url, create) as made:
             yield made, False

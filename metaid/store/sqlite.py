@@ -17,7 +17,7 @@ import optuna
 import sqlalchemy as sa
 
 from metaid.errors import StorageError, unknown
-from metaid.store.optuna_tables import SCHEMA_VERSION
+from metaid.store.optuna_tables import REVISION, SCHEMA_VERSION
 
 BUSY_TIMEOUT = 60  # s to wait for another program's write, unless the URL says otherwise: sqlite:///FILE?timeout=5
 TABLES = {"studies", "trials", "version_info", "alembic_version"}  # of any study DB
@@ -110,6 +110,16 @@ def _check_version(connection: sqlite3.Connection, path: Path) -> None:
             f"{path}: made by Optuna {library} with tables of schema {schema} (allowed: {SCHEMA_VERSION}, that of "
             f"Optuna {optuna.__version__} here; keep a copy of the file and try: {how})"
         )
+
+
+def is_current(path: Path) -> bool:
+    """Whether the tables in a file are of the revision that Optuna has; where not, it is for Optuna to say why."""
+    with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as connection:
+        try:
+            found: list[tuple[Any]] = connection.execute("SELECT version_num FROM alembic_version").fetchall()
+        except sqlite3.Error:
+            return False
+    return found == [(REVISION,)]
 
 
 def make_file(path: Path, content: bytes) -> bool:

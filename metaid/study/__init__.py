@@ -19,7 +19,7 @@ from metaid.study.create import (
 )
 from metaid.study.evaluation import NominalMetricSampler, OptunaObjective
 from metaid.study.forecast import Forecast, forecast, refuse_until
-from metaid.study.identifiability import COARSEST, identifiability, identifiability_by_measure
+from metaid.study.identifiability import identifiability, identifiability_by_measure
 from metaid.study.loading import (
     AnyProblem,
     AnySpec,
@@ -40,7 +40,6 @@ from metaid.study.spatial import ArmProblem, ArmSpec, arm_identifiability
 
 __all__ = [
     "ARITHMETIC_KEY",
-    "COARSEST",
     "COUNTING_STEPS",
     "ENDED_KEY",
     "HORIZON",

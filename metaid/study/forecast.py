@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from metaid.errors import StudyError
+from metaid.models import COARSEST
 from metaid.search import SAMPLERS, NarrowingSearcher, Searcher
-from metaid.study.identifiability import COARSEST, chain_rehearsal
+from metaid.study.identifiability import chain_rehearsal
 from metaid.study.loading import AnyProblem, AnySpec
 from metaid.study.problem import MOST_TRIALS, Problem
 from metaid.study.spatial import ArmProblem, arm_rehearsal

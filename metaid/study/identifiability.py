@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from metaid.episode import NOISE_RESOLUTION, pushes_for
-from metaid.models import DEVIATIONS, Array, lump_names
+from metaid.models import COARSEST, DEVIATIONS, Array, lump_names
 from metaid.plant import PlantSettings
 from metaid.search import Searcher
 from metaid.study.experiments import spread_of_pushes
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from metaid.compiled import Objective
     from metaid.estimation import ChainExperiment
 
-COARSEST = 0.1  # a lump that is not known better than to a tenth is not determined
 NEGLIGIBLE = 0.02  # weight of a lump in a combination, of 1
 # Factors of the gravity lumps in the first trials of an estimate, as many as it needs; those of others are between.
 OVER_COMPENSATED = (1.5, 2.0)

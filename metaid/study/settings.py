@@ -24,6 +24,7 @@ from metaid.plant import (
     SocketSettings,
     read_any_plant,
     read_plant,
+    refuse_parts_outside,
 )
 from metaid.search import SamplerOptions
 from metaid.study.estimating import AnyEstimateSettings
@@ -237,7 +238,10 @@ def read_study(name: str | Path, changes: dict[str, Any] | None = None) -> Study
     def named(key: str, value: str) -> Path:
         if key in changes:
             return find_file("plants", value, PlantError)
-        return find_file_beside("plants", value, path, PlantError)
+        found = find_file_beside("plants", value, path, PlantError)
+        if found.resolve().is_relative_to(path.parent.resolve()):
+            refuse_parts_outside(found, path.parent)
+        return found
 
     if isinstance(wanted := tables.get("plant"), str):
         plant_path = named("plant", wanted)

@@ -67,6 +67,45 @@ def test_study_file_names_what_is_in_its_folder_or_shipped(metaid: Metaid, secre
     assert metaid("study", "check", "theirs/study.toml").status == 0
 
 
+HINGE = '<joint axis="0 1 0"/><inertial pos="0 0 0.1" mass="1" diaginertia="0.1 0.1 0.1"/>'
+BODY = f"<worldbody><body>{HINGE}</body></worldbody>"
+OUT_OF_IT = {
+    "include": f'<mujoco>{BODY}<include file="../secret.xml"/></mujoco>',
+    "include within an include": f'<mujoco>{BODY}<include file="parts/part.xml"/></mujoco>',
+    "mesh": f'<mujoco>{BODY}<asset><mesh name="m" file="../secret.stl"/></asset></mujoco>',
+    "folder of meshes": f'<mujoco><compiler meshdir=".."/>{BODY}<asset><mesh file="secret.stl"/></asset></mujoco>',
+    "link": f'<mujoco>{BODY}<asset><mesh name="m" file="link.stl"/></asset></mujoco>',
+    "height field": f'<mujoco>{BODY}<asset><hfield name="h" size="1 1 1 1" file="/ROOT/secret.stl"/></asset></mujoco>',
+    "model": f'<mujoco>{BODY}<asset><model name="m" file="../secret.xml"/></asset></mujoco>',
+    "package": (
+        '<robot name="r"><link name="a"><visual><geometry><mesh filename="package://secret.stl"/></geometry></visual>'
+        "</link></robot>"
+    ),
+}
+
+
+@pytest.mark.parametrize("name", OUT_OF_IT)
+@pytest.mark.parametrize("by_plant_file", [True, False])
+def test_arm_that_a_study_names_has_no_part_outside_the_studys_folder(
+    metaid: Metaid, secret: Path, name: str, by_plant_file: bool
+) -> None:
+    """Neither its own file nor what that includes; the user who names the arm himself may have parts anywhere."""
+    theirs, kind = secret.parent / "theirs", "urdf" if name == "package" else "mjcf"
+    for hidden in ("secret.xml", "secret.stl"):
+        (secret.parent / hidden).write_text("<mujoco/>")
+    (theirs / "link.stl").symlink_to(secret.parent / "secret.stl")
+    (theirs / "parts" / "part.xml").write_text('<mujoco><include file="../secret.xml"/></mujoco>')
+    arm = theirs / ("arm.urdf" if kind == "urdf" else "arm.xml")
+    arm.write_text(OUT_OF_IT[name].replace("/ROOT", str(secret.parent)))
+    (theirs / "arm.toml").write_text(f'{kind} = "{arm.name}"\n')
+    plant = "arm.toml" if by_plant_file else arm.name
+    (theirs / "study.toml").write_text(STUDY.format(plant=plant, nominal="pa10"))
+    answered = metaid("study", "create", "theirs/study.toml")
+    assert answered.status == 2
+    assert "is outside the study's own folder (allowed: files within it)" in answered.err
+    assert "outside" not in metaid("plant", "show", str(theirs / plant)).err
+
+
 def test_path_on_the_command_line_is_the_users_own(metaid: Metaid, secret: Path) -> None:
     """The user may use any file, by a relative or an absolute path."""
     Path("theirs/study.toml").write_text(STUDY.format(plant="own.toml", nominal="own.toml"))
@@ -82,6 +121,17 @@ def test_file_too_large_for_a_person_to_have_written_is_refused_unread(metaid: M
     answered = metaid("plant", "show", "huge.toml")
     assert answered.status == 2
     assert "too large" in answered.err
+
+
+@pytest.mark.parametrize("start", ["", "[", "[[", "a = {", "a = {b = 1, ", "  "])
+@pytest.mark.parametrize("part", ["a", " a\t", "'a.'", r'"a\""', "é-1"])
+def test_key_of_more_parts_than_any_setting_has_is_refused_unread(metaid: Metaid, start: str, part: str) -> None:
+    """The parser's memory grows with the square of them: 50 000 would take 9 GB."""
+    Path("dotted.toml").write_text(f"description = '{'a.' * 100}'\n{start}{'.'.join([part] * 50_000)} = 1")
+    for command in (("plant", "show"), ("study", "create")):
+        answered = metaid(*command, "dotted.toml")
+        assert answered.status == 2
+        assert "dotted.toml: not valid TOML: a dotted key of more than 16 parts" in answered.err
 
 
 class Bait:

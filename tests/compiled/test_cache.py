@@ -15,21 +15,27 @@ from metaid.compiled.decorator import KEPT, cache_folder
 
 pytestmark = pytest.mark.slow
 
-# The smallest of the loops that the law becomes a part of.
-COAST = """
-import numpy as np
-from metaid.compiled import fastest_step
-from metaid.compiled.law import LINK
-from metaid.compiled.validation_loops import _coast, _law
-from metaid.plant import LinkSettings, MujocoPlant, PlantSettings
+# A loop of its own in a package of metaid's, of which the law becomes a part.
+LOOP = """
+from metaid.compiled.decorator import compiled
+from metaid.compiled.law import compensate
 
-links = tuple(LinkSettings(length=0.4, mass=1.0, damping=0.01, frictionloss=0.02) for _ in range(2))
-plant = MujocoPlant("two", PlantSettings(links=links))
-candidate = plant.chain.lumps_of(plant.chain.kinds).scaled(np.full(7, 1.1))
-chain = fastest_step(plant)
-chain.qvel[:] = 1.0, -0.5
-assert _coast(chain, chain.qvel.copy(), _law(plant, candidate), np.zeros(2, LINK), 40, np.inf) == 40
-print(chain.qpos.tolist())
+@compiled
+def torques(law, links, speeds, torque):
+    compensate(law, links, speeds, torque)
+"""
+ASK = """
+import numpy as np
+from metaid.compiled.law import LINK
+from metaid.compiled.loop_of_a_test import torques
+
+gravity, coriolis, friction = np.ones(2), np.eye(2), np.full(2, 0.02)
+speeds, torque = np.array([1.0, -0.5]), np.zeros(2)
+links = np.zeros(2, LINK)
+for name in LINK.names:
+    links[name] = 0.3
+torques((gravity, coriolis, friction, friction, gravity, 0.0), links, speeds, torque)
+print(torque.tolist())
 """
 
 
@@ -37,18 +43,18 @@ def test_change_of_a_source_that_is_compiled_into_another_changes_the_result(tmp
     """Gravity halved in the law, and another constant in `metaid.models`, are noticed by the next process."""
     package = tmp_path / "metaid"
     shutil.copytree(Path(metaid.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    (package / "compiled" / "loop_of_a_test.py").write_text(LOOP, encoding="utf-8")
     environment = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA_")}
 
-    def angles() -> str:
-        command = [sys.executable, "-c", COAST]
+    def sent() -> str:
+        command = [sys.executable, "-c", ASK]
         done = subprocess.run(
             command, env={**environment, "PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, cwd=tmp_path
         )
         assert done.returncode == 0, done.stderr
         return done.stdout
 
-    seen = [angles(), angles()]
-    assert seen[0] == seen[1]
+    seen = [sent()]
     changes = (
         ("compiled/law.py", "-gravity[i]", "-0.5 * gravity[i]"),
         ("models/law.py", "SLIDING = 0.1", "SLIDING = 3.0"),
@@ -57,7 +63,7 @@ def test_change_of_a_source_that_is_compiled_into_another_changes_the_result(tmp
         source = (package / module).read_text(encoding="utf-8")
         assert source.count(old) == 1
         (package / module).write_text(source.replace(old, new), encoding="utf-8")
-        seen.append(angles())
+        seen.append(sent())
     assert len(set(seen)) == 3
 
 
@@ -65,19 +71,18 @@ def test_change_in_the_package_around_another_changes_its_digest(tmp_path: Path)
     """`estimation/counting` compiles what `estimation` has into its own loops."""
     package = tmp_path / "metaid"
     shutil.copytree(Path(metaid.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
-    code = "from pathlib import Path; from metaid.compiled import decorator as d; "
-    code += f"print(d.digest(Path({str(package / 'estimation' / 'counting')!r})))"
+    code = f"""
+from pathlib import Path
+from metaid.compiled.decorator import digest
 
-    def digest() -> str:
-        environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
-        return subprocess.run(
-            [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True, cwd=tmp_path
-        ).stdout
-
-    before = digest()
-    with (package / "estimation" / "motion.py").open("a", encoding="utf-8") as source:
-        source.write("# changed\n")
-    assert digest() != before
+package = Path({str(package / "estimation")!r})
+before = digest(package / "counting")
+with (package / "motion.py").open("a", encoding="utf-8") as source:
+    source.write("# changed\\n")
+assert digest(package / "counting") != before
+"""
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    subprocess.run([sys.executable, "-c", code], env=environment, check=True, cwd=tmp_path)
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from watched import GRAVITY, NOISE, TIMESTEP, Watched, raised, watched
 
-from metaid.estimation import Estimate, Readings, Unknowns, Unmodelled, fit
+from metaid.estimation import Estimate, Readings, Unknowns, Unmodelled, fit, searched_faults
 from metaid.estimation.noisy import unmodelled_forces
 from metaid.models import Array
 from metaid.plant import FaultSettings
@@ -90,3 +90,12 @@ def test_friction_that_is_searched_is_not_looked_for() -> None:
     forces = list(unmodelled_forces(readings, fit(readings, restarts=0)))
     assert [force.kind for force in forces] == ["spring", "coulomb", "delay"]
     assert not any(force.is_seen for force in forces)
+
+
+def test_nothing_is_looked_for_where_every_force_is_searched() -> None:
+    """There is nothing left that the model could lack."""
+    seen = watched(1, 3, faults=NOISY)
+    unknowns = Unknowns(seen.nominal.lumps)
+    every = searched_faults(("delay", "viscous", "dry", "spring"), unknowns, GRAVITY, seen.starts)
+    readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, GRAVITY, faults=every)
+    assert list(unmodelled_forces(readings, fit(readings, restarts=0))) == []

@@ -215,6 +215,15 @@ def test_single_hinge_has_no_coriolis_torque_to_be_wrong_about() -> None:
         assert wrong.coriolis < 1e-12 < wrong.gravity
 
 
+def test_balanced_hinge_is_wrong_by_a_share_of_what_accelerates_it() -> None:
+    """Neither gravity nor speed loads a body whose mass lies on its axis; a model that is heavy beside it is wrong."""
+    tree = replace(random_arm(1, 0), com=np.zeros((1, 3)))
+    assert model_error(tree, 1.1 * tree.parameters).gravity == 0.0
+    wrong = model_error(tree, replace(tree, com=np.full((1, 3), 0.1)).parameters)
+    assert 0.1 < wrong.gravity < 10.0
+    assert wrong.coriolis < 1e-12
+
+
 def test_base_parameters_of_a_planar_chain_are_its_lumps() -> None:
     """First moments are the gravity lumps (Eq. 1), moments of inertia the inertia lumps (Eq. 3), and the torque is that
     of the chain's own model: one face for both.

@@ -181,3 +181,46 @@ def test_file_that_does_not_compile_is_refused(tmp_path: Path, monkeypatch: pyte
         read_arm(ArmSettings(mjcf=str(path)), "arm.toml")
     assert message in str(refused.value)
     assert [each.name for each in tmp_path.iterdir()] == ["arm.xml"]
+
+
+HINGE = '<body><joint axis="0 1 0"/><inertial pos="0 0 0.1" mass="1" diaginertia="0.01 0.01 0.01"/></body>'
+ABSURD = {
+    "height field": '<asset><hfield name="h" nrow="30000" ncol="30000" size="1 1 1 1"/></asset>',
+    "texture": '<asset><texture name="t" builtin="flat" width="60000" height="60000"/></asset>',
+    "mesh": '<asset><mesh name="m" builtin="supersphere" params="100000 1 1"/></asset>',
+    "replicate": '<worldbody><replicate count="100000000"><geom size="0.1"/></replicate></worldbody>',
+    "replicate within replicate": (
+        '<worldbody><replicate count="1000"><replicate count="1000"><site/></replicate></replicate></worldbody>'
+    ),
+    "replicate of many": f'<worldbody><replicate count="1000">{11 * "<site/>"}</replicate></worldbody>',
+    "flex": '<worldbody><flexcomp name="f" type="grid" count="1000 1000 1000" spacing="1 1 1"/></worldbody>',
+    "user data": '<size nuser_body="1000000000"/>',
+    "keys": '<size nkey="100000000"/>',
+    "sensor": '<sensor><user name="s" dim="1000000000"/></sensor>',
+    "infinite": '<size nuserdata="inf"/>',
+}
+
+
+@pytest.mark.parametrize("name", ABSURD)
+@pytest.mark.parametrize("is_included", [False, True])
+def test_sizes_that_nobody_means_are_refused_before_they_are_allocated(
+    tmp_path: Path, name: str, is_included: bool
+) -> None:
+    """A few letters would take many GB or many minutes, in the file or in one that it includes."""
+    (tmp_path / "part.xml").write_text(f"<mujoco>{ABSURD[name]}</mujoco>")
+    asked = '<include file="part.xml"/>' if is_included else ABSURD[name]
+    path = tmp_path / "arm.xml"
+    path.write_text(f"<mujoco><worldbody>{HINGE}</worldbody>{asked}</mujoco>")
+    with pytest.raises(PlantError, match=r"allowed: up to (1 GB|10000)"):
+        read_arm(ArmSettings(mjcf=str(path)), "arm.toml")
+
+
+def test_sizes_that_somebody_means_are_allowed(tmp_path: Path) -> None:
+    """A landscape, a texture, a wall of bricks."""
+    field = '<hfield name="h" nrow="1000" ncol="1000" size="1 1 1 1"/>'
+    texture = '<texture name="t" type="skybox" builtin="flat" width="512" height="3072"/>'
+    wall = '<replicate count="20"><replicate count="20"><geom size="0.1" contype="0"/></replicate></replicate>'
+    sizes = '<size njmax="5000" nconmax="5000" nkey="10" nuser_body="5"/>'
+    path = tmp_path / "arm.xml"
+    path.write_text(f"<mujoco>{sizes}<asset>{field}{texture}</asset><worldbody>{HINGE}{wall}</worldbody></mujoco>")
+    assert read_arm(ArmSettings(mjcf=str(path)), "arm.toml").tree.njoint == 1

@@ -295,7 +295,7 @@ def test_noise_of_a_plant_at_rest_is_not_taken_for_speeds_in_another_unit(metaid
         (["log.csv", "--friction", "viscuos"], "did you mean 'viscous'?"),
         (["log.csv", "--couple", "1"], "two numbers of joints"),
         (["log.csv", "--couple", "2,3"], "two of 1 to 2"),
-        (["log.csv", "-o", "model.pdf"], "the ending says the format"),
+        (["log.csv", "-o", "model.step"], "the ending says the format"),
         (["log.csv", "--law", "three-link"], "of 3 joints (allowed: 2"),
     ],
 )

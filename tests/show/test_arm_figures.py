@@ -46,3 +46,17 @@ def test_fall_boundary_of_an_arm_is_refused_in_one_line(arms: Path, metaid: Meta
     assert (refused.status, refused.out, refused.err.count("\n")) == (2, "", 1)
     assert f"(its figures: {FIGURES})" in refused.err
     assert not (tmp_path / "pictures").exists()
+
+
+def test_balanced_wheel_is_identified_and_drawn(metaid: Metaid, tmp_path: Path) -> None:
+    """Its mass lies on its axis, at the base's origin, and nothing limits it: neither gravity nor speed loads it, and
+    it has no size. Nothing is warned of.
+    """
+    body = '<joint name="axle" axis="0 1 0"/><inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>'
+    (tmp_path / "wheel.xml").write_text(f"<mujoco><worldbody><body>{body}</body></worldbody></mujoco>")
+    (tmp_path / "study.toml").write_text('plant = "wheel.xml"\nnominal = "wheel.xml"\ntrials = 2\n')
+    assert metaid("study", "run", "study.toml", "--create", "--quiet").status == 0
+    shown = metaid("study", "plot", "study", "-o", "pictures")
+    assert (shown.status, shown.err) == (0, "")
+    assert drawn(tmp_path / "pictures") == set(FIGURES.split(", "))
+    assert metaid("plant", "draw", "wheel.xml", "-o", "wheel.png")[::2] == (0, "")

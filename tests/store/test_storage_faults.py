@@ -22,6 +22,7 @@ from places import ROOT
 
 from metaid import results
 from metaid.store import Store
+from metaid.store.optuna_tables import REVISION
 from metaid.study import create_study, load_chain_study, run_study
 
 pytestmark = pytest.mark.slow
@@ -263,3 +264,9 @@ def test_lost_write_ahead_log_costs_generations_that_are_run_again(
         assert_frame_equal(found, whole.iloc[: len(found)], check_exact=True)
         assert_goes_on(metaid, path, whole)
     assert len(trials_of(half)) == HALF + 29 * GENERATION
+
+
+def test_revision_of_the_tables_is_optunas(tmp_path: Path) -> None:
+    """A file of that revision is opened without Optuna's own check, and one of another is checked."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    assert store.optuna.get_head_version() == REVISION

@@ -93,10 +93,20 @@ def workers_here() -> set[int]:
     return {process for process, command in commands.items() if command[0].startswith("ray::_Worker")}
 
 
-def test_workers_killed_at_work_are_replaced(node: Any, problem: Problem) -> None:
-    """SIGKILL of both while they evaluate: every outcome is there, the same as any other's."""
+def test_workers_that_hang_or_are_killed_at_work_are_replaced(node: Any, problem: Problem) -> None:
+    """A stopped process is given up after a while and ended, so that another has its place; then SIGKILL of both while
+    they evaluate: every outcome is there, the same as any other's.
+    """
     with RayEvaluator(problem, 2, None) as evaluator:
+        hanging, _ = processes(at_full_strength(evaluator, problem))
+        patience, evaluator._patience = evaluator._patience, 3.0
+        os.kill(hanging, signal.SIGSTOP)
+        assert evaluator.evaluate(batch_of(problem)) == expected(problem)
+        assert hanging not in processes(evaluator)
+        evaluator._patience = patience
         killed = processes(at_full_strength(evaluator, problem))
+        with pytest.raises(ProcessLookupError):
+            os.kill(hanging, 0)
         for process in killed:
             os.kill(process, signal.SIGSTOP)  # so that it will not have done its work when it is killed
 
@@ -120,19 +130,6 @@ def test_worker_killed_while_it_starts_is_replaced(node: Any, problem: Problem) 
         assert not killed & set(processes(evaluator))
 
 
-def test_worker_that_hangs_is_replaced(node: Any, problem: Problem) -> None:
-    """A stopped process is given up after a while and ended, so that another has its place."""
-    with RayEvaluator(problem, 2, None) as evaluator:
-        hanging = processes(at_full_strength(evaluator, problem))[0]
-        evaluator._patience = 3.0
-        os.kill(hanging, signal.SIGSTOP)
-        assert evaluator.evaluate(batch_of(problem)) == expected(problem)
-        assert hanging not in processes(evaluator)
-        at_full_strength(evaluator, problem)
-        with pytest.raises(ProcessLookupError):
-            os.kill(hanging, 0)
-
-
 def test_candidate_that_ends_its_worker_is_a_failure_and_the_search_goes_on(
     node: Any, problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -153,7 +150,7 @@ def test_candidate_that_ends_its_worker_is_a_failure_and_the_search_goes_on(
 
     with monkeypatch.context() as patch:
         patch.setattr(ray_actors, "_Worker", Fatal)
-        run_study(store, "failing", trials=13, engine="ray")
+        run_study(store, "failing", trials=9, workers=1, engine="ray")
     assert len(died.read_text()) == LOSSES_ALLOWED + 1
     run_study(store, "failing", trials=45)
     failing = results.trials_frame(store, "failing")

@@ -8,8 +8,8 @@ from typing import Any
 
 from metaid.cli.checks.until import describe_forecast, forecast_row
 from metaid.cli.common import number_text, print_json, print_table, say
-from metaid.models import lump_unit
-from metaid.study import COARSEST, ArmProblem, Problem, arm_identifiability, forecast, identifiability
+from metaid.models import COARSEST, lump_unit
+from metaid.study import ArmProblem, Problem, arm_identifiability, forecast, identifiability
 
 
 @singledispatch

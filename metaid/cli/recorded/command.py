@@ -7,19 +7,20 @@ from typing import TYPE_CHECKING
 
 import click
 
-from metaid.cli.common import json_option, numbers, print_json, refuse_output, say, whole_file
+from metaid.cli.common import FIGURE_SUFFIXES, json_option, numbers, print_json, refuse_output, say, typed, whole_file
+from metaid.cli.recorded.drawing import draw, figure_of
 from metaid.cli.recorded.printing import print_result
 
 if TYPE_CHECKING:
     from metaid.recorded import FileError, RecordedResult
 
-MODEL_HELP = "Write .xml (MJCF), .urdf, .py, .h, .toml, .json."
+MODEL_HELP = "Write .xml, .urdf, .py, .h, .toml, .json, torque.pdf."
 NOMINAL_HELP = "A plant's name, a plant file, MJCF or URDF."
 FRICTION_HELP = "Of viscous,coulomb,root,offset,load,hysteresis."
 NOT_FOUND = 3  # exit status
 
 
-@click.command(epilog="\b\nExample:\n  metaid estimate log.csv --nominal three-link -o model.xml -o model.py")
+@click.command(epilog="\b\nExample:\n  metaid estimate double-pendulum --nominal double-pendulum -o model.xml")
 @click.argument("logs", metavar="LOG [LOG ...]", type=click.Path(path_type=Path), nargs=-1, required=True)
 @click.option("--nominal", required=True, metavar="ROBOT", help=NOMINAL_HELP)
 @click.option(
@@ -40,6 +41,7 @@ NOT_FOUND = 3  # exit status
 @click.option("--window", type=click.FloatRange(0.001, 100.0), metavar="S", help="Length of the windows, in s.")
 @click.option("--delay", type=click.FloatRange(-1.0, 1.0), metavar="S", help="Of the torques, in s; else found.")
 @click.option("-o", "outputs", type=click.Path(path_type=Path), multiple=True, help=MODEL_HELP)
+@click.option("--report", type=click.Path(path_type=Path), metavar="FILE.html", help="Write one page with figures.")
 @click.option("--even-if-not-found", is_flag=True, help="Print the numbers and write the files all the same.")
 @click.option("--all", "whole", is_flag=True, help="Print every parameter, and what was tried.")
 @json_option
@@ -57,6 +59,7 @@ def estimate(
     window: float | None,
     delay: float | None,
     outputs: tuple[Path, ...],
+    report: Path | None,
     even_if_not_found: bool,
     whole: bool,
     as_json: bool,
@@ -64,7 +67,7 @@ def estimate(
     """Identify a robot from logs of its motion.
 
     A log has a column `time` in s and, of every joint, `angle_1` in rad, `torque_1` in N m and perhaps `speed_1` in
-    rad/s. Each log is a run of its own. Each file that is written says how well it predicts. Exit status 3: not found.
+    rad/s. Each log is a run of its own; `double-pendulum` is three of a real one. Exit status 3: not found.
     """
     from metaid.recorded import estimate as estimated
     from metaid.results.exporting import SUFFIXES
@@ -72,7 +75,11 @@ def estimate(
     terms = None if friction is None else [term for term in friction.split(",") if term and friction != "none"]
     pairs = [_pair(text) for text in couples]
     for output in outputs:
-        refuse_output(output, tuple(SUFFIXES))
+        refuse_output(output, (*SUFFIXES, *FIGURE_SUFFIXES))
+        if output.suffix in FIGURE_SUFFIXES:
+            figure_of(output)
+    if report is not None:
+        refuse_output(report, (".html",), "--report")
     result = estimated(
         logs,
         nominal,
@@ -88,12 +95,20 @@ def estimate(
         zeros=zeros,
     )
     has_numbers = result.verdict.is_found or even_if_not_found
-    files = [_written(result, output) for output in outputs] if has_numbers else []
+    models = [output for output in outputs if output.suffix in SUFFIXES]
+    files = [_written(result, output) for output in models] if has_numbers else []
+    if has_numbers:
+        draw(result, [output for output in outputs if output.suffix in FIGURE_SUFFIXES])
+    if report is not None:
+        from metaid.show import render_log
+
+        with whole_file(report, (".html",), "--report") as partial:
+            partial.write_text(render_log(result, typed(click.get_current_context()), files), encoding="utf-8")
     if as_json:
         print_json(result.summary_with(files))
     else:
         print_result(result, has_numbers, whole)
-        for output, each in zip(outputs, files, strict=False):
+        for output, each in zip(models, files, strict=False):
             say(_of_file(output, each, result))
             for note in result.model.dynamics.notes if output.suffix in (".xml", ".urdf") and whole else ():
                 say(f"  {note}")

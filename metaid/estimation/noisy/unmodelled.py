@@ -33,9 +33,11 @@ def unmodelled_forces(readings: Readings, estimate: Found) -> Iterator[Unmodelle
 
     Forces that are among the unknowns, as lumps or as faults, are not looked for.
     """
-    torques = [_torques(trial, *readings.motion(number)) for number, trial in enumerate(readings.trials)]
     known = {*readings.unknowns.kinds, *(FORCE_OF.get(kind, kind) for kind in readings.faults.kinds)}
     kinds = [kind for kind in FORCES if kind not in known]
+    if not kinds:
+        return
+    torques = [_torques(trial, *readings.motion(number)) for number, trial in enumerate(readings.trials)]
     columns = [np.concatenate([each[kind] for kind in kinds]) for each in torques]
     residuals = readings.residuals_with(estimate.point, columns)
     if residuals is None:

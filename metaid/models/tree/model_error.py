@@ -20,7 +20,7 @@ class ModelError:
     """Root mean square errors over random states in the joint ranges, as shares of the root mean square of what is
     right: of the gravity torque, of the Coriolis and centrifugal torque, and of the mass matrix, all joints together.
     Where gravity loads no joint, the first is a share of both torques; the second, where speeds load none, as of a
-    single hinge.
+    single hinge. Where neither does, as of a balanced one, both are shares of the torque that accelerates the joints.
     """
 
     gravity: float
@@ -39,7 +39,7 @@ def model_error(true: Tree, parameters: Array) -> ModelError:
 
 def difference(true: Tree, other: Tree) -> ModelError:
     """How wrong another arm with the same joints is, wherever these are."""
-    coordinates, speeds, _ = random_states(true, STATES, np.random.default_rng(HELD_OUT))
+    coordinates, speeds, accelerations = random_states(true, STATES, np.random.default_rng(HELD_OUT))
     still = np.zeros_like(speeds)
     parts: list[tuple[Array, Array, Array]] = []
     for arm in (true, other):
@@ -48,10 +48,10 @@ def difference(true: Tree, other: Tree) -> ModelError:
         bias = joint_torque(smooth, coordinates, speeds, still)
         parts.append((gravity, bias - gravity, joint_mass_matrix(arm, coordinates)))
     (gravity, coriolis, matrix), found = parts
-    heaviest, fastest, both = np.abs(gravity).max(), np.abs(coriolis).max(), gravity + coriolis
+    both, accelerating = gravity + coriolis, np.einsum("sij,sj->si", matrix, accelerations)
     return ModelError(
-        _share(gravity, found[0], gravity if heaviest > NOTHING * fastest else both),
-        _share(coriolis, found[1], coriolis if fastest > NOTHING * heaviest else both),
+        _share(gravity, found[0], _loading(gravity, both, accelerating)),
+        _share(coriolis, found[1], _loading(coriolis, both, accelerating)),
         _share(matrix, found[2], matrix),
     )
 
@@ -74,7 +74,12 @@ def torque_half_width(tree: Tree, base: BaseParameters, values: Array, covarianc
     return deviations_at_once(tree.njoint) * float(np.sqrt((unsure / needed).max()))
 
 
+def _loading(*torques: Array) -> Array:
+    """The first of `torques` (each nstate x njoint) that is more than rounding beside the others."""
+    sizes = [float(np.abs(torque).max()) for torque in torques]
+    return next(torque for torque, size in zip(torques, sizes, strict=True) if size > NOTHING * max(sizes))
+
+
 def _share(right: Array, wrong: Array, whole: Array) -> float:
-    """The error as a share of the `whole`; 0 of nothing that is right as nothing."""
-    scale, off = float((whole**2).sum()), float(((wrong - right) ** 2).sum())
-    return float(np.sqrt(off / scale)) if off else 0.0
+    """The error as a share of the `whole`."""
+    return float(np.sqrt(((wrong - right) ** 2).sum() / (whole**2).sum()))

@@ -12,10 +12,12 @@ if TYPE_CHECKING:
     from metaid.plant.description.lean import arm_model, build_arm_spec, set_parameters
     from metaid.plant.description.reading import Arm, read_arm
     from metaid.plant.description.shapes import Surface, rod, surfaces
-    from metaid.plant.description.starts import draw_free_starts, draw_starts
+    from metaid.plant.description.starts import CLEARANCE, Clearance, draw_free_starts, draw_starts
 
 __all__ = [
+    "CLEARANCE",
     "Arm",
+    "Clearance",
     "Surface",
     "arm_model",
     "build_arm_spec",
@@ -27,7 +29,7 @@ __all__ = [
     "surfaces",
 ]
 _LOADS_MUJOCO = {"Arm": "reading", "read_arm": "reading"}
-_LOADS_MUJOCO |= dict.fromkeys(("draw_free_starts", "draw_starts"), "starts")
+_LOADS_MUJOCO |= dict.fromkeys(("CLEARANCE", "Clearance", "draw_free_starts", "draw_starts"), "starts")
 _LOADS_MUJOCO |= dict.fromkeys(("Surface", "rod", "surfaces"), "shapes")
 _LOADS_MUJOCO |= dict.fromkeys(("arm_model", "build_arm_spec", "set_parameters"), "lean")
 

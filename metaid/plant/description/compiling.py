@@ -11,12 +11,12 @@ from typing import TypeVar
 from xml.etree import ElementTree
 
 from metaid.errors import PlantError, usable_mujoco
+from metaid.plant.asked import SCHEME, refuse_absurd_sizes
 
 with usable_mujoco():
     import mujoco
 
-SCHEME = "://"  # of a mesh's address: package://NAME/PATH, file:///PATH
-_BROKEN = (ValueError, mujoco.FatalError)
+_BROKEN = (ValueError, RuntimeError, MemoryError, mujoco.FatalError)
 _warning_lock = threading.RLock()
 T = TypeVar("T")
 
@@ -36,6 +36,7 @@ def compile_file(path: Path, is_urdf: bool) -> tuple[mujoco.MjModel, tuple[str, 
     found = _root(path, kind)
     if found != root:
         raise PlantError(f"{path}: no {kind}: it begins with <{found}> (allowed: <{root}>)")
+    refuse_absurd_sizes(path)
     with gathered_warnings() as warned:
         spec = _attempt(path, "read", lambda: mujoco.MjSpec.from_file(str(path)))
         if any("NaN" in warning for warning in warned):

@@ -10,10 +10,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from metaid.models import DEVIATIONS
+from metaid.models import COARSEST, DEVIATIONS
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.log import Record
-from metaid.study import COARSEST
 
 EXPLAINED = 3.0  # deviations of the noise: a misfit below explains what was seen
 EXACT = 0.002  # of the torque that was left out: an error below explains it, too

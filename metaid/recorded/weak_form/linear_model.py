@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import cast
 
 import numpy as np
@@ -252,8 +253,8 @@ def lump_regressor(angles: Array, speeds: Array, accelerations: Array, gravity: 
         gravity: in m/s².
     """
     n = angles.shape[-1]
-    angles, speeds, accelerations = (np.cumsum(each, axis=-1) for each in (angles, speeds, accelerations))
-    first, second = np.triu_indices(n, 1)
+    first, second, sums = _pairs(n)
+    angles, speeds, accelerations = (each @ sums for each in (angles, speeds, accelerations))
     links, pairs = np.arange(n), np.arange(len(first))
     force = np.zeros((*angles.shape, 2 * n + len(first)))
     force[..., links, links] = -gravity * np.sin(angles)
@@ -262,7 +263,16 @@ def lump_regressor(angles: Array, speeds: Array, accelerations: Array, gravity: 
     force[..., first, n + pairs] = cosine * accelerations[..., second] + sine * speeds[..., second] ** 2
     force[..., second, n + pairs] = cosine * accelerations[..., first] - sine * speeds[..., first] ** 2
     force[..., links, n + len(first) + links] = accelerations
-    return np.asarray(np.cumsum(force[..., ::-1, :], axis=-2)[..., ::-1, :], dtype=np.float64)  # Eq. 6
+    return np.asarray(sums @ force, dtype=np.float64)  # Eq. 6
+
+
+@cache
+def _pairs(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+    """All pairs of different links, the first with the lower number (npair each), and what sums up joint angles from
+    the base on, and forces from the tip (n x n).
+    """
+    first, second = np.triu_indices(n, 1)
+    return first, second, np.triu(np.ones((n, n)))
 
 
 def arm_model(

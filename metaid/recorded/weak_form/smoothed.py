@@ -7,6 +7,7 @@ torques that were sent and those that a model needs pass one at a cut-off.  Eq. 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,8 +85,15 @@ def low_pass(rows: Array, cutoff: float, period: float) -> Array:
     """Rows (nrow x ncolumn) that are `period` s apart through a Butterworth filter without phase at `cutoff` Hz."""
     from scipy import signal  # slow to load
 
-    weights = signal.butter(ORDER, min(2.0 * cutoff * period, 0.95), output="sos")
-    return np.asarray(signal.sosfiltfilt(weights, rows, axis=0), dtype=np.float64)
+    return np.asarray(signal.sosfiltfilt(_weights(min(2.0 * cutoff * period, 0.95)), rows, axis=0), dtype=np.float64)
+
+
+@cache
+def _weights(share: float) -> Array:
+    """Second-order sections of the filter at a `share` of half the rate of reading."""
+    from scipy import signal
+
+    return np.asarray(signal.butter(ORDER, share, output="sos"), dtype=np.float64)
 
 
 def smoothed(record: Record) -> Smoothed:

@@ -12,6 +12,14 @@ from metaid.show.figures.episodes import draw_episode, draw_push, plot_angles, p
 from metaid.show.figures.estimate import plot_covariance, plot_difference, plot_growth, plot_motion, plot_residuals
 from metaid.show.figures.gallery import Gallery, Picture
 from metaid.show.figures.landscape import plot_boundary, plot_parallel, plot_sweep
+from metaid.show.figures.log_gallery import LOG_FIGURES, LogGallery
+from metaid.show.figures.logs import (
+    plot_bodies,
+    plot_friction,
+    plot_gravity,
+    plot_predicted_torque,
+    plot_torque_residuals,
+)
 from metaid.show.figures.lumps import plot_correlation, plot_known, plot_ranges
 from metaid.show.figures.plants import plant_figure, plot_plant, sketch
 from metaid.show.figures.search import plot_convergence, plot_error, plot_factor
@@ -36,11 +44,13 @@ __all__ = [
     "COLUMN",
     "FALL",
     "INK",
+    "LOG_FIGURES",
     "PAGE",
     "RANGE",
     "SUFFIXES",
     "SURVIVOR",
     "Gallery",
+    "LogGallery",
     "Picture",
     "comparison_figure",
     "draw_episode",
@@ -48,6 +58,7 @@ __all__ = [
     "draw_tracking",
     "plant_figure",
     "plot_angles",
+    "plot_bodies",
     "plot_boundary",
     "plot_comparison",
     "plot_convergence",
@@ -56,16 +67,20 @@ __all__ = [
     "plot_difference",
     "plot_error",
     "plot_factor",
+    "plot_friction",
+    "plot_gravity",
     "plot_growth",
     "plot_known",
     "plot_motion",
     "plot_parallel",
     "plot_phase",
     "plot_plant",
+    "plot_predicted_torque",
     "plot_ranges",
     "plot_residuals",
     "plot_speeds",
     "plot_sweep",
+    "plot_torque_residuals",
     "plot_tracking",
     "said_in",
     "save",

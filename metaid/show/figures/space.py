@@ -33,7 +33,7 @@ def _arm_figure(arm: ArmPlant, width: float = PAGE) -> Figure:
         axes: Axes3D = figure.add_axes((0.0, 0.02, 0.64, 0.92), projection="3d")
         triangles, colours = _surfaces(arm)
         _draw(axes, triangles, colours)
-        _draw_joints(axes, *arm.arm.whole.joints_at(arm.home), np.ptp(triangles.reshape(-1, 3), axis=0).max())
+        _draw_joints(axes, *arm.arm.whole.joints_at(arm.home), _size(triangles.reshape(-1, 3)))
         figure.text(0.02, 0.95, f"{verbatim(arm.name)}: {arm.njoint} joint{'s' if arm.njoint > 1 else ''}, at home")
         lines = [_label(arm, i) for i in range(arm.njoint)]
         figure.text(0.7, 0.5, "\n".join(lines), va="center", fontsize=7, linespacing=1.5)
@@ -49,7 +49,7 @@ def _rods(arm: ArmPlant, episode: ArmEpisode, width: float) -> Figure:
     mujoco.mj_kinematics(arm.model, arm.data)
     places, directions = arm.data.xanchor.copy(), arm.data.xaxis.copy()
     line = np.concatenate([np.zeros((1, 3)), places, arm.data.xipos[-1:]])
-    middle, half = (line.min(axis=0) + line.max(axis=0)) / 2, 0.5 * np.ptp(line, axis=0).max()
+    middle, half = (line.min(axis=0) + line.max(axis=0)) / 2, 0.5 * _size(line)
     with style():
         figure = Figure(figsize=(width, 0.8 * width))
         axes: Axes3D = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d")
@@ -71,6 +71,11 @@ def _look_at(axes: Axes3D, limits: Array, zoom: float = 1.0) -> None:
     axes.locator_params(nbins=4)
 
 
+def _size(points: Array) -> float:
+    """How far apart points (npoint x 3) are, in m; 1 m where they are all in one place."""
+    return float(np.ptp(points, axis=0).max()) or 1.0
+
+
 def _surfaces(arm: ArmPlant) -> tuple[Array, Array]:
     """All triangles (n x 3 x 3), in m, and their colours (n x 3)."""
     from metaid.plant.description import rod, surfaces
@@ -79,7 +84,7 @@ def _surfaces(arm: ArmPlant) -> tuple[Array, Array]:
     if not any(surface.link >= 0 for surface in shown):
         joints, _ = arm.arm.whole.joints_at(arm.home)
         places = np.concatenate([np.zeros((1, 3)), joints, arm.arm.whole.tip_at(arm.home)[None]])
-        size = np.ptp(places, axis=0).max()
+        size = _size(places)
         thick = THICK * size * 0.95 ** np.arange(len(places))  # so that no two surfaces are in one place
         shown = [rod(a, b, thick[i], i - 1) for i, (a, b) in enumerate(pairwise(places))]
     colours = [to_rgb(BASE if surface.link < 0 else (RANGE, SURVIVOR)[surface.link % 2]) for surface in shown]
@@ -98,7 +103,7 @@ def _draw(axes: Axes3D, triangles: Array, colours: Array) -> None:
     shaded = np.clip(colours[seen] * (0.72 + 0.28 * facing[:, None]), 0.0, 1.0)
     axes.add_collection3d(Poly3DCollection(triangles[seen], facecolors=shaded, edgecolors=shaded, linewidths=0.2))
     corners = triangles.reshape(-1, 3)
-    middle, half = (corners.min(axis=0) + corners.max(axis=0)) / 2, 0.5 * np.ptp(corners, axis=0).max()
+    middle, half = (corners.min(axis=0) + corners.max(axis=0)) / 2, 0.5 * _size(corners)
     limits = np.stack([middle - half, middle + half], axis=1)
     _look_at(axes, limits)
 

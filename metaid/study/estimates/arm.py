@@ -8,10 +8,9 @@ import numpy as np
 
 from metaid.estimation import Approximation, HeldOut
 from metaid.estimation.spatial import ArmEstimate
-from metaid.models import DEVIATIONS, Array
+from metaid.models import COARSEST, DEVIATIONS, Array
 from metaid.models.tree import possible_bodies
 from metaid.study.estimates.study_estimate import StudyEstimate
-from metaid.study.identifiability import COARSEST
 from metaid.study.parameters import Known, Parameters
 
 

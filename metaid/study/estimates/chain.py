@@ -8,9 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from metaid.estimation import Approximation, Estimate, HeldOut, has_mass
-from metaid.models import DEVIATIONS, Array, half_width
+from metaid.models import COARSEST, DEVIATIONS, Array, half_width
 from metaid.study.estimates.study_estimate import StudyEstimate, interval_name
-from metaid.study.identifiability import COARSEST
 from metaid.study.parameters import Known, Parameters
 
 

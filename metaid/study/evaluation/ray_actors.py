@@ -10,6 +10,7 @@ import logging
 import os
 import signal
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -276,15 +277,27 @@ def _token_of(address: str | None) -> Iterator[None]:
         os.environ.pop("RAY_AUTH_MODE", None)
 
 
+@contextmanager
+def own_signals() -> Iterator[None]:
+    """Ray puts a handler of its own in the place of the driver's for SIGTERM, which is put back."""
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        yield
+    finally:
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGTERM, before)
+
+
 def _start_ray(ray: Any, workers: int, address: str | None) -> None:
     quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
     if address is None:
-        with ray_on_loopback():
+        with ray_on_loopback(), own_signals():
             ray.init(address="local", num_cpus=workers, include_dashboard=False, **quiet)
         return
     _refuse_silence(address)
     try:
-        ray.init(address=address, **quiet)
+        with own_signals():
+            ray.init(address=address, **quiet)
     except (ConnectionError, ValueError, RuntimeError) as problem:
         if isinstance(problem.__cause__, ray.exceptions.AuthenticationError):
             raise StudyError(f"the Ray cluster at {address} wants its token (RAY_AUTH_TOKEN, or {TOKEN})") from None

@@ -1,0 +1,185 @@
+"""The command `metaid excite`."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from metaid.cli.common import json_option, number_text, numbers, print_json, print_table, refuse_output, say, whole_file
+from metaid.errors import unknown
+
+if TYPE_CHECKING:
+    from metaid.excitation import Excitation, Noise
+
+FEW = 12  # parameters that a screen has
+COARSE = 0.1  # a gain that is known to no better is not known
+
+
+@click.command(epilog="\b\nExample:\n  metaid excite double-pendulum -o motion.csv")
+@click.argument("nominal", metavar="ROBOT")
+@click.option("--seconds", type=float, default=30.0, show_default=True, help="Of the motion, 4 to 600.")
+@click.option("--limits", type=click.Path(path_type=Path), metavar="FILE.toml", help="low, high, speed, torque, …")
+@click.option("--noise", metavar="KEY=NUMBER", multiple=True, help="Of the log: angle in rad, torque as a share.")
+@click.option("--rate", type=click.FloatRange(1.0, 2000.0), default=250.0, show_default=True, help="Rows a second.")
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the search.")
+@click.option(
+    "-o", "outputs", type=click.Path(path_type=Path), multiple=True, help="FILE.csv, or .yaml (ROS 2 JointTrajectory)."
+)
+@click.option("--all", "whole", is_flag=True, help="Print every parameter.")
+@json_option
+def excite(
+    nominal: str,
+    seconds: float,
+    limits: Path | None,
+    noise: tuple[str, ...],
+    rate: float,
+    seed: int,
+    outputs: tuple[Path, ...],
+    whole: bool,
+    as_json: bool,
+) -> None:
+    """Find the motion to record, and say how well a log of it will show each parameter.
+
+    It is periodic, from rest to rest, within limits of position, speed, acceleration and torque, and free of contacts;
+    of all such motions one that shows base parameters and friction best. ROBOT is a plant's name, a plant file, an MJCF
+    or URDF. Limits that nobody says are usual ones, and are printed with `--json`.
+    """
+    from metaid.excitation import SUFFIXES, write_motion
+    from metaid.excitation import excite as excited
+
+    for output in outputs:
+        refuse_output(output, SUFFIXES)
+    found = excited(nominal, seconds=seconds, limits=limits, noise=_noise(noise), seed=seed)
+    for output in outputs:
+        with whole_file(output, SUFFIXES) as partial:
+            write_motion(found, partial, rate)
+    if as_json:
+        print_json(_summary(found))
+    else:
+        _print(found, whole)
+        for output in outputs:
+            say(f"{output}: {found.seconds:g} s; bring the robot to its first row, at rest, by another way")
+
+
+def _noise(given: tuple[str, ...]) -> Noise:
+    from metaid.excitation import Noise
+
+    values = numbers(given, "--noise")
+    for name, value in values.items():
+        if name not in ("angle", "torque"):
+            raise click.UsageError(f"--noise: {unknown('key', name, ['angle', 'torque'])}")
+        if not 0.0 <= value <= 1.0:
+            raise click.UsageError(f"--noise {name}: {value:g} (allowed: 0 to 1)")
+    return Noise(**values)
+
+
+def _print(found: Excitation, whole: bool) -> None:
+    told = found.forecast
+    each = list(
+        zip(
+            told.names,
+            told.nominal.tolist(),
+            told.deviations.tolist(),
+            told.determined.tolist(),
+            told.units,
+            strict=True,
+        )
+    )
+    rows = [
+        [name, number_text(nominal), f"± {sd:.2g}", "yes" if determined else "NO", unit]
+        for name, nominal, sd, determined, unit in each
+    ]
+    left = 0 if whole else max(len(rows) - FEW, 0)
+    print_table(
+        f"{found.plant}: what a log of {found.seconds:g} s will show",
+        ["parameter", "nominal", "sd", "to a tenth", "unit"],
+        rows if whole else rows[:FEW],
+        f"{left} more parameters: --all" if left else "",
+        words=["to a tenth", "unit"],
+    )
+    for line in _lines(found):
+        say(line)
+
+
+def _lines(found: Excitation) -> list[str]:
+    """What it comes to, a sentence a line."""
+    told, count = found.forecast, int(found.forecast.determined.sum())
+    unknown_joints = ", ".join(told.unknown)
+    lines = [
+        f"{count} of {len(told.names)} parameters will be known to a tenth; "
+        + (
+            f"the torque of joint {unknown_joints} to no better than a tenth"
+            if told.unknown
+            else "the torque of every joint to a tenth or better"
+        ),
+        f"a second, different motion as long multiplies deviations by {_median(found.second)} in the middle, the same "
+        f"once more by {_median(found.again)}",
+    ]
+    if found.payload is not None:
+        mass, gains = found.payload
+        shown = [
+            f"{name} {gain:.1%}" if gain < COARSE else f"{name} not"
+            for name, gain in zip(found.joints, gains.tolist(), strict=True)
+        ]
+        lines.append(
+            f"no log shows a wrong constant of a drive; the same motion once more with {mass:g} kg at the last link "
+            f"tells the gain of joint {', '.join(shown)}"
+        )
+    else:
+        lines.append("contacts are not looked at, for links of a chain have no shapes")
+    return lines
+
+
+def _median(shares: Any) -> str:
+    return f"{sorted(shares.tolist())[len(shares) // 2]:.2f}"
+
+
+def _summary(found: Excitation) -> dict[str, Any]:
+    """What `--json` prints."""
+    told, limits = found.forecast, found.limits
+    of_limits = {key: getattr(limits, key).tolist() for key in ("low", "high", "speed", "acceleration", "torque")}
+    return {
+        "plant": found.plant,
+        "joints": list(found.joints),
+        "seconds": found.seconds,
+        "period": found.series.period,
+        "start": found.series.start.tolist(),
+        "criterion": found.criterion.value(found.series),
+        "limits": {
+            key: [value if math.isfinite(value) else None for value in values] for key, values in of_limits.items()
+        }
+        | {"floor": limits.floor},
+        "parameters": [
+            {
+                "name": name,
+                "unit": unit,
+                "nominal": nominal,
+                "sd": sd,
+                "determined": determined,
+                "second_motion": second,
+                "same_again": again,
+                "expression": expression,
+            }
+            for name, unit, nominal, sd, determined, second, again, expression in zip(
+                told.names,
+                told.units,
+                told.nominal.tolist(),
+                told.deviations.tolist(),
+                told.determined.tolist(),
+                found.second.tolist(),
+                found.again.tolist(),
+                told.expressions,
+                strict=True,
+            )
+        ],
+        "unknown_joints": list(told.unknown),
+        "payload": None
+        if found.payload is None
+        else {
+            "mass": found.payload[0],
+            "gain_sd": [value if value < COARSE else None for value in found.payload[1].tolist()],
+        },
+    }

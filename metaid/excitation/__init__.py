@@ -1,0 +1,34 @@
+"""What to record: a motion that shows a robot's parameters best, and how well a log of it will.
+
+`excite` finds a periodic motion, a Fourier series from rest to rest, that keeps the `Limits` of a nominal robot and is
+free of contacts; `forecast` records it of the nominal robot and estimates that log.
+"""
+
+from metaid.excitation.exciting import Excitation, excite, problem_of
+from metaid.excitation.files import SUFFIXES, write_motion
+from metaid.excitation.forecast import Forecast, Noise, recorded
+from metaid.excitation.limits import Limits, LimitsSettings, read_limits, usual_limits
+from metaid.excitation.search import Criterion, Problem, Shape, best_of_random
+from metaid.excitation.series import Series, Trajectory, rest_to_rest
+
+__all__ = [
+    "SUFFIXES",
+    "Criterion",
+    "Excitation",
+    "Forecast",
+    "Limits",
+    "LimitsSettings",
+    "Noise",
+    "Problem",
+    "Series",
+    "Shape",
+    "Trajectory",
+    "best_of_random",
+    "excite",
+    "problem_of",
+    "read_limits",
+    "recorded",
+    "rest_to_rest",
+    "usual_limits",
+    "write_motion",
+]

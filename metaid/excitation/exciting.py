@@ -1,0 +1,174 @@
+"""All of it in one call: from a nominal robot to the motion to record, and what a log of it will say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from metaid.errors import PlantError
+from metaid.excitation.forecast import FRICTION, LASTS, Forecast, Noise, forecast
+from metaid.excitation.limits import Limits, joint_names, read_limits, usual_limits
+from metaid.excitation.search import Criterion, Problem, best_of_random, draws, improved
+from metaid.excitation.series import Series, Trajectory
+from metaid.models import Array
+from metaid.models.tree import joint_torque
+from metaid.plant import ArmPlant, MujocoPlant, load_plant
+from metaid.recorded import arm_model, chain_model
+
+PERIOD = 8.0  # s, about
+SHORTEST, LONGEST = 4.0, 600.0  # s of a motion
+USUAL = 40  # draws that say how large torques are
+LEAST = 0.05  # of the strongest joint's torque, for one that needs next to none
+SECOND = 300  # draws, and tries, of a second motion
+PAYLOAD = 0.1  # of the mass of all links
+OF_TWO = 2.0**0.5  # of the difference of two logs
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """A motion to record.
+
+    Attributes:
+        plant: the name of the nominal robot.
+        joints: their names (njoint).
+        series: the motion, which is repeated for so many `seconds`.
+        seconds: in all.
+        problem: what it was found for.
+        criterion: by which it is best.
+        forecast: what a log of it will say.
+        second: by what a second, different motion as long multiplies the deviations (nparam).
+        again: by what the same motion once more does (nparam).
+        payload: the mass in kg whose second log tells the gain of each drive, and their standard deviations as shares
+            (njoint); None of a chain.
+    """
+
+    plant: str
+    joints: tuple[str, ...]
+    series: Series
+    seconds: float
+    problem: Problem
+    criterion: Criterion
+    forecast: Forecast
+    second: Array
+    again: Array
+    payload: tuple[float, Array] | None
+
+    @property
+    def limits(self) -> Limits:
+        return self.problem.limits
+
+    def at(self, times: Array) -> Trajectory:
+        """The motion at some times (nstep), in s."""
+        return self.series.at(times)
+
+    def nominal_torques(self, times: Array) -> Array:
+        """What the nominal robot needs (nstep x njoint), in N m or N."""
+        motion = self.series.at(times)
+        rows = self.problem.model.regressor(motion.angles, motion.speeds, motion.accelerations)
+        return np.asarray(rows @ self.problem.nominal, dtype=np.float64)
+
+
+def excite(
+    nominal: str | Path,
+    *,
+    seconds: float = 30.0,
+    limits: str | Path | None = None,
+    noise: Noise | None = None,
+    seed: int = 1,
+) -> Excitation:
+    """The motion to record of a robot, and what a log of it will say: `write_motion` writes it.
+
+    Args:
+        nominal: the nominal robot: the name of a shipped plant, or the path of a plant file, an MJCF or a URDF.
+        seconds: of the motion.
+        limits: a file of limits; what it leaves out is as the robot's file says, or as usual.
+        noise: of the log.
+        seed: of the search.
+
+    Raises:
+        PlantError: the robot or the limits cannot be used, or no motion keeps them.
+    """
+    if not SHORTEST <= seconds <= LONGEST:
+        raise PlantError(f"a motion of {seconds:g} s (allowed: {SHORTEST:g} to {LONGEST:g} s)")
+    noise = noise or Noise()
+    plant = load_plant(nominal)
+    own = usual_limits(plant) if limits is None else read_limits(Path(limits), plant)
+    problem = problem_of(plant, own, seconds / max(round(seconds / PERIOD), 1))
+    with threadpool_limits(1):  # matrices this small are slower on several
+        criterion = criterion_of(problem, seconds, noise, seed)
+        first = improved(problem, criterion, best_of_random(problem, criterion, seed), seed)
+        series = first[1]
+        information, nothing = criterion.information(series), np.eye(len(criterion.scales))
+        others = (first, best_of_random(problem, criterion, seed + 1, SECOND, information))
+        another = max(others, key=lambda each: criterion.value(each[1], information))
+        _, second = improved(problem, criterion, another, seed + 1, SECOND, information)
+        usual = _deviations(information)
+        return Excitation(
+            plant.name,
+            joint_names(plant),
+            series,
+            seconds,
+            problem,
+            criterion,
+            forecast(problem.model, problem.nominal, series, seconds, noise),
+            _deviations(information + criterion.information(second) - nothing) / usual,
+            _deviations(2.0 * information - nothing) / usual,
+            _payload(plant, criterion, series) if isinstance(plant, ArmPlant) else None,
+        )
+
+
+def problem_of(plant: ArmPlant | MujocoPlant, limits: Limits, period: float) -> Problem:
+    """What is searched of a robot."""
+    if isinstance(plant, ArmPlant):
+        from metaid.excitation.contacts import Contacts
+
+        model, tree = arm_model(plant.tree, FRICTION), plant.tree
+        nominal = np.concatenate([model.nominal, tree.damping, tree.coulomb])
+        return Problem(model, nominal, limits, period, Contacts(plant, limits.floor))
+    model, chain = chain_model(plant.chain, plant.gravity, FRICTION), plant.chain
+    return Problem(model, np.concatenate([model.nominal, chain.damping, chain.coulomb]), limits, period, None)
+
+
+def criterion_of(problem: Problem, seconds: float, noise: Noise, seed: int) -> Criterion:
+    """What is best: torques have noise as a share of what random motions need.
+
+    Args:
+        problem: what is searched.
+        seconds: of the log.
+        noise: of it.
+        seed: of the motions.
+
+    Raises:
+        PlantError: no motion keeps the limits.
+    """
+    model = problem.model
+    drawn = [rows @ problem.nominal for _, _, rows in draws(problem, [seed, 2], USUAL)]
+    if not drawn:
+        why = problem.refused.most_common(1)[0][0]
+        raise PlantError(f"no motion was found that keeps its limits: {why} (allowed: wider limits, another home)")
+    needed = np.sqrt(np.mean([(torques**2).mean(axis=0) for torques in drawn], axis=0))
+    usual = np.maximum(needed, LEAST * needed.max())
+    bodies = np.sqrt(np.maximum(np.diag(model.covariance), 1e-300))
+    scales = np.concatenate([bodies, usual / problem.limits.speed, usual])
+    return Criterion(model, scales, max(noise.torque, 1e-4) * usual, seconds / (2.0 * LASTS))
+
+
+def _deviations(information: Array) -> Array:
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(information))), dtype=np.float64)
+
+
+def _payload(plant: ArmPlant, criterion: Criterion, series: Series) -> tuple[float, Array]:
+    """A payload in kg at the last link's centre of mass, and the standard deviations of the drives' gains (njoint) by
+    the difference of two logs along the same motion.
+    """
+    tree = plant.tree
+    mass = float(f"{PAYLOAD * tree.mass.sum():.1g}")
+    loaded = replace(tree, mass=tree.mass + mass * (np.arange(tree.njoint) == tree.njoint - 1))
+    motion = series.at(series.period / 200 * np.arange(200))
+    state = motion.angles, motion.speeds, motion.accelerations
+    carried = np.sqrt(((joint_torque(loaded, *state) - joint_torque(tree, *state)) ** 2).mean(axis=0))
+    with np.errstate(divide="ignore"):
+        return mass, OF_TWO * criterion.noise / (np.sqrt(criterion.readings) * carried)

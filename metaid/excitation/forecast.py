@@ -1,0 +1,127 @@
+"""How well a log of a motion will show each parameter: the motion is recorded of the nominal robot, and estimated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.excitation.series import Series
+from metaid.models import COARSEST, Array
+from metaid.recorded import Choices, LinearModel, Record, equations_like, estimate_records
+
+LASTS = 0.1  # s: how long a torque that no model explains lasts
+REHEARSED = 8  # logs, whose noise differs
+FRICTION = ("viscous", "coulomb")
+Torques = Callable[[Array, Array, Array], Array]  # of angles, speeds and accelerations (nrow x njoint each)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Of a log: of an `angle` reading, a standard deviation in rad or m; of `torque`, as a share of each joint's root
+    mean square, what no model explains, which lasts for LASTS; `period` between readings, in s.
+    """
+
+    angle: float = 1e-4
+    torque: float = 0.03
+    period: float = 0.002
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a log of a motion will say, were the nominal robot the truth.
+
+    Attributes:
+        names: of the unknowns (nparam), friction included.
+        units: of them.
+        expressions: what each is made of.
+        nominal: the unknowns beforehand (nparam).
+        deviations: standard deviations that an estimate will have (nparam).
+        determined: which of them (nparam) are known to a tenth: of what they are, or of an arm what they may have been
+            wrong by beforehand.
+        unknown: the joints whose torque will be predicted to no better than a tenth.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    expressions: tuple[str, ...]
+    nominal: Array
+    deviations: Array
+    determined: NDArray[np.bool_]
+    unknown: tuple[str, ...]
+
+
+def recorded(torques: Torques, series: Series, seconds: float, noise: Noise, seed: int) -> Record:
+    """The log of a robot that follows a series exactly, again and again.
+
+    Args:
+        torques: that the robot needs.
+        series: the motion.
+        seconds: of the log.
+        noise: of it.
+        seed: of the noise.
+    """
+    random, times = np.random.default_rng(seed), noise.period * np.arange(round(seconds / noise.period))
+    angles = series.at(times).angles
+    held = series.at(times + 0.5 * noise.period)  # a torque holds until the next
+    sent = torques(held.angles, held.speeds, held.accelerations)
+    size = noise.torque * np.sqrt((sent**2).mean(axis=0))
+    keeps = float(np.exp(-noise.period / LASTS))
+    drawn = random.standard_normal(sent.shape)
+    unexplained = np.empty_like(drawn)
+    unexplained[0] = drawn[0]
+    for row in range(1, len(drawn)):
+        unexplained[row] = keeps * unexplained[row - 1] + np.sqrt(1.0 - keeps**2) * drawn[row]
+    angles = angles + noise.angle * random.standard_normal(angles.shape)
+    return Record("motion", np.asarray(times), np.asarray(angles), None, np.asarray(sent + size * unexplained))
+
+
+def forecast(model: LinearModel, nominal: Array, series: Series, seconds: float, noise: Noise) -> Forecast:
+    """What a log of a motion will say.
+
+    Args:
+        model: what is unknown.
+        nominal: the unknowns beforehand (nparam).
+        series: the motion.
+        seconds: of the log.
+        noise: of it.
+    """
+
+    def torques(angles: Array, speeds: Array, accelerations: Array) -> Array:
+        return np.asarray(model.regressor(angles, speeds, accelerations) @ nominal, dtype=np.float64)
+
+    first = recorded(torques, series, seconds, noise, 0)
+    found = estimate_records([first], model, Choices(friction=FRICTION, zeros=False, delay=0.0))
+    variances, errors = [], []
+    for seed in range(REHEARSED):
+        equations = equations_like(found, recorded(torques, series, seconds, noise, seed))
+        values = equations.solved[0].values
+        variances.append(np.diag(equations.covariance(values)))
+        errors.append(values - nominal)
+    usual = np.mean(variances, axis=0)
+    growth = max(1.0, float(np.sqrt(np.mean(np.square(errors) / usual))))  # by errors that last longer than it counts
+    deviations = growth * np.sqrt(usual)
+    whole = np.abs(nominal)
+    if not model.is_chain:
+        whole[: model.nbody] = np.maximum(whole[: model.nbody], np.sqrt(np.diag(model.covariance)))
+    return Forecast(
+        model.names,
+        model.units,
+        model.expressions,
+        nominal,
+        deviations,
+        np.asarray(deviations <= COARSEST * whole, dtype=np.bool_),
+        _unknown(model, nominal, series, found.covariance),
+    )
+
+
+def _unknown(model: LinearModel, nominal: Array, series: Series, covariance: Array) -> tuple[str, ...]:
+    """The joints whose torque is predicted to no better than a tenth along the motion."""
+    motion = series.at(np.linspace(0.0, series.period, 200))
+    rows = model.regressor(motion.angles, motion.speeds, motion.accelerations)
+    variance = np.einsum("tjp,pq,tjq->tj", rows, covariance, rows, optimize=True).mean(axis=0)
+    sizes = np.sqrt(((rows @ nominal) ** 2).mean(axis=0))
+    wide = np.sqrt(variance) > COARSEST * sizes
+    return tuple(name for name, is_wide in zip(model.joints, wide.tolist(), strict=True) if is_wide)

@@ -1,0 +1,110 @@
+"""Within what a motion has to stay: position, speed, acceleration and torque of each joint, and the floor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from metaid.errors import PlantError, unknown
+from metaid.files import Settings, check, read_toml
+from metaid.models import Array
+from metaid.plant import ArmPlant, MujocoPlant
+
+MARGIN = 0.05  # of a joint's range that stays free at each end
+SWING, SLIDE = 1.5, 0.5  # rad, m: to either side of where a joint without limits is at home
+SPEED, SLIDING = 2.0, 0.5  # rad/s, m/s
+ACCELERATION, PUSHING = 10.0, 2.0  # rad/s², m/s²
+Positive = Annotated[float, Field(gt=0, le=1e9)]
+Finite = Annotated[float, Field(ge=-1e6, le=1e6)]
+
+
+class LimitsSettings(Settings):
+    """A file of limits. Each is one number of all joints, or a table by joint: `low` and `high` in rad or m, `speed` in
+    rad/s or m/s, `acceleration` in rad/s² or m/s², `torque` in N m or N; `floor` is the height, in the frame of the
+    base, in m, below which no shape may come.
+    """
+
+    low: Finite | dict[str, Finite] | None = None
+    high: Finite | dict[str, Finite] | None = None
+    speed: Positive | dict[str, Positive] | None = None
+    acceleration: Positive | dict[str, Positive] | None = None
+    torque: Positive | dict[str, Positive] | None = None
+    floor: Finite | None = None
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Of each joint (njoint): coordinates from `low` to `high`, in rad or m; `speed`, `acceleration` and `torque` in
+    their units, torques infinite where nobody says any. No shape comes below the `floor`, in m, where there is one.
+    """
+
+    low: Array
+    high: Array
+    speed: Array
+    acceleration: Array
+    torque: Array
+    floor: float | None = None
+
+
+def usual_limits(plant: ArmPlant | MujocoPlant) -> Limits:
+    """What a robot's own file says, and where it says nothing what is usual. A chain hangs at rest."""
+    n = plant.njoint
+    if isinstance(plant, MujocoPlant):
+        home = np.where(np.arange(n) == 0, np.pi, 0.0)
+        slides, low, high = np.zeros(n, dtype=np.bool_), np.full(n, -np.inf), np.full(n, np.inf)
+        torque = plant.settings.faults.torque_limits(n)
+    else:
+        tree = plant.tree
+        home, slides, low, high, torque = plant.home, tree.slides, tree.low, tree.high, tree.torque_limit
+    beyond = np.where(slides, SLIDE, SWING)
+    bounded = np.isfinite(low) & np.isfinite(high)
+    margin = np.where(bounded, MARGIN * np.where(bounded, high - low, 0.0), 0.0)
+    return Limits(
+        np.where(np.isfinite(low), low + margin, home - beyond),
+        np.where(np.isfinite(high), high - margin, home + beyond),
+        np.where(slides, SLIDING, SPEED),
+        np.where(slides, PUSHING, ACCELERATION),
+        torque,
+    )
+
+
+def read_limits(path: Path, plant: ArmPlant | MujocoPlant) -> Limits:
+    """Those of a file; what it leaves out is as usual.  Raises PlantError."""
+    usual = usual_limits(plant)
+    settings = check(LimitsSettings, read_toml(path, PlantError), str(path), PlantError)
+    names = joint_names(plant)
+
+    def each(key: str, own: Array) -> Array:
+        given = getattr(settings, key)
+        if given is None:
+            return own
+        if not isinstance(given, dict):
+            return np.full(len(names), float(given))
+        for name in given:
+            if name not in names:
+                raise PlantError(f"{path}: {key}: {unknown('joint', name, names)}")
+        return np.array([given.get(name, value) for name, value in zip(names, own.tolist(), strict=True)])
+
+    limits = Limits(
+        each("low", usual.low),
+        each("high", usual.high),
+        each("speed", usual.speed),
+        each("acceleration", usual.acceleration),
+        each("torque", usual.torque),
+        settings.floor,
+    )
+    for name, low, high in zip(names, limits.low, limits.high, strict=True):
+        if not low < high:
+            raise PlantError(f"{path}: joint {name} may move from {low:g} to {high:g} (allowed: low below high)")
+    return limits
+
+
+def joint_names(plant: ArmPlant | MujocoPlant) -> tuple[str, ...]:
+    """Of a chain numbers from 1 on."""
+    if isinstance(plant, ArmPlant):
+        return tuple(plant.tree.names)
+    return tuple(f"{joint + 1}" for joint in range(plant.njoint))

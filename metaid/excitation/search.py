@@ -1,0 +1,247 @@
+"""The search for a motion: the best of many random series, and what improves it.
+
+A series is scaled until it keeps the limits of coordinates, speeds and accelerations; one that needs more torque than
+the motors have, or meets anything, is made smaller or given up. The criterion is the determinant of the information
+that a log of it has of base parameters and friction.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from metaid.errors import PlantError
+from metaid.excitation.limits import Limits
+from metaid.excitation.series import Series, rest_to_rest
+from metaid.models import Array
+from metaid.recorded import LinearModel
+
+HARMONICS = 12
+SAMPLES = 160  # of a period, for the criterion
+LOOKS = 400  # of a period, for contacts and limits while it is searched
+FINAL = 0.001  # s between two looks at the end
+WITHIN = 0.99  # of each limit: between two looks a motion goes a little farther
+SMALLER, TIMES = 0.75, 5  # where torques are too large
+DRAWN = 500
+IMPROVED = 1500  # tries
+GROWS, SHRINKS = 1.5, 0.92  # of the step after a success and a failure: it keeps about one success in five
+FIRST, LAST = 0.5, 1e-3  # of the step
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What a series is scaled from: coefficients (njoint x nharmonic each) of any size, and where in the range that it
+    leaves it moves, from 0 to 1 (njoint).
+    """
+
+    sines: Array
+    cosines: Array
+    place: Array
+
+
+class Meets(Protocol):
+    """What says what a robot touches in poses."""
+
+    def met(self, poses: Array) -> str | None: ...
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """How much a log says: the logarithm of the determinant of its information on the unknowns, in units of what is
+    believed of each beforehand.
+
+    Attributes:
+        model: what is unknown.
+        scales: of the unknowns (nparam): standard deviations beforehand.
+        noise: of the torques (njoint), in N m or N.
+        readings: how many independent ones a log has.
+    """
+
+    model: LinearModel
+    scales: Array
+    noise: Array
+    readings: float
+
+    def information(self, series: Series, rows: Array | None = None) -> Array:
+        """On the scaled unknowns (nparam x nparam), what is believed included; `rows` is the regressor along the series
+        where it is there already.
+        """
+        rows = regressor_along(self.model, series, SAMPLES) if rows is None else rows
+        flat = (rows * self.scales / self.noise[:, None]).reshape(-1, len(self.scales))
+        return np.asarray(self.readings / SAMPLES * flat.T @ flat + np.eye(len(self.scales)), dtype=np.float64)
+
+    def value(self, series: Series, before: Array | float = 0.0, rows: Array | None = None) -> float:
+        """Of a series, with the information (nparam x nparam) that there is `before`; `rows` as above."""
+        return float(np.linalg.slogdet(self.information(series, rows) + before)[1])
+
+
+def regressor_along(model: LinearModel, series: Series, count: int) -> Array:
+    """The torque for a unit of each unknown at so many times of a period (count x njoint x nparam)."""
+    motion = series.at(series.period / count * np.arange(count))
+    return model.regressor(motion.angles, motion.speeds, motion.accelerations)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is searched.
+
+    Attributes:
+        model: what is unknown.
+        nominal: the unknowns beforehand (nparam), friction included.
+        limits: of the motion.
+        period: of the series, in s.
+        contacts: what the robot meets; None where its shapes are not known.
+    """
+
+    model: LinearModel
+    nominal: Array
+    limits: Limits
+    period: float
+    contacts: Meets | None
+
+    @cached_property
+    def refused(self) -> Counter[str]:
+        """Why series were given up, and how often."""
+        return Counter()
+
+    def torques(self, series: Series, count: int) -> Array:
+        """What the nominal robot needs along a series (count x njoint), in N m or N."""
+        return np.asarray(regressor_along(self.model, series, count) @ self.nominal, dtype=np.float64)
+
+    def scaled(self, shape: Shape) -> Series:
+        """The largest series of such a shape within coordinates, speeds and accelerations."""
+        limits = self.limits
+        free = Series(np.zeros(len(shape.place)), shape.sines, shape.cosines, self.period)
+        sines, cosines = rest_to_rest(shape.sines, shape.cosines, free.rates)
+        free = replace(free, sines=sines, cosines=cosines)
+        motion = free.at(self.period / LOOKS * np.arange(LOOKS))
+        lowest, highest = motion.angles.min(axis=0), motion.angles.max(axis=0)
+        shares = np.stack(
+            [
+                (highest - lowest) / (limits.high - limits.low),
+                np.abs(motion.speeds).max(axis=0) / limits.speed,
+                np.abs(motion.accelerations).max(axis=0) / limits.acceleration,
+            ]
+        )
+        by = WITHIN / np.maximum(shares.max(axis=0), 1e-12)
+        room = limits.high - limits.low - by * (highest - lowest)
+        start = limits.low - by * lowest + np.clip(shape.place, 0.01, 0.99) * room
+        return Series(start, by[:, None] * free.sines, by[:, None] * free.cosines, self.period)
+
+    def within_torques(self, series: Series) -> tuple[Series, Array] | None:
+        """The same, made smaller about its start until the motors can follow, and the regressor along it; None where
+        they cannot.
+        """
+        for _ in range(TIMES):
+            rows = regressor_along(self.model, series, SAMPLES)
+            over = np.abs(rows @ self.nominal).max(axis=0) / self.limits.torque
+            if (over < WITHIN).all():
+                return series, rows
+            series = replace(series, sines=SMALLER * series.sines, cosines=SMALLER * series.cosines)
+        self.refused[f"joint {self.model.joints[int(over.argmax())]} needs more torque than it has"] += 1
+        return None
+
+    def is_clear(self, series: Series, count: int = LOOKS) -> bool:
+        """Whether nothing is met at so many looks."""
+        if self.contacts is None:
+            return True
+        met = self.contacts.met(series.at(self.period / count * np.arange(count)).angles)
+        if met is not None:
+            self.refused[met] += 1
+        return met is None
+
+    def is_allowed(self, series: Series) -> bool:
+        """Whether all limits hold and nothing is met, looked at every millisecond."""
+        count = round(self.period / FINAL)
+        motion, limits = series.at(self.period / count * np.arange(count)), self.limits
+        return bool(
+            (motion.angles >= limits.low).all()
+            and (motion.angles <= limits.high).all()
+            and (np.abs(motion.speeds) <= limits.speed).all()
+            and (np.abs(motion.accelerations) <= limits.acceleration).all()
+            and (np.abs(self.torques(series, count)) <= limits.torque).all()
+            and self.is_clear(series, count)
+        )
+
+
+def draws(problem: Problem, seed: int | list[int], count: int) -> Iterator[tuple[Shape, Series, Array]]:
+    """Those of so many random series that motors can follow, with the regressor along each."""
+    random, n = np.random.default_rng(seed), problem.model.njoint
+    size = 1.0 / np.arange(1, HARMONICS + 1)
+    for _ in range(count):
+        sines, cosines = random.standard_normal((2, n, HARMONICS)) * size
+        shape = Shape(sines, cosines, random.uniform(size=n))
+        followed = problem.within_torques(problem.scaled(shape))
+        if followed is not None:
+            yield shape, *followed
+
+
+def best_of_random(
+    problem: Problem, criterion: Criterion, seed: int, count: int = DRAWN, before: Array | float = 0.0
+) -> tuple[Shape, Series]:
+    """The best of so many random series.
+
+    Args:
+        problem: what is searched.
+        criterion: what is best.
+        seed: of the draws.
+        count: of the draws.
+        before: information that there is already (nparam x nparam).
+
+    Raises:
+        PlantError: none of them is allowed.
+    """
+    there = [
+        (criterion.value(series, before, rows), shape, series) for shape, series, rows in draws(problem, seed, count)
+    ]
+    ranked = sorted(there, key=lambda each: -each[0])
+    for _, shape, series in ranked:
+        if problem.is_clear(series) and problem.is_allowed(series):
+            return shape, series
+    why, often = problem.refused.most_common(1)[0] if problem.refused else ("none keeps its limits", count)
+    raise PlantError(
+        f"no motion was found that keeps its limits: in {often} of {count} draws {why} (allowed: wider limits, "
+        "another home)"
+    )
+
+
+def improved(
+    problem: Problem,
+    criterion: Criterion,
+    begun: tuple[Shape, Series],
+    seed: int,
+    tries: int = IMPROVED,
+    before: Array | float = 0.0,
+) -> tuple[Shape, Series]:
+    """A series that is at least as good, by small random changes, and what it is scaled from.
+
+    Args:
+        problem: what is searched.
+        criterion: what is best.
+        begun: an allowed series, and what it was scaled from.
+        seed: of the changes.
+        tries: how many there are.
+        before: information that there is already (nparam x nparam).
+    """
+    random = np.random.default_rng([seed, 1])
+    shape, series = begun
+    best, step, passed = criterion.value(series, before), FIRST, [begun]
+    for _ in range(tries):
+        which = random.uniform(size=problem.model.njoint) < 0.5
+        change = random.standard_normal((2, *shape.sines.shape)) / np.arange(1, HARMONICS + 1)
+        sines, cosines = step * which[:, None] * change
+        place = shape.place + step * which * random.standard_normal(len(shape.place))
+        other = Shape(shape.sines + sines, shape.cosines + cosines, np.clip(place, 0.0, 1.0))
+        tried = problem.within_torques(problem.scaled(other))
+        value = -np.inf if tried is None else criterion.value(tried[0], before, tried[1])
+        if tried is not None and value > best and problem.is_clear(tried[0]):
+            shape, best, step = other, value, min(GROWS * step, FIRST)
+            passed.append((shape, tried[0]))
+        else:
+            step = max(SHRINKS * step, LAST)
+    return next(each for each in reversed(passed) if problem.is_allowed(each[1]))

@@ -1,0 +1,56 @@
+"""Fourier series as motions: every joint moves by sines and cosines of a common period, from rest to rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from metaid.models import Array
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Joint `angles` in rad, `speeds` in rad/s and `accelerations` in rad/s² over time, each (nstep x njoint); of
+    slides in m.
+    """
+
+    angles: Array
+    speeds: Array
+    accelerations: Array
+
+
+@dataclass(frozen=True)
+class Series:
+    """A motion that begins and ends at `start` (njoint), with coefficients of `sines` and `cosines` (njoint x
+    nharmonic), in rad or m, of a `period` in s.
+    """
+
+    start: Array
+    sines: Array
+    cosines: Array
+    period: float
+
+    @property
+    def rates(self) -> Array:
+        """Of the harmonics (nharmonic), in rad/s."""
+        return np.asarray(2.0 * np.pi / self.period * np.arange(1, self.sines.shape[1] + 1), dtype=np.float64)
+
+    def at(self, times: Any) -> Trajectory:
+        """The motion at some times (nstep), in s."""
+        rates = self.rates
+        sine, cosine = np.sin(np.outer(times, rates)), np.cos(np.outer(times, rates))
+        return Trajectory(
+            self.start + sine @ self.sines.T + (cosine - 1.0) @ self.cosines.T,
+            cosine @ (self.sines * rates).T - sine @ (self.cosines * rates).T,
+            -sine @ (self.sines * rates**2).T - cosine @ (self.cosines * rates**2).T,
+        )
+
+
+def rest_to_rest(sines: Array, cosines: Array, rates: Array) -> tuple[Array, Array]:
+    """The nearest coefficients (njoint x nharmonic each) of a motion that has neither speed nor acceleration where it
+    begins, for harmonics of these `rates` (nharmonic), in rad/s.
+    """
+    sines = sines - np.outer(sines @ rates, rates) / (rates @ rates)
+    return sines, cosines - np.outer(cosines @ rates**2, rates**2) / (rates**2 @ rates**2)

@@ -1,0 +1,106 @@
+"""Friction over speed and gravity torque over angle: what is known of them even where terms and bodies are not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from metaid.models import Array
+from metaid.recorded.estimating import RecordedEstimate
+
+SHARES = (0.1, 0.4, 1.0)  # of a joint's fastest speed
+POINTS = 61  # of a gravity curve
+NOTHING = 1e-6  # of the usual torque: gravity does not load such a joint
+
+
+@dataclass(frozen=True)
+class FrictionCurve:
+    """The friction of a `joint` that slides: torques in N m (N) with their standard deviations at speeds in rad/s
+    (m/s).
+    """
+
+    joint: str
+    speed: Array
+    torque: Array
+    sd: Array
+
+
+@dataclass(frozen=True)
+class GravityCurve:
+    """The torque that holds a `joint` against gravity, in N m (N), with its standard deviations, where it alone turns
+    through the `angle` in rad (m), and what the nominal bodies need (N each).
+    """
+
+    joint: str
+    angle: Array
+    torque: Array
+    sd: Array
+    nominal: Array
+
+
+def gravity_curves(found: RecordedEstimate) -> list[GravityCurve]:
+    """The gravity torque of each joint that gravity loads, over the angles that the logs have, the other joints at the
+    middle of theirs.
+    """
+    model = found.model
+    angles = np.concatenate([own.coordinates + zeros for own, zeros in zip(found.logs, found.zeros, strict=True)])
+    usual = max(float(np.sqrt(np.mean(np.square(own.sent)))) for own in found.logs)
+    bodies, covariance = found.values[: model.nbody], found.covariance[: model.nbody, : model.nbody]
+    curves = []
+    for joint in range(model.njoint):
+        poses = np.tile(np.median(angles, axis=0), (POINTS, 1))
+        poses[:, joint] = np.linspace(angles[:, joint].min(), angles[:, joint].max(), POINTS)
+        rest = np.zeros_like(poses)
+        columns = model.bodies(poses, rest, rest)[:, joint]
+        if np.abs(columns @ bodies).max() > NOTHING * usual:
+            variance = np.einsum("ij,jk,ik->i", columns, covariance, columns)
+            deviations = np.sqrt(np.maximum(variance, 0.0))
+            nominal = found.scale * (columns @ model.nominal)
+            curves.append(GravityCurve(model.joints[joint], poses[:, joint], columns @ bodies, deviations, nominal))
+    return curves
+
+
+def friction_curves(found: RecordedEstimate, shares: Sequence[float] = SHARES) -> list[FrictionCurve]:
+    """The friction of each joint at `shares` of the fastest speed that the logs have; what grows with load, at its
+    usual load.
+    """
+    model, n = found.model, found.model.njoint
+    usual = _usual_load(found)
+    curves = []
+    for joint in range(n):
+        speeds = found.fastest[joint] * np.array(shares)
+        moving, sliding = np.zeros((len(speeds), n)), np.zeros((len(speeds), n + len(model.coupled)))
+        moving[:, joint], sliding[:, joint] = speeds, 1.0
+        for pair, joints in enumerate(model.coupled):
+            if joint in joints:
+                sliding[:, n + pair] = 1.0
+        rigid = np.zeros_like(moving)
+        rigid[:, joint] = usual[joint]
+        columns = model.friction_columns(moving, np.zeros_like(moving), sliding, rigid)[:, joint]
+        offset = np.zeros(columns.shape[1])
+        if "offset" in model.friction:
+            offset[model.column("offset", joint) - model.nbody] = 1.0
+        columns = columns * (1.0 - offset)
+        covariance = found.covariance[model.nbody :, model.nbody :]
+        variance = np.einsum("ij,jk,ik->i", columns, covariance, columns)
+        curves.append(
+            FrictionCurve(
+                model.joints[joint],
+                speeds,
+                columns @ found.values[model.nbody :],
+                np.sqrt(np.maximum(variance, 0.0)),
+            )
+        )
+    return curves
+
+
+def _usual_load(found: RecordedEstimate) -> Array:
+    """The mean size of the torque of the bodies in each joint (njoint), in N m or N."""
+    bodies = found.values[: found.model.nbody]
+    sizes = []
+    for log, own in enumerate(found.logs):
+        at_rows = found.chosen.yardstick.at_rows(found.model, log, found.zeros[log])
+        sizes.append(np.abs(at_rows[own.judged] @ bodies))
+    return np.asarray(np.concatenate(sizes).mean(axis=0), dtype=np.float64)

@@ -1,0 +1,46 @@
+"""The logs of a real double pendulum that ship with metaid, with what its builders believed of it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import Finished
+
+import metaid as package
+from benchmarks.real.double_pendulum import by_mujoco, errors
+from benchmarks.real.judging import Log
+from metaid.files import shipped_logs
+
+pytestmark = pytest.mark.slow
+
+STATED = np.array([0.016, 0.035])  # rad: docs/real-plants.md of metaid's .xml for design A.0
+RUNS = shipped_logs("double-pendulum")
+
+
+def read(path: Path) -> Log:
+    frame = pd.read_csv(path)
+    kinds = (frame[[f"{kind}_1", f"{kind}_2"]].to_numpy() for kind in ("angle", "torque"))
+    return Log(path.stem, frame["time"].to_numpy(), *kinds)
+
+
+def test_model_of_two_real_runs_moves_as_the_third_in_mujoco(tmp_path: Path) -> None:
+    """As well as the documents say for that machine, after 0.3 s of simulation under the torques that were measured."""
+    result = package.estimate(RUNS[1:], "double-pendulum")
+    written = tmp_path / "found.xml"
+    result.model.write(written)
+    missed = errors([read(RUNS[0])], by_mujoco(written))[0]
+    assert (np.sqrt((missed**2).mean(axis=0)) <= STATED).all()
+
+
+def test_name_of_shipped_logs_stands_for_all_runs(metaid: Callable[..., Finished]) -> None:
+    """They are estimated with defaults alone, and predict each whole run better than the builders' bodies do."""
+    told = json.loads(metaid("estimate", "double-pendulum", "--nominal", "double-pendulum", "--json").out)
+    assert [log["path"] for log in told["logs"]] == ["run1.csv", "run2.csv", "run3.csv"]
+    assert told["verdict"] == "approximate"
+    assert told["held_out"]["by"] == "logs"
+    assert told["held_out"]["torque"]["relative"] < 0.5 * told["nominal_held_out"]["torque"]["relative"]
