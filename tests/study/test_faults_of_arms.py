@@ -120,7 +120,7 @@ def test_intervals_hold_on_an_arm_whose_torques_are_noisy(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"estimate.faults": ["viscous"]}, "friction of an arm's joints is among its base parameters"),
+        ({"estimate.faults": ["viscous"]}, "friction and rotors of an arm's joints are among its base parameters"),
         ({"estimate.faults": ["delay"], "estimate.enabled": False}, "only an estimate finds them"),
         ({"estimate.torque_limit": 5.0}, "only an estimate from readings knows of it"),
         ({"estimate.faults": ["delay"], "estimate.torque_limit": [5.0, 5.0]}, "has 2 numbers .allowed: one, or 3"),

@@ -179,7 +179,7 @@ def late(torques: Array, steps: float) -> Array:
 
 def lagging(torques: Array, lag: float) -> Array:
     """What motors make of `torques` (npush x nstep x njoint), in N m, whose torque follows with a time constant of
-    `lag` steps: the mean over each step. They begin at rest.  Eq. 57.
+    `lag` steps: the mean over each step. They begin at rest.  Eq. 73.
     """
     from scipy.signal import lfilter  # slow to load, and few studies need it
 

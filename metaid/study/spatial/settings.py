@@ -92,10 +92,10 @@ class ArmEstimateSettings(AnyEstimateSettings):
     @field_validator("faults")
     @classmethod
     def _not_known(cls, faults: tuple[str, ...] | str) -> tuple[str, ...] | str:
-        if {"viscous", "dry"} & set(faults):
+        if {"viscous", "dry", "presliding", "rotor"} & set(faults):
             raise ValueError(
-                "friction of an arm's joints is among its base parameters, damping and coulomb, and always searched "
-                "(allowed: delay, tilt, offset, spring, gain)"
+                "friction and rotors of an arm's joints are among its base parameters, and always searched "
+                "(allowed: delay, lag, tilt, offset, spring, bias, gain)"
             )
         return faults
 

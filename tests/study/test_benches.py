@@ -1,0 +1,67 @@
+"""Rigs that share no code with metaid: a study by default says what it finds of them, whatever they have."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from places import ROOT
+
+from benchmarks.benches import try_bench
+from soak.bench import Bench, Imperfections, arm_of_links, arm_of_mjcf
+from soak.bench.__main__ import example_rig
+
+TORQUES = np.random.default_rng(0).normal(scale=2.0, size=(200, 2)).tolist()
+
+
+def test_chain_of_the_bench_moves_as_that_of_the_example() -> None:
+    """By equations of another kind, Kane's in space and Lagrange's in the plane."""
+    plant: dict[str, Any] = tomllib.loads((ROOT / "plants" / "two-link.toml").read_text())
+    bench = Bench(arm_of_links(plant), 0.002, Imperfections(), is_planar=True)
+    links = example_rig().Links({**plant, "timestep": 0.002}, False)
+    for body in (bench, links):
+        body.push([0.3, -0.2])
+        for torque in TORQUES:
+            body.advance(torque)
+    assert np.allclose(bench.states(), links.states(), atol=1e-7)
+
+
+def test_arm_of_the_bench_moves_as_in_mujoco(tmp_path: Path) -> None:
+    """With joints that are not at the origins of their bodies, and a rotor."""
+    path = tmp_path / "arm.xml"
+    path.write_text("""<mujoco><worldbody><body pos="0 0 0.3" quat="0.9 0.1 0.3 0.1">
+    <joint axis="0 0 1" pos="0.05 0 0.02" armature="0.03"/>
+    <inertial pos="0.02 0.1 0.1" mass="3" diaginertia="0.1 0.12 0.05"/>
+    <body pos="0.1 0 0.25" quat="0.8 0 0.5 0.2"><joint axis="0 1 0" pos="0 0.02 0"/>
+    <inertial pos="0.1 0.03 0.2" mass="2" quat="0.9 0.2 0.1 0.3" diaginertia="0.04 0.05 0.03"/></body></body>
+    </worldbody></mujoco>""")
+    bench = Bench(arm_of_mjcf(path), 0.002, Imperfections(), is_planar=False)
+    arm = example_rig().Arm(path, 0.002)
+    for body in (bench, arm):
+        body.push([0.3, -0.8], [1.0, -0.5])
+        for torque in TORQUES:
+            body.advance(torque)
+    assert np.allclose(bench.states(), arm.states(), atol=1e-6)
+
+
+@pytest.mark.slow
+def test_rotor_of_a_bench_is_found_by_default() -> None:
+    """At 500 Hz, with encoder steps of 0.38 mrad and a nominal model that is wrong by up to 25 % in each number."""
+    judged = try_bench("rotors", 2, 0.002, 0)
+    assert judged.verdict == "found"
+    assert judged.worst < 1e-3
+    assert json.loads(judged.taken_up) == pytest.approx({"rotor_2": 0.0057}, rel=0.01)
+
+
+@pytest.mark.slow
+def test_bench_whose_delay_jitters_is_approximate_and_within_its_intervals() -> None:
+    """The twin has a delay that does not."""
+    judged = try_bench("delay", 2, 0.002, 0)
+    assert judged.verdict == "approximate"
+    assert judged.worst < 0.02
+    assert judged.held == judged.lumps
+    assert json.loads(judged.taken_up)["delay"] == pytest.approx(0.003, rel=0.02)
