@@ -193,7 +193,7 @@ def _undetermined(spec: StudySpec) -> str | None:
     help="With output-error: end once all lumps at once are known so well with 95 %, e.g. 0.5%.",
 )
 @click.option("--quiet", is_flag=True, help="Print nothing while it runs.")
-@click.pass_obj
+@click.make_pass_decorator(Interruption, ensure=True)
 def run(
     interruption: Interruption,
     name: str,

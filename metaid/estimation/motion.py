@@ -53,8 +53,13 @@ def watch_push(start, forces, balance, derivatives, settings, ends, work, shown,
 
 @compiled
 def set_off(start, start_column, extra, work):  # type: ignore[no-untyped-def]
-    """The chain with the joint angles and speeds `start` (2 x njoint). Nothing depends on an unknown, but of these the
-    last `extra` on those from `start_column` on.
+    """Sets the twin on its way. Nothing depends on an unknown, but what is unknown of the start.
+
+    Args:
+        start: joint angles and speeds (2 x njoint), in rad and rad/s.
+        start_column: of the first unknown of the start.
+        extra: how many of the last numbers of the start are unknown.
+        work: see `workspace.Workspace`.
     """
     n = start.shape[1]
     lean, below = 0.0, 0.0
@@ -117,8 +122,13 @@ def _force(step, forces, balance, work):  # type: ignore[no-untyped-def]
 
 @compiled
 def slipping(joint, joint_angle, joint_speed, balance, work):  # type: ignore[no-untyped-def]
-    """Dry friction, in N m, in a joint that is at an angle, by Dahl's law from where the step began (Eq. 71); keeps its
-    share.
+    """Dry friction, in N m, in a joint, by Dahl's law from where the step began (Eq. 71); keeps its share.
+
+    Args:
+        joint: which, from 0.
+        joint_angle: in rad.
+        joint_speed: in rad/s.
+        balance, work: see `workspace`.
     """
     moved = joint_angle - work.slip[1, joint]
     goal = np.sign(moved) if moved != 0.0 else np.sign(joint_speed)

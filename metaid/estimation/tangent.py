@@ -89,7 +89,13 @@ def _slopes_of_joints(balance, work):  # type: ignore[no-untyped-def]
 
 @fused
 def builds_up(joint, joint_speed, balance, work):  # type: ignore[no-untyped-def]
-    """The derivative of the share of dry friction in a joint by its angle, in 1/rad; `slip` is as the force was."""
+    """The derivative of the share of dry friction in a joint by its angle, in 1/rad.
+
+    Args:
+        joint: which, from 0.
+        joint_speed: in rad/s.
+        balance, work: see `workspace`; `slip` is as the force was.
+    """
     moved = work.angle[joint] - (work.angle[joint - 1] if joint > 0 else 0.0) - work.slip[1, joint]
     goal = np.sign(moved) if moved != 0.0 else np.sign(joint_speed)
     return goal * (goal - work.slip[2, joint]) / balance.presliding

@@ -20,7 +20,7 @@ def bench(plant: Path, timestep: float = 0.002, **imperfections: float | tuple[f
     """The address of a bench that moves the links of a `plant` file, or an MJCF, with `Imperfections`, ticks of
     `timestep` s.
     """
-    program = [sys.executable, "-m", "soak.bench", str(plant), "--timestep", repr(timestep)]
+    program = [sys.executable, "-m", "soak.bench", str(plant.resolve()), "--timestep", repr(timestep)]
     for name, value in _texts(imperfections).items():
         program += ["--set", f"{name}={value}"]
     with tempfile.TemporaryFile("w+") as said:

@@ -182,7 +182,8 @@ def test_driven_twin_shows_what_the_sensors_read() -> None:
     np.testing.assert_allclose(torques[:, 20], joint_torque(law, readings[:, 20], speeds[:, 20], pull), rtol=1e-9)
     basis = np.eye(STEPS + 1)[None]  # each coefficient is the angle at one reading
     seen = basis, np.zeros(episode.npush, dtype=np.int64), np.full(episode.npush, STEPS)
-    twin = follow_torques(frames_of(tree), tree.parameters[None], episode.states[None], torques, seen, Times(0.002))
+    times = Times(np.full(torques.shape[:2], 0.002))
+    twin = follow_torques(frames_of(tree), tree.parameters[None], episode.states[None], torques, seen, times)
     assert twin.arrived.all()
     difference = twin.values[0] - readings
     assert 0.8e-4 < difference.std() < 1.2e-4

@@ -165,5 +165,5 @@ def test_gain_of_the_only_motor_is_refused() -> None:
 
 def test_friction_of_an_arm_is_no_fault() -> None:
     """It is among the base parameters, and the message says so."""
-    with pytest.raises(StudyError, match=r"friction and rotors of an arm's joints are among its base parameters.*allowed: delay"):
+    with pytest.raises(StudyError, match=r"rotors of an arm's joints are among its base parameters.*allowed: delay"):
         load_study("scara", {"estimate.faults": ["viscous"]})

@@ -150,6 +150,9 @@ class StudyEstimate:
             return f"the model explains what was seen: {found}"
         if self.taken_up is not None and not self.taken_up.holds:
             return f"{self.taken_up.description}; {found}"
+        if self.taken_up is not None and estimate.torque_noise is not None:
+            rest = f"what is left is taken for noise of the torques of up to {estimate.torque_noise.max():.2g} N m"
+            return f"{self.taken_up.description}; {rest}; {found}"
         if estimate.is_explained and self.impossible:
             return (
                 f"what was seen is explained only with {', '.join(self.impossible)} below 0, which no plant has: "
