@@ -17,13 +17,13 @@ from metaid.cli.common import (
     say,
     storage_option,
 )
+from metaid.cli.interrupted import Interruption
 from metaid.cli.printed import print_study
 from metaid.errors import printable
 
 NOT_FOUND = 3  # exit status of a run whose trials are spent without a result
 
 if TYPE_CHECKING:
-    from metaid.cli.interrupted import Interruption
     from metaid.study import AnySpec, Progress, StudySpec
 
 
