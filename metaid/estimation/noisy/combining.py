@@ -49,6 +49,7 @@ TRIFLE = 1e-3  # of an unknown: a difference that does no harm
 LEAST = 10.0  # in the logarithm of a likelihood
 ROUNDS, LOOKED_AT = 8, 3  # of taking up, and how many faults are fitted wholly in each
 NEGLIGIBLE, NOTHING = 1e-3, 3.0  # of the noise that was found, and in the logarithm of the likelihood: none is needed
+PLAINLY = 10.0  # standard deviations from none
 ROUNDS_EACH = 3  # of gains and unknowns in turn
 OUT, OF = 1, 3  # of so many pushes that one is left out
 
@@ -66,6 +67,16 @@ class Tried:
     @property
     def kinds(self) -> tuple[str, ...]:
         return self.faults.kinds
+
+    def shows(self, kinds: tuple[str, ...]) -> bool:
+        """Whether a fault of one of these `kinds` is so far from none that the fit without it is not worth trying."""
+        found = self.found.faults
+        if found is None or {*kinds} & self.impossible:
+            return False
+        none = np.array([1.0 if name.startswith("gain") else 0.0 for name in found.searched.names])
+        own = np.array([name.partition("_")[0] in kinds for name in found.searched.names])
+        own &= np.array([name != "presliding" for name in found.searched.names])
+        return bool((np.abs(found.values - none) > PLAINLY * found.deviations)[own].any())
 
     @property
     def impossible(self) -> set[str]:
@@ -190,7 +201,7 @@ def _fewest(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tried:
             if instead is not None and is_as_good and farthest_moved(best.found, instead.found) is None:
                 best = instead
     for kinds in SINGLE:
-        if not {*kinds} <= {*best.kinds} or {*kinds} & {*known}:
+        if not {*kinds} <= {*best.kinds} or {*kinds} & {*known} or best.shows(kinds):
             continue
         without = combining.fitted(tuple(kind for kind in best.kinds if kind not in kinds), best)
         if without is not None and ({*kinds} & best.impossible or without.likelihood > best.likelihood - LEAST):
