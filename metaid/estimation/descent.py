@@ -125,19 +125,21 @@ def descend(
     for iteration in range(most):
         factor, target = triangle(place, fitted.spreads)
         by_starts = _gain_by_following(place, fitted.spreads)
+        is_first = True  # of the steps that are tried from here
         while True:
             step = step_within(factor, target, radius)
             size = float(np.abs(step).max())
             left = factor @ step - target
             gain = 0.5 * float(target @ target - left @ left) + by_starts
-            if gain < max(least_gain, NEGLIGIBLE_SHARE * place.cost) or size < SHORTEST_STEP > by_starts:
+            is_short = size < SHORTEST_STEP and not (is_first and by_starts > least_gain)
+            if gain < max(least_gain, NEGLIGIBLE_SHARE * place.cost) or is_short:
                 return Descent(place, iteration, True)
             following = place.residuals.following @ np.append(1.0, step)
             new = place_at(fitted, place.point + np.concatenate([step, following]), windows)
             share = -1.0 if new is None else (place.cost - new.cost) / gain
             if new is not None and share > 0.0:
                 break
-            radius = POOR * size
+            radius, is_first = POOR * size, False
         is_cut = size >= NEARLY * radius
         if share < POOR:
             radius = 0.5 * size
