@@ -8,17 +8,14 @@ import numpy as np
 
 from metaid.episode import Episode
 from metaid.models import Array, Lumps
-from metaid.plant import MujocoPlant, SocketSettings, Start, joint_limits, slope_weights
+from metaid.plant import MujocoPlant, SocketSettings, Start
 from metaid.study.calibration import start_spread
+from metaid.study.loops import loop_of_plant, loop_of_rig
 from metaid.study.pushing import rest_deviations
 from metaid.study.settings import EstimateSettings, PushedSettings, StudySpec
 
 if TYPE_CHECKING:
     from metaid.estimation import NoisyExperiment, Unknowns
-
-QUIETEST = 1e-9  # rad: so far a twin agrees with a sensor that has no noise
-QUIETEST_RIG = 1e-4  # rad: the least noise that readings of a rig are taken to have, that of an encoder of 14 bits
-SUBSTEPS = 2  # of the twin of a rig that moves continuously, in each timestep of it
 
 
 def noisy_experiment(
@@ -36,20 +33,11 @@ def noisy_experiment(
         unknowns: what an estimate is of.
         start_speeds: joint speeds (npush x njoint) that the pushes give in a calibration, in rad/s.
     """
-    from metaid.estimation import Loop, NoisyExperiment, searched_faults  # loads numba, which most readers do without
+    from metaid.estimation import NoisyExperiment, searched_faults  # loads numba, which most readers do without
 
     faults, wanted = plant.settings.faults, spec.study.estimate
-    of_encoder = faults.encoder_step / np.sqrt(12.0)  # at rest a coarse one shows no noise
-    loop = Loop(
-        timestep=plant.timestep,
-        noise=np.maximum(np.hypot(rest_deviations(plant, spec, episode), of_encoder), QUIETEST),
-        speed_weights=slope_weights(spec.timestep),
-        start_spread=spread_of_pushes(plant, episode.pushes),
-        substeps=faults.control_every,
-        delay=0 if "delay" in wanted.undeclared_faults else faults.delay,
-        lead=episode.lead,
-        torque_limits=joint_limits(wanted.torque_limit, plant.njoint),
-    )
+    noise, spread = rest_deviations(plant, spec, episode), spread_of_pushes(plant, episode.pushes)
+    loop = loop_of_plant(plant.timestep, faults, noise, spread, wanted, episode.lead)
     return NoisyExperiment(
         nominal=nominal,
         unknowns=unknowns,
@@ -94,22 +82,10 @@ def rig_experiment(
         unknowns: what an estimate is of.
         start_speeds: joint speeds (npush x njoint) that the pushes gave, in rad/s.
     """
-    from metaid.estimation import Loop, NoisyExperiment, searched_faults  # loads numba, which most readers do without
+    from metaid.estimation import NoisyExperiment, searched_faults  # loads numba, which most readers do without
 
-    is_continuous = rig.motion == "continuous"
-    substeps = SUBSTEPS if is_continuous else 1
-    noise = np.zeros(rig.joints) if pushed is None else np.array(pushed.angle_noise)
-    loop = Loop(
-        timestep=rig.timestep / substeps,
-        noise=np.maximum(noise, QUIETEST_RIG),
-        speed_weights=slope_weights(rig.timestep),
-        start_spread=None if pushed is None else start_spread(pushed),
-        substeps=substeps,
-        lead=episode.lead,
-        torque_limits=joint_limits(wanted.torque_limit, rig.joints),
-        has_unknown_encoders=True,
-        is_continuous=is_continuous,
-    )
+    noise, spread = (None, None) if pushed is None else (pushed.angle_noise, start_spread(pushed))
+    loop = loop_of_rig(rig, noise, spread, wanted, episode.lead)
     return NoisyExperiment(
         nominal=nominal,
         unknowns=unknowns,

@@ -14,7 +14,8 @@ from metaid.models import DEVIATIONS, Array
 from metaid.models.tree import seen_by_bias
 from metaid.plant import FaultSettings
 from metaid.search import Searcher
-from metaid.study.spatial.problem import QUIETEST_RIG, ArmProblem
+from metaid.study.loops import QUIETEST_RIG
+from metaid.study.spatial.problem import ArmProblem
 from metaid.study.spatial.settings import ArmPlantSettings, TreeSettings
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from metaid.episode.spatial import KINETIC, ArmEpisode, failed_push, resolution_
 from metaid.errors import StudyError
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, ModelError, Tree, model_error
-from metaid.plant import ArmPlant, ArmSettings, SocketPlant, SocketSettings, joint_limits, slope_weights
+from metaid.plant import ArmPlant, ArmSettings, SocketPlant, SocketSettings
 from metaid.search import (
     Coordinates,
     SamplerOptions,
@@ -26,6 +26,7 @@ from metaid.search import (
     prior_metric,
 )
 from metaid.study.any_problem import StudyProblem
+from metaid.study.loops import loop_of_plant, loop_of_rig
 from metaid.study.parameters import Parameters, base_parameters_of, settled
 from metaid.study.spatial.calibration import calibrate_arm, start_spread_of_arm
 from metaid.study.spatial.settings import ArmSpec
@@ -36,9 +37,6 @@ if TYPE_CHECKING:
     from metaid.estimation.spatial import ArmExperiment
 
 FARTHEST = 10.0  # standard deviations of the prior: no base parameter beyond is tried
-QUIETEST = 1e-9  # rad: so far a twin agrees with a sensor that has no noise
-QUIETEST_RIG = 1e-4  # rad: the least noise that readings of a rig are taken to have, that of an encoder of 14 bits
-SUBSTEPS = 2  # of the twin of a rig that moves continuously, in each timestep of it
 WINDOW_BUDGET = 8_000_000  # bytes a study
 MOST_MATCHED = 8  # trials that an estimate is made of where the sampler does without
 
@@ -213,37 +211,13 @@ class ArmProblem(StudyProblem):
     @property
     def _loop(self) -> Loop:
         """How the arm is controlled and read, as far as its user states it, or as it was measured at a rig."""
-        from metaid.estimation import Loop  # loads numba
-
-        plant, wanted, n = self.spec.plant, self.spec.study.estimate, self.nominal.njoint
-        weights, limits = slope_weights(self.timestep), joint_limits(wanted.torque_limit, n)
+        plant, wanted, pushed, lead = self.spec.plant, self.spec.study.estimate, self.spec.pushed, self.episode.lead
         if isinstance(plant, SocketSettings):
-            is_continuous, pushed = plant.motion == "continuous", self.spec.pushed
-            substeps = SUBSTEPS if is_continuous else 1
-            noise = np.zeros(n) if pushed is None else np.array(pushed.angle_noise)
-            return Loop(
-                timestep=plant.timestep / substeps,
-                noise=np.maximum(noise, QUIETEST_RIG),
-                speed_weights=weights,
-                start_spread=None if pushed is None else start_spread_of_arm(pushed),
-                substeps=substeps,
-                lead=self.episode.lead,
-                torque_limits=limits,
-                has_unknown_encoders=True,
-                is_continuous=is_continuous,
-            )
-        faults, speeds = plant.faults, self.episode.begins[:, 1]
-        of_sensors = np.hypot(faults.angle_noise, faults.encoder_step / np.sqrt(12.0))
-        return Loop(
-            timestep=plant.timestep,
-            noise=np.full(n, max(of_sensors, QUIETEST)),
-            speed_weights=weights,
-            start_spread=faults.push_noise * speeds[:, :, None] * np.eye(n) if faults.push_noise else None,
-            substeps=faults.control_every,
-            delay=0 if "delay" in wanted.undeclared_faults else faults.delay,
-            lead=self.episode.lead,
-            torque_limits=limits,
-        )
+            noise, spread = (None, None) if pushed is None else (pushed.angle_noise, start_spread_of_arm(pushed))
+            return loop_of_rig(plant, noise, spread, wanted, lead)
+        faults, speeds, n = plant.faults, self.episode.begins[:, 1], self.nominal.njoint
+        differ = faults.push_noise * speeds[:, :, None] * np.eye(n) if faults.push_noise else None
+        return loop_of_plant(plant.timestep, faults, np.full(n, faults.angle_noise), differ, wanted, lead)
 
     @property
     def given(self) -> dict[str, Any]:
