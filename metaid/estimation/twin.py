@@ -98,26 +98,17 @@ def drive(
         balance(None, lumps, gravity, joints=joints, is_continuous=trial.is_continuous),
         derivatives(unknowns, lumps, gravity),
     )
-    settings = trial.timesteps, len(log_factors), extra, trial.substeps, trial.is_continuous
-    common = trial.forces, *forces, settings, basis, steps
+    settings = len(log_factors), extra, trial.substeps, trial.is_continuous
 
     def run(first: int, stride: int) -> None:
         room = workspace(n, columns, False, trial.is_continuous)
-        _watch_readings(first, stride, starts, *common, room, (values, slopes, followed))
+        for push in range(first, npush, stride):
+            pushed, moving = (starts[push], trial.forces[push]), (trial.timesteps[push], *settings)
+            shown = basis[push], steps[push], room, values[push], slopes[push]
+            followed[push] = watch_readings(*pushed, *forces, moving, *shown)
 
     share_out(run, npush, int(steps.sum()) * trial.substeps * n * (2 * n + basis.shape[2]) * columns)
     return Coefficients(values, slopes) if followed.all() else None
-
-
-@compiled
-def _watch_readings(first, stride, starts, forces, balance, derivatives, settings, bases, steps, work, seen):  # type: ignore[no-untyped-def]
-    """Every `stride`-th push from the `first` on."""
-    values, slopes, followed = seen
-    timesteps, column, extra, substeps, is_continuous = settings
-    for push in range(first, starts.shape[0], stride):
-        pushed, basis, shown = (starts[push], forces[push]), (bases[push], steps[push]), (values[push], slopes[push])
-        own = timesteps[push], column, extra, substeps, is_continuous
-        followed[push] = watch_readings(*pushed, balance, derivatives, own, *basis, work, *shown)
 
 
 def share_out(run: Callable[[int, int], None], npush: int, multiplications: int) -> None:

@@ -73,7 +73,14 @@ def lead_arm(
     gains, weights = np.zeros((npush, nreading, 2 * n, n)), np.zeros((npush, nreading, n, n))
     led = Led(gains, weights, np.zeros((npush, nreading, 2 * n)), np.zeros((npush, 2)))
     work = new_motion(n), new_motion(n), new_space(n), np.zeros((4, n)), np.zeros((3, 2 * n, 2 * n))
-    _lead_pushes(pushes, np.array(parameters, order="C"), begins, noise, chosen, work, spread_of(n), led)
+    values, spread = np.array(parameters, order="C"), spread_of(n)
+    for push in chosen.tolist():
+        settings = pushes.spring, pushes.times.timesteps[push], pushes.times.substeps, pushes.times.is_continuous
+        pushed = pushes.starts[push], begins[push], pushes.torques[push], pushes.readings[push]
+        own = gains[push], weights[push], led.states[push]
+        led.sums[push] = _lead_push(
+            pushes.frames, values, pushed, settings, noise, pushes.steps[push], work, spread, own
+        )
     return led
 
 
@@ -100,20 +107,6 @@ def follow_readings(
         _follow_readings(pushes, candidates, led, basis, *rest)
 
     return shared(share, shape, threads)
-
-
-@compiled
-def _lead_pushes(pushes, parameters, begins, noise, chosen, work, spread, led):  # type: ignore[no-untyped-def]
-    """Every chosen push; fills in what the filter has of it."""
-    frames, starts, torques, readings, steps, spring, times = pushes
-    gains, weights, states, sums = led
-    timesteps, substeps, is_continuous = times
-    for push in chosen:
-        settings = spring, timesteps[push], substeps, is_continuous
-        pushed = starts[push], begins[push], torques[push], readings[push]
-        own = gains[push], weights[push], states[push]
-        found = _lead_push(frames, parameters, pushed, settings, noise, steps[push], work, spread, own)
-        sums[push, 0], sums[push, 1] = found
 
 
 @compiled

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.compiled import compiled, spread_of
+from metaid.compiled import spread_of
 from metaid.estimation.noisy.filtered import lead, watch_innovations
 from metaid.estimation.trials import Coefficients, Driven, Gains, Joints, ReadTrial
 from metaid.estimation.twin import share_out
@@ -37,13 +37,16 @@ def watch_chain(
         balance(None, lumps, gravity, joints=joints, is_continuous=trial.is_continuous),
         derivatives(unknowns, lumps, gravity),
     )
-    pushed = starts, trial.forces, np.cumsum(trial.readings, axis=-1)
-    settings = trial.timesteps, len(log_factors), extra, trial.substeps, trial.is_continuous
-    compared = settings, (led.gains, led.weights), basis, steps
+    readings = np.cumsum(trial.readings, axis=-1)
+    settings = len(log_factors), extra, trial.substeps, trial.is_continuous
 
     def run(first: int, stride: int) -> None:
         room = workspace(n, columns, False, trial.is_continuous)
-        _watch_pushes(first, stride, pushed, *forces, *compared, room, (values, slopes, followed))
+        for push in range(first, npush, stride):
+            pushed, own = (starts[push], trial.forces[push], readings[push]), (led.gains[push], led.weights[push])
+            moving = trial.timesteps[push], *settings
+            shown = basis[push], steps[push], room, (values[push], slopes[push])
+            followed[push] = watch_innovations(*pushed, *forces, moving, own, *shown)
 
     share_out(run, npush, int(steps.sum()) * trial.substeps * n * (4 * n + coefficients) * columns)
     return Coefficients(values, slopes) if followed.all() else None
@@ -81,45 +84,18 @@ def lead_chain(
     gains, weights = np.zeros((npush, readings, 2 * n, n)), np.zeros((npush, readings, n, n))
     states, sums = np.zeros((npush, readings, 2 * n)), np.zeros((npush, 2))
     both = np.kron(np.eye(2), links)
-    pushed = starts, np.ascontiguousarray(both @ begins @ both.T)
-    pushed_by = trial.forces, np.cumsum(trial.readings, axis=-1)
+    covariances, seen = np.ascontiguousarray(both @ begins @ both.T), np.cumsum(trial.readings, axis=-1)
     nothing = derivatives(unknowns.alone(log_factors), lumps, gravity)
-    settings = (trial.timesteps, trial.substeps, trial.is_continuous, nothing), noise, trial.steps
+    settings = trial.substeps, trial.is_continuous, nothing
 
     def run(first: int, stride: int) -> None:
         room = workspace(n, 0, False, trial.is_continuous), spread_of(n)
-        chosen = pushes[first::stride], (*pushed, *pushed_by), forces
-        _lead_pushes(*chosen, *settings, *room, (gains, weights, states), sums)
+        for push in pushes[first::stride].tolist():
+            pushed, moving = (starts[push], covariances[push], trial.forces[push], seen[push]), trial.timesteps[push]
+            own = gains[push], weights[push], states[push]
+            sums[push] = lead(*pushed, forces, (moving, *settings), noise, trial.steps[push], *room, *own)
 
     share_out(run, len(pushes), int(trial.steps[pushes].sum()) * trial.substeps * 20 * n**3)
     squares, logarithm = sums.sum(axis=0)
     joint_states = np.diff(states.reshape(npush, readings, 2, n), axis=-1, prepend=0.0).reshape(states.shape)
     return Gains(gains, weights, joint_states, -0.5 * float(squares + logarithm))
-
-
-@compiled
-def _watch_pushes(first, stride, started, balance, derivatives, settings, led, bases, steps, work, seen):  # type: ignore[no-untyped-def]
-    """Every `stride`-th push from the `first` on."""
-    starts, forces, readings = started
-    gains, weights = led
-    values, slopes, followed = seen
-    timesteps, column, extra, substeps, is_continuous = settings
-    for push in range(first, starts.shape[0], stride):
-        moving = timesteps[push], column, extra, substeps, is_continuous
-        pushed, own = (starts[push], forces[push], readings[push]), (gains[push], weights[push])
-        shown = bases[push], steps[push], work, (values[push], slopes[push])
-        followed[push] = watch_innovations(*pushed, balance, derivatives, moving, own, *shown)
-
-
-@compiled
-def _lead_pushes(pushes, begun, balance, settings, noise, steps, work, spread, led, sums):  # type: ignore[no-untyped-def]
-    """Each of the `pushes`; fills in the two sums of `lead` (npush x 2)."""
-    starts, begins, forces, readings = begun
-    gains, weights, states = led
-    timesteps, substeps, is_continuous, nothing = settings
-    for push in pushes:
-        moving = timesteps[push], substeps, is_continuous, nothing
-        pushed = starts[push], begins[push], forces[push], readings[push]
-        own = gains[push], weights[push], states[push]
-        found = lead(*pushed, balance, moving, noise, steps[push], work, spread, *own)
-        sums[push, 0], sums[push, 1] = found
