@@ -1,12 +1,14 @@
 """What a push study says of a bench that shares no code with metaid, whatever the bench has (docs/real-plants.md).
 
     python -m benchmarks.benches
-    python -m benchmarks.benches --rows delay friction --seeds 1 --links 2 --timestep 0.002
+    python -m benchmarks.benches --rows delay friction --seeds 1 --robots 2 arm --timestep 0.002
 
 The bench is `soak.bench`: own equations, Runge-Kutta steps at 20 kHz, behind the socket, with the numbers of a double
 pendulum of a laboratory: encoder steps of 0.38 mrad. Each row has one imperfection, the last all of them. The nominal
-model is wrong by up to 25 % in each mass, length, centre of mass and inertia. All else is by default. The table has,
-over all seeds, the verdicts, the worst error of a lump, how many of the 95 % intervals hold the truth, and seconds.
+model is wrong by up to 25 % in each mass, length, centre of mass and inertia; that of the arm, `spatial-three-link`, is
+drawn by its study. All else is by default. The table has, over all seeds, the verdicts, the worst error (of a lump; of
+an arm that of gravity's, Coriolis' and inertia's torques at random states), how many of the 95 % intervals hold the
+truth, and seconds.
 """
 
 from __future__ import annotations
@@ -14,24 +16,32 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import shutil
 import tempfile
 import time
 from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from benchmarks.common import table as markdown
 from benchmarks.common import two_digits
-from metaid.models import Chain
-from metaid.plant import PlantSettings, chain_of
+from metaid.models import Array, Chain
+from metaid.models.tree import Tree, model_error
+from metaid.plant import ArmPlant, PlantSettings, chain_of, load_plant
 from metaid.results import judge, read_snapshot
 from metaid.store import Store
 from metaid.study import create_study, load_study, run_study
-from soak.bench.serving import bench
+from metaid.study.estimates import StudyEstimate
+from soak.bench.serving import ROOT, bench
+
+ARM, ARM_FILE = "arm", ROOT / "plants" / "arms" / "spatial-three-link.xml"
+Each = tuple[float, ...]
+Told = tuple[Array, float]  # the true lumps or base parameters, and the worst error of what was found
 
 ENCODER: dict[str, Any] = {"encoder_step": 0.38e-3}
 TRUE = ((0.30, 0.60, 0.21, 0.0062), (0.20, 0.55, 0.15, 0.0035))  # length, mass, centre of mass, inertia
@@ -66,12 +76,12 @@ ROWS["all"] = ("all of it, as a real bench has", EVERYTHING)
 
 @dataclass(frozen=True)
 class Judged:
-    """What became of one study: its `verdict`, the `misfit`, the `worst` error of a lump, how many intervals of how
-    many lumps hold the truth, and what was `taken_up`.
+    """What became of one study: its `verdict`, the `misfit`, the `worst` error, how many intervals of how many lumps
+    or base parameters hold the truth, and what was `taken_up`.
     """
 
     row: str
-    links: int
+    robot: str
     seed: int
     verdict: str
     misfit: float
@@ -93,40 +103,66 @@ def _toml(key: str, links: list[dict[str, float]]) -> str:
     return "".join(f"[[{key}]]\n{text}\n" for text in each)
 
 
-def write_study(folder: Path, address: str, links: int, timestep: float, seed: int, settings: str = "") -> Path:
+def write_study(folder: Path, address: str, robot: str, timestep: float, seed: int, settings: str = "") -> Path:
     """The study file of a rig at an `address`, with a nominal model that is wrong, in a `folder` with its plant."""
-    random = np.random.default_rng([5, links, seed])
-    nominal = []
+    joints = 3 if robot == ARM else int(robot)
+    rig = f'socket = "{address}"\njoints = {joints}\ntimestep = {timestep}\nstep_timeout = 60.0\n'
+    (folder / "rig.toml").write_text(rig)
+    text = f'plant = "rig.toml"\nsampler = "output-error"\ntrials = {TRIALS}\nseed = {seed}\n{settings}\n'
+    study = folder / "bench.toml"
+    study.write_text(
+        text + (_arm_nominal(folder, seed) if robot == ARM else _toml("nominal.links", _wrong(joints, seed)))
+    )
+    return study
+
+
+def _arm_nominal(folder: Path, seed: int) -> str:
+    (folder / "nominal.toml").write_text('mjcf = "arm.xml"\nhome = { shoulder = 0.5, elbow = 1.0 }\n')
+    shutil.copy(ARM_FILE, folder / "arm.xml")
+    return f'[nominal]\nplant = "nominal.toml"\nseed = {seed}\n'
+
+
+def _wrong(links: int, seed: int) -> list[dict[str, float]]:
+    random, nominal = np.random.default_rng([5, links, seed]), []
     for link in true_links(links):
         factors = 1.0 + random.uniform(-WRONG, WRONG, len(link))
         wrong = {key: value * float(factor) for (key, value), factor in zip(link.items(), factors, strict=True)}
         nominal.append(wrong | {"com": min(wrong["com"], wrong["length"])})
-    rig = f'socket = "{address}"\njoints = {links}\ntimestep = {timestep}\nstep_timeout = 60.0\n'
-    (folder / "rig.toml").write_text(rig)
-    text = f'plant = "rig.toml"\nsampler = "output-error"\ntrials = {TRIALS}\nseed = {seed}\n{settings}\n'
-    study = folder / "bench.toml"
-    study.write_text(text + _toml("nominal.links", nominal))
-    return study
+    return nominal
 
 
-def true_chain(links: int, rotors: tuple[float, ...] = ()) -> Chain:
+def true_chain(links: int, rotors: Each = ()) -> Chain:
     """The links of the bench; the rotor of the first joint turns with the first link, and is one with its inertia."""
     own = true_links(links)
     own[0]["inertia"] += rotors[0] if rotors else 0.0
     return chain_of(PlantSettings.model_validate({"links": own}).links)
 
 
-def try_bench(row: str, links: int, timestep: float, seed: int, settings: str = "") -> Judged:
-    """Runs one study on one bench."""
+def true_arm(imperfections: Mapping[str, Any]) -> Tree:
+    """The arm of the bench, with its rotors and its friction."""
+    plant = load_plant(ARM_FILE)
+    assert isinstance(plant, ArmPlant)
+    tree = plant.tree
+    joints = np.zeros((3, 3))
+    for row, name in enumerate(("rotors", "viscous", "dry")):
+        given = imperfections.get(name, ())
+        joints[row, : len(given)] = given
+    return replace(tree, rotor=tree.rotor + joints[0], damping=joints[1], coulomb=joints[2])
+
+
+def try_bench(row: str, robot: str, timestep: float, seed: int, settings: str = "") -> Judged:
+    """Runs one study on one bench: of a chain of so many links, or of the "arm"."""
     imperfections = dict(ROWS[row][1]) | {"seed": float(seed)}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "bench-links.toml").write_text(_toml("links", true_links(links)))
+        plant = ARM_FILE if robot == ARM else folder / "bench-links.toml"
+        if robot != ARM:
+            plant.write_text(_toml("links", true_links(int(robot))))
         with (
-            bench(folder / "bench-links.toml", timestep, **imperfections) as address,
+            bench(plant, timestep, **imperfections) as address,
             closing(Store(f"{folder}/metaid.db", create=True)) as store,
         ):
-            spec = load_study(str(write_study(folder, address, links, timestep, seed, settings)))
+            spec = load_study(str(write_study(folder, address, robot, timestep, seed, settings)))
             begin = time.perf_counter()
             create_study(store, spec, "bench")
             run_study(store, "bench")
@@ -134,22 +170,30 @@ def try_bench(row: str, links: int, timestep: float, seed: int, settings: str = 
             seconds = time.perf_counter() - begin
     found = snapshot.estimate
     if found is None:
-        return Judged(row, links, seed, verdict.word, np.inf, np.inf, 0, 0, seconds, "")
-    table = verdict.lumps
-    true = true_chain(links, imperfections.get("rotors", ())).lumps_of(tuple(_kinds(table))).vector_of(_kinds(table))
-    true = true / (1.0 + imperfections.get("gains", (0.0,))[0])  # in units of what the first motor is told
-    held = int(((table["low"] <= true) & (true <= table["high"])).sum())
+        return Judged(row, robot, seed, verdict.word, np.inf, np.inf, 0, 0, seconds, "")
+    # in units of what the first motor is told
+    lumps, unit = verdict.lumps, 1.0 + imperfections.get("gains", (0.0,))[0]
+    true, worst = (_of_arm if robot == ARM else _of_chain)(found, lumps, imperfections, unit)
+    held = int(((lumps["low"] <= true) & (true <= lumps["high"])).sum())
     faults = found.estimate.faults
     named = {} if faults is None else dict(zip(faults.searched.names, faults.values.round(5).tolist(), strict=True))
-    worst = float((table["identified"] / true - 1.0).abs().max())
     return Judged(
-        row, links, seed, verdict.word, found.estimate.misfit, worst, held, len(true), seconds, json.dumps(named)
+        row, robot, seed, verdict.word, found.estimate.misfit, worst, held, len(true), seconds, json.dumps(named)
     )
 
 
-def _kinds(table: Any) -> tuple[str, ...]:
-    names = [str(name).partition("_")[0] for name in table["name"]]
-    return tuple(dict.fromkeys(names))
+def _of_chain(found: StudyEstimate, lumps: pd.DataFrame, imperfections: Mapping[str, Any], unit: float) -> Told:
+    kinds = tuple(dict.fromkeys(str(name).partition("_")[0] for name in lumps["name"]))
+    links = sum(str(name).startswith("gravity") for name in lumps["name"])
+    true = true_chain(links, imperfections.get("rotors", ())).lumps_of(kinds).vector_of(kinds) / unit
+    return true, float((lumps["identified"] / true - 1.0).abs().max())
+
+
+def _of_arm(found: StudyEstimate, lumps: pd.DataFrame, imperfections: Mapping[str, Any], unit: float) -> Told:
+    tree = true_arm(imperfections)
+    prior = found.estimate.searched.prior
+    law = prior.parameters_at(found.estimate.values) * unit
+    return prior.base.of(tree.parameters) / unit, model_error(tree, law).largest
 
 
 def table(judged: list[Judged]) -> str:
@@ -167,7 +211,7 @@ def table(judged: list[Judged]) -> str:
             {
                 "the bench has": about,
                 "verdicts": said,
-                "worst lump": f"{two_digits(100.0 * worst)} %",
+                "worst error": f"{two_digits(100.0 * worst)} %",
                 "intervals that hold": held,
                 "misfit": two_digits(misfit),
                 "seconds": two_digits(float(np.median([each.seconds for each in own]))),
@@ -181,7 +225,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rows", nargs="+", default=list(ROWS), choices=list(ROWS), metavar="ROW")
     parser.add_argument("--seeds", type=int, default=1)
-    parser.add_argument("--links", type=int, nargs="+", default=[2])
+    parser.add_argument("--robots", nargs="+", default=["2"], metavar="LINKS", help=f"a number of links, or '{ARM}'")
     parser.add_argument("--timestep", type=float, nargs="+", default=[0.002])
     parser.add_argument("--settings", default="", help="further lines of the study file, before its nominal links")
     parser.add_argument("--json", action="store_true")
@@ -189,10 +233,10 @@ def main() -> None:
     logging.disable(logging.WARNING)
     judged = []
     for row in given.rows:
-        for links in given.links:
+        for robot in given.robots:
             for timestep in given.timestep:
                 for seed in range(given.seeds):
-                    each = try_bench(row, links, timestep, seed, given.settings.replace("\\n", "\n"))
+                    each = try_bench(row, robot, timestep, seed, given.settings.replace("\\n", "\n"))
                     judged.append(each)
                     print(json.dumps(asdict(each)), flush=True) if given.json else None
     if not given.json:

@@ -51,7 +51,7 @@ def test_arm_of_the_bench_moves_as_in_mujoco(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_rotor_of_a_bench_is_found_by_default() -> None:
     """At 500 Hz, with encoder steps of 0.38 mrad and a nominal model that is wrong by up to 25 % in each number."""
-    judged = try_bench("rotors", 2, 0.002, 0)
+    judged = try_bench("rotors", "2", 0.002, 0)
     assert judged.verdict == "found"
     assert judged.worst < 1e-3
     assert json.loads(judged.taken_up) == pytest.approx({"rotor_2": 0.0057}, rel=0.01)
@@ -60,7 +60,7 @@ def test_rotor_of_a_bench_is_found_by_default() -> None:
 @pytest.mark.slow
 def test_bench_whose_delay_jitters_is_approximate_and_within_its_intervals() -> None:
     """The twin has a delay that does not."""
-    judged = try_bench("delay", 2, 0.002, 0)
+    judged = try_bench("delay", "2", 0.002, 0)
     assert judged.verdict == "approximate"
     assert judged.worst < 0.02
     assert judged.held == judged.lumps

@@ -10,6 +10,7 @@ from metaid.errors import PlantError
 from metaid.models import Array
 from metaid.models.tree import Tree, joint_torque
 from metaid.plant import ArmStart, SocketPlant
+from metaid.study.loops import QUIETEST_RIG
 from metaid.study.resting import FEWEST_READINGS, REPEATS, noise_at_rest
 from metaid.study.spatial.settings import ArmPushedSettings
 
@@ -44,14 +45,15 @@ def calibrate_arm(plant: SocketPlant, nominal: Tree, starts: tuple[ArmStart, ...
     )
 
 
-def start_spread_of_arm(pushed: ArmPushedSettings) -> Array | None:
+def start_spread_of_arm(pushed: ArmPushedSettings) -> Array:
     """A root of the covariance (npush x 2 njoint x 2 njoint) of the coordinates and speeds with which a push begins,
-    about those that were measured; None where all were alike.
+    about those that were measured. A coordinate is known no better than QUIETEST_RIG:
+    an encoder that shows no noise has steps.
     """
-    noise = np.concatenate([pushed.angle_noise, pushed.speed_noise])
+    noise = np.concatenate([np.maximum(pushed.angle_noise, np.sqrt(REPEATS) * QUIETEST_RIG), pushed.speed_noise])
     spread = np.concatenate([pushed.pose_spread, pushed.speed_spread])
     deviations = np.sqrt((1.0 + 1.0 / REPEATS) * spread**2 + noise**2 / REPEATS)
-    return np.tile(np.diag(deviations), (len(pushed.poses), 1, 1)) if deviations.any() else None
+    return np.tile(np.diag(deviations), (len(pushed.poses), 1, 1))
 
 
 def _begun(plant: SocketPlant, start: ArmStart, push: int) -> tuple[Array, Array]:
