@@ -29,8 +29,11 @@ LONG_SET_UP = ("test_wheel.py", "test_workers.py")  # what is made for them take
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests with a long set-up come first: at the end of a run a worker would have nothing to do meanwhile."""
-    items.sort(key=lambda item: item.path.name not in LONG_SET_UP)
+    """Tests with a long set-up come first: at the end of a run a worker would have nothing to do meanwhile. Then those
+    of arms, all in the part that one worker begins with: what is compiled for arms takes minutes, and is kept for the
+    others.
+    """
+    items.sort(key=lambda item: (item.path.name not in LONG_SET_UP, "arm" not in item.path.name))
 
 
 def random_links(nlink: int, seed: int) -> tuple[LinkSettings, ...]:
