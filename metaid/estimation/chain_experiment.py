@@ -162,7 +162,7 @@ class NoisyExperiment(OfReadings, ChainExperiment):
         return SOME * self.unknowns.torques(self.gravity, speed)
 
     def _search(self, kinds: tuple[str, ...]) -> SearchedFaults:
-        return searched_faults(kinds, self.unknowns, self.gravity, self.start_speeds)
+        return searched_faults(kinds, self.unknowns, self.gravity, self.start_speeds, self.faults.teeth)
 
     def _comparison(self, trials: Sequence[ReadTrial]) -> Readings:
         kind = Readings if self.torque_noise is None else Innovations

@@ -3,7 +3,8 @@
 `delay`: by how long torques come late. `lag`: the time constant of the motors. `tilt`: of the base. `offset`: what each
 encoder reads where its joint is straight. `viscous`, `dry`: friction in each joint; `presliding`: the angle over which
 dry friction builds up. `spring`: the stiffness of a spring in each joint, at rest where the joint is straight. `bias`:
-a torque that each motor adds, whatever it is told. `rotor`: the reflected inertia of what turns with each joint from
+a torque that each motor adds, whatever it is told. `cogging`: what it adds by its angle q, a cos kq + b sin kq, k times
+a turn, by a and b. `rotor`: the reflected inertia of what turns with each joint from
 the second on; that of the first is one with its link. `gain`: the torque of each motor from the second on, as a
 multiple of what was commanded, where that of the first is taken for 1. A common factor of all motors shows nowhere: all
 lumps times the same would move alike.
@@ -29,6 +30,7 @@ FAULT_UNITS = {
     "presliding": "rad",
     "spring": "N m/rad",
     "bias": "N m",
+    "cogging": "N m",
     "rotor": "kg m²",
     "gain": "1",
 }
@@ -44,6 +46,8 @@ def fault_names(kinds: Sequence[str], njoint: int, tilts: int = 1) -> list[str]:
     for kind in kinds:
         joints = range(2 if kind in FROM_SECOND else 1, njoint + 1)
         own = [f"{kind}_{joint}" for joint in joints]
+        if kind == "cogging":
+            own = [f"cogging_{part}_{joint}" for part in ("cos", "sin") for joint in joints]
         names += ["tilt_x", "tilt_y"] if (kind, tilts) == ("tilt", 2) else [kind] if kind in OF_PLANT else own
     return names
 
@@ -67,6 +71,7 @@ def true_faults(plant: MujocoPlant | ArmPlant, kinds: Sequence[str]) -> Array:
         "lag": [0.0],
         "presliding": [0.0],
         "bias": np.zeros(n),
+        "cogging": np.zeros(2 * n),
         "rotor": np.zeros(n - 1),
         **plant.hidden_forces,
     }

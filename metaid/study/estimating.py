@@ -11,19 +11,23 @@ from metaid.plant import FAULT_UNITS, Limit
 
 TAKEN_UP = ("delay", "tilt")  # of the faults that a study may take up by itself those that a plant file may have
 
-FaultKind = Literal["delay", "lag", "tilt", "offset", "viscous", "dry", "presliding", "spring", "bias", "rotor", "gain"]
+FaultKind = Literal[
+    "delay", "lag", "tilt", "offset", "viscous", "dry", "presliding", "spring", "bias", "cogging", "rotor", "gain"
+]
 
 
 class AnyEstimateSettings(Settings):
     """What `[estimate]` has for chains and arms alike. `enabled`: whether an estimate is made of the trials at all.
     `faults`: what else of the plant is unknown (`metaid.plant.unknown_faults`), or "proposed", where such faults are
-    taken up once nothing explains the trials without them; the plant file is not asked for these.
+    taken up once nothing explains the trials without them; the plant file is not asked for these. `teeth`: how many
+    times a turn cogging repeats; 0 where that is not known, and is found where faults are taken up.
     `torque_limit`: what the motors give at most, in N m, one number or one a joint, as far as you know; the plant file
     is not asked.
     """
 
     enabled: bool = True
     faults: Annotated[tuple[FaultKind, ...], Field(strict=False)] | Literal["proposed"] = ()
+    teeth: Annotated[int, Field(ge=0, le=1000)] = 0
     torque_limit: Limit | Annotated[tuple[Limit, ...], Field(min_length=1, strict=False)] | None = None
 
     @property
@@ -52,6 +56,8 @@ class AnyEstimateSettings(Settings):
         """What does not suit a robot of `njoint` joints, whose trials keep readings or not; None where all does."""
         if self.faults and not self.enabled:
             return "estimate: faults: only an estimate finds them (allowed: enabled = true)"
+        if ("cogging" in self.searched_faults) and not self.teeth:
+            return "estimate: faults: 'cogging' needs to know how often it repeats (allowed: with teeth, times a turn)"
         if "gain" in self.searched_faults and njoint == 1:
             return (
                 "estimate: faults: 'gain' of one motor cannot be told from the lumps, which it multiplies "

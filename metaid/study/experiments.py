@@ -45,7 +45,7 @@ def noisy_experiment(
         timestep=plant.timestep,
         start_speeds=start_speeds,
         loop=loop,
-        faults=searched_faults(wanted.searched_faults, unknowns, plant.gravity, start_speeds),
+        faults=searched_faults(wanted.searched_faults, unknowns, plant.gravity, start_speeds, wanted.teeth),
         takes_up=wanted.takes_up_faults and not faults.torque_noise,
         torque_noise=np.full(plant.njoint, faults.torque_noise) if faults.torque_noise else None,
     )
@@ -93,6 +93,6 @@ def rig_experiment(
         timestep=loop.timestep,
         start_speeds=start_speeds,
         loop=loop,
-        faults=searched_faults(wanted.searched_faults, unknowns, rig.gravity, start_speeds),
+        faults=searched_faults(wanted.searched_faults, unknowns, rig.gravity, start_speeds, wanted.teeth),
         takes_up=wanted.takes_up_faults,
     )

@@ -141,3 +141,15 @@ def test_small_friction_may_be_below_0_by_what_noise_tells() -> None:
     searched = SearchedFaults(("viscous",), 2, np.array([1.0, 1.0]))
     small = FoundFaults(searched, np.array([-0.01, -0.05]), np.full(2, 0.01), np.zeros(2), np.full(2, True))
     assert small.impossible == ["viscous_2"]
+
+
+def test_bounded_faults_are_never_negative() -> None:
+    """Far above 0 they are what they are without a bound, and their deviations are, too; a tilt has no bound."""
+    free = SearchedFaults(("tilt", "spring"), 1, np.array([0.1, 2.0]))
+    bounded = replace(free, is_bounded=True)
+    above, below = np.array([-1.0, 1.0]), np.array([-1.0, -1.0])
+    assert np.allclose(bounded.values(above), free.values(above), rtol=1e-6)
+    assert np.allclose(bounded.deviations(above, above**2), free.deviations(above, above**2), rtol=1e-6)
+    assert bounded.values(below)[0] == free.values(below)[0] == -0.1
+    assert 0.0 <= bounded.values(below)[1] < 1e-6
+    assert 0.0 <= bounded.deviations(below, below**2)[1] < 1e-5

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from metaid.estimation.faults.searched import FoundFaults
 from metaid.plant import FAULT_UNITS
 
@@ -18,6 +20,7 @@ NAMES = {
     "presliding": "pre-sliding over",
     "spring": "springs of up to",
     "bias": "constant torques of up to",
+    "cogging": "cogging of up to",
     "rotor": "rotors of up to",
     "gain": "gains of the motors of",
 }
@@ -101,6 +104,9 @@ def _size(kind: str, found: FoundFaults, declared: float) -> str:
     names, about = found.searched.names, 1.0 if kind == "gain" else 0.0
     own = [value for name, value in zip(names, found.values.tolist(), strict=True) if name.partition("_")[0] == kind]
     value, unit = max(own, key=lambda each: abs(each - about)) + declared, FAULT_UNITS[kind]
+    if kind == "cogging":
+        amplitude = float(np.hypot(*np.reshape(own, (2, -1))).max())
+        return f"{amplitude:.2g} N m, {found.searched.teeth} times a turn"
     if unit == "1":
         return f"{value:.3g}"
     return f"{1e3 * value:.2g} {IN_THOUSANDTHS[unit]}" if unit in IN_THOUSANDTHS else f"{value:.2g} {unit}"

@@ -20,7 +20,13 @@ from metaid.plant import fault_names
 
 TURN = 0.05  # rad that the fastest joint turns by within a delay of one standard deviation
 LEAN = 0.1  # rad: standard deviation of a tilt and of an offset
-OF_TORQUE = {"viscous": 0.1, "dry": 0.1, "spring": 0.3, "bias": 0.1}  # likewise, as shares of the plant's torque
+OF_TORQUE = {
+    "viscous": 0.1,
+    "dry": 0.1,
+    "spring": 0.3,
+    "bias": 0.1,
+    "cogging": 0.05,
+}  # likewise, as shares of the plant's torque
 OF_INERTIA = 0.1  # likewise, of a rotor, as a share of the plant's largest inertia
 # Of what is above 0: what it is about, in its unit, and the standard deviation of its logarithm.
 ABOVE_ZERO = {"gain": (1.0, 0.3), "lag": (2e-3, 1.0), "presliding": (1e-3, 1.0)}
@@ -30,6 +36,7 @@ NEVER_NEGATIVE = (
     "spring",
     "rotor",
 )  # friction resists, and a spring holds what is at rest
+BEND = 1e-3  # of what may be: so close to 0 is a fault that cannot be below it
 BELOW, TRIFLE = 3.0, 1e-3  # standard deviations, and a share of what may be: a fault farther below 0 is none
 DETERMINED = 0.3  # of the prior deviation of a fault: a deviation below this tells something of it
 
@@ -38,13 +45,16 @@ DETERMINED = 0.3  # of the prior deviation of a fault: a deviation below this te
 class SearchedFaults:
     """Faults of some `kinds` of a plant with `njoint` joints, see `metaid.plant.unknown_faults`. `scales` (nfault): the
     standard deviation of each beforehand, in its unit; of what is ABOVE_ZERO, of its logarithm. `tilts`: about how many
-    axes the base may be tilted.
+    axes the base may be tilted. `is_bounded`: whether what is NEVER_NEGATIVE cannot be found below 0. `teeth`: how many
+    times a turn cogging repeats.
     """
 
     kinds: tuple[str, ...]
     njoint: int
     scales: Array
     tilts: int = 1
+    is_bounded: bool = False
+    teeth: int = 0
 
     @cached_property
     def names(self) -> list[str]:
@@ -56,14 +66,29 @@ class SearchedFaults:
         """What each fault that is ABOVE_ZERO is about (nfault); 0 for the others."""
         return np.array([ABOVE_ZERO.get(name.partition("_")[0], (0.0, 0.0))[0] for name in self.names])
 
+    @property
+    def is_above_zero(self) -> NDArray[np.bool_]:
+        """Which faults (nfault) are searched by their logarithms."""
+        return np.asarray(self._about > 0.0)
+
+    @cached_property
+    def _bend(self) -> Array:
+        """How sharply each fault bends at 0 (nfault), in its own unknown; inf where it goes straight through."""
+        kinds = (name.partition("_")[0] for name in self.names)
+        return np.array([BEND if self.is_bounded and kind in NEVER_NEGATIVE else np.inf for kind in kinds])
+
     def values(self, unknowns: Array) -> Array:
-        """The faults (nfault), in their units, at these `unknowns` (nfault)."""
-        changes = self.scales * unknowns
+        """The faults (nfault), in their units, at these `unknowns` (nfault).  Eq. 74."""
+        bounded = np.isfinite(self._bend)
+        positive = 0.5 * (unknowns + np.hypot(unknowns, np.where(bounded, self._bend, 0.0)))
+        changes = self.scales * np.where(bounded, positive, unknowns)
         return np.where(self._about > 0.0, self._about * np.exp(changes), changes)
 
     def deviations(self, unknowns: Array, deviations: Array) -> Array:
         """Standard deviations of the faults (nfault), in their units, from those of the `unknowns` (nfault)."""
-        own = self.scales * deviations
+        bounded = np.isfinite(self._bend)
+        slope = 0.5 + 0.5 * unknowns / np.hypot(unknowns, np.where(bounded, self._bend, 1.0))
+        own = self.scales * deviations * np.where(bounded, slope, 1.0)
         return np.where(self._about > 0.0, self.values(unknowns) * own, own)
 
     def _by_kind(self, unknowns: Array) -> dict[str, Array]:
@@ -82,9 +107,14 @@ class SearchedFaults:
         tilt = found.get("tilt", np.zeros(self.tilts))
         return Joints(viscous, dry, spring, offset, tilt, rotor, float(presliding[0]))
 
-    def delivered(self, torques: Array, period: float, unknowns: Array) -> Array:
-        """The torques (npush x nstep x njoint), in N m, that act in place of those commanded, one every `period` in s,
-        at these `unknowns` (nfault).
+    def delivered(self, torques: Array, period: float, angles: Array, unknowns: Array) -> Array:
+        """The torques that act in place of those commanded.
+
+        Args:
+            torques: as they were commanded (npush x nstep x njoint), in N m.
+            period: from one to the next, in s.
+            angles: of the joints as they were read (npush x nstep + 1 x njoint), in rad.
+            unknowns: where the faults are (nfault).
         """
         found = self._by_kind(unknowns)
         if "delay" in found:
@@ -95,6 +125,10 @@ class SearchedFaults:
             torques = torques * np.append(1.0, found["gain"])
         if "bias" in found:
             torques = torques + found["bias"]
+        if "cogging" in found:
+            cosine, sine = found["cogging"].reshape(2, self.njoint)
+            phases = self.teeth * 0.5 * (angles[:, 1:] + angles[:, :-1])  # half way from one reading to the next
+            torques = torques + cosine * np.cos(phases) + sine * np.sin(phases)
         if "spring" in found and "offset" in found:
             torques = torques + found["spring"] * found["offset"]  # a spring is at rest where its joint is straight
         return torques
@@ -136,7 +170,9 @@ class Strong(Protocol):
     def torque(self, gravity: float, speed: float, /) -> float: ...
 
 
-def searched_faults(kinds: tuple[str, ...], robot: Strong, gravity: float, start_speeds: Array) -> SearchedFaults:
+def searched_faults(
+    kinds: tuple[str, ...], robot: Strong, gravity: float, start_speeds: Array, teeth: int = 0
+) -> SearchedFaults:
     """Faults of these `kinds`, with what they may be beforehand.
 
     Args:
@@ -144,6 +180,7 @@ def searched_faults(kinds: tuple[str, ...], robot: Strong, gravity: float, start
         robot: whose torques friction and springs are shares of.
         gravity: in m/s².
         start_speeds: joint speeds (npush x njoint) right after the pushes, in rad/s.
+        teeth: how many times a turn cogging repeats; 0 where that is not known.
     """
     speed = float(np.abs(start_speeds).max())
     torque = robot.torque(gravity, speed)
@@ -155,17 +192,19 @@ def searched_faults(kinds: tuple[str, ...], robot: Strong, gravity: float, start
         "dry": OF_TORQUE["dry"] * torque,
         "spring": OF_TORQUE["spring"] * torque,
         "bias": OF_TORQUE["bias"] * torque,
+        "cogging": OF_TORQUE["cogging"] * torque,
         "rotor": OF_INERTIA * robot.torque(0.0, 1.0),
         **{kind: spread for kind, (_, spread) in ABOVE_ZERO.items()},
     }
     each = [scales[name.partition("_")[0]] for name in fault_names(kinds, robot.njoint, robot.tilts)]
-    return SearchedFaults(kinds, robot.njoint, np.array(each), robot.tilts)
+    return SearchedFaults(kinds, robot.njoint, np.array(each), robot.tilts, teeth=teeth)
 
 
 def found_faults(searched: SearchedFaults, unknowns: Array, deviations: Array) -> FoundFaults:
     """The faults at these `unknowns` (nfault) of a fit, whose standard `deviations` (nfault) were 1 beforehand."""
     found = searched.values(unknowns), searched.deviations(unknowns, deviations)
-    return FoundFaults(searched, *found, unknowns, deviations <= DETERMINED)
+    determined = np.where(searched.is_above_zero, deviations, found[1] / searched.scales) <= DETERMINED
+    return FoundFaults(searched, *found, unknowns, determined)
 
 
 def late(torques: Array, steps: float) -> Array:

@@ -3,8 +3,8 @@
 A twin without them loses the plant, and where it is lost nothing can be told. So it is led by the readings, as if
 torques had noise of unknown size: what the model has not shows as that noise. A fault is taken up where it makes
 pushes that were left out more likely, by LEAST at least. In each round all are tried that are not taken up yet, and the
-best stays; at the end each is tried without. One that no plant has as it is found, friction that drives or a spring
-that pushes away, may be on the way to others, but does not stay.
+best stays; at the end each is tried without. What no plant has, friction that drives or a spring that pushes away, is
+not tried.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from metaid.estimation.descent import place_at, triangle
 from metaid.estimation.estimate import Found
 from metaid.estimation.faults import SearchedFaults
+from metaid.estimation.noisy.cogging import teeth_shown
 from metaid.estimation.noisy.held_out import only_pushes
 from metaid.estimation.noisy.innovations import Innovations
 from metaid.estimation.noisy.readings import Readings
@@ -40,6 +41,7 @@ SINGLE: tuple[tuple[str, ...], ...] = (
     ("rotor",),
     ("gain",),
 )
+LATE = (("cogging",),)  # how often it repeats is seen where little else is left
 # What is tried as one, too: without the other each may stand for both.
 TOGETHER = (("viscous", "dry", "presliding"), ("spring", "bias"))
 LUMP_OF = {"viscous": "damping", "dry": "coulomb", "rotor": "rotor"}  # what is searched already is not tried
@@ -71,18 +73,12 @@ class Tried:
     def shows(self, kinds: tuple[str, ...]) -> bool:
         """Whether a fault of one of these `kinds` is so far from none that the fit without it is not worth trying."""
         found = self.found.faults
-        if found is None or {*kinds} & self.impossible:
+        if found is None:
             return False
         none = np.array([1.0 if name.startswith("gain") else 0.0 for name in found.searched.names])
         own = np.array([name.partition("_")[0] in kinds for name in found.searched.names])
         own &= np.array([name != "presliding" for name in found.searched.names])
         return bool((np.abs(found.values - none) > PLAINLY * found.deviations)[own].any())
-
-    @property
-    def impossible(self) -> set[str]:
-        """The kinds of faults that no plant has as they were found."""
-        names = [] if self.found.faults is None else self.found.faults.impossible
-        return {name.partition("_")[0] for name in names}
 
 
 @dataclass(frozen=True)
@@ -96,11 +92,13 @@ class Combining:
     search: Search
     torque_noise: Array
 
-    def fitted(self, kinds: tuple[str, ...], before: Tried | None, start: Array | None = None) -> Tried | None:
+    def fitted(
+        self, kinds: tuple[str, ...], before: Tried | None, start: Array | None = None, teeth: int = 0
+    ) -> Tried | None:
         """The fit with faults of these `kinds`, from where the one `before` ended, or a `start`; None where the twin
-        cannot follow.
+        cannot follow. Cogging repeats `teeth` times a turn, or as often as before.
         """
-        faults, noise = self.search(_in_order(kinds)), self.torque_noise
+        faults, noise = self._bounded(kinds, before, teeth), self.torque_noise
         if before is not None:
             assert before.found.torque_noise is not None
             start, noise = begin_with(before.found, faults), before.found.torque_noise
@@ -115,6 +113,24 @@ class Combining:
         likelihood = left.likelihood(point, sizes, PUSHES)
         return Tried(found, faults, likelihood) if np.isfinite(likelihood) else None
 
+    def _bounded(self, kinds: tuple[str, ...], before: Tried | None, teeth: int = 0) -> SearchedFaults:
+        """Faults of these `kinds`; cogging repeats `teeth` times a turn, or as often as before, or as it is known."""
+        faults = self.search(_in_order(kinds))
+        known = faults.teeth or teeth or (0 if before is None else before.faults.teeth)
+        return replace(faults, is_bounded=True, teeth=known)
+
+    def with_cogging(self, before: Tried) -> list[Tried]:
+        """The fit with cogging besides, if there is one."""
+        kept = None if "cogging" in before.kinds else self._led(before)
+        teeth = 0 if kept is None else self.search(("cogging",)).teeth or teeth_shown(kept, before.found.point)
+        tried = self.fitted((*before.kinds, "cogging"), before, teeth=teeth) if teeth else None
+        return [] if tried is None else [tried]
+
+    def _led(self, before: Tried) -> Innovations | None:
+        """The pushes that are fitted, with the gains where the fit `before` ended."""
+        assert before.found.torque_noise is not None
+        return replace(self.kept, faults=before.faults).led(before.found.point, before.found.torque_noise)
+
     def explains(self, tried: Tried) -> bool:
         """Whether no noise of torques is needed to explain the pushes that were fitted."""
         noise, kept = tried.found.torque_noise, replace(self.kept, faults=tried.faults)
@@ -126,8 +142,7 @@ class Combining:
         """The fits with the faults of LOOKED_AT of the `candidates` besides, best first: of those that a single step
         from the fit `before` promises to leave least of the pushes.
         """
-        assert before.found.torque_noise is not None
-        kept = replace(self.kept, faults=before.faults).led(before.found.point, before.found.torque_noise)
+        kept = self._led(before)
         if kept is None:
             return []
         left = [self._left_by(before, kept, kinds) for kinds in candidates]
@@ -137,7 +152,7 @@ class Combining:
 
     def _left_by(self, before: Tried, kept: Innovations, kinds: tuple[str, ...]) -> float:
         """The cost that one Gauss-Newton step leaves with faults of these `kinds` besides, each unknown for one."""
-        faults = self.search(_in_order((*before.kinds, *kinds)))
+        faults = self._bounded((*before.kinds, *kinds), before)
         faulty = replace(kept, faults=faults)
         extras = before.found.extras if faulty.extras else np.empty(0)
         place = place_at(faulty, np.concatenate([begin_with(before.found, faults), extras]), faulty.stages)
@@ -185,8 +200,10 @@ def _grown(combining: Combining, best: Tried | None, readings: Readings) -> tupl
     for _ in range(ROUNDS):
         if combining.explains(best):
             break
-        tried = combining.best_of(best, list(_candidates(best.kinds, readings)))
-        if not tried or not tried[0].likelihood > best.likelihood + LEAST:
+        enough, tried = best.likelihood + LEAST, combining.best_of(best, list(_candidates(best.kinds, readings)))
+        if not tried or not tried[0].likelihood > enough:
+            tried = combining.with_cogging(best)
+        if not tried or not tried[0].likelihood > enough:
             break
         best, rivals = tried[0], [each for each in tried[1:] if each.likelihood > tried[0].likelihood - LEAST]
     return best, rivals
@@ -200,11 +217,11 @@ def _fewest(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tried:
             is_as_good = instead is not None and instead.likelihood > best.likelihood - NOTHING
             if instead is not None and is_as_good and farthest_moved(best.found, instead.found) is None:
                 best = instead
-    for kinds in SINGLE:
+    for kinds in (*SINGLE, *LATE):
         if not {*kinds} <= {*best.kinds} or {*kinds} & {*known} or best.shows(kinds):
             continue
         without = combining.fitted(tuple(kind for kind in best.kinds if kind not in kinds), best)
-        if without is not None and ({*kinds} & best.impossible or without.likelihood > best.likelihood - LEAST):
+        if without is not None and without.likelihood > best.likelihood - LEAST:
             best = without
     return best
 

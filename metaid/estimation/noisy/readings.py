@@ -201,7 +201,8 @@ class Readings(ReadingsInWindows[ReadTrial, Drivable]):
         """A `trial` with the torques that acted, with these unknown `faults` (nfault), in place of those commanded."""
         if not self.faults.names:
             return trial
-        return replace(trial, torques=self.faults.delivered(trial.torques, trial.timestep * trial.substeps, faults))
+        period = trial.timestep * trial.substeps
+        return replace(trial, torques=self.faults.delivered(trial.torques, period, trial.readings, faults))
 
     def _joints(self, faults: Array) -> Joints | None:
         """What the joints have with these unknown `faults` (nfault); None where none is searched."""

@@ -47,11 +47,11 @@ def unmodelled_forces(readings: Readings, estimate: Found) -> Iterator[Unmodelle
     prior[:, :count] = np.diag(1.0 / readings.spreads)
     slopes = np.vstack([residuals.slopes, prior])
     values = np.append(residuals.values, estimate.point[:count] / readings.spreads)
-    before, _, alone = _least(slopes[:, :count], values)
+    before, _, alone = least_squares(slopes[:, :count], values)
     first = count
     for kind in kinds:
         last = first + len(torques[0][kind])
-        after, step, covariance = _least(np.column_stack([slopes[:, :count], slopes[:, first:last]]), values)
+        after, step, covariance = least_squares(np.column_stack([slopes[:, :count], slopes[:, first:last]]), values)
         more = np.maximum(np.diag(covariance)[:lumps] - np.diag(alone)[:lumps], 0.0)
         resists = not (readings.is_led and kind in RESISTING and bool((step[count:] <= 0.0).all()))
         matters = resists and bool((np.abs(step[:lumps]) > DEVIATIONS * estimate.deviations + TRIFLE).any())
@@ -78,7 +78,7 @@ def _seldom(count: int) -> float:
     return count + SELDOM * float(np.sqrt(2.0 * count))
 
 
-def _least(slopes: Array, values: Array) -> tuple[float, Array, Array]:
+def least_squares(slopes: Array, values: Array) -> tuple[float, Array, Array]:
     """The least sum of squares of values + slopes @ step, the step there, and the covariance of its parts."""
     left, singular, right = np.linalg.svd(slopes, full_matrices=False)
     kept = singular > RANK * singular[0]

@@ -94,7 +94,7 @@ class ArmExperiment(OfReadings):
         return SOME * self.searched.torques(0.0, float(np.abs(self.episode.begins[:, 1]).max()))
 
     def _search(self, kinds: tuple[str, ...]) -> SearchedFaults:
-        return searched_faults(kinds, self.searched, 0.0, self.episode.begins[:, 1])
+        return searched_faults(kinds, self.searched, 0.0, self.episode.begins[:, 1], self.faults.teeth)
 
     def _comparison(self, trials: Sequence[Any]) -> Any:
         return compared_of_arm(trials, self.searched, self.faults, self.torque_noise is not None)

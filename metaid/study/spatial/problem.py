@@ -203,7 +203,7 @@ class ArmProblem(StudyProblem):
             self.timestep,
             self.resolution,
             self._loop if self.keeps_readings else None,
-            searched_faults(wanted.searched_faults, searched, 0.0, speeds),
+            searched_faults(wanted.searched_faults, searched, 0.0, speeds, wanted.teeth),
             wanted.takes_up_faults and not faults.torque_noise,
             np.full(self.nominal.njoint, faults.torque_noise) if faults.torque_noise else None,
         )
