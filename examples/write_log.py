@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the log of a simulated rig: what `metaid estimate` reads (docs/how-to.md).
+"""Writes the log of a simulated rig: what `metaid estimate` reads (docs/log.md).
 
 A controller moves the joints of a plant along sums of sinusoids, and what a rig would log is written as CSV: time,
 angles and speeds as the sensors read them, and the torques that were sent. The controller knows nothing of the plant
