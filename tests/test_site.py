@@ -63,6 +63,14 @@ def test_every_public_name_is_on_the_page_of_calls(pages: dict[str, Any]) -> Non
     )
 
 
+def test_equations_are_typeset(site: Path) -> None:
+    """Each block of LaTeX is MathML, which needs no script, and indices are below."""
+    text = (site / "docs" / "method.html").read_text(encoding="utf-8")
+    assert text.count("<math") == (ROOT / "docs" / "method.md").read_text(encoding="utf-8").count("```math")
+    assert "\\sum" not in text
+    assert "φ<sub>i</sub>" in text
+
+
 def test_browser_shows_the_site_whole_and_fetches_nothing(site: Path, browser: Browser) -> None:
     """On a phone and on a desk, dark and light, opened as files: nothing is cut, no error, and search finds."""
     for name in LONG:
