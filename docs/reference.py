@@ -59,7 +59,7 @@ def page(text: str) -> str:
 def keys(settings: type[Settings], beside: type[Settings] | None = None) -> str:
     """A table of all keys of a file, but for those that mean the same in that of `beside`."""
     told = set(key_rows(beside)) if beside else set()
-    rows = ["| key | unit | default | allowed | |", "| --- | --- | --- | --- | --- |"]
+    rows = ["| key | default | allowed | |", "| --- | --- | --- | --- |"]
     return "\n".join([*rows, *(row for row in key_rows(settings) if row not in told)]) + "\n"
 
 
@@ -69,9 +69,16 @@ def key_rows(settings: type[Settings]) -> Iterator[str]:
     for table, owner, name, field in fields(settings):
         meaning = meaning_of(meanings, owner, name)
         default = meaning.get("default") or default_text(field)
-        place = f"{table} " if table else ""
-        cells = (f"{place}`{name}`", meaning.get("unit", ""), default, allowed(field), meaning["text"])
+        within = f"{allowed(field)} {meaning.get('unit', '')}".strip()
+        cells = (dotted(table, name), default, within, meaning["text"])
         yield f"| {' | '.join(cells)} |"
+
+
+def dotted(table: str, name: str) -> str:
+    """A key as `--set` takes it; of a list of tables after its heading."""
+    if not table or table.startswith("`[["):
+        return f"{table} `{name}`".strip()
+    return f"`{table.strip('`[]')}.{name}`"
 
 
 def meaning_of(meanings: dict[str, Any], owner: type, name: str) -> dict[str, str]:
@@ -175,7 +182,7 @@ def commands() -> str:
         parts.append(f"#### `{' '.join([*path, *arguments])}`\n\n{escaped(inspect.cleandoc(command.help or ''))}\n")
         options = [each for each in command.params if isinstance(each, click.Option) and not is_everywhere(each)]
         if options:
-            rows = ["| option | default | |", "| --- | --- | --- |", *map(option_row, options)]
+            rows = ["| option | |", "| --- | --- |", *map(option_row, options)]
             parts.append("\n".join(rows) + "\n")
     return "\n".join(parts)
 
@@ -199,8 +206,9 @@ def option_row(option: click.Option) -> str:
     """A row of the table of options."""
     names = ", ".join(f"`{name}`" for name in (*option.opts, *option.secondary_opts))
     is_plain = not option.is_flag and not option.multiple and isinstance(option.default, str | int | float)
-    default = "needed" if option.required else str(option.default) if is_plain else ""
-    return f"| {names}{value_text(option)} | {default} | {escaped(option.help or '')} |"
+    default = "needed" if option.required else f"default {option.default}" if is_plain else ""
+    text = escaped(option.help or "")
+    return f"| {names}{value_text(option)} | {text}{f' ({default})' if default else ''} |"
 
 
 def value_text(option: click.Option) -> str:
