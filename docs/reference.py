@@ -174,12 +174,13 @@ def limits(metadata: tuple[Any, ...]) -> str:
 
 
 def commands() -> str:
-    """Every command: what it does, its arguments and options."""
+    """Every command: the first paragraph of its help, its arguments and options."""
     parts = []
     for path, command in every_command(app, ("metaid",)):
         context = click.Context(command, info_name=path[-1])
         arguments = [each.make_metavar(context) for each in command.params if isinstance(each, click.Argument)]
-        parts.append(f"#### `{' '.join([*path, *arguments])}`\n\n{escaped(inspect.cleandoc(command.help or ''))}\n")
+        said = inspect.cleandoc(command.help or "").partition("\n\n")[0]
+        parts.append(f"#### `{' '.join([*path, *arguments])}`\n\n{escaped(said)}\n")
         options = [each for each in command.params if isinstance(each, click.Option) and not is_everywhere(each)]
         if options:
             rows = ["| option | |", "| --- | --- |", *map(option_row, options)]
@@ -221,22 +222,21 @@ def value_text(option: click.Option) -> str:
     if isinstance(kind, click.Choice):
         return f" {' or '.join(map(str, kind.choices))}"
     if isinstance(kind, click.IntRange | click.FloatRange):
-        low, high = kind.min, kind.max
-        above = f"{'above' if kind.min_open else 'from'} {low:.10g}" if low is not None else ""
-        return f" NUMBER {above}{f' to {high:.10g}' if high is not None else ''}"
+        low = "(−∞" if kind.min is None else f"{'(' if kind.min_open else '['}{kind.min:.10g}"
+        return f" {low}, {'∞)' if kind.max is None else f'{kind.max:.10g}]'}"
     return " FILE" if isinstance(kind, click.Path) else " TEXT"
 
 
 def calls() -> str:
-    """Every public call in a row, with what the first sentence of its docstring says."""
+    """Every public call but the errors in a row, with what the first sentence of its docstring says."""
     rows = ["| call | |", "| --- | --- |"]
     for name in metaid.__all__:
         thing = getattr(metaid, name)
         if inspect.ismodule(thing):
             continue
-        is_error = inspect.isclass(thing) and issubclass(thing, Exception)
-        is_face = getattr(thing, "_is_protocol", False)
-        signature = "" if is_error or is_face else signature_of(thing)
+        if inspect.isclass(thing) and issubclass(thing, Exception):
+            continue
+        signature = "" if getattr(thing, "_is_protocol", False) else signature_of(thing)
         rows.append(f"| `metaid.{name}{signature}` | {escaped(first_sentence(thing))} |")
     return "\n".join(rows) + "\n"
 
