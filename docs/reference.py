@@ -50,7 +50,7 @@ EVERYWHERE = ("--storage", "--json")  # options that the page tells once
 def page(text: str) -> str:
     """The page with its generated parts made anew from the code."""
     parts = {name: keys(settings, BESIDE.get(name)) for name, settings in FILES.items()}
-    parts |= {"commands": commands(), "calls": calls(), "figures": figures()}
+    parts |= {"commands": commands(), "calls": calls()}
     named = [name for _, name, _ in PART.findall(text)]
     assert sorted(named) == sorted(parts), f"parts of the page: {named}, of the code: {list(parts)}"
     return PART.sub(lambda found: f"{found[1]}\n{parts[found[2]]}\n{found[3]}", text)
@@ -239,14 +239,6 @@ def calls() -> str:
         signature = "" if getattr(thing, "_is_protocol", False) else signature_of(thing)
         rows.append(f"| `metaid.{name}{signature}` | {escaped(first_sentence(thing))} |")
     return "\n".join(rows) + "\n"
-
-
-def figures() -> str:
-    """Every public figure, with its parameters."""
-    from metaid.show import figures as module
-
-    drawn = [getattr(module, name) for name in sorted(module.__all__) if name.startswith("plot_")]
-    return "\n".join(f"- `{each.__name__}{signature_of(each)}`" for each in drawn if inspect.isfunction(each)) + "\n"
 
 
 def first_sentence(thing: Any) -> str:
