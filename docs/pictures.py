@@ -73,8 +73,6 @@ def main() -> None:
         with open_browser(Path(folder) / "profile") as browser:
             browser.look((Path(folder) / "report.html").as_uri())
             shoot(browser, "report.png", 1200, 1500)
-            browser.look((Path(folder) / "report.html").as_uri(), width=390, dark=True)
-            shoot(browser, "report-phone.png", 390, 1500)
             dashboard(store, browser)
         store.close()
     os.chdir(ROOT)

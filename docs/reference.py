@@ -44,6 +44,7 @@ FILES: dict[str, type[Settings]] = {
     "keys-arm-study": ArmStudySettings,
 }
 BESIDE: dict[str, type[Settings]] = {"keys-arm": PlantSettings, "keys-arm-study": StudySettings}  # told there already
+MOST = 8  # parameters of a call that are named
 EVERYWHERE = ("--storage", "--json")  # options that the page tells once
 
 
@@ -252,7 +253,7 @@ def signature_of(thing: Any) -> str:
     parameters = inspect.signature(thing).parameters.values()
     stars = {inspect.Parameter.VAR_POSITIONAL: "*", inspect.Parameter.VAR_KEYWORD: "**"}
     shown = [f"{stars.get(each.kind, '')}{each.name}{'' if each.default is each.empty else '='}" for each in parameters]
-    return f"({', '.join(shown)})"
+    return f"({', '.join([*shown[:MOST], *(['…'] if len(shown) > MOST else [])])})"
 
 
 def escaped(text: str) -> str:
