@@ -20,7 +20,7 @@ from metaid.models import Array
 from metaid.study import Problem
 from metaid.study.evaluation import Evaluator, make_evaluator
 
-GENERATIONS = (16, 64, 256)  # candidates in a batch
+GENERATIONS = (16, 256)  # candidates in a batch
 CANDIDATES = 256  # in all, in each turn
 SETTLING = 10.0  # s that Ray's own processes are given after its start
 

@@ -1,6 +1,7 @@
 """Makes docs/images anew from a real run: the film, figures, the report, the dashboard and the live view.
 
-Run it as `.venv/bin/python docs/pictures.py`; it needs chromium, and something that renders (EGL or OSMesa).
+.venv/bin/python docs/pictures.py        # all of them; needs chromium, and something that renders (EGL or OSMesa)
+.venv/bin/python docs/pictures.py log    # what logs of the real double pendulum predict, which needs neither
 """
 
 from __future__ import annotations
@@ -14,8 +15,11 @@ import sys
 import tempfile
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+from matplotlib.figure import Figure
 from PIL import Image
 from rich.console import Console, Group
 
@@ -25,11 +29,13 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from browser import Browser, open_browser  # noqa: E402
 
+import metaid as api  # noqa: E402
 from metaid.cli.live import Live  # noqa: E402
 from metaid.plant import load_plant  # noqa: E402
+from metaid.recorded import left_out  # noqa: E402
 from metaid.results import read_findings  # noqa: E402
 from metaid.show import make_dashboard  # noqa: E402
-from metaid.show.figures import Gallery, plant_figure, save  # noqa: E402
+from metaid.show.figures import COLOURS, INK, Gallery, plant_figure, save, style  # noqa: E402
 from metaid.store import Store  # noqa: E402
 from metaid.study import Progress, run_study  # noqa: E402
 
@@ -41,10 +47,15 @@ STUDIES = (
     ' --set episode.measure="crossing" --set search.low=0.6 --set search.high=1.6',
 )
 
+LOG_SHOWN = 1  # of the three runs: both joints move, and the shoulder has a torque
+
 
 def main() -> None:
-    """Runs the studies in an empty folder and draws everything."""
+    """Runs the studies in an empty folder and draws everything, or what is named."""
     IMAGES.mkdir(exist_ok=True)
+    log_picture()
+    if sys.argv[1:] == ["log"]:
+        return
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         for study in STUDIES:
@@ -62,11 +73,39 @@ def main() -> None:
         with open_browser(Path(folder) / "profile") as browser:
             browser.look((Path(folder) / "report.html").as_uri())
             shoot(browser, "report.png", 1200, 1500)
-            browser.look((Path(folder) / "report.html").as_uri(), width=390, dark=True)
-            shoot(browser, "report-phone.png", 390, 1500)
             dashboard(store, browser)
         store.close()
     os.chdir(ROOT)
+
+
+def log_picture() -> None:
+    """The torques of a real double pendulum in one run, as the nominal model and the other two runs predict them."""
+    found = api.estimate("double-pendulum", "double-pendulum").estimate
+    nominal = replace(found, held_out=found.nominal_held_out)
+    shown, believed = left_out(found)[LOG_SHOWN], left_out(nominal)[LOG_SHOWN]
+    times = shown.times - shown.times[shown.judged][0]
+    with style():
+        figure = Figure(figsize=(7.0, 3.0), layout="constrained")
+        figure.suptitle("A real double pendulum: motor torque in a run that was left out", fontsize=10, weight="bold")
+        for joint, axes in enumerate(figure.subplots(1, 2)):
+            measured = shown.measured[shown.judged, joint]
+            axes.plot(times[shown.judged], measured, color=INK, label="measured")
+            for part, name, colour, dashes in (
+                (believed, "nominal model, its friction fitted", COLOURS[2], ":"),
+                (shown, "identified from the other runs", COLOURS[1], "--"),
+            ):
+                predicted = part.predicted[shown.judged, joint]
+                off = float(np.linalg.norm(measured - predicted) / np.linalg.norm(measured))
+                label = f"{name}: {off:.0%} off"
+                axes.plot(times[shown.judged], predicted, color=colour, linestyle=dashes, linewidth=1.6, label=label)
+            axes.set_title(f"joint {joint + 1}")
+            axes.set_xlabel("time, s")
+            axes.set_ylabel("torque, N m")
+            axes.grid(True)
+            axes.set_ylim(top=1.75 * axes.get_ylim()[1])
+            axes.legend(loc="upper left")
+        save(figure, IMAGES / "log.png")
+    shrink(IMAGES / "log.png")
 
 
 def metaid(*arguments: str) -> None:

@@ -43,28 +43,43 @@ FILES: dict[str, type[Settings]] = {
     "keys-study": StudySettings,
     "keys-arm-study": ArmStudySettings,
 }
+BESIDE: dict[str, type[Settings]] = {"keys-arm": PlantSettings, "keys-arm-study": StudySettings}  # told there already
+MOST = 8  # parameters of a call that are named
+EVERYWHERE = ("--storage", "--json")  # options that the page tells once
 
 
 def page(text: str) -> str:
     """The page with its generated parts made anew from the code."""
-    parts = {name: keys(settings) for name, settings in FILES.items()}
-    parts |= {"commands": commands(), "calls": calls(), "figures": figures()}
+    parts = {name: keys(settings, BESIDE.get(name)) for name, settings in FILES.items()}
+    parts |= {"commands": commands(), "calls": calls()}
     named = [name for _, name, _ in PART.findall(text)]
     assert sorted(named) == sorted(parts), f"parts of the page: {named}, of the code: {list(parts)}"
     return PART.sub(lambda found: f"{found[1]}\n{parts[found[2]]}\n{found[3]}", text)
 
 
-def keys(settings: type[Settings]) -> str:
-    """A table of all keys of a file."""
+def keys(settings: type[Settings], beside: type[Settings] | None = None) -> str:
+    """A table of all keys of a file, but for those that mean the same in that of `beside`."""
+    told = set(key_rows(beside)) if beside else set()
+    rows = ["| key | default | allowed | |", "| --- | --- | --- | --- |"]
+    return "\n".join([*rows, *(row for row in key_rows(settings) if row not in told)]) + "\n"
+
+
+def key_rows(settings: type[Settings]) -> Iterator[str]:
+    """A row for each key."""
     meanings = tomllib.loads(KEYS.read_text(encoding="utf-8"))
-    rows = ["| key | unit | default | allowed | |", "| --- | --- | --- | --- | --- |"]
     for table, owner, name, field in fields(settings):
         meaning = meaning_of(meanings, owner, name)
         default = meaning.get("default") or default_text(field)
-        place = f"{table} " if table else ""
-        cells = (f"{place}`{name}`", meaning.get("unit", ""), default, allowed(field), meaning["text"])
-        rows.append(f"| {' | '.join(cells)} |")
-    return "\n".join(rows) + "\n"
+        within = f"{allowed(field)} {meaning.get('unit', '')}".strip()
+        cells = (dotted(table, name), default, within, meaning["text"])
+        yield f"| {' | '.join(cells)} |"
+
+
+def dotted(table: str, name: str) -> str:
+    """A key as `--set` takes it; of a list of tables after its heading."""
+    if not table or table.startswith("`[["):
+        return f"{table} `{name}`".strip()
+    return f"`{table.strip('`[]')}.{name}`"
 
 
 def meaning_of(meanings: dict[str, Any], owner: type, name: str) -> dict[str, str]:
@@ -150,27 +165,33 @@ def ranges(annotation: Any, metadata: tuple[Any, ...]) -> Iterator[str]:
 
 
 def limits(metadata: tuple[Any, ...]) -> str:
-    """A range of numbers in words."""
+    """A range of numbers as an interval: a round bracket leaves its end out."""
     flat = [each for part in metadata for each in (part.metadata if isinstance(part, FieldInfo) else [part])]
-    low = next((f"from {each.ge:.10g}" for each in flat if isinstance(each, annotated_types.Ge)), None)
-    low = low or next((f"above {each.gt:.10g}" for each in flat if isinstance(each, annotated_types.Gt)), None)
-    high = next((f"to {each.le:.10g}" for each in flat if isinstance(each, annotated_types.Le)), None)
-    high = high or next((f"below {each.lt:.10g}" for each in flat if isinstance(each, annotated_types.Lt)), None)
-    return " ".join(part for part in (low, high) if part)
+    low = next((f"[{each.ge:.10g}" for each in flat if isinstance(each, annotated_types.Ge)), None)
+    low = low or next((f"({each.gt:.10g}" for each in flat if isinstance(each, annotated_types.Gt)), None)
+    high = next((f"{each.le:.10g}]" for each in flat if isinstance(each, annotated_types.Le)), None)
+    high = high or next((f"{each.lt:.10g})" for each in flat if isinstance(each, annotated_types.Lt)), None)
+    return f"{low or '(−∞'}, {high or '∞)'}" if low or high else ""
 
 
 def commands() -> str:
-    """Every command: what it does, its arguments and options."""
+    """Every command: the first paragraph of its help, its arguments and options."""
     parts = []
     for path, command in every_command(app, ("metaid",)):
         context = click.Context(command, info_name=path[-1])
         arguments = [each.make_metavar(context) for each in command.params if isinstance(each, click.Argument)]
-        parts.append(f"#### `{' '.join([*path, *arguments])}`\n\n{escaped(inspect.cleandoc(command.help or ''))}\n")
-        options = [each for each in command.params if isinstance(each, click.Option)]
+        said = inspect.cleandoc(command.help or "").partition("\n\n")[0]
+        parts.append(f"#### `{' '.join([*path, *arguments])}`\n\n{escaped(said)}\n")
+        options = [each for each in command.params if isinstance(each, click.Option) and not is_everywhere(each)]
         if options:
-            rows = ["| option | default | |", "| --- | --- | --- |", *map(option_row, options)]
+            rows = ["| option | |", "| --- | --- |", *map(option_row, options)]
             parts.append("\n".join(rows) + "\n")
     return "\n".join(parts)
+
+
+def is_everywhere(option: click.Option) -> bool:
+    """Whether the page has told of an option already."""
+    return option.opts[0] in EVERYWHERE
 
 
 def every_command(group: click.Group, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], click.Command]]:
@@ -187,8 +208,9 @@ def option_row(option: click.Option) -> str:
     """A row of the table of options."""
     names = ", ".join(f"`{name}`" for name in (*option.opts, *option.secondary_opts))
     is_plain = not option.is_flag and not option.multiple and isinstance(option.default, str | int | float)
-    default = "needed" if option.required else str(option.default) if is_plain else ""
-    return f"| {names}{value_text(option)} | {default} | {escaped(option.help or '')} |"
+    default = "needed" if option.required else f"default {option.default}" if is_plain else ""
+    text = escaped(option.help or "")
+    return f"| {names}{value_text(option)} | {text}{f' ({default})' if default else ''} |"
 
 
 def value_text(option: click.Option) -> str:
@@ -201,66 +223,37 @@ def value_text(option: click.Option) -> str:
     if isinstance(kind, click.Choice):
         return f" {' or '.join(map(str, kind.choices))}"
     if isinstance(kind, click.IntRange | click.FloatRange):
-        low, high = kind.min, kind.max
-        above = f"{'above' if kind.min_open else 'from'} {low:.10g}" if low is not None else ""
-        return f" NUMBER {above}{f' to {high:.10g}' if high is not None else ''}"
+        low = "(−∞" if kind.min is None else f"{'(' if kind.min_open else '['}{kind.min:.10g}"
+        return f" {low}, {'∞)' if kind.max is None else f'{kind.max:.10g}]'}"
     return " FILE" if isinstance(kind, click.Path) else " TEXT"
 
 
 def calls() -> str:
-    """Every public call with its signature and what its docstring says."""
-    parts = []
+    """Every public call but the errors in a row, with what the first sentence of its docstring says."""
+    rows = ["| call | |", "| --- | --- |"]
     for name in metaid.__all__:
         thing = getattr(metaid, name)
         if inspect.ismodule(thing):
             continue
-        is_error = inspect.isclass(thing) and issubclass(thing, Exception)
-        is_face = getattr(thing, "_is_protocol", False)
-        signature = "" if is_error or is_face else signature_of(thing)
-        parts.append(f"#### `metaid.{name}{signature}`\n\n{doc_of(thing)}\n")
-    return "\n".join(parts)
-
-
-def figures() -> str:
-    """Every public figure in a row."""
-    from metaid.show import figures as module
-
-    rows = ["| call | draws |", "| --- | --- |"]
-    for name in sorted(module.__all__):
-        thing = getattr(module, name)
-        if inspect.isfunction(thing) and name.startswith("plot_"):
-            first = " ".join((inspect.getdoc(thing) or "").partition("\n\n")[0].split())
-            rows.append(f"| `metaid.figures.{name}{signature_of(thing)}` | {escaped(first)} |")
+        if inspect.isclass(thing) and issubclass(thing, Exception):
+            continue
+        signature = "" if getattr(thing, "_is_protocol", False) else signature_of(thing)
+        rows.append(f"| `metaid.{name}{signature}` | {escaped(first_sentence(thing))} |")
     return "\n".join(rows) + "\n"
 
 
+def first_sentence(thing: Any) -> str:
+    """Of a docstring."""
+    paragraph = " ".join((inspect.getdoc(thing) or "").partition("\n\n")[0].split())
+    return re.split(r"(?<=\.)\s+(?=[A-Z])|(?<=[:;])\s", paragraph)[0].rstrip(":;")
+
+
 def signature_of(thing: Any) -> str:
-    """Names and defaults of the parameters, without their types."""
+    """Names of the parameters; a sign of equality after those with a default."""
     parameters = inspect.signature(thing).parameters.values()
-    shown = []
-    for each in parameters:
-        star = {each.VAR_POSITIONAL: "*", each.VAR_KEYWORD: "**"}.get(each.kind, "")
-        default = each.default
-        text = "…" if callable(default) else repr(default)
-        shown.append(f"{star}{each.name}" + ("" if default is each.empty else f"={text}"))
-    return f"({', '.join(shown)})"
-
-
-def doc_of(thing: Any) -> str:
-    """A docstring as a paragraph, and its parameters as a list."""
-    text = inspect.getdoc(thing) or ""
-    lines, out, section = text.splitlines(), [], False
-    for line in lines:
-        if re.fullmatch(r"(Args|Returns|Raises|Attributes):", line):
-            out += ["", f"{line}", ""]
-            section = True
-        elif section and re.match(r"    \S", line):
-            out.append(f"- {escaped(line.strip())}")
-        elif section and line.startswith("     "):
-            out[-1] += f" {escaped(line.strip())}"
-        else:
-            out.append(escaped(line))
-    return re.sub(r"\n{3,}", "\n\n", "\n".join(out)).strip()
+    stars = {inspect.Parameter.VAR_POSITIONAL: "*", inspect.Parameter.VAR_KEYWORD: "**"}
+    shown = [f"{stars.get(each.kind, '')}{each.name}{'' if each.default is each.empty else '='}" for each in parameters]
+    return f"({', '.join([*shown[:MOST], *(['…'] if len(shown) > MOST else [])])})"
 
 
 def escaped(text: str) -> str:

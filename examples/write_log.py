@@ -1,16 +1,22 @@
 #!/usr/bin/env python3
-"""Writes the log of a simulated rig: what `metaid estimate` reads (docs/how-to.md).
+"""Writes the log of a simulated rig: what `metaid estimate` reads (docs/log.md).
 
 A controller moves the joints of a plant along sums of sinusoids, and what a rig would log is written as CSV: time,
 angles and speeds as the sensors read them, and the torques that were sent. The controller knows nothing of the plant
 but what its gains and its nominal model say.
 
     python examples/write_log.py damped-three-link -o log.csv --seconds 20 --angle-noise 1e-4
+
+Where the output is no CSV it is the folder of a ROS 2 bag, as `ros2 bag record /joint_states` writes it; that needs
+rosbags (docs/ur5e.md):
+
+    python examples/write_log.py puma560 -o run1 --angle-noise 1e-4
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +29,7 @@ from metaid.plant import ArmPlant
 HARMONICS = 4
 SLOWEST = 0.25  # Hz
 STIFF = 15.0  # rad/s, of the controller
+FIELDS = ("position", "velocity", "effort")  # of a message
 
 
 def simulated_log(
@@ -78,18 +85,43 @@ def simulated_log(
     return pd.DataFrame(columns)
 
 
+def write_bag(log: pd.DataFrame, joints: Sequence[str], folder: Path) -> None:
+    """A ROS 2 bag of joint states, with the `joints` in the order of the alphabet, as drivers have them."""
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kinds = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time", "sensor_msgs/msg/JointState")
+    header, stamp, states = (store.types[kind] for kind in kinds)
+    order = sorted(range(len(joints)), key=lambda joint: joints[joint])
+    names = [joints[joint] for joint in order]
+    columns = [[f"{kind}_{joint + 1}" for joint in order] for kind in ("angle", "speed", "torque")]
+    values = [np.ascontiguousarray(log[each], dtype=np.float64) for each in columns]  # row by row
+    with Writer(folder, version=9) as bag:
+        topic = bag.add_connection("/joint_states", kinds[2], typestore=store)
+        for row, time in enumerate((1e9 * log["time"]).round().astype(int)):
+            at = header(stamp=stamp(sec=time // 10**9, nanosec=time % 10**9), frame_id="base_link")
+            message = states(header=at, name=names, **dict(zip(FIELDS, (kind[row] for kind in values), strict=True)))
+            bag.write(topic, time, store.serialize_cdr(message, kinds[2]))
+
+
 def main() -> None:
     """Writes the log that the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("plant", help="a shipped name, or the path of a plant file")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="the log: FILE.csv")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="the log: FILE.csv, or the folder of a bag")
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--reach", type=float, default=0.6, help="rad")
     parser.add_argument("--angle-noise", type=float, default=0.0, help="rad")
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     log = simulated_log(given.plant, given.seconds, given.reach, given.angle_noise, given.seed)
-    log.to_csv(given.output, index=False, float_format="%.9g")
+    if given.output.suffix == ".csv":
+        log.to_csv(given.output, index=False, float_format="%.9g")
+        return
+    rig = load_plant(given.plant)
+    numbers = [str(joint + 1) for joint in range(rig.njoint)]
+    write_bag(log, rig.tree.names if isinstance(rig, ArmPlant) else numbers, given.output)
 
 
 if __name__ == "__main__":

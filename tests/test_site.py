@@ -14,7 +14,16 @@ import metaid
 
 pytestmark = pytest.mark.slow
 
-LONG = ("api.html", "docs/reference.html", "notebooks/03-analyse-a-study.html")
+LONG = ("api.html", "docs/reference.html", "docs/method.html", "notebooks/03-analyse-a-study.html")
+ANSWERS = {
+    "ROS": "docs/ur5e.html",
+    "UR5e": "docs/ur5e.html",
+    "joint_states": "docs/ur5e.html",
+    "Arduino": "docs/microcontroller.html",
+    "friction": "docs/friction.html",
+    "which command": "docs/which-command.html",
+    "runaway": "docs/method.html",
+}
 # Texts, tables and pictures that are cut: wider than the page, and not in a place that scrolls.
 CUT = """
 const scrolls = e => e && e !== document.body && (['auto', 'scroll'].includes(getComputedStyle(e).overflowX)
@@ -63,8 +72,16 @@ def test_every_public_name_is_on_the_page_of_calls(pages: dict[str, Any]) -> Non
     )
 
 
+def test_equations_are_typeset(site: Path) -> None:
+    """Each block of LaTeX is MathML, which needs no script, and indices are below."""
+    text = (site / "docs" / "method.html").read_text(encoding="utf-8")
+    assert text.count("<math") == (ROOT / "docs" / "method.md").read_text(encoding="utf-8").count("```math")
+    assert "\\sum" not in text
+    assert "φ<sub>i</sub>" in text
+
+
 def test_browser_shows_the_site_whole_and_fetches_nothing(site: Path, browser: Browser) -> None:
-    """On a phone and on a desk, dark and light, opened as files: nothing is cut, no error, and search finds."""
+    """On a phone and on a desk, dark and light, opened as files: nothing is cut, and no error."""
     for name in LONG:
         for width, dark in ((360, True), (1440, False)):
             browser.look((site / name).as_uri(), width, dark)
@@ -75,7 +92,13 @@ def test_browser_shows_the_site_whole_and_fetches_nothing(site: Path, browser: B
             assert browser.complaints() == []
             paper = browser.driver.execute_script("return getComputedStyle(document.body).backgroundColor")
             assert (paper == "rgb(255, 255, 255)") is not dark
-    browser.look((site / "index.html").as_uri(), 1440)
-    browser.driver.find_element("css selector", "input[name=query]").send_keys("runaway")
-    wait_for(browser, "matching documents")
-    assert "Falls" in browser.text()
+
+
+def test_search_has_the_right_page_first(site: Path, browser: Browser) -> None:
+    """For what somebody types who has a machine, and has read nothing."""
+    links = "return [...document.querySelectorAll('.md-search-result__item > a')].map(each => each.href)"
+    for asked, page in ANSWERS.items():
+        browser.look((site / "index.html").as_uri(), 1440)
+        browser.driver.find_element("css selector", "input[name=query]").send_keys(asked)
+        wait_for(browser, "matching document")
+        assert browser.driver.execute_script(links)[0].startswith((site / page).as_uri()), asked

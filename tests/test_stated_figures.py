@@ -30,13 +30,12 @@ RESULTS = (
     "README.md",
     "arms.md",
     "cluster.md",
-    "full-dynamics.md",
+    "friction.md",
     "higher-dof.md",
     "method.md",
     "paper.md",
     "peers.md",
     "real-plants.md",
-    "samplers.md",
 )
 MANY = 30  # numbers of a table that somebody measured
 PRINTED = """

@@ -1,4 +1,4 @@
-"""A plant behind a socket: a rig, or any other process, that speaks the protocol of docs/your-rig.md.
+"""A plant behind a socket: a rig, or any other process, that speaks the protocol of docs/rig-protocol.md.
 
 A step is one message and one answer, which is awaited for a limited time. Whatever goes wrong closes the connection
 and raises LostPlant. The rig takes its torque off when the connection is closed. The episode can be run again, over a
