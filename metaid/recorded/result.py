@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from metaid.errors import RecordError, unknown
 from metaid.files import shipped_logs
-from metaid.plant import load_plant
+from metaid.plant import ArmPlant, load_plant
 from metaid.recorded.choosing import Choices
 from metaid.recorded.doubts.checks import Fact, facts_of
 from metaid.recorded.estimating import RecordedEstimate, estimate_records
@@ -43,6 +43,7 @@ class RecordedResult:
         verdict: on it.
         facts: what looks wrong in the logs, with the option that mends each.
         validation: logs that nothing was fitted to, with how well they are predicted.
+        nominal_repairs: what the nominal robot's file says and cannot be, as sentences.
     """
 
     plant: str
@@ -51,6 +52,7 @@ class RecordedResult:
     verdict: RecordedVerdict
     facts: tuple[Fact, ...]
     validation: tuple[tuple[Smoothed, str, HeldOut], ...]
+    nominal_repairs: tuple[str, ...] = ()
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -63,7 +65,8 @@ class RecordedResult:
             {"path": name, "torque": found.summary["torque"], "motion": found.summary["motion"]}
             for _, name, found in self.validation
         ]
-        return summary(self.plant, self.records, self.estimate, self.verdict, validation, files)
+        said = summary(self.plant, self.records, self.estimate, self.verdict, validation, files)
+        return said | {"nominal_repairs": list(self.nominal_repairs)}
 
     @property
     def model(self) -> IdentifiedModel:
@@ -98,6 +101,7 @@ def estimate(
     logs: Sequence[Log] | Log,
     nominal: str | Path,
     *,
+    joints: Sequence[str] | None = None,
     validate: Sequence[Log] = (),
     law: str | Path | None = None,
     friction: Sequence[str] | None = None,
@@ -116,6 +120,7 @@ def estimate(
     Args:
         logs: paths or frames, each a run of its own, or the name of shipped ones, `double-pendulum`.
         nominal: the nominal robot: the name of a shipped plant, or the path of a plant file, an MJCF or a URDF.
+        joints: of an MJCF or URDF those that move; the others are held. By default all.
         validate: logs that nothing is fitted to.
         law: the plant that the torques compensated, where the logs have none.
         friction: the terms of every joint, of viscous, coulomb, root, offset, load and hysteresis; by default those
@@ -132,7 +137,7 @@ def estimate(
         RecordError: a log cannot be used, or does not fit the robot.
         PlantError: a plant cannot be used.
     """
-    plant = load_plant(nominal)
+    plant = load_plant(nominal, joints)
     choices = Choices(span=window, delay=delay, zeros=zeros)
     if friction is not None:
         for term in friction:
@@ -166,7 +171,8 @@ def estimate(
         validation = tuple(
             (own, other.name, _validated(found, own)) for other in others if (own := _smoothed(found, other))
         )
-    return RecordedResult(plant.name, records, found, verdict, facts, validation)
+    repairs = plant.repairs if isinstance(plant, ArmPlant) else ()
+    return RecordedResult(plant.name, records, found, verdict, facts, validation, repairs)
 
 
 def _with_shipped(logs: Sequence[Log]) -> list[Log]:

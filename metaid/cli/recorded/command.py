@@ -7,7 +7,18 @@ from typing import TYPE_CHECKING
 
 import click
 
-from metaid.cli.common import FIGURE_SUFFIXES, json_option, numbers, print_json, refuse_output, say, typed, whole_file
+from metaid.cli.common import (
+    FIGURE_SUFFIXES,
+    json_option,
+    names_of,
+    numbers,
+    print_json,
+    refuse_output,
+    say,
+    typed,
+    warn,
+    whole_file,
+)
 from metaid.cli.recorded.drawing import draw, figure_of
 from metaid.cli.recorded.printing import print_result
 
@@ -32,6 +43,7 @@ NOT_FOUND = 3  # exit status
     help="A log to predict alone.",
 )
 @click.option("--law", metavar="PLANT", help="The torques were those that compensate this plant.")
+@click.option("--joints", metavar="A,B,…", help="Of an MJCF or URDF those that move; the others are held.")
 @click.option("--friction", metavar="TERMS", help=FRICTION_HELP)
 @click.option("--couple", "couples", metavar="I,J", multiple=True, help="Two joints whose motors are coupled.")
 @click.option("--scale", metavar="JOINT=FACTOR", multiple=True, help="Multiply logged torques of a joint, or of 'all'.")
@@ -50,6 +62,7 @@ def estimate(
     nominal: str,
     others: tuple[Path, ...],
     law: str | None,
+    joints: str | None,
     friction: str | None,
     couples: tuple[str, ...],
     scale: tuple[str, ...],
@@ -84,6 +97,7 @@ def estimate(
         logs,
         nominal,
         validate=others,
+        joints=names_of(joints),
         law=law,
         friction=terms,
         coupled=pairs,
@@ -94,6 +108,7 @@ def estimate(
         delay=delay,
         zeros=zeros,
     )
+    warn(result.nominal_repairs)
     has_numbers = result.verdict.is_found or even_if_not_found
     models = [output for output in outputs if output.suffix in SUFFIXES]
     files = [_written(result, output) for output in models] if has_numbers else []
