@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from arm_files import read
+from conftest import Finished
+from swinging import log_of
 
 from metaid.errors import PlantError
 from metaid.plant import load_plant
@@ -135,3 +140,34 @@ def test_joints_are_asked_for_without_a_plant_file(tmp_path: Path) -> None:
     assert load_plant(path, ARM).njoint == 2
     with pytest.raises(PlantError, match="joints: all of it move"):
         load_plant("two-link", ARM)
+
+
+def test_repair_is_a_line_on_stderr_and_stands_in_the_json(metaid: Callable[..., Finished], tmp_path: Path) -> None:
+    """What was mended is said wherever the robot is shown."""
+    path = tmp_path / "arm.urdf"
+    path.write_text(robot(fore=(0.01, 0.01, 0.05)), encoding="utf-8")
+    done = metaid("plant", "show", str(path), "--joints", "shoulder,elbow", "--json")
+    assert (done.status, done.err.count("\n")) == (0, 1)
+    assert done.err.startswith("warning: arm.urdf: no body has the inertia of 'fore'")
+    (said,) = json.loads(done.out)["repairs"]
+    assert done.err == f"warning: {said}\n"
+
+
+@pytest.mark.slow
+def test_log_is_estimated_with_the_joints_that_are_asked_for(metaid: Callable[..., Finished], tmp_path: Path) -> None:
+    """The whole robot's file is the nominal one; what was mended in it stands in the result."""
+    path = tmp_path / "arm.urdf"
+    path.write_text(robot(antenna=(-1.0, 1.0, 1.0), fore=(0.01, 0.01, 0.05)), encoding="utf-8")
+    record = log_of(read(tmp_path, robot(), joints=ARM).tree, noise=1e-5, seconds=4.0)
+    columns = {"time": record.times}
+    for kind, values in (("angle", record.angles), ("torque", record.torques)):
+        columns |= {f"{kind}_{joint + 1}": values[:, joint] for joint in range(record.njoint)}
+    pd.DataFrame(columns).to_csv("log.csv", index=False)
+    options = ("--joints", "shoulder,elbow", "--friction", "viscous,coulomb", "--window", "0.2", "--json")
+    done = metaid("estimate", "log.csv", "--nominal", str(path), *options)
+    shown = json.loads(done.out)
+    assert (done.status, shown["verdict"], done.err.count("\n")) == (0, "found", 1)
+    assert [text.partition(" (")[0] for text in shown["nominal_repairs"]] == [
+        "arm.urdf: no body has the inertia of 'fore'"
+    ]
+    assert [row["name"] for row in shown["held_out"]["torque"]["joints"]] == ARM

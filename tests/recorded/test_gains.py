@@ -27,6 +27,7 @@ from metaid.recorded import (
     estimate_records,
 )
 from metaid.recorded.weak_form.smoothed import smoothed
+from metaid.show import render_log
 
 GAINS = np.array([12.0, -9.0, 7.0])  # N m for a unit of the log: the second motor is mounted the other way round
 MASS, CENTRE = 2.0, np.array([0.05, 0.1, -0.15])
@@ -130,12 +131,13 @@ def test_bodies_are_in_true_kilograms_and_their_deviations_hold_those_of_the_gai
 
 
 @pytest.mark.slow
-def test_gains_are_in_the_summary_and_in_the_model(result: RecordedResult) -> None:
+def test_gains_are_in_the_summary_the_model_and_the_report(result: RecordedResult) -> None:
     """Joint by joint, with the ends of the interval."""
     rows = result.summary["gains"]
     assert [row["joint"] for row in rows] == list(result.estimate.model.joints)
     assert all(row["low"] < row["gain"] < row["high"] for row in rows)
     assert result.model.about["gains"] == [row["gain"] for row in rows]
+    assert f"{rows[0]['joint']} {rows[0]['gain']:.4g} ± {rows[0]['sd']:.2g}; " in render_log(result)
     assert any("the payload tells the gains of" in reason for reason in result.verdict.reasons)
 
 
