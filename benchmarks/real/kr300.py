@@ -18,23 +18,23 @@ from scipy.io import loadmat
 
 import metaid
 from benchmarks.real.judging import Log, Missed, missed
-from benchmarks.real.least_squares import WEIGHTS, instrumental, prepared, recipe
+from benchmarks.real.least_squares import instrumental, prepared
 from benchmarks.real.lines import Line, Table
 from benchmarks.real.printed import printed_and_measured, printed_line
 from benchmarks.real.torques import (
     CLASSIC,
     STILL,
     YARDSTICK,
-    Test,
     file_error,
     nominal_error,
     read_test,
+    recipes,
     rivals,
     row_of,
 )
 from metaid.models import Array
 from metaid.plant import ArmPlant, load_plant
-from metaid.recorded import LinearModel, arm_model
+from metaid.recorded import arm_model
 
 REPOSITORY = "Robot_Identification"  # of JonasWeigand, MIT
 LOGS = "data/recorded_trajectories/2020-10-21 10s FF {0} 08ms/data.mat"
@@ -120,17 +120,6 @@ def _text(values: Array) -> str:
     return " ".join(f"{value:.9g}" for value in values)
 
 
-def least_squares(model: LinearModel, logs: list[tuple[Log, Log]], test: Test) -> dict[str, list[tuple[Array, Array]]]:
-    """Predicted and measured torques by figaroh's recipe and by instrumental variables."""
-    learned, asked = [log for log, _ in logs], [log for _, log in logs]
-    values = {
-        f"figaroh's recipe{', weighted' if weigh else ''}": recipe(model, learned, weigh) for weigh in WEIGHTS[:2]
-    }
-    values[f"instrumental variables, {CUTOFF:g} Hz"] = instrumental(model, learned, asked, CUTOFF)
-    part = prepared(model, test.motion)
-    return {name: [test.pair(part.predicted(each))] for name, each in values.items()}
-
-
 def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
     """Tables and lines; CSV and model files are written to a `place`."""
     logs = {name: read_log(folder / LOGS.format(name), name) for name in NAMES}
@@ -155,8 +144,11 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
         how, tuned = rivals({"classic terms": classic}, [log for log, _ in learned], [test])["classic terms"]
         found.setdefault("least squares, the best filter and weights", []).append(tuned)
         best.append(how)
-        for rival, pairs in least_squares(classic, learned, test).items():
-            found.setdefault(rival, []).append(missed(pairs))
+        for rival, each in recipes(classic, [log for log, _ in learned], [test]).items():
+            found.setdefault(rival, []).append(each)
+        values = instrumental(classic, [log for log, _ in learned], [asked for _, asked in learned], CUTOFF)
+        pair = test.pair(prepared(classic, test.motion).predicted(values))
+        found.setdefault(f"instrumental variables, {CUTOFF:g} Hz", []).append(missed([pair]))
     every = {
         name: Missed(*(sum(getattr(e, key) for e in each) for key in ("squares", "whole")))
         for name, each in found.items()

@@ -101,7 +101,8 @@ def recipe(model: LinearModel, logs: Sequence[Log], weigh: str) -> Array:
     for log in logs:
         motion = motion_of(log, RECIPE)
         rows.append(signal.decimate(prepared(model, motion).design(motion.torques), STRIDE, axis=0, zero_phase=True))
-        torques.append(signal.decimate(log.torques[: len(motion.times)], STRIDE, axis=0, zero_phase=True))
+        sent = np.stack([np.interp(motion.times, log.times, column) for column in log.torques.T], axis=1)
+        torques.append(signal.decimate(sent, STRIDE, axis=0, zero_phase=True))
     return solve(np.concatenate(rows), np.concatenate(torques), weigh)
 
 

@@ -25,7 +25,7 @@ from benchmarks.real.judging import (
     motion_of,
     mujoco_torques,
 )
-from benchmarks.real.least_squares import prepared, tuned
+from benchmarks.real.least_squares import WEIGHTS, prepared, recipe, tuned
 from benchmarks.real.printed import judged_rows
 from metaid.models import Array
 from metaid.recorded import LinearModel
@@ -111,3 +111,13 @@ def rivals(
 def row_of(name: str, found: Missed) -> dict[str, str]:
     joints = {f"joint {joint}": f"{share:.1%}" for joint, share in enumerate(found.by_joint, 1)}
     return {"model": name, "all": f"{found.relative:.2%}"} | joints
+
+
+def recipes(model: LinearModel, learned: Sequence[Log], tests: Sequence[Test]) -> dict[str, Missed]:
+    """Of figaroh's recipe, plain and weighted."""
+    found = {}
+    for weigh in WEIGHTS[:2]:
+        values = recipe(model, learned, weigh)
+        pairs = [test.pair(prepared(model, test.motion).predicted(values)) for test in tests]
+        found[f"figaroh's recipe{', weighted' if weigh else ''}"] = missed(pairs)
+    return found

@@ -30,6 +30,7 @@ from benchmarks.real.torques import (
     file_error,
     nominal_error,
     read_test,
+    recipes,
     rivals,
     row_of,
 )
@@ -139,6 +140,7 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
     classic = arm_model(arm.tree, CLASSIC).with_still(np.full(6, STILL))
     others = rivals({"classic terms": classic, "metaid's terms": terms}, [learned], tests)
     found |= {f"least squares, {name}, {how}": each for name, (how, each) in others.items()}
+    found |= recipes(classic, [learned], tests)
     title = f"UR10e, torque at {YARDSTICK} Hz, {LEARNED} to {len(tests)} others: {result.verdict.word}"
     yield Table(f"{title}; terms {' '.join(terms.terms)}", [row_of(name, each) for name, each in found.items()])
     printed = [printed_and_measured(result, path, [learned]) for path in files.values()]
