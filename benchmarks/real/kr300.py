@@ -31,6 +31,7 @@ from benchmarks.real.torques import (
     recipes,
     rivals,
     row_of,
+    summed,
 )
 from metaid.models import Array
 from metaid.plant import ArmPlant, load_plant
@@ -149,10 +150,7 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
         values = instrumental(classic, [log for log, _ in learned], [asked for _, asked in learned], CUTOFF)
         pair = test.pair(prepared(classic, test.motion).predicted(values))
         found.setdefault(f"instrumental variables, {CUTOFF:g} Hz", []).append(missed([pair]))
-    every = {
-        name: Missed(*(sum(getattr(e, key) for e in each) for key in ("squares", "whole")))
-        for name, each in found.items()
-    }
+    every = {name: summed(each) for name, each in found.items()}
     title = f"KR300, torque at {YARDSTICK} Hz, two logs to the third: {', '.join(words)}; best {'; '.join(best)}"
     yield Table(title, [row_of(name, each) for name, each in every.items()])
     yield Table("KR300, errors that are printed", printed)

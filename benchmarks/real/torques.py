@@ -121,3 +121,8 @@ def recipes(model: LinearModel, learned: Sequence[Log], tests: Sequence[Test]) -
         pairs = [test.pair(prepared(model, test.motion).predicted(values)) for test in tests]
         found[f"figaroh's recipe{', weighted' if weigh else ''}"] = missed(pairs)
     return found
+
+
+def summed(parts: Sequence[Missed]) -> Missed:
+    """What was missed of several parts together."""
+    return Missed(np.sum([part.squares for part in parts], axis=0), np.sum([part.whole for part in parts], axis=0))
