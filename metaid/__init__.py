@@ -69,7 +69,7 @@ _HOME = {
     "metaid.episode": ("Outcome",),
     "metaid.excitation": ("excite",),
     "metaid.plant": ("Plant", "load_plant"),
-    "metaid.recorded": ("estimate",),
+    "metaid.recorded": ("Payload", "estimate"),
     "metaid.study": ("NominalMetricSampler", "load_study"),
 }
 _MODULES = {"figures": "metaid.show.figures", "study": "metaid.study"}
@@ -80,6 +80,7 @@ __all__ = [
     "MetaidError",
     "NominalMetricSampler",
     "Outcome",
+    "Payload",
     "Plant",
     "PlantError",
     "RecordError",

@@ -17,7 +17,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from metaid.errors import MetaidError, unknown
 
 PACKAGE = Path(__file__).resolve().parent
-ENDINGS = (".toml", ".xml", ".urdf")  # of what is a path, and no shipped name
+ENDINGS = (".toml", ".xml", ".urdf", ".xacro")  # of what is a path, and no shipped name
 LARGEST_FILE = 1_000_000  # bytes; what a person writes of 64 links is a hundredth of it
 MOST_PARTS = 16  # of a dotted key; no setting has more than three
 

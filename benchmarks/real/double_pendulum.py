@@ -53,7 +53,7 @@ def read_log(path: Path, name: str) -> Log:
 
 
 def simulations(log: Log, motion: Motion, simulate: Simulate, zeros: Array, second_half: bool) -> Array:
-    """Errors of the angles (nstart x 2) after AHEAD s of simulations from states of one half of a log, in rad."""
+    """Errors of the angles (nstart x njoint) after AHEAD s of simulations from states of one half of a log, in rad."""
     half, ahead, apart = len(motion.times) // 2, round(AHEAD / GRID), round(APART / GRID)
     rows = np.arange(half, len(motion.times) - 200, apart) if second_half else np.arange(50, half - 200, apart)
     ended = simulate(motion.angles[rows] + zeros, motion.speeds[rows], log, motion.times[rows])
@@ -61,11 +61,11 @@ def simulations(log: Log, motion: Motion, simulate: Simulate, zeros: Array, seco
 
 
 def zeros_of(log: Log, motion: Motion, simulate: Simulate) -> Array:
-    """The encoders' zeros (2), in rad, by which simulations of the first half fit best, large errors weighing less."""
-    zeros, tiny = np.zeros(2), 1e-4
+    """The zeros of the encoders (njoint), in rad, by which simulations of the first half fit best, by a robust fit."""
+    zeros, tiny = np.zeros(log.angles.shape[1]), 1e-4
     for _ in range(4):
         left = simulations(log, motion, simulate, zeros, False)
-        moved = [simulations(log, motion, simulate, zeros + tiny * each, False) for each in np.eye(2)]
+        moved = [simulations(log, motion, simulate, zeros + tiny * each, False) for each in np.eye(len(zeros))]
         slopes = np.stack([((each - left) / tiny).ravel() for each in moved], axis=1)
         weights = 1.0 / np.maximum(1.0, np.abs(left).ravel() / (2.0 * np.median(np.abs(left)) + 1e-9))
         step = np.linalg.lstsq(slopes * weights[:, None], left.ravel() * weights, rcond=None)[0]
@@ -74,7 +74,7 @@ def zeros_of(log: Log, motion: Motion, simulate: Simulate) -> Array:
 
 
 def errors(logs: list[Log], simulate: Simulate) -> list[Array]:
-    """Errors of the angles of the second half of each log, its zeros from the first (nlog of nstart x 2)."""
+    """Errors of the angles of the second half of each log, its zeros from the first (nlog of nstart x njoint)."""
     found = []
     for log in logs:
         motion = motion_of(log, ANGLES, finest=GRID) if np.median(np.diff(log.times)) < GRID else _on_grid(log)

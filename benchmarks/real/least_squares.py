@@ -1,4 +1,6 @@
-"""What metaid is compared with: least squares with a filter and weights that are tuned on what is then predicted."""
+"""What metaid is compared with: least squares with a filter and weights that are tuned on what is then predicted,
+figaroh's recipe, and instrumental variables.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +8,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import signal
 
 from benchmarks.real.judging import Log, Motion, Rows, motion_of
 from metaid.models import Array
 from metaid.recorded import LinearModel
 
 MOVES = 0.01  # rad/s: rows in which some joint is faster are fitted
+RECIPE, STRIDE = 100.0, 10  # Hz of the filter and rows of which one is taken, in figaroh's example
 WEIGHTS = ("", "by joint", "across joints")
 ROUNDS = 4
 
@@ -89,3 +93,35 @@ def tuned(model: LinearModel, logs: Sequence[Log], cutoffs: Sequence[float]) -> 
         kept = [np.asarray((np.abs(part.motion.speeds) > MOVES).any(axis=1), dtype=np.bool_) for part in parts]
         for weigh in WEIGHTS:
             yield f"{cutoff:g} Hz" + (f", weighted {weigh}" if weigh else ""), fitted(parts, kept, weigh)
+
+
+def recipe(model: LinearModel, logs: Sequence[Log], weigh: str) -> Array:
+    """Unknowns (nparam) by what figaroh's example does: a Butterworth filter, differences, every tenth row."""
+    rows, torques = [], []
+    for log in logs:
+        motion = motion_of(log, RECIPE)
+        rows.append(signal.decimate(prepared(model, motion).design(motion.torques), STRIDE, axis=0, zero_phase=True))
+        sent = np.stack([np.interp(motion.times, log.times, column) for column in log.torques.T], axis=1)
+        torques.append(signal.decimate(sent, STRIDE, axis=0, zero_phase=True))
+    return solve(np.concatenate(rows), np.concatenate(torques), weigh)
+
+
+def instrumental(model: LinearModel, logs: Sequence[Log], references: Sequence[Log], cutoff: float) -> Array:
+    """Unknowns (nparam) by instrumental variables: rows of the motions that were asked for, which no noise of the
+    encoders reaches, in place of those that were measured.
+    """
+    measured = [prepared(model, motion_of(log, cutoff, finest=0.002)) for log in logs]
+    asked = [prepared(model, motion_of(log, cutoff, finest=0.002)) for log in references]
+    rows, instruments = (
+        np.concatenate([part.design(part.motion.torques) for part in each]) for each in (measured, asked)
+    )
+    torques = np.concatenate([part.motion.torques for part in measured])
+    scale = np.sqrt((rows**2).sum(axis=(0, 1)))
+    scale[scale == 0.0] = 1.0
+    weight = np.ones(torques.shape[1])
+    for _ in range(ROUNDS):
+        weighed = np.einsum("njp,j->njp", instruments / scale, weight)
+        cross = np.einsum("njp,njq->pq", weighed, rows / scale)
+        values = np.linalg.pinv(cross, rcond=1e-8) @ np.einsum("njp,nj->p", weighed, torques) / scale
+        weight = 1.0 / ((torques - rows @ values) ** 2).mean(axis=0)
+    return np.asarray(values, dtype=np.float64)

@@ -9,7 +9,7 @@ import math
 import os
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -98,6 +98,17 @@ def say(text: str, err: bool = False) -> None:
     """A line on stdout, or on stderr: nothing in it can command the terminal."""
     with contextlib.suppress(OSError) if err else contextlib.nullcontext():  # there is nowhere left to say so
         click.echo(printable(text), err=err)
+
+
+def warn(sentences: Iterable[str]) -> None:
+    """A line on stderr for each thing that is not as it should be, and that was mended."""
+    for sentence in sentences:
+        say(f"warning: {sentence}", err=True)
+
+
+def names_of(text: str | None) -> tuple[str, ...] | None:
+    """The names in `A,B`; None where there is no text."""
+    return None if text is None else tuple(name.strip() for name in text.split(",") if name.strip())
 
 
 def print_json(data: Any) -> None:

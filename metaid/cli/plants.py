@@ -9,6 +9,7 @@ import click
 from metaid.cli.common import (
     Group,
     json_option,
+    names_of,
     print_table,
 )
 
@@ -43,13 +44,14 @@ def list_plants() -> None:
 
 @plant.command("show", epilog="\b\nExample:\n  metaid plant show three-link --json")
 @plant_argument
+@click.option("--joints", metavar="A,B,…", help="Of an MJCF or URDF those that move; the others are held.")
 @json_option
-def show_plant(name: str, as_json: bool) -> None:
+def show_plant(name: str, joints: str | None, as_json: bool) -> None:
     """The links of a plant, and its true lumps where it knows them; of an arm its joints and links."""
     from metaid.cli.shown_plants import show
     from metaid.errors import PlantError
     from metaid.files import find_file
-    from metaid.plant import read_any_plant
+    from metaid.plant import read_any_plant, with_joints
 
     path = find_file("plants", name, PlantError)
-    show(read_any_plant(path), path.stem, as_json)
+    show(with_joints(read_any_plant(path), names_of(joints), path), path.stem, as_json)

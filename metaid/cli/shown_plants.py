@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from metaid.cli.common import lump_rows, number_text, print_json, print_lumps, print_table
+from metaid.cli.common import lump_rows, number_text, print_json, print_lumps, print_table, warn
 from metaid.models import lump_names, lump_unit
 from metaid.models.tree import PARAMETERS, planar_chain
 from metaid.plant import ArmPlant, ArmSettings, MujocoPlant, PlantSettings, SocketSettings
@@ -88,8 +88,10 @@ def _arm(settings: ArmSettings, name: str, as_json: bool) -> None:
     ]
     chain = planar_chain(tree) if settings.truth_known else None
     lumps = [] if chain is None else lump_rows(chain.lumps_of(chain.kinds))
+    warn(arm.repairs)
     if as_json:
         common: dict[str, Any] = {settings.kind: settings.file, "lost_meshes": lost, "gravity": tree.gravity.tolist()}
+        common["repairs"] = arm.repairs
         links = [dict(zip(PARAMETERS, row, strict=True)) for row in tree.parameters.tolist()]
         faults = settings.faults.model_dump(mode="json")
         print_json(

@@ -13,7 +13,15 @@ from metaid.plant.arm_plant import ArmPlant, ArmStart
 from metaid.plant.arm_settings import ArmSettings
 from metaid.plant.faults import FaultSettings, Limit, Noise, draw, joint_limits, slope_weights, stream
 from metaid.plant.faulty_plant import FaultyPlant
-from metaid.plant.loading import load_chain, load_plant, load_rig, read_any_plant, read_plant, refuse_parts_outside
+from metaid.plant.loading import (
+    load_chain,
+    load_plant,
+    load_rig,
+    read_any_plant,
+    read_plant,
+    refuse_parts_outside,
+    with_joints,
+)
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.protocol import Plant
 from metaid.plant.settings import LinkSettings, PlantSettings, chain_of
@@ -55,6 +63,7 @@ __all__ = [
     "slope_weights",
     "stream",
     "true_faults",
+    "with_joints",
 ]
 
 

@@ -63,6 +63,11 @@ class ArmPlant:
         return self.arm.tree if self.known is None else self.known
 
     @property
+    def repairs(self) -> tuple[str, ...]:
+        """What its file says of its moving links and cannot be, as sentences."""
+        return self.arm.repairs if self.known is None else ()
+
+    @property
     def home(self) -> Array:
         """Joint coordinates at home (njoint), in rad or m."""
         return self.arm.home

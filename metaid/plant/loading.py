@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from metaid.errors import PlantError
@@ -14,14 +15,20 @@ from metaid.plant.settings import PlantSettings
 from metaid.plant.socket_plant import SocketPlant, SocketSettings
 from metaid.plant.wire import FORMS
 
-ARM_FILES = {".xml": "mjcf", ".urdf": "urdf"}  # endings of what describes an arm, and the key that names it
+ARM_FILES = {
+    ".xml": "mjcf",
+    ".urdf": "urdf",
+    ".xacro": "urdf",
+}  # endings of what describes an arm, and the key that names it
 AnySettings = PlantSettings | SocketSettings | ArmSettings
 
 
-def load_plant(name: str | Path) -> MujocoPlant | ArmPlant:
-    """The shipped plant of that name, or what is at that path: a plant file, an MJCF or a URDF.  Raises PlantError."""
+def load_plant(name: str | Path, joints: Sequence[str] | None = None) -> MujocoPlant | ArmPlant:
+    """The shipped plant of that name, or what is at that path: a plant file, an MJCF or a URDF. Of an arm only these
+    `joints` move where they are said.  Raises PlantError.
+    """
     path = find_file("plants", str(name), PlantError)
-    settings = read_any_plant(path)
+    settings = with_joints(read_any_plant(path), joints, path)
     if settings.why_no_chain is None:
         return _chain(path, settings)
     if not isinstance(settings, ArmSettings):
@@ -52,6 +59,15 @@ def _of_chain(path: Path, settings: AnySettings) -> PlantSettings:
     if not isinstance(settings, PlantSettings):
         raise PlantError(f"{path}: {settings.why_no_chain}")
     return settings
+
+
+def with_joints(settings: AnySettings, joints: Sequence[str] | None, path: Path) -> AnySettings:
+    """Settings of a plant file at a path with other joints that move.  Raises PlantError where it is no arm's."""
+    if joints is None:
+        return settings
+    if not isinstance(settings, ArmSettings):
+        raise PlantError(f"{path}: joints: all of it move (allowed: joints of an MJCF or URDF)")
+    return settings.model_copy(update={"joints": tuple(joints)})
 
 
 def read_any_plant(path: Path) -> AnySettings:

@@ -9,6 +9,7 @@ out. `judge_records` says whether the result can be used.
 from metaid.recorded.choosing import Choices
 from metaid.recorded.doubts.checks import Fact, facts_of
 from metaid.recorded.estimating import RecordedEstimate, equations_like, estimate_records
+from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.held_out import HeldOut
 from metaid.recorded.reading.laws import law_torques
 from metaid.recorded.reading.log import Record, read_record
@@ -25,17 +26,20 @@ __all__ = [
     "Fact",
     "FileError",
     "FrictionCurve",
+    "Gains",
     "GravityCurve",
     "HeldOut",
     "LeftOut",
     "LinearModel",
     "Log",
+    "Payload",
     "Record",
     "RecordedEstimate",
     "RecordedResult",
     "RecordedVerdict",
     "arm_model",
     "chain_model",
+    "drive_gains",
     "equations_like",
     "estimate",
     "estimate_records",

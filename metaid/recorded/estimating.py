@@ -22,11 +22,12 @@ from metaid.recorded.choosing import (
 )
 from metaid.recorded.doubts.scales import torque_scale
 from metaid.recorded.doubts.suspects import examined, suspects
+from metaid.recorded.gains import Gains
 from metaid.recorded.held_out import HeldOut, Yardstick
 from metaid.recorded.reading.log import Record
 from metaid.recorded.weak_form.equations import Equations, Solution, equations_of
 from metaid.recorded.weak_form.linear_model import LinearModel
-from metaid.recorded.weak_form.normal import ZERO, Blocks
+from metaid.recorded.weak_form.normal import ZERO, Blocks, beside_zeros
 from metaid.recorded.weak_form.possible import Possible, PossibleModel
 from metaid.recorded.weak_form.smoothed import Smoothed, smoothed
 
@@ -57,6 +58,7 @@ class RecordedEstimate:
         lacking: what the model has not, and would explain some of what is left.
         logs: on their grids.
         moved: how long the robot moved in all logs, in s.
+        gains: of the drives, by which the logs' torques were multiplied; None where no payload tells them.
     """
 
     names: tuple[str, ...]
@@ -77,6 +79,7 @@ class RecordedEstimate:
     lacking: tuple[str, ...]
     logs: tuple[Smoothed, ...]
     moved: float
+    gains: Gains | None = None
 
     @property
     def values(self) -> Array:
@@ -103,13 +106,16 @@ class RecordedEstimate:
         return fastest(self.logs)
 
 
-def estimate_records(records: Sequence[Record], model: LinearModel, choices: Choices | None = None) -> RecordedEstimate:
+def estimate_records(
+    records: Sequence[Record], model: LinearModel, choices: Choices | None = None, gains: Gains | None = None
+) -> RecordedEstimate:
     """What logs say of a robot.
 
     Args:
         records: the logs, each a run of its own.
         model: what is unknown; its terms of friction do not count.
         choices: what the user chose.
+        gains: by which the torques of the logs were multiplied, where a payload tells them.
 
     Raises:
         RecordError: the logs have too little of it.
@@ -122,7 +128,7 @@ def estimate_records(records: Sequence[Record], model: LinearModel, choices: Cho
     model = model.with_still(usual_still(logs))
     logs = with_cutoff(records, logs, model, model.is_chain and choices.zeros is not False)
     plain = _plain(records, logs, model)
-    scale = 1.0 if plain is None else torque_scale(plain)
+    scale = 1.0 if plain is None or gains else torque_scale(plain)
     chosen = choose(records, logs, model, choices, scale)
     equations = chosen.equations
     refined, possible, solution = _refined(equations, logs)
@@ -134,7 +140,9 @@ def estimate_records(records: Sequence[Record], model: LinearModel, choices: Cho
     simulator, simulator_model, simulator_held = _for_simulators(equations, logs, yardstick)
     repeated = np.array([each.values for each in solutions])
     covariance = _widened(_projected(equations, possible), repeated)
-    systematic, lacking = _systematic(equations, records, logs, possible.values)
+    if gains is not None:
+        covariance = covariance + _of_gains(equations, gains.relative)
+    systematic, lacking = _systematic(equations, records, logs, possible.values, gains is None)
     return RecordedEstimate(
         names=tuple(record.name for record in records),
         model=equations.model,
@@ -154,6 +162,7 @@ def estimate_records(records: Sequence[Record], model: LinearModel, choices: Cho
         lacking=lacking,
         logs=logs,
         moved=float(sum(own.judged.sum() * own.period for own in logs)),
+        gains=gains,
     )
 
 
@@ -267,14 +276,42 @@ def _widened(covariance: Array, repeated: Array) -> Array:
     return np.asarray(covariance * np.outer(growth, growth), dtype=np.float64)
 
 
+def _of_gains(equations: Equations, relative: Array) -> Array:
+    """What deviations of the gains, as shares of them (njoint), add to the covariance of the unknowns (nparam x
+    nparam).  Eq. 75.
+    """
+    solution, rows, _ = equations.solved
+    nparam = len(solution.values)
+    moments = np.zeros((nparam, len(relative)))
+    for own, torques in zip(rows, equations.torques, strict=True):
+        columns = own[..., :nparam]
+        if equations.zeros:
+            columns, _ = beside_zeros(own, torques, nparam, solution.weight)
+        moments += np.einsum("wajp,jk,wak->pk", columns, solution.weight, torques, optimize=True)
+    scale = 1.0 / np.sqrt(np.diag(solution.precision))
+    changes = scale[:, None] * np.linalg.solve(solution.precision * np.outer(scale, scale), scale[:, None] * moments)
+    return np.asarray((changes * relative**2) @ changes.T, dtype=np.float64)
+
+
 def _systematic(
-    equations: Equations, records: Sequence[Record], logs: Sequence[Smoothed], values: Array
+    equations: Equations,
+    records: Sequence[Record],
+    logs: Sequence[Smoothed],
+    values: Array,
+    scales: bool,
 ) -> tuple[Array, tuple[str, ...]]:
     """Standard deviations of what the model may lack would change of the unknowns (nparam), and what the logs show of
     it.  Eq. 60.
+
+    Args:
+        equations: of all windows.
+        records: the logs.
+        logs: the same on their grids.
+        values: the unknowns (nparam).
+        scales: whether the torques of joints may have scales of their own.
     """
     changes, lacking = [], []
-    for suspect in suspects(equations, values):
+    for suspect in suspects(equations, values, scales):
         suspicion = examined(equations, values, suspect)
         changes.append(suspicion.change)
         lacking += [f"{suspect.what} of joint {equations.model.joints[joint]}" for joint in suspicion.joints]

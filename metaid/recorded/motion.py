@@ -37,7 +37,7 @@ class Begun:
         own = self.own
         middles = own.times + 0.5 * own.period - delay
         sent = np.stack([np.interp(middles, own.times, column) for column in own.sent.T], axis=1)
-        return np.asarray(sent[self.starts[:, None] + np.arange(round(AHEAD / own.period))], dtype=np.float64)
+        return np.asarray(sent[self.starts[:, None] + np.arange(_reach(own.period))], dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -51,9 +51,14 @@ class Motion:
     constant_speed: Array
 
 
+def _reach(period: float) -> int:
+    """How many periods of a grid, in s, are simulated: as many of grids that differ by rounding."""
+    return round(AHEAD / round(period, 9))
+
+
 def starts_of(own: Smoothed, which: NDArray[np.bool_], most: int) -> NDArray[np.intp]:
     """Rows of a grid from which AHEAD s can be simulated, all of them among `which` (nrow), at most so many."""
-    reach = round(AHEAD / own.period)
+    reach = _reach(own.period)
     inside = np.convolve(which, np.ones(reach + 1), mode="valid") > reach + 0.5
     rows = np.flatnonzero(inside)
     stride = max(1, round(APART / own.period))
@@ -72,7 +77,7 @@ def simulated(model: LinearModel, begun: Sequence[Begun], delay: float) -> Motio
     """
     n, nbody, period = model.njoint, model.nbody, begun[0].own.period
     fine = max(1, int(np.ceil(period / STEP)))
-    step, steps = period / fine, round(AHEAD / period)
+    step, steps = period / fine, _reach(period)
     sizes = [len(each.starts) for each in begun]
     sent = np.concatenate([each.sent(delay) for each in begun])
     zeros = np.repeat([each.zeros for each in begun], sizes, axis=0)

@@ -13,10 +13,11 @@ from threadpoolctl import threadpool_limits
 
 from metaid.errors import RecordError, unknown
 from metaid.files import shipped_logs
-from metaid.plant import load_plant
-from metaid.recorded.choosing import Choices
+from metaid.plant import ArmPlant, load_plant
+from metaid.recorded.choosing import Choices, usual_still
 from metaid.recorded.doubts.checks import Fact, facts_of
 from metaid.recorded.estimating import RecordedEstimate, estimate_records
+from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.held_out import HeldOut, Yardstick
 from metaid.recorded.reading.laws import law_torques
 from metaid.recorded.reading.log import Record, read_record
@@ -43,6 +44,7 @@ class RecordedResult:
         verdict: on it.
         facts: what looks wrong in the logs, with the option that mends each.
         validation: logs that nothing was fitted to, with how well they are predicted.
+        nominal_repairs: what the nominal robot's file says and cannot be, as sentences.
     """
 
     plant: str
@@ -51,6 +53,7 @@ class RecordedResult:
     verdict: RecordedVerdict
     facts: tuple[Fact, ...]
     validation: tuple[tuple[Smoothed, str, HeldOut], ...]
+    nominal_repairs: tuple[str, ...] = ()
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -63,7 +66,8 @@ class RecordedResult:
             {"path": name, "torque": found.summary["torque"], "motion": found.summary["motion"]}
             for _, name, found in self.validation
         ]
-        return summary(self.plant, self.records, self.estimate, self.verdict, validation, files)
+        said = summary(self.plant, self.records, self.estimate, self.verdict, validation, files)
+        return said | {"nominal_repairs": list(self.nominal_repairs)}
 
     @property
     def model(self) -> IdentifiedModel:
@@ -98,7 +102,9 @@ def estimate(
     logs: Sequence[Log] | Log,
     nominal: str | Path,
     *,
+    joints: Sequence[str] | None = None,
     validate: Sequence[Log] = (),
+    payloads: Sequence[Payload] = (),
     law: str | Path | None = None,
     friction: Sequence[str] | None = None,
     coupled: Sequence[tuple[int, int]] = (),
@@ -116,7 +122,9 @@ def estimate(
     Args:
         logs: paths or frames, each a run of its own, or the name of shipped ones, `double-pendulum`.
         nominal: the nominal robot: the name of a shipped plant, or the path of a plant file, an MJCF or a URDF.
+        joints: of an MJCF or URDF those that move; the others are held. By default all.
         validate: logs that nothing is fitted to.
+        payloads: logs with a payload, which tell the gains of the drives; torques are multiplied with these.
         law: the plant that the torques compensated, where the logs have none.
         friction: the terms of every joint, of viscous, coulomb, root, offset, load and hysteresis; by default those
             that predict best what is left out.
@@ -132,7 +140,7 @@ def estimate(
         RecordError: a log cannot be used, or does not fit the robot.
         PlantError: a plant cannot be used.
     """
-    plant = load_plant(nominal)
+    plant = load_plant(nominal, joints)
     choices = Choices(span=window, delay=delay, zeros=zeros)
     if friction is not None:
         for term in friction:
@@ -140,9 +148,10 @@ def estimate(
                 raise RecordError(f"friction: {unknown('term', term, TERMS)}")
         choices = replace(choices, friction=tuple(friction))
     model = _model(plant, [_joints(pair, plant.njoint) for pair in coupled], gravity)
-    many = _with_shipped([logs] if isinstance(logs, str | Path | pd.DataFrame) else logs)
+    given = [logs] if isinstance(logs, str | Path | pd.DataFrame) else logs
+    many = _with_shipped([log for log in given if not any(_is_same(log, each.log) for each in payloads)])
     if not many:
-        raise RecordError("no log (allowed: one or more)")
+        raise RecordError(f"no log{' without a payload' if payloads else ''} (allowed: one or more)")
     factors = _by_joint("scale", scale or {}, model, 1.0)
     offsets = _by_joint("zero", zero or {}, model, 0.0)
 
@@ -159,14 +168,38 @@ def estimate(
 
     records = tuple(read(log, number) for number, log in enumerate(many, 1))
     others = tuple(read(log, number) for number, log in enumerate(_with_shipped(validate), len(many) + 1))
+    after = len(many) + len(others) + 1
+    loaded = [(read(each.log, number), each) for number, each in enumerate(payloads, after)]
     with threadpool_limits(1):  # matrices this small are slower on several
-        found = estimate_records(records, model, choices)
+        gains = _gains(records, loaded, model) if loaded else None
+        if gains is not None:
+            records, others = (tuple(_multiplied(each, gains) for each in every) for every in (records, others))
+        found = estimate_records(records, model, choices, gains)
         facts = facts_of(records, found)
         verdict = judge_records(records, found, [fact.text for fact in facts])
         validation = tuple(
             (own, other.name, _validated(found, own)) for other in others if (own := _smoothed(found, other))
         )
-    return RecordedResult(plant.name, records, found, verdict, facts, validation)
+    repairs = plant.repairs if isinstance(plant, ArmPlant) else ()
+    return RecordedResult(plant.name, records, found, verdict, facts, validation, repairs)
+
+
+def _is_same(log: Log, other: Log) -> bool:
+    """Whether two logs are one: the same frame, or the same path."""
+    if isinstance(log, pd.DataFrame) or isinstance(other, pd.DataFrame):
+        return log is other
+    return Path(log) == Path(other)
+
+
+def _gains(unloaded: Sequence[Record], loaded: Sequence[tuple[Record, Payload]], model: LinearModel) -> Gains:
+    if model.prior is None:
+        raise RecordError("payload: the robot is a planar chain of a plant file (allowed: an MJCF or URDF)")
+    logs = [smoothed(record) for record in (*unloaded, *(record for record, _ in loaded))]
+    return drive_gains(unloaded, loaded, logs, model.with_still(usual_still(logs)), model.prior.nominal)
+
+
+def _multiplied(record: Record, gains: Gains) -> Record:
+    return record.with_torques(record.torques * gains.values)
 
 
 def _with_shipped(logs: Sequence[Log]) -> list[Log]:

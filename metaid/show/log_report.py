@@ -52,6 +52,14 @@ def _joints(found: RecordedResult, summary: dict[str, Any]) -> list[dict[str, An
 def _settings(summary: dict[str, Any]) -> dict[str, str]:
     """What was chosen, by what each text is about."""
     window, friction = summary["window"], summary["friction"]
+    said: dict[str, str] = {}
+    if summary["gains"] is not None:
+        said["Gains"] = "; ".join(
+            f"{row['joint']} {row['gain']:.4g} ± {row['sd']:.2g}{'' if row['determined'] else ' (not told)'}"
+            for row in summary["gains"]
+        )
+    if summary["nominal_repairs"]:
+        said["Nominal robot"] = "; ".join(summary["nominal_repairs"])
     coupled = "".join(f"; joints {one} and {other} share motors" for one, other in friction["coupled"])
     return {
         "Motion": f"{window['moving_s']:.4g} s of {sum(log['seconds'] for log in summary['logs']):.4g} s",
@@ -62,4 +70,5 @@ def _settings(summary: dict[str, Any]) -> dict[str, str]:
         if summary["delay"]
         else "none",
         "Misfit": f"{summary['misfit']:.3g} deviations of what the noise of the angles would leave",
+        **said,
     }

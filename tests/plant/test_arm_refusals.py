@@ -98,7 +98,7 @@ def test_file_that_is_no_serial_arm_is_refused(tmp_path: Path, name: str) -> Non
 def test_force_that_nobody_thought_of_is_refused(tmp_path: Path) -> None:
     """Where the lean model does not move as the file does, the joint and the force are named."""
     (tmp_path / "arm.xml").write_text(two(joint="stiffness='3'"), encoding="utf-8")
-    model, _ = compile_file(tmp_path / "arm.xml", is_urdf=False)
+    model = compile_file(tmp_path / "arm.xml", is_urdf=False).model
     whole = Whole(model, moving_joints("arm.xml", model, None), model.qpos0)
     tree = fuse(whole)
     for other, what in ((tree, "passive force"), (replace(tree, rotor=tree.rotor + 1.0), "inertia")):
@@ -160,7 +160,7 @@ FILES = {
     ),
     "no joints": ("<mujoco/>", "no joint moves (allowed: hinges and slides in series)"),
     "impossible body": (
-        two(within='<inertial pos="0 0 0" mass="1" diaginertia="1 1 3"/>'),
+        two(within='<inertial pos="0 0 0" mass="-1" diaginertia="1 1 1"/>'),
         "MuJoCo cannot compile it: ",
     ),
     "mass of a mesh": (

@@ -7,15 +7,27 @@ from typing import TYPE_CHECKING
 
 import click
 
-from metaid.cli.common import FIGURE_SUFFIXES, json_option, numbers, print_json, refuse_output, say, typed, whole_file
+from metaid.cli.common import (
+    FIGURE_SUFFIXES,
+    json_option,
+    names_of,
+    numbers,
+    print_json,
+    refuse_output,
+    say,
+    typed,
+    warn,
+    whole_file,
+)
 from metaid.cli.recorded.drawing import draw, figure_of
 from metaid.cli.recorded.printing import print_result
 
 if TYPE_CHECKING:
-    from metaid.recorded import FileError, RecordedResult
+    from metaid.recorded import FileError, Payload, RecordedResult
 
-MODEL_HELP = "Write .xml, .urdf, .py, .h, .toml, .json, torque.pdf."
-NOMINAL_HELP = "A plant's name, a plant file, MJCF or URDF."
+MODEL_HELP = "Write .xml .urdf .py .h .toml .json, or torque.pdf."
+NOMINAL_HELP = "A plant's name or file, an MJCF or URDF."
+PAYLOAD_HELP = "A log with this weight, which tells drives' gains."
 FRICTION_HELP = "Of viscous,coulomb,root,offset,load,hysteresis."
 NOT_FOUND = 3  # exit status
 
@@ -32,9 +44,11 @@ NOT_FOUND = 3  # exit status
     help="A log to predict alone.",
 )
 @click.option("--law", metavar="PLANT", help="The torques were those that compensate this plant.")
+@click.option("--joints", metavar="A,B,…", help="Of an MJCF or URDF those that move.")
 @click.option("--friction", metavar="TERMS", help=FRICTION_HELP)
 @click.option("--couple", "couples", metavar="I,J", multiple=True, help="Two joints whose motors are coupled.")
 @click.option("--scale", metavar="JOINT=FACTOR", multiple=True, help="Multiply logged torques of a joint, or of 'all'.")
+@click.option("--payload", "payloads", metavar="LOG=KG@X,Y,Z", multiple=True, help=PAYLOAD_HELP)
 @click.option("--zero", metavar="JOINT=RAD", multiple=True, help="Add to the logged angles of a joint.")
 @click.option("--gravity", metavar="X,Y,Z", help="In the frame of the base, in m/s².")
 @click.option("--zeros/--no-zeros", default=None, help="Encoders have a zero of their own in each log.")
@@ -42,7 +56,7 @@ NOT_FOUND = 3  # exit status
 @click.option("--delay", type=click.FloatRange(-1.0, 1.0), metavar="S", help="Of the torques, in s; else found.")
 @click.option("-o", "outputs", type=click.Path(path_type=Path), multiple=True, help=MODEL_HELP)
 @click.option("--report", type=click.Path(path_type=Path), metavar="FILE.html", help="Write one page with figures.")
-@click.option("--even-if-not-found", is_flag=True, help="Print the numbers and write the files all the same.")
+@click.option("--even-if-not-found", is_flag=True, help="Print numbers and write files all the same.")
 @click.option("--all", "whole", is_flag=True, help="Print every parameter, and what was tried.")
 @json_option
 def estimate(
@@ -50,9 +64,11 @@ def estimate(
     nominal: str,
     others: tuple[Path, ...],
     law: str | None,
+    joints: str | None,
     friction: str | None,
     couples: tuple[str, ...],
     scale: tuple[str, ...],
+    payloads: tuple[str, ...],
     zero: tuple[str, ...],
     gravity: str | None,
     zeros: bool | None,
@@ -66,8 +82,8 @@ def estimate(
 ) -> int:
     """Identify a robot from logs of its motion.
 
-    A log has a column `time` in s and, of every joint, `angle_1` in rad, `torque_1` in N m and perhaps `speed_1` in
-    rad/s. Each log is a run of its own; `double-pendulum` is three of a real one. Exit status 3: not found.
+    Columns: `time`, `angle_1`, `torque_1`, perhaps `speed_1`, in SI units. Each is a run; `double-pendulum` is three
+    real ones. Exit status 3: not found.
     """
     from metaid.recorded import estimate as estimated
     from metaid.results.exporting import SUFFIXES
@@ -84,6 +100,8 @@ def estimate(
         logs,
         nominal,
         validate=others,
+        joints=names_of(joints),
+        payloads=[_payload(text) for text in payloads],
         law=law,
         friction=terms,
         coupled=pairs,
@@ -94,6 +112,7 @@ def estimate(
         delay=delay,
         zeros=zeros,
     )
+    warn(result.nominal_repairs)
     has_numbers = result.verdict.is_found or even_if_not_found
     models = [output for output in outputs if output.suffix in SUFFIXES]
     files = [_written(result, output) for output in models] if has_numbers else []
@@ -130,6 +149,21 @@ def _of_file(output: Path, each: FileError, result: RecordedResult) -> str:
         return f"{output}: written ({each.why_not})"
     rows = "the logs to validate" if result.validation else "the logs, which it was fitted to"
     return f"{output}: loaded again it predicts the torques of {rows}, to {each.relative:.2%}"
+
+
+def _payload(text: str) -> Payload:
+    """`LOG=KG[@X,Y,Z]` as a payload."""
+    from metaid.recorded import Payload
+
+    log, _, rest = text.rpartition("=")
+    mass, _, place = rest.partition("@")
+    try:
+        where = tuple(float(each) for each in place.split(",")) if place else None
+        if not log:
+            raise ValueError
+        return Payload(Path(log), float(mass), where)
+    except ValueError:
+        raise click.UsageError(f"--payload '{text}' (allowed: LOG=KG or LOG=KG@X,Y,Z, as load.csv=2.8)") from None
 
 
 def _pair(text: str) -> tuple[int, int]:

@@ -27,6 +27,8 @@ def print_result(result: RecordedResult, has_numbers: bool, whole: bool) -> None
     if has_numbers:
         _print_parameters(shown, whole)
         _print_friction(shown)
+        if shown["gains"] is not None:
+            _print_gains(shown["gains"])
         if whole:
             _print_tried(shown)
     reasons = shown["reasons"] if whole or not has_numbers else shown["reasons"][:REASONS]
@@ -103,6 +105,21 @@ def _print_friction(shown: dict[str, Any]) -> None:
         ]
         rows.append([curve["joint"], *cells])
     print_table("friction", ["joint", "slow", "middle", "fast (N m at rad/s)"], rows)
+
+
+def _print_gains(gains: list[dict[str, Any]]) -> None:
+    rows = [
+        [
+            each["joint"],
+            f"{each['gain']:.4g}",
+            f"± {each['sd']:.2g}",
+            f"{number_text(each['low'], '.4g')} to {number_text(each['high'], '.4g')}",
+            "" if each["determined"] else "not told",
+        ]
+        for each in gains
+    ]
+    note = "The logged torques were multiplied by these: all numbers are in N m (N) and kg."
+    print_table("gains of the drives", ["joint", "gain", "sd", "95 %", "payload"], rows, note)
 
 
 def _print_tried(shown: dict[str, Any]) -> None:

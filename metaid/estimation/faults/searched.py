@@ -78,7 +78,7 @@ class SearchedFaults:
         return np.array([BEND if self.is_bounded and kind in NEVER_NEGATIVE else np.inf for kind in kinds])
 
     def values(self, unknowns: Array) -> Array:
-        """The faults (nfault), in their units, at these `unknowns` (nfault).  Eq. 74."""
+        """The faults (nfault), in their units, at these `unknowns` (nfault).  Eq. 76."""
         bounded = np.isfinite(self._bend)
         positive = 0.5 * (unknowns + np.hypot(unknowns, np.where(bounded, self._bend, 0.0)))
         changes = self.scales * np.where(bounded, positive, unknowns)
@@ -127,7 +127,7 @@ class SearchedFaults:
             torques = torques + found["bias"]
         if "cogging" in found:
             cosine, sine = found["cogging"].reshape(2, self.njoint)
-            phases = self.teeth * 0.5 * (angles[:, 1:] + angles[:, :-1])  # half way from one reading to the next
+            phases = self.teeth * 0.5 * (angles[:, 1:] + angles[:, :-1])  # Eq. 77
             torques = torques + cosine * np.cos(phases) + sine * np.sin(phases)
         if "spring" in found and "offset" in found:
             torques = torques + found["spring"] * found["offset"]  # a spring is at rest where its joint is straight

@@ -96,7 +96,13 @@ class Combining:
         self, kinds: tuple[str, ...], before: Tried | None, start: Array | None = None, teeth: int = 0
     ) -> Tried | None:
         """The fit with faults of these `kinds`, from where the one `before` ended, or a `start`; None where the twin
-        cannot follow. Cogging repeats `teeth` times a turn, or as often as before.
+        cannot follow.
+
+        Args:
+            kinds: of the faults.
+            before: the fit that it begins from; None for a `start`.
+            start: the unknowns (nunknown) that it begins from; None for the nominal model.
+            teeth: how many times a turn cogging repeats; 0 for as often as before.
         """
         faults, noise = self._bounded(kinds, before, teeth), self.torque_noise
         if before is not None:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import threading
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 from xml.etree import ElementTree
 
 from metaid.errors import PlantError, usable_mujoco
 from metaid.plant.asked import SCHEME, refuse_absurd_sizes
+from metaid.plant.description.repairing import Repair, repair_inertias
 
 with usable_mujoco():
     import mujoco
@@ -21,9 +23,18 @@ _warning_lock = threading.RLock()
 T = TypeVar("T")
 
 
-def compile_file(path: Path, is_urdf: bool) -> tuple[mujoco.MjModel, tuple[str, ...]]:
-    """The compiled whole of an MJCF or URDF, and the meshes that cannot be loaded: these are left out where only shapes
-    are lost. Textures that cannot be loaded are left out, too.
+@dataclass(frozen=True, eq=False)
+class Compiled:
+    """The `model` of a whole file, the meshes that cannot be loaded (`lost`), and the inertias that were impossible."""
+
+    model: mujoco.MjModel
+    lost: tuple[str, ...] = ()
+    repairs: tuple[Repair, ...] = ()
+
+
+def compile_file(path: Path, is_urdf: bool) -> Compiled:
+    """The compiled whole of an MJCF or URDF. Meshes that cannot be loaded are left out where only shapes are lost.
+    Textures that cannot be loaded are left out, too. Impossible inertias are repaired.
 
     Args:
         path: of the file.
@@ -37,17 +48,18 @@ def compile_file(path: Path, is_urdf: bool) -> tuple[mujoco.MjModel, tuple[str, 
     if found != root:
         raise PlantError(f"{path}: no {kind}: it begins with <{found}> (allowed: <{root}>)")
     refuse_absurd_sizes(path)
+    _refuse_xacro(path)
     with gathered_warnings() as warned:
         spec = _attempt(path, "read", lambda: mujoco.MjSpec.from_file(str(path)))
         if any("NaN" in warning for warning in warned):
             raise PlantError(f"{path}: a number in it is NaN (allowed: finite numbers)")
         _attempt(path, "read", lambda: _prepare(spec, path, is_urdf))
-        model, lost = _attempt(path, "compile", lambda: _compile(spec, path))
+        compiled = _attempt(path, "compile", lambda: _compile(spec, path, is_urdf))
     try:
-        model.names.decode()
+        compiled.model.names.decode()
     except UnicodeDecodeError:
         raise PlantError(f"{path}: a name in it is not UTF-8 (allowed: names that are)") from None
-    return model, lost
+    return compiled
 
 
 def _prepare(spec: mujoco.MjSpec, path: Path, is_urdf: bool) -> None:
@@ -59,13 +71,16 @@ def _prepare(spec: mujoco.MjSpec, path: Path, is_urdf: bool) -> None:
         mesh.file = _found(mesh.file, path)
 
 
-def _compile(spec: mujoco.MjSpec, path: Path) -> tuple[mujoco.MjModel, tuple[str, ...]]:
-    try:
-        return spec.copy().compile(), ()
-    except _BROKEN:
-        lost = _leave_out_lost_meshes(spec, path)
-        _leave_out_textures(spec)
-    return spec.compile(), lost
+def _compile(spec: mujoco.MjSpec, path: Path, is_urdf: bool) -> Compiled:
+    """The file as it is, else without what cannot be loaded, else with inertias that can be."""
+    with suppress(*_BROKEN):
+        return Compiled(spec.copy().compile())
+    lost = _leave_out_lost_meshes(spec, path)
+    _leave_out_textures(spec)
+    with suppress(*_BROKEN):
+        return Compiled(spec.copy().compile(), lost)
+    repairs = repair_inertias(spec, lambda body: is_urdf or _weighs_as_said(spec, body) or not body.geoms)
+    return Compiled(spec.compile(), lost, repairs)
 
 
 def _attempt(path: Path, what: str, do: Callable[[], T]) -> T:
@@ -105,6 +120,23 @@ def _root(path: Path, kind: str) -> str:
     except (ElementTree.ParseError, ValueError) as problem:
         raise PlantError(f"{path}: not valid XML: {problem}") from None
     raise PlantError(f"{path}: empty (allowed: an {kind} file)")
+
+
+def _refuse_xacro(path: Path) -> None:
+    """Raises PlantError where a URDF is still to be expanded. What xacro leaves beside links and joints does not
+    matter.
+    """
+    found = "it ends with .xacro" if path.suffix == ".xacro" else ""
+    for part in ElementTree.parse(path).getroot():
+        space, _, kind = part.tag.rpartition("}")
+        if space.endswith("xacro") and kind not in ("property", "arg", "macro"):
+            found = found or f"<xacro:{kind}> is in it"
+        elif kind in ("link", "joint"):
+            texts = (text for each in part.iter() if each.tag != "mesh" for text in each.attrib.values())
+            left = next((text for text in texts if "${" in text or "$(" in text), None)
+            found = found or (f"'{left}' is in <{kind}>" if left else "")
+    if found:
+        raise PlantError(f"{path}: {found} (allowed: what xacro makes of it: xacro {path.stem}.xacro > robot.urdf)")
 
 
 def _weighs_as_said(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> bool:

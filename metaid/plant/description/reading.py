@@ -21,18 +21,20 @@ from metaid.plant.description.refusing import moving_joints, refuse_what_is_no_a
 with usable_mujoco():
     import mujoco
 
+LIGHTEST = 1e-6  # kg, of a last link
 TOLERANCE = 1e-8  # relative: the lean model must move as the whole file does
 
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """An arm as its plant file says it is: its `tree`, the `whole` file it was made from, and the coordinates `home`
-    of its joints (njoint), in rad or m.
+    """An arm as its plant file says it is: its `tree`, the `whole` file it was made from, the coordinates `home` of its
+    joints (njoint), in rad or m, and what was repaired in its moving links.
     """
 
     tree: Tree
     whole: Whole
     home: Array
+    repairs: tuple[str, ...] = ()
 
 
 def read_arm(settings: ArmSettings, source: str) -> Arm:
@@ -46,12 +48,17 @@ def read_arm(settings: ArmSettings, source: str) -> Arm:
         PlantError: the file is missing, does not compile, or is no serial arm.
     """
     path = Path(settings.file)
-    model, lost = compile_file(path, is_urdf=settings.kind == "urdf")
-    named = f"{source}: {path.name}"
+    compiled = compile_file(path, is_urdf=settings.kind == "urdf")
+    model, named = compiled.model, f"{source}: {path.name}"
     joints = moving_joints(named, model, settings.joints)
-    whole = Whole(model, joints, _pose(model, settings, source), lost)
+    whole = Whole(model, joints, _pose(model, settings, source), compiled.lost)
+    repairs = tuple(f"{path.name}: {each.text}" for each in compiled.repairs if each.matters(whole.names))
     refuse_what_is_no_arm(named, whole)
     tree = fuse(whole)
+    if tree.mass[-1] <= LIGHTEST:
+        raise PlantError(
+            f"{named}: nothing that joint '{tree.names[-1]}' moves weighs anything (allowed: a link with an <inertial>)"
+        )
     refuse_another_motion(named, whole, tree, settings.timestep)
     for key in ("rotor", "damping", "frictionloss", "torque_limit", "stiffness"):
         _known(source, key, getattr(settings, key), tree.names)
@@ -63,7 +70,7 @@ def read_arm(settings: ArmSettings, source: str) -> Arm:
         coulomb=_instead(tree.coulomb, settings.frictionloss, tree.names),
         torque_limit=_instead(tree.torque_limit, settings.torque_limit, tree.names),
     )
-    return Arm(tree, whole, whole.pose[whole.addresses])
+    return Arm(tree, whole, whole.pose[whole.addresses], repairs)
 
 
 def _known(source: str, key: str, given: Mapping[str, float], names: tuple[str, ...]) -> None:

@@ -15,7 +15,7 @@ with usable_mujoco():
 
 MOST = 64  # joints, as many as a planar chain may have
 LARGEST = 1e6  # of every number in SI units: nobody has an arm that needs more
-LEAVE_OUT = "joints = [names] of those that move, the others are held"
+LEAVE_OUT = "joints = [names] (--joints A,B) of those that move, the others are held"
 
 
 def moving_joints(source: str, model: mujoco.MjModel, wanted: Sequence[str] | None) -> tuple[int, ...]:
@@ -53,9 +53,20 @@ def moving_joints(source: str, model: mujoco.MjModel, wanted: Sequence[str] | No
         if int(model.jnt_bodyid[before]) not in _to_base(model, int(model.jnt_bodyid[after])):
             raise PlantError(
                 f"{source}: joints '{names[before]}' and '{names[after]}' are on different branches (allowed: joints "
-                f"in series; or {LEAVE_OUT})"
+                f"in series, as {','.join(_longest(model))}; or {LEAVE_OUT})"
             )
     return joints
+
+
+def _longest(model: mujoco.MjModel) -> list[str]:
+    """The names of the hinges and slides of the longest series in a file, from the base on."""
+    series: dict[int, list[str]] = {}
+    for joint, kind in enumerate(model.jnt_type.tolist()):
+        if kind in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
+            body = int(model.jnt_bodyid[joint])
+            before = next((series[each] for each in _to_base(model, body) if each in series), [])
+            series[body] = [*before, joint_name(model, joint)]
+    return max(series.values(), key=len)
 
 
 def _to_base(model: mujoco.MjModel, body: int) -> Iterator[int]:

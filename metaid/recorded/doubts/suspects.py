@@ -110,8 +110,10 @@ def examined(equations: Equations, values: Array, suspect: Suspect) -> Suspicion
     return Suspicion(np.asarray(change, dtype=np.float64), tuple(joints))
 
 
-def suspects(equations: Equations, values: Array) -> Iterator[Suspect]:
-    """What logs are asked about, with the unknowns as they were found (nparam)."""
+def suspects(equations: Equations, values: Array, scales: bool) -> Iterator[Suspect]:
+    """What logs are asked about, with the unknowns as they were found (nparam); `scales` of torques where no payload
+    tells them.
+    """
     model, n = equations.model, equations.model.njoint
     every, parts = tuple(range(n)), equations.parts
     joints = np.arange(n)
@@ -140,7 +142,7 @@ def suspects(equations: Equations, values: Array) -> Iterator[Suspect]:
         zeros = np.zeros(n)
         columns = [part.zero_columns(model, values[: model.nbody], zeros) for part in parts]
         yield Suspect("an offset of the encoder", columns, every, np.full(n, OFF))
-    if n > 1:  # of one joint, or of all, no log shows it
+    if scales and n > 1:  # of one joint, or of all, no log shows it
         against = np.linalg.svd(np.eye(n) - 1.0 / n)[0][:, :-1]  # those of all joints together are 0
         columns = []
         for torques in equations.torques:

@@ -61,6 +61,8 @@ def judge_records(records: Sequence[Record], found: RecordedEstimate, facts: Seq
     if against:
         return RecordedVerdict("not found", (*facts, *against), lumps)
     reasons = (predicted(found), *facts, *_unexplained(found), SCALE)
+    if found.gains is not None:
+        reasons = (reasons[0], found.gains.text, *reasons[1:-1])
     is_explained = (found.misfit < EXPLAINED or found.held_out.relative < EXACT) and not found.lacking and not facts
     return RecordedVerdict("found" if is_explained else "approximate", reasons, lumps)
 

@@ -93,6 +93,8 @@ def recorded_identified_model(
         "written": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "metaid": metaid.__version__,
     }
+    if found.gains is not None:
+        about |= {"gains": found.gains.values.tolist(), "gain_deviations": found.gains.frame["sd"].tolist()}
     gravity: float | tuple[float, ...] = tuple(found.possible.tree.gravity.tolist())
     if found.model.is_chain and isinstance(found.model.source, tuple):
         gravity = found.model.source[1]

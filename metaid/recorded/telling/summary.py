@@ -73,7 +73,7 @@ def summary(
         },
         "delay": found.delay,
         "delay_at_bound": found.chosen.delay_at_bound,
-        "gains": None,
+        "gains": None if found.gains is None else [without_nan(row) for row in found.gains.frame.to_dict("records")],
         "scale": found.scale,
         "window": {
             "seconds": equations.span,

@@ -1,0 +1,128 @@
+"""How well torques of whole logs are predicted: by files that metaid wrote, nominal bodies, and least squares.
+
+Both sides pass the same filter without phase. Rows in which the arm stands still are not judged: dry friction may then
+have any size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.real.judging import (
+    ANGLES,
+    Log,
+    Missed,
+    Motion,
+    Rows,
+    file_torques,
+    low_pass,
+    missed,
+    motion_of,
+    mujoco_torques,
+)
+from benchmarks.real.least_squares import WEIGHTS, prepared, recipe, tuned
+from benchmarks.real.printed import judged_rows
+from metaid.models import Array
+from metaid.recorded import LinearModel
+
+YARDSTICK = 7.5  # Hz
+CUTOFFS = (3.0, 5.0, 7.5, 10.0, 20.0)  # Hz
+CLASSIC = ("viscous", "coulomb", "offset")
+STILL = 0.02  # rad/s, below which dry friction is a share of its whole
+
+
+@dataclass(frozen=True)
+class Test:
+    """A motion that is predicted, and which of its rows (nrow) count."""
+
+    motion: Motion
+    rows: Rows
+
+    def pair(self, torques: Array, measured: Array | None = None) -> tuple[Array, Array]:
+        """Predicted torques (nrow x njoint) through the filter, and the measured ones, of the rows that count."""
+        sent = self.motion.torques if measured is None else measured
+        return low_pass(torques, YARDSTICK, self.motion.period)[self.rows], sent[self.rows]
+
+    @property
+    def with_rest(self) -> Test:
+        return Test(self.motion, np.ones_like(self.rows))
+
+
+def read_test(log: Log) -> Test:
+    """A log that is predicted."""
+    motion = motion_of(log, ANGLES, YARDSTICK)
+    return Test(motion, judged_rows(log, motion))
+
+
+def file_error(path: Path, tests: Sequence[Test]) -> Missed:
+    """That of a file that metaid wrote."""
+    return missed([test.pair(file_torques(path, test.motion)) for test in tests])
+
+
+def nominal_error(model: Any, learned: Sequence[Test], tests: Sequence[Test]) -> Missed:
+    """That of the bodies of the URDF, with friction that is fitted to what they leave of the logs that are learned."""
+
+    def friction(speeds: Array) -> Array:
+        return np.stack([speeds, np.clip(speeds / STILL, -1.0, 1.0), np.ones_like(speeds)], axis=-1)
+
+    predicted, sent, columns = (
+        np.concatenate(parts)
+        for parts in zip(*(_with_friction(model, each, friction) for each in learned), strict=True)
+    )
+    left = sent - predicted
+    values = [np.linalg.lstsq(columns[:, joint], left[:, joint], rcond=None)[0] for joint in range(sent.shape[1])]
+    return missed([
+        test.pair(mujoco_torques(model, test.motion) + np.einsum("njt,jt->nj", friction(test.motion.speeds), values))
+        for test in tests
+    ])  # fmt: skip
+
+
+def _with_friction(model: Any, test: Test, friction: Callable[[Array], Array]) -> tuple[Array, Array, Array]:
+    """Torques that the bodies need and those that were sent (nrow x njoint), and columns of `friction` (nrow x njoint x
+    nterm).
+    """
+    predicted, sent = test.pair(mujoco_torques(model, test.motion))
+    columns = [test.pair(each)[0] for each in np.moveaxis(friction(test.motion.speeds), -1, 0)]
+    return predicted, sent, np.stack(columns, axis=-1)
+
+
+def rivals(
+    models: dict[str, LinearModel], learned: Sequence[Log], tests: Sequence[Test]
+) -> dict[str, tuple[str, Missed]]:
+    """Of each model's terms the filter and weights of least squares that are best on the logs that are predicted."""
+    best = {}
+    for terms, model in models.items():
+        candidates = dict(tuned(model, learned, CUTOFFS))
+        pairs: dict[str, list[tuple[Array, Array]]] = {name: [] for name in candidates}
+        for test in tests:
+            part = prepared(model, test.motion)
+            for name, values in candidates.items():
+                pairs[name].append(test.pair(part.predicted(values)))
+        errors = {name: missed(each) for name, each in pairs.items()}
+        best[terms] = min(errors.items(), key=lambda each: each[1].relative)
+    return best
+
+
+def row_of(name: str, found: Missed) -> dict[str, str]:
+    joints = {f"joint {joint}": f"{share:.1%}" for joint, share in enumerate(found.by_joint, 1)}
+    return {"model": name, "all": f"{found.relative:.2%}"} | joints
+
+
+def recipes(model: LinearModel, learned: Sequence[Log], tests: Sequence[Test]) -> dict[str, Missed]:
+    """Of figaroh's recipe, plain and weighted."""
+    found = {}
+    for weigh in WEIGHTS[:2]:
+        values = recipe(model, learned, weigh)
+        pairs = [test.pair(prepared(model, test.motion).predicted(values)) for test in tests]
+        found[f"figaroh's recipe{', weighted' if weigh else ''}"] = missed(pairs)
+    return found
+
+
+def summed(parts: Sequence[Missed]) -> Missed:
+    """What was missed of several parts together."""
+    return Missed(np.sum([part.squares for part in parts], axis=0), np.sum([part.whole for part in parts], axis=0))
