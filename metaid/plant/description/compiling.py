@@ -127,7 +127,11 @@ def _refuse_xacro(path: Path) -> None:
     matter.
     """
     found = "it ends with .xacro" if path.suffix == ".xacro" else ""
-    for part in ElementTree.parse(path).getroot():
+    try:
+        parts = list(ElementTree.parse(path).getroot())
+    except (ElementTree.ParseError, ValueError, LookupError):
+        return  # MuJoCo says so, or is less strict
+    for part in parts:
         space, _, kind = part.tag.rpartition("}")
         if space.endswith("xacro") and kind not in ("property", "arg", "macro"):
             found = found or f"<xacro:{kind}> is in it"

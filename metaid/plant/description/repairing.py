@@ -9,6 +9,7 @@ import numpy as np
 
 from metaid.errors import usable_mujoco
 from metaid.models import Array
+from metaid.plant.description.refusing import LARGEST
 
 with usable_mujoco():
     import mujoco
@@ -67,7 +68,7 @@ def possible_inertia(inertia: Array) -> Array:
 def _possible(body: mujoco.MjsBody) -> str:
     """Mends the inertia of a body where it is impossible; what was done, unless that is rounding."""
     inertia = _inertia(body)
-    if not inertia.any():
+    if not inertia.any() or not np.abs(inertia).max() <= LARGEST:
         return ""
     mended = possible_inertia(inertia)
     if mended is inertia:
@@ -86,7 +87,11 @@ def _with_some(body: mujoco.MjsBody) -> str:
     """Gives a body that moves, and what is fixed to it, an inertia where they have none; what was done."""
     parts = list(_fixed(body))
     mass = sum(part.mass for part in parts)
-    if min(part.mass for part in parts) < 0.0 or (mass > 0.0 and any(_inertia(part).any() for part in parts)):
+    if (
+        min(part.mass for part in parts) < 0.0
+        or not mass <= LARGEST
+        or (mass > 0.0 and any(_inertia(part).any() for part in parts))
+    ):
         return ""
     if mass > 0.0:
         radius = (3.0 * mass / (4.0 * np.pi * DENSITY)) ** (1.0 / 3.0)
