@@ -19,7 +19,7 @@ from metaid.recorded.doubts.checks import Fact, facts_of
 from metaid.recorded.estimating import RecordedEstimate, estimate_records
 from metaid.recorded.held_out import HeldOut, Yardstick
 from metaid.recorded.reading.laws import law_torques
-from metaid.recorded.reading.log import Record, read_record
+from metaid.recorded.reading.log import Intake, Record, every_run
 from metaid.recorded.telling.judging import RecordedVerdict, judge_records
 from metaid.recorded.telling.left_out import LeftOut, left_out, predicted_parts
 from metaid.recorded.telling.model_files import FileError, file_error, recorded_identified_model
@@ -108,6 +108,8 @@ def estimate(
     window: float | None = None,
     delay: float | None = None,
     zeros: bool | None = None,
+    columns: Mapping[str, str] | None = None,
+    topic: str | None = None,
 ) -> RecordedResult:
     """What logs say of a robot: its `verdict` with the frame of `lumps`, its `summary`, and its `model` to write.
 
@@ -127,6 +129,8 @@ def estimate(
         window: length of the windows, in s; by default what predicts best what is left out, as the next two are.
         delay: by which torques act later than they are logged, in s.
         zeros: whether encoders have zeros of their own in each log.
+        columns: what columns of the logs mean that are not understood: `{"encoder a": "angle_1"}`.
+        topic: of joint states in bags that have several.
 
     Raises:
         RecordError: a log cannot be used, or does not fit the robot.
@@ -146,19 +150,22 @@ def estimate(
     factors = _by_joint("scale", scale or {}, model, 1.0)
     offsets = _by_joint("zero", zero or {}, model, 0.0)
 
-    def read(log: Log, number: int) -> Record:
-        record = read_record(log, model.joints, model.slides, needs_torques=law is None, number=number)
+    intake = Intake(model.joints, model.slides, columns or {}, topic, law is None)
+
+    def read(every: Sequence[Log], first: int) -> tuple[Record, ...]:
+        found = every_run(intake, every, first)
         if law is not None:
             compensated = load_plant(law)
             if compensated.njoint != plant.njoint:
                 raise RecordError(
                     f"law {law} is of {compensated.njoint} joints (allowed: {plant.njoint}, as {plant.name} has)"
                 )
-            record = record.with_torques(law_torques(record, compensated))
-        return replace(record, angles=record.angles + offsets, torques=record.torques * factors)
+            found = tuple(record.with_torques(law_torques(record, compensated)) for record in found)
+        return tuple(
+            replace(record, angles=record.angles + offsets, torques=record.torques * factors) for record in found
+        )
 
-    records = tuple(read(log, number) for number, log in enumerate(many, 1))
-    others = tuple(read(log, number) for number, log in enumerate(_with_shipped(validate), len(many) + 1))
+    records, others = read(many, 1), read(_with_shipped(validate), len(many) + 1)
     with threadpool_limits(1):  # matrices this small are slower on several
         found = estimate_records(records, model, choices)
         facts = facts_of(records, found)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from metaid.recorded import FileError, RecordedResult
 
 MODEL_HELP = "Write .xml, .urdf, .py, .h, .toml, .json, torque.pdf."
-NOMINAL_HELP = "A plant's name, a plant file, MJCF or URDF."
+NOMINAL_HELP = "A plant's name or file, an MJCF or URDF."
 FRICTION_HELP = "Of viscous,coulomb,root,offset,load,hysteresis."
 NOT_FOUND = 3  # exit status
 
@@ -34,11 +34,15 @@ NOT_FOUND = 3  # exit status
 @click.option("--law", metavar="PLANT", help="The torques were those that compensate this plant.")
 @click.option("--friction", metavar="TERMS", help=FRICTION_HELP)
 @click.option("--couple", "couples", metavar="I,J", multiple=True, help="Two joints whose motors are coupled.")
+@click.option("--map", "columns", metavar="OWN=OURS", multiple=True, help="What a column is: pwm=torque_1.")
+@click.option("--topic", metavar="NAME", help="Of joint states in a bag that has several.")
 @click.option("--scale", metavar="JOINT=FACTOR", multiple=True, help="Multiply logged torques of a joint, or of 'all'.")
 @click.option("--zero", metavar="JOINT=RAD", multiple=True, help="Add to the logged angles of a joint.")
 @click.option("--gravity", metavar="X,Y,Z", help="In the frame of the base, in m/s².")
 @click.option("--zeros/--no-zeros", default=None, help="Encoders have a zero of their own in each log.")
-@click.option("--window", type=click.FloatRange(0.001, 100.0), metavar="S", help="Length of the windows, in s.")
+@click.option(
+    "--window", type=click.FloatRange(0.001, 100.0), metavar="S", hidden=True, help="Length of windows, in s."
+)
 @click.option("--delay", type=click.FloatRange(-1.0, 1.0), metavar="S", help="Of the torques, in s; else found.")
 @click.option("-o", "outputs", type=click.Path(path_type=Path), multiple=True, help=MODEL_HELP)
 @click.option("--report", type=click.Path(path_type=Path), metavar="FILE.html", help="Write one page with figures.")
@@ -52,6 +56,8 @@ def estimate(
     law: str | None,
     friction: str | None,
     couples: tuple[str, ...],
+    columns: tuple[str, ...],
+    topic: str | None,
     scale: tuple[str, ...],
     zero: tuple[str, ...],
     gravity: str | None,
@@ -66,8 +72,8 @@ def estimate(
 ) -> int:
     """Identify a robot from logs of its motion.
 
-    A log has a column `time` in s and, of every joint, `angle_1` in rad, `torque_1` in N m and perhaps `speed_1` in
-    rad/s. Each log is a run of its own; `double-pendulum` is three of a real one. Exit status 3: not found.
+    A log is CSV, Parquet, a ROS bag or MCAP: a time, and of each joint angle, torque and perhaps speed. Each is a
+    run; `double-pendulum` is three of a real one. Exit status 3: not found.
     """
     from metaid.recorded import estimate as estimated
     from metaid.results.exporting import SUFFIXES
@@ -93,6 +99,8 @@ def estimate(
         window=window,
         delay=delay,
         zeros=zeros,
+        columns=dict(map(_meaning, columns)),
+        topic=topic,
     )
     has_numbers = result.verdict.is_found or even_if_not_found
     models = [output for output in outputs if output.suffix in SUFFIXES]
@@ -139,6 +147,14 @@ def _pair(text: str) -> tuple[int, int]:
     except ValueError:
         raise click.UsageError(f"--couple '{text}' (allowed: two numbers of joints, as 5,6)") from None
     return one, other
+
+
+def _meaning(text: str) -> tuple[str, str]:
+    """`OWN=OURS` as a column and what it is."""
+    own, _, ours = text.rpartition("=")
+    if not own or not ours:
+        raise click.UsageError(f"--map '{text}' (allowed: a column and what it is, as pwm=torque_1)")
+    return own, ours
 
 
 def _vector(text: str) -> tuple[float, ...]:

@@ -23,6 +23,9 @@ def print_result(result: RecordedResult, has_numbers: bool, whole: bool) -> None
         whole: whether all of them are, and what was tried.
     """
     shown = result.summary
+    for log in shown["logs"]:
+        for repair in log["repairs"]:
+            say(f"{log['path']}: {repair['text']}")
     _print_held_out(shown, result)
     if has_numbers:
         _print_parameters(shown, whole)
