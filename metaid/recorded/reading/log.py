@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from metaid.errors import RecordError
 from metaid.models import Array
+from metaid.recorded.reading.clock import on_true_clock
 from metaid.recorded.reading.columns import Understood, understood
 from metaid.recorded.reading.formats import Table, tables_of
 from metaid.recorded.reading.gaps import runs_of
 from metaid.recorded.reading.plausible import refuse_few_rows, refuse_implausible
 from metaid.recorded.reading.readings import Readings, Repair, counted
-from metaid.recorded.reading.repairs import repaired
+from metaid.recorded.reading.repairs import rested, tamed, unwrapped, without_repeats
 from metaid.recorded.reading.times import begins_again, in_order, in_seconds, numeric_times
 
 FEW_LEFT = 0.5  # of the rows: with more that lack a number, a log is refused
@@ -103,7 +104,7 @@ class Intake:
         if len(parts) > 1:
             text = f"the clock was set back {counted(len(parts) - 1, 'time')}: {len(parts)} runs"
             parts = [part.repaired("clock", len(parts) - 1, text) if part is parts[0] else part for part in parts]
-        runs = [run for part in parts for run in runs_of(self._cleaned(part))]
+        runs = [run for part in parts for run in self._runs(part)]
         return tuple(self._record(run, f"{name}[{i}]" if len(runs) > 1 else name) for i, run in enumerate(runs, 1))
 
     def _complete(self, every: Sequence[tuple[Table, Understood]]) -> tuple[Table, Understood]:
@@ -129,14 +130,16 @@ class Intake:
         times = numeric_times([frame[each] for each in columns.times])
         return Readings(table.name, columns.kinds, times, angles, kinds["speed"], kinds["torque"], columns.notes)
 
-    def _cleaned(self, readings: Readings) -> Readings:
-        """Repaired, in the order of time, and plausible."""
-        refuse_few_rows(readings)
+    def _runs(self, readings: Readings) -> list[Readings]:
+        """The runs of a log, repaired, in the order of time, and plausible."""
         readings = in_order(_without_holes(readings))
         refuse_few_rows(readings)
-        readings = repaired(replace(readings, times=readings.times - readings.times[0]), self.slides)
-        refuse_implausible(readings, self.slides, self.needs_torques)
-        return readings
+        readings = replace(readings, times=readings.times - readings.times[0])
+        readings = without_repeats(unwrapped(tamed(readings), self.slides))
+        runs = [rested(on_true_clock(run)) for run in runs_of(readings)]
+        for run in runs:
+            refuse_implausible(run, self.slides, self.needs_torques)
+        return runs
 
     @staticmethod
     def _record(readings: Readings, name: str) -> Record:

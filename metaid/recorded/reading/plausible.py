@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from metaid.errors import RecordError
 from metaid.models import Array
-from metaid.recorded.reading.readings import Readings
+from metaid.recorded.reading.readings import Readings, noise_of
 
 LEAST_ROWS = 100
 MANY_TURNS = 25.0  # rad: a hinge that is said to be farther from 0 is probably logged in degrees
@@ -74,10 +74,3 @@ def _refuse_other_speeds(readings: Readings, speeds: Array) -> None:
                 f"{readings.name}: {readings.names['speed'][joint]} is {ratio:.3g} times how fast "
                 f"{readings.names['angle'][joint]} changes{unit} (allowed: rad and rad/s)"
             )
-
-
-def noise_of(read: Array) -> Array:
-    """The standard deviation of the noise of each joint (njoint), by what `read` (nrow x njoint) leaves of a parabola:
-    third differences have 20 times the variance of the noise.
-    """
-    return np.asarray(np.sqrt((np.diff(read, n=3, axis=0) ** 2).mean(axis=0) / 20.0), dtype=np.float64)

@@ -82,3 +82,19 @@ class Readings:
 def counted(count: int, what: str) -> str:
     """`1 row`, `2 rows`."""
     return f"{count:,} {what}{'' if count == 1 else 's'}"
+
+
+def noise_of(read: Array) -> Array:
+    """The standard deviation of the noise of each joint (njoint), by what `read` (nrow x njoint) leaves of a parabola:
+    third differences have 20 times the variance of the noise.
+    """
+    return np.asarray(np.sqrt((np.diff(read, n=3, axis=0) ** 2).mean(axis=0) / 20.0), dtype=np.float64)
+
+
+def resolution_of(read: Array) -> float:
+    """The step of a sensor, by its readings (nrow): the usual least difference of two neighbours among them that
+    differ. Of one that is not rounded it is next to nothing.
+    """
+    steps = np.abs(np.diff(read))
+    steps = steps[steps > 1e-12 * max(float(np.abs(read).max(initial=0.0)), 1e-300)]
+    return float(np.quantile(steps, 0.01)) if len(steps) else 0.0
