@@ -141,7 +141,7 @@ def test_rows_without_a_number_are_left_out_and_counted() -> None:
     log.loc[17, "angle_1"], log.loc[40, "torque_2"], log.loc[41, "speed_1"] = np.nan, "lost", np.inf
     record = read(log)
     assert len(record.times) == len(log) - 3
-    assert [repair.text for repair in record.repairs] == ["3 rows without a number left out, the first row 18: angle_1"]
+    assert record.repairs[0].text == "3 rows without a number left out, the first row 18: angle_1"
 
 
 def test_disorder_and_repeated_rows_are_mended() -> None:
@@ -165,3 +165,92 @@ def test_log_is_cut_into_runs_at_gaps_and_where_its_clock_was_set_back() -> None
         assert len(first.times) == len(second.times) == 800
         assert second.times[0] == 0.0
         assert (kinds(first), first.repairs[0].count) == ([kind], 1)
+
+
+@pytest.mark.parametrize("has_speeds", [True, False])
+@pytest.mark.parametrize(("jitter", "lost"), [(0.0005, 0.0), (0.0005, 0.1), (0.002, 0.01)])
+def test_readings_tell_the_clock_that_a_host_jitters(has_speeds: bool, jitter: float, lost: float) -> None:
+    """Times are several times closer to the truth than the stamps, whatever packets were lost; both are counted."""
+    random, log = np.random.default_rng(5), clean(20.0)
+    kept = random.random(len(log)) >= lost
+    stamps = np.maximum.accumulate(log["time"] + jitter * np.abs(random.standard_normal(len(log))))
+    true, log = log["time"][kept], log.assign(time=stamps)[kept].reset_index(drop=True)
+    record = read(log if has_speeds else log.drop(columns=["speed_1", "speed_2"]))
+    assert len(record.times) == len(true)
+    assert np.std(record.times - true) < 0.5 * np.std(log["time"].to_numpy() - true.to_numpy())
+    assert "jitter" in kinds(record)
+    if lost:
+        counts = {repair.kind: repair.count for repair in record.repairs}
+        assert counts["lost rows"] == pytest.approx((~kept).sum(), rel=0.2)
+
+
+def test_true_stamps_of_an_irregular_log_are_kept() -> None:
+    """Readings that were taken when the stamps say stay where they are."""
+    times = clean(20.0)["time"].to_numpy()
+    times = times + 5e-4 * np.random.default_rng(0).standard_normal(len(times))
+    columns = {"time": times - times[0]}
+    for joint, pulse in ((1, 3.1), (2, 5.3)):
+        columns |= {f"angle_{joint}": np.sin(pulse * times), f"torque_{joint}": np.cos(pulse * times)}
+    record = read(pd.DataFrame(columns))
+    np.testing.assert_array_equal(record.times, columns["time"])
+
+
+def test_rows_that_repeat_readings_of_a_moving_robot_are_left_out() -> None:
+    """A packet that was written twice with other stamps; at rest readings may be the same."""
+    log = clean().round(4)
+    twice = np.sort(np.concatenate([np.arange(len(log)), np.arange(100, 1500, 50)]))
+    doubled = log.iloc[twice].reset_index(drop=True)
+    doubled["time"] = log["time"][0] + np.arange(len(doubled)) / 200.0
+    record = read(doubled)
+    assert (record.repairs[0].kind, record.repairs[0].count) == ("repeated rows", 28)
+    np.testing.assert_allclose(record.angles, log[["angle_1", "angle_2"]])
+
+
+@pytest.mark.parametrize("size", [0.1, 3.0, 1e6])
+def test_lone_wild_readings_are_replaced_by_what_their_neighbours_say(size: float) -> None:
+    """Of angles, speeds and torques, each counted; no other reading is touched."""
+    log, usual = clean(), read(clean())
+    spoiled, rows = log.copy(), [50, 700, 1400]
+    for column in ("angle_1", "speed_2", "torque_1"):
+        spoiled.loc[rows, column] += size if column == "angle_1" else 4.0 * size
+    record = read(spoiled)
+    assert [(repair.kind, repair.count) for repair in record.repairs] == [("wild", 3)] * 3
+    assert np.abs(record.angles - usual.angles).max() < 1e-3
+    others = np.delete(np.arange(len(log)), rows)
+    np.testing.assert_array_equal(record.torques[others], usual.torques[others])
+
+
+def test_broken_sensor_is_refused() -> None:
+    """One that is wild too often, and an angle that jumps farther than any joint turns."""
+    for change, says in (
+        (lambda log: log.assign(angle_1=log["angle_1"] + 0.5 * (np.arange(len(log)) % 20 == 0)), "wild readings"),
+        (lambda log: log.assign(angle_1=log["angle_1"] + 2.0 * (np.arange(len(log)) > 800)), "angle_1 jumps by 2"),
+    ):
+        with pytest.raises(RecordError, match=says):
+            read(change(clean()))
+
+
+def test_angles_that_were_cut_at_a_full_turn_go_on() -> None:
+    """As of an encoder that says −π to π."""
+    log = clean()
+    whole = 3.0 * log["angle_1"] + 1.0
+    usual = read(log.assign(angle_1=whole, speed_1=3.0 * log["speed_1"]))
+    wrapped = (whole + np.pi) % (2.0 * np.pi) - np.pi
+    record = read(log.assign(angle_1=wrapped, speed_1=3.0 * log["speed_1"]))
+    np.testing.assert_allclose(np.diff(record.angles, axis=0), np.diff(usual.angles, axis=0), atol=1e-9)
+    assert kinds(record) == ["turns"]
+
+
+def test_rest_that_rounding_hides_stands_still() -> None:
+    """Angles of a robot that waits between two motions are one number each there."""
+    log = clean(12.0)
+    rests = (log["time"] > 4.0) & (log["time"] < 8.0)
+    for column in log.columns[1:]:
+        still = log[column][rests].iloc[0] if "speed" not in column else 0.0
+        log.loc[rests, column] = still + 4e-5 * np.random.default_rng(1).standard_normal(int(rests.sum()))
+    log["angle_1"], log["angle_2"] = log["angle_1"].round(4), log["angle_2"].round(4)
+    log = log[(log["time"] <= 4.0) | rests].drop(columns=["speed_1", "speed_2"])
+    record = read(log)
+    middle = (record.times > 4.5) & (record.times < 7.5)
+    assert np.ptp(record.angles[middle], axis=0).max() == 0.0
+    assert "rest" in kinds(record)

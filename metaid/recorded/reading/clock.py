@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from metaid.models import Array
 from metaid.recorded.reading.readings import Readings, counted, noise_of, resolution_of
+from metaid.recorded.reading.times import rising
 
 REGULAR = 0.02  # of a period, by which steps of a regular clock may differ
 TRUER = 0.8  # times what the stamps leave: a clock that leaves more is no truer
@@ -20,25 +21,33 @@ FOLLOWS = 0.01  # of the difference between stamps and clock, that the clock fol
 AHEAD = 7  # rows, the median of which tells a lost packet from a late one
 CLEAR = 5.0  # deviations of the noise of a step of the angles, from which on speeds tell how long it took
 WINDOW = 25  # rows, whose mean step is the usual one
+COHERENT = 0.7, 1.02  # times the mean step, where the period is looked for
+BATCH = 250  # rows in which a host's clock and a robot's stay together
+LIKELY = 1.5  # times the deviation of steps, that stamps are off at most
+WORTH_SAYING = 0.1  # of a period
+NEVER = 1e-9  # s: between two stamps that are the same
 LATE = 0.5  # of a period: a stamp that is later may be of a later packet
 
 
 def on_true_clock(readings: Readings) -> Readings:
     """The same with the times that its readings speak for, and lost packets said."""
     steps = np.diff(readings.times)
-    period = float(np.median(steps))
+    period = readings.period
     many = np.round(steps / period)
     if np.quantile(np.abs(steps - many * period), 0.99) <= REGULAR * period:
-        return _lost(readings, int(np.maximum(many - 1.0, 0.0).sum()))
+        return _lost(rising(readings), int(np.maximum(many - 1.0, 0.0).sum()))
     period = _usual_step(readings)
     counts = _counts(readings, period)
     times, lost = _regular(readings.times, period, counts)
-    if not _left(readings, times) < TRUER * _left(readings, readings.times):
-        return readings
-    jitter = float(np.std(readings.times - times))
+    jitter, seen = float(np.std(readings.times - times)), float(np.std(steps - period * np.maximum(many, 1.0)))
+    if jitter > LIKELY * float(np.std(steps)) or not _left(readings, times) < TRUER * _left(readings, readings.times):
+        text = (
+            f"stamps jitter by {1e3 * seen:.2g} ms from row to row, and no regular clock fits the readings better: kept"
+        )
+        return rising(readings.repaired("jitter", 0, text) if seen > WORTH_SAYING * period else readings)
     by = "speeds" if readings.speeds is not None else "smooth angles"
     text = f"stamps jitter by {1e3 * jitter:.2g} ms: times of a regular clock, {1.0 / period:.4g} Hz, as {by} speak for"
-    return _lost(replace(readings, times=times - times[0]).repaired("jitter", len(readings), text), lost)
+    return _lost(rising(replace(readings, times=times - times[0]).repaired("jitter", len(readings), text)), lost)
 
 
 def _lost(readings: Readings, lost: int) -> Readings:
@@ -55,7 +64,20 @@ def _usual_step(readings: Readings) -> float:
         return float(np.nanmedian(told))
     if len(readings) <= 2 * WINDOW:
         return readings.period
-    return float(np.median(readings.times[WINDOW:] - readings.times[:-WINDOW])) / WINDOW
+    mean = float(np.median(readings.times[WINDOW:] - readings.times[:-WINDOW])) / WINDOW
+    return _coherent_step(readings.times, mean)
+
+
+def _coherent_step(stamps: Array, mean: float) -> float:
+    """The period of which stamps (nrow), in s, are most nearly multiples, not far below their `mean` step: whatever was
+    lost between them.
+    """
+    periods = mean * np.linspace(*COHERENT, 8 * BATCH)
+    parts = np.array_split(stamps, max(1, len(stamps) // BATCH))[:: max(1, len(stamps) // (16 * BATCH))]
+    together = np.zeros(len(periods))
+    for part in parts:
+        together += np.abs(np.exp(2j * np.pi * np.outer(1.0 / periods, part - part[0])).sum(axis=1))
+    return float(periods[together.argmax()])
 
 
 def _told_steps(readings: Readings) -> Array | None:
@@ -136,6 +158,6 @@ def _uneven(angles: Array, times: Array) -> Array:
         weight = np.ones_like(middle)
         for j, other in enumerate(places):
             if j != i:
-                weight *= (middle - other) / (own - other)
+                weight *= (middle - other) / np.where(own == other, NEVER, own - other)
         left -= weight[:, None] * angles[(0, 1, 3, 4)[i] : len(times) - 4 + (0, 1, 3, 4)[i]]
     return left

@@ -25,6 +25,7 @@ from metaid.recorded.reading.readings import Readings, Repair, counted
 from metaid.recorded.reading.repairs import rested, tamed, unwrapped, without_repeats
 from metaid.recorded.reading.times import begins_again, in_order, in_seconds, numeric_times
 
+MOST_NAMED = 8  # columns, in a message
 FEW_LEFT = 0.5  # of the rows: with more that lack a number, a log is refused
 
 
@@ -117,9 +118,12 @@ class Intake:
             names = ", ".join(table.name.rpartition(" ")[2] for table, _ in whole)
             raise RecordError(f"{whole[0][0].name}: several have all that is needed (allowed: --topic, of {names})")
         table, columns = every[0]
-        allowed = f"allowed: time, and of each of {len(self.joints)} joints angle_1, torque_1 and perhaps speed_1"
         lacking = "time" if not columns.times else next(f"{kind}_1" for kind in needed if not columns.kinds[kind])
-        raise RecordError(f"{table.name}: no column '{lacking}' ({allowed}; or --map OWN=OURS)")
+        there = ", ".join(table.columns[:MOST_NAMED]) + (", …" if len(table.columns) > MOST_NAMED else "")
+        raise RecordError(
+            f"{table.name}: no column '{lacking}' among {there} (allowed: time, of each of {len(self.joints)} joints "
+            "angle_1, torque_1 and perhaps speed_1; or --map OWN=OURS)"
+        )
 
     def _numbers(self, table: Table, columns: Understood) -> Readings:
         """The cells of a table as numbers, NaN where a cell has none."""

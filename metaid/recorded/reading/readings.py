@@ -59,7 +59,8 @@ class Readings:
     @property
     def period(self) -> float:
         """The usual time between two rows, in s."""
-        return float(np.median(np.diff(self.times)))
+        steps = np.diff(self.times)
+        return float(np.median(steps[steps > 0.0]))
 
     def rows(self, which: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Readings:
         """The same with some of the rows alone, or in another order."""

@@ -17,6 +17,8 @@ WILD = 12.0  # standard deviations of what neighbours leave of a reading
 SHAPE = np.array([1.0 / 6.0, -2.0 / 3.0, 1.0, -2.0 / 3.0, 1.0 / 6.0])  # what one wild reading leaves of five
 ALIKE = 0.2  # how far these may be from that shape
 ALONE = 3.0  # times all that is left nearby
+BEYOND = 1.5  # times the usual large step nearby
+MOSTLY = 0.7  # of the readings nearby, others of which may be wild, too
 NEARBY = 25  # rows on either side
 SLIGHT = 1e-3  # of what a column spans: a wild reading that is less does no harm
 SELDOM = 0.02  # of the readings: more wild ones are a broken sensor
@@ -82,9 +84,10 @@ def _wild(read: Array) -> NDArray[np.intp]:
         if np.abs(five - SHAPE).max() > ALIKE:
             continue
         around = np.concatenate([size[max(row - NEARBY, 0) : row - 2], size[row + 3 : row + NEARBY]])
-        # other wild readings nearby are told from noise by their number
         usual = 1.48 * float(np.median(around))
-        if size[row] > WILD * usual and size[row] > ALONE * float(np.quantile(around, 0.8)):
+        steps = np.abs(np.diff(read[max(row + 2 - NEARBY, 0) : row + NEARBY]))
+        moved = BEYOND * float(np.quantile(steps, MOSTLY))
+        if size[row] > max(WILD * usual, ALONE * float(np.quantile(around, MOSTLY)), moved):
             rows.append(row + 2)
     return np.array(rows, dtype=np.intp)
 

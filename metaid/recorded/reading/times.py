@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from metaid.errors import RecordError
 from metaid.models import Array
@@ -96,20 +97,30 @@ def _disagreement(readings: Readings, size: float) -> float:
 
 
 def in_order(readings: Readings) -> Readings:
-    """The same with times that rise: sorted, and of rows at the same time the first alone."""
-    steps = np.diff(readings.times)
-    back = int((steps < 0.0).sum())
+    """The same with times that do not fall: sorted, and without rows that are there twice."""
+    back = int((np.diff(readings.times) < 0.0).sum())
     if back:
         readings = readings.rows(np.argsort(readings.times, kind="stable"))
         readings = readings.repaired("order", back, f"{counted(back, 'time')} before the row above: rows are sorted")
-        steps = np.diff(readings.times)
-    late = np.concatenate([[True], steps > 0.0])
-    twice = int((~late).sum())
-    if twice:
-        readings = readings.rows(late)
-        text = f"{counted(twice, 'row')} at the time of the row above: left out"
-        readings = readings.repaired("repeated times", twice, text)
-    return readings
+    same = np.diff(readings.times) == 0.0
+    for read in (readings.angles, readings.speeds, readings.torques):
+        if read is not None:
+            same &= (read[1:] == read[:-1]).all(axis=1)
+    return _without(readings, same, "that are there twice")
+
+
+def rising(readings: Readings) -> Readings:
+    """The same with times that rise: of rows that are at the same time the first alone."""
+    return _without(readings, np.diff(readings.times) <= 0.0, "at the time of the row above")
+
+
+def _without(readings: Readings, late: NDArray[np.bool_], which: str) -> Readings:
+    """The same without rows after the first (nrow − 1)."""
+    count = int(late.sum())
+    if not count:
+        return readings
+    kept = readings.rows(np.concatenate([[True], ~late]))
+    return kept.repaired("repeated times", count, f"{counted(count, 'row')} {which}: left out")
 
 
 def begins_again(readings: Readings) -> list[Readings]:

@@ -17,7 +17,7 @@ from metaid.models import Array
 from metaid.recorded.reading.log import Record
 
 OVERLAP = 0.5  # of a window with the next
-MOST = 6000  # windows of a log: of a longer one every second is left out, and so on
+MOST = 2_500, 10_000  # windows of a log, of robots with many joints and with few: of a longer one every second alone
 NODES = 32  # in a window, at which the model's torque is evaluated
 AT_REST = 0.005  # of a joint's fastest speed: a window in which no joint is faster is left out
 GAP = 0.15  # of a window without a reading: nobody knows which torques were sent there
@@ -137,8 +137,9 @@ def cut_windows(record: Record, span: float, power: int, overlap: float = OVERLA
     first, last = record.times[0], record.times[-1]
     apart = (1.0 - overlap) * span
     middles = np.arange(first + 0.5 * span, last - 0.5 * span, apart)
-    if len(middles) > MOST:
-        stride = -(-len(middles) // MOST)
+    most = float(np.clip(MOST[0] * (7.0 / record.njoint) ** 2, *MOST))
+    if len(middles) > most:
+        stride = int(np.ceil(len(middles) / most))
         middles, apart = middles[::stride], stride * apart
     nodes = (np.arange(NODES) + 0.5) / NODES * 2.0 - 1.0
     at_nodes = legendre.legvander(nodes, power)
