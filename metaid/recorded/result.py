@@ -110,6 +110,7 @@ def estimate(
     zeros: bool | None = None,
     columns: Mapping[str, str] | None = None,
     topic: str | None = None,
+    untrusted: Sequence[str] = (),
 ) -> RecordedResult:
     """What logs say of a robot: its `verdict` with the frame of `lumps`, its `summary`, and its `model` to write.
 
@@ -131,6 +132,7 @@ def estimate(
         zeros: whether encoders have zeros of their own in each log.
         columns: what columns of the logs mean that are not understood: `{"encoder a": "angle_1"}`.
         topic: of joint states in bags that have several.
+        untrusted: joints that move, but whose torques are not used.
 
     Raises:
         RecordError: a log cannot be used, or does not fit the robot.
@@ -144,13 +146,14 @@ def estimate(
                 raise RecordError(f"friction: {unknown('term', term, TERMS)}")
         choices = replace(choices, friction=tuple(friction))
     model = _model(plant, [_joints(pair, plant.njoint) for pair in coupled], gravity)
+    model = model.with_untrusted(_chosen("untrusted", untrusted, model))
     many = _with_shipped([logs] if isinstance(logs, str | Path | pd.DataFrame) else logs)
     if not many:
         raise RecordError("no log (allowed: one or more)")
     factors = _by_joint("scale", scale or {}, model, 1.0)
     offsets = _by_joint("zero", zero or {}, model, 0.0)
 
-    intake = Intake(model.joints, model.slides, columns or {}, topic, law is None)
+    intake = Intake(model.joints, model.slides, columns or {}, topic, model.untrusted, law is None)
 
     def read(every: Sequence[Log], first: int) -> tuple[Record, ...]:
         found = every_run(intake, every, first)
@@ -225,6 +228,14 @@ def _by_joint(what: str, given: Mapping[str, float], model: LinearModel, usual: 
         else:
             numbers[int(name) - 1] = number
     return numbers
+
+
+def _chosen(what: str, names: Sequence[str], model: LinearModel) -> Any:
+    """Which joints (njoint) were named, not all of them."""
+    which = _by_joint(what, dict.fromkeys(names, 1.0), model, 0.0) > 0.0
+    if which.all():
+        raise RecordError(f"{what}: every joint (allowed: some of {', '.join(model.joints)})")
+    return which
 
 
 def _joints(pair: tuple[int, int], njoint: int) -> tuple[int, int]:

@@ -36,10 +36,11 @@ NOT_FOUND = 3  # exit status
 @click.option("--couple", "couples", metavar="I,J", multiple=True, help="Two joints whose motors are coupled.")
 @click.option("--map", "columns", metavar="OWN=OURS", multiple=True, help="What a column is: pwm=torque_1.")
 @click.option("--topic", metavar="NAME", help="Of joint states in a bag that has several.")
+@click.option("--untrusted", metavar="A,B", help="Joints that move, but whose torques are not used.")
 @click.option("--scale", metavar="JOINT=FACTOR", multiple=True, help="Multiply logged torques of a joint, or of 'all'.")
 @click.option("--zero", metavar="JOINT=RAD", multiple=True, help="Add to the logged angles of a joint.")
 @click.option("--gravity", metavar="X,Y,Z", help="In the frame of the base, in m/s².")
-@click.option("--zeros/--no-zeros", default=None, help="Encoders have a zero of their own in each log.")
+@click.option("--zeros/--no-zeros", default=None, hidden=True, help="Encoders have a zero of their own in each log.")
 @click.option(
     "--window", type=click.FloatRange(0.001, 100.0), metavar="S", hidden=True, help="Length of windows, in s."
 )
@@ -58,6 +59,7 @@ def estimate(
     couples: tuple[str, ...],
     columns: tuple[str, ...],
     topic: str | None,
+    untrusted: str | None,
     scale: tuple[str, ...],
     zero: tuple[str, ...],
     gravity: str | None,
@@ -101,6 +103,7 @@ def estimate(
         zeros=zeros,
         columns=dict(map(_meaning, columns)),
         topic=topic,
+        untrusted=() if untrusted is None else untrusted.split(","),
     )
     has_numbers = result.verdict.is_found or even_if_not_found
     models = [output for output in outputs if output.suffix in SUFFIXES]

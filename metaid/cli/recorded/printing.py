@@ -47,10 +47,10 @@ def _print_held_out(shown: dict[str, Any], result: RecordedResult) -> None:
     for i, (joint, before) in enumerate(zip(held["torque"]["joints"], nominal["torque"]["joints"], strict=True)):
         cells = [
             joint["name"],
-            f"{joint['relative']:.1%}",
+            f"{joint['relative']:.1%}" if joint["of"] else "not used",
             f"{joint['rms']:.3g}",
             f"{joint['of']:.3g}",
-            f"{before['relative']:.1%}",
+            f"{before['relative']:.1%}" if joint["of"] else "",
             f"{1e3 * motion['angle'][i]:.3g}" if motion["angle"][i] is not None else "",
             f"{1e3 * motion['constant_speed'][i]:.3g}" if motion["constant_speed"][i] is not None else "",
         ]

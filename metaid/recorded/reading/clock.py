@@ -22,6 +22,7 @@ AHEAD = 7  # rows, the median of which tells a lost packet from a late one
 CLEAR = 5.0  # deviations of the noise of a step of the angles, from which on speeds tell how long it took
 WINDOW = 25  # rows, whose mean step is the usual one
 COHERENT = 0.7, 1.02  # times the mean step, where the period is looked for
+CLEARLY = 0.3  # of the stamps, that must agree on a period
 BATCH = 250  # rows in which a host's clock and a robot's stay together
 LIKELY = 1.5  # times the deviation of steps, that stamps are off at most
 WORTH_SAYING = 0.1  # of a period
@@ -77,7 +78,8 @@ def _coherent_step(stamps: Array, mean: float) -> float:
     together = np.zeros(len(periods))
     for part in parts:
         together += np.abs(np.exp(2j * np.pi * np.outer(1.0 / periods, part - part[0])).sum(axis=1))
-    return float(periods[together.argmax()])
+    is_clear = together.max() > CLEARLY * sum(map(len, parts))
+    return float(periods[together.argmax()]) if is_clear else mean
 
 
 def _told_steps(readings: Readings) -> Array | None:

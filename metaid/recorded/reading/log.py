@@ -72,6 +72,7 @@ class Intake:
         slides: which of them (njoint) are slides.
         columns: what columns mean that are not spelled as they are understood: `time`, `angle_1`, `torque_elbow`, ….
         topic: of a bag that has several.
+        untrusted: which joints (njoint) move, but their torques are not used; None: none of them.
         needs_torques: whether the torques must be in it; where not, and they are missing, they are 0.
     """
 
@@ -79,6 +80,7 @@ class Intake:
     slides: NDArray[np.bool_]
     columns: Mapping[str, str] = field(default_factory=dict)
     topic: str | None = None
+    untrusted: NDArray[np.bool_] | None = None
     needs_torques: bool = True
 
     def read(self, log: str | Path | pd.DataFrame, number: int = 1) -> tuple[Record, ...]:
@@ -131,6 +133,8 @@ class Intake:
         kinds = {kind: _numbers(frame[list(own)]) if own else None for kind, own in columns.kinds.items()}
         angles = kinds["angle"]
         assert angles is not None
+        if self.untrusted is not None and kinds["torque"] is not None:
+            kinds["torque"][:, self.untrusted] = 0.0
         times = numeric_times([frame[each] for each in columns.times])
         return Readings(table.name, columns.kinds, times, angles, kinds["speed"], kinds["torque"], columns.notes)
 
@@ -141,9 +145,13 @@ class Intake:
         readings = replace(readings, times=readings.times - readings.times[0])
         readings = without_repeats(unwrapped(tamed(readings), self.slides))
         runs = [rested(on_true_clock(run)) for run in runs_of(readings)]
-        for run in runs:
+        moving = [run for run in runs if (np.ptp(run.angles, axis=0) > 0.0).any()] or runs
+        for run in moving:
             refuse_implausible(run, self.slides, self.needs_torques)
-        return runs
+        still = len(runs) - len(moving)
+        if still:
+            moving[0] = moving[0].repaired("rest", still, f"{counted(still, 'run')} in which no joint moves left out")
+        return moving
 
     @staticmethod
     def _record(readings: Readings, name: str) -> Record:

@@ -97,5 +97,5 @@ def resolution_of(read: Array) -> float:
     differ. Of one that is not rounded it is next to nothing.
     """
     steps = np.abs(np.diff(read))
-    steps = steps[steps > 1e-12 * max(float(np.abs(read).max(initial=0.0)), 1e-300)]
+    steps = steps[steps > 1e-12 * max(float(np.quantile(np.abs(read), 0.9)), 1e-300)]
     return float(np.quantile(steps, 0.01)) if len(steps) else 0.0

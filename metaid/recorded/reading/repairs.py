@@ -17,7 +17,7 @@ WILD = 12.0  # standard deviations of what neighbours leave of a reading
 SHAPE = np.array([1.0 / 6.0, -2.0 / 3.0, 1.0, -2.0 / 3.0, 1.0 / 6.0])  # what one wild reading leaves of five
 ALIKE = 0.2  # how far these may be from that shape
 ALONE = 3.0  # times all that is left nearby
-BEYOND = 1.5  # times the usual large step nearby
+BEYOND = 3.0  # times the usual large step nearby
 MOSTLY = 0.7  # of the readings nearby, others of which may be wild, too
 NEARBY = 25  # rows on either side
 SLIGHT = 1e-3  # of what a column spans: a wild reading that is less does no harm
@@ -52,7 +52,7 @@ def tamed(readings: Readings) -> Readings:
                     f"(allowed: one in {1.0 / SELDOM:.0f})"
                 )
             changed = changed.copy() if changed is read else changed
-            changed[rows, joint] -= _left(read[:, joint])[rows - 2]
+            changed[rows, joint] = _between(read[:, joint])[rows - 2]
             found[name] = rows
         if found:
             count = sum(map(len, found.values()))
@@ -65,16 +65,16 @@ def tamed(readings: Readings) -> Readings:
     return readings
 
 
-def _left(read: Array) -> Array:
-    """What a cubic through two neighbours on either side leaves of readings (nrow − 4)."""
-    return read[2:-2] - (4.0 * (read[1:-3] + read[3:-1]) - read[:-4] - read[4:]) / 6.0
+def _between(read: Array) -> Array:
+    """Where a cubic through two neighbours on either side has readings (nrow − 4)."""
+    return (4.0 * (read[1:-3] + read[3:-1]) - read[:-4] - read[4:]) / 6.0
 
 
 def _wild(read: Array) -> NDArray[np.intp]:
     """Rows of lone wild readings of one column: what its neighbours leave of it stands out, and has the shape that one
     wrong reading makes, so that it is neither a step nor noise.
     """
-    left = _left(read)
+    left = read[2:-2] - _between(read)
     size = np.abs(left)
     span = float(np.subtract(*np.quantile(read, (0.99, 0.01))))
     floor = max(SLIGHT * span, 5.0 * resolution_of(read), WILD * 1.48 * float(np.median(size)) / 3.0)

@@ -34,6 +34,7 @@ PASSES = 3  # of Newton's steps for zeros and for the friction that grows with l
 LEAST = 1e-9  # of the largest torque, that any joint's error is at least: rounding
 KEPT = 4_000_000  # numbers at the nodes of a log that are kept
 CHUNK = 2_000_000  # numbers at nodes that are made at a time, of a longer one
+UNTRUSTED = 1e12  # times the largest torque, squared: the variance of one that is not trusted
 SHIFT = 1e-5  # rad, for derivatives by a zero
 
 
@@ -204,6 +205,7 @@ class Equations:
         floor = (LEAST * largest) ** 2 * np.eye(n)
         every = np.concatenate([torques.reshape(-1, n) for torques in self.torques])
         covariance = np.diag(np.maximum((every**2).mean(axis=0), LEAST * largest**2))
+        covariance = self._without_untrusted(covariance, largest)
         passes = PASSES if self.zeros or "load" in model.friction else 1
         for step in range(passes):
             rows = [self._rows(part, bodies, zeros[part.log], step > 0) for part in self.parts]
@@ -213,11 +215,19 @@ class Equations:
                 blocks = self._blocks(rows, weight, zeros)
                 values, changes, precision = eliminated(blocks, nominal, prior, zeros, self.zeros and step > 0)
                 left = self._left(rows, values, changes)
-                covariance = left.T @ left / len(left)
+                covariance = self._without_untrusted(left.T @ left / len(left), largest)
             zeros = zeros + changes
             bodies = values[: model.nbody]
         solution = Solution(values[:nparam], precision, prior, zeros, weight)
         return solution, rows, blocks
+
+    def _without_untrusted(self, covariance: Array, largest: float) -> Array:
+        """The covariance of what is left of a torque (njoint x njoint), where what is not trusted has next to no
+        weight.
+        """
+        known = np.outer(~self.model.untrusted, ~self.model.untrusted)
+        unknown = UNTRUSTED * largest**2 * np.diag(self.model.untrusted.astype(float))
+        return np.where(known, covariance, unknown)
 
     def without(self, fold: Fold) -> Solution:
         """The solution without a fold, by the columns and weights of all."""
