@@ -11,10 +11,11 @@ from typing import NamedTuple
 from packaging.utils import canonicalize_name
 
 # As packages state them, each combination as it stands. Permissive ones; and those that ask only for changes of their
-# own files (MPL), or for being replaceable (LGPL), of what is imported as it is.
+# own files (MPL), or for being replaceable (LGPL), of what is imported as it is. `any-OSI` is each that the OSI
+# approves, at one's choice, beside the Zlib text that apsw ships.
 ALLOWED = {
     *("Apache-2.0", "BSD-2-Clause", "BSD-3-Clause", "BSL-1.0", "ISC", "MIT", "MIT-CMU"),
-    *("PSF-2.0", "Qhull", "Zlib", "MPL-2.0", "LGPL-3.0-only"),
+    *("PSF-2.0", "Qhull", "Zlib", "MPL-2.0", "LGPL-3.0-only", "any-OSI"),
     *("3-Clause BSD License", "Apache 2.0", "Apache Software License", "BSD", "BSD License", "ISC License (ISCL)"),
     *("MIT License", "Mozilla Public License 2.0 (MPL 2.0)", "Python Software Foundation License"),
     *("Apache-2.0 OR BSD-2-Clause", "Apache Software License; MIT License", "MIT OR Apache-2.0", "MPL-2.0 AND MIT"),

@@ -80,6 +80,7 @@ WORK = (
 NEEDS = {
     "dashboard": ["dashboard", "--port", "0"],
     "parquet": ["study", "export", "three-link", "-o", "trials.parquet"],
+    "ros": ["estimate", "log.mcap", "--nominal", "double-pendulum"],
     "video": ["episode", "three-link", "-o", "e.png", "--video", "e.mp4"],
     "view": ["plant", "view", "three-link"],
     "postgresql": ["study", "list", "--storage", "postgresql://me:secret@127.0.0.1:1/studies"],

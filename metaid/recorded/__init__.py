@@ -1,6 +1,6 @@
 """What logs of a robot say, for those who have data already: nothing is pushed.
 
-`estimate` reads logs and a nominal robot and says what the logs tell. In steps: `read_record` reads a log,
+`estimate` reads logs and a nominal robot and says what the logs tell. In steps: `Intake` reads logs,
 `chain_model` and `arm_model` say what is unknown, `estimate_records` finds it from short windows by the weak form of
 the equations of motion, over bodies that can be, with windows and terms chosen by the error on parts that were left
 out. `judge_records` says whether the result can be used.
@@ -12,7 +12,7 @@ from metaid.recorded.estimating import RecordedEstimate, equations_like, estimat
 from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.held_out import HeldOut
 from metaid.recorded.reading.laws import law_torques
-from metaid.recorded.reading.log import Record, read_record
+from metaid.recorded.reading.log import Intake, Record
 from metaid.recorded.result import Log, RecordedResult, estimate
 from metaid.recorded.telling.curves import FrictionCurve, GravityCurve, friction_curves, gravity_curves
 from metaid.recorded.telling.judging import RecordedVerdict, judge_records
@@ -29,6 +29,7 @@ __all__ = [
     "Gains",
     "GravityCurve",
     "HeldOut",
+    "Intake",
     "LeftOut",
     "LinearModel",
     "Log",
@@ -49,5 +50,4 @@ __all__ = [
     "judge_records",
     "law_torques",
     "left_out",
-    "read_record",
 ]

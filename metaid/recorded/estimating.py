@@ -335,7 +335,7 @@ def _unexplained(equations: Equations) -> float:
     """Root mean square of the averaged torques that the free fit leaves, in N m or N."""
     solution, rows, _ = equations.solved
     squares = [
-        (torques - own[..., : len(solution.values)] @ solution.values) ** 2
+        equations.model.trusted_alone(torques - own[..., : len(solution.values)] @ solution.values) ** 2
         for own, torques in zip(rows, equations.torques, strict=True)
     ]
     return float(np.sqrt(np.mean(np.concatenate([each.ravel() for each in squares]))))
@@ -359,5 +359,5 @@ def _misfit(equations: Equations, values: Array) -> float:
         needed = model.bodies(where, np.zeros_like(where), each) @ values[: model.nbody]
         matrices = (needed[:, 1:] - needed[:, :1]).swapaxes(-1, -2)
         noise += ((matrices * windows.acceleration_noise) ** 2).sum(axis=(0, 2))
-        left += ((torques - own[..., : len(values)] @ values)[:, 0] ** 2).sum(axis=0)
+        left += model.trusted_alone((torques - own[..., : len(values)] @ values)[:, 0] ** 2).sum(axis=0)
     return float(np.sqrt((left / np.maximum(noise, 1e-300)).max()))

@@ -225,7 +225,7 @@ class Yardstick:
                 for each in own.parts
                 if len(starts := starts_of(self.logs[each.log], each.rows, max(4, most // each.nlog)))
             ]
-            if with_motion
+            if with_motion and not own.untrusted
             else []
             for own in predicted
         ]
@@ -251,9 +251,9 @@ class Yardstick:
                 rows = self.rows_of(fold, log, equations.zeros or model.is_chain)
                 sent = self.sent(log, delay)[rows]
                 left = sent - self.predicted(model, solution.values, log, zeros)[rows]
-                squares, whole = (left**2).sum(axis=0), (sent**2).sum(axis=0)
+                squares, whole = (model.trusted_alone((each**2).sum(axis=0)) for each in (left, sent))
                 parts.append(Part(number, log, len(fold.logs), rows, squares, whole, solution.values, zeros))
-        return _Predicted(tuple(parts), n)
+        return _Predicted(tuple(parts), n, bool(model.untrusted.any()))
 
     def _told(self, model: LinearModel, predicted: _Predicted, ended: Array, unmoved: Array, motions: Array) -> HeldOut:
         """What torques and simulations were, in one."""
@@ -274,10 +274,13 @@ class Yardstick:
 
 @dataclass(frozen=True)
 class _Predicted:
-    """The parts of all folds, of so many joints."""
+    """The parts of all folds, of so many joints, and whether some torques are not trusted, by which nothing can be
+    simulated.
+    """
 
     parts: tuple[Part, ...]
     njoint: int
+    untrusted: bool
 
     @property
     def sums(self) -> tuple[Array, Array, int]:

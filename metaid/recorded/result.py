@@ -20,7 +20,7 @@ from metaid.recorded.estimating import RecordedEstimate, estimate_records
 from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.held_out import HeldOut, Yardstick
 from metaid.recorded.reading.laws import law_torques
-from metaid.recorded.reading.log import Record, read_record
+from metaid.recorded.reading.log import Intake, Record, every_run
 from metaid.recorded.telling.judging import RecordedVerdict, judge_records
 from metaid.recorded.telling.left_out import LeftOut, left_out, predicted_parts
 from metaid.recorded.telling.model_files import FileError, file_error, recorded_identified_model
@@ -114,6 +114,9 @@ def estimate(
     window: float | None = None,
     delay: float | None = None,
     zeros: bool | None = None,
+    columns: Mapping[str, str] | None = None,
+    topic: str | None = None,
+    untrusted: Sequence[str] = (),
 ) -> RecordedResult:
     """What logs say of a robot: its `verdict` with the frame of `lumps`, its `summary`, and its `model` to write.
 
@@ -135,6 +138,9 @@ def estimate(
         window: length of the windows, in s; by default what predicts best what is left out, as the next two are.
         delay: by which torques act later than they are logged, in s.
         zeros: whether encoders have zeros of their own in each log.
+        columns: what columns of the logs mean that are not understood: `{"encoder a": "angle_1"}`.
+        topic: of joint states in bags that have several.
+        untrusted: joints that move, but whose torques are not used.
 
     Raises:
         RecordError: a log cannot be used, or does not fit the robot.
@@ -148,6 +154,7 @@ def estimate(
                 raise RecordError(f"friction: {unknown('term', term, TERMS)}")
         choices = replace(choices, friction=tuple(friction))
     model = _model(plant, [_joints(pair, plant.njoint) for pair in coupled], gravity)
+    model = model.with_untrusted(_chosen("untrusted", untrusted, model))
     given = [logs] if isinstance(logs, str | Path | pd.DataFrame) else logs
     many = _with_shipped([log for log in given if not any(_is_same(log, each.log) for each in payloads)])
     if not many:
@@ -155,21 +162,24 @@ def estimate(
     factors = _by_joint("scale", scale or {}, model, 1.0)
     offsets = _by_joint("zero", zero or {}, model, 0.0)
 
-    def read(log: Log, number: int) -> Record:
-        record = read_record(log, model.joints, model.slides, needs_torques=law is None, number=number)
+    intake = Intake(model.joints, model.slides, columns or {}, topic, model.untrusted, law is None)
+
+    def read(every: Sequence[Log], first: int) -> tuple[Record, ...]:
+        found = every_run(intake, every, first)
         if law is not None:
             compensated = load_plant(law)
             if compensated.njoint != plant.njoint:
                 raise RecordError(
                     f"law {law} is of {compensated.njoint} joints (allowed: {plant.njoint}, as {plant.name} has)"
                 )
-            record = record.with_torques(law_torques(record, compensated))
-        return replace(record, angles=record.angles + offsets, torques=record.torques * factors)
+            found = tuple(record.with_torques(law_torques(record, compensated)) for record in found)
+        return tuple(
+            replace(record, angles=record.angles + offsets, torques=record.torques * factors) for record in found
+        )
 
-    records = tuple(read(log, number) for number, log in enumerate(many, 1))
-    others = tuple(read(log, number) for number, log in enumerate(_with_shipped(validate), len(many) + 1))
-    after = len(many) + len(others) + 1
-    loaded = [(read(each.log, number), each) for number, each in enumerate(payloads, after)]
+    records, others = read(many, 1), read(_with_shipped(validate), len(many) + 1)
+    after = len(many) + len(validate) + 1
+    loaded = [(record, each) for number, each in enumerate(payloads, after) for record in read([each.log], number)]
     with threadpool_limits(1):  # matrices this small are slower on several
         gains = _gains(records, loaded, model) if loaded else None
         if gains is not None:
@@ -251,6 +261,14 @@ def _by_joint(what: str, given: Mapping[str, float], model: LinearModel, usual: 
         else:
             numbers[int(name) - 1] = number
     return numbers
+
+
+def _chosen(what: str, names: Sequence[str], model: LinearModel) -> Any:
+    """Which joints (njoint) were named, not all of them."""
+    which = _by_joint(what, dict.fromkeys(names, 1.0), model, 0.0) > 0.0
+    if which.all():
+        raise RecordError(f"{what}: every joint (allowed: some of {', '.join(model.joints)})")
+    return which
 
 
 def _joints(pair: tuple[int, int], njoint: int) -> tuple[int, int]:

@@ -47,12 +47,17 @@ NOT_FOUND = 3  # exit status
 @click.option("--joints", metavar="A,B,…", help="Of an MJCF or URDF those that move.")
 @click.option("--friction", metavar="TERMS", help=FRICTION_HELP)
 @click.option("--couple", "couples", metavar="I,J", multiple=True, help="Two joints whose motors are coupled.")
+@click.option("--map", "columns", metavar="OWN=OURS", multiple=True, help="What a column is: pwm=torque_1.")
+@click.option("--topic", metavar="NAME", help="Of joint states in a bag that has several.")
+@click.option("--untrusted", metavar="A,B", help="Joints that move, but whose torques are not used.")
 @click.option("--scale", metavar="JOINT=FACTOR", multiple=True, help="Multiply logged torques of a joint, or of 'all'.")
 @click.option("--payload", "payloads", metavar="LOG=KG@X,Y,Z", multiple=True, help=PAYLOAD_HELP)
 @click.option("--zero", metavar="JOINT=RAD", multiple=True, help="Add to the logged angles of a joint.")
 @click.option("--gravity", metavar="X,Y,Z", help="In the frame of the base, in m/s².")
-@click.option("--zeros/--no-zeros", default=None, help="Encoders have a zero of their own in each log.")
-@click.option("--window", type=click.FloatRange(0.001, 100.0), metavar="S", help="Length of the windows, in s.")
+@click.option("--zeros/--no-zeros", default=None, hidden=True, help="Encoders have a zero of their own in each log.")
+@click.option(
+    "--window", type=click.FloatRange(0.001, 100.0), metavar="S", hidden=True, help="Length of windows, in s."
+)
 @click.option("--delay", type=click.FloatRange(-1.0, 1.0), metavar="S", help="Of the torques, in s; else found.")
 @click.option("-o", "outputs", type=click.Path(path_type=Path), multiple=True, help=MODEL_HELP)
 @click.option("--report", type=click.Path(path_type=Path), metavar="FILE.html", help="Write one page with figures.")
@@ -67,6 +72,9 @@ def estimate(
     joints: str | None,
     friction: str | None,
     couples: tuple[str, ...],
+    columns: tuple[str, ...],
+    topic: str | None,
+    untrusted: str | None,
     scale: tuple[str, ...],
     payloads: tuple[str, ...],
     zero: tuple[str, ...],
@@ -111,6 +119,9 @@ def estimate(
         window=window,
         delay=delay,
         zeros=zeros,
+        columns=dict(map(_meaning, columns)),
+        topic=topic,
+        untrusted=() if untrusted is None else untrusted.split(","),
     )
     warn(result.nominal_repairs)
     has_numbers = result.verdict.is_found or even_if_not_found
@@ -173,6 +184,14 @@ def _pair(text: str) -> tuple[int, int]:
     except ValueError:
         raise click.UsageError(f"--couple '{text}' (allowed: two numbers of joints, as 5,6)") from None
     return one, other
+
+
+def _meaning(text: str) -> tuple[str, str]:
+    """`OWN=OURS` as a column and what it is."""
+    own, _, ours = text.rpartition("=")
+    if not own or not ours:
+        raise click.UsageError(f"--map '{text}' (allowed: a column and what it is, as pwm=torque_1)")
+    return own, ours
 
 
 def _vector(text: str) -> tuple[float, ...]:

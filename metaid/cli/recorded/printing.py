@@ -23,6 +23,9 @@ def print_result(result: RecordedResult, has_numbers: bool, whole: bool) -> None
         whole: whether all of them are, and what was tried.
     """
     shown = result.summary
+    for log in shown["logs"]:
+        for repair in log["repairs"]:
+            say(f"{log['path']}: {repair['text']}")
     _print_held_out(shown, result)
     if has_numbers:
         _print_parameters(shown, whole)
@@ -46,10 +49,10 @@ def _print_held_out(shown: dict[str, Any], result: RecordedResult) -> None:
     for i, (joint, before) in enumerate(zip(held["torque"]["joints"], nominal["torque"]["joints"], strict=True)):
         cells = [
             joint["name"],
-            f"{joint['relative']:.1%}",
+            f"{joint['relative']:.1%}" if joint["of"] else "not used",
             f"{joint['rms']:.3g}",
             f"{joint['of']:.3g}",
-            f"{before['relative']:.1%}",
+            f"{before['relative']:.1%}" if joint["of"] else "",
             f"{1e3 * motion['angle'][i]:.3g}" if motion["angle"][i] is not None else "",
             f"{1e3 * motion['constant_speed'][i]:.3g}" if motion["constant_speed"][i] is not None else "",
         ]

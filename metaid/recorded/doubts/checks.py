@@ -67,8 +67,8 @@ class _Check:
         missed, whole = np.zeros(equations.model.njoint), np.zeros(equations.model.njoint)
         for own, torques in zip(rows, equations.torques, strict=True):
             left = torques - own[..., : len(values)] @ values
-            missed += (left**2).sum(axis=(0, 1))
-            whole += (torques**2).sum(axis=(0, 1))
+            missed += equations.model.trusted_alone((left**2).sum(axis=(0, 1)))
+            whole += equations.model.trusted_alone((torques**2).sum(axis=(0, 1)))
         return np.asarray(np.sqrt(missed / np.maximum(whole, 1e-300)), dtype=np.float64)
 
     def with_torques(self, factors: Array) -> Equations:
@@ -117,7 +117,7 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate) -> tuple[Fact, 
     dead = [
         f"every torque of joint {name} is 0"
         for joint, name in enumerate(found.model.joints)
-        if not any(record.torques[:, joint].any() for record in records)
+        if not (found.model.untrusted[joint] or any(record.torques[:, joint].any() for record in records))
     ]
     if dead:
         return tuple(Fact(text, "", 0.0) for text in dead)
@@ -227,6 +227,8 @@ def _units(check: _Check) -> Iterator[Fact]:
     known = scales[np.isfinite(scales)]
     middle = float(np.median(known)) if len(known) > 2 else equations.scale
     for joint, scale in enumerate(scales.tolist()):
+        if equations.model.untrusted[joint]:
+            continue
         ratio = scale / middle if np.isfinite(scale) else _beyond_friction(equations, joint)
         if 1.0 / UNIT < ratio < UNIT:
             continue

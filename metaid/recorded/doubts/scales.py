@@ -25,7 +25,7 @@ def joint_scales(equations: Equations) -> Array:
         columns += [own[:, model.column(term, joint)] for term in BESIDE if term in model.friction]
         stacked = np.stack(columns, axis=1)
         size = np.sqrt((stacked**2).sum(axis=0))
-        if not size[0] > 0.0:
+        if not size[0] > 0.0 or model.untrusted[joint]:
             continue
         unit = stacked / np.where(size > 0.0, size, 1.0)
         inverse = np.linalg.pinv(unit.T @ unit, rcond=1e-10, hermitian=True)

@@ -1,29 +1,32 @@
-"""A rig's log: a table of times, joint angles, speeds where there are any, and torques.
+"""Logs as their users have them, cleaned: each a run of a robot, or several where its clock or a gap parts it.
 
-A log that cannot be used is refused before anything is computed from it, in one line that says where it is wrong.
+Formats, columns, times and repairs have a module each. A log that cannot be used is refused before anything is computed
+from it, in one line that says where it is wrong; whatever is repaired is said.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from metaid.errors import RecordError, optional_packages
+from metaid.errors import RecordError
 from metaid.models import Array
+from metaid.recorded.reading.clock import on_true_clock
+from metaid.recorded.reading.columns import Understood, understood
+from metaid.recorded.reading.formats import Table, tables_of
+from metaid.recorded.reading.gaps import runs_of
+from metaid.recorded.reading.plausible import refuse_few_rows, refuse_implausible
+from metaid.recorded.reading.readings import Readings, Repair, counted
+from metaid.recorded.reading.repairs import rested, tamed, unwrapped, without_repeats
+from metaid.recorded.reading.times import begins_again, in_order, in_seconds, numeric_times
 
-SUFFIXES = (".csv", ".parquet")
-LEAST_ROWS = 100
-KINDS = {"angle": "rad", "speed": "rad/s", "torque": "N m"}
-MANY_TURNS = 25.0  # rad: a hinge that is said to be farther from 0 is probably logged in degrees
-CALM = 0.05  # of a joint's fastest speed: below it the ratio of two speeds says nothing
-ABOVE_NOISE = 5.0  # standard deviations
-FAR_FROM_ONE = 1.5  # between a speed and the change of its angle
-DEGREES = 180.0 / np.pi
+MOST_NAMED = 8  # columns, in a message
+FEW_LEFT = 0.5  # of the rows: with more that lack a number, a log is refused
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,7 @@ class Record:
         angles: joint coordinates (nrow x njoint), in rad, of slides in m.
         speeds: of the joints (nrow x njoint), in rad/s or m/s; None where the log has none.
         torques: of the joints (nrow x njoint), in N m or N; each holds until the next row.
+        repairs: what was repaired and understood of it.
     """
 
     name: str
@@ -43,6 +47,7 @@ class Record:
     angles: Array
     speeds: Array | None
     torques: Array
+    repairs: tuple[Repair, ...] = ()
 
     @property
     def njoint(self) -> int:
@@ -58,141 +63,138 @@ class Record:
         return replace(self, torques=torques)
 
 
-def read_record(
-    log: str | Path | pd.DataFrame,
-    joints: Sequence[str],
-    slides: NDArray[np.bool_],
-    needs_torques: bool = True,
-    number: int = 1,
-) -> Record:
-    """The log in a CSV or parquet file, or in a frame.
+@dataclass(frozen=True)
+class Intake:
+    """How logs are read.
 
-    Its columns are `time` in s and, of every joint by its number or its name, `angle_1` in rad, `speed_1` in rad/s and
-    `torque_1` in N m (of a slide in m, m/s and N). All speeds may be missing.
-
-    Args:
-        log: the path of the file, or the frame.
+    Attributes:
         joints: the names of the plant's joints, from the base on.
         slides: which of them (njoint) are slides.
+        columns: what columns mean that are not spelled as they are understood: `time`, `angle_1`, `torque_elbow`, ….
+        topic: of a bag that has several.
+        untrusted: which joints (njoint) move, but their torques are not used; None: none of them.
         needs_torques: whether the torques must be in it; where not, and they are missing, they are 0.
-        number: of the log among several, for a frame, which has no name.
-
-    Raises:
-        RecordError: it is not such a log.
-        MissingExtraError: it is in parquet, and pyarrow is not installed.
     """
-    path = Path(f"frame {number}") if isinstance(log, pd.DataFrame) else Path(log)
-    frame = log if isinstance(log, pd.DataFrame) else _frame(path)
-    columns = {kind: _columns(path, frame, kind, joints) for kind in KINDS}
-    if "time" not in frame:
-        raise RecordError(f"{path}: no column 'time' (allowed: time in s, and {_allowed(joints)})")
-    for kind in ("angle", "torque") if needs_torques else ("angle",):
-        if not columns[kind]:
-            raise RecordError(f"{path}: no column '{kind}_1' (allowed: time in s, and {_allowed(joints)})")
-    if len(frame) < LEAST_ROWS:
-        raise RecordError(f"{path}: {len(frame)} rows (allowed: {LEAST_ROWS} or more)")
-    times = _numbers(path, frame, ["time"])[:, 0]
-    late = np.flatnonzero(np.diff(times) <= 0.0)
-    if late.size:
-        row = int(late[0]) + 1
-        raise RecordError(f"{path}: row {row + 1}: time {times[row]:g} is not after {times[row - 1]:g} s")
-    angles = _numbers(path, frame, columns["angle"])
-    speeds = _numbers(path, frame, columns["speed"]) if columns["speed"] else None
-    torques = _numbers(path, frame, columns["torque"]) if columns["torque"] else np.zeros_like(angles)
-    _refuse_degrees(path, columns["angle"], angles, slides)
-    if speeds is not None:
-        _refuse_other_speeds(path, columns, times, angles, speeds)
-    if needs_torques and not torques.any():
-        raise RecordError(f"{path}: every torque is 0, so nothing says how heavy the links are")
-    if not (np.ptp(angles, axis=0) > 0.0).any():
-        raise RecordError(f"{path}: no joint moves")
-    return Record(path.name, times, angles, speeds, torques)
+
+    joints: Sequence[str]
+    slides: NDArray[np.bool_]
+    columns: Mapping[str, str] = field(default_factory=dict)
+    topic: str | None = None
+    untrusted: NDArray[np.bool_] | None = None
+    needs_torques: bool = True
+
+    def read(self, log: str | Path | pd.DataFrame, number: int = 1) -> tuple[Record, ...]:
+        """The runs in a log: CSV, Parquet, a bag, or a frame.
+
+        Its columns are `time` and, of every joint by its number or its name, `angle_1` in rad, `speed_1` in rad/s and
+        `torque_1` in N m (of a slide in m, m/s and N), or spelled as people do. All speeds may be missing.
+
+        Args:
+            log: the path of the file, or the frame.
+            number: of the log among several, for a frame, which has no name.
+
+        Raises:
+            RecordError: it is not such a log.
+            MissingExtraError: a package for its format is not installed.
+        """
+        tables = tables_of(log, number, self.topic)
+        every = [(table, understood(table, self.joints, self.columns)) for table in tables]
+        table, columns = self._complete(every)
+        readings = in_seconds(self._numbers(table, columns), columns.unit)
+        refuse_few_rows(readings)
+        name = table.name if isinstance(log, pd.DataFrame) else Path(log).name
+        parts = begins_again(readings)
+        if len(parts) > 1:
+            text = f"the clock was set back {counted(len(parts) - 1, 'time')}: {len(parts)} runs"
+            parts = [part.repaired("clock", len(parts) - 1, text) if part is parts[0] else part for part in parts]
+        runs = [run for part in parts for run in self._runs(part)]
+        return tuple(self._record(run, f"{name}[{i}]" if len(runs) > 1 else name) for i, run in enumerate(runs, 1))
+
+    def _complete(self, every: Sequence[tuple[Table, Understood]]) -> tuple[Table, Understood]:
+        """The one table that has all that is needed.  Raises RecordError."""
+        needed = ("angle", "torque") if self.needs_torques else ("angle",)
+        whole = [(table, each) for table, each in every if each.times and all(each.kinds[kind] for kind in needed)]
+        if len(whole) == 1:
+            return whole[0]
+        if whole:
+            names = ", ".join(table.name.rpartition(" ")[2] for table, _ in whole)
+            raise RecordError(f"{whole[0][0].name}: several have all that is needed (allowed: --topic, of {names})")
+        table, columns = every[0]
+        lacking = "time" if not columns.times else next(f"{kind}_1" for kind in needed if not columns.kinds[kind])
+        there = ", ".join(table.columns[:MOST_NAMED]) + (", …" if len(table.columns) > MOST_NAMED else "")
+        raise RecordError(
+            f"{table.name}: no column '{lacking}' among {there} (allowed: time, of each of {len(self.joints)} joints "
+            "angle_1, torque_1 and perhaps speed_1; or --map OWN=OURS)"
+        )
+
+    def _numbers(self, table: Table, columns: Understood) -> Readings:
+        """The cells of a table as numbers, NaN where a cell has none."""
+        frame = table.load(columns.wanted)
+        kinds = {kind: _numbers(frame[list(own)]) if own else None for kind, own in columns.kinds.items()}
+        angles = kinds["angle"]
+        assert angles is not None
+        if self.untrusted is not None and kinds["torque"] is not None:
+            kinds["torque"][:, self.untrusted] = 0.0
+        times = numeric_times([frame[each] for each in columns.times])
+        return Readings(table.name, columns.kinds, times, angles, kinds["speed"], kinds["torque"], columns.notes)
+
+    def _runs(self, readings: Readings) -> list[Readings]:
+        """The runs of a log, repaired, in the order of time, and plausible."""
+        readings = in_order(_without_holes(readings))
+        refuse_few_rows(readings)
+        readings = replace(readings, times=readings.times - readings.times[0])
+        readings = without_repeats(unwrapped(tamed(readings), self.slides))
+        runs = [rested(on_true_clock(run)) for run in runs_of(readings)]
+        moving = [run for run in runs if (np.ptp(run.angles, axis=0) > 0.0).any()] or runs
+        for run in moving:
+            refuse_implausible(run, self.slides, self.needs_torques)
+        still = len(runs) - len(moving)
+        if still:
+            moving[0] = moving[0].repaired("rest", still, f"{counted(still, 'run')} in which no joint moves left out")
+        return moving
+
+    @staticmethod
+    def _record(readings: Readings, name: str) -> Record:
+        torques = np.zeros_like(readings.angles) if readings.torques is None else readings.torques
+        return Record(name, readings.times, readings.angles, readings.speeds, torques, readings.repairs)
 
 
-def _frame(path: Path) -> pd.DataFrame:
-    """The table in a file, its cells as they are."""
-    if path.suffix not in SUFFIXES:
-        raise RecordError(f"{path}: the ending says the format (allowed: {', '.join(SUFFIXES)})")
-    try:
-        if path.suffix == ".parquet":
-            with optional_packages("parquet"):
-                import pyarrow  # noqa: F401, pandas reads with it
-            return pd.read_parquet(path)
-        return pd.read_csv(path, skipinitialspace=True, low_memory=False)
-    except OSError as problem:
-        why = problem.strerror or "not a file of that format"
-        raise RecordError(f"{path}: {why} (allowed: the path of a log)") from None
-    except (ValueError, pd.errors.ParserError) as problem:
-        raise RecordError(f"{path}: not a table: {problem}") from None
-
-
-def _allowed(joints: Sequence[str]) -> str:
-    return f"of each of {len(joints)} joints angle_1, torque_1 and perhaps speed_1"
-
-
-def _columns(path: Path, frame: pd.DataFrame, kind: str, joints: Sequence[str]) -> list[str]:
-    """The columns of one `kind`, joint by joint; none where no joint has one."""
-    there = [str(name) for name in frame.columns if str(name).startswith(f"{kind}_")]
-    numbered = [f"{kind}_{i + 1}" for i in range(len(joints))]
-    named = [f"{kind}_{name}" for name in joints]
-    wanted = named if any(name in there for name in named) and not set(numbered) <= set(there) else numbered
-    other = [name for name in there if name not in wanted]
-    if other and there:
-        raise RecordError(f"{path}: column '{other[0]}' is of no joint (allowed: {wanted[0]} to {wanted[-1]})")
-    missing = [name for name in wanted if name not in there]
-    if there and missing:
-        raise RecordError(f"{path}: no column '{missing[0]}' (allowed: {wanted[0]} to {wanted[-1]}, all of them)")
-    return there and wanted
-
-
-def _numbers(path: Path, frame: pd.DataFrame, columns: list[str]) -> Array:
-    """The cells of these `columns` (nrow x ncolumn), all of them finite numbers."""
-    numbers: Array = frame[columns].apply(pd.to_numeric, errors="coerce").to_numpy(dtype=np.float64)
-    bad = np.argwhere(~np.isfinite(numbers))
-    if bad.size:
-        row, column = (int(each) for each in bad[0])
-        cell = frame[columns[column]].iloc[row]
-        raise RecordError(f"{path}: row {row + 1}: {columns[column]} is '{cell}' (allowed: finite numbers)")
+def _numbers(frame: pd.DataFrame) -> Array:
+    """The cells of some columns (nrow x ncolumn), NaN where one has no finite number."""
+    columns = [
+        column if pd.api.types.is_numeric_dtype(column) else pd.to_numeric(column, errors="coerce")
+        for _, column in frame.items()
+    ]
+    numbers = np.column_stack([column.to_numpy(dtype=np.float64, na_value=np.nan) for column in columns])
+    numbers[~np.isfinite(numbers)] = np.nan
     return numbers
 
 
-def _refuse_degrees(path: Path, names: list[str], angles: Array, slides: NDArray[np.bool_]) -> None:
-    widest = np.where(slides, 0.0, np.abs(angles).max(axis=0))
-    joint = int(widest.argmax())
-    if widest[joint] > MANY_TURNS:
+def _without_holes(readings: Readings) -> Readings:
+    """The same without rows in which a cell has no number.  Raises RecordError where these are most."""
+    named = [("time", readings.times[:, None])]
+    named += [(kind, getattr(readings, f"{kind}s")) for kind in ("angle", "speed", "torque")]
+    holes = {
+        (readings.names[kind][joint] if kind != "time" else "time"): np.isnan(read[:, joint])
+        for kind, read in named
+        if read is not None
+        for joint in range(read.shape[1])
+    }
+    bad = np.any(list(holes.values()), axis=0)
+    count = int(bad.sum())
+    if not count:
+        return readings
+    worst = max(holes, key=lambda each: int(holes[each].sum()))
+    first = next(f"row {row + 1}: {name}" for row in [int(bad.argmax())] for name, own in holes.items() if own[row])
+    if count > FEW_LEFT * len(readings):
         raise RecordError(
-            f"{path}: {names[joint]} goes to {widest[joint]:.4g}, which looks like degrees "
-            f"(allowed: rad, at most {MANY_TURNS:g})"
+            f"{readings.name}: {worst} has no number in {holes[worst].mean():.0%} of the rows, the first in {first} "
+            f"(allowed: numbers in at least {1.0 - FEW_LEFT:.0%} of the rows)"
         )
+    text = f"{counted(count, 'row')} without a number left out, the first {first}"
+    return readings.rows(~bad).repaired("no number", count, text)
 
 
-def _refuse_other_speeds(path: Path, columns: dict[str, list[str]], times: Array, angles: Array, speeds: Array) -> None:
-    """Speeds that are not how fast the angles change, over a tenth of a second or so. Changes within the noise of the
-    sensors say nothing of speeds.
-    """
-    period = float(np.median(np.diff(times)))
-    stride = max(1, round(0.05 / period))
-    noise = np.sqrt(2.0) * _noise_of(angles) + np.sqrt(stride) * period * _noise_of(speeds)
-    mean = np.cumsum(0.5 * (speeds[1:] + speeds[:-1]) * np.diff(times)[:, None], axis=0)
-    said, seen = mean[stride::stride] - mean[:-stride:stride], angles[1:][stride::stride] - angles[1:][:-stride:stride]
-    for joint in range(angles.shape[1]):
-        moving = np.abs(seen[:, joint]) > max(CALM * np.abs(seen[:, joint]).max(), ABOVE_NOISE * noise[joint])
-        if not moving.any() or not seen[moving, joint].any():
-            continue
-        ratio = float(np.median(said[moving, joint] / seen[moving, joint]))
-        if not 1.0 / FAR_FROM_ONE < ratio < FAR_FROM_ONE:
-            near = (
-                abs(np.log(max(abs(ratio), 1e-9) / DEGREES)) < 0.4 or abs(np.log(max(abs(ratio), 1e-9) * DEGREES)) < 0.4
-            )
-            unit = ", which looks like degrees" if near else ""
-            raise RecordError(
-                f"{path}: {columns['speed'][joint]} is {ratio:.3g} times how fast {columns['angle'][joint]} changes"
-                f"{unit} (allowed: rad and rad/s)"
-            )
-
-
-def _noise_of(read: Array) -> Array:
-    """The standard deviation of the noise of each joint (njoint), by what `read` (nrow x njoint) leaves of a parabola:
-    third differences have 20 times the variance of the noise.
-    """
-    return np.asarray(np.sqrt((np.diff(read, n=3, axis=0) ** 2).mean(axis=0) / 20.0), dtype=np.float64)
+def every_run(intake: Intake, logs: Iterable[str | Path | pd.DataFrame], first: int = 1) -> tuple[Record, ...]:
+    """The runs in several logs, one after the other; `first` is the number of the first log."""
+    return tuple(run for number, log in enumerate(logs, first) for run in intake.read(log, number))

@@ -180,7 +180,8 @@ def file_error(path: Path, name: str, found: RecordedEstimate, logs: Sequence[Sm
             shifted = [np.interp(own.times - found.delay, own.times, column) for column in sent.T]
             sent = np.stack(shifted, axis=1)
         left = (sent - own.filtered(predicted.torques))[own.judged]
-        squares, whole = squares + (left**2).sum(axis=0), whole + (sent[own.judged] ** 2).sum(axis=0)
+        squares = squares + found.model.trusted_alone((left**2).sum(axis=0))
+        whole = whole + found.model.trusted_alone((sent[own.judged] ** 2).sum(axis=0))
         rows += len(left)
     relative = float(np.sqrt(squares.sum() / max(whole.sum(), 1e-300)))
     by_joint = np.sqrt(squares / np.maximum(whole, 1e-300))

@@ -48,7 +48,7 @@ def summary(
                 "rows": len(record.times),
                 "seconds": float(record.times[-1] - record.times[0]),
                 "zeros": zeros,
-                "repairs": [],
+                "repairs": [repair.summary for repair in record.repairs],
             }
             for record, zeros in logs
         ],
@@ -68,7 +68,8 @@ def summary(
                     "torque": curve.torque.tolist(),
                     "sd": curve.sd.tolist(),
                 }
-                for curve in friction_curves(found)
+                for curve, is_unknown in zip(friction_curves(found), model.untrusted, strict=True)
+                if not is_unknown
             ],
         },
         "delay": found.delay,

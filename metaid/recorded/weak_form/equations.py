@@ -32,6 +32,9 @@ LASTS = 0.3  # s: how long an error of the model lasts at least
 ROUNDS = 3  # of the covariance across joints
 PASSES = 3  # of Newton's steps for zeros and for the friction that grows with load
 LEAST = 1e-9  # of the largest torque, that any joint's error is at least: rounding
+KEPT = 4_000_000  # numbers at the nodes of a log that are kept
+CHUNK = 2_000_000  # numbers at nodes that are made at a time, of a longer one
+UNTRUSTED = 1e12  # times the largest torque, squared: the variance of one that is not trusted
 SHIFT = 1e-5  # rad, for derivatives by a zero
 
 
@@ -51,27 +54,51 @@ class Part:
     record: Record
     windows: Windows
     smoothed: Smoothed
-    _bodies: dict[str, Array] = field(default_factory=dict, repr=False, compare=False)
+    _bodies: dict[bytes, Array] = field(default_factory=dict, repr=False, compare=False)
 
     def at_nodes(self, model: LinearModel, zeros: Array) -> Array:
         """The torque at nodes (nwindow x nnode x njoint x nbody) for a unit of each of the bodies' unknowns."""
-        key = zeros.tobytes().hex()
-        if key not in self._bodies:
-            windows = self.windows
-            moved = windows.coordinates + zeros
-            if len(self._bodies) > 1:
-                self._bodies.clear()
-            self._bodies[key] = model.bodies(moved, windows.speeds, windows.accelerations)
-        return self._bodies[key]
+        windows = self.windows
+        return model.bodies(windows.coordinates + zeros, windows.speeds, windows.accelerations)
 
     def rows(self, model: LinearModel, bodies: Array, zeros: Array) -> Array:
         """The averaged torque for a unit of each unknown (nwindow x ntest x njoint x nparam), friction that grows with
         load by the torque of `bodies` (nbody).  Eq. 57.
         """
-        windows, at_nodes = self.windows, self.at_nodes(model, zeros)
-        rigid = at_nodes @ bodies if "load" in model.friction else np.zeros(windows.speeds.shape)
+        averaged, rigid = self._averaged(model, bodies, zeros)
+        windows = self.windows
         friction = model.friction_columns(windows.speeds, windows.accelerations, self.sliding(model), rigid)
-        return windows.averaged(np.concatenate([at_nodes, friction], axis=-1))
+        return np.concatenate([averaged, windows.averaged(friction)], axis=-1)
+
+    def _averaged(self, model: LinearModel, bodies: Array, zeros: Array) -> tuple[Array, Array]:
+        """The averaged torque for a unit of each of the bodies' unknowns (nwindow x ntest x njoint x nbody), and the
+        torque of `bodies` (nbody) at nodes (nwindow x nnode x njoint), 0 where no friction grows with it. Of many
+        windows no more is kept: what is at all nodes would not fit into memory.
+        """
+        windows, has_load = self.windows, "load" in model.friction
+        rigid = np.zeros(windows.speeds.shape)
+        key = zeros.tobytes()
+        size = windows.speeds.size * model.nbody
+        if size <= KEPT:
+            if key not in self._bodies:
+                if len(self._bodies) > 1:
+                    self._bodies.clear()
+                self._bodies[key] = self.at_nodes(model, zeros)
+            at_nodes = self._bodies[key]
+            return windows.averaged(at_nodes), at_nodes @ bodies if has_load else rigid
+        if key in self._bodies and not has_load:
+            return self._bodies[key], rigid
+        parts = []
+        chunks = np.array_split(np.arange(len(windows)), -(-size // CHUNK))
+        for chunk in chunks:
+            own = windows.only(chunk)
+            at_nodes = model.bodies(own.coordinates + zeros, own.speeds, own.accelerations)
+            parts.append(own.averaged(at_nodes))
+            if has_load:
+                rigid[chunk] = at_nodes @ bodies
+        self._bodies.clear()
+        self._bodies[key] = np.concatenate(parts)
+        return self._bodies[key], rigid
 
     def sliding(self, model: LinearModel) -> Array:
         """The state of dry friction at nodes (nwindow x nnode x njoint + npair)."""
@@ -178,6 +205,7 @@ class Equations:
         floor = (LEAST * largest) ** 2 * np.eye(n)
         every = np.concatenate([torques.reshape(-1, n) for torques in self.torques])
         covariance = np.diag(np.maximum((every**2).mean(axis=0), LEAST * largest**2))
+        covariance = self._without_untrusted(covariance, largest)
         passes = PASSES if self.zeros or "load" in model.friction else 1
         for step in range(passes):
             rows = [self._rows(part, bodies, zeros[part.log], step > 0) for part in self.parts]
@@ -187,11 +215,19 @@ class Equations:
                 blocks = self._blocks(rows, weight, zeros)
                 values, changes, precision = eliminated(blocks, nominal, prior, zeros, self.zeros and step > 0)
                 left = self._left(rows, values, changes)
-                covariance = left.T @ left / len(left)
+                covariance = self._without_untrusted(left.T @ left / len(left), largest)
             zeros = zeros + changes
             bodies = values[: model.nbody]
         solution = Solution(values[:nparam], precision, prior, zeros, weight)
         return solution, rows, blocks
+
+    def _without_untrusted(self, covariance: Array, largest: float) -> Array:
+        """The covariance of what is left of a torque (njoint x njoint), where what is not trusted has next to no
+        weight.
+        """
+        known = np.outer(~self.model.untrusted, ~self.model.untrusted)
+        unknown = UNTRUSTED * largest**2 * np.diag(self.model.untrusted.astype(float))
+        return np.where(known, covariance, unknown)
 
     def without(self, fold: Fold) -> Solution:
         """The solution without a fold, by the columns and weights of all."""
@@ -256,7 +292,7 @@ class Equations:
     @property
     def lags(self) -> int:
         """How many windows an error lasts."""
-        return int(np.ceil(max(LASTS, self.span) / (0.5 * self.span)))
+        return int(np.ceil(max(LASTS, self.span) / max(part.windows.apart for part in self.parts)))
 
     def covariance(self, values: Array) -> Array:
         """The covariance of the unknowns (nparam x nparam), whatever the errors of a window are, and though those of

@@ -49,6 +49,7 @@ class LinearModel:
         coupled: pairs of joints whose motors are coupled, from 0 on.
         still: joint speed below which dry friction is a share of its whole (njoint), in rad/s or m/s.
         source: the chain with its gravity in m/s², or the prior in the arm.
+        untrusted: which joints (njoint) move, but nothing is fitted to their torques.
     """
 
     names: tuple[str, ...]
@@ -64,6 +65,7 @@ class LinearModel:
     coupled: tuple[tuple[int, int], ...]
     still: Array
     source: tuple[Chain, float] | ArmPrior
+    untrusted: NDArray[np.bool_]
 
     @property
     def njoint(self) -> int:
@@ -161,6 +163,14 @@ class LinearModel:
         """The same with other speeds (njoint) below which dry friction is a share of its whole."""
         return replace(self, still=still)
 
+    def with_untrusted(self, untrusted: NDArray[np.bool_]) -> LinearModel:
+        """The same with other joints (njoint) to whose torques nothing is fitted."""
+        return replace(self, untrusted=untrusted)
+
+    def trusted_alone(self, torques: Array) -> Array:
+        """Torques, or squares of them (... x njoint), 0 where they are not trusted."""
+        return np.where(self.untrusted, 0.0, torques)
+
     def with_friction(self, terms: tuple[str, ...], presliding: Array | float = 0.0) -> LinearModel:
         """The same with these terms of friction in every joint, and pre-sliding of each joint (njoint) or of all."""
         return _with_friction(self, terms, np.broadcast_to(np.asarray(presliding, dtype=np.float64), self.njoint))
@@ -237,6 +247,7 @@ def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("visc
             coupled=(),
             still=np.full(n, 0.01),
             source=(chain, gravity),
+            untrusted=np.zeros(n, dtype=np.bool_),
         ),
         friction,
         np.zeros(n),
@@ -313,6 +324,7 @@ def arm_model(
             coupled=coupled,
             still=np.full(tree.njoint, 0.01),
             source=prior,
+            untrusted=np.zeros(tree.njoint, dtype=np.bool_),
         ),
         friction,
         np.zeros(tree.njoint),

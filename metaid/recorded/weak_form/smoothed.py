@@ -20,7 +20,7 @@ ANGLES = 20.0  # Hz
 CUTOFFS = (10.0, 7.0, 5.0, 3.0, 2.0)  # Hz, of torques
 ORDER = 4
 FINEST = 0.004  # s: the grid is no finer
-LONGEST = 40_000  # rows of a grid
+LONGEST = 40_000, 200_000  # rows of a grid, of robots with many joints and with few
 EDGE = 0.2  # s at both ends that are not judged
 REST = 0.01  # of a joint's fastest speed: rows in which no joint is faster, for AROUND s, are not judged
 AROUND = 0.25  # s
@@ -98,7 +98,8 @@ def _weights(share: float) -> Array:
 
 def smoothed(record: Record) -> Smoothed:
     """A log on a grid with its own period, or FINEST, whose torques are averages over a period."""
-    period = max(record.period, FINEST, (record.times[-1] - record.times[0]) / LONGEST)
+    longest = float(np.clip(LONGEST[0] * (7.0 / record.njoint) ** 2, *LONGEST))
+    period = max(record.period, FINEST, (record.times[-1] - record.times[0]) / longest)
     times = np.arange(record.times[0], record.times[-1], period)
     regular = np.arange(record.times[0], record.times[-1], record.period)
     angles = np.stack([np.interp(regular, record.times, column) for column in record.angles.T], axis=1)

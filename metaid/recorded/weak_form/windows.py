@@ -17,6 +17,7 @@ from metaid.models import Array
 from metaid.recorded.reading.log import Record
 
 OVERLAP = 0.5  # of a window with the next
+MOST = 2_500, 10_000  # windows of a log, of robots with many joints and with few: of a longer one every second alone
 NODES = 32  # in a window, at which the model's torque is evaluated
 AT_REST = 0.005  # of a joint's fastest speed: a window in which no joint is faster is left out
 GAP = 0.15  # of a window without a reading: nobody knows which torques were sent there
@@ -37,6 +38,7 @@ class Windows:
         nodes: in a window's own time, from −1 to 1 (nnode).
         readings: how many there are in a window.
         noise: root mean square of what the polynomials leave of the readings (njoint), in rad or m.
+        apart: the time from one window to the next, in s.
     """
 
     span: float
@@ -48,6 +50,7 @@ class Windows:
     nodes: Array
     readings: int
     noise: Array
+    apart: float
 
     def __len__(self) -> int:
         return len(self.middles)
@@ -57,8 +60,8 @@ class Windows:
         half = 0.5 * self.span
         return np.asarray((self.middles + half > begin) & (self.middles - half < end), dtype=np.bool_)
 
-    def only(self, which: NDArray[np.bool_]) -> Windows:
-        """Those of `which` (nwindow)."""
+    def only(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> Windows:
+        """Those of `which` (nwindow), or of these numbers."""
         return replace(
             self,
             middles=self.middles[which],
@@ -132,7 +135,12 @@ def cut_windows(record: Record, span: float, power: int, overlap: float = OVERLA
         overlap: of a window with the next.
     """
     first, last = record.times[0], record.times[-1]
-    middles = np.arange(first + 0.5 * span, last - 0.5 * span, (1.0 - overlap) * span)
+    apart = (1.0 - overlap) * span
+    middles = np.arange(first + 0.5 * span, last - 0.5 * span, apart)
+    most = float(np.clip(MOST[0] * (7.0 / record.njoint) ** 2, *MOST))
+    if len(middles) > most:
+        stride = int(np.ceil(len(middles) / most))
+        middles, apart = middles[::stride], stride * apart
     nodes = (np.arange(NODES) + 0.5) / NODES * 2.0 - 1.0
     at_nodes = legendre.legvander(nodes, power)
     unit = np.eye(power + 1)
@@ -175,4 +183,5 @@ def cut_windows(record: Record, span: float, power: int, overlap: float = OVERLA
         nodes,
         int(np.median(counts)),
         np.sqrt(np.median(left, axis=0)),
+        apart,
     )

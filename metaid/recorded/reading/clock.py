@@ -1,0 +1,165 @@
+"""The clock of a log: jitter of a host's stamps, and packets that were lost.
+
+Readings are taken at a regular rate, and stamped when a host gets to it. Whether the stamps or a regular clock are
+truer is asked of the readings: of speeds, which tell how long each step took, else of how smooth the angles are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.models import Array
+from metaid.recorded.reading.readings import Readings, counted, noise_of, resolution_of
+from metaid.recorded.reading.times import rising
+
+REGULAR = 0.02  # of a period, by which steps of a regular clock may differ
+TRUER = 0.8  # times what the stamps leave: a clock that leaves more is no truer
+FOLLOWS = 0.01  # of the difference between stamps and clock, that the clock follows at each row
+AHEAD = 7  # rows, the median of which tells a lost packet from a late one
+CLEAR = 5.0  # deviations of the noise of a step of the angles, from which on speeds tell how long it took
+WINDOW = 25  # rows, whose mean step is the usual one
+COHERENT = 0.7, 1.02  # times the mean step, where the period is looked for
+CLEARLY = 0.3  # of the stamps, that must agree on a period
+BATCH = 250  # rows in which a host's clock and a robot's stay together
+LIKELY = 1.5  # times the deviation of steps, that stamps are off at most
+WORTH_SAYING = 0.1  # of a period
+NEVER = 1e-9  # s: between two stamps that are the same
+LATE = 0.5  # of a period: a stamp that is later may be of a later packet
+
+
+def on_true_clock(readings: Readings) -> Readings:
+    """The same with the times that its readings speak for, and lost packets said."""
+    steps = np.diff(readings.times)
+    period = readings.period
+    many = np.round(steps / period)
+    if np.quantile(np.abs(steps - many * period), 0.99) <= REGULAR * period:
+        return _lost(rising(readings), int(np.maximum(many - 1.0, 0.0).sum()))
+    period = _usual_step(readings)
+    counts = _counts(readings, period)
+    times, lost = _regular(readings.times, period, counts)
+    jitter, seen = float(np.std(readings.times - times)), float(np.std(steps - period * np.maximum(many, 1.0)))
+    if jitter > LIKELY * float(np.std(steps)) or not _left(readings, times) < TRUER * _left(readings, readings.times):
+        text = (
+            f"stamps jitter by {1e3 * seen:.2g} ms from row to row, and no regular clock fits the readings better: kept"
+        )
+        return rising(readings.repaired("jitter", 0, text) if seen > WORTH_SAYING * period else readings)
+    by = "speeds" if readings.speeds is not None else "smooth angles"
+    text = f"stamps jitter by {1e3 * jitter:.2g} ms: times of a regular clock, {1.0 / period:.4g} Hz, as {by} speak for"
+    return _lost(rising(replace(readings, times=times - times[0]).repaired("jitter", len(readings), text)), lost)
+
+
+def _lost(readings: Readings, lost: int) -> Readings:
+    if not lost:
+        return readings
+    text = f"{counted(lost, 'row')} lost between others: torques hold, and long gaps are not fitted"
+    return readings.repaired("lost rows", lost, text)
+
+
+def _usual_step(readings: Readings) -> float:
+    """The time between two packets, in s: by speeds, else the usual mean of some steps."""
+    told = _told_steps(readings)
+    if told is not None and np.isfinite(told).sum() > 10 * WINDOW:
+        return float(np.nanmedian(told))
+    if len(readings) <= 2 * WINDOW:
+        return readings.period
+    mean = float(np.median(readings.times[WINDOW:] - readings.times[:-WINDOW])) / WINDOW
+    return _coherent_step(readings.times, mean)
+
+
+def _coherent_step(stamps: Array, mean: float) -> float:
+    """The period of which stamps (nrow), in s, are most nearly multiples, not far below their `mean` step: whatever was
+    lost between them.
+    """
+    periods = mean * np.linspace(*COHERENT, 8 * BATCH)
+    parts = np.array_split(stamps, max(1, len(stamps) // BATCH))[:: max(1, len(stamps) // (16 * BATCH))]
+    together = np.zeros(len(periods))
+    for part in parts:
+        together += np.abs(np.exp(2j * np.pi * np.outer(1.0 / periods, part - part[0])).sum(axis=1))
+    is_clear = together.max() > CLEARLY * sum(map(len, parts))
+    return float(periods[together.argmax()]) if is_clear else mean
+
+
+def _told_steps(readings: Readings) -> Array | None:
+    """How long each step took by the speeds (nrow − 1), in s, NaN where the robot is too slow to tell; None where a log
+    has no speeds.
+    """
+    if readings.speeds is None:
+        return None
+    moved = np.diff(readings.angles, axis=0)
+    mean = 0.5 * (readings.speeds[1:] + readings.speeds[:-1])
+    resolution = np.array([resolution_of(column) for column in readings.angles.T])
+    noise = np.maximum(np.sqrt(2.0) * noise_of(readings.angles), 0.4 * resolution) + 1e-12
+    weights = 1.0 / noise**2
+    across, whole = (weights * mean * moved).sum(axis=1), (weights * mean**2).sum(axis=1)
+    clear = whole * readings.period**2 > CLEAR**2
+    return np.where(clear, across / np.where(clear, whole, 1.0), np.nan)
+
+
+def _counts(readings: Readings, period: float) -> NDArray[np.intp]:
+    """How many packets each step is by the speeds (nrow − 1); 0 where these do not tell."""
+    told = _told_steps(readings)
+    if told is None:
+        return np.zeros(len(readings) - 1, dtype=np.intp)
+    return np.nan_to_num(np.maximum(np.round(told / period), np.where(np.isfinite(told), 1.0, 0.0))).astype(np.intp)
+
+
+def _regular(stamps: Array, period: float, counts: NDArray[np.intp]) -> tuple[Array, int]:
+    """Times of a regular clock that follows the stamps slowly, and how many packets were lost. A packet is lost where
+    speeds say so; where they do not tell, where the stamps after it are late, too.
+
+    Args:
+        stamps: of a host (nrow), in s.
+        period: between two packets, in s.
+        counts: how many packets each step is (nrow − 1); 0 where nothing tells.
+    """
+    given, steps = stamps.tolist(), counts.tolist()
+    now, times, lost = given[0], [given[0]], 0
+    ahead = period * np.arange(AHEAD)
+    for row in range(1, len(given)):
+        step = steps[row - 1]
+        if not step:
+            late = given[row] - now - period
+            if late > LATE * period:
+                coming = stamps[row : row + AHEAD]
+                late = min(late, float(np.median(coming - ahead[: len(coming)])) - now - period)
+            step = 1 + max(0, round(late / period))
+        now += step * period
+        lost += step - 1
+        now += FOLLOWS * (given[row] - now)
+        times.append(now)
+    return np.array(times), lost
+
+
+def _left(readings: Readings, times: Array) -> float:
+    """What these times (nrow) leave unexplained of the readings: of how far joints went in a step what their speeds do
+    not say, else of angles what a cubic through two neighbours on either side does not.
+    """
+    if readings.speeds is not None:
+        mean = 0.5 * (readings.speeds[1:] + readings.speeds[:-1])
+        left = np.diff(readings.angles, axis=0) - mean * np.diff(times)[:, None]
+        moves = np.abs(mean)
+    else:
+        left, moves = _uneven(readings.angles, times), np.abs(np.diff(readings.angles, axis=0))[1:-2]
+    fast = moves >= np.median(moves, axis=0)
+    scale = np.maximum(np.sqrt((moves**2).mean(axis=0)), 1e-300)
+    each = [np.median(np.abs(left[fast[:, joint], joint])) / scale[joint] for joint in range(left.shape[1])]
+    return float(np.min(each))
+
+
+def _uneven(angles: Array, times: Array) -> Array:
+    """What a cubic through two neighbours on either side, at uneven times (nrow), leaves of angles (nrow − 4 x
+    njoint).
+    """
+    places = [times[i : len(times) - 4 + i] for i in (0, 1, 3, 4)]
+    middle = times[2:-2]
+    left = angles[2:-2].copy()
+    for i, own in enumerate(places):
+        weight = np.ones_like(middle)
+        for j, other in enumerate(places):
+            if j != i:
+                weight *= (middle - other) / np.where(own == other, NEVER, own - other)
+        left -= weight[:, None] * angles[(0, 1, 3, 4)[i] : len(times) - 4 + (0, 1, 3, 4)[i]]
+    return left

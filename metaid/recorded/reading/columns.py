@@ -1,0 +1,229 @@
+"""Which column of a log is what: by its name as people spell it, or as the user says.
+
+Understood are a word for a kind (`angle`, `pos`, `q`; `speed`, `vel`, `dq`; `torque`, `effort`, `tau`) beside a joint's
+name or number, before or after it: `angle_1`, `q1`, `/joint_states/elbow/position`, `actual_q_0`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from metaid.errors import RecordError, unknown
+from metaid.recorded.reading.formats import Table
+from metaid.recorded.reading.readings import Repair
+from metaid.recorded.reading.times import SPELLED
+
+KINDS = ("angle", "speed", "torque")
+WORDS = {
+    "angle": ("angle", "angles", "position", "positions", "pos", "q", "theta", "phi", "qpos"),
+    "speed": ("speed", "speeds", "velocity", "velocities", "vel", "v", "dq", "qd", "qdot", "dtheta", "omega", "qvel"),
+    "torque": ("torque", "torques", "effort", "efforts", "eff", "tau", "trq", "moment"),
+    "current": ("current", "currents", "cur", "curr"),
+}
+KIND_OF = {word: kind for kind, words in WORDS.items() for word in words}
+OTHERS = {"acc", "acceleration", "accelerations", "ddq", "qdd", "temperature", "temp", "error", "err", "dot"}
+WISHED = {"des", "desired", "ref", "reference", "target", "cmd", "command", "commanded", "set", "setpoint", "goal"}
+PLAIN = {
+    *("joint", "joints", "state", "states", "j", "jnt", "field", "data", "value", "msg", "link", "motor", "axis"),
+    *("robot", "arm", "actual", "act", "meas", "measured", "msr", "fb", "feedback", "read", "raw"),
+    *("rad", "s", "sec", "nm", "n", "m"),
+}
+CLOCKS = ("time", "t", "timestamp", "stamp", "times", "clock", "elapsed", "epoch")
+
+
+@dataclass(frozen=True)
+class Understood:
+    """Which columns are what.
+
+    Attributes:
+        times: the column of the times, or those of s and ns.
+        unit: of the times, where its name says so.
+        kinds: of angle, speed and torque the columns, joint by joint; none where no joint has one.
+        notes: what was understood that is not spelled as metaid does.
+    """
+
+    times: tuple[str, ...]
+    unit: str | None
+    kinds: dict[str, tuple[str, ...]]
+    notes: tuple[Repair, ...]
+
+    @property
+    def wanted(self) -> list[str]:
+        """All columns that are read."""
+        return list(dict.fromkeys([*self.times, *(each for own in self.kinds.values() for each in own)]))
+
+
+@dataclass(frozen=True)
+class _Meant:
+    """What a column's name means: a kind, a joint from 0 on or a number, and whether it is only what was wished."""
+
+    column: str
+    kind: str
+    joint: int | None
+    number: int | None
+    is_wished: bool
+
+
+def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) -> Understood:
+    """Which columns of a table are what.
+
+    Args:
+        table: the table.
+        joints: the names of the robot's joints.
+        mapping: what columns mean that the user names: `time`, or `angle_`, `speed_`, `torque_` with a joint.
+
+    Raises:
+        RecordError: some joints have a column of a kind and others have none, or a name means nothing.
+    """
+    names = _renamed(table, joints, mapping)
+    meant = [each for column, name in names.items() if (each := _meaning(column, name, joints))]
+    kinds, base = {}, None
+    for kind in KINDS:
+        kinds[kind], own = _of_kind(table, kind, meant, joints)
+        base = own if own is not None else base
+    is_current = not kinds["torque"]
+    if is_current:
+        kinds["torque"], _ = _of_kind(table, "current", meant, joints)
+    times, unit = _clock(names)
+    found = Understood(times, unit, kinds, ())
+    notes = _notes(table, found, names, joints, base)
+    if is_current and kinds["torque"]:
+        text = "motor currents stand for torques: every number is in their unit, until --scale says N m in one of it"
+        notes += (Repair("currents", len(kinds["torque"]), text),)
+    return Understood(times, unit, kinds, (*table.notes, *notes))
+
+
+def _renamed(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) -> dict[str, str]:
+    """Every column of a table that may be read, with what it is called by the user, or by itself."""
+    numbers = [*(str(i + 1) for i in range(len(joints))), *joints]
+    ours = {"time", *(f"{kind}_{joint}" for kind in KINDS for joint in numbers)}
+    names = {column: column for column in table.columns}
+    for own, meaning in mapping.items():
+        if own not in names and own in ours and meaning in names:
+            own, meaning = meaning, own
+        if own not in names:
+            if own in {each for each in mapping if each in ours}:
+                raise RecordError(f"{table.name}: map: {unknown('column', meaning, table.columns)}")
+            raise RecordError(f"{table.name}: map: {unknown('column', own, table.columns)}")
+        if meaning not in ours:
+            raise RecordError(f"{table.name}: map {own}: {unknown('meaning', meaning, sorted(ours))}")
+        names[own] = meaning
+    said = set(mapping.values()) | set(mapping)
+    return {column: name for column, name in names.items() if column in said or name not in said}
+
+
+def tokens_of(name: str) -> list[str]:
+    """The words and numbers in a column's name, units in brackets left out."""
+    plain = re.sub(r"[\[(].*?[^0-9].*?[\])]", " ", name)
+    plain = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", plain)
+    return re.findall(r"[a-zµ]+|\d+", plain.lower())
+
+
+def _meaning(column: str, name: str, joints: Sequence[str]) -> _Meant | None:
+    """What a name means; None where it means nothing that is read."""
+    tokens = tokens_of(name)
+    joint, rest = _joint_in(tokens, joints)
+    if rest.count("dot") == 1 and "q" in rest:
+        rest = [each if each != "q" else "qd" for each in rest if each != "dot"]
+    kinds = [each for each in rest if each in KIND_OF]
+    if len(kinds) != 1 or OTHERS & set(rest):
+        return None
+    wished = bool(WISHED & set(rest))
+    numbers = [int(each) for each in rest if each.isdigit()]
+    if joint is not None:
+        return _Meant(column, KIND_OF[kinds[0]], joint, None, wished)
+    words = {each for each in rest if not each.isdigit()} - {kinds[0]} - PLAIN - WISHED
+    if words or not numbers:
+        return None
+    return _Meant(column, KIND_OF[kinds[0]], None, numbers[-1], wished)
+
+
+def _joint_in(tokens: list[str], joints: Sequence[str]) -> tuple[int | None, list[str]]:
+    """The joint whose name is in a column's, from 0 on, and what stands beside it; None where there is none. A name
+    that is a number alone is taken as one.
+    """
+    best, rest = None, tokens
+    for joint, name in enumerate(joints):
+        own = tokens_of(name)
+        if all(each.isdigit() for each in own):
+            continue
+        for at in range(len(tokens) - len(own) + 1):
+            left = tokens[:at] + tokens[at + len(own) :]
+            if tokens[at : at + len(own)] == own and len(left) < len(rest) and any(each in KIND_OF for each in left):
+                best, rest = joint, left
+    return best, rest
+
+
+def _of_kind(
+    table: Table, kind: str, meant: Sequence[_Meant], joints: Sequence[str]
+) -> tuple[tuple[str, ...], int | None]:
+    """The columns of one kind, joint by joint, and the number of the first joint where they are numbered; measured
+    ones, else of torques those that were sent.
+    """
+    njoint = len(joints)
+    for is_wished in (False, True) if kind in ("torque", "current") else (False,):
+        own = [each for each in meant if each.kind == kind and each.is_wished == is_wished]
+        named = {each.joint: each.column for each in reversed(own) if each.joint is not None}
+        numbered = {each.number: each.column for each in reversed(own) if each.number is not None}
+        base = 0 if 0 in numbered else 1
+        by_number = {number - base: column for number, column in numbered.items() if number is not None}
+        found = named if len(named) >= len({*by_number} & {*range(njoint)}) and named else by_number
+        if not found:
+            continue
+        if found is by_number and max(by_number) >= njoint:
+            first, last = numbered.get(base, f"{kind}_1"), f"{kind}_{njoint}"
+            column = by_number[max(by_number)]
+            raise RecordError(f"{table.name}: column '{column}' is of no joint (allowed: {first} to {last})")
+        missing = [joint for joint in range(njoint) if joint not in found]
+        if missing:
+            own_name = joints[missing[0]] if found is named else str(missing[0] + 1)
+            example = next(iter(found.values()))
+            raise RecordError(
+                f"{table.name}: no column '{kind}_{own_name}' beside '{example}' "
+                f"(allowed: of all {njoint} joints, or --joints those that it has)"
+            )
+        return tuple(found[joint] for joint in range(njoint)), base if found is by_number else None
+    return (), None
+
+
+def _clock(names: Mapping[str, str]) -> tuple[tuple[str, ...], str | None]:
+    """The column of the times, or those of s and ns, and the unit where the name says it."""
+    split: dict[str, str] = {}
+    best: tuple[int, str, str | None] | None = None
+    for column, name in names.items():
+        inside = re.findall(r"[\[(]\s*([a-zµ]+)\s*[\])]", name)
+        tokens = tokens_of(name)
+        units = [each for each in (*inside, *tokens[1:]) if each in SPELLED]
+        words = [each for each in tokens if each in CLOCKS]
+        if words and units and SPELLED[units[-1]] in ("s", "ns") and "stamp" in tokens:
+            split.setdefault(SPELLED[units[-1]], column)
+        alien = [each for each in tokens if each not in (*CLOCKS, *SPELLED, "header", "field", "host", "ros", "unix")]
+        if words and not alien:
+            rank = 0 if name == "time" else 1 if "stamp" in tokens else 2 + CLOCKS.index(words[0])
+            unit = SPELLED[units[-1]] if units else None
+            if best is None or rank < best[0]:
+                best = rank, column, unit
+    if len(split) == 2 and (best is None or best[0] > 0):
+        return (split["s"], split["ns"]), "ns"
+    return ((best[1],), best[2]) if best else ((), None)
+
+
+def _notes(
+    table: Table, found: Understood, names: Mapping[str, str], joints: Sequence[str], base: int | None
+) -> tuple[Repair, ...]:
+    """One line on columns that are not spelled as metaid does."""
+    numbers = [str(i + 1) for i in range(len(joints))]
+    said = []
+    for kind, own in found.kinds.items():
+        usual = [[f"{kind}_{name}" for name in each] for each in (numbers, joints)]
+        if own and [names[column] for column in own] not in usual:
+            said.append(f"{own[0]} to {own[-1]} are {kind}s" if len(own) > 1 else f"{own[0]} is the {kind}")
+    if found.times and names[found.times[0]] != "time":
+        said.append(f"{' and '.join(found.times)} {'is' if len(found.times) == 1 else 'are'} the time")
+    if not said:
+        return ()
+    count = sum(map(len, found.kinds.values()))
+    more = " (they count from 0)" if base == 0 else ""
+    return (Repair("columns", count, "; ".join(said) + more),)

@@ -1,0 +1,76 @@
+"""What no log of a robot says: refused before anything is computed from it, with the true reason."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.errors import RecordError
+from metaid.models import Array
+from metaid.recorded.reading.readings import Readings, noise_of
+
+LEAST_ROWS = 100
+MANY_TURNS = 25.0  # rad: a hinge that is said to be farther from 0 is probably logged in degrees
+CALM = 0.05  # of a joint's fastest speed: below it the ratio of two speeds says nothing
+ABOVE_NOISE = 5.0  # standard deviations
+FAR_FROM_ONE = 1.5  # between a speed and the change of its angle
+DEGREES = 180.0 / np.pi
+
+
+def refuse_few_rows(readings: Readings) -> None:
+    """Raises RecordError where there are too few rows."""
+    if len(readings) < LEAST_ROWS:
+        raise RecordError(f"{readings.name}: {len(readings)} rows (allowed: {LEAST_ROWS} or more)")
+
+
+def refuse_implausible(readings: Readings, slides: NDArray[np.bool_], needs_torques: bool) -> None:
+    """Raises RecordError where angles are in degrees, speeds are not how angles change, torques are all 0, or nothing
+    moves.
+
+    Args:
+        readings: a log, repaired.
+        slides: which joints (njoint) are slides.
+        needs_torques: whether the torques must be in it.
+    """
+    _refuse_degrees(readings, slides)
+    if readings.speeds is not None:
+        _refuse_other_speeds(readings, readings.speeds)
+    if needs_torques and (readings.torques is None or not readings.torques.any()):
+        raise RecordError(f"{readings.name}: every torque is 0, so nothing says how heavy the links are")
+    if not (np.ptp(readings.angles, axis=0) > 0.0).any():
+        raise RecordError(f"{readings.name}: no joint moves")
+
+
+def _refuse_degrees(readings: Readings, slides: NDArray[np.bool_]) -> None:
+    widest = np.where(slides, 0.0, np.abs(readings.angles).max(axis=0))
+    joint = int(widest.argmax())
+    if widest[joint] > MANY_TURNS:
+        raise RecordError(
+            f"{readings.name}: {readings.names['angle'][joint]} goes to {widest[joint]:.4g}, which looks like "
+            f"degrees (allowed: rad, at most {MANY_TURNS:g})"
+        )
+
+
+def _refuse_other_speeds(readings: Readings, speeds: Array) -> None:
+    """Speeds that are not how fast the angles change, over a tenth of a second or so. Changes within the noise of the
+    sensors say nothing of speeds.
+    """
+    times, angles, period = readings.times, readings.angles, readings.period
+    stride = max(1, round(0.05 / period))
+    noise = np.sqrt(2.0) * noise_of(angles) + np.sqrt(stride) * period * noise_of(speeds)
+    mean = np.cumsum(0.5 * (speeds[1:] + speeds[:-1]) * np.diff(times)[:, None], axis=0)
+    said, seen = mean[stride::stride] - mean[:-stride:stride], angles[1:][stride::stride] - angles[1:][:-stride:stride]
+    for joint in range(angles.shape[1]):
+        moving = np.abs(seen[:, joint]) > max(CALM * np.abs(seen[:, joint]).max(), ABOVE_NOISE * noise[joint])
+        if not moving.any() or not seen[moving, joint].any():
+            continue
+        ratio = float(np.median(said[moving, joint] / seen[moving, joint]))
+        if not 1.0 / FAR_FROM_ONE < ratio < FAR_FROM_ONE:
+            near = (
+                abs(np.log(max(abs(ratio), 1e-9) / DEGREES)) < 0.4 or abs(np.log(max(abs(ratio), 1e-9) * DEGREES)) < 0.4
+            )
+            unit = ", which looks like degrees" if near else ""
+            raise RecordError(
+                f"{readings.name}: {readings.names['speed'][joint]} is {ratio:.3g} times how fast "
+                f"{readings.names['angle'][joint]} changes{unit} (allowed: rad and rad/s)"
+            )

@@ -1,0 +1,173 @@
+"""What sensors do to readings, repaired where the readings themselves say how: wild ones, angles that wrap, rows that
+are there twice, and rest that rounding and noise hide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.errors import RecordError
+from metaid.models import Array
+from metaid.recorded.reading.readings import Readings, counted, resolution_of
+
+WILD = 12.0  # standard deviations of what neighbours leave of a reading
+SHAPE = np.array([1.0 / 6.0, -2.0 / 3.0, 1.0, -2.0 / 3.0, 1.0 / 6.0])  # what one wild reading leaves of five
+ALIKE = 0.2  # how far these may be from that shape
+ALONE = 3.0  # times all that is left nearby
+BEYOND = 3.0  # times the usual large step nearby
+MOSTLY = 0.7  # of the readings nearby, others of which may be wild, too
+NEARBY = 25  # rows on either side
+SLIGHT = 1e-3  # of what a column spans: a wild reading that is less does no harm
+SELDOM = 0.02  # of the readings: more wild ones are a broken sensor
+TURN = 2.0 * np.pi
+NEAR_A_TURN = 0.6  # rad
+FASTEST = 300.0  # rad/s: an angle that jumps faster is not an angle
+JUMP = 0.3  # rad
+STEPS = 3.0  # of an encoder, that a joint moves between two rows where a repeated row can be told from rest
+REST = 0.25  # s on either side in which no joint leaves what rounding and noise make
+RESOLVED, ABOVE_NOISE = 2.1, 8.0  # steps of the encoder, deviations of its noise
+CREEPS = 0.01  # of all that a joint moves: one that goes farther does not rest
+MOST_RESTS = 0.95  # of a log
+
+
+def tamed(readings: Readings) -> Readings:
+    """The same with each lone wild reading replaced by what its four neighbours say.  Raises RecordError where there
+    are too many.
+    """
+    for kind in ("angle", "speed", "torque"):
+        read = getattr(readings, f"{kind}s")
+        if read is None:
+            continue
+        changed, found = read, {}
+        for joint, name in enumerate(readings.names[kind]):
+            rows = _wild(read[:, joint])
+            if not len(rows):
+                continue
+            if len(rows) > max(3.0, SELDOM * len(readings)):
+                raise RecordError(
+                    f"{readings.name}: {name} has {len(rows):,} wild readings, the first in row {rows[0] + 1} "
+                    f"(allowed: one in {1.0 / SELDOM:.0f})"
+                )
+            changed = changed.copy() if changed is read else changed
+            changed[rows, joint] = _between(read[:, joint])[rows - 2]
+            found[name] = rows
+        if found:
+            count = sum(map(len, found.values()))
+            where = ", ".join(found)
+            first = min(int(rows[0]) for rows in found.values()) + 1
+            text = (
+                f"{counted(count, 'wild reading')} of {where} replaced by what its neighbours say, first in row {first}"
+            )
+            readings = replace(readings, **{f"{kind}s": changed}).repaired("wild", count, text)
+    return readings
+
+
+def _between(read: Array) -> Array:
+    """Where a cubic through two neighbours on either side has readings (nrow − 4)."""
+    return (4.0 * (read[1:-3] + read[3:-1]) - read[:-4] - read[4:]) / 6.0
+
+
+def _wild(read: Array) -> NDArray[np.intp]:
+    """Rows of lone wild readings of one column: what its neighbours leave of it stands out, and has the shape that one
+    wrong reading makes, so that it is neither a step nor noise.
+    """
+    left = read[2:-2] - _between(read)
+    size = np.abs(left)
+    span = float(np.subtract(*np.quantile(read, (0.99, 0.01))))
+    floor = max(SLIGHT * span, 5.0 * resolution_of(read), WILD * 1.48 * float(np.median(size)) / 3.0)
+    rows = []
+    for row in np.flatnonzero(size[2:-2] > floor) + 2:
+        five = left[row - 2 : row + 3] / left[row]
+        if np.abs(five - SHAPE).max() > ALIKE:
+            continue
+        around = np.concatenate([size[max(row - NEARBY, 0) : row - 2], size[row + 3 : row + NEARBY]])
+        usual = 1.48 * float(np.median(around))
+        steps = np.abs(np.diff(read[max(row + 2 - NEARBY, 0) : row + NEARBY]))
+        moved = BEYOND * float(np.quantile(steps, MOSTLY))
+        if size[row] > max(WILD * usual, ALONE * float(np.quantile(around, MOSTLY)), moved):
+            rows.append(row + 2)
+    return np.array(rows, dtype=np.intp)
+
+
+def unwrapped(readings: Readings, slides: NDArray[np.bool_]) -> Readings:
+    """The same with angles that go on where they were cut at a full turn.  Raises RecordError where an angle jumps
+    otherwise, faster than any joint turns.
+    """
+    steps = np.diff(readings.angles, axis=0)
+    turns = np.where(slides, 0.0, np.round(steps / TURN))
+    turns[np.abs(steps - TURN * turns) > NEAR_A_TURN] = 0.0
+    count = int((turns != 0.0).sum())
+    if count:
+        angles = readings.angles.copy()
+        angles[1:] -= TURN * np.cumsum(turns, axis=0)
+        where = ", ".join(readings.names["angle"][joint] for joint in np.flatnonzero(turns.any(axis=0)).tolist())
+        text = f"{where} cut at a full turn {counted(count, 'time')}: joined"
+        readings = replace(readings, angles=angles).repaired("turns", count, text)
+        steps = np.diff(angles, axis=0)
+    usual = np.maximum(np.diff(readings.times), readings.period)[:, None]
+    bad = np.argwhere((np.abs(steps) > FASTEST * usual) & (np.abs(steps) > JUMP) & ~slides)
+    if len(bad) and np.abs(readings.angles).max() < 25.0:  # else degrees are what is wrong
+        row, joint = (int(each) for each in bad[0])
+        raise RecordError(
+            f"{readings.name}: row {row + 2}: {readings.names['angle'][joint]} jumps by {steps[row, joint]:.3g} rad in "
+            f"{usual[row, 0]:.3g} s (allowed: at most {FASTEST:g} rad/s)"
+        )
+    return readings
+
+
+def without_repeats(readings: Readings) -> Readings:
+    """The same without rows that repeat all readings of the row above though the robot moves: packets that were sent,
+    or written, twice.
+    """
+    same = np.ones(len(readings) - 1, dtype=bool)
+    for read in (readings.angles, readings.speeds, readings.torques):
+        if read is not None:
+            same &= (read[1:] == read[:-1]).all(axis=1)
+    if not same.any():
+        return readings
+    reach = 10
+    ahead = np.concatenate([readings.angles[reach:], np.repeat(readings.angles[-1:], reach, axis=0)])
+    behind = np.concatenate([np.repeat(readings.angles[:1], reach, axis=0), readings.angles[:-reach]])
+    steps = np.abs(ahead - behind) / (2.0 * reach)
+    resolution = np.array([resolution_of(column) for column in readings.angles.T])
+    moves = (steps > STEPS * np.maximum(resolution, 1e-12)).any(axis=1)[1:]
+    twice = np.concatenate([[False], same & moves])
+    count = int(twice.sum())
+    if not count:
+        return readings
+    text = f"{counted(count, 'row')} with all readings of the row above, though the robot moves: left out"
+    return readings.rows(~twice).repaired("repeated rows", count, text)
+
+
+def rested(readings: Readings) -> Readings:
+    """The same with angles that stand still where no joint leaves what rounding and noise make for a while, so that no
+    model is fitted to these.
+    """
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d  # slow to load
+
+    size = 2 * max(1, round(REST / readings.period)) + 1
+    if size >= len(readings):
+        return readings
+    resolution = np.array([resolution_of(column) for column in readings.angles.T])
+    noise = 1.48 * np.median(np.abs(np.diff(readings.angles, n=3, axis=0)), axis=0) / np.sqrt(20.0)
+    within = np.maximum(RESOLVED * resolution, ABOVE_NOISE * noise)
+    within = np.minimum(within, CREEPS * np.ptp(readings.angles, axis=0))
+    spread = maximum_filter1d(readings.angles, size, axis=0) - minimum_filter1d(readings.angles, size, axis=0)
+    rests = (spread <= within).all(axis=1)
+    if not rests.any() or rests.mean() > MOST_RESTS or not spread[rests].any():
+        return readings
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], rests, [False]]).astype(int)))
+    angles = readings.angles.copy()
+    speeds = None if readings.speeds is None else readings.speeds.copy()
+    for begin, end in edges.reshape(-1, 2):
+        angles[begin:end] = np.median(angles[begin:end], axis=0)
+        if speeds is not None:
+            speeds[begin:end] = 0.0
+    count = int(rests.sum())
+    text = (
+        f"rest: {counted(count, 'row')} in which no joint leaves the resolution and noise of its encoder are not fitted"
+    )
+    return replace(readings, angles=angles, speeds=speeds).repaired("rest", count, text)

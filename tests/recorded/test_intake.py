@@ -1,0 +1,256 @@
+"""Logs as people have them are read alike, whatever they are written in, and what was understood or mended is said."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from metaid.errors import RecordError
+from metaid.recorded import Intake, Record
+
+Change = Callable[[pd.DataFrame], pd.DataFrame]
+
+
+def clean(seconds: float = 8.0, rate: float = 200.0, seed: int = 0) -> pd.DataFrame:
+    """A log of two joints that swing, speeds included, with 0.1 mrad of noise."""
+    random = np.random.default_rng(seed)
+    times = np.arange(round(seconds * rate)) / rate
+    columns = {"time": times}
+    for joint, pulse in ((1, 3.1), (2, 5.3)):
+        columns[f"angle_{joint}"] = np.sin(pulse * times) + 1e-4 * random.standard_normal(len(times))
+        columns[f"speed_{joint}"] = pulse * np.cos(pulse * times) + 1e-3 * random.standard_normal(len(times))
+        columns[f"torque_{joint}"] = np.cos(2.0 * pulse * times) + 1e-2 * random.standard_normal(len(times))
+    return pd.DataFrame(columns)
+
+
+def intake(joints: tuple[str, ...] = ("1", "2"), **given: object) -> Intake:
+    return Intake(joints, np.zeros(len(joints), dtype=bool), **given)  # type: ignore[arg-type]
+
+
+def read(log: pd.DataFrame | str, **given: object) -> Record:
+    """The one run in a log."""
+    (record,) = intake(**given).read(log)  # type: ignore[arg-type]
+    return record
+
+
+def kinds(record: Record) -> list[str]:
+    return [repair.kind for repair in record.repairs]
+
+
+@pytest.mark.parametrize(("unit", "size"), [("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9)])
+def test_usual_step_tells_the_unit_of_times(unit: str, size: float) -> None:
+    """Since 1970 or since the start, and the unit is said; those in s are taken as they are."""
+    usual, log = read(clean()), clean()
+    assert kinds(usual) == []
+    epoch = np.int64(1_700_000_000 / size)
+    ticks = np.round(log["time"] / size).astype("int64") + epoch
+    record = read(log.assign(time=ticks))
+    np.testing.assert_allclose(record.times, usual.times, atol=1e-9)
+    assert [repair.text for repair in record.repairs] == [f"times are in {unit}: the log has 200 Hz"]
+
+
+def test_speeds_tell_between_two_units() -> None:
+    """Steps of 0.1 are 10 Hz in s or 10 kHz in ms."""
+    slow, fast = clean(60.0, 10.0), clean(1.0, 10_000.0)
+    assert kinds(read(slow)) == []
+    assert kinds(read(fast.assign(time=1e3 * fast["time"]))) == ["unit of times"]
+
+
+SPELLED: dict[str, tuple[dict[str, str], list[str]]] = {
+    "DFKI": ({"time": "time", "angle_": "pos_meas", "speed_": "vel_meas", "torque_": "tau_meas"}, ["1", "2"]),
+    "short": ({"time": "t", "angle_": "q", "speed_": "dq", "torque_": "tau"}, ["1", "2"]),
+    "underscores": ({"time": "timestamp", "angle_": "pos_", "speed_": "vel_", "torque_": "tau_"}, ["1", "2"]),
+    "RTDE": ({"time": "timestamp", "angle_": "actual_q_", "speed_": "actual_qd_", "torque_": "effort_"}, ["0", "1"]),
+    "brackets": ({"time": "Time [s]", "angle_": "Position", "speed_": "Velocity", "torque_": "Torque"}, ["[0]", "[1]"]),
+    "PlotJuggler": (
+        {"time": "__time", "angle_": "/joint_states/{}/position", "speed_": "/joint_states/{}/velocity"}
+        | {"torque_": "/joint_states/{}/effort"},
+        ["shoulder_joint", "elbow_joint"],
+    ),
+    "ROS": ({"time": "stamp", "angle_": "position_", "speed_": "velocity_", "torque_": "effort_"}, ["elbow", "hand"]),
+}
+
+
+def respelled(log: pd.DataFrame, how: str) -> pd.DataFrame:
+    words, joints = SPELLED[how]
+    names = {}
+    for column in log.columns:
+        kind, _, joint = str(column).partition("_")
+        own = words[f"{kind}_" if joint else kind]
+        name = joints[int(joint) - 1] if joint else ""
+        names[column] = own.format(name) if "{}" in own else own + name
+    return log.rename(columns=names)
+
+
+@pytest.mark.parametrize("how", SPELLED)
+def test_columns_are_understood_as_people_spell_them(how: str) -> None:
+    """By numbers from 0 or 1, or by names of joints; other columns are left alone, and it is said."""
+    usual, joints = read(clean()), tuple(SPELLED[how][1])
+    joints = joints if joints[0].isidentifier() else ("1", "2")
+    log = respelled(clean(), how).assign(temperature_1=40.0, pos_des_1=0.0, gripper_position=0.1, note="a")
+    record = read(log, joints=joints)
+    for name in ("times", "angles", "speeds", "torques"):
+        np.testing.assert_allclose(getattr(record, name), getattr(usual, name), atol=1e-12)
+    assert kinds(record) == ["columns"]
+
+
+def test_map_says_what_a_column_is() -> None:
+    """A name that means nothing by itself; a wrong one is refused with what is allowed."""
+    log = clean().rename(columns={"torque_1": "pwm a", "torque_2": "pwm b"})
+    record = read(log, columns={"pwm a": "torque_1", "pwm b": "torque_2"})
+    np.testing.assert_array_equal(record.torques, read(clean()).torques)
+    for mapping, says in (
+        ({"pwm c": "torque_1"}, "did you mean 'pwm b'?"),
+        ({"pwm a": "torque_3"}, "did you mean 'torque_2'?"),
+    ):
+        with pytest.raises(RecordError, match="map") as refused:
+            read(log, columns=mapping)
+        assert says in str(refused.value)
+
+
+WRITTEN: dict[str, Callable[[pd.DataFrame, Path], object]] = {
+    "semicolons": lambda log, path: log.to_csv(path, index=False, sep=";", decimal=","),
+    "byte order mark": lambda log, path: log.to_csv(path, index=False, encoding="utf-8-sig"),
+    "tabs": lambda log, path: log.to_csv(path, index=False, sep="\t"),
+    "blanks": lambda log, path: np.savetxt(path, log, header=" ".join(log.columns)),
+    "UTF-16": lambda log, path: log.to_csv(path, index=False, sep="\t", encoding="utf-16"),
+    "a title": lambda log, path: path.write_text("Log of 3 May\n\n" + log.to_csv(index=False)),
+    "an index": lambda log, path: log.to_csv(path),
+    "quotes": lambda log, path: log.to_csv(path, index=False, quoting=1),
+}
+
+
+@pytest.mark.parametrize("how", WRITTEN)
+def test_text_is_read_as_it_is_written(how: str, tmp_path: Path) -> None:
+    """Whatever separates columns, with decimal commas, a byte order mark, and a title above."""
+    WRITTEN[how](clean(), tmp_path / "log.csv")
+    record = read(str(tmp_path / "log.csv"))
+    usual = read(clean())
+    np.testing.assert_allclose(record.angles, usual.angles, atol=1e-12)
+    np.testing.assert_allclose(record.torques, usual.torques, atol=1e-12)
+    assert kinds(record) == (["format"] if how in ("semicolons", "tabs", "blanks", "UTF-16") else [])
+
+
+def test_rows_without_a_number_are_left_out_and_counted() -> None:
+    """Empty cells, words and infinity, in any column."""
+    log = clean().astype({"torque_2": object})
+    log.loc[17, "angle_1"], log.loc[40, "torque_2"], log.loc[41, "speed_1"] = np.nan, "lost", np.inf
+    record = read(log)
+    assert len(record.times) == len(log) - 3
+    assert record.repairs[0].text == "3 rows without a number left out, the first row 18: angle_1"
+
+
+def test_disorder_and_repeated_rows_are_mended() -> None:
+    """Rows are sorted by time, and one that is there twice is left out."""
+    log, usual = clean(), read(clean())
+    order = np.arange(len(log))
+    order[[10, 11, 500, 501]] = order[[11, 10, 501, 500]]
+    record = read(pd.concat([log.iloc[order], log.iloc[700:720]]).reset_index(drop=True))
+    np.testing.assert_array_equal(record.times, usual.times)
+    np.testing.assert_array_equal(record.angles, usual.angles)
+    assert [(repair.kind, repair.count) for repair in record.repairs] == [("order", 3), ("repeated times", 20)]
+
+
+def test_log_is_cut_into_runs_at_gaps_and_where_its_clock_was_set_back() -> None:
+    """Each begins at 0, and the first says it."""
+    log = clean()
+    gap = log.assign(time=np.where(log["time"] < 4.0, log["time"], log["time"] + 1e6))
+    again = log.assign(time=np.where(log["time"] < 4.0, log["time"], log["time"] - 4.0))
+    for broken, kind in ((gap, "gaps"), (again, "clock")):
+        first, second = intake().read(broken)
+        assert len(first.times) == len(second.times) == 800
+        assert second.times[0] == 0.0
+        assert (kinds(first), first.repairs[0].count) == ([kind], 1)
+
+
+@pytest.mark.parametrize("has_speeds", [True, False])
+@pytest.mark.parametrize(("jitter", "lost"), [(0.0005, 0.0), (0.0005, 0.1), (0.002, 0.01)])
+def test_readings_tell_the_clock_that_a_host_jitters(has_speeds: bool, jitter: float, lost: float) -> None:
+    """Times are several times closer to the truth than the stamps, whatever packets were lost; both are counted."""
+    random, log = np.random.default_rng(5), clean(20.0)
+    kept = random.random(len(log)) >= lost
+    stamps = np.maximum.accumulate(log["time"] + jitter * np.abs(random.standard_normal(len(log))))
+    true, log = log["time"][kept], log.assign(time=stamps)[kept].reset_index(drop=True)
+    record = read(log if has_speeds else log.drop(columns=["speed_1", "speed_2"]))
+    assert len(record.times) == len(true)
+    assert np.std(record.times - true) < 0.5 * np.std(log["time"].to_numpy() - true.to_numpy())
+    assert "jitter" in kinds(record)
+    if lost:
+        counts = {repair.kind: repair.count for repair in record.repairs}
+        assert counts["lost rows"] == pytest.approx((~kept).sum(), rel=0.2)
+
+
+def test_true_stamps_of_an_irregular_log_are_kept() -> None:
+    """Readings that were taken when the stamps say stay where they are."""
+    times = clean(20.0)["time"].to_numpy()
+    times = times + 5e-4 * np.random.default_rng(0).standard_normal(len(times))
+    columns = {"time": times - times[0]}
+    for joint, pulse in ((1, 3.1), (2, 5.3)):
+        columns |= {f"angle_{joint}": np.sin(pulse * times), f"torque_{joint}": np.cos(pulse * times)}
+    record = read(pd.DataFrame(columns))
+    np.testing.assert_array_equal(record.times, columns["time"])
+
+
+def test_rows_that_repeat_readings_of_a_moving_robot_are_left_out() -> None:
+    """A packet that was written twice with other stamps; at rest readings may be the same."""
+    log = clean().round(4)
+    twice = np.sort(np.concatenate([np.arange(len(log)), np.arange(100, 1500, 50)]))
+    doubled = log.iloc[twice].reset_index(drop=True)
+    doubled["time"] = log["time"][0] + np.arange(len(doubled)) / 200.0
+    record = read(doubled)
+    assert (record.repairs[0].kind, record.repairs[0].count) == ("repeated rows", 28)
+    np.testing.assert_allclose(record.angles, log[["angle_1", "angle_2"]])
+
+
+@pytest.mark.parametrize("size", [0.1, 3.0, 1e6])
+def test_lone_wild_readings_are_replaced_by_what_their_neighbours_say(size: float) -> None:
+    """Of angles, speeds and torques, each counted; no other reading is touched."""
+    log, usual = clean(), read(clean())
+    spoiled, rows = log.copy(), [50, 700, 1400]
+    for column in ("angle_1", "speed_2", "torque_1"):
+        spoiled.loc[rows, column] += size if column == "angle_1" else 4.0 * size
+    record = read(spoiled)
+    assert [(repair.kind, repair.count) for repair in record.repairs] == [("wild", 3)] * 3
+    assert np.abs(record.angles - usual.angles).max() < 1e-3
+    others = np.delete(np.arange(len(log)), rows)
+    np.testing.assert_array_equal(record.torques[others], usual.torques[others])
+
+
+def test_broken_sensor_is_refused() -> None:
+    """One that is wild too often, and an angle that jumps farther than any joint turns."""
+    for change, says in (
+        (lambda log: log.assign(angle_1=log["angle_1"] + 0.5 * (np.arange(len(log)) % 20 == 0)), "wild readings"),
+        (lambda log: log.assign(angle_1=log["angle_1"] + 2.0 * (np.arange(len(log)) > 800)), "angle_1 jumps by 2"),
+    ):
+        with pytest.raises(RecordError, match=says):
+            read(change(clean()))
+
+
+def test_angles_that_were_cut_at_a_full_turn_go_on() -> None:
+    """As of an encoder that says −π to π."""
+    log = clean()
+    whole = 3.0 * log["angle_1"] + 1.0
+    usual = read(log.assign(angle_1=whole, speed_1=3.0 * log["speed_1"]))
+    wrapped = (whole + np.pi) % (2.0 * np.pi) - np.pi
+    record = read(log.assign(angle_1=wrapped, speed_1=3.0 * log["speed_1"]))
+    np.testing.assert_allclose(np.diff(record.angles, axis=0), np.diff(usual.angles, axis=0), atol=1e-9)
+    assert kinds(record) == ["turns"]
+
+
+def test_rest_that_rounding_hides_stands_still() -> None:
+    """Angles of a robot that waits between two motions are one number each there."""
+    log = clean(12.0)
+    rests = (log["time"] > 4.0) & (log["time"] < 8.0)
+    for column in log.columns[1:]:
+        still = log[column][rests].iloc[0] if "speed" not in column else 0.0
+        log.loc[rests, column] = still + 4e-5 * np.random.default_rng(1).standard_normal(int(rests.sum()))
+    log["angle_1"], log["angle_2"] = log["angle_1"].round(4), log["angle_2"].round(4)
+    log = log[(log["time"] <= 4.0) | rests].drop(columns=["speed_1", "speed_2"])
+    record = read(log)
+    middle = (record.times > 4.5) & (record.times < 7.5)
+    assert np.ptp(record.angles[middle], axis=0).max() == 0.0
+    assert "rest" in kinds(record)
