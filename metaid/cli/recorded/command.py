@@ -90,8 +90,8 @@ def estimate(
 ) -> int:
     """Identify a robot from logs of its motion.
 
-    Columns: `time`, `angle_1`, `torque_1`, perhaps `speed_1`, in SI units. Each is a run; `double-pendulum` is three
-    real ones. Exit status 3: not found.
+    A log is CSV, Parquet, a ROS bag or MCAP: a time, and of each joint angle, torque and perhaps speed. Each is a run;
+    `double-pendulum` is three of a real one. Exit status 3: not found.
     """
     from metaid.recorded import estimate as estimated
     from metaid.results.exporting import SUFFIXES

@@ -6,7 +6,6 @@ Where torques are noisy, `fit_with_torque_noise` compares `Innovations` instead:
 `unmodelled_forces` looks in what is left of the readings for a force that the model has not.
 """
 
-from metaid.estimation.noisy.combining import Search, led_by
 from metaid.estimation.noisy.commanded import commanded_torques, filtered_speeds
 from metaid.estimation.noisy.held_out import hold_out
 from metaid.estimation.noisy.innovations import Innovations
@@ -14,6 +13,7 @@ from metaid.estimation.noisy.loop import Loop
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.taken_up import led, proposed_faults, take_up
 from metaid.estimation.noisy.torque_noise import fit_with_torque_noise
+from metaid.estimation.noisy.tried import Search, led_by
 from metaid.estimation.noisy.unmodelled import unmodelled_forces
 from metaid.estimation.trials import ReadTrial
 

@@ -9,24 +9,14 @@ not tried.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from metaid.estimation.descent import place_at, triangle
 from metaid.estimation.estimate import Found
-from metaid.estimation.faults import SearchedFaults
-from metaid.estimation.noisy.cogging import teeth_shown
-from metaid.estimation.noisy.held_out import only_pushes
-from metaid.estimation.noisy.innovations import Innovations
 from metaid.estimation.noisy.readings import Readings
-from metaid.estimation.noisy.torque_noise import PUSHES, fit_with_torque_noise, likeliest_noise
-from metaid.models import DEVIATIONS, Array
-from metaid.plant import FAULT_UNITS
-
-Search = Callable[[tuple[str, ...]], SearchedFaults]  # makes faults of given kinds unknown
+from metaid.estimation.noisy.tried import NOTHING, Combining, Search, Tried, combining_of, farthest_moved
+from metaid.models import Array
 
 # What goes as one: the angle over which friction builds up is nothing without friction.
 SINGLE: tuple[tuple[str, ...], ...] = (
@@ -47,125 +37,8 @@ TOGETHER = (("viscous", "dry", "presliding"), ("spring", "bias"))
 LUMP_OF = {"viscous": "damping", "dry": "coulomb", "rotor": "rotor"}  # what is searched already is not tried
 TWOFOLD = {"offset": "tilt", "lag": "delay"}  # what is the other, but for little, which is simpler
 OF_SEVERAL = {"offset", "rotor", "gain"}  # of one joint these are nothing, or a tilt
-TRIFLE = 1e-3  # of an unknown: a difference that does no harm
 LEAST = 10.0  # in the logarithm of a likelihood
-ROUNDS, LOOKED_AT = 8, 3  # of taking up, and how many faults are fitted wholly in each
-NEGLIGIBLE, NOTHING = 1e-3, 3.0  # of the noise that was found, and in the logarithm of the likelihood: none is needed
-PLAINLY = 10.0  # standard deviations from none
-ROUNDS_EACH = 3  # of gains and unknowns in turn
-OUT, OF = 1, 3  # of so many pushes that one is left out
-
-
-@dataclass(frozen=True)
-class Tried:
-    """A fit with faults, whose twin is led: what it `found`, and the logarithm of the likelihood of the pushes that
-    were left out.
-    """
-
-    found: Found
-    faults: SearchedFaults
-    likelihood: float
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        return self.faults.kinds
-
-    def shows(self, kinds: tuple[str, ...]) -> bool:
-        """Whether a fault of one of these `kinds` is so far from none that the fit without it is not worth trying."""
-        found = self.found.faults
-        if found is None:
-            return False
-        none = np.array([1.0 if name.startswith("gain") else 0.0 for name in found.searched.names])
-        own = np.array([name.partition("_")[0] in kinds for name in found.searched.names])
-        own &= np.array([name != "presliding" for name in found.searched.names])
-        return bool((np.abs(found.values - none) > PLAINLY * found.deviations)[own].any())
-
-
-@dataclass(frozen=True)
-class Combining:
-    """The pushes that are fitted, `kept`, and those that are left out; how faults of given kinds are made unknown, and
-    what the noise of each joint's torque is thought to be (njoint) to begin with, in N m.
-    """
-
-    kept: Innovations
-    left: Innovations
-    search: Search
-    torque_noise: Array
-
-    def fitted(
-        self, kinds: tuple[str, ...], before: Tried | None, start: Array | None = None, teeth: int = 0
-    ) -> Tried | None:
-        """The fit with faults of these `kinds`, from where the one `before` ended, or a `start`; None where the twin
-        cannot follow.
-
-        Args:
-            kinds: of the faults.
-            before: the fit that it begins from; None for a `start`.
-            start: the unknowns (nunknown) that it begins from; None for the nominal model.
-            teeth: how many times a turn cogging repeats; 0 for as often as before.
-        """
-        faults, noise = self._bounded(kinds, before, teeth), self.torque_noise
-        if before is not None:
-            assert before.found.torque_noise is not None
-            start, noise = begin_with(before.found, faults), before.found.torque_noise
-        try:
-            found = fit_with_torque_noise(replace(self.kept, faults=faults), start, noise, ROUNDS_EACH)
-        except ValueError:
-            return None
-        left = replace(self.left, faults=faults)
-        assert found.torque_noise is not None
-        point = np.append(found.start, np.zeros(left.extras))
-        sizes = likeliest_noise(left, point, found.torque_noise, PUSHES)  # what is unexplained of them, too
-        likelihood = left.likelihood(point, sizes, PUSHES)
-        return Tried(found, faults, likelihood) if np.isfinite(likelihood) else None
-
-    def _bounded(self, kinds: tuple[str, ...], before: Tried | None, teeth: int = 0) -> SearchedFaults:
-        """Faults of these `kinds`; cogging repeats `teeth` times a turn, or as often as before, or as it is known."""
-        faults = self.search(_in_order(kinds))
-        known = faults.teeth or teeth or (0 if before is None else before.faults.teeth)
-        return replace(faults, is_bounded=True, teeth=known)
-
-    def with_cogging(self, before: Tried) -> list[Tried]:
-        """The fit with cogging besides, if there is one."""
-        kept = None if "cogging" in before.kinds else self._led(before)
-        teeth = 0 if kept is None else self.search(("cogging",)).teeth or teeth_shown(kept, before.found.point)
-        tried = self.fitted((*before.kinds, "cogging"), before, teeth=teeth) if teeth else None
-        return [] if tried is None else [tried]
-
-    def _led(self, before: Tried) -> Innovations | None:
-        """The pushes that are fitted, with the gains where the fit `before` ended."""
-        assert before.found.torque_noise is not None
-        return replace(self.kept, faults=before.faults).led(before.found.point, before.found.torque_noise)
-
-    def explains(self, tried: Tried) -> bool:
-        """Whether no noise of torques is needed to explain the pushes that were fitted."""
-        noise, kept = tried.found.torque_noise, replace(self.kept, faults=tried.faults)
-        assert noise is not None
-        likely, without = (kept.likelihood(tried.found.point, size * noise, PUSHES) for size in (1.0, NEGLIGIBLE))
-        return without > likely - NOTHING
-
-    def best_of(self, before: Tried, candidates: list[tuple[str, ...]]) -> list[Tried]:
-        """The fits with the faults of LOOKED_AT of the `candidates` besides, best first: of those that a single step
-        from the fit `before` promises to leave least of the pushes.
-        """
-        kept = self._led(before)
-        if kept is None:
-            return []
-        left = [self._left_by(before, kept, kinds) for kinds in candidates]
-        likely = [candidates[number] for number in np.argsort(left)[:LOOKED_AT] if np.isfinite(left[number])]
-        tried = (self.fitted((*before.kinds, *kinds), before) for kinds in likely)
-        return sorted((each for each in tried if each is not None), key=lambda each: -each.likelihood)
-
-    def _left_by(self, before: Tried, kept: Innovations, kinds: tuple[str, ...]) -> float:
-        """The cost that one Gauss-Newton step leaves with faults of these `kinds` besides, each unknown for one."""
-        faults = self._bounded((*before.kinds, *kinds), before)
-        faulty = replace(kept, faults=faults)
-        extras = before.found.extras if faulty.extras else np.empty(0)
-        place = place_at(faulty, np.concatenate([begin_with(before.found, faults), extras]), faulty.stages)
-        if place is None:
-            return np.inf
-        _, target = triangle(place, faulty.spreads)
-        return place.cost - 0.5 * float(target @ target) + len(faults.names)
+ROUNDS = 8  # of taking up
 
 
 def combine(
@@ -181,7 +54,7 @@ def combine(
         torque_noise: what the noise of each joint's torque is thought to be (njoint), in N m.
     """
     known = readings.faults.kinds
-    combining = _combining(readings, search, torque_noise)
+    combining = combining_of(readings, search, torque_noise)
     if combining is None:
         return None
     taken_up = () if estimate.faults is None else estimate.faults.searched.kinds
@@ -232,16 +105,6 @@ def _fewest(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tried:
     return best
 
 
-def _combining(readings: Readings, search: Search, torque_noise: Array) -> Combining | None:
-    """The pushes in two parts; None where there are too few."""
-    led = led_by(readings)
-    is_out = left_out(readings)
-    try:
-        return Combining(only_pushes(led, ~is_out), only_pushes(led, is_out), search, torque_noise)
-    except ValueError:
-        return None
-
-
 def _candidates(kinds: tuple[str, ...], readings: Readings) -> Iterator[tuple[str, ...]]:
     """What may be taken up beside faults of these `kinds`."""
     searched, several = {*kinds, *readings.unknowns.kinds}, readings.unknowns.njoint > 1
@@ -253,35 +116,3 @@ def _candidates(kinds: tuple[str, ...], readings: Readings) -> Iterator[tuple[st
     for more in (*SINGLE, *TOGETHER):
         if all(is_open(kind) for kind in more):
             yield more
-
-
-def farthest_moved(one: Found, other: Found) -> int | None:
-    """The number of the unknown that an `other` estimate has farthest from `one`; None where all are the same but for
-    what the deviations of both say.
-    """
-    reach = DEVIATIONS * np.hypot(one.deviations, other.deviations)[: len(one.unknowns)] + TRIFLE
-    beyond = np.abs(other.unknowns - one.unknowns) / reach
-    return int(np.argmax(beyond)) if beyond.max() > 1.0 else None
-
-
-def left_out(readings: Readings) -> NDArray[np.bool_]:
-    """Which pushes of each trial are left out (ntrial x npush): others in each, so that none is without its like."""
-    pushes = np.arange(max(len(trial.steps) for trial in readings.trials))
-    return np.asarray((pushes + np.arange(len(readings.trials))[:, None]) % OF == OUT)
-
-
-def led_by(readings: Readings) -> Innovations:
-    """The same, of which a filter leads the twin."""
-    own = {each.name: getattr(readings, each.name) for each in fields(Readings)}
-    return Innovations(**own)
-
-
-def begin_with(found: Found, faults: SearchedFaults) -> Array:
-    """The unknowns (nunknown) of what was `found`, with the `faults` that it has, and none of the others."""
-    own = found.faults
-    known = {} if own is None else dict(zip(own.searched.names, own.unknowns.tolist(), strict=True))
-    return np.append(found.unknowns, [known.get(name, 0.0) for name in faults.names])
-
-
-def _in_order(kinds: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(kind for kind in FAULT_UNITS if kind in kinds)

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from metaid.estimation.estimate import Found, fit
 from metaid.estimation.faults import Proposal, TakenUp, fault_sizes, named_faults
-from metaid.estimation.noisy.combining import Search, Tried, combine, farthest_moved, led_by
+from metaid.estimation.noisy.combining import combine
 from metaid.estimation.noisy.held_out import only_pushes, squares_of
 from metaid.estimation.noisy.polynomials import explained_by_noise
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.torque_noise import fit_with_torque_noise
+from metaid.estimation.noisy.tried import Search, Tried, farthest_moved, led_by
 from metaid.models import Array
 
 FAR = 0.2  # of the misfit before: faults with which it falls less are hardly what is missing
