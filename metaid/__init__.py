@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from metaid.show import figures
     from metaid.study import NominalMetricSampler, load_study
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOME = {
     "metaid.api": (
