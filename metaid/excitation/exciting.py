@@ -56,6 +56,9 @@ class Excitation:
     again: Array
     payload: tuple[float, Array] | None
 
+    def __repr__(self) -> str:
+        return f"<Excitation of {self.plant}: njoint={len(self.joints)}, {self.seconds:g} s>"
+
     @property
     def limits(self) -> Limits:
         return self.problem.limits

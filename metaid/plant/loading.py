@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from metaid.errors import PlantError
 from metaid.files import check, find_file, read_toml
@@ -15,13 +17,24 @@ from metaid.plant.socket_plant import SocketPlant, SocketSettings
 from metaid.plant.wire import FORMS
 
 ARM_FILES = {".xml": "mjcf", ".urdf": "urdf"}  # endings of what describes an arm, and the key that names it
+DICT = Path("dict")  # how messages name a plant that is in no file
 AnySettings = PlantSettings | SocketSettings | ArmSettings
 
 
-def load_plant(name: str | Path) -> MujocoPlant | ArmPlant:
-    """The shipped plant of that name, or what is at that path: a plant file, an MJCF or a URDF.  Raises PlantError."""
-    path = find_file("plants", str(name), PlantError)
-    settings = read_any_plant(path)
+def load_plant(name: str | Path | Mapping[str, Any]) -> MujocoPlant | ArmPlant:
+    """The shipped plant of that name, or what is at that path: a plant file, an MJCF or a URDF; or of a dict with the
+    keys of a plant file.  Raises PlantError.
+
+    >>> load_plant("three-link")
+    <MujocoPlant three-link: njoint=3>
+    >>> load_plant({"links": [{"length": 0.3, "mass": 0.5}, {"length": 0.2, "mass": 0.4}]}).true_lumps().gravity
+    array([0.195, 0.04 ])
+    """
+    if isinstance(name, Mapping):
+        path, settings = DICT, _any_plant(name, DICT)
+    else:
+        path = find_file("plants", str(name), PlantError)
+        settings = read_any_plant(path)
     if settings.why_no_chain is None:
         return _chain(path, settings)
     if not isinstance(settings, ArmSettings):
@@ -60,7 +73,11 @@ def read_any_plant(path: Path) -> AnySettings:
     """
     if path.suffix in ARM_FILES:
         return check(ArmSettings, {ARM_FILES[path.suffix]: str(path)}, str(path), PlantError)
-    tables = read_toml(path, PlantError)
+    return _any_plant(read_toml(path, PlantError), path)
+
+
+def _any_plant(tables: Mapping[str, Any], path: Path) -> AnySettings:
+    """The checked `tables` of the plant file at a path."""
     if "socket" in tables:
         return check(SocketSettings, tables, str(path), PlantError)
     if "mjcf" in tables or "urdf" in tables:

@@ -52,6 +52,10 @@ class RecordedResult:
     facts: tuple[Fact, ...]
     validation: tuple[tuple[Smoothed, str, HeldOut], ...]
 
+    def __repr__(self) -> str:
+        predicted = 100.0 * self.estimate.held_out.relative
+        return f"<RecordedResult of {self.plant}: {self.verdict.word}, torques left out predicted to {predicted:.3g} %>"
+
     @property
     def summary(self) -> dict[str, Any]:
         """What `metaid estimate --json` prints, of files that were not written."""

@@ -82,6 +82,9 @@ class MetricSampler(BaseSampler):
         self._shown: dict[str, _Shown] = {}
         self._lock = threading.RLock()
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {type(self._sampler).__name__}: factors={len(self._names)}>"
+
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_lock": None, "_known": {}, "_shown": {}}
 
