@@ -247,8 +247,8 @@ def signature_of(thing: Any) -> str:
 
 
 def doc_of(thing: Any) -> str:
-    """A docstring as a paragraph, and its parameters as a list."""
-    text = inspect.getdoc(thing) or ""
+    """A docstring as a paragraph, and its parameters as a list; its example is for `help` and the site."""
+    text = (inspect.getdoc(thing) or "").partition("\nExample:\n")[0]
     lines, out, section = text.splitlines(), [], False
     for line in lines:
         if re.fullmatch(r"(Args|Returns|Raises|Attributes):", line):

@@ -25,10 +25,11 @@ def load_plant(name: str | Path | Mapping[str, Any]) -> MujocoPlant | ArmPlant:
     """The shipped plant of that name, or what is at that path: a plant file, an MJCF or a URDF; or of a dict with the
     keys of a plant file.  Raises PlantError.
 
-    >>> load_plant("three-link")
-    <MujocoPlant three-link: njoint=3>
-    >>> load_plant({"links": [{"length": 0.3, "mass": 0.5}, {"length": 0.2, "mass": 0.4}]}).true_lumps().gravity
-    array([0.195, 0.04 ])
+    Example:
+        >>> metaid.load_plant("three-link")
+        <MujocoPlant three-link: njoint=3>
+        >>> metaid.load_plant({"links": [{"length": 0.3, "mass": 0.5}, {"length": 0.2, "mass": 0.4}]})
+        <MujocoPlant dict: njoint=2>
     """
     if isinstance(name, Mapping):
         path, settings = DICT, _any_plant(name, DICT)

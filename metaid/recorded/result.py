@@ -100,9 +100,9 @@ class RecordedResult:
 
 def estimate(
     logs: Sequence[Log] | Log,
-    nominal: str | Path,
+    nominal: str | Path | Mapping[str, Any],
     *,
-    validate: Sequence[Log] = (),
+    validate: Sequence[Log] | Log = (),
     law: str | Path | None = None,
     friction: Sequence[str] | None = None,
     coupled: Sequence[tuple[int, int]] = (),
@@ -119,8 +119,9 @@ def estimate(
 
     Args:
         logs: paths or frames, each a run of its own, or the name of shipped ones, `double-pendulum`.
-        nominal: the nominal robot: the name of a shipped plant, or the path of a plant file, an MJCF or a URDF.
-        validate: logs that nothing is fitted to.
+        nominal: the nominal robot: the name of a shipped plant, or the path of a plant file, an MJCF or a URDF;
+            or a dict with the keys of a plant file.
+        validate: a log, or several, that nothing is fitted to.
         law: the plant that the torques compensated, where the logs have none.
         friction: the terms of every joint, of viscous, coulomb, root, offset, load and hysteresis; by default those
             that predict best what is left out.
@@ -135,6 +136,10 @@ def estimate(
     Raises:
         RecordError: a log cannot be used, or does not fit the robot.
         PlantError: a plant cannot be used.
+
+    Example:
+        >>> metaid.estimate("double-pendulum", "double-pendulum").verdict.word
+        'approximate'
     """
     plant = load_plant(nominal)
     choices = Choices(span=window, delay=delay, zeros=zeros)
@@ -144,7 +149,7 @@ def estimate(
                 raise RecordError(f"friction: {unknown('term', term, TERMS)}")
         choices = replace(choices, friction=tuple(friction))
     model = _model(plant, [_joints(pair, plant.njoint) for pair in coupled], gravity)
-    many = _with_shipped([logs] if isinstance(logs, str | Path | pd.DataFrame) else logs)
+    many = _with_shipped(logs)
     if not many:
         raise RecordError("no log (allowed: one or more)")
     factors = _by_joint("scale", scale or {}, model, 1.0)
@@ -173,10 +178,10 @@ def estimate(
     return RecordedResult(plant.name, records, found, verdict, facts, validation)
 
 
-def _with_shipped(logs: Sequence[Log]) -> list[Log]:
-    """Logs, with all runs in place of the name that they ship under."""
+def _with_shipped(logs: Sequence[Log] | Log) -> list[Log]:
+    """One log or several, with all runs in place of the name that they ship under."""
     every: list[Log] = []
-    for log in logs:
+    for log in [logs] if isinstance(logs, str | Path | pd.DataFrame) else logs:
         every += (not isinstance(log, pd.DataFrame) and shipped_logs(str(log))) or [log]
     return every
 
