@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint $(CONSTRAINTS)
 
-.PHONY: demo test test-quick robots test-min test-newest pin-min check docs audit bench figures soak format build clean
+.PHONY: demo test test-quick coverage robots test-min test-newest pin-min check hooks docs audit bench figures soak format build release clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/metaid study run three-link --create --workers 2
@@ -21,6 +21,10 @@ test: $(VENV)/.dev .venv-tools/bin/pip-licenses
 # Under a minute on two idle cores: what is not marked slow.
 test-quick: $(VENV)/.dev
 	$(PYTEST) -n 2 --dist worksteal -m "not slow and not robots"
+
+# Which lines of metaid no test runs in its own process: kernels that numba compiles and what other processes run are not seen.
+coverage: $(VENV)/.dev .venv-tools/bin/pip-licenses
+	$(PYTEST) -n 3 --dist worksteal --cov --cov-report term:skip-covered --cov-report html:build/coverage
 
 # Installs pinocchio and example-robot-data, 820 MB, for the tests and benchmarks that need them, and runs these tests.
 robots: $(VENV)/.robots
@@ -41,6 +45,10 @@ check: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+
+# `make check` before each commit, and the quick tests before each push.
+hooks: .venv-tools/bin/pre-commit $(VENV)/.dev
+	.venv-tools/bin/pre-commit install --hook-type pre-commit --hook-type pre-push
 
 # The site, in build/site: README, docs/, notebooks, calls. A link that leads nowhere is an error. Nothing is fetched, and
 # the pages can be opened as files.
@@ -69,6 +77,15 @@ format: $(VENV)/.dev
 
 build: $(VENV)/.dev
 	$(BIN)/python -m build
+
+# The wheel is built from the sdist, and does a study and a log in an environment and a folder that have nothing else.
+release: $(VENV)/.dev
+	rm -rf dist build/release
+	$(BIN)/python -m build
+	$(PYTHON) -m venv build/release/venv
+	build/release/venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint $(CONSTRAINTS) dist/*.whl
+	cd build/release && venv/bin/metaid --version && venv/bin/metaid study run three-link --create --quiet && \
+		venv/bin/metaid estimate double-pendulum --nominal double-pendulum -o found.urdf
 
 clean:
 	rm -rf .venv .venv-min .venv-newest .venv-docs .venv-tools build dist .pytest_cache .mypy_cache .ruff_cache

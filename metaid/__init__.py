@@ -1,10 +1,19 @@
-"""metaid identifies the dynamics of multi-link pendulums and arms from nothing but how they oscillate.
+"""metaid identifies the dynamics of multi-link pendulums and robot arms, from logs or from pushes.
 
-    import metaid
+Ten calls do most:
 
-    metaid.run("three-link")  # creates and runs the shipped study in metaid.db; a frame of the lumps
-    metaid.trials("three-link")  # every trial, as a tidy frame
+    estimate(logs, nominal)   what logs of a robot say: paths or frames; `.model.write("robot.xml")`
+    excite(nominal)           the motion to record of a robot
+    load_plant(plant)         a robot or pendulum: a shipped name, a plant file, MJCF, URDF, or a dict
+    perturb(plant)            one push of it, without a study
+    run(study)                makes a study in metaid.db and runs it; a frame of what it found
+    lumps(name)               that frame again; `trials(name)` has every trial
+    study(name).estimate      what all its trials say
+    model(name)               the identified model: torque(q, v), mass_matrix(q), write(path)
+    validate(name)            it, the nominal and the true one on new pushes
+    objective(study)          a study as a function for Optuna's own `optimize`
 
+`help(metaid.run)` has the details and an example of each. What is wrong is said by a `MetaidError`, in one line.
 Everything is imported when first used: `import metaid` itself is instant.
 """
 
@@ -39,7 +48,7 @@ if TYPE_CHECKING:
     from metaid.show import figures
     from metaid.study import NominalMetricSampler, load_study
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOME = {
     "metaid.api": (

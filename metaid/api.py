@@ -96,7 +96,7 @@ def _refuse_no_factors(factors: Mapping[str, float]) -> None:
 
 
 def perturb(
-    plant: str | Path | MujocoPlant | ArmPlant,
+    plant: str | Path | Mapping[str, Any] | MujocoPlant | ArmPlant,
     factors: Mapping[str, float] | None = None,
     steps: int | None = None,
     seed: int = 0,
@@ -106,7 +106,7 @@ def perturb(
     name; of an arm a push from a pose and speeds in its joint ranges, with `factors` of its base parameters.
 
     Args:
-        plant: a shipped name, a path, or the plant.
+        plant: a shipped name, a path, a dict with the keys of a plant file, or the plant.
         factors: by name; of an arm `all` is that of all base parameters. Default: 1.
         steps: after the push; default: 5000, of an arm 150.
         seed: of where an arm begins.
@@ -118,8 +118,14 @@ def perturb(
     Raises:
         PlantError: there is no such plant.
         EpisodeError: it has no such lump, or does not report what it is.
+
+    Example:
+        >>> metaid.perturb("one-link", {"gravity_1": 1.05})["periods"]
+        [2]
+        >>> metaid.perturb("one-link", {"gravity_1": 0.95})["fell"]
+        True
     """
-    loaded = load_plant(plant) if isinstance(plant, (str, Path)) else plant
+    loaded = plant if isinstance(plant, MujocoPlant | ArmPlant) else load_plant(plant)
     if isinstance(loaded, MujocoPlant):
         objective = episode_objective(loaded, COUNTING_STEPS if steps is None else steps)
         return objective.summary(check_factors(factors or {}, objective.nominal))
@@ -157,6 +163,10 @@ def arm_push(
 def evaluate(study: str | Path | AnySpec, factors: Mapping[str, float] | None = None) -> Outcome:
     """One candidate of a study, `factors` of its nominal lumps or base parameters by name, without any DB.  Raises
     StudyError, PlantError, EpisodeError.
+
+    Example:
+        >>> metaid.evaluate("one-link-count", {"gravity_1": 1.5})
+        Outcome(value=7.0, fell=False, steps=5000, periods=(7,), failure=None)
     """
     given, problem = dict(factors or {}), problem_of(_spec(study))
     _refuse_no_factors(given)
@@ -199,6 +209,14 @@ def run(
         StorageError: a study of that name was made from other settings, or the DB cannot be used.
         StudyError: the study contradicts itself, or is to start from one that has identified nothing.
         WorkerError: workers were lost again and again.
+
+    Example:
+        >>> found = metaid.run("three-link-oscillation")
+        >>> found.loc[:2, ["name", "nominal", "identified", "low", "high"]].round(4)
+                name  nominal  identified    low   high
+        0  gravity_1   0.9695       0.980  0.980  0.980
+        1  gravity_2   0.5208       0.482  0.482  0.482
+        2  gravity_3   0.1350       0.091  0.091  0.091
     """
     spec = _spec(study)
     with closing(Store(storage or default_storage(), create=start_from is None)) as store:
@@ -221,6 +239,12 @@ def objective(study: str | Path | AnySpec, storage: str | None = None) -> Optuna
     Raises:
         StudyError: the study contradicts itself, or is of a rig and not in a DB.
         StorageError: the DB has no such study.
+
+    Example:
+        >>> tried = optuna.create_study()
+        >>> tried.optimize(metaid.objective("one-link-count"), n_trials=3)
+        >>> len(tried.trials)
+        3
     """
     if storage is None or not isinstance(study, str | Path):
         return OptunaObjective(_spec(study))
@@ -229,7 +253,15 @@ def objective(study: str | Path | AnySpec, storage: str | None = None) -> Optuna
 
 
 def trials(name: str, storage: str | None = None) -> pd.DataFrame:
-    """Every trial of a study: state, value, generation, steps, periods per joint, factors by lump name."""
+    """Every trial of a study: state, value, generation, steps, periods per joint, factors by lump name.
+
+    Example:
+        >>> metaid.trials("three-link-oscillation")[["number", "state"]]
+           number     state
+        0       0  COMPLETE
+        1       1  COMPLETE
+        2       2  COMPLETE
+    """
     with closing(Store(storage or default_storage())) as store:
         return results.trials_frame(store, name)
 
@@ -237,6 +269,10 @@ def trials(name: str, storage: str | None = None) -> pd.DataFrame:
 def lumps(name: str, storage: str | None = None) -> pd.DataFrame:
     """The lumps of a study: nominal, factor, identified, range at the minimum or 95 % interval, and truth and error
     where the plant knows them.
+
+    Example:
+        >>> bool(metaid.lumps("three-link-oscillation").error.abs().max() < 0.001)
+        True
     """
     with closing(Store(storage or default_storage())) as store:
         return results.lumps_frame(store, name)
@@ -262,7 +298,12 @@ class Study:
 
 
 def study(name: str | optuna.Study, storage: str | None = None) -> Study:
-    """The study of that name, or an Optuna study that `objective` was optimized in: its `estimate`."""
+    """The study of that name, or an Optuna study that `objective` was optimized in: its `estimate`.
+
+    Example:
+        >>> metaid.study("three-link-oscillation").estimate.identified.round(3).tolist()
+        [0.98, 0.482, 0.091, 0.217, 0.041, 0.035, 0.397, 0.161, 0.019]
+    """
     return Study(name, storage)
 
 
@@ -270,19 +311,37 @@ def bodies(name: str, storage: str | None = None) -> pd.DataFrame:
     """What the estimate of a study says of each link: the least and the largest mass, centre of mass and inertia, and
     length where none is assumed, of all possible bodies whose lumps are within the ellipsoid of the 95 % intervals.
     Raises StorageError, and StudyError where no estimate found lumps.
+
+    Example:
+        >>> metaid.bodies("three-link-oscillation").head(3).round(2)
+             name unit  nominal   low  high  bounded  true
+        0  mass_1   kg     1.60  0.87   inf    False   1.3
+        1  mass_2   kg     0.65  0.60  1.53     True   0.9
+        2  mass_3   kg     0.90  0.43  1.08     True   0.7
     """
     with closing(Store(storage or default_storage())) as store:
         return results.bodies_frame(store, name)
 
 
 def studies(storage: str | None = None) -> pd.DataFrame:
-    """The studies of a DB, one row each."""
+    """The studies of a DB, one row each.
+
+    Example:
+        >>> metaid.studies()[["name", "plant", "sampler"]]
+                             name       plant       sampler
+        0  three-link-oscillation  three-link  output-error
+    """
     with closing(Store(storage or default_storage())) as store:
         return results.studies_frame(store)
 
 
 def summary(name: str, storage: str | None = None) -> dict[str, Any]:
-    """A study as `metaid study show --json` prints it."""
+    """A study as `metaid study show --json` prints it.
+
+    Example:
+        >>> metaid.summary("three-link-oscillation")["verdict"]
+        'found'
+    """
     with closing(Store(storage or default_storage())) as store:
         return results.summary(store, name)
 
@@ -290,6 +349,14 @@ def summary(name: str, storage: str | None = None) -> dict[str, Any]:
 def compare(*names: str, storage: str | None = None) -> Comparison:
     """Studies of the same plant beside one another: `studies`, a frame of what each took, and `lumps`, one of what each
     found.  Raises StorageError, and StudyError where they are not of the same plant.
+
+    Example:
+        >>> once_more = metaid.run("three-link-oscillation", name="again")
+        >>> compared = metaid.compare("three-link-oscillation", "again")
+        >>> compared.studies[["name", "trials", "seconds"]]
+                             name  trials  seconds
+        0  three-link-oscillation       3     18.0
+        1                   again       3     18.0
     """
     with closing(Store(storage or default_storage())) as store:
         return results.compare(store, names)
@@ -308,6 +375,10 @@ def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: 
     Raises:
         StorageError: the DB has no such study.
         StudyError: no lump was found, or the plant is a rig.
+
+    Example:
+        >>> metaid.validate("three-link-oscillation", pushes=1)
+        <Validation on three-link: pushes=1, nominal, identified, true>
     """
     with closing(Store(storage or default_storage())) as store:
         snapshot = read_snapshot(store, name)
@@ -326,6 +397,14 @@ def model(name: str, storage: str | None = None, even_if_not_found: bool = False
     Raises:
         StorageError: the DB has no such study.
         StudyError: the study has found no model.
+
+    Example:
+        >>> model = metaid.model("three-link-oscillation")
+        >>> model.torque([0.1, 0.0, 0.0], [0.0, 0.0, 0.0]).round(3)
+        array([-1.521, -0.561, -0.089])
+        >>> model.mass_matrix(np.zeros((1000, 3))).shape
+        (1000, 3, 3)
+        >>> model.write("three-link.xml")
     """
     from metaid.results.exporting import identified_model
 
@@ -334,7 +413,12 @@ def model(name: str, storage: str | None = None, even_if_not_found: bool = False
 
 
 def load_findings(name: str, storage: str | None = None) -> Findings:
-    """All that a study knows, for `metaid.figures`."""
+    """All that a study knows, for `metaid.figures`.
+
+    Example:
+        >>> metaid.load_findings("three-link-oscillation")
+        <Findings of three-link-oscillation: trials=3, found>
+    """
     with closing(Store(storage or default_storage())) as store:
         return read_findings(store, name)
 

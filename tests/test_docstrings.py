@@ -1,16 +1,23 @@
-"""What docstrings owe: a line for each parameter of a long list, and numbers of equations that exist."""
+"""What docstrings owe: a line for each parameter of a long list, equations that exist, examples that hold."""
 
 from __future__ import annotations
 
 import ast
+import doctest
 import inspect
 import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+import optuna
 import pytest
 from places import ROOT
 
+import metaid.api
+
+LONGEST = 100  # characters of a line that an example prints
 FEW = 3  # parameters; so many need no section of their own
 COMMANDS = ("command", "group")  # decorators of click: a command's docstring is what `--help` prints
 Function = ast.FunctionDef | ast.AsyncFunctionDef
@@ -79,3 +86,40 @@ def test_equations_of_the_method_are_cited_and_those_that_are_cited_exist() -> N
                 cited |= set(range(int(first), int(last or first) + 1))
     assert sorted(numbers) == list(range(1, len(numbers) + 1))
     assert cited == set(numbers)
+
+
+CALLS = {name: getattr(metaid, name) for name in metaid.__all__} | {"study": metaid.api.study}
+CALLS = {name: call for name, call in CALLS.items() if ">>>" in (call.__doc__ or "")}
+
+
+@pytest.fixture(scope="module")
+def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder whose metaid.db has the study that examples are of."""
+    folder = tmp_path_factory.mktemp("examples")
+    metaid.run("three-link-oscillation", storage=str(folder / "metaid.db"))
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CALLS)
+def test_example_in_the_docstring_of_a_call_is_what_it_prints(
+    name: str, studied: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a folder with a DB that has the one study."""
+    shutil.copytree(studied, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("METAID_STORAGE", raising=False)
+    names = {"metaid": metaid, "np": np, "optuna": optuna}
+    (test,) = doctest.DocTestFinder(recurse=False).find(CALLS[name], name, globs=names)
+    printed: list[str] = []
+    runner = doctest.DocTestRunner(verbose=False)
+    assert runner.run(test, out=printed.append).failed == 0, "".join(printed)
+    assert max(len(line) for example in test.examples for line in example.want.splitlines() or [""]) <= LONGEST
+
+
+def test_every_call_that_help_names_first_has_an_example() -> None:
+    """`help(metaid)` begins with ten calls, one a line."""
+    text = inspect.getdoc(metaid) or ""
+    named = re.findall(r"^    (\w+)\(", text, flags=re.MULTILINE)
+    assert len(named) == 10
+    assert set(named) <= CALLS.keys() & set(metaid.__all__)

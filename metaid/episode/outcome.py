@@ -24,8 +24,8 @@ class Outcome:
     steps: int
     periods: tuple[int, ...]
     failure: str | None = None
-    windows: Windows | None = field(default=None, compare=False)
-    readings: SensorReadings | None = field(default=None, compare=False)
+    windows: Windows | None = field(default=None, compare=False, repr=False)
+    readings: SensorReadings | None = field(default=None, compare=False, repr=False)
 
 
 def failure(measure: Measure, episode: Episode, timestep: float, reason: str) -> Outcome:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from metaid.errors import PlantError
@@ -19,6 +22,7 @@ from metaid.plant import ArmPlant, MujocoPlant, load_plant
 from metaid.recorded import arm_model, chain_model
 
 PERIOD = 8.0  # s, about
+RATE = 250.0  # rows a second
 SHORTEST, LONGEST = 4.0, 600.0  # s of a motion
 USUAL = 40  # draws that say how large torques are
 LEAST = 0.05  # of the strongest joint's torque, for one that needs next to none
@@ -56,6 +60,9 @@ class Excitation:
     again: Array
     payload: tuple[float, Array] | None
 
+    def __repr__(self) -> str:
+        return f"<Excitation of {self.plant}: njoint={len(self.joints)}, {self.seconds:g} s>"
+
     @property
     def limits(self) -> Limits:
         return self.problem.limits
@@ -63,6 +70,23 @@ class Excitation:
     def at(self, times: Array) -> Trajectory:
         """The motion at some times (nstep), in s."""
         return self.series.at(times)
+
+    def frame(self, rate: float = RATE) -> pd.DataFrame:
+        """The motion with `rate` rows a second: `time` in s, and of every joint its angle, speed, acceleration and
+        nominal torque, in rad, s and N m (of slides in m and N).
+        """
+        times = np.arange(round(self.seconds * rate) + 1) / rate
+        motion = self.at(times)
+        kinds = {
+            "angle": motion.angles,
+            "speed": motion.speeds,
+            "acceleration": motion.accelerations,
+            "nominal_torque": self.nominal_torques(times),
+        }
+        columns = {"time": times}
+        for kind, values in kinds.items():
+            columns |= {f"{kind}_{name}": each for name, each in zip(self.joints, values.T, strict=True)}
+        return pd.DataFrame(columns)
 
     def nominal_torques(self, times: Array) -> Array:
         """What the nominal robot needs (nstep x njoint), in N m or N."""
@@ -72,7 +96,7 @@ class Excitation:
 
 
 def excite(
-    nominal: str | Path,
+    nominal: str | Path | Mapping[str, Any],
     *,
     seconds: float = 30.0,
     limits: str | Path | None = None,
@@ -82,7 +106,8 @@ def excite(
     """The motion to record of a robot, and what a log of it will say: `write_motion` writes it.
 
     Args:
-        nominal: the nominal robot: the name of a shipped plant, or the path of a plant file, an MJCF or a URDF.
+        nominal: the nominal robot: the name of a shipped plant, or the path of a plant file, an MJCF or a URDF;
+            or a dict with the keys of a plant file.
         seconds: of the motion.
         limits: a file of limits; what it leaves out is as the robot's file says, or as usual.
         noise: of the log.
@@ -90,6 +115,11 @@ def excite(
 
     Raises:
         PlantError: the robot or the limits cannot be used, or no motion keeps them.
+
+    Example:
+        >>> motion = metaid.excite("one-link", seconds=10)
+        >>> motion.frame().columns.tolist()
+        ['time', 'angle_1', 'speed_1', 'acceleration_1', 'nominal_torque_1']
     """
     if not SHORTEST <= seconds <= LONGEST:
         raise PlantError(f"a motion of {seconds:g} s (allowed: {SHORTEST:g} to {LONGEST:g} s)")

@@ -7,13 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from metaid.errors import PlantError, unknown
-from metaid.excitation.exciting import Excitation
+from metaid.excitation.exciting import RATE, Excitation
 
 SUFFIXES = (".csv", ".yaml")
-RATE = 250.0  # rows a second
 DIGITS = 7
 
 
@@ -21,20 +19,10 @@ def write_motion(found: Excitation, path: Path, rate: float = RATE) -> None:
     """Writes a motion with so many rows a second.  Raises PlantError where the ending is none of SUFFIXES."""
     if path.suffix not in SUFFIXES:
         raise PlantError(f"{path}: {unknown('ending', path.suffix, SUFFIXES)}")
-    times = np.arange(round(found.seconds * rate) + 1) / rate
     if path.suffix == ".csv":
-        motion = found.at(times)
-        kinds = {
-            "angle": motion.angles,
-            "speed": motion.speeds,
-            "acceleration": motion.accelerations,
-            "nominal_torque": found.nominal_torques(times),
-        }
-        columns = {"time": times}
-        for kind, values in kinds.items():
-            columns |= {f"{kind}_{name}": each for name, each in zip(found.joints, values.T, strict=True)}
-        pd.DataFrame(columns).to_csv(path, index=False, float_format=f"%.{DIGITS}g")
+        found.frame(rate).to_csv(path, index=False, float_format=f"%.{DIGITS}g")
     else:
+        times = np.arange(round(found.seconds * rate) + 1) / rate
         path.write_text("\n".join(_joint_trajectory(found, times)) + "\n", encoding="utf-8")
 
 

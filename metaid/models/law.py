@@ -70,21 +70,27 @@ def sliding(joint_speeds: Array) -> Array:
 def compensation_torque(
     lumps: Lumps, joint_angles: Array, joint_speeds: Array, gravity: float, stiffness: float = 0.0
 ) -> Array:
-    """The joint torque (nlink), in N m, that would leave the plant nothing but q̈ = −k q if it had these lumps.
+    """The joint torque (... x nlink), in N m, that would leave the plant nothing but q̈ = −k q if it had these lumps.
 
     Eqs. 5, 6, 15 and 16. It is Eq. 11 of the paper with u = −k q, so with u = 0 where the stiffness k is 0.
 
     Args:
         lumps: of the law.
-        joint_angles: of the plant (nlink), in rad.
-        joint_speeds: of the plant (nlink), in rad/s.
+        joint_angles: of the plant (... x nlink), in rad.
+        joint_speeds: of the plant (... x nlink), in rad/s.
         gravity: in m/s².
         stiffness: k, in 1/s².
     """
-    angles, speeds = np.cumsum(joint_angles), np.cumsum(joint_speeds)
-    sine = np.sin(angles[:, None] - angles[None, :])
-    force = (lumps.coriolis * sine) @ speeds**2 - gravity * lumps.gravity * np.sin(angles)  # Eq. 5
+    angles, speeds = np.cumsum(joint_angles, axis=-1), np.cumsum(joint_speeds, axis=-1)
+    sine = np.sin(angles[..., :, None] - angles[..., None, :])
+    force = _product(lumps.coriolis * sine, speeds**2) - gravity * lumps.gravity * np.sin(angles)  # Eq. 5
     if stiffness:
-        force -= stiffness * mass_matrix(lumps, lumps.of("inertia"), angles) @ angles  # Eq. 16
-    torque = np.cumsum(force[::-1])[::-1]  # Eq. 6
+        force -= stiffness * _product(mass_matrix(lumps, lumps.of("inertia"), angles), angles)  # Eq. 16
+    torque = np.cumsum(force[..., ::-1], axis=-1)[..., ::-1]  # Eq. 6
     return torque + lumps.of("damping") * joint_speeds + lumps.of("coulomb") * sliding(joint_speeds)  # Eq. 15
+
+
+def _product(matrix: Array, vector: Array) -> Array:
+    """Of matrices (... x n x n) and vectors (... x n)."""
+    product: Array = (matrix @ vector[..., None])[..., 0]
+    return product

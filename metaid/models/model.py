@@ -14,7 +14,7 @@ from metaid.models.lumps import Array, Lumps, lump_unit
 class Model(Protocol):
     """A candidate for a plant's dynamics. Its torque is linear in its parameters: torque = regressor @ parameters.
 
-    Angles and speeds are those of joints (njoint), in rad and rad/s; torques are in N m.
+    Angles and speeds are those of joints (... x njoint), in rad and rad/s; torques are in N m.
     """
 
     @property
@@ -33,13 +33,13 @@ class Model(Protocol):
         """The same kind of model with these `parameters` (nparameter)."""
 
     def torque(self, angles: Array, speeds: Array) -> Array:
-        """The joint torque (njoint) that would leave the plant unaccelerated if it were as the model says."""
+        """The joint torque (... x njoint) that would leave the plant unaccelerated if it were as the model says."""
 
     def regressor(self, angles: Array, speeds: Array) -> Array:
-        """The joint torque for a unit of each parameter (njoint x nparameter)."""
+        """The joint torque for a unit of each parameter (... x njoint x nparameter)."""
 
     def mass_matrix(self, angles: Array) -> Array:
-        """The mass matrix in joint coordinates (njoint x njoint), in kg m²."""
+        """The mass matrix in joint coordinates (... x njoint x njoint), in kg m²."""
 
 
 @dataclass(frozen=True)
@@ -74,13 +74,13 @@ class ChainModel:
 
     def regressor(self, angles: Array, speeds: Array) -> Array:
         """Eqs. 5, 6, 15 and 16, a column for each lump."""
-        links = np.cumsum(angles), np.cumsum(speeds)
+        links = np.cumsum(angles, axis=-1), np.cumsum(speeds, axis=-1)
         basis = compensation_basis(*links, self.gravity, self.lumps.searched, self.stiffness)
-        return np.cumsum(basis[::-1], axis=0)[::-1]  # Eq. 6
+        return np.cumsum(basis[..., ::-1, :], axis=-2)[..., ::-1, :]  # Eq. 6
 
     def mass_matrix(self, angles: Array) -> Array:
         """Eq. 4 in joint coordinates; it needs the inertia lumps."""
-        absolute = mass_matrix(self.lumps, self.lumps.of("inertia"), np.cumsum(angles))
-        links = np.tril(np.ones(absolute.shape))  # absolute angles are sums of joint angles
+        absolute = mass_matrix(self.lumps, self.lumps.of("inertia"), np.cumsum(angles, axis=-1))
+        links = np.tril(np.ones(absolute.shape[-2:]))  # absolute angles are sums of joint angles
         joints: Array = links.T @ absolute @ links
         return joints

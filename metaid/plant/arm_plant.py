@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,6 +50,9 @@ class ArmPlant:
     name: str
     settings: ArmSettings
     known: Tree | None = None
+
+    def __repr__(self) -> str:
+        return f"<ArmPlant {self.name}: {Path(self.settings.file).name}>"
 
     @cached_property
     def arm(self) -> Arm:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from metaid.errors import PlantError
 from metaid.files import check, find_file, read_toml
@@ -20,15 +21,26 @@ ARM_FILES = {
     ".urdf": "urdf",
     ".xacro": "urdf",
 }  # endings of what describes an arm, and the key that names it
+DICT = Path("dict")  # how messages name a plant that is in no file
 AnySettings = PlantSettings | SocketSettings | ArmSettings
 
 
-def load_plant(name: str | Path, joints: Sequence[str] | None = None) -> MujocoPlant | ArmPlant:
-    """The shipped plant of that name, or what is at that path: a plant file, an MJCF or a URDF. Of an arm only these
-    `joints` move where they are said.  Raises PlantError.
+def load_plant(name: str | Path | Mapping[str, Any], joints: Sequence[str] | None = None) -> MujocoPlant | ArmPlant:
+    """The shipped plant of that name, or what is at that path: a plant file, an MJCF or a URDF; or of a dict with the
+    keys of a plant file. Of an arm only these `joints` move where they are said.  Raises PlantError.
+
+    Example:
+        >>> metaid.load_plant("three-link")
+        <MujocoPlant three-link: njoint=3>
+        >>> metaid.load_plant({"links": [{"length": 0.3, "mass": 0.5}, {"length": 0.2, "mass": 0.4}]})
+        <MujocoPlant dict: njoint=2>
     """
-    path = find_file("plants", str(name), PlantError)
-    settings = with_joints(read_any_plant(path), joints, path)
+    if isinstance(name, Mapping):
+        path, settings = DICT, _any_plant(name, DICT)
+    else:
+        path = find_file("plants", str(name), PlantError)
+        settings = read_any_plant(path)
+    settings = with_joints(settings, joints, path)
     if settings.why_no_chain is None:
         return _chain(path, settings)
     if not isinstance(settings, ArmSettings):
@@ -76,7 +88,11 @@ def read_any_plant(path: Path) -> AnySettings:
     """
     if path.suffix in ARM_FILES:
         return check(ArmSettings, {ARM_FILES[path.suffix]: str(path)}, str(path), PlantError)
-    tables = read_toml(path, PlantError)
+    return _any_plant(read_toml(path, PlantError), path)
+
+
+def _any_plant(tables: Mapping[str, Any], path: Path) -> AnySettings:
+    """The checked `tables` of the plant file at a path."""
     if "socket" in tables:
         return check(SocketSettings, tables, str(path), PlantError)
     if "mjcf" in tables or "urdf" in tables:

@@ -42,6 +42,9 @@ class MujocoPlant:
         refuse_impossible(f"plant {self.name}", self.chain)
         refuse_too_long_a_step(f"plant {self.name}", self.chain, self.gravity, self.timestep)
 
+    def __repr__(self) -> str:
+        return f"<MujocoPlant {self.name}: njoint={self.njoint}>"
+
     @cached_property
     def simulation(self) -> Simulation:
         """The plant's own model and state.  Raises PlantError where MuJoCo cannot build it."""

@@ -55,6 +55,10 @@ class RecordedResult:
     validation: tuple[tuple[Smoothed, str, HeldOut], ...]
     nominal_repairs: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        predicted = 100.0 * self.estimate.held_out.relative
+        return f"<RecordedResult of {self.plant}: {self.verdict.word}, torques left out predicted to {predicted:.3g} %>"
+
     @property
     def summary(self) -> dict[str, Any]:
         """What `metaid estimate --json` prints, of files that were not written."""
@@ -100,10 +104,10 @@ class RecordedResult:
 
 def estimate(
     logs: Sequence[Log] | Log,
-    nominal: str | Path,
+    nominal: str | Path | Mapping[str, Any],
     *,
     joints: Sequence[str] | None = None,
-    validate: Sequence[Log] = (),
+    validate: Sequence[Log] | Log = (),
     payloads: Sequence[Payload] = (),
     law: str | Path | None = None,
     friction: Sequence[str] | None = None,
@@ -124,9 +128,10 @@ def estimate(
 
     Args:
         logs: paths or frames, each a run of its own, or the name of shipped ones, `double-pendulum`.
-        nominal: the nominal robot: the name of a shipped plant, or the path of a plant file, an MJCF or a URDF.
+        nominal: the nominal robot: the name of a shipped plant, or the path of a plant file, an MJCF or a URDF;
+            or a dict with the keys of a plant file.
         joints: of an MJCF or URDF those that move; the others are held. By default all.
-        validate: logs that nothing is fitted to.
+        validate: a log, or several, that nothing is fitted to.
         payloads: logs with a payload, which tell the gains of the drives; torques are multiplied with these.
         law: the plant that the torques compensated, where the logs have none.
         friction: the terms of every joint, of viscous, coulomb, root, offset, load and hysteresis; by default those
@@ -145,6 +150,10 @@ def estimate(
     Raises:
         RecordError: a log cannot be used, or does not fit the robot.
         PlantError: a plant cannot be used.
+
+    Example:
+        >>> metaid.estimate("double-pendulum", "double-pendulum").verdict.word
+        'approximate'
     """
     plant = load_plant(nominal, joints)
     choices = Choices(span=window, delay=delay, zeros=zeros)
@@ -155,8 +164,7 @@ def estimate(
         choices = replace(choices, friction=tuple(friction))
     model = _model(plant, [_joints(pair, plant.njoint) for pair in coupled], gravity)
     model = model.with_untrusted(_chosen("untrusted", untrusted, model))
-    given = [logs] if isinstance(logs, str | Path | pd.DataFrame) else logs
-    many = _with_shipped([log for log in given if not any(_is_same(log, each.log) for each in payloads)])
+    many = [log for log in _with_shipped(logs) if not any(_is_same(log, each.log) for each in payloads)]
     if not many:
         raise RecordError(f"no log{' without a payload' if payloads else ''} (allowed: one or more)")
     factors = _by_joint("scale", scale or {}, model, 1.0)
@@ -177,8 +185,9 @@ def estimate(
             replace(record, angles=record.angles + offsets, torques=record.torques * factors) for record in found
         )
 
-    records, others = read(many, 1), read(_with_shipped(validate), len(many) + 1)
-    after = len(many) + len(validate) + 1
+    held_out = _with_shipped(validate)
+    records, others = read(many, 1), read(held_out, len(many) + 1)
+    after = len(many) + len(held_out) + 1
     loaded = [(record, each) for number, each in enumerate(payloads, after) for record in read([each.log], number)]
     with threadpool_limits(1):  # matrices this small are slower on several
         gains = _gains(records, loaded, model) if loaded else None
@@ -212,10 +221,10 @@ def _multiplied(record: Record, gains: Gains) -> Record:
     return record.with_torques(record.torques * gains.values)
 
 
-def _with_shipped(logs: Sequence[Log]) -> list[Log]:
-    """Logs, with all runs in place of the name that they ship under."""
+def _with_shipped(logs: Sequence[Log] | Log) -> list[Log]:
+    """One log or several, with all runs in place of the name that they ship under."""
     every: list[Log] = []
-    for log in logs:
+    for log in [logs] if isinstance(logs, str | Path | pd.DataFrame) else logs:
         every += (not isinstance(log, pd.DataFrame) and shipped_logs(str(log))) or [log]
     return every
 

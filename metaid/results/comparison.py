@@ -31,6 +31,9 @@ class Comparison:
     studies: pd.DataFrame
     lumps: pd.DataFrame
 
+    def __repr__(self) -> str:
+        return f"<Comparison of {', '.join(self.names)}>"
+
     @property
     def names(self) -> list[str]:
         """Of the studies."""

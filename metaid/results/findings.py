@@ -39,6 +39,9 @@ class Findings:
     lumps: pd.DataFrame
     summary: dict[str, Any]
 
+    def __repr__(self) -> str:
+        return f"<Findings of {self.name}: trials={len(self.trials)}, {self.verdict.word}>"
+
     @property
     def name(self) -> str:
         return self.snapshot.name

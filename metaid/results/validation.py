@@ -80,6 +80,10 @@ class Validation:
     slides: NDArray[np.bool_] | None = None
     takes_nominal_inertia: bool = False
 
+    def __repr__(self) -> str:
+        compared = ", ".join(each.model for each in self.models)
+        return f"<Validation on {self.plant}: pushes={len(self.pushes)}, {compared}>"
+
     @property
     def kinds(self) -> dict[str, tuple[Joints, float]]:
         """The joints of each kind, by the unit that their errors are shown in, and how many of it a rad or m is."""

@@ -121,8 +121,9 @@ class _FirstLines(logging.Handler):
 def explain(store: Store, name: str) -> None:
     """Attaches note, custom graphs and, where it is long, a companion to a study, unless they are there already."""
     study = optuna.load_study(study_name=name, storage=store.optuna)
-    count = store.optuna.get_n_trials(study._study_id)
-    if store.optuna.get_study_system_attrs(study._study_id).get(SHOWN_KEY) == count:
+    number = store.optuna.get_study_id_from_name(name)
+    count = store.optuna.get_n_trials(number)
+    if store.optuna.get_study_system_attrs(number).get(SHOWN_KEY) == count:
         return
     found = read_findings(store, name)
     for each in [study, write_companion(store, found)] if is_long(found) else [study]:
@@ -130,7 +131,7 @@ def explain(store: Store, name: str) -> None:
         if not found.survivors.empty:
             for title, graph in graphs(found).items():
                 save_plotly_graph_object(each, graph, graph_object_id=title)
-    store.optuna.set_study_system_attr(study._study_id, SHOWN_KEY, count)
+    store.optuna.set_study_system_attr(number, SHOWN_KEY, count)
 
 
 def _annotate(study: optuna.Study, text: str) -> None:

@@ -51,6 +51,10 @@ def problem_of(spec: AnySpec) -> AnyProblem:
 def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> AnySpec:
     """The shipped study of that name, or the study file at that path, with `changes` by dotted key, which can be run.
     Raises StudyError, PlantError.
+
+    Example:
+        >>> metaid.load_study("three-link", {"trials": 6})
+        <StudySpec three-link: plant three-link, cmaes, trials=6>
     """
     spec = read_study(name, changes)
     problem_of(spec).check()

@@ -168,6 +168,9 @@ class StudySpec(Settings):
     study: StudySettings
     pushed: PushedSettings | None = None
 
+    def __repr__(self) -> str:
+        return f"<StudySpec {self.name}: plant {self.plant_name}, {self.study.sampler}, trials={self.study.trials}>"
+
     @property
     def timestep(self) -> float:
         """Time between two control steps, in s."""

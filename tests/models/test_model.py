@@ -30,6 +30,17 @@ def test_torque_is_the_regressor_times_the_parameters(nlink: int) -> None:
         assert model.torque(angles, speeds) == pytest.approx(torque, rel=1e-12, abs=1e-12)
 
 
+def test_many_states_at_once_are_each_by_itself() -> None:
+    """Torque, regressor and mass matrix of a batch (2 x 5 states), with springs in the law."""
+    model = ChainModel(lumps_with_everything(4), G, stiffness=2.0)
+    angles, speeds = np.random.default_rng(3).normal(size=(2, 2, 5, 4))
+    torque, regressor, matrix = model.torque(angles, speeds), model.regressor(angles, speeds), model.mass_matrix(angles)
+    for i in np.ndindex(2, 5):
+        assert torque[i] == pytest.approx(model.torque(angles[i], speeds[i]), rel=1e-12, abs=1e-12)
+        assert regressor[i] == pytest.approx(model.regressor(angles[i], speeds[i]), rel=1e-12, abs=1e-12)
+        assert matrix[i] == pytest.approx(model.mass_matrix(angles[i]), rel=1e-12, abs=1e-12)
+
+
 def test_mass_matrix_in_joint_coordinates_gives_the_same_kinetic_energy() -> None:
     """q̇ᵀ M q̇ is that of the absolute angles, whose speeds are sums of joint speeds."""
     lumps = lumps_with_everything(4)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 from analytic_chain import simulate
 from conftest import Finished, random_links
 
@@ -14,7 +16,7 @@ from metaid.compiled import CompiledLoop
 from metaid.episode import Episode, FallRule, pushed_speeds, run_stepwise, tip_push
 from metaid.errors import PlantError
 from metaid.models import Lumps, compensation_torque
-from metaid.plant import LinkSettings, MujocoPlant, PlantSettings, Start
+from metaid.plant import LinkSettings, MujocoPlant, PlantSettings, Start, load_plant
 
 STIFFNESS = np.array([0.3, 0.05])
 FAULT = 0.02
@@ -26,6 +28,16 @@ def faulty() -> MujocoPlant:
     links = random_links(2, seed=1)
     sprung = tuple(link.model_copy(update={"stiffness": k}) for link, k in zip(links, STIFFNESS.tolist(), strict=True))
     return MujocoPlant("faulty", PlantSettings(links=sprung, over_compensation=FAULT))
+
+
+def test_plant_is_loaded_of_a_dict_as_of_a_file(tmp_path: Path) -> None:
+    """The same chain; what is wrong in it is said as of a file."""
+    links = [{"length": 0.3, "mass": 0.5}, {"length": 0.2, "mass": 0.4}]
+    (tmp_path / "mine.toml").write_text(tomli_w.dumps({"links": links, "gravity": 3.7}))
+    mine = load_plant({"links": links, "gravity": 3.7})
+    assert mine.settings == load_plant(tmp_path / "mine.toml").settings
+    with pytest.raises(PlantError, match=r"^dict: links: entry 2: mass: should be .*, not -1$"):
+        load_plant({"links": [links[0], links[1] | {"mass": -1}]})
 
 
 def test_springs_and_over_compensation_are_what_they_say(faulty: MujocoPlant) -> None:

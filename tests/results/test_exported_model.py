@@ -287,6 +287,22 @@ def test_model_wants_a_number_for_each_joint() -> None:
     model = identified_as("chain-2").model
     with pytest.raises(StudyError, match=r"q has the shape \(3,\) \(allowed: 2 numbers, one a joint\)"):
         model.torque([0.0, 0.0, 0.0], [0.0, 0.0])
+    with pytest.raises(StudyError, match=r"q \(3, 2\), v \(4, 2\) \(allowed: as many states of each\)"):
+        model.torque(np.zeros((3, 2)), np.zeros((4, 2)))
+
+
+@pytest.mark.parametrize("name", ["chain-2", SOME[0]])
+def test_model_answers_for_many_states_at_once(name: str) -> None:
+    """As for each alone; what is one state goes with all of many, and no states are answered with none."""
+    identified = identified_as(name)
+    model = identified.model
+    poses, speeds = (np.array(each) for each in zip(*states_of(identified), strict=True))
+    torques, still = model.torque(poses, speeds), np.zeros(model.njoint)
+    assert torques == pytest.approx(np.array([model.torque(*each) for each in zip(poses, speeds, strict=True)]))
+    assert model.torque(still, speeds) == pytest.approx(model.torque(np.zeros_like(speeds), speeds))
+    assert model.inverse_dynamics(poses, still, still) == pytest.approx(model.torque(poses, still))
+    assert model.mass_matrix(poses)[1] == pytest.approx(model.mass_matrix(poses[1]))
+    assert model.torque(poses[:0], speeds[:0]).shape == (0, model.njoint)
 
 
 def test_name_of_a_study_cannot_break_a_file() -> None:

@@ -55,10 +55,14 @@ class IdentifiedModel:
     gravity: float | tuple[float, ...]
     timestep: float
 
+    def __repr__(self) -> str:
+        return f"<IdentifiedModel {self.name}: njoint={self.njoint}, {self.about['verdict']}>"
+
     def torque(self, q: ArrayLike, v: ArrayLike) -> Array:
         """The joint torque (... x njoint) of the compensation law, friction included, in N m (of a slide in N).
 
-        Of a chain joint angles are relative to the link before, 0 upright.
+        Of a chain joint angles are relative to the link before, 0 upright. One state, or many at once: what has fewer
+        dimensions holds for all.
 
         Args:
             q: joint angles (... x njoint), in rad (of a slide in m).
@@ -67,14 +71,14 @@ class IdentifiedModel:
         Raises:
             StudyError: there are not as many numbers as joints.
         """
-        return self.dynamics.law.torque(self._joints("q", q), self._joints("v", v))
+        return self.dynamics.law.torque(*self._states(q=q, v=v))
 
     def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """The joint torque (... x njoint) that gives the joints accelerations `a` (... x njoint), in rad/s² (m/s²), in
         N m (of a slide in N). Of rows, in the order of time, dry friction follows the motion.  Raises StudyError where
         the inertia lumps are not known.
         """
-        torque = self.dynamics.law.inverse_dynamics(self._joints("q", q), self._joints("v", v), self._joints("a", a))
+        torque = self.dynamics.law.inverse_dynamics(*self._states(q=q, v=v, a=a))
         if torque is None:
             raise StudyError(self._no_inertia)
         return torque
@@ -83,7 +87,7 @@ class IdentifiedModel:
         """The mass matrix (... x njoint x njoint) in joint coordinates `q` (... x njoint), in kg m² (kg m and kg where
         joints are slides).  Raises StudyError where the inertia lumps are not known.
         """
-        matrix = self.dynamics.law.mass_matrix(self._joints("q", q))
+        matrix = self.dynamics.law.mass_matrix(*self._states(q=q))
         if matrix is None:
             raise StudyError(self._no_inertia)
         return matrix
@@ -92,11 +96,22 @@ class IdentifiedModel:
     def _no_inertia(self) -> str:
         return f"study '{self.name}' has no inertia lumps, so no mass matrix (allowed: a study with an estimate)"
 
-    def _joints(self, name: str, values: ArrayLike) -> Array:
-        numbers, njoint = np.asarray(values, dtype=np.float64), self.dynamics.law.njoint
-        if numbers.shape[-1:] != (njoint,):
-            raise StudyError(f"{name} has the shape {numbers.shape} (allowed: {njoint} numbers, one a joint)")
-        return numbers
+    def _states(self, **given: ArrayLike) -> tuple[Array, ...]:
+        """All that is `given` (... x njoint), of one shape."""
+        numbers, njoint = {name: np.asarray(each, dtype=np.float64) for name, each in given.items()}, self.njoint
+        for name, each in numbers.items():
+            if each.shape[-1:] != (njoint,):
+                raise StudyError(f"{name} has the shape {each.shape} (allowed: {njoint} numbers, one a joint)")
+        try:
+            return np.broadcast_arrays(*numbers.values())
+        except ValueError:
+            shapes = ", ".join(f"{name} {each.shape}" for name, each in numbers.items())
+            raise StudyError(f"shapes that do not go together: {shapes} (allowed: as many states of each)") from None
+
+    @property
+    def njoint(self) -> int:
+        """How many joints it has."""
+        return self.dynamics.law.njoint
 
     @property
     def origin(self) -> str:

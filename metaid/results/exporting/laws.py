@@ -77,7 +77,7 @@ class ChainLaw:
         return self.lumps.nlink
 
     def torque(self, angles: Array, speeds: Array) -> Array:
-        return np.asarray(np.vectorize(self._model.torque, signature="(n),(n)->(n)")(angles, speeds), dtype=np.float64)
+        return self._model.torque(angles, speeds)
 
     def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array | None:
         matrix = self.mass_matrix(angles)
@@ -89,7 +89,7 @@ class ChainLaw:
     def mass_matrix(self, angles: Array) -> Array | None:
         if not self.has_inertia:
             return None
-        return np.asarray(np.vectorize(self._model.mass_matrix, signature="(n)->(n,n)")(angles), dtype=np.float64)
+        return self._model.mass_matrix(angles)
 
     @property
     def _model(self) -> ChainModel:

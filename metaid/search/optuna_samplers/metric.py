@@ -17,6 +17,7 @@ from __future__ import annotations
 import threading
 import warnings
 from collections.abc import Container, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -80,6 +81,9 @@ class MetricSampler(BaseSampler):
         self._known: dict[tuple[str, int], Array] = {}  # z (nlump) of finished trials, by study and number
         self._shown: dict[str, _Shown] = {}
         self._lock = threading.RLock()
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {type(self._sampler).__name__}: factors={len(self._names)}>"
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_lock": None, "_known": {}, "_shown": {}}
@@ -153,7 +157,8 @@ class MetricSampler(BaseSampler):
 
     def _study(self, study: optuna.Study) -> _Shown:
         if study.study_name not in self._shown:
-            self._shown[study.study_name] = _Shown(study.study_name, study._storage)
+            shown = self._shown[study.study_name] = _Shown.__new__(_Shown)
+            shown.__setstate__(study.__getstate__())  # as pickle makes it: a study does not offer its storage
         return self._shown[study.study_name]
 
     def _as_shown(self, trial: FrozenTrial, u: Array) -> FrozenTrial:
@@ -204,19 +209,9 @@ def _frozen(
     trial: FrozenTrial, params: dict[str, Any], state: TrialState, space: dict[str, BaseDistribution] | None = None
 ) -> FrozenTrial:
     """The same trial with other `params` of a `space`, in another `state`."""
-    return FrozenTrial(
-        number=trial.number,
-        state=state,
-        value=trial.value,
-        datetime_start=trial.datetime_start,
-        datetime_complete=trial.datetime_complete,
-        params=params,
-        distributions=space or {},
-        user_attrs={},
-        system_attrs=trial.system_attrs,
-        intermediate_values=trial.intermediate_values,
-        trial_id=trial._trial_id,
-    )
+    shown = copy(trial)
+    shown.params, shown.distributions, shown.user_attrs, shown.state = params, space or {}, {}, state
+    return shown
 
 
 def tpe_for_metric(seed: int | None) -> TPESampler:

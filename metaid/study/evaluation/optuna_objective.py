@@ -49,6 +49,9 @@ class OptunaObjective:
         self._rig: Any = None
         self._with_motion: dict[str, int] = {}  # how many trials of each Optuna study carry their motion
 
+    def __repr__(self) -> str:
+        return f"<OptunaObjective of {self.spec.name}: factors={len(self._problem.names)}>"
+
     @property
     def spec(self) -> AnySpec:
         """The study's settings."""

@@ -236,6 +236,9 @@ class ArmSpec(Settings):
     study: ArmStudySettings
     pushed: ArmPushedSettings | None = None
 
+    def __repr__(self) -> str:
+        return f"<ArmSpec {self.name}: plant {self.plant_name}, {self.study.sampler}, trials={self.study.trials}>"
+
     @property
     def timestep(self) -> float:
         """Time between two control steps, in s."""
