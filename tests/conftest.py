@@ -133,7 +133,7 @@ class Finished(NamedTuple):
 def metaid(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Callable[..., Finished]:
-    """Runs a command of the command line in an empty folder of its own. No line that any command prints ends in a space."""
+    """Runs a command of the command line in an empty folder of its own. No line of what is printed ends in a space."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("METAID_STORAGE", raising=False)
 
