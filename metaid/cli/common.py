@@ -9,7 +9,7 @@ import math
 import os
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -111,6 +111,25 @@ def say(text: str, err: bool = False) -> None:
     with contextlib.suppress(OSError) if err else contextlib.nullcontext():  # there is nowhere left to say so
         stream = sys.stderr if err else sys.stdout  # click would write UTF-8 to one that is said to be ASCII
         click.echo(wrapped(printable(text), stream), file=stream)
+
+
+@contextlib.contextmanager
+def working(what: str) -> Iterator[Callable[[str], None]]:
+    """Within it a terminal shows on stderr that something is made, and `what`; the function says what comes next."""
+    from rich.console import Console
+
+    console = Console(stderr=True, markup=False, highlight=False)
+    if not console.is_terminal:
+        yield lambda _: None
+        return
+    with console.status(printable(f"{what} …")) as status:
+        yield lambda following: status.update(printable(f"{following} …"))
+
+
+def ask(question: str | None) -> None:
+    """A line on stderr that asks about units, if there is anything to ask."""
+    if question is not None:
+        say(f"warning: {question}", err=True)
 
 
 def say_paragraphs(text: str) -> None:

@@ -13,7 +13,16 @@ from metaid.plant.arm_plant import ArmPlant, ArmStart
 from metaid.plant.arm_settings import ArmSettings
 from metaid.plant.faults import FaultSettings, Limit, Noise, draw, joint_limits, slope_weights, stream
 from metaid.plant.faulty_plant import FaultyPlant
-from metaid.plant.loading import load_chain, load_plant, load_rig, read_any_plant, read_plant, refuse_parts_outside
+from metaid.plant.loading import (
+    ARM_FILES,
+    PLANT_KEYS,
+    load_chain,
+    load_plant,
+    load_rig,
+    read_any_plant,
+    read_plant,
+    refuse_parts_outside,
+)
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.protocol import Plant
 from metaid.plant.settings import LinkSettings, PlantSettings, chain_of
@@ -25,7 +34,9 @@ if TYPE_CHECKING:
     from metaid.plant.mujoco_model import build_spec
 
 __all__ = [
+    "ARM_FILES",
     "FAULT_UNITS",
+    "PLANT_KEYS",
     "ArmPlant",
     "ArmSettings",
     "ArmStart",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from metaid.errors import PlantError
-from metaid.models import Array
+from metaid.models import Array, question_of_distances
 from metaid.models.tree import Tree, joint_torque, tilted_gravity
 from metaid.plant.arm_settings import ArmSettings
 
@@ -61,6 +61,11 @@ class ArmPlant:
     def tree(self) -> Tree:
         """Its joints and links. Neither search nor estimate may see its parameters."""
         return self.arm.tree if self.known is None else self.known
+
+    @property
+    def question(self) -> str | None:
+        """What to ask about its units, in one line; None if nothing."""
+        return question_of_distances(f"plant {self.name}", self.tree.names, np.linalg.norm(self.tree.position, axis=1))
 
     @property
     def home(self) -> Array:

@@ -15,6 +15,7 @@ from metaid.plant.socket_plant import SocketPlant, SocketSettings
 from metaid.plant.wire import FORMS
 
 ARM_FILES = {".xml": "mjcf", ".urdf": "urdf"}  # endings of what describes an arm, and the key that names it
+PLANT_KEYS = {"links", "socket", "mjcf", "urdf"}  # each plant file has one of them
 AnySettings = PlantSettings | SocketSettings | ArmSettings
 
 
@@ -66,6 +67,8 @@ def read_any_plant(path: Path) -> AnySettings:
     if "mjcf" in tables or "urdf" in tables:
         arm = check(ArmSettings, tables, str(path), PlantError)
         return arm.model_copy(update={arm.kind: str(path.parent / arm.file)})
+    if isinstance(tables.get("plant"), str) and not tables.keys() & PLANT_KEYS:
+        raise PlantError(f"{path}: a study file, and no plant file (its plant is {tables['plant']})")
     return check(PlantSettings, tables, str(path), PlantError)
 
 

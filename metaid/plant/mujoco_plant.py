@@ -14,6 +14,7 @@ from metaid.models import (
     Array,
     Lumps,
     compensation_basis,
+    question_of_units,
     refuse_impossible,
     refuse_too_long_a_step,
     speeds_after,
@@ -41,6 +42,11 @@ class MujocoPlant:
         self.chain = chain_of(self.settings.links)
         refuse_impossible(f"plant {self.name}", self.chain)
         refuse_too_long_a_step(f"plant {self.name}", self.chain, self.gravity, self.timestep)
+
+    @property
+    def question(self) -> str | None:
+        """What to ask about its units, in one line; None if nothing."""
+        return question_of_units(f"plant {self.name}", self.chain, self.gravity)
 
     @cached_property
     def simulation(self) -> Simulation:
