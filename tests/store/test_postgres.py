@@ -82,8 +82,9 @@ def test_trials_are_those_of_an_sqlite_file(store: Store, url: str, alone: str, 
     here, there = optunas(url), optunas(f"sqlite:///{alone}")
     assert {trial.state.name for trial in here} == {"COMPLETE", "PRUNED"}
     for a, b in zip(here, there, strict=True):
-        for what in ("number", "state", "values", "params", "distributions", "user_attrs", "intermediate_values"):
+        for what in ("number", "state", "values", "params", "distributions", "user_attrs"):
             assert getattr(a, what) == getattr(b, what)
+        assert repr(a.intermediate_values) == repr(b.intermediate_values)  # NaN of a fall is not equal to itself
         assert a.duration is not None
 
 
