@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
+from shlex import quote
 
 
 def printable(text: str) -> str:
@@ -85,7 +86,20 @@ def optional_packages(extra: str) -> Iterator[None]:
         yield
     except ImportError as problem:
         missing = problem.name or "a package"
-        raise MissingExtraError(f"{missing} is not installed: pip install 'metaid[{extra}]'") from None
+        raise MissingExtraError(f"{missing} is not installed: {how_to_install(extra)}") from None
+
+
+def how_to_install(extra: str) -> str:
+    """The command that installs the packages of an optional dependency, wherever metaid itself came from."""
+    from importlib.metadata import PackageNotFoundError, requires
+
+    try:
+        stated = [need.partition(";") for need in requires("metaid") or []]
+    except PackageNotFoundError:  # run from its sources, and not installed
+        stated = []
+    wanted = (f"extra == '{extra}'", f'extra == "{extra}"')
+    needs = [need.strip() for need, _, marker in stated if marker.strip() in wanted]
+    return f"python -m pip install {' '.join(map(quote, needs or [f'metaid[{extra}]']))}"
 
 
 @contextmanager

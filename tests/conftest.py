@@ -136,7 +136,7 @@ class Finished(NamedTuple):
 def metaid(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Callable[..., Finished]:
-    """Runs a command of the command line in an empty folder of its own."""
+    """Runs a command of the command line in an empty folder of its own. No line of what is printed ends in a space."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("METAID_STORAGE", raising=False)
 
@@ -144,6 +144,8 @@ def metaid(
         with pytest.raises(SystemExit) as stop:
             main(arguments)
         captured = capsys.readouterr()
+        ended = [line for line in (captured.out + captured.err).split("\n") if line.endswith((" ", "\t"))]
+        assert not ended, f"metaid {' '.join(arguments)} leaves spaces at the end of {ended[0]!r}"
         return Finished(int(stop.value.code or 0), captured.out, captured.err)
 
     return run

@@ -9,7 +9,7 @@ import math
 import os
 import shlex
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -18,6 +18,8 @@ import click
 from metaid.errors import MetaidError, printable, unknown
 
 if TYPE_CHECKING:
+    from rich.segment import Segment
+
     from metaid.cli.layout import Column, Layout
     from metaid.models import Lumps
     from metaid.store import Store
@@ -27,7 +29,13 @@ FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
 
 
 class Group(click.Group):
-    """A group whose message for an unknown command lists the known ones."""
+    """A group that prints its help where no command is given, and names the known commands where one is unknown."""
+
+    def parse_args(self, context: click.Context, arguments: list[str]) -> list[str]:
+        if not arguments and not context.resilient_parsing:
+            say_paragraphs(context.get_help())
+            context.exit()
+        return super().parse_args(context, arguments)
 
     def resolve_command(
         self, context: click.Context, arguments: list[str]
@@ -95,9 +103,38 @@ def _is_unicode(stream: TextIO) -> bool:
 
 
 def say(text: str, err: bool = False) -> None:
-    """A line on stdout, or on stderr: nothing in it can command the terminal."""
+    """A line on stdout, or on stderr, broken between words where a terminal is narrower: nothing in it can command the
+    terminal.
+    """
+    from metaid.cli.layout import wrapped
+
     with contextlib.suppress(OSError) if err else contextlib.nullcontext():  # there is nowhere left to say so
-        click.echo(printable(text), err=err)
+        stream = sys.stderr if err else sys.stdout  # click would write UTF-8 to one that is said to be ASCII
+        click.echo(wrapped(printable(text), stream), file=stream)
+
+
+@contextlib.contextmanager
+def working(what: str) -> Iterator[Callable[[str], None]]:
+    """Within it a terminal shows on stderr that something is made, and `what`; the function says what comes next."""
+    from rich.console import Console
+
+    console = Console(stderr=True, markup=False, highlight=False)
+    if not console.is_terminal:
+        yield lambda _: None
+        return
+    with console.status(printable(f"{what} …")) as status:
+        yield lambda following: status.update(printable(f"{following} …"))
+
+
+def ask(question: str | None) -> None:
+    """A line on stderr that asks about units, if there is anything to ask."""
+    if question is not None:
+        say(f"warning: {question}", err=True)
+
+
+def say_paragraphs(text: str) -> None:
+    """A text of our own on stdout with its lines as they are, none of which ends with spaces."""
+    click.echo("\n".join(line.rstrip() for line in text.splitlines()))
 
 
 def warn(sentences: Iterable[str]) -> None:
@@ -144,28 +181,28 @@ def print_table(
         for i, (heading, own) in enumerate(zip(columns, cells, strict=True))
     ]
     layout = laid_out(made, dispensable, width := terminal_width())
+    say(one_line(title))
     if layout.widths:
-        _print_rows(title, layout, note, width)
+        _print_rows(layout, width)
     else:
-        _print_entries(title, made, note)
+        _print_entries(made)
+    if note:
+        say(one_line(note))
     if layout.left_out:
         say(f"too narrow for: {', '.join(layout.left_out)}")
 
 
-def _print_rows(title: str, layout: Layout, note: str, width: int | None) -> None:
+def _print_rows(layout: Layout, width: int | None) -> None:
     """A row a line."""
     from rich import box
     from rich.console import Console
+    from rich.segment import Segment, Segments
     from rich.table import Table
 
     from metaid.cli.layout import GAPS, UNLIMITED
 
     table = Table(
-        title=one_line(title),
-        title_justify="left",
         box=box.SIMPLE_HEAD,
-        caption=one_line(note) or None,
-        caption_justify="left",
         padding=(0, 1) if layout.gap == GAPS[0] else (0, layout.gap - 1, 0, 0),
         pad_edge=layout.gap == GAPS[0],
     )
@@ -175,19 +212,27 @@ def _print_rows(title: str, layout: Layout, note: str, width: int | None) -> Non
         table.add_row(*row)
     console = Console(markup=False, highlight=False)
     console.width = width or max(UNLIMITED, sum(layout.widths) + GAPS[0] * (len(layout.widths) + 1))
-    console.print(table)
+    for line in console.render_lines(table, pad=False):
+        console.print(Segments([*_without_end_spaces(line), Segment.line()]), end="")
 
 
-def _print_entries(title: str, columns: Sequence[Column], note: str) -> None:
-    """A cell a line, an empty line after each row."""
-    say(one_line(title))
+def _without_end_spaces(line: Sequence[Segment]) -> list[Segment]:
+    """A line of a table up to its last letter."""
+    from rich.segment import Segment
+
+    kept = list(line)
+    while kept and not kept[-1].text.strip():
+        kept.pop()
+    return [*kept[:-1], Segment(kept[-1].text.rstrip(), kept[-1].style)] if kept else []
+
+
+def _print_entries(columns: Sequence[Column]) -> None:
+    """A cell a line, an empty line before and after each row."""
     say("")
     for row in zip(*(column.cells for column in columns), strict=True):
         for column, cell in zip(columns, row, strict=True):
             say(f"  {column.heading}: {cell}" if column.heading else f"  {cell}")
         say("")
-    if note:
-        say(one_line(note))
 
 
 def lump_rows(lumps: Lumps) -> list[dict[str, Any]]:

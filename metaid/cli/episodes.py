@@ -8,6 +8,7 @@ import click
 
 from metaid.cli.common import (
     FIGURE_SUFFIXES,
+    ask,
     json_option,
     numbers,
     open_store,
@@ -80,6 +81,7 @@ def episode(
     from metaid.cli.looks import look_at
 
     plant = load_plant(name)
+    ask(plant.question)
     look = look_at(plant, numbers(factors, "--factor"), steps, seed, nominal)
     if output is not None:
         with whole_file(output, FIGURE_SUFFIXES) as partial:

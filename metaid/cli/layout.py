@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import os
 import sys
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TextIO
 
 from rich.cells import cell_len
 
@@ -58,17 +60,26 @@ class Layout:
     left_out: tuple[str, ...]
 
 
-def terminal_width() -> int | None:
-    """How many letters a line of stdout has; None where it is no terminal."""
-    if not sys.stdout.isatty():
+def terminal_width(stream: TextIO | None = None) -> int | None:
+    """How many letters a line of a `stream` has, of stdout if not stated; None where it is no terminal."""
+    stream = sys.stdout if stream is None else stream
+    if not stream.isatty():
         return None
     stated = os.environ.get("COLUMNS", "")
     if stated.isdigit() and int(stated) > 0:
         return int(stated)
     try:
-        return os.get_terminal_size(sys.stdout.fileno()).columns or None
+        return os.get_terminal_size(stream.fileno()).columns or None
     except (OSError, ValueError):
         return None
+
+
+def wrapped(text: str, stream: TextIO) -> str:
+    """A line of text as it is printed on a `stream`: on a terminal broken between words where it is too long."""
+    width = terminal_width(stream)
+    if width is None or cell_len(text) <= width:
+        return text.rstrip()
+    return "\n".join(textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False))
 
 
 def laid_out(columns: Sequence[Column], dispensable: Sequence[str], width: int | None) -> Layout:

@@ -2,57 +2,75 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import click
 
-from metaid.cli.common import number_text, open_store, print_table, say, storage_option
+from metaid.cli.common import json_option, number_text, open_store, print_json, print_table, say, storage_option
 from metaid.cli.printed import error_text
+
+WORDS, COUNTS = ("name", "plant", "sampler", "measure", "verdict"), ("trials", "pruned")
 
 
 @click.command("list", epilog="\b\nExample:\n  metaid study list --shipped")
 @storage_option
 @click.option("--shipped", is_flag=True, help="The studies that metaid ships, in place of those of the DB.")
-def list_studies(storage: str, shipped: bool) -> None:
-    """The studies of a DB, or those that metaid ships."""
-    from metaid.results import studies_frame
+@json_option
+def list_studies(storage: str, shipped: bool, as_json: bool) -> None:
+    """The studies of a DB, or those that metaid ships: also where there is no metaid.db here yet."""
+    from metaid.results import studies_frame, without_nan
+    from metaid.store import DEFAULT_STORAGE
 
-    if shipped:
-        _print_shipped()
+    if shipped or (storage == DEFAULT_STORAGE and not Path(storage).exists()):
+        rows = _shipped()
+        if as_json:
+            print_json({"studies": [], "others": [], "shipped": rows})
+            return
+        _print_shipped(rows)
+        if not shipped:
+            say(f"there is no {DEFAULT_STORAGE} here yet; make it with one of these: metaid study run NAME --create")
         return
     with open_store(storage) as store:
         frame, others = studies_frame(store), store.other_names()
-    words, counts = ("name", "plant", "sampler", "measure", "verdict"), ("trials", "pruned")
-    rows = [
+    rows = [without_nan(row) for row in frame.to_dict("records")]
+    if as_json:
+        print_json({"studies": rows, "others": others})
+        return
+    cells = [
         [
-            *(row[key] for key in words),
-            *(str(row[key]) for key in counts),
+            *(row[key] for key in WORDS),
+            *(str(row[key]) for key in COUNTS),
             number_text(row["best"]),
             error_text(row["max_error"], ""),
         ]
-        for row in frame.to_dict("records")
+        for row in rows
     ]
     print_table(
         f"Studies in {store.shown}",
         ["study", "plant", "sampler", "measure", "verdict", "trials", "falls", "best", "largest error"],
-        rows,
-        words=words,
+        cells,
+        words=WORDS,
         dispensable=["measure", "falls", "plant", "sampler", "best", "largest error"],
     )
     if others:
         say(f"plain Optuna studies, which metaid did not make: {', '.join(others)}")
 
 
-def _print_shipped() -> None:
-    """A line for each study file that metaid ships."""
+def _shipped() -> list[dict[str, Any]]:
+    """A row for each study file that metaid ships."""
     from metaid.errors import StudyError
     from metaid.files import read_toml, shipped_folder, shipped_names
 
     files = {
         name: read_toml(shipped_folder("studies") / f"{name}.toml", StudyError) for name in shipped_names("studies")
     }
-    rows = [
-        [name, str(file["plant"]), str(file.get("sampler", "")), str(file.get("trials", "")), file["description"]]
-        for name, file in files.items()
-    ]
+    keys = ("plant", "sampler", "trials", "description")
+    return [{"name": name} | {key: file.get(key) for key in keys} for name, file in files.items()]
+
+
+def _print_shipped(rows: list[dict[str, Any]]) -> None:
+    cells = [["" if cell is None else str(cell) for cell in row.values()] for row in rows]
     words = ["plant", "sampler", "description"]
     headings = ["study", "plant", "sampler", "trials", "description"]
-    print_table("Shipped studies", headings, rows, words=words, dispensable=["trials", "sampler", "plant"])
+    print_table("Shipped studies", headings, cells, words=words, dispensable=["trials", "sampler", "plant"])

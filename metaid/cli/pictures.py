@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from metaid.cli.common import FIGURE_SUFFIXES, open_store, say, storage_option, whole_file
+from metaid.cli.common import FIGURE_SUFFIXES, ask, open_store, say, storage_option, whole_file, working
 from metaid.cli.plants import plant_argument
 from metaid.cli.studies import name_argument
 from metaid.errors import MetaidError
@@ -20,7 +20,9 @@ def draw(name: str, output: Path) -> None:
     from metaid.plant import load_plant
     from metaid.show.figures import plant_figure, save
 
-    figure = plant_figure(load_plant(name))
+    plant = load_plant(name)
+    ask(plant.question)
+    figure = plant_figure(plant)
     with whole_file(output, FIGURE_SUFFIXES) as partial:
         save(figure, partial)
 
@@ -76,8 +78,8 @@ def report(name: str, storage: str, output: Path) -> None:
     from metaid.results import read_findings
     from metaid.show import render
 
-    with open_store(storage) as store, whole_file(output, (".html",)) as partial:
-        partial.write_text(render(read_findings(store, name)), encoding="utf-8")
+    with open_store(storage) as store, whole_file(output, (".html",)) as partial, working("estimate") as watch:
+        partial.write_text(render(read_findings(store, name), watch), encoding="utf-8")
     say(f"the report of '{name}' is {output}")
 
 

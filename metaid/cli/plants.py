@@ -2,19 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import click
 
-from metaid.cli.common import (
-    Group,
-    json_option,
-    names_of,
-    print_table,
-)
-
-if TYPE_CHECKING:
-    pass
+from metaid.cli.common import Group, json_option, names_of, print_json, print_table
 
 
 def _complete_plant(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
@@ -32,14 +22,19 @@ def plant() -> None:
 
 
 @plant.command("list", epilog="\b\nExample:\n  metaid plant list")
-def list_plants() -> None:
+@json_option
+def list_plants(as_json: bool) -> None:
     """Shipped plants; a plant file of your own is given by its path."""
     from metaid.files import shipped_names
     from metaid.plant import load_plant
 
     plants = [load_plant(name) for name in shipped_names("plants")]
-    rows = [[shown.name, str(shown.njoint), shown.settings.description] for shown in plants]
-    print_table("Plants", ["plant", "joints", "description"], rows, words=["description"])
+    rows = [{"name": shown.name, "joints": shown.njoint, "description": shown.settings.description} for shown in plants]
+    if as_json:
+        print_json({"plants": rows})
+        return
+    cells = [[str(cell) for cell in row.values()] for row in rows]
+    print_table("Plants", ["plant", "joints", "description"], cells, words=["description"])
 
 
 @plant.command("show", epilog="\b\nExample:\n  metaid plant show three-link --json")

@@ -11,6 +11,7 @@ import click
 from metaid.cli.checks import describe_reached, share
 from metaid.cli.common import (
     Group,
+    ask,
     json_option,
     open_store,
     pairs,
@@ -19,7 +20,7 @@ from metaid.cli.common import (
 )
 from metaid.cli.interrupted import Interruption
 from metaid.cli.printed import print_study
-from metaid.errors import printable
+from metaid.errors import StorageError, StudyError, printable
 
 NOT_FOUND = 3  # exit status of a run whose trials are spent without a result
 
@@ -42,6 +43,12 @@ def complete_name(context: click.Context, _parameter: click.Parameter, incomplet
             return [name for name in store.names() if name.startswith(incomplete) and shlex.quote(name) == name]
     except MetaidError:
         return []
+
+
+def _complete_study(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
+    return sorted(
+        {*_complete_study_file(context, parameter, incomplete), *complete_name(context, parameter, incomplete)}
+    )
 
 
 name_argument = click.argument("name", shell_complete=complete_name)
@@ -96,8 +103,9 @@ def _make(
             from metaid.results.exporting import started_from
 
             spec = started_from(store, spec, start_from)
-        warnings = [question(spec), advice(spec), _undetermined(spec) if isinstance(spec, StudySpec) else None]
+        warnings = [advice(spec), _undetermined(spec) if isinstance(spec, StudySpec) else None]
         made = (ensure_study if exist_ok else create_study)(store, spec, name)
+    ask(question(spec))
     for line in filter(None, warnings):
         say(line, err=True)
     return made, store.shown
@@ -121,7 +129,8 @@ def _toml_value(text: str) -> Any:
 
 
 @study.command(epilog="\b\nExample:\n  metaid study check three-link --set episode.measure=count")
-@click.argument("source", metavar="STUDY", shell_complete=_complete_study_file)
+@click.argument("source", metavar="STUDY", shell_complete=_complete_study)
+@storage_option
 @click.option(
     "--set", "changes", metavar="KEY=VALUE", multiple=True, help="Change a setting of the file, as in create."
 )
@@ -129,18 +138,39 @@ def _toml_value(text: str) -> Any:
     "--until", callback=share, metavar="SHARE", help="Also how many pushes and minutes 'study run --until' would take."
 )
 @json_option
-def check(source: str, changes: tuple[str, ...], until: float | None, as_json: bool) -> None:
-    """What STUDY can determine, and how well, by its nominal model, before any trial."""
+def check(source: str, storage: str, changes: tuple[str, ...], until: float | None, as_json: bool) -> None:
+    """What STUDY can determine, and how well, by its nominal model, before any trial.
+
+    STUDY is a shipped name, the path of a study file, or the name of a study in the DB.
+    """
     from metaid.cli.checks import print_check
     from metaid.study import problem_of, question, refuse_until, refuse_what_cannot_be_run
 
-    spec = load_study(source, changes)
+    spec = _stored(source, storage, changes) or load_study(source, changes)
     refuse_what_cannot_be_run(spec)
     if until is not None:
         refuse_until(spec, until)
-    if asked := question(spec):
-        say(asked, err=True)
+    ask(question(spec))
     print_check(problem_of(spec), until, as_json)
+
+
+def _stored(name: str, storage: str, changes: Sequence[str]) -> AnySpec | None:
+    """The settings of a study that a DB has and that does not ship under that `name`; None where there is no such."""
+    from metaid.files import find_file
+    from metaid.study import stored_spec
+
+    try:
+        find_file("studies", name, StudyError)
+    except StudyError:
+        try:
+            with open_store(storage) as store:
+                spec = stored_spec(store, name) if name in store.names() else None
+        except StorageError:
+            return None  # what is wrong is that there is no such file
+        if spec is not None and changes:
+            raise click.UsageError(f"--set changes a study file, and '{name}' is in {storage}") from None
+        return spec
+    return None
 
 
 def _undetermined(spec: StudySpec) -> str | None:
@@ -221,6 +251,7 @@ def run(
         name, _ = _make(storage, name, (), None, None, exist_ok=True)
     with open_store(storage) as store:
         with Live(store, name, quiet) as live:
+            before = live.trials
 
             def say_stopped() -> None:
                 live.close()
@@ -232,12 +263,14 @@ def run(
 
             interruption.defer(say_stopped)
             try:
-                run_study(store, name, trials, workers, engine, ray_address, watch, patience, until)
+                done = run_study(store, name, trials, workers, engine, ray_address, watch, patience, until)
             except WorkerError as problem:
                 raise WorkerError(f"{problem}; {_how_to_go_on(live.trials, store.shown, name)}") from None
             except KeyboardInterrupt:
                 say_stopped()
                 raise click.exceptions.Exit(128 + interruption.number) from None
+        if 0 < before == done.trials:
+            say(f"study '{name}' was finished already; trials in {store.shown}: {before}", err=True)
         shown = print_study(store, name)
         if until is not None:
             say(describe_reached(shown, until))

@@ -17,7 +17,7 @@ from metaid.episode.measures import (
     whole_periods,
 )
 from metaid.episode.noise import Drawn, noise_of, with_deadband
-from metaid.episode.outcome import Outcome, failure
+from metaid.episode.outcome import FALL_VALUE, Outcome, failure
 from metaid.episode.plausible import Calibration
 from metaid.episode.pushes import REACH, natural_time, pushed_speeds, pushes_for, rich_pushes, rich_speeds, tip_push
 from metaid.episode.readings import SensorReadings, readings_before_fall
@@ -29,6 +29,7 @@ from metaid.episode.windows import QUANTITIES, SHORTEST, WINDOWS, Windows, even_
 __all__ = [
     "FALL_LIMIT",
     "FALL_MARGIN",
+    "FALL_VALUE",
     "MEASURES",
     "NOISE_RESOLUTION",
     "QUANTITIES",

@@ -9,6 +9,8 @@ from metaid.episode.measures import Measure, fall_value
 from metaid.episode.readings import SensorReadings
 from metaid.episode.windows import Windows
 
+FALL_VALUE = "fall_value"  # the attribute of an Optuna trial that fell or failed with the value of its `Outcome`
+
 
 @dataclass(frozen=True)
 class Outcome:

@@ -13,7 +13,13 @@ from metaid.models.known_lumps import KnownLumps, known_lumps
 from metaid.models.law import SLIDING, compensation_basis, compensation_torque, mass_matrix
 from metaid.models.lumps import FRICTION, IDEAL, UNITS, Array, Lumps, factors_from_names, kind_of, lump_names, lump_unit
 from metaid.models.model import ChainModel, Model
-from metaid.models.possible import least_inertia, question_of_units, refuse_impossible, refuse_too_long_a_step
+from metaid.models.possible import (
+    least_inertia,
+    question_of_distances,
+    question_of_units,
+    refuse_impossible,
+    refuse_too_long_a_step,
+)
 from metaid.models.possible_bodies import body_extents
 
 __all__ = [
@@ -43,6 +49,7 @@ __all__ = [
     "lump_names",
     "lump_unit",
     "mass_matrix",
+    "question_of_distances",
     "question_of_units",
     "refuse_impossible",
     "refuse_too_long_a_step",

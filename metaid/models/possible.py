@@ -4,10 +4,13 @@ strange that their units are asked for.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from metaid.errors import PlantError
 from metaid.models.chain import Chain
+from metaid.models.lumps import Array
 
 LEAST_GYRATION = 1e-3  # of a link's length: a radius of gyration below it is no body's, but a point's
 LEAST_MASS_EIGENVALUE = 1e-10  # of the mass matrix with a unit diagonal; below it rounding decides how the chain moves
@@ -77,4 +80,14 @@ def question_of_units(name: str, chain: Chain, gravity: float) -> str | None:
             return f"{name}: link {link} is {length:g} m long and weighs {mass:g} kg: is that meant? (in m and kg)"
     if not WEAKEST <= gravity <= STRONGEST:
         return f"{name}: gravity is {gravity:g} m/s²: is that meant?"
+    return None
+
+
+def question_of_distances(name: str, joints: Sequence[str], distances: Array) -> str | None:
+    """The same of an arm, whose joints are as far from the one before (njoint), in m; that of the first is its place in
+    the world.
+    """
+    for joint, distance in list(zip(joints, distances.tolist(), strict=True))[1:]:
+        if distance > LONGEST:
+            return f"{name}: joint {joint} is {distance:g} m from the one before: is that meant? (in m)"
     return None

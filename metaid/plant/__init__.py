@@ -14,6 +14,8 @@ from metaid.plant.arm_settings import ArmSettings
 from metaid.plant.faults import FaultSettings, Limit, Noise, draw, joint_limits, slope_weights, stream
 from metaid.plant.faulty_plant import FaultyPlant
 from metaid.plant.loading import (
+    ARM_FILES,
+    PLANT_KEYS,
     load_chain,
     load_plant,
     load_rig,
@@ -33,7 +35,9 @@ if TYPE_CHECKING:
     from metaid.plant.mujoco_model import build_spec
 
 __all__ = [
+    "ARM_FILES",
     "FAULT_UNITS",
+    "PLANT_KEYS",
     "ArmPlant",
     "ArmSettings",
     "ArmStart",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from metaid.errors import PlantError
-from metaid.models import Array
+from metaid.models import Array, question_of_distances
 from metaid.models.tree import Tree, joint_torque, tilted_gravity
 from metaid.plant.arm_settings import ArmSettings
 
@@ -70,6 +70,11 @@ class ArmPlant:
     def repairs(self) -> tuple[str, ...]:
         """What its file says of its moving links and cannot be, as sentences."""
         return self.arm.repairs if self.known is None else ()
+
+    @property
+    def question(self) -> str | None:
+        """What to ask about its units, in one line; None if nothing."""
+        return question_of_distances(f"plant {self.name}", self.tree.names, np.linalg.norm(self.tree.position, axis=1))
 
     @property
     def home(self) -> Array:

@@ -21,6 +21,7 @@ ARM_FILES = {
     ".urdf": "urdf",
     ".xacro": "urdf",
 }  # endings of what describes an arm, and the key that names it
+PLANT_KEYS = {"links", "socket", "mjcf", "urdf"}  # each plant file has one of them
 DICT = Path("dict")  # how messages name a plant that is in no file
 AnySettings = PlantSettings | SocketSettings | ArmSettings
 
@@ -98,6 +99,8 @@ def _any_plant(tables: Mapping[str, Any], path: Path) -> AnySettings:
     if "mjcf" in tables or "urdf" in tables:
         arm = check(ArmSettings, tables, str(path), PlantError)
         return arm.model_copy(update={arm.kind: str(path.parent / arm.file)})
+    if isinstance(tables.get("plant"), str) and not tables.keys() & PLANT_KEYS:
+        raise PlantError(f"{path}: a study file, and no plant file (its plant is {tables['plant']})")
     return check(PlantSettings, tables, str(path), PlantError)
 
 

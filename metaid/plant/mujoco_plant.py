@@ -14,6 +14,7 @@ from metaid.models import (
     Array,
     Lumps,
     compensation_basis,
+    question_of_units,
     refuse_impossible,
     refuse_too_long_a_step,
     speeds_after,
@@ -44,6 +45,11 @@ class MujocoPlant:
 
     def __repr__(self) -> str:
         return f"<MujocoPlant {self.name}: njoint={self.njoint}>"
+
+    @property
+    def question(self) -> str | None:
+        """What to ask about its units, in one line; None if nothing."""
+        return question_of_units(f"plant {self.name}", self.chain, self.gravity)
 
     @cached_property
     def simulation(self) -> Simulation:

@@ -4,6 +4,9 @@ others evenly from first to last.
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import optuna
 import pandas as pd
 from optuna.distributions import BaseDistribution, FloatDistribution
@@ -48,16 +51,20 @@ def write_companion(store: Store, found: Findings) -> optuna.Study:
     companion.add_trials(
         create_trial(
             state=TrialState[row["state"]],
-            value=None if failed else row["value"],  # Optuna lets a failed trial have no value
+            value=row["value"] if row["state"] == "COMPLETE" else None,
             params={lump: row[lump] for lump in names},
             distributions=space,
             user_attrs={"trial": row["number"], **{key: row[key] for key in numbers}},
-            intermediate_values={} if failed else {row["steps"]: row["value"]},
+            intermediate_values=_reported(row),
         )
         for row in thinned(found.trials).to_dict("records")
-        for failed in [row["state"] == "FAIL"]
     )
     return companion
+
+
+def _reported(row: dict[Any, Any]) -> dict[int, float]:
+    """The intermediate values of a trial: none where it failed, NaN where it fell, as in its study."""
+    return {} if row["state"] == "FAIL" else {row["steps"]: row["value"] if row["state"] == "COMPLETE" else math.nan}
 
 
 def delete_companion(store: Store, name: str) -> None:

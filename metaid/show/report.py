@@ -10,7 +10,7 @@ import io
 import platform
 import re
 import shlex
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from importlib import metadata
 from typing import Any
@@ -48,6 +48,8 @@ from metaid.show.words import (
 
 VERSIONS_OF = ("mujoco-core", "numba", "numpy", "cmaes", "optuna", "matplotlib")
 UNITS = {"deg": "°", "mm": "mm"}
+OF_SEARCH = {"convergence", "factors", "frequency", "boundary", "parallel", "correlation", "episode"}  # figures
+Watch = Callable[[str], None]
 WIDEST = 0.02  # of a lump's value: a wider range is reported
 
 
@@ -61,10 +63,11 @@ class PageFigure:
     narrow: Markup
 
 
-def render(found: Findings) -> str:
-    """The page.  Raises StorageError where there is nothing to show yet."""
+def render(found: Findings, watch: Watch = lambda what: None) -> str:
+    """The page. `watch` is told which figure is drawn next.  Raises StorageError where there is nothing to show yet."""
     gallery, problem, spec = Gallery(found), found.problem, found.spec
     bodies = body_rows(found.snapshot, found.verdict)["bodies"]
+    drawn = page_figures(gallery.pictures("page"), gallery.pictures("column"), watch)
     return filled_in(
         "report.html",
         found=found,
@@ -81,7 +84,8 @@ def render(found: Findings) -> str:
         units={} if found.validation is None else {UNITS[unit]: unit for unit in found.validation.kinds},
         left_open=left_open(problem.nominal, found),
         left_out=gallery.left_out,
-        figures=page_figures(gallery.pictures("page"), gallery.pictures("column")),
+        figures=[picture for picture in drawn if picture.name not in OF_SEARCH],
+        search_figures=[picture for picture in drawn if picture.name in OF_SEARCH],
         falls=falls(found.trials, problem.episode.total_steps),
         cost=cost(found.trials, problem.timestep, reached(found)),
         unidentified=unidentified(found),
@@ -171,17 +175,16 @@ def errors(found: Findings) -> list[dict[str, Any]]:
     return [{"name": name, "nominal": nominal[key], "identified": identified.get(key)} for key, name in rows]
 
 
-def page_figures(page: Iterable[Picture], column: Iterable[Picture]) -> list[PageFigure]:
-    """The same figures at the width of a `page` and of a `column`, ready for the page."""
-    return [
-        PageFigure(
-            wide.name,
-            wide.caption,
-            inline_svg(wide.figure, f"{wide.name}-wide-"),
-            inline_svg(narrow.figure, f"{wide.name}-narrow-"),
-        )
-        for wide, narrow in zip(page, column, strict=True)
-    ]
+def page_figures(
+    page: Iterable[Picture], column: Iterable[Picture], watch: Watch = lambda what: None
+) -> list[PageFigure]:
+    """The same figures at the width of a `page` and of a `column`, ready for the page; `watch` is told of each."""
+    drawn: list[PageFigure] = []
+    for wide, narrow in zip(page, column, strict=True):
+        watch(f"figure {len(drawn) + 1}, {wide.name}")
+        svgs = (inline_svg(each.figure, f"{wide.name}-{name}-") for name, each in (("wide", wide), ("narrow", narrow)))
+        drawn.append(PageFigure(wide.name, wide.caption, *svgs))
+    return drawn
 
 
 def inline_svg(figure: Figure, prefix: str) -> Markup:

@@ -22,9 +22,10 @@ from optuna.storages._rdb.models import (
 
 REVISION = "v3.2.0.a"  # of the tables of this schema; Optuna itself takes a tenth of a second to say so
 
-# The types of values as the tables name them: a number, and neither NaN nor infinite.
+# The types of values as the tables name them: a number that is neither NaN nor infinite, and one that is NaN.
 FINITE_VALUE = TrialValueModel.TrialValueType.FINITE.name
 FINITE_INTERMEDIATE_VALUE = TrialIntermediateValueModel.TrialIntermediateValueType.FINITE.name
+NO_INTERMEDIATE_VALUE = TrialIntermediateValueModel.TrialIntermediateValueType.NAN.name
 
 # Naive UTC, of the columns and not of Optuna's properties, which are in local time.
 STARTED = TrialModel.__table__.c.datetime_start
@@ -34,6 +35,7 @@ __all__ = [
     "COMPLETED",
     "FINITE_INTERMEDIATE_VALUE",
     "FINITE_VALUE",
+    "NO_INTERMEDIATE_VALUE",
     "REVISION",
     "SCHEMA_VERSION",
     "STARTED",

@@ -15,11 +15,12 @@ import sqlalchemy as sa
 from numpy.typing import NDArray
 from optuna.trial import FrozenTrial, TrialState
 
-from metaid.episode import Outcome, SensorReadings, Windows
+from metaid.episode import FALL_VALUE, Outcome, SensorReadings, Windows
 from metaid.store import sensor_readings, windows
 from metaid.store.optuna_tables import (
     FINITE_INTERMEDIATE_VALUE,
     FINITE_VALUE,
+    NO_INTERMEDIATE_VALUE,
     TrialIntermediateValueModel,
     TrialModel,
     TrialParamModel,
@@ -91,21 +92,6 @@ def read_table(
     return cells.reshape(-1, len(keys))[:, [order.index(wanted) for wanted in keys]]
 
 
-def _read_failures(connection: sa.Connection, trials: Own) -> list[tuple[float, str | None]]:
-    """The value that the searcher got for each failed one of the `trials`, and why it failed."""
-    trial, value, attribute = TrialModel, TrialIntermediateValueModel, TrialUserAttributeModel
-    query = (
-        sa.select(value.intermediate_value, attribute.value_json, trial.trial_id)
-        .select_from(trial)
-        .join(value, value.trial_id == trial.trial_id)
-        .join(attribute, attribute.trial_id == trial.trial_id)
-        .where(trial.study_id == trials.study_id, trial.state == TrialState.FAIL, attribute.key == REASON)
-        .order_by(trial.trial_id)
-    )
-    found = [row for row in connection.execute(query) if row[2] in trials.positions]
-    return [(float(worst), str(json.loads(reason))) for worst, reason, _ in found]
-
-
 def read_outcomes(
     connection: sa.Connection, trials: Own, states: Sequence[TrialState], joint_count: int
 ) -> list[tuple[int, Outcome]]:
@@ -125,15 +111,16 @@ def read_outcomes(
     keys = ["generation", "steps", *(f"periods_{joint + 1}" for joint in range(joint_count))]
     counts = read_table(connection, trials, attribute.key, attribute.value_json, keys, int)
     values = read_table(connection, trials, value.objective, value.value, [0], float)
-    failures = _read_failures(connection, trials) if TrialState.FAIL in states else []
-    failed = states.count(TrialState.FAIL)
-    if not (len(counts) == len(states) and len(failures) == failed and len(values) == len(states) - failed):
+    ranked = {place: float(json.loads(text)) for place, text in _read_attributes(connection, trials, FALL_VALUE)}
+    reasons = {place: str(json.loads(text)) for place, text in _read_attributes(connection, trials, REASON)}
+    survived = [i for i, state in enumerate(states) if state == TrialState.COMPLETE]
+    failed = {i for i, state in enumerate(states) if state == TrialState.FAIL}
+    if not (len(counts) == len(states) == len(values) + len(ranked) and reasons.keys() == failed):
         return []
-    by_state = {True: iter(failures), False: iter([(value, None) for value in values[:, 0].tolist()])}
-    results = [next(by_state[state == TrialState.FAIL]) for state in states]
+    ranked |= dict(zip(survived, values[:, 0].tolist(), strict=True))
     return [
-        (generation, Outcome(value, state != TrialState.COMPLETE, steps, tuple(periods), failure))
-        for state, (value, failure), (generation, steps, *periods) in zip(states, results, counts.tolist(), strict=True)
+        (generation, Outcome(ranked[i], state != TrialState.COMPLETE, steps, tuple(periods), reasons.get(i)))
+        for i, (state, (generation, steps, *periods)) in enumerate(zip(states, counts.tolist(), strict=True))
     ]
 
 
@@ -181,8 +168,8 @@ def detail_rows(
 ) -> dict[Any, list[dict[str, Any]]]:
     """Rows by model class.
 
-    A fall carries its value as intermediate value at the step that it survived to, as Optuna's own `tell` would write
-    it. A failure carries it there alone, as Optuna lets it have no other.
+    A fall has no value and, at the step that it survived to, NaN as intermediate value: its frequency is not known, and
+    what Optuna's tools draw of the others is not to be drowned by what it is ranked by.
 
     Args:
         ids: of the trials in the DB (ntrial).
@@ -200,16 +187,17 @@ def detail_rows(
         TrialValueModel: [
             {"trial_id": i, "objective": 0, "value": trial.outcome.value, "value_type": FINITE_VALUE}
             for i, trial in zip(ids, trials, strict=True)
-            if trial.state != TrialState.FAIL
+            if not trial.outcome.fell
         ],
         TrialIntermediateValueModel: [
             {
                 "trial_id": i,
                 "step": trial.outcome.steps,
-                "intermediate_value": trial.outcome.value,
-                "intermediate_value_type": FINITE_INTERMEDIATE_VALUE,
+                "intermediate_value": None if trial.outcome.fell else trial.outcome.value,
+                "intermediate_value_type": NO_INTERMEDIATE_VALUE if trial.outcome.fell else FINITE_INTERMEDIATE_VALUE,
             }
             for i, trial in zip(ids, trials, strict=True)
+            if trial.state != TrialState.FAIL
         ],
         TrialUserAttributeModel: [
             {"trial_id": i, "key": key, "value_json": text}
@@ -230,7 +218,8 @@ def _attributes(trial: Trial) -> dict[str, str]:
 def outcome_attributes(outcome: Outcome) -> dict[str, str]:
     """What a trial says of its `outcome` beside its value, as JSON by key: steps, periods, and the motion if kept."""
     periods = {f"periods_{joint + 1}": count for joint, count in enumerate(outcome.periods)}
-    texts = {key: json.dumps(value) for key, value in {"steps": outcome.steps, **periods}.items()}
+    ranked = {FALL_VALUE: outcome.value} if outcome.fell else {}
+    texts = {key: json.dumps(value) for key, value in {"steps": outcome.steps, **periods, **ranked}.items()}
     if outcome.windows is not None:
         texts[windows.KEY] = windows.encoded(outcome.windows)
     if outcome.readings is not None:
@@ -247,7 +236,7 @@ def shown_trial(frozen: FrozenTrial, names: Sequence[str]) -> Trial | None:
     texts = {key: json.dumps(value) for key, value in frozen.user_attrs.items() if key in MOTION_KEYS}
     try:
         outcome = Outcome(
-            float(frozen.value or 0.0),
+            float(frozen.user_attrs.get(FALL_VALUE, 0.0) if frozen.value is None else frozen.value),
             frozen.state != TrialState.COMPLETE,
             int(frozen.user_attrs["steps"]),
             (),

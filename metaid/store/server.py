@@ -13,7 +13,7 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.exc import SQLAlchemyError
 
-from metaid.errors import StorageError
+from metaid.errors import StorageError, how_to_install
 from metaid.store.sqlite import TABLES
 
 PATIENT = {"connect_timeout": 10, "keepalives_idle": 30, "keepalives_interval": 10, "keepalives_count": 3}  # s
@@ -45,7 +45,7 @@ def parsed_url(url: str) -> sa.URL:
 def missing_driver(url: sa.URL, problem: ImportError) -> str:
     """What is said of a server's driver that cannot be imported."""
     if url.get_backend_name() == "postgresql":
-        return f"PostgreSQL's driver is not installed: pip install 'metaid[postgresql]' ({problem})"
+        return f"PostgreSQL's driver is not installed: {how_to_install('postgresql')} ({problem})"
     return f"no driver for this DB is installed ({problem})"
 
 

@@ -38,7 +38,8 @@ class StudyProblem(ABC):
     @property
     def question(self) -> str | None:
         """What to ask about the units of the plant or the nominal model; None if nothing."""
-        return None
+        question: str | None = self.open_plant().question if self.is_simulated else None
+        return question
 
     @abstractmethod
     def open_plant(self) -> Any:

@@ -81,8 +81,7 @@ def advice(spec: AnySpec) -> str | None:
 
 def question(spec: AnySpec) -> str | None:
     """What to ask about the units of the study's plant or nominal model, in one line; None if nothing."""
-    asked = problem_of(spec).question
-    return asked and f"warning: {asked}"
+    return problem_of(spec).question
 
 
 def stored_spec(store: Store, name: str) -> AnySpec:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator
 
@@ -14,6 +14,18 @@ TAKEN_UP = ("delay", "tilt")  # of the faults that a study may take up by itself
 FaultKind = Literal[
     "delay", "lag", "tilt", "offset", "viscous", "dry", "presliding", "spring", "bias", "cogging", "rotor", "gain"
 ]
+
+
+MANY = 2000  # trials by default of a sampler that minimises one number of each; it may end sooner
+
+
+def with_trials(tables: Any) -> Any:
+    """The tables of a study file: one whose sampler minimises needs more trials than one that matches what each shows,
+    unless it says how many.
+    """
+    if isinstance(tables, dict) and tables.get("sampler", "output-error") != "output-error":
+        return {"trials": MANY, **tables}
+    return tables
 
 
 class AnyEstimateSettings(Settings):

@@ -117,11 +117,7 @@ class Problem(StudyProblem):
 
     @property
     def question(self) -> str | None:
-        plant, gravity = self.spec.plant, self.spec.plant.gravity
-        asked = question_of_units("the nominal model", self.nominal, gravity)
-        if isinstance(plant, PlantSettings):
-            asked = question_of_units(f"plant {self.spec.plant_name}", chain_of(plant.links), gravity) or asked
-        return asked
+        return super().question or question_of_units("the nominal model", self.nominal, self.spec.gravity)
 
     def calibrated(self) -> StudySpec:
         """The study with the pushes that its rig needs, and what was measured of them and of its sensors."""

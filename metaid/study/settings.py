@@ -11,13 +11,15 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from metaid.episode import FALL_MARGIN
 from metaid.errors import PlantError, StudyError
 from metaid.files import Settings, check, find_file, find_file_beside, read_toml
 from metaid.models import FRICTION, IDEAL, lump_names
 from metaid.plant import (
+    ARM_FILES,
+    PLANT_KEYS,
     ArmSettings,
     LinkSettings,
     PlantSettings,
@@ -27,9 +29,11 @@ from metaid.plant import (
     refuse_parts_outside,
 )
 from metaid.search import SamplerOptions
-from metaid.study.estimating import AnyEstimateSettings
+from metaid.study.estimating import AnyEstimateSettings, with_trials
 from metaid.study.spatial import ArmSpec, arm_spec
 
+FEW = 12  # trials by default; ten links take fewer
+NAMES_PLANT = "allowed: a file with plant = NAME or PATH, nominal = … and what else a study has"
 LARGEST_STEPS = 10_000_000  # after a push
 
 Factor = Annotated[float, Field(gt=0, le=100)]
@@ -134,12 +138,17 @@ class StudySettings(Settings):
     plant: str
     nominal: str | NominalSettings
     sampler: str = "output-error"
-    trials: Annotated[int, Field(ge=1, le=100_000_000)]
+    trials: Annotated[int, Field(ge=1, le=100_000_000)] = FEW
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     workers: Annotated[int, Field(ge=1, le=1024)] = 2
     search: SearchSettings = SearchSettings()
     episode: EpisodeSettings = EpisodeSettings()
     estimate: EstimateSettings = EstimateSettings()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_trials(cls, tables: Any) -> Any:
+        return with_trials(tables)
 
 
 class PushedSettings(Settings):
@@ -233,7 +242,11 @@ def read_study(name: str | Path, changes: dict[str, Any] | None = None) -> Study
     What the file names lies in its own folder; a path in `changes` is the user's own and may be anywhere.
     """
     path = find_file("studies", str(name), StudyError)
+    if path.suffix in ARM_FILES:
+        raise StudyError(f"{path}: describes a robot, and is no study file ({NAMES_PLANT})")
     tables = read_toml(path, StudyError)
+    if "plant" not in tables and tables.keys() & PLANT_KEYS:
+        raise StudyError(f"{path}: a plant file, and no study file ({NAMES_PLANT})")
     changes = changes or {}
     for key, value in changes.items():
         _change(tables, key, value)

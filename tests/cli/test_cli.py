@@ -245,7 +245,7 @@ MISTAKES = {
     ),
     "storage that is a folder": (["study", "list", "--storage", "."], "not a file"),
     "storage that is no URL": (["study", "list", "--storage", "nosuch://x/y"], "nosuch"),
-    "no storage yet": (["study", "list"], "no study DB at metaid.db"),
+    "no storage yet": (["study", "show", "wide"], "no study DB at metaid.db"),
     "study that exists": (
         ["study", "create", "three-link-coast", "--storage", "ours.db"],
         "has a study 'three-link-coast' already",

@@ -142,8 +142,9 @@ def check_whole(text: str, width: int, columns: list[str], rows: list[list[str]]
     left_out: list[str] = []
     if TOO_NARROW in text:
         text, _, named = text.partition(TOO_NARROW)
+        named = " ".join(named.split())
         left_out = [column for column in columns if column in named]
-        assert ", ".join(left_out) == named.strip()
+        assert ", ".join(left_out) == named
     assert max(map(cell_len, text.splitlines())) <= width
     words = text.split()
     for column, cells in zip(columns, zip(*rows, strict=True), strict=True):

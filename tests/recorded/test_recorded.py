@@ -311,4 +311,4 @@ def test_parquet_is_read_or_its_package_named(metaid: Metaid, rig: Path, monkeyp
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     done = metaid(*given, "log.parquet")
     assert (done.status, done.err.count("\n")) == (2, 1)
-    assert "pip install 'metaid[parquet]'" in done.err
+    assert "python -m pip install 'pyarrow>=" in done.err

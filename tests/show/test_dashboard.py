@@ -53,7 +53,8 @@ def test_browser_shows_note_graphs_and_falls_and_fetches_nothing_outside(store: 
         wait_for(browser, "best so far")
         browser.look(f"{study}/trials?numbers={fall['number']}")
         wait_for(browser, "Pruned")
-        wait_for(browser, f"{fall['steps']} {fall['value']}"[:12])
+        wait_for(browser, "fall_value")
+        wait_for(browser, f"{fall['value']}"[:6])
         assert all(url.startswith(address) for url in browser.fetched())
         assert browser.complaints() == []
 

@@ -64,6 +64,7 @@ def test_browser_shows_lumps_figures_and_falls_and_fetches_nothing(page: Path, s
         for part in ("What was searched", "What could not be identified", "Cost", "How to repeat it"):
             assert part in text
     browser.look(page.as_uri(), 1440)
+    browser.driver.execute_script("document.querySelector('#search details').open = true")
     said = browser.driver.execute_script(POINTED_AT)
     assert f"trial {summary['best']['number']}: {summary['best']['value']:.4g} Hz" in said
     assert any(re.fullmatch(r"gravity_1: [\d.]+, from [\d.]+ to [\d.]+ kg m", text) for text in said)

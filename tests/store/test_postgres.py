@@ -82,8 +82,9 @@ def test_trials_are_those_of_an_sqlite_file(store: Store, url: str, alone: str, 
     here, there = optunas(url), optunas(f"sqlite:///{alone}")
     assert {trial.state.name for trial in here} == {"COMPLETE", "PRUNED"}
     for a, b in zip(here, there, strict=True):
-        for what in ("number", "state", "values", "params", "distributions", "user_attrs", "intermediate_values"):
+        for what in ("number", "state", "values", "params", "distributions", "user_attrs"):
             assert getattr(a, what) == getattr(b, what)
+        assert repr(a.intermediate_values) == repr(b.intermediate_values)  # NaN of a fall is not equal to itself
         assert a.duration is not None
 
 
@@ -358,7 +359,7 @@ def test_missing_driver_is_one_line_that_names_the_extra(metaid: Metaid, monkeyp
     monkeypatch.setitem(sys.modules, "psycopg", None)
     done = metaid("study", "list", "--storage", "postgresql://me:secret@127.0.0.1/studies")
     assert done.status == 2
-    assert "pip install 'metaid[postgresql]'" in done.err
+    assert "python -m pip install 'psycopg" in done.err
     assert "secret" not in done.err
     assert len(done.err.splitlines()) == 1
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sqlite3
 from io import BytesIO
 from pathlib import Path
@@ -38,7 +39,9 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_optuna_reads_factors_values_states_and_steps_of_falls(database: Path) -> None:
-    """Survivors are COMPLETE with the measure as value; falls PRUNED with the step that they survived to."""
+    """Survivors are COMPLETE with the measure as value; falls PRUNED at the step that they survived to. These have no
+    value: Optuna's tools would draw it among frequencies.
+    """
     frame = results.trials_frame(Store(str(database)), "study")
     study = optuna.load_study(study_name="study", storage=f"sqlite:///{database}")
     assert study.direction.name == "MINIMIZE"
@@ -46,8 +49,12 @@ def test_optuna_reads_factors_values_states_and_steps_of_falls(database: Path) -
     for trial, row in zip(study.trials, frame.to_dict("records"), strict=True):
         assert trial.number == row["number"]
         assert trial.state.name == row["state"]
-        assert trial.value == row["value"]
-        assert trial.intermediate_values == {row["steps"]: row["value"]}
+        fell = trial.state == TrialState.PRUNED
+        assert trial.value == (None if fell else row["value"])
+        assert trial.user_attrs.get("fall_value") == (row["value"] if fell else None)
+        assert trial.intermediate_values == pytest.approx(
+            {row["steps"]: math.nan if fell else row["value"]}, nan_ok=True
+        )
         assert trial.params == {
             name: row[name]
             for name in ("gravity_1", "gravity_2", "gravity_3", "coriolis_1_2", "coriolis_1_3", "coriolis_2_3")

@@ -27,6 +27,7 @@ from optuna.distributions import BaseDistribution, FloatDistribution
 from optuna.samplers import BaseSampler, CmaEsSampler, GPSampler, TPESampler
 from optuna.trial import FrozenTrial, TrialState
 
+from metaid.episode import FALL_VALUE
 from metaid.models import Array
 from metaid.search.coordinates import Coordinates
 
@@ -66,7 +67,8 @@ class MetricSampler(BaseSampler):
     """Proposes factors under `names` (nlump) where another `sampler` proposes z of these `coordinates`.
 
     The first trial is the start. A sampler that ranks trials is shown falls and pruned trials as complete ones with the
-    value that they ended with, which for a fall is above every survivor's (Eq. 13).
+    value that they ended with, which for a fall is above every survivor's (Eq. 13): its attribute `fall_value` or, in
+    a study of metaid's own, its value.
     """
 
     def __init__(self, names: Sequence[str], coordinates: Coordinates, sampler: BaseSampler) -> None:
@@ -110,7 +112,7 @@ class MetricSampler(BaseSampler):
         trials = [each for each in study.get_trials(deepcopy=False) if each.params.keys() >= set(self._names)]
         if trial.number == 0:
             return np.zeros(len(self._names))
-        finished = [each for each in trials if each.state in FINISHED and each.value is not None]
+        finished = [each for each in trials if each.state in FINISHED and _value(each) is not None]
         table = np.array([self._z(study, each) for each in finished]).reshape(-1, len(self._names))
         box = self._box(finished, table)
         positions = box.u(table)
@@ -211,7 +213,14 @@ def _frozen(
     """The same trial with other `params` of a `space`, in another `state`."""
     shown = copy(trial)
     shown.params, shown.distributions, shown.user_attrs, shown.state = params, space or {}, {}, state
+    shown.value = _value(trial)
     return shown
+
+
+def _value(trial: FrozenTrial) -> float | None:
+    """What a finished trial is ranked by; None where that is not known."""
+    ranked = trial.user_attrs.get(FALL_VALUE)
+    return trial.value if trial.value is not None or ranked is None else float(ranked)
 
 
 def tpe_for_metric(seed: int | None) -> TPESampler:

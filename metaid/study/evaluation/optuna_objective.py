@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import threading
 from dataclasses import replace
 from typing import Any
@@ -103,7 +104,7 @@ class OptunaObjective:
         for key, text in attributes.items():
             trial.set_user_attr(key, json.loads(text))
         if outcome.steps not in reported:
-            trial.report(outcome.value, outcome.steps)
+            trial.report(math.nan if outcome.fell else outcome.value, outcome.steps)
         if outcome.fell or outcome.steps in reported:
             raise optuna.TrialPruned
         return float(outcome.value)

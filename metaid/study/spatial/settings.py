@@ -14,14 +14,14 @@ from metaid.models import Array
 from metaid.models.tree import PriorDeviations, Tree, base_parameters, joint_mass_matrix
 from metaid.plant import ArmStart, FaultSettings, SocketSettings
 from metaid.search import OutputErrorOptions, StepOptions
-from metaid.study.estimating import AnyEstimateSettings
+from metaid.study.estimating import AnyEstimateSettings, with_trials
 
 Vector = Annotated[tuple[float, ...], Field(strict=False)]
 Share = Annotated[float, Field(gt=0, le=10)]
 
 STIFFEST = 30.0  # 1/s², of the springs; a push of 0.3 s is then a quarter of a period
 SPARED = 0.3  # of a joint's torque limit, for the torque of a spring
-FEW, MANY = 4, 2000  # trials by default: with an estimate from all trials before, and of a sampler that minimises
+FEW = 4  # trials by default
 
 
 class DrawnNominalSettings(Settings):
@@ -117,10 +117,7 @@ class ArmStudySettings(Settings):
     @model_validator(mode="before")
     @classmethod
     def _with_trials(cls, tables: Any) -> Any:
-        """A sampler that minimises one number of each trial needs more of them."""
-        if isinstance(tables, dict) and tables.get("sampler", "output-error") != "output-error":
-            return {"trials": MANY, **tables}
-        return tables
+        return with_trials(tables)
 
 
 class TreeSettings(Settings):
