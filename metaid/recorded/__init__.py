@@ -12,7 +12,7 @@ from metaid.recorded.estimating import RecordedEstimate, equations_like, estimat
 from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.held_out import HeldOut
 from metaid.recorded.reading.laws import law_torques
-from metaid.recorded.reading.log import Intake, Record
+from metaid.recorded.reading.log import Intake, Record, every_run
 from metaid.recorded.result import Log, RecordedResult, estimate
 from metaid.recorded.telling.curves import FrictionCurve, GravityCurve, friction_curves, gravity_curves
 from metaid.recorded.telling.judging import RecordedVerdict, judge_records
@@ -44,6 +44,7 @@ __all__ = [
     "equations_like",
     "estimate",
     "estimate_records",
+    "every_run",
     "facts_of",
     "friction_curves",
     "gravity_curves",

@@ -104,6 +104,14 @@ def test_topic_is_asked_for_where_several_would_do(tmp_path: Path) -> None:
     assert len(record.times) == len(log)
 
 
+def test_topics_with_some_kinds_of_readings_each_are_one_log(tmp_path: Path) -> None:
+    """As of a driver that publishes efforts by themselves."""
+    log = moved()
+    path = write(tmp_path / "bag", {"/moves": KINDS[:2], "/efforts": KINDS[2:]}, log, "ROS 2, sqlite3")
+    (record,) = intake().read(path)
+    np.testing.assert_array_equal(record.torques, log[[f"effort_{name}" for name in JOINTS]])
+
+
 def test_what_is_no_bag_is_refused_in_one_line(tmp_path: Path) -> None:
     """Each with its reason."""
     for name in ("log.bag", "log.db3", "log.mcap"):

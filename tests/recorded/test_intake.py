@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from metaid.errors import RecordError
-from metaid.recorded import Intake, Record
+from metaid.recorded import Intake, Record, every_run
 
 Change = Callable[[pd.DataFrame], pd.DataFrame]
 
@@ -212,7 +212,7 @@ def test_lone_wild_readings_are_replaced_by_what_their_neighbours_say(size: floa
     log, usual = clean(), read(clean())
     spoiled, rows = log.copy(), [50, 700, 1400]
     for column in ("angle_1", "speed_2", "torque_1"):
-        spoiled.loc[rows, column] += size if column == "angle_1" else 4.0 * size
+        spoiled.loc[rows, column] += size if column == "angle_1" else 8.0 * size
     record = read(spoiled)
     assert [(repair.kind, repair.count) for repair in record.repairs] == [("wild", 3)] * 3
     assert np.abs(record.angles - usual.angles).max() < 1e-3
@@ -254,3 +254,18 @@ def test_rest_that_rounding_hides_stands_still() -> None:
     middle = (record.times > 4.5) & (record.times < 7.5)
     assert np.ptp(record.angles[middle], axis=0).max() == 0.0
     assert "rest" in kinds(record)
+
+
+def test_files_with_some_kinds_of_readings_each_are_one_log(tmp_path: Path) -> None:
+    """At the times of the angles; what holds, holds until the next, and files without times are matched by rows."""
+    log = clean()
+    usual = read(log)
+    angles, torques = log[["time", "angle_1", "angle_2"]], log[["time", "torque_1", "torque_2"]]
+    often = pd.concat([torques, torques.assign(time=torques["time"] + 0.002, torque_1=9.0)]).sort_values("time")
+    (merged,) = every_run(intake(), [angles, often])
+    np.testing.assert_array_equal(merged.torques, usual.torques)
+    np.testing.assert_array_equal(merged.angles, usual.angles)
+    one, other = every_run(intake(), [angles, torques.drop(columns="time"), log])
+    np.testing.assert_array_equal(one.torques, other.torques)
+    with pytest.raises(RecordError, match="799 rows"):
+        every_run(intake(), [angles, torques.drop(columns="time")[:799]])

@@ -206,6 +206,23 @@ def test_model_of_a_log_is_taken_away(metaid: Metaid, rig: Path) -> None:
 
 
 @pytest.mark.slow
+def test_untrusted_torque_has_no_part_in_what_is_found(metaid: Metaid, rig: Path) -> None:
+    """Whatever it is, the numbers are the same to the last bit, and what the other joint shows is right."""
+    log = pd.read_csv(rig / "log.csv")
+    found = []
+    for size in (3.0, -1000.0):
+        log.assign(torque_1=size * np.sin(7.0 * log["time"])).to_csv("log.csv", index=False)
+        given = ("--nominal", str(rig / "believed.toml"), "--friction", "viscous", "--untrusted", "1", "--json")
+        found.append(json.loads(metaid("estimate", "log.csv", *given).out))
+    assert found[0]["parameters"] == found[1]["parameters"]
+    table = {each["name"]: each for each in found[0]["parameters"]}
+    lumps = load_chain("two-link").chain.lumps_of(("gravity", "coriolis", "inertia"))
+    for name in ("gravity_2", "inertia_2"):
+        assert table[name]["value"] == pytest.approx(lumps.vector[list(lumps.names).index(name)], rel=0.02)
+    assert [joint["of"] > 0.0 for joint in found[0]["held_out"]["torque"]["joints"]] == [False, True]
+
+
+@pytest.mark.slow
 def test_law_stands_in_for_torques(metaid: Metaid) -> None:
     """A log without torques tells as much, of a rig that oscillates as it compensates a plant that is too heavy."""
     rig, heavy = load_chain("two-link"), Path("heavy.toml")
@@ -284,6 +301,10 @@ def test_noise_of_a_plant_at_rest_is_not_taken_for_speeds_in_another_unit(metaid
         (["log.csv", "--nominal", "three-link"], "no column 'angle_3'"),
         (["log.csv", "--friction", "viscuos"], "did you mean 'viscous'?"),
         (["log.csv", "--couple", "1"], "two numbers of joints"),
+        (["log.csv", "--untrusted", "3"], "unknown joint '3'"),
+        (["log.csv", "--untrusted", "1,2"], "every joint"),
+        (["log.csv", "--map", "pwm"], "a column and what it is"),
+        (["log.csv", "--map", "pwm=torque_1"], "unknown column 'pwm'"),
         (["log.csv", "--couple", "2,3"], "two of 1 to 2"),
         (["log.csv", "-o", "model.step"], "the ending says the format"),
         (["log.csv", "--law", "three-link"], "of 3 joints (allowed: 2"),

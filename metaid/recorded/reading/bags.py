@@ -26,7 +26,7 @@ def is_bag(path: Path) -> bool:
 
 
 def bag_tables(path: Path, topic: str | None) -> list[Topic]:
-    """The joint states of a bag by topic and set of joints: a name, a frame with `time_ns` and
+    """The joint states of a bag by topic and set of joints: the topic, a frame with `time_ns` and
     `position_NAME`, `velocity_NAME`, `effort_NAME` of each joint, and what was found.
 
     Args:
@@ -60,7 +60,7 @@ def bag_tables(path: Path, topic: str | None) -> list[Topic]:
         raise
     except Exception as problem:  # its readers raise whatever a broken file makes them raise
         raise RecordError(f"{path}: not a bag: {problem or type(problem).__name__}") from None
-    return [states.table(path) for states in read]
+    return [states.table() for states in read]
 
 
 @dataclass
@@ -90,8 +90,8 @@ class _States:
             is_whole = len(each) == len(self.joints)
             kind.frombytes(np.asarray(each if is_whole else np.full(len(self.joints), np.nan), dtype=float).tobytes())
 
-    def table(self, path: Path) -> Topic:
-        """A name, a frame, and what was found."""
+    def table(self) -> Topic:
+        """The topic, a frame, and what was found."""
         stamps, received = (np.frombuffer(each, dtype=np.int64) for each in (self.stamps, self.received))
         has_stamps = len(np.unique(stamps[:100])) > 1
         columns: dict[str, Any] = {"time_ns": stamps if has_stamps else received}
@@ -101,7 +101,7 @@ class _States:
                 columns |= {f"{kind}_{name}": column for name, column in zip(self.joints, each.T, strict=True)}
         clock = "their headers" if has_stamps else "when they were recorded, for their headers have none"
         text = f"{counted(len(stamps), 'message')} of {self.topic}, times of {clock}"
-        return f"{path} {self.topic}", pd.DataFrame(columns), (Repair("topic", len(stamps), text),)
+        return self.topic, pd.DataFrame(columns), (Repair("topic", len(stamps), text),)
 
 
 def _read(messages: Iterable[tuple[str, int, Any]]) -> list[_States]:

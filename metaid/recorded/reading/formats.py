@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
@@ -31,12 +31,14 @@ class Table:
         columns: the names of its columns.
         load: reads some of the columns.
         notes: how it is written, where that is not the usual way.
+        topic: of a bag.
     """
 
     name: str
     columns: tuple[str, ...]
     load: Callable[[Sequence[str]], pd.DataFrame]
     notes: tuple[Repair, ...] = ()
+    topic: str | None = None
 
 
 def tables_of(log: str | Path | pd.DataFrame, number: int, topic: str | None) -> list[Table]:
@@ -56,7 +58,8 @@ def tables_of(log: str | Path | pd.DataFrame, number: int, topic: str | None) ->
     path = Path(log)
     try:
         if is_bag(path):
-            return [_of_frame(name, frame, notes) for name, frame, notes in bag_tables(path, topic)]
+            every = bag_tables(path, topic)
+            return [replace(_of_frame(str(path), frame), notes=notes, topic=name) for name, frame, notes in every]
         if path.suffix not in SUFFIXES:
             raise RecordError(f"{path}: the ending says the format (allowed: {', '.join(SUFFIXES)})")
         return [_parquet(path) if path.suffix == ".parquet" else _text(path)]
@@ -67,11 +70,11 @@ def tables_of(log: str | Path | pd.DataFrame, number: int, topic: str | None) ->
         raise RecordError(f"{path}: not a table: {problem}") from None
 
 
-def _of_frame(name: str, frame: pd.DataFrame, notes: tuple[Repair, ...] = ()) -> Table:
+def _of_frame(name: str, frame: pd.DataFrame) -> Table:
     if frame.index.name is not None or isinstance(frame.index, pd.DatetimeIndex):
         frame = frame.rename_axis(str(frame.index.name or "time")).reset_index()
     frame = frame.set_axis([_flat(column) for column in frame.columns], axis="columns")
-    return Table(name, tuple(frame.columns), lambda columns: frame[list(columns)], notes)
+    return Table(name, tuple(frame.columns), lambda columns: frame[list(columns)])
 
 
 def _flat(column: object) -> str:

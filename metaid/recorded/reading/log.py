@@ -20,6 +20,7 @@ from metaid.recorded.reading.clock import on_true_clock
 from metaid.recorded.reading.columns import Understood, understood
 from metaid.recorded.reading.formats import Table, tables_of
 from metaid.recorded.reading.gaps import runs_of
+from metaid.recorded.reading.merging import Pieces, lacking, merged
 from metaid.recorded.reading.plausible import refuse_few_rows, refuse_implausible
 from metaid.recorded.reading.readings import Readings, Repair, counted
 from metaid.recorded.reading.repairs import rested, tamed, unwrapped, without_repeats
@@ -97,12 +98,19 @@ class Intake:
             RecordError: it is not such a log.
             MissingExtraError: a package for its format is not installed.
         """
+        return self.run_of(self.pieces(log, number))
+
+    def pieces(self, log: str | Path | pd.DataFrame, number: int = 1) -> list[tuple[Table, Understood]]:
+        """The tables in a log, of a bag one a topic, and what their columns are.  Raises as `read`."""
         tables = tables_of(log, number, self.topic)
-        every = [(table, understood(table, self.joints, self.columns)) for table in tables]
-        table, columns = self._complete(every)
+        return [(table, understood(table, self.joints, self.columns)) for table in tables]
+
+    def run_of(self, pieces: Pieces) -> tuple[Record, ...]:
+        """The runs in tables, of which one has all that is needed, or all together.  Raises RecordError."""
+        table, columns = self._complete(pieces)
         readings = in_seconds(self._numbers(table, columns), columns.unit)
         refuse_few_rows(readings)
-        name = table.name if isinstance(log, pd.DataFrame) else Path(log).name
+        name = Path(table.name).name
         parts = begins_again(readings)
         if len(parts) > 1:
             text = f"the clock was set back {counted(len(parts) - 1, 'time')}: {len(parts)} runs"
@@ -110,21 +118,22 @@ class Intake:
         runs = [run for part in parts for run in self._runs(part)]
         return tuple(self._record(run, f"{name}[{i}]" if len(runs) > 1 else name) for i, run in enumerate(runs, 1))
 
-    def _complete(self, every: Sequence[tuple[Table, Understood]]) -> tuple[Table, Understood]:
-        """The one table that has all that is needed.  Raises RecordError."""
-        needed = ("angle", "torque") if self.needs_torques else ("angle",)
-        whole = [(table, each) for table, each in every if each.times and all(each.kinds[kind] for kind in needed)]
+    def _complete(self, every: Pieces) -> tuple[Table, Understood]:
+        """The one table that has all that is needed, or what all make together.  Raises RecordError."""
+        whole = [piece for piece in every if lacking([piece], self.needs_torques) is None]
         if len(whole) == 1:
             return whole[0]
         if whole:
-            names = ", ".join(table.name.rpartition(" ")[2] for table, _ in whole)
+            names = ", ".join(str(table.topic) for table, _ in whole)
             raise RecordError(f"{whole[0][0].name}: several have all that is needed (allowed: --topic, of {names})")
-        table, columns = every[0]
-        lacking = "time" if not columns.times else next(f"{kind}_1" for kind in needed if not columns.kinds[kind])
+        table, _ = every[0]
+        missing = lacking(every, self.needs_torques)
+        if missing is None:
+            return merged(every)
         there = ", ".join(table.columns[:MOST_NAMED]) + (", …" if len(table.columns) > MOST_NAMED else "")
         raise RecordError(
-            f"{table.name}: no column '{lacking}' among {there} (allowed: time, of each of {len(self.joints)} joints "
-            "angle_1, torque_1 and perhaps speed_1; or --map OWN=OURS)"
+            f"{table.name}: no column '{missing if missing == 'time' else f'{missing}_1'}' among {there} (allowed: "
+            f"time, of each of {len(self.joints)} joints angle_1, torque_1 and perhaps speed_1; or --map OWN=OURS)"
         )
 
     def _numbers(self, table: Table, columns: Understood) -> Readings:
@@ -196,5 +205,14 @@ def _without_holes(readings: Readings) -> Readings:
 
 
 def every_run(intake: Intake, logs: Iterable[str | Path | pd.DataFrame], first: int = 1) -> tuple[Record, ...]:
-    """The runs in several logs, one after the other; `first` is the number of the first log."""
-    return tuple(run for number, log in enumerate(logs, first) for run in intake.read(log, number))
+    """The runs in several logs, one after the other. Logs that follow one another and have some kinds of readings each
+    are one; `first` is the number of the first log.
+    """
+    runs: list[Record] = []
+    waiting: list[tuple[Table, Understood]] = []
+    for number, log in enumerate(logs, first):
+        waiting += intake.pieces(log, number)
+        if lacking(waiting, intake.needs_torques) is None:
+            runs += intake.run_of(waiting)
+            waiting = []
+    return (*runs, *(intake.run_of(waiting) if waiting else ()))

@@ -1,0 +1,93 @@
+"""One log out of several tables, each with some kinds of readings: files of a folder, or topics of a bag.
+
+All is taken at the times of the angles: a torque holds until the next, speeds are straight between two. Tables without
+times are matched row by row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from metaid.errors import RecordError
+from metaid.models import Array
+from metaid.recorded.reading.columns import KINDS, Understood
+from metaid.recorded.reading.formats import Table
+from metaid.recorded.reading.readings import Repair, counted
+from metaid.recorded.reading.times import numeric_times
+
+Pieces = Sequence[tuple[Table, Understood]]
+
+
+def lacking(pieces: Pieces, needs_torques: bool) -> str | None:
+    """The first kind of readings, or `time`, that no table has; None where all that is needed is there."""
+    if not any(columns.times for _, columns in pieces):
+        return "time"
+    needed = ("angle", "torque") if needs_torques else ("angle",)
+    return next((kind for kind in needed if not any(columns.kinds[kind] for _, columns in pieces)), None)
+
+
+def merged(pieces: Pieces) -> tuple[Table, Understood]:
+    """The table that several make.  Raises RecordError where their times have nothing in common."""
+    owners = {kind: [piece for piece in pieces if piece[1].kinds[kind]][:1] for kind in KINDS}
+    base, columns = owners["angle"][0]
+    used = list({id(table): (table, own) for kind in KINDS for table, own in owners[kind]}.values())
+    frames = {id(table): table.load(own.wanted) for table, own in [*pieces]}
+    clock, clocked = next(piece for piece in ((base, columns), *pieces) if piece[1].times)
+    rows = len(frames[id(base)])
+    if clock is not base and len(frames[id(clock)]) != rows:
+        raise RecordError(f"{base.name}: no times, and {rows:,} rows where {clock.name} has others (allowed: as many)")
+    every = [(table, own) for table, own in used if own.times and table is not clock]
+    split = _times([[frames[id(table)][each] for each in own.times] for table, own in ((clock, clocked), *every)])
+    times = split[0]
+    found: dict[str, Array | pd.Series] = {"time": times}
+    for kind in KINDS:
+        for table, own in owners[kind]:
+            read = frames[id(table)][list(own.kinds[kind])]
+            others = [each for each, _ in every]
+            if table in others:
+                sampled = _at(times, split[1 + others.index(table)], read, kind == "torque")
+                found |= dict(zip(read.columns, sampled.T, strict=True))
+            elif len(read) == rows:
+                found |= {str(name): read[name].reset_index(drop=True) for name in read.columns}
+            else:
+                raise RecordError(f"{table.name}: no times, and {len(read):,} rows (allowed: {rows:,}, as {base.name})")
+    frame = pd.DataFrame(found)
+    if frame[[*found]].isna().any(axis=1).all():
+        raise RecordError(f"{base.name}: no time in common with {', '.join(table.name for table, _ in used[1:])}")
+    name = " + ".join(dict.fromkeys(Path(table.name).name for table, _ in used))
+    kinds = {kind: owners[kind][0][1].kinds[kind] if owners[kind] else () for kind in KINDS}
+    notes = tuple(note for _, own in used for note in own.notes)
+    notes += (Repair("merged", len(used), f"one log of {counted(len(used), 'table')}, at the times of the angles"),)
+    table = Table(name, tuple(frame.columns), lambda wanted: frame[list(wanted)])
+    return table, replace(columns, times=("time",), unit=clocked.unit, kinds=kinds, notes=notes)
+
+
+def _times(columns: Sequence[Sequence[pd.Series]]) -> list[Array]:
+    """The times of several tables (nrow each), from one beginning."""
+    if len({len(own) for own in columns}) > 1:
+        raise RecordError("tables with times in s and ns, and others (allowed: all of one kind)")
+    together = [pd.concat(parts, ignore_index=True) for parts in zip(*columns, strict=True)]
+    edges = np.cumsum([len(own[0]) for own in columns])[:-1]
+    return np.split(numeric_times(together), edges)
+
+
+def _at(times: Array, own: Array, frame: pd.DataFrame, holds: bool) -> Array:
+    """Readings (nrow x njoint) at other times (nrow), NaN where there were none."""
+    read = frame.apply(pd.to_numeric, errors="coerce").to_numpy(dtype=np.float64)
+    known = np.isfinite(own) & np.isfinite(read).all(axis=1)
+    own, read = own[known], read[known]
+    if not len(own):
+        return np.full((len(times), read.shape[1]), np.nan)
+    order = np.argsort(own, kind="stable")
+    own, read = own[order], read[order]
+    inside = (times >= own[0]) & (times <= own[-1] + (own[-1] - own[0]) / max(len(own) - 1, 1))
+    if holds:
+        sampled = read[np.maximum(np.searchsorted(own, times, side="right") - 1, 0)]
+    else:
+        sampled = np.stack([np.interp(times, own, column) for column in read.T], axis=1)
+    return np.where(inside[:, None], sampled, np.nan)
