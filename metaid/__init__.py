@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from metaid.errors import EpisodeError, MetaidError, PlantError, RecordError, RenderError, StorageError, StudyError
     from metaid.excitation import excite
     from metaid.plant import Plant, load_plant
-    from metaid.recorded import estimate
+    from metaid.recorded import Payload, estimate
     from metaid.show import figures
     from metaid.study import NominalMetricSampler, load_study
 
