@@ -12,7 +12,11 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constr
 .PHONY: demo test test-quick coverage robots test-min test-newest pin-min check hooks docs audit bench figures soak format build release clean
 
 demo: $(VENV)/.runtime
-	$(BIN)/metaid study run three-link --create --workers 2
+	@$(BIN)/metaid study run three-link --create --workers 2
+	@printf '%s\n' '' 'What next:' '    source $(BIN)/activate' \
+	  '    metaid study report three-link -o report.html     what was found, in a browser' \
+	  '    metaid estimate double-pendulum --nominal double-pendulum     logs of a real pendulum' \
+	  '    metaid estimate YOUR.csv --nominal YOUR.urdf     yours: docs/log.md'
 
 # Three workers on two cores: now and then a test waits for a browser, a server or another process.
 test: $(VENV)/.dev .venv-tools/bin/pip-licenses

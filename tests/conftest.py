@@ -141,6 +141,7 @@ def metaid(
     monkeypatch.delenv("METAID_STORAGE", raising=False)
 
     def run(*arguments: str) -> Finished:
+        capsys.readouterr()
         with pytest.raises(SystemExit) as stop:
             main(arguments)
         captured = capsys.readouterr()

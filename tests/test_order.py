@@ -61,7 +61,7 @@ def imports(path: Path) -> Iterator[tuple[int, list[str], list[str]]]:
                     yield node.lineno, alias.name.split(".")[1:], []
 
 
-SOURCES = [path for path in sorted(PACKAGE.rglob("*.py")) if path != PACKAGE / "__init__.py"]
+SOURCES = [path for path in sorted(PACKAGE.rglob("*.py")) if path.parent != PACKAGE or path.stem[0] != "_"]
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: "/".join(place(path)))

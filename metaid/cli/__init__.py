@@ -19,7 +19,8 @@ from metaid.cli.interrupted import Interruption
 from metaid.errors import MetaidError
 
 EXAMPLE = """\b
-Example:
+Examples:
+  metaid estimate double-pendulum --nominal double-pendulum
   metaid study create three-link
   metaid study run three-link
   metaid study report three-link -o report.html
@@ -39,11 +40,11 @@ LARGEST_YOUNG = 100_000
 )
 @click.version_option(metaid.__version__, prog_name="metaid")
 def app() -> None:
-    """Identify the dynamics of multi-link pendulums from how they oscillate.
+    """Identify the dynamics of multi-link pendulums and robot arms.
 
-    Each joint is sent the torque that a candidate model says would cancel gravity and Coriolis forces, and the
-    pendulum is pushed. Too much and it oscillates, too little and it falls, exactly right and it coasts: the truth is
-    where the frequency is least.
+    Who has a log of torques takes `estimate`. Who can push the robot takes `study`: each joint is sent the torque that
+    a candidate model says would cancel gravity and Coriolis forces. Too much and it oscillates, too little and it
+    falls, exactly right and it coasts.
     """
 
 

@@ -17,7 +17,7 @@ from metaid.cli.common import (
     storage_option,
     whole_file,
 )
-from metaid.cli.printed import error_text, lump_cells
+from metaid.cli.printed import PLUS_MINUS, error_text, lump_cells
 from metaid.cli.studies import complete_name
 
 EXAMPLE = """\b
@@ -71,8 +71,8 @@ def compare(names: tuple[str, ...], storage: str, as_json: bool, output: Path | 
         if study["reasons"]:
             say(f"{study['name']}: {'; '.join(study['reasons'])}")
     cells = [[lump["name"], lump["study"], *lump_cells(lump)] for lump in shown["lumps"]]
-    columns = ["lump", "study", "nominal", "identified", "low", "high", "true", "error", "unit"]
-    dispensable = ["nominal", "true", "low", "high", "error", "unit"]
+    columns = ["lump", "study", "nominal", "identified", PLUS_MINUS, "true", "error", "unit"]
+    dispensable = ["nominal", "true", PLUS_MINUS, "error", "unit"]
     print_table("What each found", columns, cells, words=["study", "unit"], dispensable=dispensable)
     if output is not None:
         say(f"the comparison is in {output}")

@@ -8,13 +8,15 @@ from typing import Any
 
 from metaid.cli.common import number_text, print_table, say
 
-COLUMNS = ("nominal", "identified", "low", "high", "true")
-FAULT_COLUMNS = ("identified", "low", "high", "true")
+PLUS_MINUS = "±"  # half the interval
+COLUMNS = ("nominal", "identified", PLUS_MINUS, "true")
+FAULT_COLUMNS = ("identified", PLUS_MINUS, "true")
 PARAMETER_COLUMNS = ("nominal", "identified", "sd", "low", "high", "true")
 DISPENSABLE = ("nominal", "sd", "true", "error")  # columns of lumps that are left out where the terminal is too narrow
 DIGITS, MOST_DIGITS = 5, 8
 MOST_NAMED = 10  # trials of others
 NUMBERED = "numbered as Optuna numbers them"
+SHORT = 1e-6  # of a unit: what is less is written with an exponent
 SMALL = 5e-6  # as a share: below this a percentage with three digits behind the point says nothing
 
 
@@ -59,7 +61,7 @@ def describe_tried(shown: dict[str, Any]) -> list[str]:
     if best["value"] < 0.0:
         parts[-1] += " (below zero: the noise of a plant at rest is subtracted, and noise was luckily small)"
     if best.get("max_error") is not None:
-        parts[-1] += f", itself wrong by up to {error_text(best['max_error'], '')}"
+        parts[-1] += f", whose own factors are wrong by up to {error_text(best['max_error'], '')}"
     if "noise_floor_hz" in shown:
         parts.append(f"noise floor {shown['noise_floor_hz']:.3g} Hz, subtracted")
     return parts
@@ -75,7 +77,7 @@ def _origin(shown: dict[str, Any]) -> str:
     text = f"estimate from {describe_trials(estimate, total)}"
     if shown["verdict"] in RESULTS and shown["source"] == "estimate":
         known = f"{describe_known_from(estimate, total)}; " if estimate["explains"] else ""
-        text += f"; {known}low to high is the {interval_name(estimate['counts'])}"
+        text += f"; {known}{PLUS_MINUS} is half the {interval_name(estimate['counts'])}"
     return f"{text}; {estimate['description']}"
 
 
@@ -108,9 +110,16 @@ def _fault_texts(faults: list[dict[str, Any]]) -> list[str]:
     return [", ".join(texts)] if texts else []
 
 
-def _half(fault: dict[str, Any]) -> float:
-    half: float = (fault["high"] - fault["low"]) / 2.0
-    return half
+def _half(row: dict[str, Any]) -> float | None:
+    """Half the interval of a lump or of a fault."""
+    return None if row["low"] is None else (row["high"] - row["low"]) / 2.0
+
+
+def _half_text(half: float | None) -> str:
+    """Two digits of half an interval, by a decimal point where that is not too long."""
+    if half is None or not SHORT <= half < 1.0:
+        return number_text(half, ".2g")
+    return f"{half:.{1 - math.floor(math.log10(half))}f}"
 
 
 def _model_error(errors: dict[str, float] | None) -> list[str]:
@@ -161,7 +170,12 @@ def _cells(lump: dict[str, Any], columns: Sequence[str]) -> list[str]:
     was not found.
     """
     digits = _digits(lump)
-    cells = {key: number_text(lump[key], f".{DIGITS if key == 'nominal' else digits}g") for key in columns}
+    cells = {
+        key: _half_text(_half(lump))
+        if key == PLUS_MINUS
+        else number_text(lump[key], f".{DIGITS if key == 'nominal' else digits}g")
+        for key in columns
+    }
     if lump["identified"] is None:
         cells["identified"] = "not found"
     return list(cells.values())

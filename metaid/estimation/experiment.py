@@ -214,6 +214,21 @@ class OfReadings(Experiment):
             return None
         return hold_out(fitted, estimate.point, compared if estimate.led_misfit is not None else None)
 
+    def step_error(self, factors: Array, outcome: Outcome) -> Array | None:
+        """How far (njoint), in rad or m, the nominal twin of a trial moves elsewhere with steps of half the size; None
+        where it cannot follow the trial, which had these `factors` and this `outcome`.
+        """
+        shown = []
+        for parts in (1, 2):
+            assert self.loop is not None, "there are readings"
+            finer = replace(self.loop, timestep=self.loop.timestep / parts, substeps=self.loop.substeps * parts)
+            experiment = replace(self, loop=finer)  # type: ignore[type-var]
+            compared = experiment._comparison([experiment.trial(factors, outcome)])
+            nominal = np.zeros(len(compared.spreads) + compared.extras)
+            shown.append(compared.replay(0, nominal).simulated)
+        moved = np.abs(shown[1] - shown[0])
+        return None if np.isnan(moved).all() else np.asarray(np.nanmax(moved, axis=(0, 1)))
+
     def _searching(self, faults: SearchedFaults) -> Any:
         """The same where these `faults` are searched from the first trial on."""
         return replace(self, faults=faults, takes_up=False)  # type: ignore[type-var]

@@ -27,9 +27,9 @@ def describe_known_from(shown: dict[str, Any], total: int) -> str:
         return "every trial narrows the set of models"
     known, first = shown["known_from"], min(FIRST_TRIALS, shown["trials"])
     if known is None:
-        return f"the first {first} of {total} trials were not enough to know every lump to {CLOSE:.1%}"
+        return f"after the first {first} of {total} trials some lump still moved by more than {CLOSE:.1%}"
     which = "the first" if known == 1 else f"the first {known}"
-    return f"every lump was known to {CLOSE:.1%} after {which} of {total} trials"
+    return f"after {which} of {total} trials no lump moved by more than {CLOSE:.1%}"
 
 
 def approximation_rows(found: StudyEstimate, verdict: str) -> dict[str, Any]:

@@ -37,6 +37,7 @@ from metaid.study.pushing import COUNTING_STEPS, HORIZON, TIP_SPEED
 from metaid.study.run import ARITHMETIC_KEY, ENDED_KEY, arithmetic, run_study
 from metaid.study.settings import EpisodeSettings, SearchSettings, StudySettings, StudySpec
 from metaid.study.spatial import ArmProblem, ArmSpec, arm_identifiability
+from metaid.study.stepping import Stepping, stepping
 
 __all__ = [
     "ARITHMETIC_KEY",
@@ -59,6 +60,7 @@ __all__ = [
     "Problem",
     "Progress",
     "SearchSettings",
+    "Stepping",
     "StudySettings",
     "StudySpec",
     "advice",
@@ -81,6 +83,7 @@ __all__ = [
     "refuse_what_cannot_be_run",
     "run_study",
     "spec_from",
+    "stepping",
     "stored_spec",
     "with_nominal",
 ]

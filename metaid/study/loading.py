@@ -54,7 +54,7 @@ def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> AnySp
 
     Example:
         >>> metaid.load_study("three-link", {"trials": 6})
-        <StudySpec three-link: plant three-link, cmaes, trials=6>
+        <StudySpec three-link: plant noisy-three-link, cmaes, trials=6>
     """
     spec = read_study(name, changes)
     problem_of(spec).check()

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from conftest import Finished
+
+import metaid as package
 
 Metaid = Callable[..., Finished]
 
@@ -107,3 +111,10 @@ def test_study_file_without_trials_has_as_many_as_its_sampler_needs() -> None:
     Path("own.toml").write_text('plant = "two-link"\nnominal = "two-link"\n')
     assert load_study("own.toml").study.trials == 12
     assert load_study("own.toml", {"sampler": "cmaes"}).study.trials == 2000
+
+
+@pytest.mark.slow
+def test_python_runs_the_package_as_the_command() -> None:
+    """`python -m metaid` is `metaid`."""
+    done = subprocess.run([sys.executable, "-m", "metaid", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"metaid, version {package.__version__}\n"

@@ -1,4 +1,4 @@
-"""The study that `make demo` runs: small pushes, counted periods, a search for the least frequency, falls, a match."""
+"""The study of `make demo`: noisy encoders, counted periods, a search from above, falls, a match of all trials."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def run(folder: Path, **changes: Any) -> Store:
 
 @pytest.mark.parametrize(("sampler", "seed"), CASES)
 def test_any_seed_counts_falls_and_finds_nine_lumps(tmp_path: Path, sampler: str, seed: int) -> None:
-    """In 30 trials some candidates fall, every other one swings through whole periods, and the match of them all has
-    every gravity, Coriolis and inertia lump within 0.01 %, though the best trial is far off.
+    """In 30 trials some candidates fall, most others swing through whole periods, and the match of them all has every
+    gravity, Coriolis and inertia lump within 0.5 % and three standard deviations, though the best trial is far off.
     """
     store = run(tmp_path, sampler=sampler, seed=seed)
     shown, trials = results.summary(store, STUDY), results.trials_frame(store, STUDY)
@@ -42,19 +42,23 @@ def test_any_seed_counts_falls_and_finds_nine_lumps(tmp_path: Path, sampler: str
     counted = survivors.filter(like="periods_").sum(axis=1)
     assert len(trials) <= 30
     assert shown["trials"]["pruned"] >= 1
-    assert counted.min() >= 1
+    assert (counted >= 1).mean() > 0.8
     assert shown["periods"] == counted.sum()
     assert (shown["verdict"], shown["source"]) == ("found", "estimate")
     assert [lump["name"] for lump in shown["lumps"]] == lump_names(3, (*IDEAL, "inertia"))
     assert all(lump["determined"] for lump in shown["lumps"])
-    assert shown["max_error"] < 1e-4
+    assert all(abs(lump["identified"] - lump["true"]) < 3.0 * lump["sd"] for lump in shown["lumps"])
+    held = [lump["low"] <= lump["true"] <= lump["high"] for lump in shown["lumps"]]
+    assert all(held) if (sampler, seed) == CASES[0] else sum(held) >= 7
+    assert all(lump["high"] - lump["low"] > 2e-6 * lump["true"] for lump in shown["lumps"])
+    assert shown["max_error"] < 5e-3
     assert shown["best"]["max_error"] > 0.1
-    assert shown["estimate"]["known_from"] < 12
+    assert shown["estimate"]["known_from"] <= 12
 
 
 def test_rounding_elsewhere_changes_neither_falls_nor_frequencies(tmp_path: Path) -> None:
     """A start that is moved by 1e-9, a million times what another processor's rounding does, moves no fall to another
-    step, and frequencies by no more than a hundred times that.
+    step, and frequencies by no more than a thousand times that.
     """
     tables = []
     for name, start in (("here", 1.4), ("there", 1.4 * (1.0 + 1e-9))):
@@ -63,7 +67,7 @@ def test_rounding_elsewhere_changes_neither_falls_nor_frequencies(tmp_path: Path
     here, there = tables
     exact = ["state", "steps", "periods_1", "periods_2", "periods_3"]
     assert (here[exact] == there[exact]).all(axis=None)
-    assert here["value"].to_numpy() == pytest.approx(there["value"].to_numpy(), rel=1e-7)
+    assert here["value"].to_numpy() == pytest.approx(there["value"].to_numpy(), rel=1e-6)
 
 
 def test_end_says_how_many_periods_and_falls_and_how_early_the_answer_stood(metaid: Callable[..., Finished]) -> None:
@@ -75,7 +79,7 @@ def test_end_says_how_many_periods_and_falls_and_how_early_the_answer_stood(meta
     fell = (trials["state"] == "PRUNED").sum()
     counted = trials[trials["state"] == "COMPLETE"].filter(like="periods_").to_numpy().sum()
     assert f"{len(trials)} trials, {fell} of them falls; {counted} periods counted in the others" in ended
-    assert "every lump was known to 0.1% after the first" in ended
+    assert "trials no lump moved by more than 0.1%; ± is half the 95 % interval" in ended
     assert "FOUND: 9 lumps, each to within" in ended
 
 

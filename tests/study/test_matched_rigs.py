@@ -21,7 +21,7 @@ from metaid import results
 from metaid.episode import SensorReadings
 from metaid.plant import PlantSettings, chain_of
 from metaid.store import Store
-from metaid.study import create_study, load_chain_study, run_study
+from metaid.study import create_study, load_chain_study, problem_of, run_study, stepping
 from soak.lies import PLANT, Liar
 from soak.rigs import NOISE, STEPS, created
 
@@ -91,8 +91,11 @@ def test_lumps_of_a_noisy_rig_are_found_with_intervals_that_mean_something(motio
 
 
 def test_rig_that_moves_continuously_is_not_to_be_taken_for_one_that_moves_in_steps() -> None:
-    """The gravity lumps would be wrong by twenty standard deviations, or not be found."""
-    lumps, shown = matched(Liar(STEPS, **NOISE["noisy"], seed=1, is_continuous=True), 1, "stepped")
+    """Where no fault is searched that may stand for it, the gravity lumps would be wrong by twenty standard deviations,
+    or not be found.
+    """
+    liar = Liar(STEPS, **NOISE["noisy"], seed=1, is_continuous=True)
+    lumps, shown = matched(liar, 1, "stepped", **{"estimate.faults": []})
     wrong = np.abs(lumps["identified"].to_numpy() / TRUTH - 1.0)[:2]
     assert not shown["estimate"]["explains"] or wrong.min() > 4e-3
 
@@ -102,6 +105,20 @@ def test_rig_without_noise_is_taken_to_have_a_tenth_of_a_milliradian() -> None:
     lumps, shown = matched(Liar(STEPS, is_continuous=True), 0, "continuous")
     assert shown["misfit"] < 1.0
     assert np.abs(lumps["identified"].to_numpy() / TRUTH - 1.0).max() < 5e-4
+
+
+@pytest.mark.parametrize(("timestep", "most"), [(0.002, 1e-3), (0.016, 0.1)])
+def test_steps_of_the_twin_of_any_rig_that_is_accepted_err_by_a_tenth_of_its_noise(
+    tmp_path: Path, timestep: float, most: float
+) -> None:
+    """By halving them, on the nominal model; the second is the longest timestep that these links are given."""
+    for block in re.findall(r"^```toml\n(.*?)^```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE):
+        text = block.replace("timestep = 0.002", f"timestep = {timestep}")
+        (tmp_path / block.partition("\n")[0].removeprefix("# ")).write_text(text)
+    found = stepping(problem_of(load_chain_study(tmp_path / "find-rig.toml")))
+    assert found is not None
+    assert 0.0 < found.error < most
+    assert found.is_precise
 
 
 @pytest.mark.parametrize("step", [0.0, 1e-3, 0.01])

@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from functools import singledispatch
 from typing import Any
 
 from metaid.cli.checks.until import describe_forecast, forecast_row
 from metaid.cli.common import number_text, print_json, print_table, say
 from metaid.models import COARSEST, lump_unit
-from metaid.study import ArmProblem, Problem, arm_identifiability, forecast, identifiability
+from metaid.study import (
+    ArmProblem,
+    Forecast,
+    Problem,
+    Stepping,
+    arm_identifiability,
+    forecast,
+    identifiability,
+    stepping,
+)
 
 
 @singledispatch
@@ -22,7 +32,7 @@ def print_check(problem: Any, until: float | None, as_json: bool) -> None:
 def _of_lumps(problem: Problem, until: float | None, as_json: bool) -> None:
     """To within what all pushes tell each lump."""
     found = identifiability(problem)
-    foreseen = None if until is None else forecast(problem, until)
+    foreseen, precise = None if until is None else forecast(problem, until), stepping(problem)
     numbers = found.resolution.tolist(), found.determined, found.low.tolist(), found.high.tolist()
     rows = list(zip(found.names, *numbers, strict=True))
     if as_json:
@@ -43,6 +53,7 @@ def _of_lumps(problem: Problem, until: float | None, as_json: bool) -> None:
                 "lumps": lumps,
                 "undetermined": list(found.combinations),
                 **({} if foreseen is None else {"until": forecast_row(foreseen)}),
+                **({} if precise is None else {"twin": asdict(precise)}),
             }
         )
         return
@@ -67,15 +78,14 @@ def _of_lumps(problem: Problem, until: float | None, as_json: bool) -> None:
             "no trial shows a change of these factors together: "
             + " ".join(f"{weight:+.2f} {name}" for name, weight in terms)
         )
-    if foreseen is not None:
-        say(describe_forecast(foreseen))
+    _say_more(foreseen, precise)
 
 
 @print_check.register
 def _of_base_parameters(problem: ArmProblem, until: float | None, as_json: bool) -> None:
     """What one trial tells of each base parameter, and whether coasts show it or springs alone."""
     found = arm_identifiability(problem)
-    foreseen = None if until is None else forecast(problem, until)
+    foreseen, precise = None if until is None else forecast(problem, until), stepping(problem)
     rows = list(
         zip(
             found.names,
@@ -96,6 +106,7 @@ def _of_base_parameters(problem: ArmProblem, until: float | None, as_json: bool)
                 "measure": problem.measure.name,
                 "lumps": [dict(zip(keys, row, strict=True)) for row in rows],
                 **({} if foreseen is None else {"until": forecast_row(foreseen)}),
+                **({} if precise is None else {"twin": asdict(precise)}),
             }
         )
         return
@@ -109,8 +120,19 @@ def _of_base_parameters(problem: ArmProblem, until: float | None, as_json: bool)
     missed = [row[0] for row in rows if not row[3]]
     if missed:
         say(f"one trial does not determine {', '.join(missed)}: push more, faster, or for longer")
+    _say_more(foreseen, precise)
+
+
+def _say_more(foreseen: Forecast | None, precise: Stepping | None) -> None:
+    """What it takes until all is known, and how precise the twin's steps are, as far as that was asked."""
     if foreseen is not None:
         say(describe_forecast(foreseen))
+    if precise is not None:
+        wanted = "" if precise.is_precise else "; that is too much for intervals that hold: shorten the timestep"
+        say(
+            f"the twin's steps of {1e3 * precise.timestep:g} ms move an angle by {precise.error:.1g} of the noise of a "
+            f"reading at most{wanted}"
+        )
 
 
 def judge_of(problem: Problem) -> str:

@@ -88,10 +88,8 @@ def estimate(
     whole: bool,
     as_json: bool,
 ) -> int:
-    """Identify a robot from logs of its motion.
-
-    A log is CSV, Parquet, a ROS bag or MCAP: a time, and of each joint angle, torque and perhaps speed. Each is a run;
-    `double-pendulum` is three of a real one. Exit status 3: not found.
+    """Identify a robot from logs of its motion. Each is a run, as CSV, Parquet or a ROS bag: a time, and of each joint
+    angle, torque and perhaps speed. `double-pendulum` is three. Exit status 3: not found.
     """
     from metaid.recorded import estimate as estimated
     from metaid.results.exporting import SUFFIXES

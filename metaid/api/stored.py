@@ -1,25 +1,20 @@
-"""metaid in Python: one call each for what the commands do. Storage is a URL or a file's path; default
+"""Studies in Python: to run them, and to read what a DB has of them. Storage is a URL or a file's path; default
 METAID_STORAGE, else metaid.db.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
-from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from metaid import results
-from metaid.episode import Episode, Outcome, tip_push
-from metaid.errors import EpisodeError
-from metaid.models import Array, Lumps, factors_from_names
-from metaid.models.tree import ArmPrior
-from metaid.plant import ArmPlant, MujocoPlant, load_chain, load_plant
+from metaid.api.episodes import spec_of
 from metaid.results import (
     PUSHES,
     Comparison,
@@ -31,147 +26,23 @@ from metaid.results import (
 )
 from metaid.store import DEFAULT_STORAGE, Store
 from metaid.study import (
-    COUNTING_STEPS,
-    TIP_SPEED,
     AnySpec,
     OptunaObjective,
     Progress,
     ensure_study,
-    load_study,
-    problem_of,
     run_study,
     stored_spec,
 )
-from metaid.study.spatial import ArmEstimateSettings, drawn_nominal
 
 if TYPE_CHECKING:
     import optuna
 
-    from metaid.compiled import Objective  # loads MuJoCo and numba, which a reader of a DB does without
-    from metaid.compiled.spatial import ArmPush
     from metaid.results.exporting import IdentifiedModel
-
-
-ARM_STEPS = 150  # after a push of an arm: as long as those of a study
 
 
 def default_storage() -> str:
     """METAID_STORAGE, or metaid.db in the folder where the user is."""
     return os.environ.get("METAID_STORAGE") or DEFAULT_STORAGE
-
-
-def episode_objective(
-    plant: str | Path | MujocoPlant, steps: int = COUNTING_STEPS, peak_speed: float = TIP_SPEED
-) -> Objective:
-    """An objective of one push at the tip that gives the fastest link `peak_speed` (rad/s), in factors of the plant's
-    own lumps.
-    """
-    from metaid.compiled import Objective
-
-    plant = plant if isinstance(plant, MujocoPlant) else load_chain(plant)
-    lumps = plant.true_lumps()
-    if lumps is None:
-        raise EpisodeError(
-            f"plant {plant.name} does not report its lumps, so there are no factors of them: "
-            "make a study with a nominal model"
-        )
-    return Objective(plant, lumps, Episode(tip_push(plant, peak_speed), steps), "crossing")
-
-
-def check_factors(factors: Mapping[str, float], lumps: Lumps) -> Array:
-    """Factors by lump name → (nlump) of those that `lumps` searches, 1 for those not named.  Raises EpisodeError on
-    unknown names and on numbers that are no factors.
-    """
-    _refuse_no_factors(factors)
-    return factors_from_names(dict(factors), lumps.nlink, kinds=lumps.searched)
-
-
-def _refuse_no_factors(factors: Mapping[str, float]) -> None:
-    """Raises EpisodeError for a number that is no factor."""
-    from metaid.compiled import LARGEST_FACTOR
-
-    for name, factor in factors.items():
-        if not isinstance(factor, Real) or not 0.0 <= factor <= LARGEST_FACTOR:
-            raise EpisodeError(f"factor {name}={factor} (allowed: 0 to {LARGEST_FACTOR:g})")
-
-
-def perturb(
-    plant: str | Path | Mapping[str, Any] | MujocoPlant | ArmPlant,
-    factors: Mapping[str, float] | None = None,
-    steps: int | None = None,
-    seed: int = 0,
-    nominal: int | None = None,
-) -> dict[str, Any]:
-    """One episode, without any study: of a chain a small push at the tip, with `factors` of the plant's own lumps by
-    name; of an arm a push from a pose and speeds in its joint ranges, with `factors` of its base parameters.
-
-    Args:
-        plant: a shipped name, a path, a dict with the keys of a plant file, or the plant.
-        factors: by name; of an arm `all` is that of all base parameters. Default: 1.
-        steps: after the push; default: 5000, of an arm 150.
-        seed: of where an arm begins.
-        nominal: of an arm: the law is that of an arm like it, drawn with this seed as `[nominal]` in a study draws it.
-
-    Returns:
-        What `metaid episode --json` prints.
-
-    Raises:
-        PlantError: there is no such plant.
-        EpisodeError: it has no such lump, or does not report what it is.
-
-    Example:
-        >>> metaid.perturb("one-link", {"gravity_1": 1.05})["periods"]
-        [2]
-        >>> metaid.perturb("one-link", {"gravity_1": 0.95})["fell"]
-        True
-    """
-    loaded = plant if isinstance(plant, MujocoPlant | ArmPlant) else load_plant(plant)
-    if isinstance(loaded, MujocoPlant):
-        objective = episode_objective(loaded, COUNTING_STEPS if steps is None else steps)
-        return objective.summary(check_factors(factors or {}, objective.nominal))
-    return arm_push(loaded, factors or {}, steps, seed, nominal).summary()
-
-
-def arm_push(
-    plant: ArmPlant, factors: Mapping[str, float], steps: int | None = None, seed: int = 0, nominal: int | None = None
-) -> ArmPush:
-    """One push of an arm, with its motion.
-
-    Args:
-        plant: the arm.
-        factors: of the base parameters by name, or of `all`.
-        steps: after the push; default: 150.
-        seed: of where it begins.
-        nominal: the law is that of an arm like it, drawn with this seed.
-
-    Raises:
-        EpisodeError: it has no such base parameter, or does not report what it is.
-    """
-    from metaid.compiled.spatial import law_of, push_arm
-
-    if plant.true_parameters() is None:
-        raise EpisodeError(
-            f"plant {plant.name} does not report its parameters, so there are no factors of them: "
-            "make a study with a nominal arm"
-        )
-    _refuse_no_factors(factors)
-    prior = ArmEstimateSettings().prior
-    law = plant.tree if nominal is None else drawn_nominal(plant.tree, nominal, prior)
-    return push_arm(plant, law_of(ArmPrior(law, prior), dict(factors)), steps or ARM_STEPS, seed)
-
-
-def evaluate(study: str | Path | AnySpec, factors: Mapping[str, float] | None = None) -> Outcome:
-    """One candidate of a study, `factors` of its nominal lumps or base parameters by name, without any DB.  Raises
-    StudyError, PlantError, EpisodeError.
-
-    Example:
-        >>> metaid.evaluate("one-link-count", {"gravity_1": 1.5})
-        Outcome(value=7.0, fell=False, steps=5000, periods=(7,), failure=None)
-    """
-    given, problem = dict(factors or {}), problem_of(_spec(study))
-    _refuse_no_factors(given)
-    with closing(problem.make_objective()) as objective:
-        return objective.evaluate(problem.candidate(given))
 
 
 def run(
@@ -218,7 +89,7 @@ def run(
         1  gravity_2   0.5208       0.482  0.482  0.482
         2  gravity_3   0.1350       0.091  0.091  0.091
     """
-    spec = _spec(study)
+    spec = spec_of(study)
     with closing(Store(storage or default_storage(), create=start_from is None)) as store:
         if start_from is not None:
             from metaid.results.exporting import started_from  # loads the solver of possible bodies
@@ -247,7 +118,7 @@ def objective(study: str | Path | AnySpec, storage: str | None = None) -> Optuna
         3
     """
     if storage is None or not isinstance(study, str | Path):
-        return OptunaObjective(_spec(study))
+        return OptunaObjective(spec_of(study))
     with closing(Store(storage)) as store:
         return OptunaObjective(stored_spec(store, str(study)))
 
@@ -421,7 +292,3 @@ def load_findings(name: str, storage: str | None = None) -> Findings:
     """
     with closing(Store(storage or default_storage())) as store:
         return read_findings(store, name)
-
-
-def _spec(study: str | Path | AnySpec) -> AnySpec:
-    return load_study(study) if isinstance(study, str | Path) else study

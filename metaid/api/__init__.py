@@ -1,0 +1,41 @@
+"""metaid in Python: one call each for what the commands do."""
+
+from metaid.api.episodes import arm_push, check_factors, episode_objective, evaluate, perturb
+from metaid.api.stored import (
+    Study,
+    bodies,
+    compare,
+    default_storage,
+    load_findings,
+    lumps,
+    model,
+    objective,
+    run,
+    studies,
+    study,
+    summary,
+    trials,
+    validate,
+)
+
+__all__ = [
+    "Study",
+    "arm_push",
+    "bodies",
+    "check_factors",
+    "compare",
+    "default_storage",
+    "episode_objective",
+    "evaluate",
+    "load_findings",
+    "lumps",
+    "model",
+    "objective",
+    "perturb",
+    "run",
+    "studies",
+    "study",
+    "summary",
+    "trials",
+    "validate",
+]

@@ -1,0 +1,149 @@
+"""Episodes in Python: one push, or one candidate of a study, without a DB."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import closing
+from numbers import Real
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from metaid.episode import Episode, Outcome, tip_push
+from metaid.errors import EpisodeError
+from metaid.models import Array, Lumps, factors_from_names
+from metaid.models.tree import ArmPrior
+from metaid.plant import ArmPlant, MujocoPlant, load_chain, load_plant
+from metaid.study import (
+    COUNTING_STEPS,
+    TIP_SPEED,
+    AnySpec,
+    load_study,
+    problem_of,
+)
+from metaid.study.spatial import ArmEstimateSettings, drawn_nominal
+
+if TYPE_CHECKING:
+    from metaid.compiled import Objective  # loads MuJoCo and numba, which a reader of a DB does without
+    from metaid.compiled.spatial import ArmPush
+
+
+ARM_STEPS = 150  # after a push of an arm: as long as those of a study
+
+
+def episode_objective(
+    plant: str | Path | MujocoPlant, steps: int = COUNTING_STEPS, peak_speed: float = TIP_SPEED
+) -> Objective:
+    """An objective of one push at the tip that gives the fastest link `peak_speed` (rad/s), in factors of the plant's
+    own lumps.
+    """
+    from metaid.compiled import Objective
+
+    plant = plant if isinstance(plant, MujocoPlant) else load_chain(plant)
+    lumps = plant.true_lumps()
+    if lumps is None:
+        raise EpisodeError(
+            f"plant {plant.name} does not report its lumps, so there are no factors of them: "
+            "make a study with a nominal model"
+        )
+    return Objective(plant, lumps, Episode(tip_push(plant, peak_speed), steps), "crossing")
+
+
+def check_factors(factors: Mapping[str, float], lumps: Lumps) -> Array:
+    """Factors by lump name → (nlump) of those that `lumps` searches, 1 for those not named.  Raises EpisodeError on
+    unknown names and on numbers that are no factors.
+    """
+    _refuse_no_factors(factors)
+    return factors_from_names(dict(factors), lumps.nlink, kinds=lumps.searched)
+
+
+def _refuse_no_factors(factors: Mapping[str, float]) -> None:
+    """Raises EpisodeError for a number that is no factor."""
+    from metaid.compiled import LARGEST_FACTOR
+
+    for name, factor in factors.items():
+        if not isinstance(factor, Real) or not 0.0 <= factor <= LARGEST_FACTOR:
+            raise EpisodeError(f"factor {name}={factor} (allowed: 0 to {LARGEST_FACTOR:g})")
+
+
+def perturb(
+    plant: str | Path | Mapping[str, Any] | MujocoPlant | ArmPlant,
+    factors: Mapping[str, float] | None = None,
+    steps: int | None = None,
+    seed: int = 0,
+    nominal: int | None = None,
+) -> dict[str, Any]:
+    """One episode, without any study: of a chain a small push at the tip, with `factors` of the plant's own lumps by
+    name; of an arm a push from a pose and speeds in its joint ranges, with `factors` of its base parameters.
+
+    Args:
+        plant: a shipped name, a path, a dict with the keys of a plant file, or the plant.
+        factors: by name; of an arm `all` is that of all base parameters. Default: 1.
+        steps: after the push; default: 5000, of an arm 150.
+        seed: of where an arm begins.
+        nominal: of an arm: the law is that of an arm like it, drawn with this seed as `[nominal]` in a study draws it.
+
+    Returns:
+        What `metaid episode --json` prints.
+
+    Raises:
+        PlantError: there is no such plant.
+        EpisodeError: it has no such lump, or does not report what it is.
+
+    Example:
+        >>> metaid.perturb("one-link", {"gravity_1": 1.05})["periods"]
+        [2]
+        >>> metaid.perturb("one-link", {"gravity_1": 0.95})["fell"]
+        True
+    """
+    loaded = plant if isinstance(plant, MujocoPlant | ArmPlant) else load_plant(plant)
+    if isinstance(loaded, MujocoPlant):
+        objective = episode_objective(loaded, COUNTING_STEPS if steps is None else steps)
+        return objective.summary(check_factors(factors or {}, objective.nominal))
+    return arm_push(loaded, factors or {}, steps, seed, nominal).summary()
+
+
+def arm_push(
+    plant: ArmPlant, factors: Mapping[str, float], steps: int | None = None, seed: int = 0, nominal: int | None = None
+) -> ArmPush:
+    """One push of an arm, with its motion.
+
+    Args:
+        plant: the arm.
+        factors: of the base parameters by name, or of `all`.
+        steps: after the push; default: 150.
+        seed: of where it begins.
+        nominal: the law is that of an arm like it, drawn with this seed.
+
+    Raises:
+        EpisodeError: it has no such base parameter, or does not report what it is.
+    """
+    from metaid.compiled.spatial import law_of, push_arm
+
+    if plant.true_parameters() is None:
+        raise EpisodeError(
+            f"plant {plant.name} does not report its parameters, so there are no factors of them: "
+            "make a study with a nominal arm"
+        )
+    _refuse_no_factors(factors)
+    prior = ArmEstimateSettings().prior
+    law = plant.tree if nominal is None else drawn_nominal(plant.tree, nominal, prior)
+    return push_arm(plant, law_of(ArmPrior(law, prior), dict(factors)), steps or ARM_STEPS, seed)
+
+
+def evaluate(study: str | Path | AnySpec, factors: Mapping[str, float] | None = None) -> Outcome:
+    """One candidate of a study, `factors` of its nominal lumps or base parameters by name, without any DB.  Raises
+    StudyError, PlantError, EpisodeError.
+
+    Example:
+        >>> metaid.evaluate("one-link-count", {"gravity_1": 1.5})
+        Outcome(value=7.0, fell=False, steps=5000, periods=(7,), failure=None)
+    """
+    given, problem = dict(factors or {}), problem_of(spec_of(study))
+    _refuse_no_factors(given)
+    with closing(problem.make_objective()) as objective:
+        return objective.evaluate(problem.candidate(given))
+
+
+def spec_of(study: str | Path | AnySpec) -> AnySpec:
+    """The settings of a study: those given, or of that name or path."""
+    return load_study(study) if isinstance(study, str | Path) else study
