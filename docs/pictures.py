@@ -64,7 +64,7 @@ def main() -> None:
         metaid("study", "run", "boundary", "--quiet")
         store = Store("metaid.db")
         live_view(store)
-        metaid("episode", "three-link", "--study", "three-link", "--video", str(IMAGES / "film.gif"))
+        metaid("episode", "noisy-three-link", "--study", "three-link", "--video", str(IMAGES / "film.gif"))
         metaid("study", "create", "pa10", "--name", "sagging", "--set", "nominal.seed=22")
         metaid("study", "run", "sagging", "--quiet")
         metaid("episode", "pa10", "--study", "sagging", "--video", str(IMAGES / "arm-film.gif"))

@@ -48,3 +48,7 @@ def chain_study(
     )
     study = StudySettings.model_validate(asked)
     return StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study)
+
+
+# Of the study `three-link`: exact sensors, light pushes, counted periods.
+SMALL_PUSHES = {"plant": "three-link", "episode.measure": "crossing", "episode.peak_speed": 0.1}

@@ -19,7 +19,7 @@ from metaid.cli.interrupted import Interruption
 from metaid.errors import MetaidError
 
 EXAMPLE = """\b
-Examples:
+Example:
   metaid estimate double-pendulum --nominal double-pendulum
   metaid study create three-link
   metaid study run three-link

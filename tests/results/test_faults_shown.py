@@ -147,7 +147,7 @@ def test_no_fault_is_taken_up_where_none_is_needed(tmp_path: Path) -> None:
 def test_faults_that_cannot_be_searched_are_refused(changes: dict[str, Any], message: str) -> None:
     """In one line that says what is allowed."""
     with pytest.raises(StudyError, match=message):
-        load_chain_study("three-link", changes)
+        load_chain_study("three-link-coast", changes)
 
 
 @pytest.mark.parametrize("change", [{"estimate.torque_limit": [5.0, 4.0]}, {"estimate.enabled": False}])

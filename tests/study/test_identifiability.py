@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from chain_studies import chain_study, random_chain
+from chain_studies import SMALL_PUSHES, chain_study, random_chain
 from conftest import Finished
 
 from metaid import results
@@ -137,7 +137,7 @@ def test_estimate_is_checked_by_its_own_covariance_and_not_by_the_measure(metaid
 
 def test_estimate_is_checked_on_the_nominal_model_whatever_the_plant_is() -> None:
     """The check of a study whose plant is its nominal model says the same, for the start speeds are the same."""
-    spec = load_chain_study("three-link")
+    spec = load_chain_study("three-link", SMALL_PUSHES)
     assert isinstance(spec.plant, PlantSettings)
     alike = spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": spec.nominal})})
     found, expected = identifiability(Problem(spec)).resolution, identifiability(Problem(alike)).resolution
