@@ -1,29 +1,17 @@
 """Studies at random, well posed and not: none may say `found` while a lump is far from the truth.
 
-A case is a number; `python -m soak.confident 123` does one again and says what it was.
-
-| | drawn from |
-| --- | --- |
-| links | 1 to 4, of `benchmarks.chains` |
-| sampler | all of them |
-| measure | `spectral`, `count`, `crossing`; `smoothed` on noisy plants |
-| trials | 3 to 200 |
-| bounds | the default, or so narrow that they may exclude the truth |
-| estimate | made, or in one of five studies not; one of five takes up faults by itself |
-| plant | ideal; noisy sensors and pushes; or with a fault that the model does not know |
-
-Well posed is a study that makes an estimate, of a plant without a hidden fault, with at least six trials of pushes
-whose measure sees every lump.
+A case is a number (`soak.random_studies`); `python -m soak.confident 123` does one again and says what it was. Half of
+the plants are benches that share no code with metaid, half of the robots are arms.
 """
 
 from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import closing
-from dataclasses import dataclass
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, replace
 from itertools import count
 from multiprocessing import get_context
 from pathlib import Path
@@ -32,82 +20,21 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.chains import random_chain
 from metaid.errors import MetaidError
-from metaid.plant import FaultSettings, PlantSettings
-from metaid.results import judge, read_snapshot
-from metaid.search import SAMPLERS
+from metaid.models import Array
+from metaid.plant import ArmPlant, PlantSettings, chain_of, load_plant
+from metaid.results import Snapshot, judge, read_snapshot
 from metaid.store import Store
-from metaid.study import StudySettings, StudySpec, create_study, run_study
+from metaid.study import create_study, load_study, run_study
+from soak.bench.serving import bench
 from soak.common import SoakResult, soaked
+from soak.random_studies import Case, draw, write
 
 STUDIES = 500
-SEED = 11
 HALF_WIDTHS, SLACK = 3.0, 1e-3  # further from the truth than so many half-widths and this share of it is far
+ROUNDING = 1e-6  # SI: of a parameter that is nearly nothing
 WELL_POSED_FOUND = 0.95
 PROCESSES = 2
-HIDDEN: tuple[dict[str, Any], ...] = (
-    {"links": {"damping": 0.05}},
-    {"links": {"frictionloss": 0.05}},
-    {"links": {"stiffness": 0.5}},
-    {"faults": {"tilt": 0.03}},
-    {"faults": {"torque_limit": 3.0}},
-    {"faults": {"delay": 4}},
-)
-NOISE: dict[str, Any] = {"angle_noise": 1e-3, "speed_sensor": False, "push_noise": 0.02}
-
-
-@dataclass(frozen=True)
-class Case:
-    """A study by its `spec`, whether it is `well_posed`, and in words what it is `about`."""
-
-    spec: StudySpec
-    well_posed: bool
-    about: str
-
-
-def draw(number: int) -> Case:
-    """The case of that number; it may contradict itself."""
-    random = np.random.default_rng([SEED, number])
-    nlink = int(random.integers(1, 5))
-    true, nominal = random_chain(nlink, int(random.integers(1000, 1_000_000)))
-    noisy, hidden = bool(random.random() < 0.3), random.random() < 0.35
-    fault = HIDDEN[random.integers(len(HIDDEN))] if hidden else {}
-    faults = FaultSettings(**(NOISE if noisy else {}), **fault.get("faults", {}))
-    links = tuple(link.model_copy(update=fault.get("links", {})) for link in true)
-    measure = "smoothed" if noisy else str(random.choice(["spectral", "spectral", "crossing", "count"]))
-    sampler = str(random.choice(sorted(SAMPLERS)))
-    trials = int(random.integers(3, 200 if nlink < 3 else 60))
-    estimated = bool(random.random() < 0.8) or sampler == "output-error"
-    search: dict[str, Any] = {}
-    if random.random() < 0.3:
-        search = {"low": float(random.uniform(0.6, 0.95)), "high": float(random.uniform(1.05, 1.5))}
-    settings: dict[str, Any] = {
-        "plant": "drawn",
-        "nominal": "drawn",
-        "sampler": sampler,
-        "trials": trials,
-        "seed": number,
-        "workers": 1,
-        "search": search,
-        "episode": {"measure": measure},
-        "estimate": {"enabled": estimated},
-    }
-    # Drawn last, so that all else of a case is what it was before this was drawn.
-    takes_up = estimated and bool(random.random() < 0.2)
-    if takes_up:
-        settings["estimate"]["faults"] = "proposed"
-    plant = PlantSettings(links=links, faults=faults)
-    spec = StudySpec(
-        name=f"case-{number}", plant_name="drawn", plant=plant, nominal=nominal, study=StudySettings(**settings)
-    )
-    about = f"{nlink} links, {sampler}, {measure}, {trials} trials, {'noisy' if noisy else 'ideal'}"
-    about += f", hidden {fault}" if hidden else ""
-    about += "" if estimated else ", no estimate"
-    about += ", faults taken up" if takes_up else ""
-    about += f", bounds {search}" if search else ""
-    well_posed = not hidden and estimated and trials >= 6 and measure in ("spectral", "smoothed")
-    return Case(spec, well_posed, about)
 
 
 @dataclass(frozen=True)
@@ -125,25 +52,59 @@ class Judged:
 def try_case(number: int, tells_why: bool = False) -> Judged:
     """Creates the study of that number, runs it, and looks at what it says it found, and at why if that `tells_why`."""
     case = draw(number)
-    with tempfile.TemporaryDirectory(prefix="metaid-confident-") as folder:
+    with tempfile.TemporaryDirectory(prefix="metaid-confident-") as name, ExitStack() as open_until_then:
+        folder = Path(name)
+        address = None
+        if case.bench is not None:
+            write(case, folder)
+            plant = folder / ("bench.toml" if case.arm is None else "bench.xml")
+            address = open_until_then.enter_context(bench(plant, case.timestep, **case.bench))
+        path = write(case, folder, address)
+        store = open_until_then.enter_context(closing(Store(str(folder / "metaid.db"), create=True)))
         try:
-            with closing(Store(str(Path(folder) / "metaid.db"), create=True)) as store:
-                create_study(store, case.spec)
-                run_study(store, case.spec.name)
-                verdict = judge(read_snapshot(store, case.spec.name))
+            create_study(store, load_study(str(path)))
+            run_study(store, case.name)
+            verdict = judge(snapshot := read_snapshot(store, case.name))
         except MetaidError as refusal:
             return Judged(case, None, str(refusal))
-    far = tuple(far_lumps(verdict.lumps)) if verdict.is_found else ()
+        lumps = verdict.lumps if case.bench is None else verdict.lumps.assign(true=_of_bench(case, snapshot, folder))
+    far = tuple(far_lumps(lumps)) if verdict.is_found else ()
     missed = case.well_posed and not verdict.is_found
     return Judged(case, verdict.word, "; ".join(verdict.reasons) if missed or tells_why else "", far)
+
+
+def _of_bench(case: Case, snapshot: Snapshot, folder: Path) -> Array:
+    """The true lumps or base parameters of a bench, in units of what its first motor is told."""
+    has = case.bench or {}
+    unit = 1.0 + has.get("gains", (0.0,))[0]
+    if case.arm is not None:
+        return snapshot.problem.prior.base.of(_of_arm(has, folder)) / unit
+    links = [dict(link) for link in case.links]
+    links[0]["inertia"] += has.get("rotors", (0.0,))[0]  # the first rotor turns with the first link
+    chain = chain_of(PlantSettings.model_validate({"links": links}).links)
+    kinds = tuple(dict.fromkeys(str(name).partition("_")[0] for name in snapshot.problem.estimated.names))
+    return chain.lumps_of(kinds).vector_of(kinds) / unit
+
+
+def _of_arm(has: Mapping[str, Any], folder: Path) -> Array:
+    """The true parameters (njoint x 13) of a bench that is an arm."""
+    plant = load_plant(folder / "arm.xml")
+    assert isinstance(plant, ArmPlant)
+    tree, added = plant.tree, np.zeros((3, plant.njoint))
+    for row, name in enumerate(("rotors", "viscous", "dry")):
+        given = has.get(name, ())
+        added[row, : len(given)] = given
+    rotor, damping, coulomb = added
+    return replace(tree, rotor=tree.rotor + rotor, damping=tree.damping * 0.0 + damping, coulomb=coulomb).parameters
 
 
 def far_lumps(lumps: pd.DataFrame) -> Iterator[str]:
     """The lumps of a table that lie further from the truth than their interval and SLACK allow."""
     for lump in lumps[lumps["determined"]].to_dict("records"):
-        half_width = 0.5 * (lump["high"] - lump["low"])
-        if not abs(lump["identified"] - lump["true"]) <= HALF_WIDTHS * half_width + SLACK * abs(lump["true"]):
-            yield f"{lump['name']} {lump['error']:+.2%} where ±{half_width / abs(lump['true']):.2%} is said"
+        half_width, true = 0.5 * (lump["high"] - lump["low"]), lump["true"]
+        off = abs(lump["identified"] - true)
+        if not off <= HALF_WIDTHS * half_width + SLACK * abs(true) + ROUNDING:
+            yield f"{lump['name']} {lump['identified']:.5g} ± {half_width:.2g} where {true:.5g} is true"
 
 
 def run(scale: float) -> list[SoakResult]:
@@ -156,13 +117,13 @@ def run(scale: float) -> list[SoakResult]:
         with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
             judged.extend(_enough(pool, promised))
         return len(judged), [
-            f"{each.case.spec.name} ({each.case.about}): {', '.join(each.far)}" for each in judged if each.far
+            f"{each.case.name} ({each.case.about}): {', '.join(each.far)}" for each in judged if each.far
         ]
 
     def found() -> tuple[int, list[str]]:
         posed = [each for each in judged if each.case.well_posed]
         missed = [each for each in posed if each.verdict != "found"]
-        failures = [f"{each.case.spec.name} ({each.case.about}): {each.verdict}: {each.reasons}" for each in missed]
+        failures = [f"{each.case.name} ({each.case.about}): {each.verdict}: {each.reasons}" for each in missed]
         return len(posed), failures if len(missed) > (1.0 - WELL_POSED_FOUND) * len(posed) else []
 
     return [
