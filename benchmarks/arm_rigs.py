@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.common import NEEDS_MORE
 from metaid.episode import SensorReadings, window_ends
 from metaid.episode.spatial import ArmEpisode
-from metaid.estimation import ArmEstimate, ArmLaws, BaseParameters, Loop, Motions, Readings, ReadTrial, SeenTrial, fit
+from metaid.estimation import ArmEstimate, ArmLaws, BaseUnknowns, Loop, Motions, Readings, ReadTrial, SeenTrial, fit
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, PriorDeviations
 from metaid.plant import ArmPlant, ArmSettings, FaultSettings, load_plant
@@ -71,9 +71,7 @@ def read_trial(laws: ArmLaws, law: Array, loop: Loop, read: SensorReadings) -> R
     return loop.trial(read, speeds, partial(laws.commanded, law), poses)
 
 
-def estimate_arm(
-    trials: Sequence[SeenTrial], searched: BaseParameters, before: ArmEstimate | None
-) -> ArmEstimate | None:
+def estimate_arm(trials: Sequence[SeenTrial], searched: BaseUnknowns, before: ArmEstimate | None) -> ArmEstimate | None:
     """What all `trials` say of what is `searched`, from the estimate `before` where that explained its trials; None
     where no arm shows what they did.
     """

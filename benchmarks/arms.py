@@ -35,7 +35,7 @@ from benchmarks.arm_rigs import OTHERS, SHIPPED, URDFS, WITHIN, estimate_arm, ex
 from benchmarks.arms_minimised import MINIMISERS, minimise, minimised_table
 from benchmarks.common import Row, table
 from metaid.compiled.spatial import ArmLoop
-from metaid.estimation import ArmEstimate, ArmLaws, BaseParameters, Loop, ReadTrial, WatchedTrial
+from metaid.estimation import ArmEstimate, ArmLaws, BaseUnknowns, Loop, ReadTrial, WatchedTrial
 from metaid.models.tree import ModelError, Tree, model_error
 from metaid.plant import slope_weights
 
@@ -82,7 +82,7 @@ def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
     prior, episode = experiment_on(plant, seed)
     nominal = prior.nominal
     began = time.process_time()
-    searched = BaseParameters(prior)
+    searched = BaseUnknowns(prior)
     loop, law = ArmLoop(plant, nominal, episode), nominal.parameters
     estimate: ArmEstimate | None = None
     watched: list[WatchedTrial | ReadTrial] = []

@@ -30,7 +30,7 @@ from benchmarks.chains import random_chain
 from benchmarks.recovery import _spoil as spoil
 from metaid.compiled import CompiledLoop
 from metaid.episode import FALL_LIMIT, REACH, RICH_FALL_LIMIT, Episode, FallRule, natural_time, rich_pushes, window_ends
-from metaid.estimation import Estimate, LogParameters, Motions, Quantity, WatchedTrial, fit, upright
+from metaid.estimation import Estimate, LogUnknowns, Motions, Quantity, WatchedTrial, fit, upright
 from metaid.models import Array, Chain, Lumps
 from metaid.plant import MujocoPlant, PlantSettings, chain_of
 from metaid.study import HORIZON
@@ -113,7 +113,7 @@ def match(links: int, seed: int, experiment: Experiment) -> Match:
     episode = experiment.episode(plant, nominal, seed)
     compiled = CompiledLoop(plant, episode)
     starts = np.array([plant.start_speeds(start) for start in episode.starts])
-    unknowns = LogParameters(nominal.lumps, plant.gravity, spread=experiment.spread)
+    unknowns = LogUnknowns(nominal.lumps, plant.gravity, spread=experiment.spread)
     truth = unknowns.log_factors(plant.chain.lumps)
     random = np.random.default_rng([links, seed])
     trials: list[WatchedTrial] = []

@@ -9,7 +9,7 @@ from chain_studies import random_chain
 
 from metaid.compiled import CompiledLoop, FaultyLoop, fastest_step
 from metaid.episode import RICH_FALL_LIMIT, Episode, FallRule, natural_time, rich_pushes, window_ends
-from metaid.estimation import LogParameters, ReadTrial, WatchedTrial, commanded_torques, filtered_speeds, upright
+from metaid.estimation import LogUnknowns, ReadTrial, WatchedTrial, commanded_torques, filtered_speeds, upright
 from metaid.models import Array, Chain, Lumps
 from metaid.plant import FaultSettings, MujocoPlant, PlantSettings, Start, chain_of, slope_weights
 
@@ -83,4 +83,4 @@ def raised(lumps: Lumps, factor: float) -> Lumps:
 
 def some_torque(seen: Watched) -> Array:
     """A share of what each joint needs (njoint), in N m: noise of the torques may be as large."""
-    return 0.03 * LogParameters(seen.nominal.lumps, GRAVITY).torques(float(np.abs(seen.starts).max()))
+    return 0.03 * LogUnknowns(seen.nominal.lumps, GRAVITY).torques(float(np.abs(seen.starts).max()))

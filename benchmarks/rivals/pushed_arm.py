@@ -11,7 +11,7 @@ from benchmarks.rivals.pushed import trials_of
 from metaid.compiled.spatial import ArmLoop, commanded_arm_torques
 from metaid.episode import window_ends
 from metaid.episode.spatial import ArmEpisode
-from metaid.estimation import ArmEstimate, ArmLaws, BaseParameters, Loop, ReadTrial, WatchedTrial
+from metaid.estimation import ArmEstimate, ArmLaws, BaseUnknowns, Loop, ReadTrial, WatchedTrial
 from metaid.models.tree import ArmPrior
 from metaid.plant import ArmPlant, FaultSettings, slope_weights
 from metaid.plant.description import draw_starts
@@ -39,7 +39,7 @@ def output_error_of_arm(plant: ArmPlant, prior: ArmPrior, condition: Condition, 
     stiffness = np.where(np.arange(count) % 3 < 2, 0.0, STIFFNESS)  # one on springs for two that coast
     starts = draw_starts(plant, count, HORIZON, seed)
     episode = ArmEpisode(starts, stiffness, steps, window_ends(steps, WINDOWS), seed=seed, keeps_readings=True)
-    searched, loop, law = BaseParameters(prior), ArmLoop(rig, prior.nominal, episode), prior.nominal.parameters
+    searched, loop, law = BaseUnknowns(prior), ArmLoop(rig, prior.nominal, episode), prior.nominal.parameters
     estimate: ArmEstimate | None = None
     watched: list[WatchedTrial | ReadTrial] = []
     torque, reach = 0.0, 0.0

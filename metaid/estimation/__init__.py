@@ -2,9 +2,9 @@
 seen. In robot identification this is the closed-loop output-error method; docs/method.md has its equations.
 
     trials = [WatchedTrial(law, timestep, starts, windows), ...]
-    estimate = fit(Motions(trials, LogParameters(nominal, gravity)))
+    estimate = fit(Motions(trials, LogUnknowns(nominal, gravity)))
 
-What is unknown is a chain's `LogParameters`, of which its lumps are a view, or an arm's `BaseParameters`. All trials
+What is unknown is a chain's `LogUnknowns`, of which its lumps are a view, or an arm's `BaseUnknowns`. All trials
 are used, whichever sampler proposed their laws. A trial that ended in a fall is used up to the fall. `Motions` compares
 windows of plants without noise, `Readings` what the sensors of a noisy plant read. An `Experiment` is all of this for a
 study. Nothing here knows of files, studies or the truth. What an estimate says is read without numba, which is loaded
@@ -15,7 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from metaid.estimation.approximation import Approximation, HeldOut, has_mass
-from metaid.estimation.base_parameters import ArmEstimate, BaseParameters
+from metaid.estimation.base_unknowns import ArmEstimate, BaseUnknowns
 from metaid.estimation.estimate import Estimate, Found, fit
 from metaid.estimation.faults import (
     NO_FAULTS,
@@ -26,7 +26,7 @@ from metaid.estimation.faults import (
     Unmodelled,
     searched_faults,
 )
-from metaid.estimation.log_parameters import FULL, LogParameters
+from metaid.estimation.log_unknowns import FULL, LogUnknowns
 from metaid.estimation.trials import Replay, WatchedTrial, upright
 from metaid.estimation.unknowns import Unknowns
 
@@ -42,7 +42,7 @@ __all__ = [
     "Approximation",
     "ArmEstimate",
     "ArmLaws",
-    "BaseParameters",
+    "BaseUnknowns",
     "ChainLaws",
     "Compared",
     "Estimate",
@@ -50,7 +50,7 @@ __all__ = [
     "Found",
     "FoundFaults",
     "HeldOut",
-    "LogParameters",
+    "LogUnknowns",
     "Loop",
     "Motions",
     "Proposal",

@@ -9,7 +9,7 @@ import numpy as np
 
 from metaid.compiled.spatial import commanded_arm_torques
 from metaid.episode.spatial import ArmEpisode
-from metaid.estimation.base_parameters import ArmEstimate, BaseParameters
+from metaid.estimation.base_unknowns import ArmEstimate, BaseUnknowns
 from metaid.estimation.estimate import Estimate
 from metaid.estimation.noisy import commanded_torques
 from metaid.models import Array, Lumps
@@ -72,7 +72,7 @@ class ArmLaws:
     that says about which poses springs hold it.
     """
 
-    searched: BaseParameters
+    searched: BaseUnknowns
     episode: ArmEpisode
 
     def law(self, candidate: Array) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from metaid.compiled import compiled, spread_of
 from metaid.estimation.driven import watch_readings
 from metaid.estimation.filtered import lead
-from metaid.estimation.log_parameters import LogParameters
+from metaid.estimation.log_unknowns import LogUnknowns
 from metaid.estimation.motion import watch_push
 from metaid.estimation.trials import Coefficients, Driven, Gains, Joints, ReadTrial, WatchedTrial
 from metaid.estimation.twin import Motion, share_out
@@ -25,7 +25,7 @@ NOTHING_ELSE = np.empty((0, 0))  # forces beside the law
 class PlanarTwin:
     """A chain with these `log_factors` (nunknown); see `twin.Twin`."""
 
-    unknowns: LogParameters
+    unknowns: LogUnknowns
     log_factors: Array
 
     @cached_property

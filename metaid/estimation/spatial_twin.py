@@ -18,7 +18,7 @@ from metaid.compiled.spatial import (
     follow_torques,
     lead_arm,
 )
-from metaid.estimation.base_parameters import BaseParameters
+from metaid.estimation.base_unknowns import BaseUnknowns
 from metaid.estimation.trials import Coefficients, Driven, Gains, Joints, ReadTrial, WatchedTrial
 from metaid.estimation.twin import Motion
 from metaid.models import Array
@@ -55,7 +55,7 @@ class Beside:
 class SpatialTwin:
     """An arm at a `point` (nunknown); see `twin.Twin`."""
 
-    unknowns: BaseParameters
+    unknowns: BaseUnknowns
     point: Array
 
     @cached_property

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from metaid.estimation.log_parameters import Columns, LogParameters
+from metaid.estimation.log_unknowns import Columns, LogUnknowns
 from metaid.estimation.trials import Joints
 from metaid.models import Array, Lumps
 
@@ -130,7 +130,7 @@ def balance(
     )
 
 
-def derivatives(unknowns: LogParameters, lumps: Lumps) -> Derivatives:
+def derivatives(unknowns: LogUnknowns, lumps: Lumps) -> Derivatives:
     """Those of the `lumps` by the `unknowns`: of what is a multiple of a parameter, by the logarithm of that, it is
     itself.
     """

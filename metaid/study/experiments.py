@@ -15,11 +15,11 @@ from metaid.study.pushing import rest_deviations
 from metaid.study.settings import EstimateSettings, PushedSettings, StudySpec
 
 if TYPE_CHECKING:
-    from metaid.estimation import Experiment, LogParameters
+    from metaid.estimation import Experiment, LogUnknowns
 
 
 def noisy_experiment(
-    plant: MujocoPlant, spec: StudySpec, episode: Episode, nominal: Lumps, unknowns: LogParameters, start_speeds: Array
+    plant: MujocoPlant, spec: StudySpec, episode: Episode, nominal: Lumps, unknowns: LogUnknowns, start_speeds: Array
 ) -> Experiment:
     """What the estimate knows of a plant with faults: how it is controlled, and what its user states of its pushes,
     of its encoders, and of the noise of its torques. Noise of its sensors is that of the plant at rest. What is said of
@@ -71,7 +71,7 @@ def rig_experiment(
     wanted: EstimateSettings,
     episode: Episode,
     nominal: Lumps,
-    unknowns: LogParameters,
+    unknowns: LogUnknowns,
     start_speeds: Array,
 ) -> Experiment:
     """What the estimate knows of a rig: what was measured at it when the study was created. The resolution of its

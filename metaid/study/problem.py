@@ -274,13 +274,13 @@ class Problem(StudyProblem):
 
     def experiment(self) -> Experiment | None:
         """What an estimate needs to know of this study; None where none can be made."""
-        from metaid.estimation import ChainLaws, Experiment, LogParameters, upright  # loads numba
+        from metaid.estimation import ChainLaws, Experiment, LogUnknowns, upright  # loads numba
 
         if not self.can_be_estimated:
             return None
         wanted, kinds = self.spec.study.estimate, self.estimated_kinds
         lengths = self.nominal.length if wanted.lengths == "exact" else None
-        unknowns = LogParameters(self.nominal.lumps_of(kinds), self.spec.plant.gravity, kinds, lengths, wanted.spread)
+        unknowns = LogUnknowns(self.nominal.lumps_of(kinds), self.spec.plant.gravity, kinds, lengths, wanted.spread)
         start_speeds = np.diff(self.start_speeds, axis=1, prepend=0.0)
         if isinstance(self.spec.plant, SocketSettings):
             plant, pushed = self.spec.plant, self.spec.pushed

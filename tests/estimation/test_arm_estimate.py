@@ -17,7 +17,7 @@ from metaid.episode.spatial import ArmEpisode
 from metaid.estimation import (
     ArmEstimate,
     ArmLaws,
-    BaseParameters,
+    BaseUnknowns,
     Loop,
     Motions,
     Readings,
@@ -56,14 +56,14 @@ def episode_of(tree: Tree, pushes: int, seed: int = 1) -> ArmEpisode:
     return ArmEpisode(tuple(ArmStart(*state) for state in states), stiffness, STEPS, window_ends(STEPS))
 
 
-def read(plant: ArmPlant, searched: BaseParameters, law: Array, episode: ArmEpisode, number: int) -> ReadTrial:
+def read(plant: ArmPlant, searched: BaseUnknowns, law: Array, episode: ArmEpisode, number: int) -> ReadTrial:
     """A trial on noisy sensors."""
     record = ArmLoop(plant, searched.prior.nominal, replace(episode, keeps_readings=True)).run(law, number)
     assert record.readings is not None
     return read_trial(searched, law, episode, record.readings)
 
 
-def read_trial(searched: BaseParameters, law: Array, episode: ArmEpisode, readings: SensorReadings) -> ReadTrial:
+def read_trial(searched: BaseUnknowns, law: Array, episode: ArmEpisode, readings: SensorReadings) -> ReadTrial:
     """That in which a law led to these readings."""
     poses, speeds = np.ascontiguousarray(episode.states.swapaxes(0, 1))
     commanded = partial(ArmLaws(searched, episode).commanded, law)
@@ -76,9 +76,7 @@ def watched(plant: ArmPlant, nominal: Tree, episode: ArmEpisode) -> WatchedTrial
     return WatchedTrial(nominal.parameters, record.timestep, episode.states, record.windows, episode.stiffness)
 
 
-def estimate_arm(
-    trials: Sequence[SeenTrial], searched: BaseParameters, before: ArmEstimate | None = None
-) -> ArmEstimate:
+def estimate_arm(trials: Sequence[SeenTrial], searched: BaseUnknowns, before: ArmEstimate | None = None) -> ArmEstimate:
     """What all `trials` say, from the estimate `before` on."""
     start = None if before is None else before.start
     compared = (Readings if isinstance(trials[0], ReadTrial) else Motions)(trials, searched)
@@ -91,7 +89,7 @@ def loop_of(njoint: int) -> Loop:
     return Loop(0.002, np.full(njoint, NOISE), slope_weights(0.002))
 
 
-def share_wrong(searched: BaseParameters, tree: Tree, values: Array) -> float:
+def share_wrong(searched: BaseUnknowns, tree: Tree, values: Array) -> float:
     """By which share of what was not known the base parameters are wrong, the worst of them."""
     known = np.sqrt(np.diag(searched.prior.covariance))
     return float(np.abs((values - searched.prior.base.of(tree.parameters)) / known).max())
@@ -101,7 +99,7 @@ def share_wrong(searched: BaseParameters, tree: Tree, values: Array) -> float:
 def test_one_trial_tells_all_base_parameters(njoint: int, slides: tuple[int, ...]) -> None:
     """Rotors, viscous and dry friction and what the mass matrix alone shows included, with the nominal law."""
     tree = random_arm(njoint, 2, slides)
-    searched = BaseParameters(ArmPrior(nominal_of(tree)))
+    searched = BaseUnknowns(ArmPrior(nominal_of(tree)))
     episode = episode_of(tree, 9)
     trial = watched(plant_of(tree), searched.prior.nominal, episode)
     estimate = estimate_arm([trial], searched)
@@ -118,7 +116,7 @@ def test_one_trial_tells_all_base_parameters(njoint: int, slides: tuple[int, ...
 
 def test_fit_begins_at_an_arm_with_heavier_rotors() -> None:
     """Nothing else of it differs from the nominal arm, so its mass matrix is farther from singular."""
-    searched = BaseParameters(ArmPrior(random_arm(3, 2)))
+    searched = BaseUnknowns(ArmPrior(random_arm(3, 2)))
     base = searched.prior.base
     change = searched.values(searched.begin) - searched.prior.values
     rotors = np.array(["rotor" in expression for expression in base.expressions])
@@ -131,14 +129,14 @@ def test_less_than_no_friction_is_not_the_mirror_image_of_friction() -> None:
     tree = random_arm(2, 5)
     mirrored = tree.parameters.copy()
     mirrored[:, 12] *= -1.0
-    searched = BaseParameters(ArmPrior(tree))
+    searched = BaseUnknowns(ArmPrior(tree))
     episode = episode_of(tree, 3)
     trial = watched(plant_of(tree), tree, episode)
     point = np.linalg.solve(searched.root, searched.prior.base.of(mirrored) - searched.prior.values)
     there = Motions([trial], searched).residuals(point, 5)
     assert there is not None
     assert np.abs(there.values).max() > 1e6
-    estimate = estimate_arm([trial], BaseParameters(ArmPrior(tree.with_parameters(mirrored))))
+    estimate = estimate_arm([trial], BaseUnknowns(ArmPrior(tree.with_parameters(mirrored))))
     np.testing.assert_allclose(estimate.values, searched.prior.values, rtol=1e-6, atol=1e-7)
 
 
@@ -146,7 +144,7 @@ def test_what_a_push_showed_before_it_fell_is_used() -> None:
     """A trial whose pushes all ended early still tells."""
     tree = random_arm(3, 2)
     narrow = replace(nominal_of(tree), low=np.full(3, -1.5), high=np.full(3, 1.5))  # a coast leaves it
-    searched, trial = BaseParameters(ArmPrior(narrow)), watched(plant_of(tree), narrow, episode_of(tree, 9))
+    searched, trial = BaseUnknowns(ArmPrior(narrow)), watched(plant_of(tree), narrow, episode_of(tree, 9))
     assert not trial.seen(len(trial.ends)).all()
     estimate = estimate_arm([trial], searched)
     assert estimate.is_explained
@@ -161,14 +159,14 @@ def test_an_arm_that_is_built_otherwise_is_not_explained() -> None:
     nominal = nominal_of(replace(tree, position=moved))
     episode = episode_of(tree, 9)
     trial = watched(plant_of(tree), nominal, episode)
-    estimate = fit(Motions([trial], BaseParameters(ArmPrior(nominal))), restarts=0)
+    estimate = fit(Motions([trial], BaseUnknowns(ArmPrior(nominal))), restarts=0)
     assert not estimate.is_explained
 
 
 def test_noisy_readings_tell_base_parameters_within_their_intervals() -> None:
     """With 0.1 mrad and no sensor of speeds, errors are as large as they are said to be."""
     tree = random_arm(3, 2)
-    searched = BaseParameters(ArmPrior(nominal_of(tree)))
+    searched = BaseUnknowns(ArmPrior(nominal_of(tree)))
     plant, law, trials, estimate = plant_of(tree, NOISE), searched.prior.nominal.parameters, [], None
     for number in range(2):
         trials.append(read(plant, searched, law, episode_of(tree, 9), number))
@@ -191,7 +189,7 @@ def test_noisy_readings_tell_base_parameters_within_their_intervals() -> None:
 def test_starts_that_are_not_exact_are_found_with_the_rest() -> None:
     """Where poses and speeds at the start differ from what they were to be, their spread is all that need be known."""
     tree, random = random_arm(3, 2, friction=False), np.random.default_rng(5)
-    searched = BaseParameters(ArmPrior(nominal_of(tree)))
+    searched = BaseUnknowns(ArmPrior(nominal_of(tree)))
     law, spread = searched.prior.nominal.parameters, np.array([[1e-3] * 3, [1e-2] * 3])
     episode = episode_of(tree, 9)
     states = episode.states + spread * random.standard_normal(episode.states.shape)
@@ -212,7 +210,7 @@ def test_starts_that_are_not_exact_are_found_with_the_rest() -> None:
 
 def compared_of(tree: Tree, noise: float) -> Sequence[Motions | Readings]:
     """What is compared of one trial."""
-    searched = BaseParameters(ArmPrior(nominal_of(tree)))
+    searched = BaseUnknowns(ArmPrior(nominal_of(tree)))
     nominal, episode, plant = searched.prior.nominal, episode_of(tree, 3), plant_of(tree, noise)
     if noise:
         trial = read(plant, searched, nominal.parameters, episode, 0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from random_arm import random_arm
 
-from metaid.estimation import BaseParameters, Readings, ReadTrial, SearchedFaults, fit, searched_faults
+from metaid.estimation import BaseUnknowns, Readings, ReadTrial, SearchedFaults, fit, searched_faults
 from metaid.estimation.noisy import take_up
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, Tree, joint_torque
@@ -63,7 +63,7 @@ def pushed(tree: Tree, kinds: tuple[str, ...], seed: int = 0) -> ReadTrial:
     return ReadTrial(TIMESTEP, noisy, torques, steps, speeds, None, np.full(n, NOISE), poses=poses + offset)
 
 
-def searched_of(searched: BaseParameters, kinds: tuple[str, ...], trial: ReadTrial) -> Array:
+def searched_of(searched: BaseUnknowns, kinds: tuple[str, ...], trial: ReadTrial) -> Array:
     """The faults of these `kinds` that one trial shows, in deviations from the truth."""
     wanted = searched_faults(kinds, searched, trial.start_speeds)
     estimate = fit(Readings([trial], searched, faults=wanted), restarts=0)
@@ -77,7 +77,7 @@ def searched_of(searched: BaseParameters, kinds: tuple[str, ...], trial: ReadTri
 def test_faults_of_an_arm_are_found_with_its_base_parameters(kinds: tuple[str, ...]) -> None:
     """Within four deviations; without them the model does not explain what was read."""
     tree = random_arm(3, 2, friction=False)
-    searched, trial = BaseParameters(ArmPrior(nominal_of(tree))), pushed(tree, kinds)
+    searched, trial = BaseUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, kinds)
     plain = fit(Readings([trial], searched), restarts=0)
     assert not plain.is_explained
     assert np.abs(searched_of(searched, kinds, trial)).max() < 4.0
@@ -86,7 +86,7 @@ def test_faults_of_an_arm_are_found_with_its_base_parameters(kinds: tuple[str, .
 def test_arm_without_faults_needs_none() -> None:
     """Its base parameters lie within five deviations each."""
     tree = random_arm(3, 2, friction=False)
-    searched, trial = BaseParameters(ArmPrior(nominal_of(tree))), pushed(tree, ())
+    searched, trial = BaseUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, ())
     estimate = fit(Readings([trial], searched), restarts=0)
     assert estimate.is_explained
     off = (estimate.values - searched.prior.base.of(tree.parameters)) / estimate.value_deviations
@@ -96,7 +96,7 @@ def test_arm_without_faults_needs_none() -> None:
 def test_fault_that_explains_an_arm_is_proposed() -> None:
     """A delay that nobody has named is what explains the readings of an arm."""
     tree = random_arm(3, 2, friction=False)
-    searched, trial = BaseParameters(ArmPrior(nominal_of(tree))), pushed(tree, ("delay",))
+    searched, trial = BaseUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, ("delay",))
     readings = Readings([trial], searched)
     plain = fit(readings, restarts=0)
     noise = 0.03 * searched.torques(float(np.abs(trial.start_speeds).max()))

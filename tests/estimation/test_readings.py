@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from watched import GRAVITY, NOISE, TIMESTEP, raised, watched
 
-from metaid.estimation import LogParameters, Readings, commanded_torques, fit
+from metaid.estimation import LogUnknowns, Readings, commanded_torques, fit
 from metaid.estimation.noisy.polynomials import eliminate
 from metaid.models import compensation_torque
 from metaid.plant import FaultSettings
@@ -32,7 +32,7 @@ def test_commanded_torques_are_those_of_the_law_on_its_readings() -> None:
 def test_one_noisy_trial_gives_all_lumps_within_their_deviations(faults: FaultSettings) -> None:
     """To a few percent and within four standard deviations each, with residuals of the size of the noise."""
     seen = watched(3, faults=faults)
-    unknowns = LogParameters(seen.nominal.lumps, GRAVITY)
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
     estimate = fit(Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns))
     error = estimate.log_factors - unknowns.log_factors(seen.plant.chain.lumps)
     assert 0.7 < estimate.misfit < 1.3
@@ -45,7 +45,7 @@ def test_fit_that_leaves_the_valley_of_the_truth_goes_on_with_windows_that_grow_
     """These chains, watched for long, end with a misfit of 1,301 and of 655 where windows always double."""
     seen = watched(nlink, seed, faults=DIFFERING, longer=2.5)
     trial = seen.read_trial(raised(seen.nominal.lumps, 1.5))
-    assert fit(Readings([trial], LogParameters(seen.nominal.lumps, GRAVITY)), restarts=0).misfit < 1.3
+    assert fit(Readings([trial], LogUnknowns(seen.nominal.lumps, GRAVITY)), restarts=0).misfit < 1.3
 
 
 def test_intervals_cover() -> None:
@@ -53,7 +53,7 @@ def test_intervals_cover() -> None:
     inside = []
     for seed in range(8):
         seen = watched(2, seed, faults=DIFFERING)
-        unknowns = LogParameters(seen.nominal.lumps, GRAVITY)
+        unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
         estimate = fit(Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns))
         low, high = estimate.interval()
         true = np.exp(unknowns.design @ unknowns.log_factors(seen.plant.chain.lumps))
@@ -69,7 +69,7 @@ def test_replay_differs_from_the_readings_by_their_noise(faults: FaultSettings) 
     seen = watched(2, faults=faults)
     trial = seen.read_trial(raised(seen.nominal.lumps, 1.5))
     trial = replace(trial, steps=np.array([len(trial.readings[0]) - 1, 80, 80, 0]))
-    readings = Readings([trial, trial], LogParameters(seen.nominal.lumps, GRAVITY))
+    readings = Readings([trial, trial], LogUnknowns(seen.nominal.lumps, GRAVITY))
     replay = readings.replay(1, fit(readings).point)
     difference = replay.simulated - replay.seen
     assert np.isnan(difference[3]).all()
@@ -82,7 +82,7 @@ def test_hidden_friction_shows_in_the_misfit() -> None:
     """Above what noise explains, in every joint."""
     seen = watched(3, damping=0.05, faults=NOISY)
     estimate = fit(
-        Readings([seen.read_trial(seen.nominal.lumps)], LogParameters(seen.nominal.lumps, GRAVITY)), restarts=0
+        Readings([seen.read_trial(seen.nominal.lumps)], LogUnknowns(seen.nominal.lumps, GRAVITY)), restarts=0
     )
     assert estimate.misfit > 2.0
 
@@ -90,7 +90,7 @@ def test_hidden_friction_shows_in_the_misfit() -> None:
 def test_windows_before_a_fall_are_used() -> None:
     """And pushes of which nothing was seen change nothing."""
     seen = watched(2, faults=NOISY)
-    unknowns = LogParameters(seen.nominal.lumps, GRAVITY)
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
     trial = seen.read_trial(raised(seen.nominal.lumps, 1.5))
     trial = replace(trial, steps=np.array([len(trial.readings[0]) - 1, 80, 80, 0]))
     estimate = fit(Readings([trial], unknowns))

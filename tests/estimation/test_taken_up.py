@@ -10,7 +10,7 @@ from watched import GRAVITY, NOISE, Watched, raised, some_torque, watched
 
 from metaid.estimation import (
     Estimate,
-    LogParameters,
+    LogUnknowns,
     Readings,
     ReadTrial,
     SearchedFaults,
@@ -50,7 +50,7 @@ def read_again(trial: ReadTrial, noise: float) -> ReadTrial:
 
 def test_fault_that_predicts_the_last_trial_holds(late: Watched) -> None:
     """Its misfit there is that of noise, and the lumps are the true ones."""
-    unknowns = LogParameters(late.nominal.lumps, GRAVITY)
+    unknowns = LogUnknowns(late.nominal.lumps, GRAVITY)
     trials = [late.read_trial(raised(late.nominal.lumps, law)) for law in LAWS]
     estimate, taken = taken_up(late, Readings(trials, unknowns), ("delay",))
     error = estimate.log_factors - unknowns.log_factors(late.plant.chain.lumps)
@@ -63,7 +63,7 @@ def test_fault_that_predicts_the_last_trial_holds(late: Watched) -> None:
 
 def test_fault_that_a_later_trial_refutes_explains_nothing(late: Watched) -> None:
     """Where torques of the second trial were cut, it may predict better than none, and is no finding."""
-    unknowns = LogParameters(late.nominal.lumps, GRAVITY)
+    unknowns = LogUnknowns(late.nominal.lumps, GRAVITY)
     trials = [late.read_trial(raised(late.nominal.lumps, law)) for law in LAWS]
     cut = replace(trials[1], torques=1.1 * trials[1].torques)
     estimate, taken = taken_up(late, Readings([trials[0], cut], unknowns), ("delay",))
@@ -74,7 +74,7 @@ def test_fault_that_a_later_trial_refutes_explains_nothing(late: Watched) -> Non
 
 def test_fault_that_does_not_foretell_the_last_trial_does_not_hold(late: Watched) -> None:
     """Though all trials together are explained with it."""
-    unknowns = LogParameters(late.nominal.lumps, GRAVITY)
+    unknowns = LogUnknowns(late.nominal.lumps, GRAVITY)
     trials = [late.read_trial(raised(late.nominal.lumps, law)) for law in (*LAWS, 1.1, 1.4)]
     noisier = [*trials[:3], read_again(trials[3], 1.5)]
     estimate, taken = taken_up(late, Readings(noisier, unknowns), ("delay",))
@@ -88,7 +88,7 @@ def test_spring_that_short_trials_cannot_tell_is_not_explained_away() -> None:
     """Of one link in two short trials a wrong gravity lump explains as much: no fault is taken up, a force is seen."""
     seen = watched(1, 1, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False), spring=0.5, chain=4)
     trials = [seen.read_trial(raised(seen.nominal.lumps, law)) for law in (1.5, 1.2)]
-    readings = Readings(trials, LogParameters(seen.nominal.lumps, GRAVITY))
+    readings = Readings(trials, LogUnknowns(seen.nominal.lumps, GRAVITY))
     estimate, taken = taken_up(seen, readings)
     assert taken is None
     assert any(force.is_seen for force in unmodelled_forces(readings, estimate))
@@ -100,7 +100,7 @@ def test_offsets_are_taken_up_where_lumps_would_be_elsewhere_with_a_tilt(second:
     faults = FaultSettings(angle_noise=NOISE, speed_sensor=False, tilt=0.01, encoder_offset=(0.0, second))
     seen = watched(2, 1, faults=faults)
     trials = [seen.read_trial(raised(seen.nominal.lumps, law)) for law in LAWS]
-    _, taken = taken_up(seen, Readings(trials, LogParameters(seen.nominal.lumps, GRAVITY)), ("tilt",))
+    _, taken = taken_up(seen, Readings(trials, LogUnknowns(seen.nominal.lumps, GRAVITY)), ("tilt",))
     assert taken is not None
     assert (taken.kinds, taken.holds) == ((kind,), True), taken.description
 
@@ -118,7 +118,7 @@ def test_fault_is_taken_up_where_sensors_are_exact() -> None:
     """A rough last step, enough for windows that are to grow, leaves far more than exact sensors do."""
     seen = watched(1, 4, faults=FaultSettings(tilt=0.003))
     exact = [replace(seen.read_trial(raised(seen.nominal.lumps, law)), noise=np.full(1, 1e-9)) for law in LAWS]
-    unknowns = LogParameters(seen.nominal.lumps, GRAVITY)
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
     readings = Readings(exact, unknowns)
     searched = searched_faults(("tilt",), unknowns, seen.starts)
     estimate = fit(replace(readings, faults=searched), restarts=0)

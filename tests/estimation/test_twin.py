@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from watched import GRAVITY, raised, watched
 
-from metaid.estimation import LogParameters, twin
+from metaid.estimation import LogUnknowns, twin
 from metaid.estimation.planar_twin import PlanarTwin
 from metaid.estimation.twin import Motion, share_out
 from metaid.models import Array
@@ -28,7 +28,7 @@ def test_the_twin_of_the_true_chain_moves_as_mujoco_does(nlink: int, stiffness: 
     seen = watched(nlink, damping=0.02, stiffness=stiffness)
     trial = seen.trial(raised(seen.nominal.lumps, 1.3))
     true = seen.plant.chain.lumps_of(("gravity", "coriolis", "damping"))
-    unknowns = LogParameters(true, GRAVITY, ("gravity", "coriolis", "damping", "inertia"))
+    unknowns = LogUnknowns(true, GRAVITY, ("gravity", "coriolis", "damping", "inertia"))
     chain = PlanarTwin(unknowns, np.zeros(len(unknowns.names)))
     motion, (angles, is_shown) = chain.watch(trial, len(trial.ends)), chain.trace(trial, trial.ends)
     assert is_shown.all()
@@ -47,7 +47,7 @@ def test_derivatives_are_those_of_finite_differences(nlink: int, exact_lengths: 
     trial = seen.trial(raised(seen.nominal.lumps, 1.3))
     some = np.linspace(0.01, 0.03, nlink)
     nominal = replace(seen.nominal.lumps, damping=some, coulomb=2.0 * some if dry else None)
-    unknowns = LogParameters(nominal, GRAVITY, ALL if dry else SMOOTH, seen.nominal.length if exact_lengths else None)
+    unknowns = LogUnknowns(nominal, GRAVITY, ALL if dry else SMOOTH, seen.nominal.length if exact_lengths else None)
     point = 0.02 * np.random.default_rng(1).standard_normal(len(unknowns.names))
 
     def motion(at: Array) -> Motion:
@@ -70,7 +70,7 @@ def test_a_chain_that_no_bodies_make_is_not_followed() -> None:
     """Coriolis lumps so large that the mass matrix is indefinite: no window is reached, and nothing is made up."""
     seen = watched(2)
     trial = seen.trial(seen.nominal.lumps)
-    unknowns = LogParameters(seen.nominal.lumps, GRAVITY)
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
     motion = PlanarTwin(unknowns, np.array([0.0, 0.0, 2.0, 0.0, 0.0])).watch(trial, len(trial.ends))
     assert not motion.reached.any()
 
@@ -78,7 +78,7 @@ def test_a_chain_that_no_bodies_make_is_not_followed() -> None:
 def test_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """One and two threads give the same motion and derivatives, to the last bit."""
     seen = watched(5)
-    trial, unknowns = seen.trial(seen.nominal.lumps), LogParameters(seen.nominal.lumps, GRAVITY)
+    trial, unknowns = seen.trial(seen.nominal.lumps), LogUnknowns(seen.nominal.lumps, GRAVITY)
     motions = []
     for threads in (1, 2):
         monkeypatch.setattr(twin, "threads_at_hand", lambda threads=threads: threads)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from metaid.estimation.counting.crossings import Counters, count_pushes, counters, crossing
 from metaid.estimation.descent import Residuals
-from metaid.estimation.log_parameters import LogParameters
+from metaid.estimation.log_unknowns import LogUnknowns
 from metaid.estimation.motions import Motions, WatchedTrials
 from metaid.estimation.trials import Replay, WatchedTrial
 from metaid.estimation.twin import share_out
@@ -63,7 +63,7 @@ class Counts(WatchedTrials):
     A joint at rest right after a push is left out for that push.
     """
 
-    unknowns: LogParameters
+    unknowns: LogUnknowns
     by_side: bool = False
 
     def __post_init__(self) -> None:

@@ -192,9 +192,9 @@ class ArmProblem(StudyProblem):
         wanted, faults = self.spec.study.estimate, self.spec.faults
         if not wanted.enabled:
             return None
-        from metaid.estimation import ArmLaws, BaseParameters, Experiment, searched_faults  # loads numba
+        from metaid.estimation import ArmLaws, BaseUnknowns, Experiment, searched_faults  # loads numba
 
-        unknowns, begins = BaseParameters(self.prior), self.episode.begins
+        unknowns, begins = BaseUnknowns(self.prior), self.episode.begins
         return Experiment(
             laws=ArmLaws(unknowns, self.episode),
             unknowns=unknowns,
@@ -222,9 +222,9 @@ class ArmProblem(StudyProblem):
     @property
     def given(self) -> dict[str, Any]:
         """What of an estimate follows from the study, by the names of its fields."""
-        from metaid.estimation import BaseParameters
+        from metaid.estimation import BaseUnknowns
 
-        return {"searched": BaseParameters(self.prior)}
+        return {"searched": BaseUnknowns(self.prior)}
 
     # What results are told by. A chain's problem answers to the same.
 

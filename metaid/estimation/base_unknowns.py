@@ -25,7 +25,7 @@ SPREAD = 0.3  # of an unknown: a descent takes steps of as much as of a chain's 
 
 
 @dataclass(frozen=True, eq=False)
-class BaseParameters:
+class BaseUnknowns:
     """The unknowns z (nbase) of an arm: its base parameters are β₀ + S z, of which `prior` has β₀ and S. Where `known`
     has them all (nbase), nothing is unknown any more.
     """
@@ -94,7 +94,7 @@ class BaseParameters:
             unknowns = np.broadcast_to(self.known, (*unknowns.shape[:-1], len(self.known)))
         return np.ascontiguousarray(self.prior.parameters_at(self.values(unknowns)))
 
-    def alone(self, unknowns: Array) -> BaseParameters:
+    def alone(self, unknowns: Array) -> BaseUnknowns:
         """The arm there, of which nothing is unknown any more."""
         return replace(self, known=unknowns)
 
@@ -123,7 +123,7 @@ class ArmEstimate(Found):
     `names` are the base parameters'; `unknowns` and `covariance` are of the z of Eq. 51.
     """
 
-    searched: BaseParameters
+    searched: BaseUnknowns
 
     @property
     def values(self) -> Array:

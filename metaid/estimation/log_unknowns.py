@@ -34,7 +34,7 @@ class Columns(NamedTuple):
 
 
 @dataclass(frozen=True)
-class LogParameters:
+class LogUnknowns:
     """The log factors z (nunknown) of the parameters that lumps of some `kinds` follow from: a parameter is its nominal
     value times e^z. Those of the Coriolis lumps are the gravity lumps and the lengths l_1 … l_{n−1}.
 
@@ -140,9 +140,9 @@ class LogParameters:
         """About what each joint needs (njoint) for an acceleration of 1 rad/s², in kg m²."""
         return self.nominal.of("inertia")
 
-    def alone(self, log_factors: Array) -> LogParameters:
+    def alone(self, log_factors: Array) -> LogUnknowns:
         """A chain with these `log_factors` (nunknown), of which nothing is unknown any more."""
-        return LogParameters(self.lumps(log_factors), self.gravity, ())
+        return LogUnknowns(self.lumps(log_factors), self.gravity, ())
 
     def estimated(self, found: dict[str, Any]) -> Estimate:
         """The estimate with the fields of a `Fit` that were `found`."""
