@@ -13,7 +13,7 @@ from metaid.estimation.driven import watch_readings
 from metaid.estimation.filtered import lead
 from metaid.estimation.log_unknowns import LogUnknowns
 from metaid.estimation.motion import watch_push
-from metaid.estimation.trials import Coefficients, Driven, Gains, Joints, ReadTrial, WatchedTrial
+from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, ReadTrial, WatchedTrial
 from metaid.estimation.twin import Motion, share_out
 from metaid.estimation.workspace import Balance, Derivatives, balance, derivatives, workspace
 from metaid.models import Array, Lumps
@@ -86,15 +86,9 @@ class PlanarTwin:
         share_out(run, npush, int(steps.sum()) * trial.substeps * each)
         return Coefficients(values, slopes) if followed.all() else None
 
-    def lead(
-        self,
-        trial: ReadTrial,
-        begun: tuple[Array, Array],
-        pushes: NDArray[np.intp],
-        joints: Joints | None,
-        torque_noise: Array,
-    ) -> Gains:
-        (starts, begins), (npush, readings, n) = begun, trial.readings.shape
+    def lead(self, filtered: Filtered, joints: Joints | None, torque_noise: Array) -> Gains:
+        trial, starts, begins, pushes = filtered
+        npush, readings, n = trial.readings.shape
         links = np.tril(np.ones((n, n)))  # absolute angles are sums of the joints'
         torques = np.eye(n) - np.eye(n, k=1)  # the torque of a joint turns its link, and the one below the other way
         noise = (links * trial.noise**2) @ links.T, (torques * torque_noise**2) @ torques.T

@@ -19,7 +19,7 @@ from metaid.compiled.spatial import (
     lead_arm,
 )
 from metaid.estimation.base_unknowns import BaseUnknowns
-from metaid.estimation.trials import Coefficients, Driven, Gains, Joints, ReadTrial, WatchedTrial
+from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, ReadTrial, WatchedTrial
 from metaid.estimation.twin import Motion
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS, tilted_gravity
@@ -111,15 +111,8 @@ class SpatialTwin:
             values += np.where(steps[:, None] > 0, basis.sum(axis=1), 0.0)[:, None] * beside.offset[:, None]
         return Coefficients(values, slopes)
 
-    def lead(
-        self,
-        trial: ReadTrial,
-        begun: tuple[Array, Array],
-        pushes: NDArray[np.intp],
-        joints: Joints | None,
-        torque_noise: Array,
-    ) -> Gains:
-        starts, begins = begun
+    def lead(self, filtered: Filtered, joints: Joints | None, torque_noise: Array) -> Gains:
+        trial, starts, begins, pushes = filtered
         alike = Driven(replace(trial, start_spread=None), starts, trial.steps, np.zeros((len(starts), 1, 1)))
         beside = SpatialTwin(self.unknowns.alone(self.point), np.empty(0))._beside(alike, joints)
         read = np.ascontiguousarray(trial.readings - beside.offset)

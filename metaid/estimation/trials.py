@@ -137,6 +137,22 @@ class Driven(NamedTuple):
     basis: Array
 
 
+class Filtered(NamedTuple):
+    """A trial, as far as a filter runs through it.
+
+    Attributes:
+        trial: with the torques that acted.
+        starts: joint coordinates and speeds (npush x 2 x njoint) right after each push.
+        begins: their covariance then (npush x 2 njoint x 2 njoint).
+        pushes: which it runs through.
+    """
+
+    trial: ReadTrial
+    starts: Array
+    begins: Array
+    pushes: NDArray[np.intp]
+
+
 class Coefficients(NamedTuple):
     """Of the twin's angles in polynomials: `values` (npush x njoint x ncoefficient), in rad or m, and their `slopes`
     (npush x njoint x ncoefficient x nunknown, and more by what is unknown of the starts).

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.trials import Coefficients, Driven, Gains, Joints, ReadTrial, WatchedTrial
+from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, WatchedTrial
 from metaid.models import Array
 
 THREADED = 200_000  # multiplications; threads do not pay for less
@@ -64,24 +64,9 @@ class Twin(Protocol):
                 innovations.
         """
 
-    def lead(
-        self,
-        trial: ReadTrial,
-        begun: tuple[Array, Array],
-        pushes: NDArray[np.intp],
-        joints: Joints | None,
-        torque_noise: Array,
-        /,
-    ) -> Gains:
-        """The filter's run through some pushes of a trial.  Eq. 66.
-
-        Args:
-            trial: with the torques that acted.
-            begun: joint coordinates and speeds at the starts (npush x 2 x njoint), and their covariance there (npush x
-                2 njoint x 2 njoint).
-            pushes: which it runs through.
-            joints: what they have beside the parameters; None for nothing.
-            torque_noise: standard deviation of the torque of each joint (njoint), in N m or N.
+    def lead(self, filtered: Filtered, joints: Joints | None, torque_noise: Array, /) -> Gains:
+        """The run of a filter through some pushes of a trial (Eq. 66), with what `joints` have beside the parameters.
+        `torque_noise` (njoint) is the standard deviation of each one's torque, in N m or N.
         """
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.estimation.noisy.readings import Readings, started
-from metaid.estimation.trials import Coefficients, Driven, Gains, Joints, ReadTrial
+from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, ReadTrial
 from metaid.estimation.twins import twin_of
 from metaid.models import Array
 
@@ -84,5 +84,5 @@ class Innovations(Readings):
             if trial.start_spread is not None:
                 own = 2 * n - trial.start_spread.shape[-1]
                 begins[:, own:, own:] = trial.start_spread @ trial.start_spread.swapaxes(1, 2)
-        joints = self._joints(faults)
-        return twin_of(self.unknowns, log_factors).lead(trial, (starts, begins), pushes, joints, torque_noise)
+        filtered = Filtered(trial, starts, begins, pushes)
+        return twin_of(self.unknowns, log_factors).lead(filtered, self._joints(faults), torque_noise)
