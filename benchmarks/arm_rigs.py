@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.common import NEEDS_MORE
-from metaid.episode import window_ends
+from metaid.episode import SensorReadings, window_ends
 from metaid.episode.spatial import ArmEpisode
+from metaid.estimation import ArmEstimate, ArmLaws, BaseUnknowns, Loop, Motions, Readings, ReadTrial, SeenTrial, fit
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, PriorDeviations
 from metaid.plant import ArmPlant, ArmSettings, FaultSettings, load_plant
@@ -53,6 +56,34 @@ def experiment_on(plant: ArmPlant, seed: int) -> tuple[ArmPrior, ArmEpisode]:
     reads = bool(plant.settings.faults.named)
     episode = ArmEpisode(starts, stiffness, steps, window_ends(steps, WINDOWS), seed=seed, keeps_readings=reads)
     return ArmPrior(drawn_nominal(plant.tree, seed, PriorDeviations())), episode
+
+
+def read_trial(laws: ArmLaws, law: Array, loop: Loop, read: SensorReadings) -> ReadTrial:
+    """The trial on noisy sensors in which a law led to these readings.
+
+    Args:
+        laws: of the study.
+        law: that was sent (njoint x 13).
+        loop: how the arm is controlled and read.
+        read: what the sensors read.
+    """
+    poses, speeds = np.ascontiguousarray(laws.episode.begins.swapaxes(0, 1))
+    return loop.trial(read, speeds, partial(laws.commanded, law), poses)
+
+
+def estimate_arm(trials: Sequence[SeenTrial], searched: BaseUnknowns, before: ArmEstimate | None) -> ArmEstimate | None:
+    """What all `trials` say of what is `searched`, from the estimate `before` where that explained its trials; None
+    where no arm shows what they did.
+    """
+    start = before.start if before is not None and before.is_explained else None
+    read = [trial for trial in trials if isinstance(trial, ReadTrial)]
+    watched = [trial for trial in trials if not isinstance(trial, ReadTrial)]
+    try:
+        compared = Readings(read, searched) if read else Motions(watched, searched)
+        found: ArmEstimate = fit(compared, start, refines=start is not None)
+    except ValueError:
+        return None
+    return found
 
 
 def _settings(name: str, seed: int) -> ArmSettings:

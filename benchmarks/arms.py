@@ -31,19 +31,11 @@ from statistics import median
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from benchmarks.arm_rigs import OTHERS, SHIPPED, URDFS, WITHIN, experiment_on, plant_of
+from benchmarks.arm_rigs import OTHERS, SHIPPED, URDFS, WITHIN, estimate_arm, experiment_on, plant_of, read_trial
 from benchmarks.arms_minimised import MINIMISERS, minimise, minimised_table
 from benchmarks.common import Row, table
 from metaid.compiled.spatial import ArmLoop
-from metaid.estimation import Loop, ReadTrial
-from metaid.estimation.spatial import (
-    ArmEstimate,
-    ArmUnknowns,
-    WatchedArmTrial,
-    estimate_arm,
-    read_arm_trial,
-    watched_arm_trial,
-)
+from metaid.estimation import ArmEstimate, ArmLaws, BaseUnknowns, Loop, ReadTrial, WatchedTrial
 from metaid.models.tree import ModelError, Tree, model_error
 from metaid.plant import slope_weights
 
@@ -90,10 +82,10 @@ def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
     prior, episode = experiment_on(plant, seed)
     nominal = prior.nominal
     began = time.process_time()
-    searched = ArmUnknowns(prior)
+    searched = BaseUnknowns(prior)
     loop, law = ArmLoop(plant, nominal, episode), nominal.parameters
     estimate: ArmEstimate | None = None
-    watched: list[WatchedArmTrial | ReadTrial] = []
+    watched: list[WatchedTrial | ReadTrial] = []
     errors: list[ModelError] = []
     misfits: list[float] = []
     explained: list[bool] = []
@@ -105,9 +97,9 @@ def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
         falls += int(record.fell.sum())
         if record.readings is not None:
             read = Loop(plant.timestep, np.full(n, noise), slope_weights(plant.timestep))
-            watched.append(read_arm_trial(searched.frames, law, episode, read, record.readings))
+            watched.append(read_trial(ArmLaws(searched, episode), law, read, record.readings))
         else:
-            watched.append(watched_arm_trial(law, episode, plant.timestep, record.windows))
+            watched.append(WatchedTrial(law, plant.timestep, episode.states, record.windows, episode.stiffness))
         before, estimate = estimate, estimate_arm(watched, searched, estimate)
         spent += time.process_time() - began
         if estimate is None:

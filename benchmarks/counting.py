@@ -23,7 +23,7 @@ from threadpoolctl import threadpool_limits
 from benchmarks.chains import random_chain
 from benchmarks.common import Row, table
 from metaid.episode import Windows
-from metaid.estimation import Compared, SilentExperiment, WatchedTrial
+from metaid.estimation import Compared, Experiment, WatchedTrial
 from metaid.estimation.counting import Counts
 from metaid.models import Array, Lumps
 from metaid.plant import PlantSettings, chain_of
@@ -80,10 +80,10 @@ def true_lumps(problem: Problem) -> Lumps:
     return chain_of(problem.spec.plant.links).lumps
 
 
-def watch(problem: Problem) -> tuple[SilentExperiment, list[WatchedTrial]]:
+def watch(problem: Problem) -> tuple[Experiment, list[WatchedTrial]]:
     """The trials of the study, whose laws follow from its seed alone."""
     experiment, searcher, objective = problem.experiment(), problem.make_searcher(), problem.make_objective()
-    assert isinstance(experiment, SilentExperiment)
+    assert experiment is not None
     trials = []
     random = np.random.default_rng(problem.spec.study.seed)
     factors: Array = searcher.ask()[0]
@@ -223,7 +223,7 @@ def by_cmaes(links: int, seed: int, most: int) -> Row:
 
     problem = problem_of(links, seed)
     experiment, trials = watch(problem)
-    counts = Counts(trials, experiment.unknowns, experiment.gravity)
+    counts = Counts(trials, experiment.unknowns)
     truth = experiment.unknowns.log_factors(true_lumps(problem))
     optimizer = cmaes.CMA(mean=np.zeros(len(truth)), sigma=0.15, seed=seed + 1)
     best, at, tried, began = np.inf, np.zeros(len(truth)), 0, time.perf_counter()

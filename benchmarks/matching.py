@@ -30,7 +30,7 @@ from benchmarks.chains import random_chain
 from benchmarks.recovery import _spoil as spoil
 from metaid.compiled import CompiledLoop
 from metaid.episode import FALL_LIMIT, REACH, RICH_FALL_LIMIT, Episode, FallRule, natural_time, rich_pushes, window_ends
-from metaid.estimation import Estimate, Motions, Quantity, Unknowns, WatchedTrial, fit
+from metaid.estimation import Estimate, LogUnknowns, Motions, Quantity, WatchedTrial, fit, upright
 from metaid.models import Array, Chain, Lumps
 from metaid.plant import MujocoPlant, PlantSettings, chain_of
 from metaid.study import HORIZON
@@ -113,7 +113,7 @@ def match(links: int, seed: int, experiment: Experiment) -> Match:
     episode = experiment.episode(plant, nominal, seed)
     compiled = CompiledLoop(plant, episode)
     starts = np.array([plant.start_speeds(start) for start in episode.starts])
-    unknowns = Unknowns(nominal.lumps, spread=experiment.spread)
+    unknowns = LogUnknowns(nominal.lumps, plant.gravity, spread=experiment.spread)
     truth = unknowns.log_factors(plant.chain.lumps)
     random = np.random.default_rng([links, seed])
     trials: list[WatchedTrial] = []
@@ -129,7 +129,7 @@ def match(links: int, seed: int, experiment: Experiment) -> Match:
         if len(trials) < experiment.fewest:
             continue
         start = estimate.log_factors if estimate is not None and estimate.misfit < EXPLAINED else None
-        comparison = Motions(trials, unknowns, plant.gravity, experiment.compared)
+        comparison = Motions(trials, unknowns, experiment.compared)
         estimate = fit(comparison, start, experiment.most_restarts(links))
         spent["fits"] += time.perf_counter() - ended
         errors.append(float(np.abs(np.expm1(estimate.design @ (estimate.log_factors - truth))).max()))
@@ -141,7 +141,7 @@ def match(links: int, seed: int, experiment: Experiment) -> Match:
 def _trial(compiled: CompiledLoop, law: Lumps, starts: Array) -> WatchedTrial:
     windows = compiled.run(law).windows
     assert windows is not None
-    return WatchedTrial(law, compiled.plant.timestep, starts, windows)
+    return WatchedTrial(law, compiled.plant.timestep, upright(starts), windows)
 
 
 def _over_compensating(nominal: Lumps, factors: Array | float) -> Lumps:

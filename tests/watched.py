@@ -9,7 +9,7 @@ from chain_studies import random_chain
 
 from metaid.compiled import CompiledLoop, FaultyLoop, fastest_step
 from metaid.episode import RICH_FALL_LIMIT, Episode, FallRule, natural_time, rich_pushes, window_ends
-from metaid.estimation import ReadTrial, Unknowns, WatchedTrial, commanded_torques, filtered_speeds
+from metaid.estimation import LogUnknowns, ReadTrial, WatchedTrial, commanded_torques, filtered_speeds, upright
 from metaid.models import Array, Chain, Lumps
 from metaid.plant import FaultSettings, MujocoPlant, PlantSettings, Start, chain_of, slope_weights
 
@@ -30,7 +30,7 @@ class Watched:
         ends = window_ends(self.episode.steps, windows, 0.5 ** (windows - 1))
         seen = CompiledLoop(self.plant, replace(self.episode, window_ends=ends)).run(law).windows
         assert seen is not None
-        return WatchedTrial(law, TIMESTEP, self.starts, seen, self.episode.stiffness)
+        return WatchedTrial(law, TIMESTEP, upright(self.starts), seen, self.episode.stiffness)
 
     def read_trial(self, law: Lumps) -> ReadTrial:
         """What its sensors read under this `law`, and what it was sent."""
@@ -83,4 +83,4 @@ def raised(lumps: Lumps, factor: float) -> Lumps:
 
 def some_torque(seen: Watched) -> Array:
     """A share of what each joint needs (njoint), in N m: noise of the torques may be as large."""
-    return 0.03 * Unknowns(seen.nominal.lumps).torques(GRAVITY, float(np.abs(seen.starts).max()))
+    return 0.03 * LogUnknowns(seen.nominal.lumps, GRAVITY).torques(float(np.abs(seen.starts).max()))

@@ -12,7 +12,7 @@ from benchmarks.rivals.conditions import Condition
 from benchmarks.rivals.judging import Found
 from metaid.compiled import Objective
 from metaid.episode import Outcome
-from metaid.estimation import ChainExperiment, NoisyExperiment, ReadTrial
+from metaid.estimation import Experiment, ReadTrial
 from metaid.models import Array, Lumps, compensation_basis
 from metaid.results import identified_factors
 from metaid.search import make_searcher
@@ -65,10 +65,10 @@ class Rig:
         self.problem = Problem(self.spec)
         self.objective = self.problem.make_objective()
 
-    def experiment(self) -> ChainExperiment | None:
+    def experiment(self) -> Experiment | None:
         """What the estimate knows: not that torques are late, unless it finds that by itself."""
         known = self.problem.experiment()
-        return replace(known, loop=replace(known.loop, delay=0)) if isinstance(known, NoisyExperiment) else known
+        return known if known is None or known.loop is None else replace(known, loop=replace(known.loop, delay=0))
 
     def run(self) -> list[Tried]:
         """All trials of the study for which there is time."""

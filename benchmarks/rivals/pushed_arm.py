@@ -4,22 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.arm_rigs import HORIZON, STIFFNESS, WINDOWS
+from benchmarks.arm_rigs import HORIZON, STIFFNESS, WINDOWS, estimate_arm, read_trial
 from benchmarks.rivals.conditions import Condition
 from benchmarks.rivals.judging import Found
 from benchmarks.rivals.pushed import trials_of
 from metaid.compiled.spatial import ArmLoop, commanded_arm_torques
 from metaid.episode import window_ends
 from metaid.episode.spatial import ArmEpisode
-from metaid.estimation import Loop, ReadTrial
-from metaid.estimation.spatial import (
-    ArmEstimate,
-    ArmUnknowns,
-    WatchedArmTrial,
-    estimate_arm,
-    read_arm_trial,
-    watched_arm_trial,
-)
+from metaid.estimation import ArmEstimate, ArmLaws, BaseUnknowns, Loop, ReadTrial, WatchedTrial
 from metaid.models.tree import ArmPrior
 from metaid.plant import ArmPlant, FaultSettings, slope_weights
 from metaid.plant.description import draw_starts
@@ -47,9 +39,9 @@ def output_error_of_arm(plant: ArmPlant, prior: ArmPrior, condition: Condition, 
     stiffness = np.where(np.arange(count) % 3 < 2, 0.0, STIFFNESS)  # one on springs for two that coast
     starts = draw_starts(plant, count, HORIZON, seed)
     episode = ArmEpisode(starts, stiffness, steps, window_ends(steps, WINDOWS), seed=seed, keeps_readings=True)
-    searched, loop, law = ArmUnknowns(prior), ArmLoop(rig, prior.nominal, episode), prior.nominal.parameters
+    searched, loop, law = BaseUnknowns(prior), ArmLoop(rig, prior.nominal, episode), prior.nominal.parameters
     estimate: ArmEstimate | None = None
-    watched: list[WatchedArmTrial | ReadTrial] = []
+    watched: list[WatchedTrial | ReadTrial] = []
     torque, reach = 0.0, 0.0
     for number in range(trials):
         record = loop.run(law, number)
@@ -57,12 +49,12 @@ def output_error_of_arm(plant: ArmPlant, prior: ArmPrior, condition: Condition, 
         assert read is not None
         if noise:
             sensed = Loop(timestep, np.full(n, noise), slope_weights(timestep))
-            trial = read_arm_trial(searched.frames, law, episode, sensed, read)
+            trial = read_trial(ArmLaws(searched, episode), law, sensed, read)
             watched.append(trial)
             torques = trial.torques
         else:
             assert read.speeds is not None
-            watched.append(watched_arm_trial(law, episode, timestep, record.windows))
+            watched.append(WatchedTrial(law, timestep, episode.states, record.windows, episode.stiffness))
             torques = commanded_arm_torques(searched.frames, law, episode, read.angles, read.speeds)
         seen = np.arange(steps + 1) < read.counts[:, None]
         torque = max(torque, float(np.abs(torques[seen[:, :-1]]).max()))

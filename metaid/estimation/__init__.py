@@ -1,18 +1,21 @@
-"""What all trials of a study say of a chain: the chain that, simulated under the very laws that were sent, shows what
-was seen. In robot identification this is the closed-loop output-error method; docs/method.md has its equations.
+"""What all trials of a study say of a robot: the one that, simulated under the very laws that were sent, shows what was
+seen. In robot identification this is the closed-loop output-error method; docs/method.md has its equations.
 
-    trials = [WatchedTrial(law, timestep, start_speeds, windows), ...]
-    estimate = fit(Motions(trials, Unknowns(nominal), gravity))
+    trials = [WatchedTrial(law, timestep, starts, windows), ...]
+    estimate = fit(Motions(trials, LogUnknowns(nominal, gravity)))
 
-All trials are used, whichever sampler proposed their laws. A trial that ended in a fall is used up to the fall.
-`Motions` compares windows of plants without noise, `Readings` what the sensors of a noisy plant read. Nothing here
-knows of files, studies or the truth. What an estimate says is read without numba, which is loaded when one is made.
+What is unknown is a chain's `LogUnknowns`, of which its lumps are a view, or an arm's `BaseUnknowns`. All trials
+are used, whichever sampler proposed their laws. A trial that ended in a fall is used up to the fall. `Motions` compares
+windows of plants without noise, `Readings` what the sensors of a noisy plant read. An `Experiment` is all of this for a
+study. Nothing here knows of files, studies or the truth. What an estimate says is read without numba, which is loaded
+when one is made.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from metaid.estimation.approximation import Approximation, HeldOut, has_mass
+from metaid.estimation.base_unknowns import ArmEstimate, BaseUnknowns
 from metaid.estimation.estimate import Estimate, Found, fit
 from metaid.estimation.faults import (
     NO_FAULTS,
@@ -23,18 +26,13 @@ from metaid.estimation.faults import (
     Unmodelled,
     searched_faults,
 )
-from metaid.estimation.trials import Replay, WatchedTrial
-from metaid.estimation.unknowns import FULL, Unknowns
+from metaid.estimation.log_unknowns import FULL, LogUnknowns
+from metaid.estimation.trials import Replay, WatchedTrial, upright
+from metaid.estimation.unknowns import Unknowns
 
 if TYPE_CHECKING:
-    from metaid.estimation.chain_experiment import (
-        ChainExperiment,
-        Compared,
-        NoisyExperiment,
-        SeenTrial,
-        SilentExperiment,
-    )
-    from metaid.estimation.experiment import Experiment
+    from metaid.estimation.experiment import Compared, Experiment, SeenTrial
+    from metaid.estimation.laws import ArmLaws, ChainLaws
     from metaid.estimation.motions import Motions, Quantity
     from metaid.estimation.noisy import Loop, Readings, ReadTrial, commanded_torques, filtered_speeds
 
@@ -42,16 +40,19 @@ __all__ = [
     "FULL",
     "NO_FAULTS",
     "Approximation",
-    "ChainExperiment",
+    "ArmEstimate",
+    "ArmLaws",
+    "BaseUnknowns",
+    "ChainLaws",
     "Compared",
     "Estimate",
     "Experiment",
     "Found",
     "FoundFaults",
     "HeldOut",
+    "LogUnknowns",
     "Loop",
     "Motions",
-    "NoisyExperiment",
     "Proposal",
     "Quantity",
     "ReadTrial",
@@ -59,7 +60,6 @@ __all__ = [
     "Replay",
     "SearchedFaults",
     "SeenTrial",
-    "SilentExperiment",
     "TakenUp",
     "Unknowns",
     "Unmodelled",
@@ -69,11 +69,12 @@ __all__ = [
     "fit",
     "has_mass",
     "searched_faults",
+    "upright",
 ]
 _LOADS_NUMBA = dict.fromkeys(("Motions", "Quantity"), "motions")
 _LOADS_NUMBA |= dict.fromkeys(("Loop", "Readings", "ReadTrial", "commanded_torques", "filtered_speeds"), "noisy")
-_CHAIN = "ChainExperiment", "Compared", "NoisyExperiment", "SeenTrial", "SilentExperiment"
-_LOADS_NUMBA |= {"Experiment": "experiment"} | dict.fromkeys(_CHAIN, "chain_experiment")
+_LOADS_NUMBA |= dict.fromkeys(("Compared", "Experiment", "SeenTrial"), "experiment")
+_LOADS_NUMBA |= dict.fromkeys(("ArmLaws", "ChainLaws"), "laws")
 
 
 def __getattr__(name: str) -> Any:

@@ -9,23 +9,12 @@ from typing import Any, Protocol
 import numpy as np
 
 from metaid.estimation.faults import FoundFaults, SearchedFaults, found_faults
-from metaid.estimation.fit import Fit, Growing, Named, find, refine
+from metaid.estimation.fit import Fit, Growing, find, refine
 from metaid.models import DEVIATIONS, Array, Lumps, half_width
-
-
-class Robot(Named, Protocol):
-    """What is unknown of a robot."""
-
-    def estimated(self, found: dict[str, Any]) -> Any:
-        """The `Found` with the fields of a `Fit` that were `found`, and the faults."""
 
 
 class Comparison(Growing, Protocol):
     """What is compared: motions of a plant without noise, or `Readings` of noisy sensors."""
-
-    @property
-    def unknowns(self) -> Robot:
-        """What is unknown of the robot."""
 
     @property
     def faults(self) -> SearchedFaults:
@@ -145,7 +134,6 @@ def fit(
     start: Array | None = None,
     restarts: int = 3,
     seed: int = 0,
-    gives_up: bool = False,
     refines: bool = False,
 ) -> Any:
     """The robot that all trials of a `comparison` lead to: a `Found`.
@@ -153,18 +141,17 @@ def fit(
     Args:
         comparison: what is compared with the twin.
         start: unknowns of the robot, with faults behind them (nunknown), to try before the nominal model, such as
-            those of the estimate before.
+            those of the estimate before; None for where fits to such a robot begin.
         restarts: how often the fit may begin at a random point of the prior, where the misfit says that it ended in a
             wrong minimum.
         seed: of these points; the same seed gives the same estimate.
-        gives_up: whether the fit ends as soon as it explains nothing any more.
         refines: whether all windows are compared from the `start` on, where that is in the valley of the truth.
 
     Raises:
-        ValueError: the twin cannot follow the trials from any start, or the fit gave up.
+        ValueError: the twin cannot follow the trials from any start.
     """
     found = refine(comparison, start) if refines and start is not None else None
-    found = found or find(comparison, start, restarts, seed, gives_up)
+    found = found or find(comparison, begun(comparison, start), restarts, seed)
     if found is None:
         raise ValueError("no robot near the nominal one moves through any window: the nominal model is none's")
     count = len(found.names)
@@ -173,3 +160,11 @@ def fit(
         faults = found_faults(comparison.faults, found.unknowns[count:], found.deviations[count:])
     own = {"unknowns": found.unknowns[:count], "covariance": found.covariance[:count, :count], "faults": faults}
     return comparison.unknowns.estimated(vars(found) | own)
+
+
+def begun(comparison: Comparison, start: Array | None) -> Array | None:
+    """Where a fit begins (nunknown): at the `start` if there is one, else where fits to such a robot do, without
+    faults; None for the nominal model.
+    """
+    begin = comparison.unknowns.begin if start is None else None
+    return start if begin is None else np.append(begin, np.zeros(len(comparison.faults.names)))

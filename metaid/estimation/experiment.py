@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any, ClassVar
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 
 from metaid.episode import Outcome
 from metaid.estimation.approximation import HeldOut
 from metaid.estimation.counting import Counts, match_counts
-from metaid.estimation.estimate import Comparison, Found, fit
-from metaid.estimation.faults import NO_FAULTS, Proposal, SearchedFaults, TakenUp, Unmodelled
+from metaid.estimation.estimate import Found, fit
+from metaid.estimation.faults import NO_FAULTS, Proposal, SearchedFaults, TakenUp, Unmodelled, searched_faults
+from metaid.estimation.laws import Laws
+from metaid.estimation.motions import Motions, Quantity
 from metaid.estimation.noisy import (
     Innovations,
     Loop,
@@ -26,219 +28,238 @@ from metaid.estimation.noisy import (
     take_up,
     unmodelled_forces,
 )
-from metaid.estimation.trials import Replay
+from metaid.estimation.trials import ReadTrial, Replay, WatchedTrial
 from metaid.models import Array
 
+PROBES = {"speed": 1, "both": 1, "frequency": 2, "count": 10}  # trials that show much, by what is compared
 RESTARTS = 3  # of a fit that explains nothing, from elsewhere
 SOME = 0.03  # of what the joints need: noise of torques that stands for what the model has not, to begin with
+AGREED = 1e-6  # of what an unknown may be beforehand: two estimates that are so near each other are the same
+STILL_SHRINKS = 0.95  # of the widest interval before: a trial that leaves more of it is worth no other
+
+SeenTrial = WatchedTrial | ReadTrial
+Compared = Quantity | Literal["count"]
 
 
-class Experiment(ABC):
-    """What is the same in all trials of a study, of a chain or of an arm."""
-
-    @abstractmethod
-    def trial(self, factors: Array, outcome: Outcome) -> Any:
-        """A trial whose law had these `factors`, and what was seen of it; None where nothing of it is known."""
-
-    leads_on: ClassVar[bool] = False
-    """Whether all trials lead on in a step or two from where the first of them led."""
-
-    scale: ClassVar[float] = 1.0
-    """What the unknowns are multiples of."""
-
-    @property
-    def counts(self) -> bool:
-        """Whether half periods are counted, and no motion compared."""
-        return False
-
-    @property
-    @abstractmethod
-    def probes(self) -> int:
-        """How many trials that over-compensate an estimate needs."""
-
-    @abstractmethod
-    def probe(self, start: Array, random: np.random.Generator | None) -> Array:
-        """Factors of a law that shows much, from those of the `start`: the first time the same, then at `random`."""
-
-    @abstractmethod
-    def factors(self, estimate: Any) -> Array:
-        """The factors of the law that an `estimate` has."""
-
-    def is_to_probe(self, trials: int, is_settled: bool) -> bool:
-        """Whether the law after so many `trials` is another than that of the estimate: where intervals have stopped
-        shrinking, for one that coasts shows no more.
-        """
-        return is_settled
-
-    @abstractmethod
-    def is_coasting(self, value: float) -> bool:
-        """Whether a trial with this `value` of the measure coasts."""
-
-    @abstractmethod
-    def is_settled(self, before: Any, after: Any) -> bool:
-        """Whether intervals have stopped shrinking from the estimate `before` the last trial to the one `after` it."""
-
-    @abstractmethod
-    def _comparison(self, trials: Sequence[Any]) -> Any:
-        """What is compared with the twin.  Raises ValueError where `trials` show nothing."""
-
-    def estimate(self, trials: Sequence[Any], start: Found | None = None, thorough: bool = True) -> Any:
-        """What all `trials` say; None where they showed nothing, or no chain shows what they did.
-
-        A `start` that explained the trials before is where the fit begins. Where that explains nothing, a
-        `thorough` fit begins elsewhere RESTARTS times.
-        """
-        begin = start.start if start is not None and start.is_explained else None
-        try:
-            compared = self._comparison(trials)
-            return self._fit(compared, begin, RESTARTS if thorough else 0)
-        except ValueError:
-            return None
-
-    def _fit(self, compared: Comparison | Counts, begin: Array | None, restarts: int) -> Found:
-        """What is compared says of the robot.  Raises ValueError where no robot shows what was seen."""
-        if isinstance(compared, Counts):
-            return match_counts(compared, begin, restarts)
-        found: Found = fit(compared, begin, restarts)
-        return found
-
-    def unmodelled(self, trials: Sequence[Any], estimate: Found) -> list[Unmodelled]:
-        """Forces that the model has not, as far as the `trials` show them beside an `estimate` of them. Without noise
-        there are none: the misfit says all.
-        """
-        return []
-
-    def taken_up(self, trials: Sequence[Any], estimate: Found) -> tuple[Any, TakenUp | None]:
-        """What the `trials` say with the faults that explain them, where an experiment takes up faults by itself, and
-        what speaks for these; else the `estimate`.
-        """
-        return estimate, None
-
-    def searching(self, estimate: Found) -> Any:
-        """The same where the faults that an `estimate` has taken up are searched from the first trial on."""
-        return self
-
-    def proposed(self, trials: Sequence[Any], estimate: Found) -> Proposal | None:
-        """Faults that would explain what an `estimate` of the `trials` does not, if they were searched, too. None where
-        none does, or no readings were kept to try it.
-        """
-        return None
-
-    def held_out(self, trials: Sequence[Any], estimate: Found) -> HeldOut | None:
-        """How well fits to some of the pushes of the `trials` predict the others, from an `estimate` on. None without
-        noise, where a model that leaves more than rounding is wrong, and where there are too few pushes.
-        """
-        return None
-
-    def replay(self, trials: Sequence[Any], estimate: Found, number: int) -> Replay:
-        """What was seen of one of the `trials` that an `estimate` is made of, and what the twin at the estimate shows
-        in its place; `number` is that of its table in `estimate.residuals`.
-        """
-        replay: Replay = self._comparison(trials).replay(number, estimate.point)
-        return replay
-
-
-class OfReadings(Experiment):
-    """One with noise, whose trials are the readings of sensors.
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """What is the same in all trials of a study. Where there is no noise, the windows of each push are compared with a
+    twin under the same law; else the readings of sensors with a twin that is driven by what was commanded.
 
     Attributes:
+        laws: that are sent.
+        unknowns: what an estimate is of, `Unknowns`; it may have lumps that no law has, those of inertia.
+        timestep: in which the plant moves, in s.
+        starts: joint coordinates and speeds (npush x 2 x njoint) right after each push.
+        stiffness: k of the law on each push (npush), or the same on all, in 1/s².
+        resolution: of the measure, in its unit; a value below it passes for coasting.
+        compared: what of the motion, where there is no noise.
+        loop: how the plant is controlled and read; None where sensors are exact.
         faults: that are searched beside what is unknown of the robot.
         takes_up: whether faults are searched, too, once nothing explains the trials without them.
         torque_noise: what the noise of each joint's torque (njoint) is said to be, in N m; None where torques have
             none. How large it is, is found.
-        loop: how the plant is controlled and read; None where sensors are exact.
     """
 
-    faults: SearchedFaults
-    takes_up: bool
-    torque_noise: Array | None
-    loop: Loop | None
+    laws: Laws
+    unknowns: Any
+    timestep: float
+    starts: Array
+    stiffness: Array | float = 0.0
+    resolution: float = 0.0
+    compared: Compared = "speed"
+    loop: Loop | None = None
+    faults: SearchedFaults = NO_FAULTS
+    takes_up: bool = False
+    torque_noise: Array | None = None
 
-    @abstractmethod
-    def _search(self, kinds: tuple[str, ...]) -> SearchedFaults:
-        """Faults of these `kinds` as unknowns."""
+    def trial(self, candidate: Array, outcome: Outcome) -> Any:
+        """A `SeenTrial`: the law of a `candidate`, and what was seen of it; None where nothing of it is known."""
+        law = self.laws.law(candidate)
+        if self.loop is None:
+            shown = outcome.windows
+            return None if shown is None else WatchedTrial(law, self.timestep, self.starts, shown, self.stiffness)
+        if outcome.readings is None:
+            return None
+        poses, speeds = np.ascontiguousarray(self.starts.swapaxes(0, 1))
+        return self.loop.trial(outcome.readings, speeds, partial(self.laws.commanded, law), poses)
+
+    # What a sampler asks.
 
     @property
-    @abstractmethod
-    def _some_torque(self) -> Array:
-        """What the noise of each joint's torque (njoint) may be that stands for what the model has not, in N m."""
+    def counts(self) -> bool:
+        """Whether half periods are counted, and no motion compared."""
+        return self.loop is None and self.compared == "count"
 
-    def _fit(self, compared: Comparison | Counts, begin: Array | None, restarts: int) -> Found:
-        if self.torque_noise is None or not isinstance(compared, Innovations):
-            return super()._fit(compared, begin, restarts)
-        return fit_with_torque_noise(compared, begin, self.torque_noise)
+    @property
+    def probes(self) -> int:
+        """How many trials that show much an estimate needs."""
+        return PROBES[self.compared] if self.loop is None else 1
 
-    def unmodelled(self, trials: Sequence[Any], estimate: Found) -> list[Unmodelled]:
-        tried = estimate.led_misfit is not None and (self.takes_up or estimate.faults is not None)
-        compared = None if tried else self._led(trials, estimate)
-        return [] if compared is None else list(unmodelled_forces(compared, estimate))
+    def probe(self, start: Array, random: np.random.Generator | None) -> Array:
+        """A candidate whose law shows much, from that of the `start`: the first time the same, then at `random`."""
+        return self.laws.probe(start, random, self.torque_noise is not None)
+
+    def factors(self, estimate: Any) -> Array:
+        """The candidate whose law an `estimate` has."""
+        return self.laws.candidate(estimate)
+
+    def is_to_probe(self, trials: int, is_settled: bool) -> bool:
+        """Whether the law after so many `trials` is another than that of the estimate: where intervals have stopped
+        shrinking, for one that coasts shows no more. Where torques are noisy, every other law is: one that coasts shows
+        gravity lumps alone, and one that swings the others.
+        """
+        return is_settled if self.torque_noise is None else trials % 2 == 1
+
+    def is_coasting(self, value: float) -> bool:
+        """Whether a trial with this `value` of the measure coasts. Noise hides how well one does: then its intervals
+        say how well the plant is known.
+        """
+        return self.loop is None and value <= self.resolution
+
+    def is_settled(self, before: Found, after: Found) -> bool:
+        """Whether one more trial tells no more, from the estimate `before` the last one to the one `after` it: with
+        noise where intervals have stopped shrinking. Without it a chain coasts in the end. An arm with dry friction
+        never coasts as well as can be told, for a law that takes it for smooth chatters; there estimates agree.
+        """
+        if self.loop is None:
+            moved = np.abs(after.unknowns - before.unknowns).max()
+            return bool(self.unknowns.leads_on and float(moved) <= AGREED * self.unknowns.spread)
+        if self.torque_noise is not None:  # a trial narrows the intervals of those lumps that it shows
+            return bool((after.deviations > STILL_SHRINKS * before.deviations).all())
+        return float(after.deviations.max()) > STILL_SHRINKS * float(before.deviations.max())
+
+    # What trials say.
 
     def estimate(self, trials: Sequence[Any], start: Found | None = None, thorough: bool = True) -> Any:
+        """What all `trials` say; None where they showed nothing, or no robot shows what they did.
+
+        A `start` that explained the trials before is where the fit begins. Where that explains nothing, a
+        `thorough` fit begins elsewhere RESTARTS times. Of noisy readings that are not explained, the fit takes up
+        faults if it is to, and lets noise of the torques stand for what the model has not.
+        """
         if start is not None and start.faults is not None and self.takes_up:
             found = self._searching(start.faults.searched).estimate(trials, start, thorough)
-            if found is None or found.is_explained:
-                return found
         else:
-            found = super().estimate(trials, start, thorough=False)
-        if found is None or found.is_explained or self.torque_noise is not None:
+            found = self._fitted(trials, start, thorough)
+        if found is None or found.is_explained or self.loop is None or self.torque_noise is not None:
             return found
-        compared = self._comparison(trials)
-        if not isinstance(compared, Readings):
-            return found
+        compared = self._readings(trials)
         if start is None and self.takes_up:
             return take_up(compared, found, self._search, self._some_torque)[0]
         faulty = replace(compared, faults=NO_FAULTS if found.faults is None else found.faults.searched)
         begin = found if found.torque_noise is not None else replace(found, torque_noise=self._some_torque)
         return led(faulty, begin) or found
 
-    def taken_up(self, trials: Sequence[Any], estimate: Found) -> tuple[Any, TakenUp | None]:
-        compared = self._comparison(trials) if self.takes_up else None
-        if not isinstance(compared, Readings) or (estimate.is_explained and estimate.faults is None):
-            return estimate, None
-        return take_up(compared, estimate, self._search, self._some_torque)
+    def _fitted(self, trials: Sequence[Any], start: Found | None, thorough: bool) -> Found | None:
+        """What the `trials` say with what is searched."""
+        begin = start.start if start is not None and start.is_explained else None
+        leads_on: bool = self.unknowns.leads_on
+        restarts = RESTARTS if thorough and self.loop is None and not leads_on else 0
+        try:
+            compared = self._comparison(trials)
+            if isinstance(compared, Counts):
+                return match_counts(compared, begin, restarts)
+            if isinstance(compared, Innovations) and self.torque_noise is not None:
+                return fit_with_torque_noise(compared, begin, self.torque_noise)
+            found: Found = fit(compared, begin, restarts, refines=leads_on and begin is not None)
+        except ValueError:
+            return None
+        return found
 
-    def searching(self, estimate: Found) -> Any:
+    def unmodelled(self, trials: Sequence[Any], estimate: Found) -> list[Unmodelled]:
+        """Forces that the model has not, as far as the `trials` show them beside an `estimate` of them. Without noise
+        there are none: the misfit says all.
+        """
+        tried = estimate.led_misfit is not None and (self.takes_up or estimate.faults is not None)
+        compared = None if tried else self._led(trials, estimate)
+        return [] if compared is None else list(unmodelled_forces(compared, estimate))
+
+    def taken_up(self, trials: Sequence[Any], estimate: Found) -> tuple[Any, TakenUp | None]:
+        """What the `trials` say with the faults that explain them, where faults are taken up, and what speaks for
+        these; else the `estimate`.
+        """
+        if not self.takes_up or self.loop is None or (estimate.is_explained and estimate.faults is None):
+            return estimate, None
+        return take_up(self._readings(trials), estimate, self._search, self._some_torque)
+
+    def searching(self, estimate: Found) -> Experiment:
+        """The same where the faults that an `estimate` has taken up are searched from the first trial on."""
         return self._searching(estimate.faults.searched) if self.takes_up and estimate.faults is not None else self
 
     def proposed(self, trials: Sequence[Any], estimate: Found) -> Proposal | None:
+        """Faults that would explain what an `estimate` of the `trials` does not, if they were searched, too. None where
+        none does, or no readings were kept to try it.
+        """
         if self.takes_up or self.torque_noise is not None or self.loop is None:
             return None  # none of them explains the trials; or gains of a filter that are those without it
-        compared = self._comparison(trials)
-        if not isinstance(compared, Readings):
-            return None  # without noise the misfit says all
-        return proposed_faults(compared, estimate, self._search, self._some_torque, self.loop.declared_delay)
+        compared, delay = self._readings(trials), self.loop.declared_delay
+        return proposed_faults(compared, estimate, self._search, self._some_torque, delay)
 
     def held_out(self, trials: Sequence[Any], estimate: Found) -> HeldOut | None:
-        fitted, compared = self._led(trials, estimate), self._comparison(trials)
+        """How well fits to some of the pushes of the `trials` predict the others, from an `estimate` on. None without
+        noise, where a model that leaves more than rounding is wrong, and where there are too few pushes.
+        """
+        fitted = self._led(trials, estimate)
         if fitted is None:
             return None
-        return hold_out(fitted, estimate.point, compared if estimate.led_misfit is not None else None)
+        judged = self._readings(trials) if estimate.led_misfit is not None else None
+        return hold_out(fitted, estimate.point, judged)
 
-    def step_error(self, factors: Array, outcome: Outcome) -> Array | None:
+    def replay(self, trials: Sequence[Any], estimate: Found, number: int) -> Replay:
+        """What was seen of one of the `trials` that an `estimate` is made of, and what the twin at the estimate shows
+        in its place; `number` is that of its table in `estimate.residuals`.
+        """
+        return self._comparison(trials).replay(number, estimate.point)
+
+    def step_error(self, candidate: Array, outcome: Outcome) -> Array | None:
         """How far (njoint), in rad or m, the nominal twin of a trial moves elsewhere with steps of half the size; None
-        where it cannot follow the trial, which had these `factors` and this `outcome`.
+        where it cannot follow the trial, of this `candidate` and with this `outcome`.
         """
         shown = []
         for parts in (1, 2):
             assert self.loop is not None, "there are readings"
             finer = replace(self.loop, timestep=self.loop.timestep / parts, substeps=self.loop.substeps * parts)
-            experiment = replace(self, loop=finer)  # type: ignore[type-var]
-            compared = experiment._comparison([experiment.trial(factors, outcome)])
+            experiment = replace(self, loop=finer)
+            compared = experiment._readings([experiment.trial(candidate, outcome)])
             nominal = np.zeros(len(compared.spreads) + compared.extras)
             shown.append(compared.replay(0, nominal).simulated)
         moved = np.abs(shown[1] - shown[0])
         return None if np.isnan(moved).all() else np.asarray(np.nanmax(moved, axis=(0, 1)))
 
-    def _searching(self, faults: SearchedFaults) -> Any:
-        """The same where these `faults` are searched from the first trial on."""
-        return replace(self, faults=faults, takes_up=False)  # type: ignore[type-var]
+    def _comparison(self, trials: Sequence[Any]) -> Motions | Counts | Readings:
+        """What is compared with the twin.  Raises ValueError where `trials` show nothing."""
+        if self.loop is not None:
+            return self._readings(trials)
+        seen = [trial for trial in trials if trial.windows.seen.any()]
+        if self.compared == "count":
+            return Counts(seen, self.unknowns)
+        return Motions(seen, self.unknowns, self.compared)
+
+    def _readings(self, trials: Sequence[Any]) -> Readings:
+        """The same of a plant with noise."""
+        kind = Readings if self.torque_noise is None else Innovations
+        return kind(trials, self.unknowns, faults=self.faults)
 
     def _led(self, trials: Sequence[Any], estimate: Found) -> Readings | None:
         """What is compared at an `estimate`; None where the twin cannot follow, and without noise."""
-        compared = self._comparison(trials)
-        if not isinstance(compared, Readings):
+        if self.loop is None:
             return None
+        compared = self._readings(trials)
         if estimate.torque_noise is None:
             return compared
         innovations = compared if isinstance(compared, Innovations) else led_by(compared)
         return innovations.led(estimate.point, estimate.torque_noise)
+
+    def _search(self, kinds: tuple[str, ...]) -> SearchedFaults:
+        """Faults of these `kinds` as unknowns."""
+        return searched_faults(kinds, self.unknowns, self.starts[:, 1], self.faults.teeth)
+
+    def _searching(self, faults: SearchedFaults) -> Experiment:
+        """The same where these `faults` are searched from the first trial on."""
+        return replace(self, faults=faults, takes_up=False)
+
+    @property
+    def _some_torque(self) -> Array:
+        """What the noise of each joint's torque (njoint) may be that stands for what the model has not, in N m."""
+        return SOME * np.asarray(self.unknowns.torques(float(np.abs(self.starts[:, 1]).max())))

@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from metaid.estimation.descent import Descent, Fitted, descend, place_at, triangle
+from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 
 ROUGHLY, EXACTLY = 1e-2, 1e-10  # the last step in an unknown: on windows that are to grow, and on all of them
@@ -20,20 +21,12 @@ NARROWER = 0.7  # of the spread about a start that no chain can have, for the ne
 DRAWS = 20
 
 
-class Named(Protocol):
-    """What is unknown."""
-
-    @property
-    def names(self) -> list[str]:
-        """Of the unknowns (nunknown)."""
-
-
 class Growing(Fitted, Protocol):
     """What is compared with a twin, on windows that grow."""
 
     @property
-    def unknowns(self) -> Named:
-        """What is unknown."""
+    def unknowns(self) -> Unknowns:
+        """What is unknown of the robot."""
 
     @property
     def rough_stages(self) -> int:
@@ -106,9 +99,7 @@ class Fit:
         return np.sqrt(np.diag(self.covariance))
 
 
-def find(
-    comparison: Growing, start: Array | None = None, restarts: int = 3, seed: int = 0, gives_up: bool = False
-) -> Fit | None:
+def find(comparison: Growing, start: Array | None = None, restarts: int = 3, seed: int = 0) -> Fit | None:
     """What all trials of a `comparison` lead to; None where the twin cannot follow them from any start.
 
     Args:
@@ -117,12 +108,11 @@ def find(
         restarts: how often the fit may begin at a random point of the prior, where the misfit says that it ended in a
             wrong minimum.
         seed: of these points; the same seed gives the same estimate.
-        gives_up: whether a descent ends where it explains nothing any more, for nothing else is asked of it.
     """
     best: Descent | None = None
     iterations = starts = 0
     for point in starting_points(comparison, start, restarts, seed):
-        found = grow(comparison, np.append(point, np.zeros(comparison.extras)), gives_up)
+        found = grow(comparison, np.append(point, np.zeros(comparison.extras)))
         if found is None:
             continue
         starts += 1
@@ -155,9 +145,8 @@ def settled(comparison: Growing, point: Array) -> Array | None:
     return None if found is None else found.place.point[: len(comparison.spreads)]
 
 
-def grow(comparison: Growing, point: Array, gives_up: bool = False) -> Descent | None:
-    """The descent from a `point`, on the shortest windows first; None where the twin cannot follow from there, or, if
-    it `gives_up`, where windows are not explained.
+def grow(comparison: Growing, point: Array) -> Descent | None:
+    """The descent from a `point`, on the shortest windows first; None where the twin cannot follow from there.
 
     From one stage to the next, windows grow by `comparison.stride`. A descent that does not explain what it was led to
     may have left the valley of the truth. So it is begun again from where the last one ended, with windows that grow by
@@ -166,7 +155,7 @@ def grow(comparison: Growing, point: Array, gives_up: bool = False) -> Descent |
     iterations, reached, stride, explained = 0, 0, comparison.stride, True
     while reached < comparison.stages:
         windows = min(reached + stride, comparison.stages) if reached else 1
-        found, valley = _descent(comparison, point, windows, gives_up=gives_up), explained
+        found, valley = _descent(comparison, point, windows), explained
         iterations += 0 if found is None else found.iterations
         explained = found is not None and misfit(found) < IN_THE_VALLEY
         if valley and not explained and reached and windows > reached + 1:
@@ -174,11 +163,7 @@ def grow(comparison: Growing, point: Array, gives_up: bool = False) -> Descent |
             while stride >= windows - reached:  # what remains may be less than a stride
                 stride //= 2
             continue
-        if gives_up and found is not None and found.converged and not explained:
-            # Without noise a last step that is short enough for windows that are to grow leaves much of what there is.
-            found = _descent(comparison, found.place.point, windows, exactly=True, gives_up=True)
-            explained = found is not None and misfit(found) < IN_THE_VALLEY
-        if found is None or (gives_up and not explained):
+        if found is None:
             return None
         stride = min(2 * stride, comparison.stride) if explained else comparison.stride
         point, reached = found.place.point, windows
@@ -186,29 +171,16 @@ def grow(comparison: Growing, point: Array, gives_up: bool = False) -> Descent |
     return Descent(found.place, iterations, found.converged)
 
 
-def _descent(
-    comparison: Growing, point: Array, windows: int, exactly: bool = False, gives_up: bool = False
-) -> Descent | None:
-    """That from a `point` on the first `windows` windows, roughly where these are to grow, unless it is to be done
-    `exactly`; None where the twin cannot follow from there. One that `gives_up` ends where the
-    misfit fell by so little in MOST_ROUGH steps that at this pace it will never be that of a valley.
+def _descent(comparison: Growing, point: Array, windows: int) -> Descent | None:
+    """That from a `point` on the first `windows` windows, roughly where these are to grow; None where the twin cannot
+    follow from there.
     """
     place = place_at(comparison, point, windows)
     if place is None:
         return None
     grows = windows <= comparison.rough_stages
-    tolerance, most = (EXACTLY if exactly or not grows else ROUGHLY), (MOST_ROUGH if grows else MOST_EXACT)
-    ends = comparison.ends_when_cut, comparison.least_gain
-    if not gives_up:
-        return descend(comparison, place, windows, tolerance, most, *ends)
-    taken = 0
-    while True:
-        found = descend(comparison, place, windows, tolerance, min(MOST_ROUGH, most - taken), *ends)
-        taken += found.iterations
-        place, before = found.place, place
-        left = (found.place.cost / before.cost) ** (0.5 * (most - taken) / MOST_ROUGH)  # of the misfit, at this pace
-        if found.converged or taken >= most or left * misfit(found) >= IN_THE_VALLEY:
-            return Descent(place, taken, found.converged)
+    tolerance, most = (ROUGHLY, MOST_ROUGH) if grows else (EXACTLY, MOST_EXACT)
+    return descend(comparison, place, windows, tolerance, most, comparison.ends_when_cut, comparison.least_gain)
 
 
 def misfit(found: Descent) -> float:

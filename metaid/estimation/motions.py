@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from metaid.estimation.descent import NOTHING, Residuals
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults
 from metaid.estimation.trials import Replay, WatchedTrial
-from metaid.estimation.twin import Motion, simulate
+from metaid.estimation.twin import Motion
+from metaid.estimation.twins import twin_of
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 
@@ -22,20 +23,18 @@ DRAWN = 400  # times at which a replay has the twin, which may oscillate
 ENOUGH = 4  # residuals an unknown, of windows that are to grow
 TINY = 1e-100  # in place of a denominator that is 0
 EXPLAINED = 3.0  # a misfit below this is rounding
-RESOLUTION = 1e-9  # of the largest speed or frequency seen: what rounding leaves of agreement between two simulations
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class WatchedTrials:
-    """All `trials` of a study whose windows are compared with a twin, what is unknown of it, and `gravity` in m/s²."""
+    """All `trials` of a study whose windows are compared with a twin, and what is unknown of it."""
 
     trials: Sequence[WatchedTrial]
     unknowns: Unknowns
-    gravity: float
 
     @property
     def spreads(self) -> Array:
-        """Of the log factors (nunknown), beforehand."""
+        """Of the unknowns (nunknown), beforehand."""
         return np.full(len(self.unknowns.names), self.unknowns.spread)
 
     @property
@@ -59,16 +58,15 @@ class WatchedTrials:
         return 0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Motions(WatchedTrials):
-    """What of all trials is `compared` with the twin, and in which units.
+    """What of all trials is `compared` with the twin, in units of what rounding leaves of the largest.
 
-    `speed`: the signed change of joint speed from the push to the end of a window. `frequency`: Rice's,
-    √(∫ q̈² dt / ∫ q̇² dt) of that joint up to there, which has no sign (Eq. 25). `resolution` is a share of the largest.
+    `speed`: the signed change of joint speed from the push to the end of a window (Eq. 52). `frequency`, of a chain:
+    Rice's, √(∫ q̈² dt / ∫ q̇² dt) of that joint up to there, which has no sign (Eq. 25).
     """
 
     compared: Quantity = "speed"
-    resolution: float = RESOLUTION
 
     def __post_init__(self) -> None:
         if not self.trials or not any(trial.windows.seen.any() for trial in self.trials):
@@ -86,8 +84,8 @@ class Motions(WatchedTrials):
 
     @property
     def ends_when_cut(self) -> bool:
-        """Longer windows lead a chain on."""
-        return True
+        """Whether longer windows lead such a robot on."""
+        return self.unknowns.ends_when_cut
 
     @property
     def least_gain(self) -> float:
@@ -99,17 +97,17 @@ class Motions(WatchedTrials):
         """A misfit below this is rounding."""
         return EXPLAINED
 
-    def residuals(self, log_factors: Array, windows: int) -> Residuals | None:
+    def residuals(self, point: Array, windows: int) -> Residuals | None:
         """Those of the first `windows` windows, or None where the twin did not get through them. While these are to
         grow, a share of the pushes is enough.
         """
         parts, every = [], 1 if windows >= self.stages else self._stride
+        twin = twin_of(self.unknowns, point)
         for trial in (each.thinned(every) for each in self.trials):
             seen = trial.seen(windows)
             if not seen.any():
                 continue
-            with_energies = self.compared != "speed"
-            motion = simulate(trial, self.unknowns, log_factors, self.gravity, seen.shape[1], with_energies)
+            motion = twin.watch(trial, seen.shape[1], energies=self.compared != "speed")
             if (motion.reached < seen.sum(axis=1)).any():
                 return None
             if self.compared != "frequency":
@@ -119,13 +117,14 @@ class Motions(WatchedTrials):
         values = np.concatenate([part[0] for part in parts])
         slopes = np.vstack([part[1] for part in parts])
         cost = 0.5 * float(values @ values)
-        return Residuals(values, slopes, cost, len(values), np.empty((0, 1 + len(log_factors))))
+        return Residuals(values, slopes, cost, len(values), np.empty((0, 1 + len(point))))
 
-    def by_joint(self, log_factors: Array) -> tuple[Array, ...]:
-        """Root mean square of the residuals of each trial (npush x njoint) over all windows, in units of the
-        resolution; NaN where a push was not seen.
+    def by_joint(self, point: Array) -> tuple[Array, ...]:
+        """Root mean square of the residuals of each trial (npush x njoint) over all windows, in their units; NaN where
+        a push was not seen.
         """
-        residuals = self.residuals(log_factors, self.stages)
+        alone = replace(self, unknowns=self.unknowns.alone(point))
+        residuals = alone.residuals(np.empty(0), alone.stages)
         if residuals is None:
             return tuple(np.full(trial.start_speeds.shape, np.nan) for trial in self.trials)
         first, tables = 0, []
@@ -145,19 +144,16 @@ class Motions(WatchedTrials):
             tables.append(np.sqrt(np.divide(squares, count, out=np.full(shape, np.nan), where=count > 0)))
         return tuple(tables)
 
-    def replay(self, number: int, log_factors: Array) -> Replay:
-        """The trial of that `number`, and the twin at these `log_factors` (nunknown) in its place."""
+    def replay(self, number: int, point: Array) -> Replay:
+        """The trial of that `number`, and the twin at a `point` (nunknown) in its place."""
         trial = self.trials[number]
         dense = np.linspace(1, trial.ends[-1], DRAWN).astype(np.int64)
         steps = np.unique(np.concatenate([trial.ends, dense]))
-        twin, watched = self.unknowns.alone(log_factors), replace(trial.windows, ends=steps)
-        motion = simulate(replace(trial, windows=watched), twin, np.empty(0), self.gravity, len(steps))
-        last = np.append(0, trial.ends)[trial.windows.seen]
-        shown = (steps <= last[:, None]) & (np.arange(len(steps)) < motion.reached[:, None])
-        seen, simulated = np.full(motion.angles.shape, np.nan), np.where(shown[..., None], motion.angles, np.nan)
+        angles, is_shown = twin_of(self.unknowns, point).trace(trial, steps)
+        seen, simulated = np.full(angles.shape, np.nan), np.where(is_shown[..., None], angles, np.nan)
         windows = trial.seen(len(trial.ends))
         seen[:, np.searchsorted(steps, trial.ends)] = np.where(windows[..., None], trial.windows.angles, np.nan)
-        noise = np.zeros(trial.start_speeds.shape[1])
+        noise = np.zeros(angles.shape[2])
         return Replay(trial.timestep * steps, seen, simulated, noise, self.unknowns.joints)
 
     @cached_property
@@ -177,7 +173,7 @@ class Motions(WatchedTrials):
         return largest
 
     def _of_speeds(self, trial: WatchedTrial, motion: Motion, seen: NDArray[np.bool_]) -> tuple[Array, Array]:
-        unit = 1.0 / (self.resolution * float(np.abs(trial.start_speeds).max()))
+        unit = 1.0 / (self.unknowns.rounding * float(np.abs(trial.start_speeds).max()))
         values = motion.speeds[seen] - trial.windows.speeds[:, : seen.shape[1]][seen]
         return unit * values.ravel(), unit * motion.speed_slopes[seen].reshape(values.size, -1)
 
@@ -186,7 +182,7 @@ class Motions(WatchedTrials):
         plants = frequency(shown.speed_energy[:, :windows][seen], shown.acceleration_energy[:, :windows][seen])
         speed_energy, acceleration_energy = motion.speed_energy[seen], motion.acceleration_energy[seen]
         twins = frequency(speed_energy, acceleration_energy)
-        unit = 1.0 / (self.resolution * self._largest_frequency)
+        unit = 1.0 / (self.unknowns.rounding * self._largest_frequency)
         # d√(A/S) = (dA − f² dS) / (2 f S); 0 for a joint that nothing accelerates: it has none
         scale = 0.5 * unit / (np.maximum(twins, 1.0 / unit) * np.maximum(speed_energy, TINY))
         slopes = motion.acceleration_energy_slopes[seen] - twins[..., None] ** 2 * motion.speed_energy_slopes[seen]

@@ -4,32 +4,34 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from metaid.episode import Windows
-from metaid.models import Array, Lumps
+from metaid.models import Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class WatchedTrial:
     """A trial on a plant without noise.
 
     Attributes:
-        law: the candidate's lumps; `inertia` is used only where there is a `stiffness`.
+        law: that was sent: the candidate's lumps, of which `inertia` is used only where there is a `stiffness`; of an
+            arm its parameters (njoint x 13).
         timestep: between two torques, in s.
-        start_speeds: joint speeds (npush x njoint) right after each push, in rad/s.
+        starts: joint coordinates and speeds (npush x 2 x njoint) right after each push, in rad or m and s.
         windows: what was seen.
-        stiffness: k of the law, in 1/s²; 0 where the plant coasts at the truth.
+        stiffness: k of the law on each push (npush), or the same on all, as of a chain, in 1/s²; 0 where the plant
+            coasts at the truth.
     """
 
-    law: Lumps
+    law: Any
     timestep: float
-    start_speeds: Array
+    starts: Array
     windows: Windows
-    stiffness: float = 0.0
+    stiffness: Array | float = 0.0
 
     @property
     def ends(self) -> NDArray[np.int64]:
@@ -37,9 +39,14 @@ class WatchedTrial:
         return self.windows.ends
 
     @property
-    def starts(self) -> Array:
-        """Joint angles and speeds (npush x 2 x njoint) right after each push, in rad and rad/s."""
-        return np.stack([np.zeros_like(self.start_speeds), self.start_speeds], axis=1)
+    def start_speeds(self) -> Array:
+        """Of the joints (npush x njoint) right after each push."""
+        return self.starts[:, 1]
+
+    @property
+    def last(self) -> NDArray[np.int64]:
+        """For how many steps each push was seen (npush), in whole windows."""
+        return np.append(0, self.ends)[self.windows.seen]
 
     def seen(self, windows: int) -> NDArray[np.bool_]:
         """Which of the first `windows` windows of each push were seen (npush x nwindow)."""
@@ -49,26 +56,15 @@ class WatchedTrial:
         """The same with the first of `every` so many pushes."""
         if every == 1:
             return self
-        return replace(self, start_speeds=self.start_speeds[::every].copy(), windows=self.windows.thinned(every))
+        stiffness = self.stiffness[::every] if isinstance(self.stiffness, np.ndarray) else self.stiffness
+        return replace(
+            self, starts=self.starts[::every].copy(), windows=self.windows.thinned(every), stiffness=stiffness
+        )
 
 
-@dataclass(frozen=True, eq=False)
-class WatchedArmTrial:
-    """A trial on an arm whose sensors are exact.
-
-    Attributes:
-        law: parameters of the candidate that was sent (njoint x 13).
-        timestep: between two torques, in s.
-        starts: joint coordinates and speeds (npush x 2 x njoint) at the start of each push.
-        stiffness: k of the law on each push (npush), in 1/s².
-        windows: what was seen.
-    """
-
-    law: Array
-    timestep: float
-    starts: Array
-    stiffness: Array
-    windows: Windows
+def upright(start_speeds: Array) -> Array:
+    """The `starts` of a trial on a chain that pushes give these joint speeds (npush x njoint), in rad/s."""
+    return np.stack([np.zeros_like(start_speeds), start_speeds], axis=1)
 
 
 @dataclass(frozen=True)
@@ -139,6 +135,22 @@ class Driven(NamedTuple):
     starts: Array
     steps: NDArray[np.int64]
     basis: Array
+
+
+class Filtered(NamedTuple):
+    """A trial, as far as a filter runs through it.
+
+    Attributes:
+        trial: with the torques that acted.
+        starts: joint coordinates and speeds (npush x 2 x njoint) right after each push.
+        begins: their covariance then (npush x 2 njoint x 2 njoint).
+        pushes: which it runs through.
+    """
+
+    trial: ReadTrial
+    starts: Array
+    begins: Array
+    pushes: NDArray[np.intp]
 
 
 class Coefficients(NamedTuple):

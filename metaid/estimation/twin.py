@@ -1,4 +1,4 @@
-"""The twin: a chain of given lumps under the laws of past trials, push by push, on several threads."""
+"""The simulated twin of a robot, as what is compared sees it; and the threads that its pushes share."""
 
 from __future__ import annotations
 
@@ -7,108 +7,67 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.compiled import compiled
-from metaid.estimation.driven import watch_readings
-from metaid.estimation.motion import watch_push
-from metaid.estimation.trials import Coefficients, Driven, Joints, WatchedTrial
-from metaid.estimation.unknowns import Unknowns
-from metaid.estimation.workspace import balance, derivatives, workspace
+from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, WatchedTrial
 from metaid.models import Array
 
 THREADED = 200_000  # multiplications; threads do not pay for less
-NOTHING_ELSE = np.empty((0, 0, 0))  # forces beside the law
 
 
 @dataclass(frozen=True)
 class Motion:
-    """What the twin shows of one trial.
+    """What the twin shows of one trial on exact sensors.
 
-    `angles`, `speeds`, `speed_energy` and `acceleration_energy` are those of `Windows` (npush x nwindow x njoint). The
-    derivatives of the last three by the unknowns are (npush x nwindow x njoint x nunknown). `reached` (npush) is how
-    many windows of each push the twin got through.
+    Attributes:
+        speeds: of the joints at the ends of windows (npush x nwindow x njoint).
+        speed_slopes: their derivatives by the unknowns (npush x nwindow x njoint x nunknown).
+        speed_energy: ∫ q̇² dt of each joint up to there (npush x nwindow x njoint), where it is asked for.
+        acceleration_energy: ∫ (q̈ + k q)² dt, likewise.
+        speed_energy_slopes: derivatives of the first (npush x nwindow x njoint x nunknown).
+        acceleration_energy_slopes: of the second.
+        reached: how many windows of each push the twin got through (npush).
     """
 
-    angles: Array
     speeds: Array
+    speed_slopes: Array
     speed_energy: Array
     acceleration_energy: Array
-    speed_slopes: Array
     speed_energy_slopes: Array
     acceleration_energy_slopes: Array
     reached: NDArray[np.int64]
 
 
-def simulate(
-    trial: WatchedTrial, unknowns: Unknowns, log_factors: Array, gravity: float, windows: int, energies: bool = False
-) -> Motion:
-    """The first windows of a trial, on another chain under the same law.
+class Twin(Protocol):
+    """A robot with some unknowns, simulated. The derivatives of what it shows are by these."""
 
-    Args:
-        trial: the law, the start speeds and the windows.
-        unknowns: what is unknown of the chain.
-        log_factors: of the unknowns (nunknown).
-        gravity: in m/s².
-        windows: how many of each push to simulate, from the shortest on.
-        energies: whether these are differentiated, too; else their derivatives are empty.
-    """
-    lumps = unknowns.lumps(log_factors)
-    npush, n = trial.start_speeds.shape
-    nunknown = len(log_factors)
-    shape = npush, windows, n
-    shown = np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape)
-    of_energies = *shape, nunknown * energies
-    slopes = np.empty((*shape, nunknown)), np.empty(of_energies), np.empty(of_energies)
-    reached = np.zeros(npush, dtype=np.int64)
-    ends = np.ascontiguousarray(trial.ends[:windows])
-    forces = balance(trial.law, lumps, gravity, trial.stiffness), derivatives(unknowns, lumps, gravity)
-    common = NOTHING_ELSE, *forces, (trial.timestep, energies), ends
-    seen = shown, slopes, reached
+    def watch(self, trial: WatchedTrial, windows: int, /, energies: bool = False) -> Motion:
+        """The first so many `windows` of each push of a trial, under the same law; with `energies` and their
+        derivatives, where it has them.
+        """
 
-    def run(first: int, stride: int) -> None:
-        _watch_pushes(first, stride, trial.starts, *common, workspace(n, nunknown, energies), *seen)
+    def trace(self, trial: WatchedTrial, steps: NDArray[np.int64], /) -> tuple[Array, NDArray[np.bool_]]:
+        """Joint coordinates after so many `steps` of each push of a trial (npush x nsteps x njoint), under the same
+        law, and whether the push was seen so far and the twin got there (npush x nsteps).
+        """
 
-    share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * nunknown)
-    return Motion(*shown, *slopes, reached)
+    def drive(self, driven: Driven, joints: Joints | None, /, led: Gains | None = None) -> Coefficients | None:
+        """What it shows of a noisy trial, driven by what was commanded; None where it cannot follow.
 
+        Args:
+            driven: the trial.
+            joints: what they have beside the parameters; None for nothing.
+            led: gains of a filter that sets it right by the readings. The coefficients are then those of the whitened
+                innovations.
+        """
 
-def drive(
-    driven: Driven, unknowns: Unknowns, log_factors: Array, gravity: float, joints: Joints | None = None
-) -> Coefficients | None:
-    """The twin of a noisy trial, `driven` by what was commanded; None where it cannot follow.
-
-    Args:
-        driven: the trial.
-        unknowns: what is unknown of the chain.
-        log_factors: where it is (nunknown).
-        gravity: in m/s².
-        joints: what they have beside the lumps; None for nothing.
-    """
-    trial, starts, steps, basis = driven
-    lumps = unknowns.lumps(log_factors)
-    npush, _, n = starts.shape
-    extra = 0 if trial.start_spread is None else trial.start_spread.shape[-1]
-    columns = len(log_factors) + extra
-    values, slopes = np.empty((npush, n, basis.shape[2])), np.empty((npush, n, basis.shape[2], columns))
-    followed = np.zeros(npush, dtype=np.bool_)
-    forces = (
-        balance(None, lumps, gravity, joints=joints, is_continuous=trial.is_continuous),
-        derivatives(unknowns, lumps, gravity),
-    )
-    settings = len(log_factors), extra, trial.substeps, trial.is_continuous
-
-    def run(first: int, stride: int) -> None:
-        room = workspace(n, columns, False, trial.is_continuous)
-        for push in range(first, npush, stride):
-            pushed, moving = (starts[push], trial.forces[push]), (trial.timesteps[push], *settings)
-            shown = basis[push], steps[push], room, values[push], slopes[push]
-            followed[push] = watch_readings(*pushed, *forces, moving, *shown)
-
-    share_out(run, npush, int(steps.sum()) * trial.substeps * n * (2 * n + basis.shape[2]) * columns)
-    return Coefficients(values, slopes) if followed.all() else None
+    def lead(self, filtered: Filtered, joints: Joints | None, torque_noise: Array, /) -> Gains:
+        """The run of a filter through some pushes of a trial (Eq. 66), with what `joints` have beside the parameters.
+        `torque_noise` (njoint) is the standard deviation of each one's torque, in N m or N.
+        """
 
 
 def share_out(run: Callable[[int, int], None], npush: int, multiplications: int) -> None:
@@ -120,18 +79,6 @@ def share_out(run: Callable[[int, int], None], npush: int, multiplications: int)
     run(0, threads)
     for one in waiting:
         one.result()
-
-
-@compiled
-def _watch_pushes(first, stride, starts, forces, balance, derivatives, settings, ends, work, shown, slopes, reached):  # type: ignore[no-untyped-def]
-    """Every `stride`-th push from the `first` on."""
-    angles, speeds, speed_energy, acceleration_energy = shown
-    by_speed, by_speed_energy, by_acceleration_energy = slopes
-    for push in range(first, starts.shape[0], stride):
-        force = forces[push] if forces.shape[0] > 0 else forces[:, :, 0]
-        seen = angles[push], speeds[push], speed_energy[push], acceleration_energy[push]
-        seen_slopes = by_speed[push], by_speed_energy[push], by_acceleration_energy[push]
-        reached[push] = watch_push(starts[push], force, balance, derivatives, settings, ends, work, seen, seen_slopes)
 
 
 def threads_at_hand() -> int:

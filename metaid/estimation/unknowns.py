@@ -1,151 +1,67 @@
-"""What is unknown of a chain: the logarithms of its parameters as factors of the nominal ones (Eq. 24).
-
-A Coriolis lump is a length times a gravity lump, a_ij = l_i μ_j (Eq. 2). So n links have n gravity lumps, n inertia
-lumps and n − 1 lengths, and the logarithm of every lump is linear in theirs.
-"""
+"""What is unknown of a robot, whichever parameters it is told by."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, Protocol
 
-import numpy as np
-
-from metaid.estimation.descent import NOTHING
-from metaid.estimation.estimate import Estimate, lengths_of, parameters_of
-from metaid.models import Array, Lumps, lump_names
-
-FULL = ("gravity", "coriolis", "inertia")  # the full dynamics of a chain without friction
+from metaid.models import Array
 
 
-class Columns(NamedTuple):
-    """Where the unknowns of each kind begin in the vector of all unknowns, one a link; −1 for what is known.
+class Unknowns(Protocol):
+    """Numbers z (nunknown) from which the parameters of a robot follow. Beforehand they are independent and normal
+    about 0, where the robot is the nominal one.
 
-    `coriolis` is where the gravity lumps begin that the Coriolis lumps grow with; −1 where these are known.
+    Attributes:
+        tilts: about how many axes the base may be tilted.
+        leads_on: whether all trials lead on in a step or two from where the first of them led.
+        ends_when_cut: whether a descent ends with a short step though it was cut, for longer windows may lead on.
+        least_gain: of the cost of noisy readings; a step that promises less is not made.
+        rounding: what it leaves between two simulations, as a share of the largest quantity seen.
+        scale: what the unknowns are multiples of.
     """
 
-    gravity: int
-    length: int
-    inertia: int
-    damping: int
-    coulomb: int
-    coriolis: int
-
-
-@dataclass(frozen=True)
-class Unknowns:
-    """The log factors z (nunknown) of the parameters that lumps of some `kinds` follow from: a parameter is its nominal
-    value times e^z. Those of the Coriolis lumps are the gravity lumps and the lengths l_1 … l_{n−1}.
-
-    With exact `lengths` l (nlink), in m, these are not among the unknowns. Lumps of other kinds are known to be as the
-    nominal has them. `spread` is the standard deviation of what the nominal may be wrong by, as a log factor.
-
-    Raises ValueError where a nominal lump that is searched is not above 0, for it would have no log factor.
-    """
-
-    nominal: Lumps
-    kinds: tuple[str, ...] = FULL
-    lengths: Array | None = None
-    spread: float = 0.3
-
-    kernel: ClassVar[Literal["planar"]] = "planar"
-    tilts: ClassVar[int] = 1  # a base turns in the plane
-    ends_when_cut: ClassVar[bool] = True  # longer windows lead a chain on
-    least_gain: ClassVar[float] = NOTHING  # what rounding leaves
-    begin: ClassVar[None] = None  # a fit begins at the nominal chain
-
-    def __post_init__(self) -> None:
-        for name, value in zip(self.lump_names, self.nominal.vector_of(self.kinds), strict=True):
-            if not value > 0.0:
-                raise ValueError(f"nominal {name} is {value:g} (allowed: above 0 for a lump that is unknown)")
+    tilts: ClassVar[int]
+    leads_on: ClassVar[bool]
+    ends_when_cut: ClassVar[bool]
+    least_gain: ClassVar[float]
+    rounding: ClassVar[float]
+    scale: ClassVar[float]
 
     @property
-    def nlink(self) -> int:
-        return self.nominal.nlink
+    def kernel(self) -> Literal["planar", "spatial"]:
+        """Which twin it has."""
 
     @property
-    def lump_names(self) -> list[str]:
-        """Of the lumps (nlump)."""
-        return lump_names(self.nlink, self.kinds)
+    def names(self) -> list[str]:
+        """Of the unknowns (nunknown)."""
 
     @property
-    def njoint(self) -> int:
-        return self.nlink
+    def spread(self) -> float:
+        """Standard deviation of each unknown, beforehand."""
 
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds of lumps, or of parameters that a force may be taken for, among the unknowns."""
+
+    @property
+    def njoint(self) -> int: ...
     @property
     def joints(self) -> tuple[str, ...]:
         """What the joints are called (njoint)."""
-        return tuple(f"joint {i + 1}" for i in range(self.nlink))
 
-    @cached_property
-    def _lengths(self) -> int:
-        """How many lengths are unknown."""
-        return self.nlink - 1 if self.lengths is None and "coriolis" in self.kinds else 0
+    @property
+    def begin(self) -> Array | None:
+        """Where a fit begins (nunknown); None for the nominal robot."""
 
-    @cached_property
-    def names(self) -> list[str]:
-        """Of the parameter that each unknown is the log factor of (nunknown)."""
-        names: list[str] = []
-        for kind in self.kinds:
-            own = [f"length_{i + 1}" for i in range(self._lengths)] if kind == "coriolis" else []
-            names += own or ([] if kind == "coriolis" else lump_names(self.nlink, (kind,)))
-        return names
+    @property
+    def inertia(self) -> Array:
+        """About what each joint needs (njoint) for an acceleration of 1 rad/s², in N m s²."""
 
-    @cached_property
-    def columns(self) -> Columns:
-        """Where the unknowns of each kind begin."""
-        first = {name.partition("_")[0]: column for column, name in reversed(list(enumerate(self.names)))}
-        begins = {kind: first.get(kind, -1) for kind in ("gravity", "length", "inertia", "damping", "coulomb")}
-        return Columns(**begins, coriolis=begins["gravity"] if "coriolis" in self.kinds else -1)
+    def torques(self, speed: float, /) -> Array:
+        """About what each joint needs (njoint), in N m, at a `speed` in rad/s."""
 
-    @cached_property
-    def design(self) -> Array:
-        """How the logarithms of lumps follow from z (nlump x nunknown)."""
-        place = {name: column for column, name in enumerate(self.names)}
-        design = np.zeros((len(self.lump_names), len(self.names)))
-        for row, name in zip(design, self.lump_names, strict=True):
-            kind, *links = name.split("_")
-            parts = [f"length_{links[0]}", f"gravity_{links[1]}"] if kind == "coriolis" else [name]
-            row[[place[part] for part in parts if part in place]] = 1.0
-        return design
+    def alone(self, point: Array, /) -> Unknowns:
+        """The robot there (nunknown), of which nothing is unknown any more."""
 
-    def lumps(self, log_factors: Array) -> Lumps:
-        """The chain with these `log_factors` (nunknown)."""
-        free = tuple(kind for kind in self.kinds if kind != "coriolis")
-        is_lump = np.array([not name.startswith("length") for name in self.names], dtype=np.bool_)
-        lumps = replace(self.nominal, searched=free).scaled(np.exp(log_factors[is_lump]))
-        if "coriolis" not in self.kinds:
-            return lumps
-        lengths = self.lengths
-        if lengths is None:
-            lengths = np.append(lengths_of(self.nominal) * np.exp(log_factors[~is_lump]), 0.0)
-        return replace(lumps, coriolis=coriolis_of(lengths, lumps.gravity), searched=self.kinds)
-
-    def log_factors(self, lumps: Lumps) -> Array:
-        """The log factors (nunknown) of `lumps`, those of a chain."""
-        return np.log(parameters_of(self.names, lumps) / parameters_of(self.names, self.nominal))
-
-    def torque(self, gravity: float, speed: float) -> float:
-        """About what the strongest joint needs, in N m, under `gravity` in m/s² and at a `speed` in rad/s."""
-        return float(self.torques(gravity, speed).max())
-
-    def torques(self, gravity: float, speed: float) -> Array:
-        """About what each joint needs (njoint), in N m, under `gravity` in m/s² and at a `speed` in rad/s."""
-        return np.maximum(gravity * self.nominal.gravity, self.nominal.of("inertia") * speed**2)
-
-    def alone(self, log_factors: Array) -> Unknowns:
-        """A chain with these `log_factors` (nunknown), of which nothing is unknown any more."""
-        return Unknowns(self.lumps(log_factors), ())
-
-    def estimated(self, found: dict[str, Any]) -> Estimate:
-        """The estimate with the fields of a `Fit` that were `found`."""
-        log_factors = found["unknowns"]
-        lumps, names = self.lumps(log_factors), tuple(self.lump_names)
-        return Estimate(**found, lumps=lumps, lump_names=names, design=self.design)
-
-
-def coriolis_of(lengths: Array, gravity: Array) -> Array:
-    """a_ij = l_i μ_j, i < j (nlink x nlink, symmetric), in kg m², of `lengths` (nlink) in m and μ (nlink) in kg m."""
-    upper = np.triu(np.outer(lengths, gravity), 1)  # Eq. 2
-    return np.asarray(upper + upper.T, dtype=np.float64)
+    def estimated(self, found: dict[str, Any], /) -> Any:
+        """The estimate with the fields of a `Fit` that were `found`, and the faults."""

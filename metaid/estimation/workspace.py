@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from metaid.estimation.log_unknowns import Columns, LogUnknowns
 from metaid.estimation.trials import Joints
-from metaid.estimation.unknowns import Columns, Unknowns
 from metaid.models import Array, Lumps
 
 BLOCK = 4  # rows and columns that are multiplied at once, held in registers
@@ -130,12 +130,12 @@ def balance(
     )
 
 
-def derivatives(unknowns: Unknowns, lumps: Lumps, gravity: float) -> Derivatives:
+def derivatives(unknowns: LogUnknowns, lumps: Lumps) -> Derivatives:
     """Those of the `lumps` by the `unknowns`: of what is a multiple of a parameter, by the logarithm of that, it is
-    itself. `gravity` in m/s².
+    itself.
     """
     return Derivatives(
-        gravity=gravity * lumps.gravity,
+        gravity=unknowns.gravity * lumps.gravity,
         coriolis=np.array(lumps.coriolis),
         inertia=np.array(lumps.of("inertia")),
         damping=np.array(lumps.of("damping")),

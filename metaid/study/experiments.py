@@ -15,12 +15,12 @@ from metaid.study.pushing import rest_deviations
 from metaid.study.settings import EstimateSettings, PushedSettings, StudySpec
 
 if TYPE_CHECKING:
-    from metaid.estimation import NoisyExperiment, Unknowns
+    from metaid.estimation import Experiment, LogUnknowns
 
 
 def noisy_experiment(
-    plant: MujocoPlant, spec: StudySpec, episode: Episode, nominal: Lumps, unknowns: Unknowns, start_speeds: Array
-) -> NoisyExperiment:
+    plant: MujocoPlant, spec: StudySpec, episode: Episode, nominal: Lumps, unknowns: LogUnknowns, start_speeds: Array
+) -> Experiment:
     """What the estimate knows of a plant with faults: how it is controlled, and what its user states of its pushes,
     of its encoders, and of the noise of its torques. Noise of its sensors is that of the plant at rest. What is said of
     faults that are searched is not used. All else shows in the misfit.
@@ -33,19 +33,23 @@ def noisy_experiment(
         unknowns: what an estimate is of.
         start_speeds: joint speeds (npush x njoint) that the pushes give in a calibration, in rad/s.
     """
-    from metaid.estimation import NoisyExperiment, searched_faults  # loads numba, which most readers do without
+    from metaid.estimation import (
+        ChainLaws,
+        Experiment,
+        searched_faults,
+        upright,
+    )  # loads numba, which most readers do without
 
     faults, wanted = plant.settings.faults, spec.study.estimate
     noise, spread = rest_deviations(plant, spec, episode), spread_of_pushes(plant, episode.pushes)
     loop = loop_of_plant(plant.timestep, faults, noise, spread, wanted, episode.lead)
-    return NoisyExperiment(
-        nominal=nominal,
+    return Experiment(
+        laws=ChainLaws(nominal, unknowns.gravity),
         unknowns=unknowns,
-        gravity=plant.gravity,
         timestep=plant.timestep,
-        start_speeds=start_speeds,
+        starts=upright(start_speeds),
         loop=loop,
-        faults=searched_faults(wanted.searched_faults, unknowns, plant.gravity, start_speeds, wanted.teeth),
+        faults=searched_faults(wanted.searched_faults, unknowns, start_speeds, wanted.teeth),
         takes_up=wanted.takes_up_faults and not faults.torque_noise,
         torque_noise=np.full(plant.njoint, faults.torque_noise) if faults.torque_noise else None,
     )
@@ -67,9 +71,9 @@ def rig_experiment(
     wanted: EstimateSettings,
     episode: Episode,
     nominal: Lumps,
-    unknowns: Unknowns,
+    unknowns: LogUnknowns,
     start_speeds: Array,
-) -> NoisyExperiment:
+) -> Experiment:
     """What the estimate knows of a rig: what was measured at it when the study was created. The resolution of its
     encoders is what its readings show.
 
@@ -82,17 +86,21 @@ def rig_experiment(
         unknowns: what an estimate is of.
         start_speeds: joint speeds (npush x njoint) that the pushes gave, in rad/s.
     """
-    from metaid.estimation import NoisyExperiment, searched_faults  # loads numba, which most readers do without
+    from metaid.estimation import (
+        ChainLaws,
+        Experiment,
+        searched_faults,
+        upright,
+    )  # loads numba, which most readers do without
 
     noise, spread = (None, None) if pushed is None else (pushed.angle_noise, start_spread(pushed))
     loop = loop_of_rig(rig, noise, spread, wanted, episode.lead)
-    return NoisyExperiment(
-        nominal=nominal,
+    return Experiment(
+        laws=ChainLaws(nominal, unknowns.gravity),
         unknowns=unknowns,
-        gravity=rig.gravity,
         timestep=loop.timestep,
-        start_speeds=start_speeds,
+        starts=upright(start_speeds),
         loop=loop,
-        faults=searched_faults(wanted.searched_faults, unknowns, rig.gravity, start_speeds, wanted.teeth),
+        faults=searched_faults(wanted.searched_faults, unknowns, start_speeds, wanted.teeth),
         takes_up=wanted.takes_up_faults,
     )

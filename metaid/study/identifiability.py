@@ -27,7 +27,7 @@ from metaid.study.problem import Problem
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective
-    from metaid.estimation import ChainExperiment
+    from metaid.estimation import Experiment
 
 NEGLIGIBLE = 0.02  # weight of a lump in a combination, of 1
 # Factors of the gravity lumps in the first trials of an estimate, as many as it needs; those of others are between.
@@ -168,14 +168,12 @@ def _nominal_objective(problem: Problem, pushes: Array | None = None, further: i
     return Objective(problem.nominal_plant(), problem.lumps, episode, problem.measure.name, rule=rule)
 
 
-def _nominal_experiment(problem: Problem, pushes: Array) -> ChainExperiment | None:
+def _nominal_experiment(problem: Problem, pushes: Array) -> Experiment | None:
     """What an estimate would need to know if the nominal model were the truth: impulses that differ give it other
     speeds than the plant. `pushes` (npush x njoint) in N s.
     """
-    from metaid.estimation import NoisyExperiment  # loads numba, which other measures do without
-
     experiment = problem.experiment()
-    if isinstance(experiment, NoisyExperiment) and isinstance(problem.spec.plant, PlantSettings):
+    if experiment is not None and experiment.loop is not None and isinstance(problem.spec.plant, PlantSettings):
         spread = spread_of_pushes(problem.nominal_plant(), pushes)
         return replace(experiment, loop=replace(experiment.loop, start_spread=spread))
     return experiment

@@ -56,7 +56,7 @@ from metaid.study.settings import StudySpec
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective
-    from metaid.estimation import ChainExperiment
+    from metaid.estimation import Experiment
     from metaid.models.tree import ModelError
 
 WINDOW_BUDGET = 4_000_000  # bytes a study, before they are made a text
@@ -236,7 +236,7 @@ class Problem(StudyProblem):
         """What the searcher is told of a candidate that could not be evaluated for that `reason`."""
         return failure(self.measure, self.episode, self.timestep, reason)
 
-    def make_searcher(self, experiment: Callable[[], ChainExperiment | None] | None = None) -> Searcher:
+    def make_searcher(self, experiment: Callable[[], Experiment | None] | None = None) -> Searcher:
         """The searcher at the study's seed, knowing of no trial; it may go by another `experiment` than the study's."""
         study = self.spec.study
         return make_searcher(study.sampler, self.coordinates, study.seed, study.search, experiment or self.experiment)
@@ -272,27 +272,26 @@ class Problem(StudyProblem):
             return study.estimate.lumps
         return (*IDEAL, "inertia", *(kind for kind in study.search.lumps if kind in FRICTION))
 
-    def experiment(self) -> ChainExperiment | None:
+    def experiment(self) -> Experiment | None:
         """What an estimate needs to know of this study; None where none can be made."""
-        from metaid.estimation import SilentExperiment, Unknowns  # loads numba, which most readers do without
+        from metaid.estimation import ChainLaws, Experiment, LogUnknowns, upright  # loads numba
 
         if not self.can_be_estimated:
             return None
         wanted, kinds = self.spec.study.estimate, self.estimated_kinds
         lengths = self.nominal.length if wanted.lengths == "exact" else None
-        unknowns = Unknowns(self.nominal.lumps_of(kinds), kinds, lengths, wanted.spread)
+        unknowns = LogUnknowns(self.nominal.lumps_of(kinds), self.spec.plant.gravity, kinds, lengths, wanted.spread)
         start_speeds = np.diff(self.start_speeds, axis=1, prepend=0.0)
         if isinstance(self.spec.plant, SocketSettings):
             plant, pushed = self.spec.plant, self.spec.pushed
             return rig_experiment(plant, pushed, wanted, self.episode, self.lumps, unknowns, start_speeds)
         if self.keeps_readings:
             return noisy_experiment(self.make_plant(), self.spec, self.episode, self.lumps, unknowns, start_speeds)
-        return SilentExperiment(
-            nominal=self.lumps,
+        return Experiment(
+            laws=ChainLaws(self.lumps, unknowns.gravity),
             unknowns=unknowns,
-            gravity=self.spec.plant.gravity,
             timestep=self.timestep,
-            start_speeds=start_speeds,
+            starts=upright(start_speeds),
             compared=wanted.compare or ("speed" if self.measure.sees_coriolis else "frequency"),
             resolution=self.resolution,
         )

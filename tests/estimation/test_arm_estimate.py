@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,15 +12,19 @@ import pytest
 from random_arm import random_arm, wrong_tree
 
 from metaid.compiled.spatial import ArmLoop
-from metaid.episode import window_ends
+from metaid.episode import SensorReadings, window_ends
 from metaid.episode.spatial import ArmEpisode
-from metaid.estimation import Loop, Readings, ReadTrial
-from metaid.estimation.spatial import (
-    ArmMotions,
-    ArmUnknowns,
-    estimate_arm,
-    read_arm_trial,
-    watched_arm_trial,
+from metaid.estimation import (
+    ArmEstimate,
+    ArmLaws,
+    BaseUnknowns,
+    Loop,
+    Motions,
+    Readings,
+    ReadTrial,
+    SeenTrial,
+    WatchedTrial,
+    fit,
 )
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, Tree
@@ -51,11 +56,32 @@ def episode_of(tree: Tree, pushes: int, seed: int = 1) -> ArmEpisode:
     return ArmEpisode(tuple(ArmStart(*state) for state in states), stiffness, STEPS, window_ends(STEPS))
 
 
-def read(plant: ArmPlant, searched: ArmUnknowns, law: Array, episode: ArmEpisode, number: int) -> ReadTrial:
+def read(plant: ArmPlant, searched: BaseUnknowns, law: Array, episode: ArmEpisode, number: int) -> ReadTrial:
     """A trial on noisy sensors."""
     record = ArmLoop(plant, searched.prior.nominal, replace(episode, keeps_readings=True)).run(law, number)
     assert record.readings is not None
-    return read_arm_trial(searched.frames, law, episode, loop_of(plant.njoint), record.readings)
+    return read_trial(searched, law, episode, record.readings)
+
+
+def read_trial(searched: BaseUnknowns, law: Array, episode: ArmEpisode, readings: SensorReadings) -> ReadTrial:
+    """That in which a law led to these readings."""
+    poses, speeds = np.ascontiguousarray(episode.states.swapaxes(0, 1))
+    commanded = partial(ArmLaws(searched, episode).commanded, law)
+    return loop_of(episode.njoint).trial(readings, speeds, commanded, poses)
+
+
+def watched(plant: ArmPlant, nominal: Tree, episode: ArmEpisode) -> WatchedTrial:
+    """A trial on exact sensors under the law of the nominal arm."""
+    record = ArmLoop(plant, nominal, episode).run(nominal.parameters)
+    return WatchedTrial(nominal.parameters, record.timestep, episode.states, record.windows, episode.stiffness)
+
+
+def estimate_arm(trials: Sequence[SeenTrial], searched: BaseUnknowns, before: ArmEstimate | None = None) -> ArmEstimate:
+    """What all `trials` say, from the estimate `before` on."""
+    start = None if before is None else before.start
+    compared = (Readings if isinstance(trials[0], ReadTrial) else Motions)(trials, searched)
+    found: ArmEstimate = fit(compared, start, refines=start is not None)
+    return found
 
 
 def loop_of(njoint: int) -> Loop:
@@ -63,7 +89,7 @@ def loop_of(njoint: int) -> Loop:
     return Loop(0.002, np.full(njoint, NOISE), slope_weights(0.002))
 
 
-def share_wrong(searched: ArmUnknowns, tree: Tree, values: Array) -> float:
+def share_wrong(searched: BaseUnknowns, tree: Tree, values: Array) -> float:
     """By which share of what was not known the base parameters are wrong, the worst of them."""
     known = np.sqrt(np.diag(searched.prior.covariance))
     return float(np.abs((values - searched.prior.base.of(tree.parameters)) / known).max())
@@ -73,12 +99,10 @@ def share_wrong(searched: ArmUnknowns, tree: Tree, values: Array) -> float:
 def test_one_trial_tells_all_base_parameters(njoint: int, slides: tuple[int, ...]) -> None:
     """Rotors, viscous and dry friction and what the mass matrix alone shows included, with the nominal law."""
     tree = random_arm(njoint, 2, slides)
-    searched = ArmUnknowns(ArmPrior(nominal_of(tree)))
+    searched = BaseUnknowns(ArmPrior(nominal_of(tree)))
     episode = episode_of(tree, 9)
-    record = ArmLoop(plant_of(tree), searched.prior.nominal, episode).run(searched.prior.nominal.parameters)
-    trial = watched_arm_trial(searched.prior.nominal.parameters, episode, record.timestep, record.windows)
+    trial = watched(plant_of(tree), searched.prior.nominal, episode)
     estimate = estimate_arm([trial], searched)
-    assert estimate is not None
     assert estimate.is_explained
     assert share_wrong(searched, tree, searched.prior.values) > 0.3
     assert share_wrong(searched, tree, estimate.values) < 1e-6
@@ -87,13 +111,12 @@ def test_one_trial_tells_all_base_parameters(njoint: int, slides: tuple[int, ...
     np.testing.assert_allclose(searched.prior.base.of(estimate.parameters), estimate.values, atol=1e-12)
     np.testing.assert_array_equal(estimate.model.parameters, estimate.values)
     again = estimate_arm([trial], searched, estimate)
-    assert again is not None
     assert (again.iterations, again.starts) == (0, 1), "an estimate that explains its trials is where the fit begins"
 
 
 def test_fit_begins_at_an_arm_with_heavier_rotors() -> None:
     """Nothing else of it differs from the nominal arm, so its mass matrix is farther from singular."""
-    searched = ArmUnknowns(ArmPrior(random_arm(3, 2)))
+    searched = BaseUnknowns(ArmPrior(random_arm(3, 2)))
     base = searched.prior.base
     change = searched.values(searched.begin) - searched.prior.values
     rotors = np.array(["rotor" in expression for expression in base.expressions])
@@ -106,16 +129,14 @@ def test_less_than_no_friction_is_not_the_mirror_image_of_friction() -> None:
     tree = random_arm(2, 5)
     mirrored = tree.parameters.copy()
     mirrored[:, 12] *= -1.0
-    searched = ArmUnknowns(ArmPrior(tree))
+    searched = BaseUnknowns(ArmPrior(tree))
     episode = episode_of(tree, 3)
-    record = ArmLoop(plant_of(tree), tree, episode).run(tree.parameters)
-    trial = watched_arm_trial(tree.parameters, episode, record.timestep, record.windows)
+    trial = watched(plant_of(tree), tree, episode)
     point = np.linalg.solve(searched.root, searched.prior.base.of(mirrored) - searched.prior.values)
-    there = ArmMotions([trial], searched).residuals(point, 5)
+    there = Motions([trial], searched).residuals(point, 5)
     assert there is not None
     assert np.abs(there.values).max() > 1e6
-    estimate = estimate_arm([trial], ArmUnknowns(ArmPrior(tree.with_parameters(mirrored))))
-    assert estimate is not None
+    estimate = estimate_arm([trial], BaseUnknowns(ArmPrior(tree.with_parameters(mirrored))))
     np.testing.assert_allclose(estimate.values, searched.prior.values, rtol=1e-6, atol=1e-7)
 
 
@@ -123,11 +144,9 @@ def test_what_a_push_showed_before_it_fell_is_used() -> None:
     """A trial whose pushes all ended early still tells."""
     tree = random_arm(3, 2)
     narrow = replace(nominal_of(tree), low=np.full(3, -1.5), high=np.full(3, 1.5))  # a coast leaves it
-    searched, law, episode = ArmUnknowns(ArmPrior(narrow)), narrow.parameters, episode_of(tree, 9)
-    record = ArmLoop(plant_of(tree), narrow, episode).run(law)
-    assert record.fell.any()
-    estimate = estimate_arm([watched_arm_trial(law, episode, record.timestep, record.windows)], searched)
-    assert estimate is not None
+    searched, trial = BaseUnknowns(ArmPrior(narrow)), watched(plant_of(tree), narrow, episode_of(tree, 9))
+    assert not trial.seen(len(trial.ends)).all()
+    estimate = estimate_arm([trial], searched)
     assert estimate.is_explained
     assert share_wrong(searched, tree, estimate.values) < 1e-5
 
@@ -139,32 +158,27 @@ def test_an_arm_that_is_built_otherwise_is_not_explained() -> None:
     moved[1] += [0.02, 0.0, 0.0]
     nominal = nominal_of(replace(tree, position=moved))
     episode = episode_of(tree, 9)
-    record = ArmLoop(plant_of(tree), nominal, episode).run(nominal.parameters)
-    trial = watched_arm_trial(nominal.parameters, episode, record.timestep, record.windows)
-    estimate = estimate_arm([trial], ArmUnknowns(ArmPrior(nominal)), thorough=False)
-    assert estimate is not None
+    trial = watched(plant_of(tree), nominal, episode)
+    estimate = fit(Motions([trial], BaseUnknowns(ArmPrior(nominal))), restarts=0)
     assert not estimate.is_explained
 
 
 def test_noisy_readings_tell_base_parameters_within_their_intervals() -> None:
     """With 0.1 mrad and no sensor of speeds, errors are as large as they are said to be."""
     tree = random_arm(3, 2)
-    searched = ArmUnknowns(ArmPrior(nominal_of(tree)))
+    searched = BaseUnknowns(ArmPrior(nominal_of(tree)))
     plant, law, trials, estimate = plant_of(tree, NOISE), searched.prior.nominal.parameters, [], None
     for number in range(2):
         trials.append(read(plant, searched, law, episode_of(tree, 9), number))
         estimate = estimate_arm(trials, searched, estimate)
-        assert estimate is not None
         assert estimate.is_explained
         law = estimate.parameters
-    assert estimate is not None
     away = (estimate.values - searched.prior.base.of(tree.parameters)) / estimate.value_deviations
     assert np.abs(away).max() < 4.0
     assert 0.6 < np.sqrt((away**2).mean()) < 1.4
     assert share_wrong(searched, tree, estimate.values) < 0.1
     beside = estimate.unknowns + 0.02 * np.linalg.cholesky(estimate.covariance)[:, 0]
     again = estimate_arm(trials, searched, replace(estimate, unknowns=beside))
-    assert again is not None
     assert again.iterations == 0, "two hundredths of a standard deviation are not worth a step"
     low, high = estimate.interval()
     np.testing.assert_allclose(high - low, 2.0 * 1.96 * estimate.value_deviations)
@@ -175,7 +189,7 @@ def test_noisy_readings_tell_base_parameters_within_their_intervals() -> None:
 def test_starts_that_are_not_exact_are_found_with_the_rest() -> None:
     """Where poses and speeds at the start differ from what they were to be, their spread is all that need be known."""
     tree, random = random_arm(3, 2, friction=False), np.random.default_rng(5)
-    searched = ArmUnknowns(ArmPrior(nominal_of(tree)))
+    searched = BaseUnknowns(ArmPrior(nominal_of(tree)))
     law, spread = searched.prior.nominal.parameters, np.array([[1e-3] * 3, [1e-2] * 3])
     episode = episode_of(tree, 9)
     states = episode.states + spread * random.standard_normal(episode.states.shape)
@@ -183,29 +197,26 @@ def test_starts_that_are_not_exact_are_found_with_the_rest() -> None:
     record = ArmLoop(plant_of(tree, NOISE), searched.prior.nominal, moved).run(law)
     # The law acts on the pose that the arm was to have; here that is where its springs are.
     assert record.readings is not None
-    trial = read_arm_trial(searched.frames, law, moved, loop_of(3), record.readings)
+    trial = read_trial(searched, law, moved, record.readings)
     trial = replace(trial, poses=episode.states[:, 0], start_speeds=episode.states[:, 1])
     root = np.broadcast_to(np.diag(spread.ravel()), (9, 6, 6))
-    wrong, right = (estimate_arm([replace(trial, start_spread=each)], searched, None, False) for each in (None, root))
-    assert wrong is not None
+    wrong, right = (fit(Readings([replace(trial, start_spread=each)], searched), restarts=0) for each in (None, root))
     assert not wrong.is_explained
-    assert right is not None
     assert right.is_explained
     assert len(right.extras) == 9 * 6
     away = (right.values - searched.prior.base.of(tree.parameters)) / right.value_deviations
     assert np.abs(away).max() < 4.5
 
 
-def compared_of(tree: Tree, noise: float) -> Sequence[ArmMotions | Readings]:
+def compared_of(tree: Tree, noise: float) -> Sequence[Motions | Readings]:
     """What is compared of one trial."""
-    searched = ArmUnknowns(ArmPrior(nominal_of(tree)))
+    searched = BaseUnknowns(ArmPrior(nominal_of(tree)))
     nominal, episode, plant = searched.prior.nominal, episode_of(tree, 3), plant_of(tree, noise)
     if noise:
         trial = read(plant, searched, nominal.parameters, episode, 0)
         spread = np.broadcast_to(1e-2 * np.eye(tree.njoint), (episode.npush, tree.njoint, tree.njoint))
         return [Readings([replace(trial, start_spread=spread)], searched)]
-    record = ArmLoop(plant, nominal, episode).run(nominal.parameters)
-    return [ArmMotions([watched_arm_trial(nominal.parameters, episode, record.timestep, record.windows)], searched)]
+    return [Motions([watched(plant, nominal, episode)], searched)]
 
 
 @pytest.mark.parametrize("noise", [0.0, NOISE])

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from random_arm import random_arm
 
-from metaid.estimation import Readings, ReadTrial, SearchedFaults, fit, searched_faults
+from metaid.estimation import BaseUnknowns, Readings, ReadTrial, SearchedFaults, fit, searched_faults
 from metaid.estimation.noisy import take_up
-from metaid.estimation.spatial import ArmUnknowns
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, Tree, joint_torque
 from metaid.plant.description import arm_model
@@ -64,27 +63,22 @@ def pushed(tree: Tree, kinds: tuple[str, ...], seed: int = 0) -> ReadTrial:
     return ReadTrial(TIMESTEP, noisy, torques, steps, speeds, None, np.full(n, NOISE), poses=poses + offset)
 
 
-def searched_of(searched: ArmUnknowns, kinds: tuple[str, ...], trial: ReadTrial) -> Array:
+def searched_of(searched: BaseUnknowns, kinds: tuple[str, ...], trial: ReadTrial) -> Array:
     """The faults of these `kinds` that one trial shows, in deviations from the truth."""
-    wanted = searched_faults(kinds, searched, 0.0, trial.start_speeds)
-    estimate = fit(Readings([trial], searched, faults=wanted), searched_start(searched, len(wanted.names)), 0)
+    wanted = searched_faults(kinds, searched, trial.start_speeds)
+    estimate = fit(Readings([trial], searched, faults=wanted), restarts=0)
     assert estimate.is_explained
     found = estimate.faults
     true = np.concatenate([np.asarray(TRUE[kind]) for kind in kinds])
     return np.asarray((found.values - true) / found.deviations)
 
 
-def searched_start(searched: ArmUnknowns, count: int) -> Array:
-    """Where a fit with so many faults begins."""
-    return np.append(searched.begin, np.zeros(count))
-
-
 @pytest.mark.parametrize("kinds", [("delay",), ("tilt",), ("offset",), ("spring",), ("delay", "tilt")])
 def test_faults_of_an_arm_are_found_with_its_base_parameters(kinds: tuple[str, ...]) -> None:
     """Within four deviations; without them the model does not explain what was read."""
     tree = random_arm(3, 2, friction=False)
-    searched, trial = ArmUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, kinds)
-    plain = fit(Readings([trial], searched), searched.begin, 0)
+    searched, trial = BaseUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, kinds)
+    plain = fit(Readings([trial], searched), restarts=0)
     assert not plain.is_explained
     assert np.abs(searched_of(searched, kinds, trial)).max() < 4.0
 
@@ -92,8 +86,8 @@ def test_faults_of_an_arm_are_found_with_its_base_parameters(kinds: tuple[str, .
 def test_arm_without_faults_needs_none() -> None:
     """Its base parameters lie within five deviations each."""
     tree = random_arm(3, 2, friction=False)
-    searched, trial = ArmUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, ())
-    estimate = fit(Readings([trial], searched), searched.begin, 0)
+    searched, trial = BaseUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, ())
+    estimate = fit(Readings([trial], searched), restarts=0)
     assert estimate.is_explained
     off = (estimate.values - searched.prior.base.of(tree.parameters)) / estimate.value_deviations
     assert np.abs(off).max() < 5.0
@@ -102,13 +96,13 @@ def test_arm_without_faults_needs_none() -> None:
 def test_fault_that_explains_an_arm_is_proposed() -> None:
     """A delay that nobody has named is what explains the readings of an arm."""
     tree = random_arm(3, 2, friction=False)
-    searched, trial = ArmUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, ("delay",))
+    searched, trial = BaseUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, ("delay",))
     readings = Readings([trial], searched)
-    plain = fit(readings, searched.begin, 0)
-    noise = 0.03 * searched.torques(0.0, float(np.abs(trial.start_speeds).max()))
+    plain = fit(readings, restarts=0)
+    noise = 0.03 * searched.torques(float(np.abs(trial.start_speeds).max()))
 
     def search(kinds: tuple[str, ...]) -> SearchedFaults:
-        return searched_faults(kinds, searched, 0.0, trial.start_speeds)
+        return searched_faults(kinds, searched, trial.start_speeds)
 
     found, _ = take_up(readings, plain, search, noise)
     assert found.is_explained

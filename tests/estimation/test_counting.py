@@ -11,7 +11,7 @@ from watched import TIMESTEP
 
 from metaid.compiled import CompiledLoop
 from metaid.episode import FALL_LIMIT, Episode, FallRule, even_ends, rich_pushes
-from metaid.estimation import Estimate, Unknowns, WatchedTrial
+from metaid.estimation import Estimate, LogUnknowns, WatchedTrial, upright
 from metaid.estimation.counting import Counts, match_counts
 from metaid.estimation.counting.programme import pairs
 from metaid.models import Array
@@ -40,7 +40,7 @@ def counting(nlink: int, candidates: int, seed: int = 0, damping: float = 0.0) -
     pushes = rich_pushes(plant, 2 * nlink, SPEED, seed)
     loop = CompiledLoop(plant, Episode(pushes, STEPS, FallRule(FALL_LIMIT), window_ends=even_ends(STEPS, WINDOWS)))
     starts = np.array([plant.start_speeds(start) for start in loop.episode.starts])
-    unknowns = Unknowns(chain_of(believed).lumps)
+    unknowns = LogUnknowns(chain_of(believed).lumps, plant.gravity)
     random = np.random.default_rng(seed)
     trials = []
     for _ in range(candidates):
@@ -49,9 +49,9 @@ def counting(nlink: int, candidates: int, seed: int = 0, damping: float = 0.0) -
         law = unknowns.nominal.scaled(factors)
         windows = loop.run(law).windows
         assert windows is not None
-        trials.append(WatchedTrial(law, TIMESTEP, starts, windows))
+        trials.append(WatchedTrial(law, TIMESTEP, upright(starts), windows))
     truth = unknowns.log_factors(plant.chain.lumps)
-    return Counting(Counts(trials, unknowns, plant.gravity), truth)
+    return Counting(Counts(trials, unknowns), truth)
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from watched import GRAVITY, NOISE, raised, some_torque, watched
 
-from metaid.estimation import Readings, SearchedFaults, Unknowns, fit, searched_faults
+from metaid.estimation import LogUnknowns, Readings, SearchedFaults, fit, searched_faults
 from metaid.estimation.noisy import proposed_faults
 from metaid.plant import FaultSettings
 
@@ -29,11 +29,11 @@ def test_faults_that_explain_the_misfit_are_proposed(
 ) -> None:
     """With their sizes, what is declared already included."""
     seen = watched(2, 1, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False, **faults), longer=2.0, **joints)
-    unknowns = Unknowns(seen.nominal.lumps)
-    readings = Readings([seen.read_trial(raised(seen.nominal.lumps, each)) for each in (1.2, 1.5)], unknowns, GRAVITY)
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
+    readings = Readings([seen.read_trial(raised(seen.nominal.lumps, each)) for each in (1.2, 1.5)], unknowns)
 
     def search(kinds: tuple[str, ...]) -> SearchedFaults:
-        return searched_faults(kinds, unknowns, GRAVITY, seen.starts)
+        return searched_faults(kinds, unknowns, seen.starts)
 
     estimate = fit(readings, restarts=0)
     assert not estimate.is_explained
@@ -46,11 +46,11 @@ def test_faults_that_explain_the_misfit_are_proposed(
 def test_fault_that_does_not_explain_the_misfit_is_not_proposed() -> None:
     """A torque limit that cuts off half of what is asked is none of those that can be searched."""
     seen = watched(1, 5, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False, torque_limit=1.0))
-    unknowns = Unknowns(seen.nominal.lumps)
-    readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, GRAVITY)
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
+    readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns)
 
     def search(kinds: tuple[str, ...]) -> SearchedFaults:
-        return searched_faults(kinds, unknowns, GRAVITY, seen.starts)
+        return searched_faults(kinds, unknowns, seen.starts)
 
     estimate = fit(readings, restarts=0)
     assert not estimate.is_explained

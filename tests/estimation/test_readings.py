@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from watched import GRAVITY, NOISE, TIMESTEP, raised, watched
 
-from metaid.estimation import Readings, Unknowns, commanded_torques, fit
+from metaid.estimation import LogUnknowns, Readings, commanded_torques, fit
 from metaid.estimation.noisy.polynomials import eliminate
 from metaid.models import compensation_torque
 from metaid.plant import FaultSettings
@@ -32,8 +32,8 @@ def test_commanded_torques_are_those_of_the_law_on_its_readings() -> None:
 def test_one_noisy_trial_gives_all_lumps_within_their_deviations(faults: FaultSettings) -> None:
     """To a few percent and within four standard deviations each, with residuals of the size of the noise."""
     seen = watched(3, faults=faults)
-    unknowns = Unknowns(seen.nominal.lumps)
-    estimate = fit(Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, GRAVITY))
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
+    estimate = fit(Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns))
     error = estimate.log_factors - unknowns.log_factors(seen.plant.chain.lumps)
     assert 0.7 < estimate.misfit < 1.3
     assert np.abs(error).max() < 0.05
@@ -45,7 +45,7 @@ def test_fit_that_leaves_the_valley_of_the_truth_goes_on_with_windows_that_grow_
     """These chains, watched for long, end with a misfit of 1,301 and of 655 where windows always double."""
     seen = watched(nlink, seed, faults=DIFFERING, longer=2.5)
     trial = seen.read_trial(raised(seen.nominal.lumps, 1.5))
-    assert fit(Readings([trial], Unknowns(seen.nominal.lumps), GRAVITY), restarts=0).misfit < 1.3
+    assert fit(Readings([trial], LogUnknowns(seen.nominal.lumps, GRAVITY)), restarts=0).misfit < 1.3
 
 
 def test_intervals_cover() -> None:
@@ -53,8 +53,8 @@ def test_intervals_cover() -> None:
     inside = []
     for seed in range(8):
         seen = watched(2, seed, faults=DIFFERING)
-        unknowns = Unknowns(seen.nominal.lumps)
-        estimate = fit(Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, GRAVITY))
+        unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
+        estimate = fit(Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns))
         low, high = estimate.interval()
         true = np.exp(unknowns.design @ unknowns.log_factors(seen.plant.chain.lumps))
         inside += ((low < true) & (true < high)).tolist()
@@ -69,7 +69,7 @@ def test_replay_differs_from_the_readings_by_their_noise(faults: FaultSettings) 
     seen = watched(2, faults=faults)
     trial = seen.read_trial(raised(seen.nominal.lumps, 1.5))
     trial = replace(trial, steps=np.array([len(trial.readings[0]) - 1, 80, 80, 0]))
-    readings = Readings([trial, trial], Unknowns(seen.nominal.lumps), GRAVITY)
+    readings = Readings([trial, trial], LogUnknowns(seen.nominal.lumps, GRAVITY))
     replay = readings.replay(1, fit(readings).point)
     difference = replay.simulated - replay.seen
     assert np.isnan(difference[3]).all()
@@ -81,23 +81,25 @@ def test_replay_differs_from_the_readings_by_their_noise(faults: FaultSettings) 
 def test_hidden_friction_shows_in_the_misfit() -> None:
     """Above what noise explains, in every joint."""
     seen = watched(3, damping=0.05, faults=NOISY)
-    estimate = fit(Readings([seen.read_trial(seen.nominal.lumps)], Unknowns(seen.nominal.lumps), GRAVITY), restarts=0)
+    estimate = fit(
+        Readings([seen.read_trial(seen.nominal.lumps)], LogUnknowns(seen.nominal.lumps, GRAVITY)), restarts=0
+    )
     assert estimate.misfit > 2.0
 
 
 def test_windows_before_a_fall_are_used() -> None:
     """And pushes of which nothing was seen change nothing."""
     seen = watched(2, faults=NOISY)
-    unknowns = Unknowns(seen.nominal.lumps)
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
     trial = seen.read_trial(raised(seen.nominal.lumps, 1.5))
     trial = replace(trial, steps=np.array([len(trial.readings[0]) - 1, 80, 80, 0]))
-    estimate = fit(Readings([trial], unknowns, GRAVITY))
+    estimate = fit(Readings([trial], unknowns))
     error = estimate.log_factors - unknowns.log_factors(seen.plant.chain.lumps)
     assert (np.abs(error) < 4.0 * estimate.deviations).all()
     assert np.isnan(estimate.residuals[0][3]).all()
     assert 0.5 < estimate.misfit < 1.5
     with pytest.raises(ValueError, match="nothing to compare"):
-        Readings([replace(trial, steps=np.zeros(4, dtype=np.int64))], unknowns, GRAVITY)
+        Readings([replace(trial, steps=np.zeros(4, dtype=np.int64))], unknowns)
 
 
 def test_eliminating_start_speeds_is_the_same_as_searching_them() -> None:

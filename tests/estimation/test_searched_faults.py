@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from watched import GRAVITY, NOISE, TIMESTEP, raised, some_torque, watched
 
-from metaid.estimation import FoundFaults, Readings, SearchedFaults, Unknowns, fit, searched_faults
+from metaid.estimation import FoundFaults, LogUnknowns, Readings, SearchedFaults, fit, searched_faults
 from metaid.estimation.faults.searched import late
 from metaid.estimation.noisy import take_up, unmodelled_forces
 from metaid.plant import FaultSettings, fault_names, true_faults
@@ -38,10 +38,10 @@ def test_faults_are_found_beside_the_lumps(
 ) -> None:
     """Within four deviations each, and within a hundredth of their size."""
     seen = watched(2, 1, faults=FaultSettings(**NOISY, **faults), longer=2.0, **joints)
-    unknowns = Unknowns(seen.nominal.lumps)
-    searched = searched_faults(kinds, unknowns, GRAVITY, seen.starts)
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
+    searched = searched_faults(kinds, unknowns, seen.starts)
     trials = [seen.read_trial(raised(seen.nominal.lumps, factor)) for factor in (1.2, 1.5)]
-    estimate = fit(Readings(trials, unknowns, GRAVITY, faults=searched), restarts=0)
+    estimate = fit(Readings(trials, unknowns, faults=searched), restarts=0)
     error = estimate.log_factors - unknowns.log_factors(seen.plant.chain.lumps)
     found, true = estimate.faults, true_faults(seen.plant, kinds)
     assert found is not None
@@ -65,9 +65,9 @@ def test_slopes_by_faults_are_those_of_the_residuals() -> None:
     """Away from the truth, for every kind, against central differences of the residuals themselves."""
     kinds = ("delay", "offset", "viscous", "dry", "spring", "gain")
     seen = watched(2, 3, faults=FaultSettings(**NOISY))
-    unknowns = Unknowns(seen.nominal.lumps)
-    searched = searched_faults(kinds, unknowns, GRAVITY, seen.starts)
-    readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, GRAVITY, faults=searched)
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
+    searched = searched_faults(kinds, unknowns, seen.starts)
+    readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, faults=searched)
     random = np.random.default_rng(0)
     point, direction = (0.1 * random.standard_normal(len(readings.spreads)) for _ in range(2))
     here = readings.residuals(point, readings.stages)
@@ -82,10 +82,10 @@ def test_slopes_by_faults_are_those_of_the_residuals() -> None:
 def test_fault_that_is_searched_is_no_force_that_the_model_has_not() -> None:
     """Nor is another seen, nor does the replay of the trial differ from its readings by more than noise."""
     seen = watched(1, 1, damping=0.02, faults=FaultSettings(**NOISY, delay=2), longer=2.0)
-    unknowns = Unknowns(seen.nominal.lumps)
-    searched = searched_faults(("delay", "viscous"), unknowns, GRAVITY, seen.starts)
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
+    searched = searched_faults(("delay", "viscous"), unknowns, seen.starts)
     trials = [seen.read_trial(raised(seen.nominal.lumps, factor)) for factor in (1.2, 1.5)]
-    readings = Readings(trials, unknowns, GRAVITY, faults=searched)
+    readings = Readings(trials, unknowns, faults=searched)
     estimate = fit(readings, restarts=0)
     forces = list(unmodelled_forces(readings, estimate))
     assert [force.kind for force in forces] == ["spring", "coulomb"]
@@ -97,9 +97,9 @@ def test_fault_that_is_searched_is_no_force_that_the_model_has_not() -> None:
 def test_fit_goes_on_from_the_faults_that_it_found() -> None:
     """Begun at the estimate of the same trials, it has the same faults; what a fit begins at has them behind lumps."""
     seen = watched(1, 1, faults=FaultSettings(**NOISY, delay=2), longer=2.0)
-    unknowns = Unknowns(seen.nominal.lumps)
-    searched = searched_faults(("delay",), unknowns, GRAVITY, seen.starts)
-    readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, GRAVITY, faults=searched)
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
+    searched = searched_faults(("delay",), unknowns, seen.starts)
+    readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, faults=searched)
     first = fit(readings, restarts=0)
     again = fit(readings, first.start, restarts=0)
     assert first.faults is not None
@@ -117,12 +117,12 @@ def test_names_of_faults_are_by_joint() -> None:
 def test_spring_that_pushes_away_explains_nothing() -> None:
     """The fit finds it, the verdict names it, and it is not proposed."""
     seen = watched(1, 1, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False), longer=2.0, spring=-0.5)
-    unknowns = Unknowns(seen.nominal.lumps)
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
     trials = [seen.read_trial(raised(seen.nominal.lumps, law)) for law in (1.5, 1.2)]
-    readings = Readings(trials, unknowns, GRAVITY)
+    readings = Readings(trials, unknowns)
 
     def search(kinds: tuple[str, ...]) -> SearchedFaults:
-        return searched_faults(kinds, unknowns, GRAVITY, seen.starts)
+        return searched_faults(kinds, unknowns, seen.starts)
 
     found = fit(replace(readings, faults=search(("spring",))), restarts=0)
     assert found.is_explained

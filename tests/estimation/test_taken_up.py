@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 from watched import GRAVITY, NOISE, Watched, raised, some_torque, watched
 
-from metaid.estimation import Estimate, Readings, ReadTrial, SearchedFaults, TakenUp, Unknowns, fit, searched_faults
+from metaid.estimation import (
+    Estimate,
+    LogUnknowns,
+    Readings,
+    ReadTrial,
+    SearchedFaults,
+    TakenUp,
+    fit,
+    searched_faults,
+)
 from metaid.estimation.noisy import take_up, unmodelled_forces
 from metaid.plant import FaultSettings
 
@@ -27,7 +36,7 @@ def taken_up(seen: Watched, readings: Readings, begun_with: tuple[str, ...] = ()
     """What is taken up, begun from the estimate with some faults that a study has got to by its first trial."""
 
     def search(kinds: tuple[str, ...]) -> SearchedFaults:
-        return searched_faults(kinds, readings.unknowns, GRAVITY, seen.starts)
+        return searched_faults(kinds, readings.unknowns, seen.starts)
 
     begun = replace(readings, trials=readings.trials[:1], faults=search(begun_with)) if begun_with else readings
     return take_up(readings, fit(begun, restarts=0), search, some_torque(seen))
@@ -41,9 +50,9 @@ def read_again(trial: ReadTrial, noise: float) -> ReadTrial:
 
 def test_fault_that_predicts_the_last_trial_holds(late: Watched) -> None:
     """Its misfit there is that of noise, and the lumps are the true ones."""
-    unknowns = Unknowns(late.nominal.lumps)
+    unknowns = LogUnknowns(late.nominal.lumps, GRAVITY)
     trials = [late.read_trial(raised(late.nominal.lumps, law)) for law in LAWS]
-    estimate, taken = taken_up(late, Readings(trials, unknowns, GRAVITY), ("delay",))
+    estimate, taken = taken_up(late, Readings(trials, unknowns), ("delay",))
     error = estimate.log_factors - unknowns.log_factors(late.plant.chain.lumps)
     assert taken is not None
     assert taken.holds
@@ -54,10 +63,10 @@ def test_fault_that_predicts_the_last_trial_holds(late: Watched) -> None:
 
 def test_fault_that_a_later_trial_refutes_explains_nothing(late: Watched) -> None:
     """Where torques of the second trial were cut, it may predict better than none, and is no finding."""
-    unknowns = Unknowns(late.nominal.lumps)
+    unknowns = LogUnknowns(late.nominal.lumps, GRAVITY)
     trials = [late.read_trial(raised(late.nominal.lumps, law)) for law in LAWS]
     cut = replace(trials[1], torques=1.1 * trials[1].torques)
-    estimate, taken = taken_up(late, Readings([trials[0], cut], unknowns, GRAVITY), ("delay",))
+    estimate, taken = taken_up(late, Readings([trials[0], cut], unknowns), ("delay",))
     assert not estimate.is_explained
     assert estimate.led_misfit is not None
     assert taken is None or taken.after > 3.0
@@ -65,10 +74,10 @@ def test_fault_that_a_later_trial_refutes_explains_nothing(late: Watched) -> Non
 
 def test_fault_that_does_not_foretell_the_last_trial_does_not_hold(late: Watched) -> None:
     """Though all trials together are explained with it."""
-    unknowns = Unknowns(late.nominal.lumps)
+    unknowns = LogUnknowns(late.nominal.lumps, GRAVITY)
     trials = [late.read_trial(raised(late.nominal.lumps, law)) for law in (*LAWS, 1.1, 1.4)]
     noisier = [*trials[:3], read_again(trials[3], 1.5)]
-    estimate, taken = taken_up(late, Readings(noisier, unknowns, GRAVITY), ("delay",))
+    estimate, taken = taken_up(late, Readings(noisier, unknowns), ("delay",))
     assert taken is not None
     assert estimate.is_explained
     assert not taken.holds
@@ -79,7 +88,7 @@ def test_spring_that_short_trials_cannot_tell_is_not_explained_away() -> None:
     """Of one link in two short trials a wrong gravity lump explains as much: no fault is taken up, a force is seen."""
     seen = watched(1, 1, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False), spring=0.5, chain=4)
     trials = [seen.read_trial(raised(seen.nominal.lumps, law)) for law in (1.5, 1.2)]
-    readings = Readings(trials, Unknowns(seen.nominal.lumps), GRAVITY)
+    readings = Readings(trials, LogUnknowns(seen.nominal.lumps, GRAVITY))
     estimate, taken = taken_up(seen, readings)
     assert taken is None
     assert any(force.is_seen for force in unmodelled_forces(readings, estimate))
@@ -91,7 +100,7 @@ def test_offsets_are_taken_up_where_lumps_would_be_elsewhere_with_a_tilt(second:
     faults = FaultSettings(angle_noise=NOISE, speed_sensor=False, tilt=0.01, encoder_offset=(0.0, second))
     seen = watched(2, 1, faults=faults)
     trials = [seen.read_trial(raised(seen.nominal.lumps, law)) for law in LAWS]
-    _, taken = taken_up(seen, Readings(trials, Unknowns(seen.nominal.lumps), GRAVITY), ("tilt",))
+    _, taken = taken_up(seen, Readings(trials, LogUnknowns(seen.nominal.lumps, GRAVITY)), ("tilt",))
     assert taken is not None
     assert (taken.kinds, taken.holds) == ((kind,), True), taken.description
 
@@ -109,10 +118,10 @@ def test_fault_is_taken_up_where_sensors_are_exact() -> None:
     """A rough last step, enough for windows that are to grow, leaves far more than exact sensors do."""
     seen = watched(1, 4, faults=FaultSettings(tilt=0.003))
     exact = [replace(seen.read_trial(raised(seen.nominal.lumps, law)), noise=np.full(1, 1e-9)) for law in LAWS]
-    unknowns = Unknowns(seen.nominal.lumps)
-    readings = Readings(exact, unknowns, GRAVITY)
-    searched = searched_faults(("tilt",), unknowns, GRAVITY, seen.starts)
-    estimate = fit(replace(readings, faults=searched), restarts=0, gives_up=True)
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
+    readings = Readings(exact, unknowns)
+    searched = searched_faults(("tilt",), unknowns, seen.starts)
+    estimate = fit(replace(readings, faults=searched), restarts=0)
     assert estimate.is_explained
     assert estimate.faults is not None
     assert estimate.faults.values == pytest.approx([0.003])

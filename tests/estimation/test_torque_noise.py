@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from watched import GRAVITY, NOISE, raised, watched
 
-from metaid.estimation import Loop, NoisyExperiment, Readings, ReadTrial, Unknowns
+from metaid.estimation import ChainLaws, Experiment, LogUnknowns, Loop, Readings, ReadTrial, upright
 from metaid.estimation.noisy import Innovations, fit_with_torque_noise, unmodelled_forces
 from metaid.models import Lumps
 from metaid.plant import FaultSettings
@@ -20,14 +20,14 @@ NOISY = FaultSettings(angle_noise=NOISE, speed_sensor=False, push_noise=0.02, to
 def innovations_of(nlink: int, seed: int, damping: float = 0.0) -> tuple[Innovations, np.ndarray]:
     """Those of two trials of a chain, and its true log factors."""
     seen = watched(nlink, seed, damping=damping, faults=NOISY)
-    unknowns = Unknowns(seen.nominal.lumps)
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
     trials = [
         replace(seen, episode=replace(seen.episode, seed=2 * seed + number)).read_trial(
             raised(seen.nominal.lumps, factor)
         )
         for number, factor in enumerate((1.0, 1.5))
     ]
-    return Innovations(trials, unknowns, GRAVITY), unknowns.log_factors(seen.plant.chain.lumps)
+    return Innovations(trials, unknowns), unknowns.log_factors(seen.plant.chain.lumps)
 
 
 def test_chain_is_found_from_a_wrong_one_and_so_is_the_noise_of_its_torques() -> None:
@@ -84,7 +84,7 @@ def test_likelihood_is_that_of_all_readings_together() -> None:
     commanded, start = np.full((1, steps, 1), 0.2), np.array([[0.3]])
     trial = ReadTrial(timestep, readings, commanded, np.array([steps]), start, None, np.array([noise]))
     lumps = Lumps(np.array([1.0]), np.zeros((1, 1)), inertia=np.array([inertia]))
-    innovations = Innovations([trial], Unknowns(lumps, ("inertia",)), 0.0)
+    innovations = Innovations([trial], LogUnknowns(lumps, 0.0, ("inertia",)))
 
     # A torque in step s moves reading t > s by h² (t − s) / d.
     later = np.subtract.outer(np.arange(steps + 1), np.arange(steps)).clip(min=0) * timestep**2 / inertia
@@ -108,9 +108,8 @@ def test_readings_are_compared_as_ever_where_torques_have_no_noise() -> None:
     """An experiment that says nothing of noisy torques compares readings, and finds no size of it."""
     seen = watched(2, faults=NOISY.model_copy(update={"torque_noise": 0.0}))
     lumps = seen.nominal.lumps
-    experiment = NoisyExperiment(
-        lumps, Unknowns(lumps), GRAVITY, 0.002, seen.starts, Loop(0.002, np.full(2, NOISE), np.array([-1.0, 0.0, 1.0]))
-    )
+    laws, loop = ChainLaws(lumps, GRAVITY), Loop(0.002, np.full(2, NOISE), np.array([-1.0, 0.0, 1.0]))
+    experiment = Experiment(laws, LogUnknowns(lumps, GRAVITY), 0.002, upright(seen.starts), loop=loop)
     trial = seen.read_trial(raised(lumps, 1.5))
     assert type(experiment._comparison([trial])) is Readings
     assert type(replace(experiment, torque_noise=np.full(2, 0.3))._comparison([trial])) is Innovations

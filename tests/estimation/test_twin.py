@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from watched import GRAVITY, raised, watched
 
-from metaid.estimation import Unknowns, twin
-from metaid.estimation.twin import Motion, share_out, simulate
+from metaid.estimation import LogUnknowns, twin
+from metaid.estimation.planar_twin import PlanarTwin
+from metaid.estimation.twin import Motion, share_out
 from metaid.models import Array
 
 ALL = ("gravity", "coriolis", "damping", "coulomb", "inertia")
@@ -27,9 +28,12 @@ def test_the_twin_of_the_true_chain_moves_as_mujoco_does(nlink: int, stiffness: 
     seen = watched(nlink, damping=0.02, stiffness=stiffness)
     trial = seen.trial(raised(seen.nominal.lumps, 1.3))
     true = seen.plant.chain.lumps_of(("gravity", "coriolis", "damping"))
-    unknowns = Unknowns(true, ("gravity", "coriolis", "damping", "inertia"))
-    motion = simulate(trial, unknowns, np.zeros(len(unknowns.names)), GRAVITY, len(trial.ends))
-    for name in ("angles", "speeds", "speed_energy", "acceleration_energy"):
+    unknowns = LogUnknowns(true, GRAVITY, ("gravity", "coriolis", "damping", "inertia"))
+    chain = PlanarTwin(unknowns, np.zeros(len(unknowns.names)))
+    motion, (angles, is_shown) = chain.watch(trial, len(trial.ends)), chain.trace(trial, trial.ends)
+    assert is_shown.all()
+    assert np.allclose(angles, trial.windows.angles, rtol=1e-9, atol=1e-10)
+    for name in ("speeds", "speed_energy", "acceleration_energy"):
         assert np.allclose(getattr(motion, name), getattr(trial.windows, name), rtol=1e-9, atol=1e-10)
 
 
@@ -43,11 +47,11 @@ def test_derivatives_are_those_of_finite_differences(nlink: int, exact_lengths: 
     trial = seen.trial(raised(seen.nominal.lumps, 1.3))
     some = np.linspace(0.01, 0.03, nlink)
     nominal = replace(seen.nominal.lumps, damping=some, coulomb=2.0 * some if dry else None)
-    unknowns = Unknowns(nominal, ALL if dry else SMOOTH, seen.nominal.length if exact_lengths else None)
+    unknowns = LogUnknowns(nominal, GRAVITY, ALL if dry else SMOOTH, seen.nominal.length if exact_lengths else None)
     point = 0.02 * np.random.default_rng(1).standard_normal(len(unknowns.names))
 
     def motion(at: Array) -> Motion:
-        return simulate(trial, unknowns, at, GRAVITY, len(trial.ends), energies=True)
+        return PlanarTwin(unknowns, at).watch(trial, len(trial.ends), energies=True)
 
     here = motion(point)
     for column in range(len(point)):
@@ -66,19 +70,19 @@ def test_a_chain_that_no_bodies_make_is_not_followed() -> None:
     """Coriolis lumps so large that the mass matrix is indefinite: no window is reached, and nothing is made up."""
     seen = watched(2)
     trial = seen.trial(seen.nominal.lumps)
-    unknowns = Unknowns(seen.nominal.lumps)
-    motion = simulate(trial, unknowns, np.array([0.0, 0.0, 2.0, 0.0, 0.0]), GRAVITY, len(trial.ends))
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
+    motion = PlanarTwin(unknowns, np.array([0.0, 0.0, 2.0, 0.0, 0.0])).watch(trial, len(trial.ends))
     assert not motion.reached.any()
 
 
 def test_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """One and two threads give the same motion and derivatives, to the last bit."""
     seen = watched(5)
-    trial, unknowns = seen.trial(seen.nominal.lumps), Unknowns(seen.nominal.lumps)
+    trial, unknowns = seen.trial(seen.nominal.lumps), LogUnknowns(seen.nominal.lumps, GRAVITY)
     motions = []
     for threads in (1, 2):
         monkeypatch.setattr(twin, "threads_at_hand", lambda threads=threads: threads)
-        motions.append(simulate(trial, unknowns, np.zeros(len(unknowns.names)), GRAVITY, len(trial.ends)))
+        motions.append(PlanarTwin(unknowns, np.zeros(len(unknowns.names))).watch(trial, len(trial.ends)))
     assert np.array_equal(motions[0].speeds, motions[1].speeds)
     assert np.array_equal(motions[0].speed_slopes, motions[1].speed_slopes)
 

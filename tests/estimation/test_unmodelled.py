@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from watched import GRAVITY, NOISE, TIMESTEP, Watched, raised, watched
 
-from metaid.estimation import Estimate, Readings, Unknowns, Unmodelled, fit, searched_faults
+from metaid.estimation import Estimate, LogUnknowns, Readings, Unmodelled, fit, searched_faults
 from metaid.estimation.noisy import unmodelled_forces
 from metaid.models import Array
 from metaid.plant import FaultSettings
@@ -20,20 +20,20 @@ LAWS = (1.2, 1.5, 2.0)  # factors of the nominal gravity lumps
 
 def left_of(seen: Watched, kinds: tuple[str, ...] = ("gravity", "coriolis", "inertia")) -> tuple[Estimate, Array]:
     """The estimate from a trial of each of LAWS, and its errors (nunknown)."""
-    unknowns = Unknowns(seen.nominal.lumps_of(kinds), kinds)
+    unknowns = LogUnknowns(seen.nominal.lumps_of(kinds), GRAVITY, kinds)
     estimate = fit(readings_of(seen, unknowns), restarts=0)
     return estimate, estimate.log_factors - unknowns.log_factors(seen.plant.chain.lumps_of(kinds))
 
 
-def readings_of(seen: Watched, unknowns: Unknowns) -> Readings:
+def readings_of(seen: Watched, unknowns: LogUnknowns) -> Readings:
     """What the sensors read in a trial of each of LAWS."""
     laws = [raised(seen.nominal.lumps, factor) for factor in LAWS]
-    return Readings([seen.read_trial(law) for law in laws], unknowns, GRAVITY)
+    return Readings([seen.read_trial(law) for law in laws], unknowns)
 
 
 def strongest(seen: Watched) -> Unmodelled | None:
     """What is found in the readings of a trial of each of LAWS."""
-    readings = readings_of(seen, Unknowns(seen.nominal.lumps))
+    readings = readings_of(seen, LogUnknowns(seen.nominal.lumps, GRAVITY))
     seen = [force for force in unmodelled_forces(readings, fit(readings, restarts=0)) if force.is_seen]
     return min(seen, key=lambda force: force.left, default=None)
 
@@ -54,7 +54,7 @@ def test_spring_that_a_wrong_gravity_lump_makes_up_for_is_found() -> None:
 def test_spring_that_short_pushes_do_not_show_is_named() -> None:
     """Gravity of one link is right only without it, for the readings may hide as much as there is."""
     seen = watched(1, 1, faults=DIFFERING, spring=0.2)
-    unknowns = Unknowns(seen.nominal.lumps)
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
     readings = readings_of(seen, unknowns)
     spring = next(force for force in unmodelled_forces(readings, fit(readings, restarts=0)) if force.kind == "spring")
     assert not spring.is_seen
@@ -85,7 +85,7 @@ def test_friction_that_is_searched_is_not_looked_for() -> None:
     """It is no force that the model has not."""
     seen = watched(2, 3, damping=0.02, faults=NOISY)
     kinds = ("gravity", "coriolis", "inertia", "damping")
-    unknowns = Unknowns(replace(seen.nominal.lumps_of(kinds[:3]), damping=np.full(2, 0.01)), kinds)
+    unknowns = LogUnknowns(replace(seen.nominal.lumps_of(kinds[:3]), damping=np.full(2, 0.01)), GRAVITY, kinds)
     readings = readings_of(seen, unknowns)
     forces = list(unmodelled_forces(readings, fit(readings, restarts=0)))
     assert [force.kind for force in forces] == ["spring", "coulomb", "delay"]
@@ -95,7 +95,7 @@ def test_friction_that_is_searched_is_not_looked_for() -> None:
 def test_nothing_is_looked_for_where_every_force_is_searched() -> None:
     """There is nothing left that the model could lack."""
     seen = watched(1, 3, faults=NOISY)
-    unknowns = Unknowns(seen.nominal.lumps)
-    every = searched_faults(("delay", "viscous", "dry", "spring"), unknowns, GRAVITY, seen.starts)
-    readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, GRAVITY, faults=every)
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
+    every = searched_faults(("delay", "viscous", "dry", "spring"), unknowns, seen.starts)
+    readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, faults=every)
     assert list(unmodelled_forces(readings, fit(readings, restarts=0))) == []

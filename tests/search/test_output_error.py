@@ -14,7 +14,7 @@ from pandas.testing import assert_frame_equal
 
 from metaid import results
 from metaid.errors import StudyError
-from metaid.estimation import Estimate, SeenTrial, SilentExperiment
+from metaid.estimation import Estimate, Experiment, SeenTrial
 from metaid.plant import LinkSettings, PlantSettings
 from metaid.store import Store
 from metaid.study import (
@@ -164,13 +164,13 @@ def test_what_no_model_explains_is_matched_ever_more_seldom_and_ends_when_no_mor
     last.
     """
     fitted: list[int] = []
-    estimate = SilentExperiment.estimate
+    estimate = Experiment.estimate
 
-    def counted(self: SilentExperiment, trials: list[SeenTrial], *more: Any, **named: Any) -> Estimate | None:
+    def counted(self: Experiment, trials: list[SeenTrial], *more: Any, **named: Any) -> Estimate | None:
         fitted.append(len(trials))
         return estimate(self, trials, *more, **named)
 
-    monkeypatch.setattr(SilentExperiment, "estimate", counted)
+    monkeypatch.setattr(Experiment, "estimate", counted)
     create_study(store, spec_of(1, 3, {"damping": 0.05}, trials=200))
     assert run_study(store, "chain").trials == MOST_TRIALS + 1
     assert fitted == [1, 2, 3, 4, 6, 9, 14, 21, 32, 1, 32], "the last two are of the estimate that is kept"

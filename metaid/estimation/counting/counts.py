@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from metaid.estimation.counting.crossings import Counters, count_pushes, counters, crossing
 from metaid.estimation.descent import Residuals
+from metaid.estimation.log_unknowns import LogUnknowns
 from metaid.estimation.motions import Motions, WatchedTrials
 from metaid.estimation.trials import Replay, WatchedTrial
 from metaid.estimation.twin import share_out
@@ -62,6 +63,7 @@ class Counts(WatchedTrials):
     A joint at rest right after a push is left out for that push.
     """
 
+    unknowns: LogUnknowns
     by_side: bool = False
 
     def __post_init__(self) -> None:
@@ -113,7 +115,7 @@ class Counts(WatchedTrials):
 
     def replay(self, number: int, log_factors: Array) -> Replay:
         """The trial of that `number`, and the twin at these `log_factors` (nunknown) in its place."""
-        return Motions(self.trials, self.unknowns, self.gravity).replay(number, log_factors)
+        return Motions(self.trials, self.unknowns).replay(number, log_factors)
 
     def _count(
         self, trial: WatchedTrial, log_factors: Array, windows: int, slopes: bool
@@ -123,8 +125,8 @@ class Counts(WatchedTrials):
         nunknown = len(log_factors) * slopes
         ends = np.ascontiguousarray(trial.ends[:windows])
         forces = (
-            balance(trial.law, lumps, self.gravity, trial.stiffness),
-            derivatives(self.unknowns, lumps, self.gravity),
+            balance(trial.law, lumps, self.unknowns.gravity, float(np.max(trial.stiffness))),
+            derivatives(self.unknowns, lumps),
         )
         settled = NO_FORCES, *forces, trial.timestep, ends
         shown, reached = counters(npush, windows, n, nunknown), np.zeros(npush, dtype=np.int64)

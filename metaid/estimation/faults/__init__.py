@@ -1,7 +1,7 @@
 """Faults of the plant as unknowns of the fit, beside the lumps, and what is said of them. No numba is loaded here.
 
-faults = searched_faults(("delay", "tilt"), nominal, gravity, start_speeds)
-estimate = fit(Readings(trials, unknowns, gravity, faults=faults))
+faults = searched_faults(("delay", "tilt"), unknowns, start_speeds)
+estimate = fit(Readings(trials, unknowns, faults=faults))
 estimate.faults.values
 """
 

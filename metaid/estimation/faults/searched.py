@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from metaid.estimation.trials import Joints
+from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 from metaid.plant import fault_names
 
@@ -160,30 +160,17 @@ class FoundFaults:
 NO_FAULTS = SearchedFaults((), 0, np.empty(0))
 
 
-class Strong(Protocol):
-    """What is unknown of a robot, as far as the size of its faults depends on it."""
-
-    @property
-    def njoint(self) -> int: ...
-    @property
-    def tilts(self) -> int: ...
-    def torque(self, gravity: float, speed: float, /) -> float: ...
-
-
-def searched_faults(
-    kinds: tuple[str, ...], robot: Strong, gravity: float, start_speeds: Array, teeth: int = 0
-) -> SearchedFaults:
+def searched_faults(kinds: tuple[str, ...], robot: Unknowns, start_speeds: Array, teeth: int = 0) -> SearchedFaults:
     """Faults of these `kinds`, with what they may be beforehand.
 
     Args:
         kinds: of the faults.
         robot: whose torques friction and springs are shares of.
-        gravity: in m/s².
         start_speeds: joint speeds (npush x njoint) right after the pushes, in rad/s.
         teeth: how many times a turn cogging repeats; 0 where that is not known.
     """
     speed = float(np.abs(start_speeds).max())
-    torque = robot.torque(gravity, speed)
+    torque = float(robot.torques(speed).max())
     scales = {
         "delay": TURN / speed,
         "tilt": LEAN,
@@ -193,7 +180,7 @@ def searched_faults(
         "spring": OF_TORQUE["spring"] * torque,
         "bias": OF_TORQUE["bias"] * torque,
         "cogging": OF_TORQUE["cogging"] * torque,
-        "rotor": OF_INERTIA * robot.torque(0.0, 1.0),
+        "rotor": OF_INERTIA * float(robot.inertia.max()),
         **{kind: spread for kind, (_, spread) in ABOVE_ZERO.items()},
     }
     each = [scales[name.partition("_")[0]] for name in fault_names(kinds, robot.njoint, robot.tilts)]

@@ -1,6 +1,6 @@
 """A plant with noise: what its sensors read is compared with a twin that is driven by what was commanded.
 
-    estimate = fit(Readings([ReadTrial(...), ...], Unknowns(nominal), gravity))
+    estimate = fit(Readings([ReadTrial(...), ...], LogUnknowns(nominal, gravity)))
 
 Where torques are noisy, `fit_with_torque_noise` compares `Innovations` instead: the twin is led by the readings.
 `unmodelled_forces` looks in what is left of the readings for a force that the model has not.

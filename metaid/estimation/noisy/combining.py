@@ -11,8 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-
 from metaid.estimation.estimate import Found
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.tried import NOTHING, Combining, Search, Tried, combining_of, farthest_moved
@@ -58,10 +56,7 @@ def combine(
     if combining is None:
         return None
     taken_up = () if estimate.faults is None else estimate.faults.searched.kinds
-    begin = readings.unknowns.begin
-    if begin is not None:
-        begin = np.append(begin, np.zeros(len(readings.faults.names)))
-    tried = [_grown(combining, combining.fitted(known, None, begin), readings)]
+    tried = [_grown(combining, combining.fitted(known, None), readings)]
     if taken_up != known and not (tried[0] is not None and combining.explains(tried[0][0])):
         tried.append(_grown(combining, combining.fitted(taken_up, None, estimate.start), readings))
     grown = [each for each in tried if each is not None]

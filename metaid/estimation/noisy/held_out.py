@@ -7,7 +7,7 @@ Only what concerns a push alone, its start speeds, is fitted to it.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +20,10 @@ from metaid.models import Array
 PARTS = 3  # of the pushes, each of which is left out once
 ROUNDS = 4  # Gauss-Newton steps of what concerns a push alone
 
-Compared = TypeVar("Compared", bound=ReadingsInWindows[Any, Any])
+Compared = TypeVar("Compared", bound=ReadingsInWindows)
 
 
-def hold_out(
-    compared: ReadingsInWindows[Any, Any], point: Array, judged: ReadingsInWindows[Any, Any] | None = None
-) -> HeldOut | None:
+def hold_out(compared: ReadingsInWindows, point: Array, judged: ReadingsInWindows | None = None) -> HeldOut | None:
     """What pushes that are left out say of an estimate; None where there are too few, or no fit to the others.
 
     Args:
@@ -65,7 +63,7 @@ def only_pushes(compared: Compared, pushes: NDArray[np.bool_]) -> Compared:
     return replace(compared, trials=trials)
 
 
-def squares_of(compared: ReadingsInWindows[Any, Any], unknowns: Array) -> tuple[float, int]:
+def squares_of(compared: ReadingsInWindows, unknowns: Array) -> tuple[float, int]:
     """The least sum of squares of the residuals at these `unknowns` (nunknown), what concerns a push alone being where
     it serves best, and how many residuals there are; inf where the twin cannot follow.
     """

@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.noisy.led_chain import lead_chain, watch_chain
 from metaid.estimation.noisy.readings import Readings, started
-from metaid.estimation.spatial.led_arm import lead_arm_trial, watch_arm
-from metaid.estimation.trials import Coefficients, Driven, Gains, Joints, ReadTrial
+from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, ReadTrial
+from metaid.estimation.twins import twin_of
 from metaid.models import Array
 
-# How a twin is led by readings with given gains, and how the filter finds these.
-FILTERS: dict[str, tuple[Callable[..., Coefficients | None], Callable[..., Gains]]] = {
-    "planar": (watch_chain, lead_chain),
-    "spatial": (watch_arm, lead_arm_trial),
-}
 NOTHING = 1e-3  # of cost: beside noise whose size is found, too, less changes nothing
 
 
@@ -50,8 +43,8 @@ class Innovations(Readings):
         self, number: int, trial: ReadTrial, starts: Array, windows: int, log_factors: Array, joints: Joints | None
     ) -> Coefficients | None:
         (chosen, steps), (_, basis) = self._longest(number, windows), self._windows[number]
-        driven, watch = Driven(trial, starts, steps, basis[chosen]), FILTERS[self.unknowns.kernel][0]
-        return watch(driven, self.gains[number], self.unknowns, log_factors, self.gravity, joints)
+        driven = Driven(trial, starts, steps, basis[chosen])
+        return twin_of(self.unknowns, log_factors).drive(driven, joints, led=self.gains[number])
 
     def motion(self, number: int) -> tuple[Array, Array]:
         """As the filter has it: what noise of a torque does is seen in later readings alone. Were it in the speed of
@@ -91,6 +84,5 @@ class Innovations(Readings):
             if trial.start_spread is not None:
                 own = 2 * n - trial.start_spread.shape[-1]
                 begins[:, own:, own:] = trial.start_spread @ trial.start_spread.swapaxes(1, 2)
-        robot = self.unknowns, log_factors, self.gravity, self._joints(faults)
-        lead = FILTERS[self.unknowns.kernel][1]
-        return lead(trial, (starts, begins), pushes, *robot, torque_noise)
+        filtered = Filtered(trial, starts, begins, pushes)
+        return twin_of(self.unknowns, log_factors).lead(filtered, self._joints(faults), torque_noise)

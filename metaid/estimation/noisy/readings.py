@@ -4,9 +4,8 @@ and whose start speeds are unknown within what pushes differ by.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -14,88 +13,28 @@ from metaid.estimation.descent import Residuals
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults
 from metaid.estimation.noisy.polynomials import before
 from metaid.estimation.noisy.smoothed import smoothed
-from metaid.estimation.noisy.windows import Compared, ReadingsInWindows, Spread
-from metaid.estimation.spatial.driven import drive_arm
+from metaid.estimation.noisy.windows import Compared, ReadingsInWindows
 from metaid.estimation.trials import Coefficients, Driven, Joints, ReadTrial, Replay
-from metaid.estimation.twin import drive
+from metaid.estimation.twins import twin_of
 from metaid.models import Array
 
 DRAWN = 100  # readings of a push that a replay keeps
 DIFFERENCE, TINY = 1e-3, 1e-12  # of a further torque, as a share of the largest commanded; and no torque, in N m
 STEP = 1e-6  # in an unknown fault, for the derivative by it
-# The twin of a trial, driven by what was commanded, of what is unknown, where that is, gravity, and what joints have.
-KERNELS: dict[str, Callable[..., Coefficients | None]] = {"planar": drive, "spatial": drive_arm}
-
-
-class Drivable(Spread, Protocol):
-    """What is unknown of a robot whose twin is driven: of a chain or of an arm."""
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """The kinds of lumps, or of parameters that a force may be taken for, among the unknowns."""
-
-    @property
-    def njoint(self) -> int: ...
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """What the joints are called (njoint)."""
-
-    @property
-    def tilts(self) -> int:
-        """About how many axes the base may be tilted."""
-
-    @property
-    def ends_when_cut(self) -> bool:
-        """Whether a descent ends with a short step though it was cut, for longer windows may lead on."""
-
-    @property
-    def least_gain(self) -> float:
-        """Of cost; a step that promises less is not made."""
-
-    @property
-    def begin(self) -> Array | None:
-        """Where a fit begins (nunknown); None for the nominal."""
-
-    def torques(self, gravity: float, speed: float, /) -> Array:
-        """About what each joint needs (njoint), in N m, under `gravity` in m/s² and at a `speed` in rad/s."""
-
-    def torque(self, gravity: float, speed: float, /) -> float:
-        """The same of the strongest."""
-
-    @property
-    def kernel(self) -> Literal["planar", "spatial"]:
-        """Which twin it has."""
-
-    def alone(self, log_factors: Array, /) -> Drivable:
-        """The robot there, of which nothing is unknown any more."""
-
-    def estimated(self, found: dict[str, Any], /) -> Any:
-        """The estimate with the fields of a `Fit` that were `found`."""
 
 
 @dataclass(frozen=True, eq=False)
-class Readings(ReadingsInWindows[ReadTrial, Drivable]):
-    """All `trials` of a noisy study. `gravity` in m/s², of a chain; an arm has its own. The unknowns of all pushes are
-    those of the robot, and behind them the `faults` that are searched.
+class Readings(ReadingsInWindows):
+    """All `trials` of a noisy study. The unknowns of all pushes are those of the robot, and behind them the `faults`
+    that are searched.
     """
 
-    gravity: float = 0.0
     faults: SearchedFaults = field(default=NO_FAULTS, kw_only=True)
 
     @property
     def spreads(self) -> Array:
         """Of the log factors and the faults (nunknown), beforehand."""
         return np.append(super().spreads, np.ones(len(self.faults.names)))
-
-    @property
-    def ends_when_cut(self) -> bool:
-        """As it is for such a robot."""
-        return self.unknowns.ends_when_cut
-
-    @property
-    def least_gain(self) -> float:
-        """As it is for such a robot."""
-        return self.unknowns.least_gain
 
     def residuals_with(self, point: Array, torques: Sequence[Array]) -> Residuals | None:
         """Those on all windows with further joint `torques` of each trial (ntorque x npush x nstep x njoint), in N m,
@@ -134,7 +73,7 @@ class Readings(ReadingsInWindows[ReadTrial, Drivable]):
         twin, steps = self.unknowns.alone(log_factors), np.minimum(trial.steps, last)
         alike, joints = replace(self._delivered(trial, faults), start_spread=None), self._joints(faults)
         driven = Driven(alike, starts, steps, np.tile(basis, (npush, 1, 1)))
-        motion = KERNELS[twin.kernel](driven, twin, np.empty(0), self.gravity, joints)
+        motion = twin_of(twin, np.empty(0)).drive(driven, joints)
         shown = (kept <= steps[:, None]) & (steps[:, None] > 0)
         seen = np.where(shown[..., None], trial.readings[:, kept], np.nan)
         simulated = np.full_like(seen, np.nan)
@@ -186,7 +125,7 @@ class Readings(ReadingsInWindows[ReadTrial, Drivable]):
         """
         (chosen, steps), (_, basis) = self._longest(number, windows), self._windows[number]
         driven = Driven(trial, starts, steps, basis[chosen])
-        twin = KERNELS[self.unknowns.kernel](driven, self.unknowns, log_factors, self.gravity, joints)
+        twin = twin_of(self.unknowns, log_factors).drive(driven, joints)
         if twin is None:
             return None
         plants = np.einsum("ptk,ptj->pjk", basis[chosen], trial.readings * before(steps, trial.readings.shape[1]))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from metaid.estimation.estimate import Found, fit
+from metaid.estimation.estimate import Found, begun, fit
 from metaid.estimation.noisy.innovations import Innovations
 from metaid.models import Array
 
@@ -29,17 +29,17 @@ def fit_with_torque_noise(
 
     Args:
         innovations: of all trials, without gains.
-        start: log factors, with faults behind them (nunknown), to begin with; None for the nominal model.
+        start: unknowns of the robot, with faults behind them (nunknown), to begin with; None for where fits to such
+            a robot begin.
         torque_noise: what the noise of each joint's torque is thought to be (njoint), in N m.
         rounds: at most.
 
     Raises:
         ValueError: the twin cannot follow the trials.
     """
-    count = len(innovations.spreads)
-    begin, sizes = np.zeros(count) if start is None else start, torque_noise
+    count, begin, sizes = len(innovations.spreads), begun(innovations, start), torque_noise
     found: Found | None = None
-    point = np.append(begin, np.zeros(innovations.extras))
+    point = np.append(np.zeros(count) if begin is None else begin, np.zeros(innovations.extras))
     for _ in range(rounds):
         if found is None:
             sizes = likeliest_noise(innovations, point, sizes, ROUGH_PUSHES)

@@ -8,12 +8,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.descent import NOTHING, Residuals
+from metaid.estimation.descent import Residuals
 from metaid.estimation.noisy.polynomials import (
     POLYNOMIALS,
     SHORTEST,
@@ -22,50 +21,21 @@ from metaid.estimation.noisy.polynomials import (
     explained_by_noise,
     polynomial_windows,
 )
+from metaid.estimation.trials import ReadTrial
+from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 
-
-class Read(Protocol):
-    """What sensors read in one trial, and what the plant was sent."""
-
-    @property
-    def torques(self) -> Array:
-        """As they were commanded (npush x nstep x njoint), in N m or N."""
-
-    @property
-    def steps(self) -> NDArray[np.int64]:
-        """How many steps (npush) of each push were seen before a fall."""
-
-    @property
-    def extras(self) -> int:
-        """How many unknowns concern one push alone, those of all pushes together."""
-
-
-class Spread(Protocol):
-    """What is unknown of a plant."""
-
-    @property
-    def names(self) -> list[str]:
-        """Of the unknowns (nunknown)."""
-
-    @property
-    def spread(self) -> float:
-        """Standard deviation of each unknown, beforehand."""
-
-
-Trial = TypeVar("Trial", bound=Read)
-What = TypeVar("What", bound=Spread)
 # Residuals of a trial (npush x nvalue) in units of the noise, joint by joint, and their derivatives (npush x nvalue x
 # nunknown + nextra), those by what a push alone has last; zeros where a push was not seen.
 Compared = tuple[Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
-class ReadingsInWindows(ABC, Generic[Trial, What]):
+class ReadingsInWindows(ABC):
     """All `trials` of a noisy study, in `polynomials` (Eq. 28). Windows grow from `shortest` of the horizon on."""
 
-    trials: Sequence[Trial]
-    unknowns: What
+    trials: Sequence[ReadTrial]
+    unknowns: Unknowns
     polynomials: int = field(default=POLYNOMIALS, kw_only=True)
     shortest: float = field(default=SHORTEST, kw_only=True)
 
@@ -100,14 +70,14 @@ class ReadingsInWindows(ABC, Generic[Trial, What]):
         return STRIDE
 
     @property
-    @abstractmethod
     def ends_when_cut(self) -> bool:
         """Whether a descent ends with a short step though it was cut, for longer windows may lead on."""
+        return self.unknowns.ends_when_cut
 
     @property
     def least_gain(self) -> float:
-        """What rounding leaves."""
-        return NOTHING
+        """Of cost; a step that promises less is not made."""
+        return self.unknowns.least_gain
 
     @property
     def explained_below(self) -> float:
@@ -121,7 +91,7 @@ class ReadingsInWindows(ABC, Generic[Trial, What]):
         return sum(trial.extras for trial in self.trials)
 
     @property
-    def _each(self) -> Iterator[tuple[Trial, tuple[NDArray[np.int64], Array]]]:
+    def _each(self) -> Iterator[tuple[ReadTrial, tuple[NDArray[np.int64], Array]]]:
         """Each trial with its windows."""
         return zip(self.trials, self._windows, strict=True)
 

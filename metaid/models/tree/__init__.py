@@ -15,7 +15,7 @@ from metaid.models.tree.model_error import ModelError, difference, model_error, 
 from metaid.models.tree.planar import planar_chain, planar_tree
 from metaid.models.tree.regressor import body_torque, joint_mass_matrix, joint_torque, torque_regressor
 from metaid.models.tree.tree import PARAMETERS, Tree, tilted_gravity
-from metaid.models.tree.tree_model import TreeModel, nominal_model
+from metaid.models.tree.tree_model import TreeModel
 
 __all__ = [
     "PARAMETERS",
@@ -38,7 +38,6 @@ __all__ = [
     "joint_torque",
     "known_bodies",
     "model_error",
-    "nominal_model",
     "nominal_pseudo_inertias",
     "planar_chain",
     "planar_tree",

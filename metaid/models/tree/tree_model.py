@@ -31,11 +31,6 @@ class TreeModel:
         """What each base parameter is made of (nbase)."""
         return list(self.prior.base.expressions)
 
-    @property
-    def standard_parameters(self) -> Array:
-        """The most probable parameters of every joint and its link (njoint x 13)."""
-        return self.prior.parameters_at(self.parameters)
-
     def with_parameters(self, parameters: Array) -> TreeModel:
         return replace(self, parameters=parameters)
 
@@ -55,8 +50,3 @@ class TreeModel:
         where = np.broadcast_to(angles, still.shape)
         columns = self.torque(where, still, np.eye(len(angles))) - self.torque(where, still)
         return np.asarray(columns.T, dtype=np.float64)
-
-
-def nominal_model(prior: ArmPrior) -> TreeModel:
-    """The nominal arm of a `prior`."""
-    return TreeModel(prior, prior.values)

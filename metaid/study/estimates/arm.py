@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from metaid.estimation import Approximation, HeldOut
-from metaid.estimation.spatial import ArmEstimate
+from metaid.estimation import Approximation, ArmEstimate, HeldOut
 from metaid.models import COARSEST, DEVIATIONS, Array
 from metaid.models.tree import possible_bodies
 from metaid.study.estimates.study_estimate import StudyEstimate

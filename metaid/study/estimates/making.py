@@ -10,8 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from metaid.episode import QUANTITIES, Outcome
-from metaid.estimation import Estimate
-from metaid.estimation.spatial import ArmEstimate
+from metaid.estimation import ArmEstimate, Estimate
 from metaid.store import ForeignTrial, Trial
 from metaid.study.estimates.arm import ArmFound
 from metaid.study.estimates.chain import ChainFound
@@ -66,7 +65,7 @@ def estimate_of(experiment: Any, trials: tuple[Any, ...], is_probed: bool, by_ot
             probes alone than from the nominal model, for squares of a motion that nearly coasts carry no sign.
         by_others: how many of the last trials are not metaid's own.
     """
-    leads_on = experiment.leads_on
+    leads_on = experiment.unknowns.leads_on
     probes = trials[: experiment.probes] if (is_probed or leads_on) and len(trials) > experiment.probes else ()
     probed = experiment.estimate(probes, thorough=not leads_on) if probes else None
     estimate = experiment.estimate(trials, probed)
@@ -98,7 +97,7 @@ def _known_from(found: StudyEstimate, experiment: Any, trials: tuple[Any, ...], 
     """
     if not found.explains or experiment.counts:
         return None
-    final, reach = found.estimate, CLOSE * experiment.scale
+    final, reach = found.estimate, CLOSE * experiment.unknowns.scale
 
     def is_enough(count: int) -> bool:
         if count == len(trials):

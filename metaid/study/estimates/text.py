@@ -15,8 +15,16 @@ from typing import Any
 
 import numpy as np
 
-from metaid.estimation import Estimate, FoundFaults, HeldOut, Proposal, SearchedFaults, TakenUp, Unmodelled
-from metaid.estimation.spatial import ArmEstimate
+from metaid.estimation import (
+    ArmEstimate,
+    Estimate,
+    FoundFaults,
+    HeldOut,
+    Proposal,
+    SearchedFaults,
+    TakenUp,
+    Unmodelled,
+)
 from metaid.models import Lumps
 from metaid.study.estimates.arm import ArmFound
 from metaid.study.estimates.chain import ChainFound

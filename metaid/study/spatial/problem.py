@@ -33,8 +33,7 @@ from metaid.study.spatial.settings import ArmSpec
 
 if TYPE_CHECKING:
     from metaid.compiled.spatial import ArmObjective
-    from metaid.estimation import Loop
-    from metaid.estimation.spatial import ArmExperiment
+    from metaid.estimation import Experiment, Loop
 
 FARTHEST = 10.0  # standard deviations of the prior: no base parameter beyond is tried
 WINDOW_BUDGET = 8_000_000  # bytes a study
@@ -188,24 +187,25 @@ class ArmProblem(StudyProblem):
     def widen(self, values: Array) -> None:
         """No bound is moved: they are beyond what the prior allows."""
 
-    def experiment(self) -> ArmExperiment | None:
+    def experiment(self) -> Experiment | None:
         """What an estimate needs to know of this study; None where none is to be made."""
         wanted, faults = self.spec.study.estimate, self.spec.faults
         if not wanted.enabled:
             return None
-        from metaid.estimation import searched_faults
-        from metaid.estimation.spatial import ArmExperiment, ArmUnknowns  # loads numba
+        from metaid.estimation import ArmLaws, BaseUnknowns, Experiment, searched_faults  # loads numba
 
-        searched, speeds = ArmUnknowns(self.prior), self.episode.begins[:, 1]
-        return ArmExperiment(
-            self.episode,
-            searched,
-            self.timestep,
-            self.resolution,
-            self._loop if self.keeps_readings else None,
-            searched_faults(wanted.searched_faults, searched, 0.0, speeds, wanted.teeth),
-            wanted.takes_up_faults and not faults.torque_noise,
-            np.full(self.nominal.njoint, faults.torque_noise) if faults.torque_noise else None,
+        unknowns, begins = BaseUnknowns(self.prior), self.episode.begins
+        return Experiment(
+            laws=ArmLaws(unknowns, self.episode),
+            unknowns=unknowns,
+            timestep=self.timestep,
+            starts=begins,
+            stiffness=self.episode.stiffness,
+            resolution=self.resolution,
+            loop=self._loop if self.keeps_readings else None,
+            faults=searched_faults(wanted.searched_faults, unknowns, begins[:, 1], wanted.teeth),
+            takes_up=wanted.takes_up_faults and not faults.torque_noise,
+            torque_noise=np.full(self.nominal.njoint, faults.torque_noise) if faults.torque_noise else None,
         )
 
     @property
@@ -222,9 +222,9 @@ class ArmProblem(StudyProblem):
     @property
     def given(self) -> dict[str, Any]:
         """What of an estimate follows from the study, by the names of its fields."""
-        from metaid.estimation.spatial import ArmUnknowns
+        from metaid.estimation import BaseUnknowns
 
-        return {"searched": ArmUnknowns(self.prior)}
+        return {"searched": BaseUnknowns(self.prior)}
 
     # What results are told by. A chain's problem answers to the same.
 

@@ -25,7 +25,7 @@ SPREAD = 0.3  # of an unknown: a descent takes steps of as much as of a chain's 
 
 
 @dataclass(frozen=True, eq=False)
-class ArmUnknowns:
+class BaseUnknowns:
     """The unknowns z (nbase) of an arm: its base parameters are β₀ + S z, of which `prior` has β₀ and S. Where `known`
     has them all (nbase), nothing is unknown any more.
     """
@@ -37,8 +37,11 @@ class ArmUnknowns:
     kernel: ClassVar[Literal["spatial"]] = "spatial"
     kinds: ClassVar[tuple[str, ...]] = ("damping", "coulomb", "rotor")  # these are among the base parameters
     tilts: ClassVar[int] = 2  # a base turns about two horizontal axes
+    leads_on: ClassVar[bool] = True
     ends_when_cut: ClassVar[bool] = False  # near a singular mass matrix steps are cut, and lead to a wrong minimum
     least_gain: ClassVar[float] = LEAST_GAIN
+    rounding: ClassVar[float] = 1e-7
+    scale: ClassVar[float] = SPREAD
 
     @property
     def names(self) -> list[str]:
@@ -91,21 +94,22 @@ class ArmUnknowns:
             unknowns = np.broadcast_to(self.known, (*unknowns.shape[:-1], len(self.known)))
         return np.ascontiguousarray(self.prior.parameters_at(self.values(unknowns)))
 
-    def alone(self, unknowns: Array) -> ArmUnknowns:
+    def alone(self, unknowns: Array) -> BaseUnknowns:
         """The arm there, of which nothing is unknown any more."""
         return replace(self, known=unknowns)
 
-    def torque(self, gravity: float, speed: float) -> float:
-        """About what the strongest joint needs, in N m, at a `speed` in rad/s; the arm has its own gravity."""
-        return float(self.torques(gravity, speed).max())
-
-    def torques(self, gravity: float, speed: float) -> Array:
-        """About what each joint needs (njoint), in N m, at a `speed` in rad/s; the arm has its own gravity."""
+    def torques(self, speed: float) -> Array:
+        """About what each joint needs (njoint), in N m, at a `speed` in rad/s."""
         states = random_states(self.prior.nominal, POSES, np.random.default_rng(0))[0]
         rest, each = np.zeros_like(states), np.full_like(states, speed**2)
         needed = joint_torque(self.prior.nominal, states, rest, each)
         held = joint_torque(self.prior.nominal, states, rest, rest)
         return np.asarray(np.abs(np.concatenate([needed, held])).max(axis=0), dtype=np.float64)
+
+    @property
+    def inertia(self) -> Array:
+        """About what each joint needs (njoint) to be held and accelerated by 1 rad/s² or m/s²."""
+        return self.torques(1.0)
 
     def estimated(self, found: dict[str, Any]) -> ArmEstimate:
         """The estimate with the fields of a `Fit` that were `found`."""
@@ -119,7 +123,7 @@ class ArmEstimate(Found):
     `names` are the base parameters'; `unknowns` and `covariance` are of the z of Eq. 51.
     """
 
-    searched: ArmUnknowns
+    searched: BaseUnknowns
 
     @property
     def values(self) -> Array:

@@ -3,7 +3,7 @@
 Noise of the torque adds up in the motion, so a twin that is driven by what was commanded loses the plant. So at each
 reading the twin is set right by a gain times what it was wrong by, the innovation. The gains and the covariances of the
 innovations follow from a first run (Eq. 66). In the runs of the fit they are given. So an innovation is a function of
-the unknowns alone, and its derivatives are exact (Eq. 67).
+the unknowns alone, and its derivatives are exact (Eq. 67): `driven` has these runs.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from metaid.compiled import add_noise, compiled, correct, fused, transpose, weigh
 from metaid.estimation.flow import flow
 from metaid.estimation.motion import accelerate, move, set_off
-from metaid.estimation.tangent import force_by_unknowns, linearise, move_tangent
+from metaid.estimation.tangent import linearise
 
 
 @compiled
@@ -89,91 +89,3 @@ def _carry(columns, timestep, spread, work):  # type: ignore[no-untyped-def]
         for p in range(columns.shape[1]):
             columns[n + i, p] += timestep * changed[i, p]
             columns[i, p] += timestep * columns[n + i, p]
-
-
-@compiled
-def watch_innovations(start, forces, readings, balance, derivatives, settings, led, basis, steps, work, seen):  # type: ignore[no-untyped-def]
-    """Runs one push with gains that are given (Eq. 67); whether the twin could follow.
-
-    Args:
-        start, forces, readings, balance, steps: see `lead`.
-        derivatives, work: see `workspace`.
-        settings: timestep of each step (nstep), in s; the column of the first of the start's unknowns; how many these
-            are; how many timesteps a step has; whether the plant moves continuously.
-        led: the gains and the weights that `lead` has filled in.
-        basis: the polynomials at every reading (nstep + 1 x ncoefficient), that of the push first.
-        seen: coefficients (njoint x ncoefficient) of the whitened innovations and their derivatives (njoint x
-            ncoefficient x nunknown), filled in.
-    """
-    timesteps, start_column, extra, substeps, is_continuous = settings
-    gains, weights = led
-    coefficients, slopes = seen
-    set_off(start, start_column, extra, work)
-    coefficients[:] = 0.0
-    slopes[:] = 0.0
-    for reading in range(steps + 1):
-        if reading > 0:
-            timestep = timesteps[reading - 1]
-            for _ in range(substeps):
-                if is_continuous:
-                    if not flow(reading - 1, forces, balance, derivatives, timestep, work):
-                        return False
-                    continue
-                if not accelerate(reading - 1, forces, balance, work):
-                    return False
-                linearise(balance, work)
-                force_by_unknowns(derivatives, work)
-                move_tangent(timestep, 0.0, False, work)
-                if not move(timestep, work):
-                    return False
-        _correct_tangent(gains[reading], weights[reading], basis[reading], work, slopes)
-        _correct_state(readings[reading], gains[reading], weights[reading], basis[reading], work, coefficients)
-    return True
-
-
-@fused
-def _correct_state(seen, gain, weight, polynomials, work, coefficients):  # type: ignore[no-untyped-def]
-    """Adds what the innovation of a reading has of the coefficients, and sets the state right by it. `cosine` is free
-    until the next step.
-    """
-    innovation = work.cosine
-    n = innovation.shape[0]
-    for i in range(n):
-        innovation[i] = work.angle[i] - seen[i]
-    for i in range(n):
-        whitened = 0.0
-        for j in range(n):
-            whitened += weight[i, j] * innovation[j]
-            work.angle[i] -= gain[i, j] * innovation[j]
-            work.speed[i] -= gain[n + i, j] * innovation[j]
-        for k in range(coefficients.shape[1]):
-            coefficients[i, k] += polynomials[k] * whitened
-
-
-@fused
-def _correct_tangent(gain, weight, polynomials, work, slopes):  # type: ignore[no-untyped-def]
-    """The same of the derivatives. `changed` is free until the next step."""
-    moved, changed = work.moved, work.changed
-    n, ncoefficient, nunknown = slopes.shape
-    for i in range(n):
-        row, own = changed[i, :nunknown], moved[i, :nunknown]
-        for p in range(row.shape[0]):
-            row[p] = own[p]
-    for r in range(2 * n):
-        row = moved[r, :nunknown]
-        for j in range(n):
-            share, other = gain[r, j], changed[j, :nunknown]
-            for p in range(row.shape[0]):
-                row[p] -= share * other[p]
-    for i in range(n - 1, -1, -1):  # from the last on: L⁻¹ is triangular
-        row, scale = changed[i, :nunknown], weight[i, i]
-        for p in range(row.shape[0]):
-            row[p] *= scale
-        for j in range(i):
-            share, other = weight[i, j], changed[j, :nunknown]
-            for p in range(row.shape[0]):
-                row[p] += share * other[p]
-        for k in range(ncoefficient):
-            polynomial, slope = polynomials[k], slopes[i, k]
-            for p in range(slope.shape[0]):
-                slope[p] += polynomial * row[p]

@@ -1,0 +1,157 @@
+"""What is unknown of a chain: the logarithms of its parameters as factors of the nominal ones (Eq. 24).
+
+A Coriolis lump is a length times a gravity lump, a_ij = l_i μ_j (Eq. 2). So n links have n gravity lumps, n inertia
+lumps and n − 1 lengths, and the logarithm of every lump is linear in theirs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+
+from metaid.estimation.descent import NOTHING
+from metaid.estimation.estimate import Estimate, lengths_of, parameters_of
+from metaid.models import Array, Lumps, lump_names
+
+FULL = ("gravity", "coriolis", "inertia")  # the full dynamics of a chain without friction
+
+
+class Columns(NamedTuple):
+    """Where the unknowns of each kind begin in the vector of all unknowns, one a link; −1 for what is known.
+
+    `coriolis` is where the gravity lumps begin that the Coriolis lumps grow with; −1 where these are known.
+    """
+
+    gravity: int
+    length: int
+    inertia: int
+    damping: int
+    coulomb: int
+    coriolis: int
+
+
+@dataclass(frozen=True)
+class LogUnknowns:
+    """The log factors z (nunknown) of the parameters that lumps of some `kinds` follow from: a parameter is its nominal
+    value times e^z. Those of the Coriolis lumps are the gravity lumps and the lengths l_1 … l_{n−1}.
+
+    `gravity` is in m/s². With exact `lengths` l (nlink), in m, these are not among the unknowns. Lumps of other kinds
+    are known to be as the nominal has them. `spread` is the standard deviation of what the nominal may be wrong by, as
+    a log factor.
+
+    Raises ValueError where a nominal lump that is searched is not above 0, for it would have no log factor.
+    """
+
+    nominal: Lumps
+    gravity: float
+    kinds: tuple[str, ...] = FULL
+    lengths: Array | None = None
+    spread: float = 0.3
+
+    kernel: ClassVar[Literal["planar"]] = "planar"
+    tilts: ClassVar[int] = 1  # a base turns in the plane
+    leads_on: ClassVar[bool] = False
+    ends_when_cut: ClassVar[bool] = True  # longer windows lead a chain on
+    least_gain: ClassVar[float] = NOTHING  # what rounding leaves
+    rounding: ClassVar[float] = 1e-9
+    scale: ClassVar[float] = 1.0
+    begin: ClassVar[None] = None  # a fit begins at the nominal chain
+
+    def __post_init__(self) -> None:
+        for name, value in zip(self.lump_names, self.nominal.vector_of(self.kinds), strict=True):
+            if not value > 0.0:
+                raise ValueError(f"nominal {name} is {value:g} (allowed: above 0 for a lump that is unknown)")
+
+    @property
+    def nlink(self) -> int:
+        return self.nominal.nlink
+
+    @property
+    def lump_names(self) -> list[str]:
+        """Of the lumps (nlump)."""
+        return lump_names(self.nlink, self.kinds)
+
+    @property
+    def njoint(self) -> int:
+        return self.nlink
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """What the joints are called (njoint)."""
+        return tuple(f"joint {i + 1}" for i in range(self.nlink))
+
+    @cached_property
+    def _lengths(self) -> int:
+        """How many lengths are unknown."""
+        return self.nlink - 1 if self.lengths is None and "coriolis" in self.kinds else 0
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Of the parameter that each unknown is the log factor of (nunknown)."""
+        names: list[str] = []
+        for kind in self.kinds:
+            own = [f"length_{i + 1}" for i in range(self._lengths)] if kind == "coriolis" else []
+            names += own or ([] if kind == "coriolis" else lump_names(self.nlink, (kind,)))
+        return names
+
+    @cached_property
+    def columns(self) -> Columns:
+        """Where the unknowns of each kind begin."""
+        first = {name.partition("_")[0]: column for column, name in reversed(list(enumerate(self.names)))}
+        begins = {kind: first.get(kind, -1) for kind in ("gravity", "length", "inertia", "damping", "coulomb")}
+        return Columns(**begins, coriolis=begins["gravity"] if "coriolis" in self.kinds else -1)
+
+    @cached_property
+    def design(self) -> Array:
+        """How the logarithms of lumps follow from z (nlump x nunknown)."""
+        place = {name: column for column, name in enumerate(self.names)}
+        design = np.zeros((len(self.lump_names), len(self.names)))
+        for row, name in zip(design, self.lump_names, strict=True):
+            kind, *links = name.split("_")
+            parts = [f"length_{links[0]}", f"gravity_{links[1]}"] if kind == "coriolis" else [name]
+            row[[place[part] for part in parts if part in place]] = 1.0
+        return design
+
+    def lumps(self, log_factors: Array) -> Lumps:
+        """The chain with these `log_factors` (nunknown)."""
+        free = tuple(kind for kind in self.kinds if kind != "coriolis")
+        is_lump = np.array([not name.startswith("length") for name in self.names], dtype=np.bool_)
+        lumps = replace(self.nominal, searched=free).scaled(np.exp(log_factors[is_lump]))
+        if "coriolis" not in self.kinds:
+            return lumps
+        lengths = self.lengths
+        if lengths is None:
+            lengths = np.append(lengths_of(self.nominal) * np.exp(log_factors[~is_lump]), 0.0)
+        return replace(lumps, coriolis=coriolis_of(lengths, lumps.gravity), searched=self.kinds)
+
+    def log_factors(self, lumps: Lumps) -> Array:
+        """The log factors (nunknown) of `lumps`, those of a chain."""
+        return np.log(parameters_of(self.names, lumps) / parameters_of(self.names, self.nominal))
+
+    def torques(self, speed: float) -> Array:
+        """About what each joint needs (njoint), in N m, at a `speed` in rad/s."""
+        return np.maximum(self.gravity * self.nominal.gravity, self.inertia * speed**2)
+
+    @property
+    def inertia(self) -> Array:
+        """About what each joint needs (njoint) for an acceleration of 1 rad/s², in kg m²."""
+        return self.nominal.of("inertia")
+
+    def alone(self, log_factors: Array) -> LogUnknowns:
+        """A chain with these `log_factors` (nunknown), of which nothing is unknown any more."""
+        return LogUnknowns(self.lumps(log_factors), self.gravity, ())
+
+    def estimated(self, found: dict[str, Any]) -> Estimate:
+        """The estimate with the fields of a `Fit` that were `found`."""
+        log_factors = found["unknowns"]
+        lumps, names = self.lumps(log_factors), tuple(self.lump_names)
+        return Estimate(**found, lumps=lumps, lump_names=names, design=self.design)
+
+
+def coriolis_of(lengths: Array, gravity: Array) -> Array:
+    """a_ij = l_i μ_j, i < j (nlink x nlink, symmetric), in kg m², of `lengths` (nlink) in m and μ (nlink) in kg m."""
+    upper = np.triu(np.outer(lengths, gravity), 1)  # Eq. 2
+    return np.asarray(upper + upper.T, dtype=np.float64)

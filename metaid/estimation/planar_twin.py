@@ -1,0 +1,129 @@
+"""The twin of a planar chain: its compiled loops, push by push, on several threads. Its derivatives are exact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.compiled import compiled, spread_of
+from metaid.estimation.driven import watch_readings
+from metaid.estimation.filtered import lead
+from metaid.estimation.log_unknowns import LogUnknowns
+from metaid.estimation.motion import watch_push
+from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, ReadTrial, WatchedTrial
+from metaid.estimation.twin import Motion, share_out
+from metaid.estimation.workspace import Balance, Derivatives, balance, derivatives, workspace
+from metaid.models import Array, Lumps
+
+NOTHING_ELSE = np.empty((0, 0))  # forces beside the law
+
+
+@dataclass(frozen=True, eq=False)
+class PlanarTwin:
+    """A chain with these `log_factors` (nunknown); see `twin.Twin`."""
+
+    unknowns: LogUnknowns
+    log_factors: Array
+
+    @cached_property
+    def lumps(self) -> Lumps:
+        """Of the chain."""
+        return self.unknowns.lumps(self.log_factors)
+
+    def watch(self, trial: WatchedTrial, windows: int, energies: bool = False) -> Motion:
+        return self._watch(trial, np.ascontiguousarray(trial.ends[:windows]), energies)[0]
+
+    def _watch(self, trial: WatchedTrial, ends: NDArray[np.int64], energies: bool) -> tuple[Motion, Array]:
+        """The motion up to the `ends` of windows, in steps, and the joint angles there (npush x nwindow x njoint)."""
+        npush, _, n = trial.starts.shape
+        nunknown, shape = len(self.log_factors), (npush, len(ends), n)
+        shown = np.empty(shape), np.empty(shape), np.empty(shape), np.empty(shape)
+        of_energies = *shape, nunknown * energies
+        slopes = np.empty((*shape, nunknown)), np.empty(of_energies), np.empty(of_energies)
+        reached = np.zeros(npush, dtype=np.int64)
+        gravity, stiffness = self.unknowns.gravity, float(np.max(trial.stiffness))
+        forces = balance(trial.law, self.lumps, gravity, stiffness), derivatives(self.unknowns, self.lumps)
+        common = NOTHING_ELSE, *forces, (trial.timestep, energies), ends
+
+        def run(first: int, stride: int) -> None:
+            room = workspace(n, nunknown, energies)
+            _watch_pushes(first, stride, trial.starts, *common, room, shown, slopes, reached)
+
+        share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * nunknown)
+        return Motion(shown[1], slopes[0], shown[2], shown[3], slopes[1], slopes[2], reached), shown[0]
+
+    def trace(self, trial: WatchedTrial, steps: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
+        alone = PlanarTwin(self.unknowns.alone(self.log_factors), np.empty(0))
+        motion, angles = alone._watch(trial, steps, False)
+        return angles, (steps <= trial.last[:, None]) & (np.arange(len(steps)) < motion.reached[:, None])
+
+    def drive(self, driven: Driven, joints: Joints | None, led: Gains | None = None) -> Coefficients | None:
+        trial, starts, steps, basis = driven
+        (npush, _, n), coefficients = starts.shape, basis.shape[2]
+        extra = 0 if trial.start_spread is None else trial.start_spread.shape[-1]
+        columns = len(self.log_factors) + extra
+        values, slopes = np.empty((npush, n, coefficients)), np.empty((npush, n, coefficients, columns))
+        followed = np.zeros(npush, dtype=np.bool_)
+        forces = self._forces(trial, joints)
+        settings = len(self.log_factors), extra, trial.substeps, trial.is_continuous
+        readings = np.cumsum(trial.readings, axis=-1) if led is not None else np.empty((npush, 0, n))
+        gains = (
+            (np.empty((npush, 0, 2 * n, n)), np.empty((npush, 0, n, n))) if led is None else (led.gains, led.weights)
+        )
+
+        def run(first: int, stride: int) -> None:
+            room = workspace(n, columns, False, trial.is_continuous)
+            for push in range(first, npush, stride):
+                pushed, moving = (starts[push], trial.forces[push]), (trial.timesteps[push], *settings)
+                right = readings[push], gains[0][push], gains[1][push]
+                shown = basis[push], steps[push], room, values[push], slopes[push]
+                followed[push] = watch_readings(*pushed, *forces, moving, right, *shown)
+
+        each = n * ((2 if led is None else 4) * n + coefficients) * columns
+        share_out(run, npush, int(steps.sum()) * trial.substeps * each)
+        return Coefficients(values, slopes) if followed.all() else None
+
+    def lead(self, filtered: Filtered, joints: Joints | None, torque_noise: Array) -> Gains:
+        trial, starts, begins, pushes = filtered
+        npush, readings, n = trial.readings.shape
+        links = np.tril(np.ones((n, n)))  # absolute angles are sums of the joints'
+        torques = np.eye(n) - np.eye(n, k=1)  # the torque of a joint turns its link, and the one below the other way
+        noise = (links * trial.noise**2) @ links.T, (torques * torque_noise**2) @ torques.T
+        gains, weights = np.zeros((npush, readings, 2 * n, n)), np.zeros((npush, readings, n, n))
+        states, sums = np.zeros((npush, readings, 2 * n)), np.zeros((npush, 2))
+        both = np.kron(np.eye(2), links)
+        covariances, seen = np.ascontiguousarray(both @ begins @ both.T), np.cumsum(trial.readings, axis=-1)
+        alone = PlanarTwin(self.unknowns.alone(self.log_factors), np.empty(0))
+        forces, nothing = alone._forces(trial, joints)
+        settings = trial.substeps, trial.is_continuous, nothing
+
+        def run(first: int, stride: int) -> None:
+            room = workspace(n, 0, False, trial.is_continuous), spread_of(n)
+            for push in pushes[first::stride].tolist():
+                pushed = starts[push], covariances[push], trial.forces[push], seen[push]
+                own, moving = (gains[push], weights[push], states[push]), trial.timesteps[push]
+                sums[push] = lead(*pushed, forces, (moving, *settings), noise, trial.steps[push], *room, *own)
+
+        share_out(run, len(pushes), int(trial.steps[pushes].sum()) * trial.substeps * 20 * n**3)
+        squares, logarithm = sums.sum(axis=0)
+        joint_states = np.diff(states.reshape(npush, readings, 2, n), axis=-1, prepend=0.0).reshape(states.shape)
+        return Gains(gains, weights, joint_states, -0.5 * float(squares + logarithm))
+
+    def _forces(self, trial: ReadTrial, joints: Joints | None) -> tuple[Balance, Derivatives]:
+        """What the chain moves by where there is no law."""
+        own = balance(None, self.lumps, self.unknowns.gravity, joints=joints, is_continuous=trial.is_continuous)
+        return own, derivatives(self.unknowns, self.lumps)
+
+
+@compiled
+def _watch_pushes(first, stride, starts, forces, balance, derivatives, settings, ends, work, shown, slopes, reached):  # type: ignore[no-untyped-def]
+    """Every `stride`-th push from the `first` on."""
+    angles, speeds, speed_energy, acceleration_energy = shown
+    by_speed, by_speed_energy, by_acceleration_energy = slopes
+    for push in range(first, starts.shape[0], stride):
+        seen = angles[push], speeds[push], speed_energy[push], acceleration_energy[push]
+        seen_slopes = by_speed[push], by_speed_energy[push], by_acceleration_energy[push]
+        reached[push] = watch_push(starts[push], forces, balance, derivatives, settings, ends, work, seen, seen_slopes)

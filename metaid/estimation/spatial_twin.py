@@ -1,0 +1,149 @@
+"""The twin of an arm, and one beside it along each unknown: its derivatives are differences."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.compiled.spatial import (
+    DrivenPushes,
+    Followed,
+    Frames,
+    Times,
+    follow_laws,
+    follow_readings,
+    follow_torques,
+    lead_arm,
+)
+from metaid.estimation.base_unknowns import BaseUnknowns
+from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, ReadTrial, WatchedTrial
+from metaid.estimation.twin import Motion
+from metaid.models import Array
+from metaid.models.tree import PARAMETERS, tilted_gravity
+
+DAMPING, COULOMB = PARAMETERS.index("damping"), PARAMETERS.index("coulomb")
+# A longer step of an unknown is more often past where a joint begins to stick, a shorter one leaves rounding.
+# Differences to one side cost half of those to both. What they are wrong by, a STEP's share of the curvature, is less
+# than a step of the descent needs to be right by.
+STEP = 1e-7
+THREADS = 2
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A twin, and one beside it along each unknown.
+
+    Attributes:
+        frames: of the arm, as it stands.
+        candidates: parameters of the twins (ncandidate x njoint x 13).
+        starts: true joint coordinates and speeds at the starts (ncandidate x npush x 2 x njoint).
+        spring: stiffness of springs in the joints (njoint), in N m/rad or N/m.
+        offset: what encoders read at 0 (njoint), in rad or m.
+    """
+
+    frames: Frames
+    candidates: Array
+    starts: Array
+    spring: Array
+    offset: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialTwin:
+    """An arm at a `point` (nunknown); see `twin.Twin`."""
+
+    unknowns: BaseUnknowns
+    point: Array
+
+    @cached_property
+    def _candidates(self) -> Array:
+        """Parameters of the twin and of those beside it (1 + nunknown x njoint x 13)."""
+        beside = self.point + STEP * np.eye(len(self.point))
+        return self.unknowns.parameters(np.vstack([self.point, beside]))
+
+    def watch(self, trial: WatchedTrial, windows: int, energies: bool = False) -> Motion:
+        if energies:
+            raise ValueError("the twin of an arm shows no energies")
+        wanted = np.minimum(trial.windows.seen, windows)
+        found = self._follow(trial, trial.ends[:windows], wanted, self._candidates)
+        slopes = np.moveaxis((found.values[1:] - found.values[0]) / STEP, 0, -1)
+        reached = np.where(found.arrived.all(axis=0), wanted, 0)
+        none, no_slopes = np.empty((0, 0, 0)), np.empty((0, 0, 0, 0))
+        return Motion(found.values[0], slopes, none, none, no_slopes, no_slopes, reached)
+
+    def trace(self, trial: WatchedTrial, steps: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
+        every = np.arange(1, steps[-1] + 1)
+        twin = self._follow(trial, every, trial.last, self._candidates[:1])
+        # Steps are Euler's, so the speeds after each are all that there is to know of where the twin is.
+        angles = trial.starts[:, 0, None] + trial.timestep * np.cumsum(twin.values[0], axis=1)
+        return angles[:, steps - 1], (steps <= trial.last[:, None]) & twin.arrived[0][:, None]
+
+    def _follow(
+        self, trial: WatchedTrial, ends: NDArray[np.int64], wanted: NDArray[np.int64], candidates: Array
+    ) -> Followed:
+        """Twins under the law of a trial, to the `wanted` (npush) of the `ends` of windows, in steps."""
+        stiffness = np.full(len(trial.starts), trial.stiffness)
+        windows, frames = (np.ascontiguousarray(ends), wanted), self.unknowns.frames
+        return follow_laws(frames, trial.law, candidates, (trial.starts, stiffness), windows, trial.timestep, THREADS)
+
+    def drive(self, driven: Driven, joints: Joints | None, led: Gains | None = None) -> Coefficients | None:
+        trial, _, steps, basis = driven
+        beside, times = self._beside(driven, joints), _times(trial)
+        if led is None:
+            seen = basis, np.arange(len(steps)), steps
+            followed = follow_torques(
+                beside.frames, beside.candidates, beside.starts, trial.torques, seen, times, THREADS, beside.spring
+            )
+        else:
+            read = trial.readings - beside.offset
+            pushes = DrivenPushes(beside.frames, beside.starts, trial.torques, read, steps, beside.spring, times)
+            gains = led.gains, led.weights
+            followed = follow_readings(pushes, beside.candidates, gains, np.ascontiguousarray(basis), THREADS)
+        if not followed.arrived[:, steps > 0].all():
+            return None
+        shown = followed.values.swapaxes(2, 3)
+        slopes = np.ascontiguousarray(np.moveaxis((shown[1:] - shown[0]) / STEP, 0, -1))
+        values = np.where((steps > 0)[:, None, None], shown[0], 0.0)
+        if led is None:
+            values += np.where(steps[:, None] > 0, basis.sum(axis=1), 0.0)[:, None] * beside.offset[:, None]
+        return Coefficients(values, slopes)
+
+    def lead(self, filtered: Filtered, joints: Joints | None, torque_noise: Array) -> Gains:
+        trial, starts, begins, pushes = filtered
+        alike = Driven(replace(trial, start_spread=None), starts, trial.steps, np.zeros((len(starts), 1, 1)))
+        beside = SpatialTwin(self.unknowns.alone(self.point), np.empty(0))._beside(alike, joints)
+        read = np.ascontiguousarray(trial.readings - beside.offset)
+        settings = trial.steps, beside.spring, _times(trial)
+        driven = DrivenPushes(beside.frames, beside.starts[0], trial.torques, read, *settings)
+        noise = np.diag(trial.noise**2), np.diag(torque_noise**2)
+        led = lead_arm(driven, beside.candidates[0], np.ascontiguousarray(begins), noise, pushes)
+        led.states[..., : trial.readings.shape[2]] += beside.offset
+        squares, logarithm = led.sums.sum(axis=0)
+        return Gains(led.gains, led.weights, led.states, -0.5 * float(squares + logarithm))
+
+    def _beside(self, driven: Driven, joints: Joints | None) -> Beside:
+        """The twin of a trial and those beside it, with what the `joints` have besides; None for nothing."""
+        trial, states = driven.trial, driven.starts
+        n = states.shape[2]
+        # A start of one push has no influence on another, so those of all pushes are changed at once.
+        extra = 0 if trial.start_spread is None else trial.start_spread.shape[-1]
+        further = STEP * np.eye(extra, 2 * n, 2 * n - extra)
+        moved = np.concatenate([np.zeros((1 + len(self.point), 2 * n)), further]).reshape(-1, 1, 2, n)
+        candidates = np.concatenate([self._candidates, np.repeat(self._candidates[:1], extra, axis=0)])
+        frames, spring, offset = self.unknowns.frames, np.zeros(n), np.zeros(n)
+        if joints is not None:
+            candidates[..., DAMPING] += joints.viscous
+            candidates[..., COULOMB] += joints.dry
+            frames = frames._replace(gravity=tilted_gravity(frames.gravity, joints.tilt))
+            spring, offset = joints.spring, joints.offset
+        starts = np.ascontiguousarray(states + moved)
+        starts[:, :, 0] -= offset
+        return Beside(frames, candidates, starts, spring, offset)
+
+
+def _times(trial: ReadTrial) -> Times:
+    """How the twins of a trial move between two readings."""
+    return Times(trial.timesteps, trial.substeps, trial.is_continuous)
