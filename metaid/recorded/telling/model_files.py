@@ -12,7 +12,7 @@ import pandas as pd
 
 import metaid
 from metaid.models import IDEAL, Array, Chain, chain_of_lumps
-from metaid.models.tree import PARAMETERS, JointFriction, Tree
+from metaid.models.tree import PARAMETERS, SHARED, JointFriction, Tree
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.log import Record
 from metaid.recorded.telling.judging import RecordedVerdict
@@ -36,32 +36,17 @@ class FileError:
 
 def friction_of(model: LinearModel, values: Array) -> JointFriction:
     """The friction of the unknowns (nparam)."""
-    n = model.njoint
+    pairs = range(len(model.sliding.coupled))
 
     def of(term: str) -> Array:
-        if term not in model.friction:
-            return np.zeros(n)
-        return values[[model.column(term, joint) for joint in range(n)]]
+        alone = [values[model.column(term, joint)] for joint in range(model.njoint)]
+        return np.array([*alone, *(shared(term, pair) if term in SHARED else 0.0 for pair in pairs)])
 
-    def shared(term: str) -> Array:
-        has = term == "rotor" or term in model.friction
-        pairs = range(len(model.coupled))
-        return np.array([values[model.shared_column(term, pair)] if has else 0.0 for pair in pairs])
+    def shared(term: str, pair: int) -> float:
+        return float(values[model.shared_column(term, pair)])
 
-    return JointFriction(
-        viscous=of("viscous"),
-        coulomb=of("coulomb"),
-        root=of("root"),
-        offset=of("offset"),
-        load=of("load"),
-        presliding=model.presliding,
-        still=model.still,
-        coupled=model.coupled,
-        coupled_rotor=shared("rotor"),
-        coupled_viscous=shared("viscous"),
-        coupled_coulomb=shared("coulomb"),
-        coupled_root=shared("root"),
-    )
+    rotors = np.array([shared("rotor", pair) for pair in pairs])
+    return JointFriction(model.sliding, {term: of(term) for term in model.friction}, rotors)
 
 
 def recorded_identified_model(
@@ -135,8 +120,8 @@ def _dynamics(found: RecordedEstimate) -> Dynamics:
 
 def _with_friction(tree: Tree, friction: JointFriction) -> Tree:
     parameters = tree.parameters.copy()
-    parameters[:, PARAMETERS.index("damping")] = np.maximum(friction.viscous, 0.0)
-    parameters[:, PARAMETERS.index("coulomb")] = np.maximum(friction.coulomb, 0.0)
+    parameters[:, PARAMETERS.index("damping")] = np.maximum(friction.of("viscous")[: tree.njoint], 0.0)
+    parameters[:, PARAMETERS.index("coulomb")] = np.maximum(friction.of("coulomb")[: tree.njoint], 0.0)
     return tree.with_parameters(parameters)
 
 

@@ -182,7 +182,7 @@ class Possible:
             ({term: model.column(term, joint) for term in (*curve, *alone)}, fastest, (*bare, *alone))
             for joint, fastest in enumerate(self._fastest.tolist())
         ]
-        for pair, both in enumerate(model.coupled):
+        for pair, both in enumerate(model.sliding.coupled):
             columns = {term: model.shared_column(term, pair) for term in (*curve, "rotor")}
             owners.append((columns, float(self._fastest[list(both)].max()), (*bare, "rotor")))
         for columns, fastest, singles in owners:

@@ -143,16 +143,13 @@ class ArmLaw:
     def torque(self, angles: Array, speeds: Array) -> Array:
         friction, steady = self.joint_friction, np.zeros_like(speeds)
         rigid = self._rigid(angles, speeds, steady)
-        slip = friction.slip_at(speeds), friction.coupled_slip_at(speeds)
-        return rigid + friction.torque(speeds, steady, rigid, *slip)
+        return rigid + friction.torque(speeds, steady, rigid, friction.sliding.at(speeds))
 
     def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
         friction, rigid = self.joint_friction, self._rigid(angles, speeds, accelerations)
-        if angles.ndim == 1:
-            slip = friction.slip_at(speeds), friction.coupled_slip_at(speeds)
-        else:
-            slip = friction.slip_along(angles, speeds), friction.coupled_slip_along(angles, speeds)
-        return rigid + friction.torque(speeds, accelerations, rigid, *slip)
+        sliding = friction.sliding
+        slip = sliding.at(speeds) if angles.ndim == 1 else sliding.along(angles, speeds)
+        return rigid + friction.torque(speeds, accelerations, rigid, slip)
 
     def mass_matrix(self, angles: Array) -> Array:
         bodies = joint_mass_matrix(self.tree.with_parameters(self.parameters), angles)
@@ -166,6 +163,7 @@ class ArmLaw:
     @property
     def _constants(self) -> Constants:
         tree, parameters, friction = self.tree, self.parameters, self.joint_friction
+        sliding = friction.sliding
         return {
             "gravity": tree.gravity,
             "position": tree.position,
@@ -176,14 +174,14 @@ class ArmLaw:
             "moment": parameters[:, 1:4],
             "inertia": parameters[:, [4, 5, 6, 5, 7, 8, 6, 8, 9]].reshape(-1, 3, 3),
             "rotor": parameters[:, _ROTOR],
-            "damping": np.append(friction.viscous, friction.coupled_viscous),
-            "coulomb": np.append(friction.coulomb, friction.coupled_coulomb),
-            "root": np.append(friction.root, friction.coupled_root),
-            "still": np.append(friction.still, friction.coupled_still),
-            "presliding": np.append(friction.presliding, friction.coupled_presliding),
-            "load": friction.load,
-            "offset": friction.offset,
-            "coupled": np.array(friction.coupled, dtype=np.intp).reshape(-1, 2),
+            "damping": friction.of("viscous"),
+            "coulomb": friction.of("coulomb"),
+            "root": friction.of("root"),
+            "still": sliding.means(sliding.still),
+            "presliding": sliding.means(sliding.presliding),
+            "load": friction.of("load")[: self.njoint],
+            "offset": friction.of("offset")[: self.njoint],
+            "coupled": np.array(sliding.coupled, dtype=np.intp).reshape(-1, 2),
             "coupled_rotor": friction.coupled_rotor,
         }
 
