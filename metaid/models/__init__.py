@@ -8,6 +8,7 @@ Pure functions of arrays: nothing here knows MuJoCo, Optuna or files.
 
 from metaid.models.chain import Chain, speeds_after
 from metaid.models.chain_of_lumps import ChainOfLumps, chain_of_lumps
+from metaid.models.closest_bodies import Matrices
 from metaid.models.intervals import COARSEST, DEVIATIONS, deviations_at_once, half_width
 from metaid.models.known_lumps import KnownLumps, known_lumps
 from metaid.models.law import SLIDING, compensation_basis, compensation_torque, mass_matrix
@@ -35,6 +36,7 @@ __all__ = [
     "ChainOfLumps",
     "KnownLumps",
     "Lumps",
+    "Matrices",
     "Model",
     "body_extents",
     "chain_of_lumps",

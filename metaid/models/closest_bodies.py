@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -37,6 +38,36 @@ class Matrices:
     slope: Array
     nominal: Array
 
+    @cached_property
+    def scaled(self) -> tuple[Array, Array]:
+        """In units of the nominal ones: offset (count x size x size), slope (nfree x count x size x size)."""
+        lower = np.linalg.inv(np.linalg.cholesky(self.nominal))
+        return _between(lower, self.offset), _between(lower, np.moveaxis(self.slope, -1, 0))
+
+    def at(self, x: Array) -> Array:
+        """The scaled matrices (count x size x size)."""
+        offset, slope = self.scaled
+        return np.asarray(offset + np.tensordot(x, slope, axes=1), dtype=np.float64)
+
+    def divergence(self, x: Array) -> float:
+        """From the nominal ones, but for a constant; inf where one is not positive definite.  Eq. 54."""
+        matrices = self.at(x)
+        try:
+            diagonal = np.diagonal(np.linalg.cholesky(matrices), axis1=-2, axis2=-1)
+        except np.linalg.LinAlgError:
+            return float("inf")
+        return float(np.trace(matrices, axis1=-2, axis2=-1).sum() - 2.0 * np.log(diagonal).sum())
+
+    def slopes(self, x: Array, share: float = 0.0) -> tuple[Array, Array]:
+        """Gradient (nfree) and curvature (nfree x nfree) of the divergence, of what the matrices have beyond a `share`
+        of the nominal ones.
+        """
+        _, slope = self.scaled
+        inside = _between(np.linalg.inv(np.linalg.cholesky(self.at(x) - share * np.eye(self.nominal.shape[-1]))), slope)
+        traces = np.trace(slope, axis1=-2, axis2=-1) / (1.0 - share) - np.trace(inside, axis1=-2, axis2=-1)
+        rows = inside.reshape(len(x), -1)
+        return traces.sum(axis=-1), rows @ rows.T
+
 
 @dataclass(frozen=True)
 class Closest:
@@ -63,12 +94,11 @@ def closest(groups: Sequence[Matrices], start: Array) -> Closest:
         groups: the matrices, those of one size in a group.
         start: any x (nfree).
     """
-    scaled = [_scaled(group) for group in groups]
-    x, least = start, _least(scaled, start)
+    x, least = start, _least(groups, start)
     share = min(LEAST_SHARE, least - 1.0)
     for _ in range(MOST_RAISES):
-        x = _centre(scaled, x, share)
-        least = _least(scaled, x)
+        x = _centre(groups, x, share)
+        least = _least(groups, x)
         raised = min(LEAST_SHARE, share + 0.9 * (least - share))
         if raised - share <= STALLED:
             break
@@ -76,29 +106,17 @@ def closest(groups: Sequence[Matrices], start: Array) -> Closest:
     return Closest(x, least)
 
 
-def _scaled(group: Matrices) -> tuple[Array, Array]:
-    """The matrices in units of the nominal ones: offset (count x size x size), slope (nfree x count x size x size)."""
-    lower = np.linalg.inv(np.linalg.cholesky(group.nominal))
-    slope = np.moveaxis(group.slope, -1, 0)
-    return _between(lower, group.offset), _between(lower, slope)
-
-
 def _between(lower: Array, matrices: Array) -> Array:
     between: Array = lower @ matrices @ lower.swapaxes(-1, -2)
     return between
 
 
-def _at(scaled: tuple[Array, Array], x: Array) -> Array:
-    offset, slope = scaled
-    return np.asarray(offset + np.tensordot(x, slope, axes=1), dtype=np.float64)
-
-
-def _least(groups: Sequence[tuple[Array, Array]], x: Array) -> float:
+def _least(groups: Sequence[Matrices], x: Array) -> float:
     """The least eigenvalue of all scaled matrices."""
-    return min(float(np.linalg.eigvalsh(_at(group, x)).min()) for group in groups if len(group[0]))
+    return min(float(np.linalg.eigvalsh(group.at(x)).min()) for group in groups if len(group.offset))
 
 
-def _centre(groups: Sequence[tuple[Array, Array]], x: Array, share: float) -> Array:
+def _centre(groups: Sequence[Matrices], x: Array, share: float) -> Array:
     """The x of the least divergence, of those at which all matrices have more than a `share` of the nominal ones.
 
     The divergence is self-concordant, so damped steps of Newton's stay among these and arrive.
@@ -106,14 +124,9 @@ def _centre(groups: Sequence[tuple[Array, Array]], x: Array, share: float) -> Ar
     nfree = len(x)
     for _ in range(MOST_STEPS if nfree else 0):
         gradient, curvature = np.zeros(nfree), np.zeros((nfree, nfree))
-        for offset, slope in groups:
-            size = offset.shape[-1]
-            lower = np.linalg.inv(np.linalg.cholesky(_at((offset, slope), x) - share * np.eye(size)))
-            inside = _between(lower, slope)
-            traces = np.trace(slope, axis1=-2, axis2=-1) / (1.0 - share) - np.trace(inside, axis1=-2, axis2=-1)
-            gradient += traces.sum(axis=-1)
-            rows = inside.reshape(nfree, -1)
-            curvature += rows @ rows.T
+        for group in groups:
+            slope, bend = group.slopes(x, share)
+            gradient, curvature = gradient + slope, curvature + bend
         scale = 1.0 / np.sqrt(np.diag(curvature))
         step = -scale * np.linalg.lstsq(curvature * np.outer(scale, scale), scale * gradient, rcond=None)[0]
         decrement = float(np.sqrt(max(-float(gradient @ step), 0.0)))

@@ -9,11 +9,10 @@ links that move alike.  Eq. 72.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
-from metaid.models import Array
+from metaid.models import Array, Matrices
 from metaid.models.tree import PARAMETERS, Tree, nominal_pseudo_inertias, planar_tree, pseudo_inertia
 from metaid.recorded.weak_form.linear_model import RIGID, LinearModel
 
@@ -46,41 +45,6 @@ class PossibleModel:
     tree: Tree
     lengths: Array | None
     jacobian: Array | None
-
-
-@dataclass(frozen=True)
-class _Cone:
-    """Symmetric matrices (count x size x size) that are linear in the free parameters, and positive definite.
-
-    `slope` (count x size x size x nfree), `nominal` (count x size x size).
-    """
-
-    slope: Array
-    nominal: Array
-
-    @cached_property
-    def scaled(self) -> Array:
-        """The slopes, scaled so that nominal matrices are 1 (nfree x count x size x size)."""
-        lower = np.linalg.inv(np.linalg.cholesky(self.nominal))
-        slope = np.moveaxis(self.slope, -1, 0)
-        return np.asarray(lower @ slope @ lower.swapaxes(-1, -2), dtype=np.float64)
-
-    def value(self, x: Array) -> float:
-        """The divergence from the nominal matrices; inf outside."""
-        matrices = np.tensordot(x, self.scaled, axes=1)
-        try:
-            diagonal = np.diagonal(np.linalg.cholesky(matrices), axis1=-2, axis2=-1)
-        except np.linalg.LinAlgError:
-            return float("inf")
-        return float(np.trace(matrices, axis1=-2, axis2=-1).sum() - 2.0 * np.log(diagonal).sum())
-
-    def slopes(self, x: Array) -> tuple[Array, Array]:
-        """Gradient (nfree) and curvature (nfree x nfree) of the divergence."""
-        lower = np.linalg.inv(np.linalg.cholesky(np.tensordot(x, self.scaled, axes=1)))
-        inside = lower @ self.scaled @ lower.swapaxes(-1, -2)
-        traces = np.trace(self.scaled, axis1=-2, axis2=-1) - np.trace(inside, axis1=-2, axis2=-1)
-        rows = inside.reshape(len(x), -1)
-        return traces.sum(axis=-1), rows @ rows.T
 
 
 class Possible:
@@ -149,7 +113,7 @@ class Possible:
         values = np.concatenate([gravity, coriolis, inertia, links[1:, 3], x[nlinks : nlinks + nfriction]])
         return values, jacobian
 
-    def _cones(self, values: Array, deviations: Array) -> list[_Cone]:
+    def _cones(self, values: Array, deviations: Array) -> list[Matrices]:
         """What is to be positive definite; unknowns and their deviations (nparam each) are those of the free fit."""
         model, n, nlinks = self._model, self._tree.njoint, len(self._links)
         each = np.eye(self._nfree)[:nlinks].reshape(n, self._nlink, self._nfree)
@@ -163,11 +127,11 @@ class Possible:
         else:
             of_links = np.array([np.moveaxis(np.array([pseudo_inertia(one) for one in own.T]), 0, -1) for own in each])
             nominal = self._scale * nominal_pseudo_inertias(self._tree)
-        cones = [_Cone(of_links, nominal), _Cone(each[:, -1, None, None, :], self._usual_rotor[:, None, None])]
+        cones = [_cone(of_links, nominal), _cone(each[:, -1, None, None, :], self._usual_rotor[:, None, None])]
         rows, sizes = self._friction_rows(values, deviations)
         slopes = np.zeros((len(rows), 1, 1, self._nfree))
         slopes[:, 0, 0, nlinks : nlinks + len(self._friction)] = rows
-        return [*cones, _Cone(slopes, sizes[:, None, None])] if len(rows) else cones
+        return [*cones, _cone(slopes, sizes[:, None, None])] if len(rows) else cones
 
     def _friction_rows(self, values: Array, deviations: Array) -> tuple[Array, Array]:
         """Combinations of the unknowns of friction (nrow x nfriction) that are not negative, and their usual sizes
@@ -207,30 +171,11 @@ class Possible:
     def _start(self, values: Array, deviations: Array) -> Array:
         """A point inside: the nominal links, and friction of the sizes that it is expected to have."""
         rows, sizes = self._friction_rows(values, deviations)
-        free = values[self._friction].copy()
-        if len(rows):
-            short = rows @ free < 0.5 * sizes
-            if short.any():  # as near as can be to what was fitted, and inside
-                from scipy.optimize import lsq_linear
-
-                slack = lsq_linear(
-                    np.vstack([np.eye(len(free)) / np.maximum(deviations[self._friction], 1e-300)]),
-                    free / np.maximum(deviations[self._friction], 1e-300),
-                    bounds=self._box(rows, free),
-                ).x
-                free = np.where(np.isfinite(slack), slack, free)
-                if (rows @ free <= 0.0).any():
-                    free = np.maximum(np.abs(values[self._friction]), SMALL * deviations[self._friction])
+        free = values[self._friction]
+        if (rows @ free < 0.5 * sizes).any():  # as near as can be to what was fitted, and inside
+            inside = np.maximum(free, SMALL * deviations[self._friction])
+            free = np.where(rows.any(axis=0), inside, free)
         return np.concatenate([self._links, free, self._lengths])
-
-    @staticmethod
-    def _box(rows: Array, free: Array) -> tuple[Array, Array]:
-        low = np.full(len(free), -np.inf)
-        tiny = 1e-12 + 1e-6 * np.abs(free)
-        for row in rows:
-            used = np.flatnonzero(row)
-            low[used] = np.maximum(low[used], tiny[used])
-        return low, np.full(len(free), np.inf)
 
     def closest(self, values: Array, precision: Array) -> PossibleModel:
         """The possible model that costs least, from unknowns that were fitted freely (nparam) and their precision
@@ -263,7 +208,7 @@ class Possible:
             jacobian=jacobian if is_chain else None,
         )
 
-    def _centre(self, x: Array, values: Array, precision: Array, cones: list[_Cone], weight: float) -> Array:
+    def _centre(self, x: Array, values: Array, precision: Array, cones: list[Matrices], weight: float) -> Array:
         """The point of the least cost and divergence, by Newton's steps (Gauss's where lengths are unknown)."""
         present = self._total(x, values, precision, cones, weight)
         for _ in range(STEPS):
@@ -291,8 +236,8 @@ class Possible:
             x, present = x + share * step, tried
         return x
 
-    def _total(self, x: Array, values: Array, precision: Array, cones: list[_Cone], weight: float) -> float:
-        divergence = sum(cone.value(x) for cone in cones)
+    def _total(self, x: Array, values: Array, precision: Array, cones: list[Matrices], weight: float) -> float:
+        divergence = sum(cone.divergence(x) for cone in cones)
         if not np.isfinite(divergence) or np.abs(x[len(x) - len(self._lengths) :]).max(initial=0.0) > LONGEST:
             return float("inf")
         missed = self.lumps(x)[0] - values
@@ -318,3 +263,10 @@ class Possible:
             damping=np.zeros(n),
             coulomb=np.zeros(n),
         )
+
+
+def _cone(slope: Array, nominal: Array) -> Matrices:
+    """Matrices that are linear in the free parameters: `slope` (count x size x size x nfree), `nominal` (count x size
+    x size).
+    """
+    return Matrices(np.zeros_like(nominal), slope, nominal)
