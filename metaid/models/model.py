@@ -72,10 +72,14 @@ class ChainModel:
         """Eqs. 5, 6, 15 and 16."""
         return compensation_torque(self.lumps, angles, speeds, self.gravity, self.stiffness)
 
-    def regressor(self, angles: Array, speeds: Array) -> Array:
-        """Eqs. 5, 6, 15 and 16, a column for each lump."""
+    def regressor(self, angles: Array, speeds: Array, accelerations: Array | None = None) -> Array:
+        """Eqs. 4 to 6, 15 and 16, a column for each lump, of the torque that gives the joints these `accelerations`
+        (... x njoint), in rad/s²; by default those of the stiffness.
+        """
+        given = accelerations if accelerations is not None else -self.stiffness * angles if self.stiffness else None
+        wanted = None if given is None else np.cumsum(given, axis=-1)
         links = np.cumsum(angles, axis=-1), np.cumsum(speeds, axis=-1)
-        basis = compensation_basis(*links, self.gravity, self.lumps.searched, self.stiffness)
+        basis = compensation_basis(*links, self.gravity, self.lumps.searched, wanted)
         return np.cumsum(basis[..., ::-1, :], axis=-2)[..., ::-1, :]  # Eq. 6
 
     def mass_matrix(self, angles: Array) -> Array:

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from metaid.errors import RecordError, unknown
 from metaid.files import shipped_logs
-from metaid.plant import ArmPlant, load_plant
+from metaid.plant import load_plant
 from metaid.recorded.choosing import Choices, usual_still
 from metaid.recorded.doubts.checks import Fact, facts_of
 from metaid.recorded.estimating import RecordedEstimate, estimate_records
@@ -199,8 +199,7 @@ def estimate(
         validation = tuple(
             (own, other.name, _validated(found, own)) for other in others if (own := _smoothed(found, other))
         )
-    repairs = plant.repairs if isinstance(plant, ArmPlant) else ()
-    return RecordedResult(plant.name, records, found, verdict, facts, validation, repairs)
+    return RecordedResult(plant.name, records, found, verdict, facts, validation, plant.repairs)
 
 
 def _is_same(log: Log, other: Log) -> bool:

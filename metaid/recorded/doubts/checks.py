@@ -206,8 +206,8 @@ def _suspected(found: RecordedEstimate, check: _Check) -> Iterator[tuple[str, st
                 option,
                 check.with_model(model.with_coupled((*model.sliding.coupled, pair))),
             )
-    if not isinstance(model.source, tuple):
-        tree = model.source.nominal
+    if model.prior is not None:
+        tree = model.prior.nominal
         size = float(np.linalg.norm(tree.gravity)) or 9.81
         for axis in (*np.eye(3), *-np.eye(3)):
             direction = size * axis

@@ -80,9 +80,6 @@ def recorded_identified_model(
     }
     if found.gains is not None:
         about |= {"gains": found.gains.values.tolist(), "gain_deviations": found.gains.frame["sd"].tolist()}
-    gravity: float | tuple[float, ...] = tuple(found.possible.tree.gravity.tolist())
-    if found.model.is_chain and isinstance(found.model.source, tuple):
-        gravity = found.model.source[1]
     name = records[0].name if len(records) == 1 else f"{records[0].name} and {len(records) - 1} more"
     return IdentifiedModel(
         name=name,
@@ -90,7 +87,7 @@ def recorded_identified_model(
         lumps=table,
         covariance=pd.DataFrame(found.covariance, index=names, columns=names),
         dynamics=_dynamics(found),
-        gravity=gravity,
+        gravity=found.model.gravity if found.model.is_chain else tuple(found.possible.tree.gravity.tolist()),
         timestep=min(0.002, min(record.period for record in records)),
     )
 
@@ -111,7 +108,7 @@ def _dynamics(found: RecordedEstimate) -> Dynamics:
     return Dynamics(
         law=ArmLaw(tree, parameters, friction),
         tree=simulator,
-        chain=_chain(found, simulator) if found.model.is_chain else None,
+        chain=None if found.model.chain is None else _chain(found, found.model.chain, simulator),
         notes=tuple(notes),
         is_chain=found.model.is_chain,
         couples=couples_of(plain),
@@ -125,15 +122,13 @@ def _with_friction(tree: Tree, friction: JointFriction) -> Tree:
     return tree.with_parameters(parameters)
 
 
-def _chain(found: RecordedEstimate, tree: Tree) -> Chain | None:
+def _chain(found: RecordedEstimate, nominal: Chain, tree: Tree) -> Chain | None:
     """The planar chain with the same lumps and friction whose centres of mass are on its links, as a plant file has it;
     None where there is none.
     """
-    assert isinstance(found.model.source, tuple)
-    values, nominal = found.simulator.values, found.model.source[0]
     lumps = replace(nominal.lumps_of((*IDEAL, "inertia")), damping=tree.damping, coulomb=tree.coulomb)
     nlump = len(lumps.vector)
-    lumps = lumps.with_parameters(values[:nlump])
+    lumps = lumps.with_parameters(found.simulator.values[:nlump])
     return chain_of_lumps(lumps, nominal, np.ones(nlump, dtype=np.bool_)).chain
 
 

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.models import IDEAL, Array, Chain, lump_names, lump_unit
+from metaid.models import IDEAL, Array, Chain, ChainModel, lump_names, lump_unit
 from metaid.models.tree import (
     COLUMNS,
     PARAMETERS,
@@ -52,8 +50,10 @@ class LinearModel:
         slides: which joints (njoint) are slides.
         friction: the terms of every joint, in the order of COLUMNS.
         sliding: how dry friction follows the motion, and which joints are coupled.
-        source: the chain with its gravity in m/s², or the prior in the arm.
         untrusted: which joints (njoint) move, but nothing is fitted to their torques.
+        prior: of an arm; None of a chain.
+        chain: the nominal one; None of an arm.
+        gravity: of a chain, in m/s².
     """
 
     names: tuple[str, ...]
@@ -66,8 +66,10 @@ class LinearModel:
     slides: NDArray[np.bool_]
     friction: tuple[str, ...]
     sliding: Sliding
-    source: tuple[Chain, float] | ArmPrior
     untrusted: NDArray[np.bool_]
+    prior: ArmPrior | None = None
+    chain: Chain | None = None
+    gravity: float = 0.0
 
     @property
     def njoint(self) -> int:
@@ -79,17 +81,7 @@ class LinearModel:
 
     @property
     def is_chain(self) -> bool:
-        return self.prior is None
-
-    @property
-    def chain(self) -> tuple[Chain, float]:
-        """Of a chain, with gravity in m/s²."""
-        return cast("tuple[Chain, float]", self.source)
-
-    @property
-    def prior(self) -> ArmPrior | None:
-        """Of an arm; None of a chain."""
-        return self.source if isinstance(self.source, ArmPrior) else None
+        return self.chain is not None
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -176,14 +168,15 @@ def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("visc
     """
     n, kinds = chain.nlink, (*IDEAL, "inertia")
     names = lump_names(n, kinds)
-    lumps = chain.lumps_of(kinds).vector
+    law = ChainModel(chain.lumps_of(kinds), gravity)
+    lumps = law.parameters
     rotors = lumps[len(lumps) - n + 1 :]
 
     def bodies(angles: Array, speeds: Array, accelerations: Array) -> Array:
         turned = np.zeros((*angles.shape, n - 1))
         joints = np.arange(1, n)
         turned[..., joints, joints - 1] = accelerations[..., 1:]
-        return np.concatenate([lump_regressor(angles, speeds, accelerations, gravity), turned], axis=-1)
+        return np.concatenate([law.regressor(angles, speeds, accelerations), turned], axis=-1)
 
     names = [*names, *(f"rotor_{i + 1}" for i in range(1, n))]
     sliding = Sliding(np.zeros(n), np.full(n, STILL))
@@ -199,44 +192,13 @@ def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("visc
             slides=np.zeros(n, dtype=np.bool_),
             friction=(),
             sliding=sliding,
-            source=(chain, gravity),
             untrusted=np.zeros(n, dtype=np.bool_),
+            chain=chain,
+            gravity=gravity,
         ),
         friction,
         sliding,
     )
-
-
-def lump_regressor(angles: Array, speeds: Array, accelerations: Array, gravity: float) -> Array:
-    """The joint torque (... x njoint x nlump) for a unit of each gravity, Coriolis and inertia lump.  Eqs. 4 and 6.
-
-    Args:
-        angles: of the joints (... x njoint), in rad.
-        speeds: of the joints (... x njoint), in rad/s.
-        accelerations: of the joints (... x njoint), in rad/s².
-        gravity: in m/s².
-    """
-    n = angles.shape[-1]
-    first, second, sums = _pairs(n)
-    angles, speeds, accelerations = (each @ sums for each in (angles, speeds, accelerations))
-    links, pairs = np.arange(n), np.arange(len(first))
-    force = np.zeros((*angles.shape, 2 * n + len(first)))
-    force[..., links, links] = -gravity * np.sin(angles)
-    difference = angles[..., first] - angles[..., second]
-    sine, cosine = np.sin(difference), np.cos(difference)
-    force[..., first, n + pairs] = cosine * accelerations[..., second] + sine * speeds[..., second] ** 2
-    force[..., second, n + pairs] = cosine * accelerations[..., first] - sine * speeds[..., first] ** 2
-    force[..., links, n + len(first) + links] = accelerations
-    return np.asarray(sums @ force, dtype=np.float64)  # Eq. 6
-
-
-@cache
-def _pairs(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
-    """All pairs of different links, the first with the lower number (npair each), and what sums up joint angles from
-    the base on, and forces from the tip (n x n).
-    """
-    first, second = np.triu_indices(n, 1)
-    return first, second, np.triu(np.ones((n, n)))
 
 
 def arm_model(
@@ -275,8 +237,8 @@ def arm_model(
             slides=tree.slides,
             friction=(),
             sliding=sliding,
-            source=prior,
             untrusted=np.zeros(tree.njoint, dtype=np.bool_),
+            prior=prior,
         ),
         friction,
         sliding,

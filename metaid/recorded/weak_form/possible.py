@@ -58,7 +58,9 @@ class Possible:
         self._model, self._scale, self._fastest = model, scale, fastest
         self._friction = np.arange(model.nbody, len(model.names))
         prior = model.prior
-        if prior is not None:
+        chain = model.chain
+        if chain is None:
+            assert prior is not None
             self._tree = prior.nominal
             self._links = scale * self._tree.parameters[:, :RIGID].ravel()
             base = prior.base
@@ -69,8 +71,7 @@ class Possible:
             spread = np.sqrt(np.diag(prior.parameter_covariance)).reshape(-1, len(PARAMETERS))[:, BODY]
             self._usual_rotor = scale * np.maximum(self._tree.rotor, THIN * spread)
         else:
-            chain, gravity = model.chain
-            self._tree = planar_tree(chain, gravity)
+            self._tree = planar_tree(chain, model.gravity)
             own = np.stack([chain.mass, chain.mass * chain.com, chain.inertia + chain.mass * chain.com**2], axis=1)
             self._links = scale * np.column_stack([own, np.zeros(chain.nlink)]).ravel()
             self._lengths = np.log(chain.length[:-1])
