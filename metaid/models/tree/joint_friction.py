@@ -75,7 +75,8 @@ class Sliding:
 
     def means(self, each: Array) -> Array:
         """Of each motor (nmotor), that of a pair the mean of its joints' (njoint)."""
-        return self.of_motors(each) / np.array([1.0] * self.njoint + [2.0] * len(self.coupled))
+        counts = np.array([1.0] * self.njoint + [2.0] * len(self.coupled))
+        return np.asarray(self.of_motors(each) / counts, dtype=np.float64)
 
     def at(self, speeds: Array) -> Array:
         """The state (... x nmotor) that follows the speeds of the joints (... x njoint) at once."""
