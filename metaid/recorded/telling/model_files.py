@@ -14,6 +14,7 @@ import metaid
 from metaid.models import IDEAL, Array, Chain, chain_of_lumps
 from metaid.models.tree import PARAMETERS, SHARED, JointFriction, Tree
 from metaid.recorded.estimating import RecordedEstimate
+from metaid.recorded.held_out import Yardstick
 from metaid.recorded.reading.log import Record
 from metaid.recorded.telling.judging import RecordedVerdict
 from metaid.recorded.weak_form.linear_model import LinearModel
@@ -143,7 +144,8 @@ def file_error(path: Path, name: str, found: RecordedEstimate, logs: Sequence[Sm
         zeros: of their encoders (nlog x njoint), in rad.
     """
     squares, whole, rows = np.zeros(found.model.njoint), np.zeros(found.model.njoint), 0
-    for own, zero in zip(logs, zeros, strict=True):
+    yardstick = Yardstick(tuple(logs), ())
+    for log, (own, zero) in enumerate(zip(logs, zeros, strict=True)):
         predicted = file_torques(
             path,
             name,
@@ -155,10 +157,7 @@ def file_error(path: Path, name: str, found: RecordedEstimate, logs: Sequence[Sm
         )
         if predicted.torques is None:
             return FileError(str(path), None, (), 0, predicted.why_not)
-        sent = own.torques
-        if found.delay:
-            shifted = [np.interp(own.times - found.delay, own.times, column) for column in sent.T]
-            sent = np.stack(shifted, axis=1)
+        sent = yardstick.sent(log, found.delay)
         left = (sent - own.filtered(predicted.torques))[own.judged]
         squares = squares + found.model.trusted_alone((left**2).sum(axis=0))
         whole = whole + found.model.trusted_alone((sent[own.judged] ** 2).sum(axis=0))

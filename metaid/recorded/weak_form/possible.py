@@ -9,11 +9,14 @@ links that move alike.  Eq. 72.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from metaid.models import Array, Matrices
 from metaid.models.tree import PARAMETERS, Tree, nominal_pseudo_inertias, planar_tree, pseudo_inertia
+from metaid.recorded.weak_form.equations import Solution
 from metaid.recorded.weak_form.linear_model import RIGID, LinearModel
 
 WEIGHT = 0.05  # of the divergence, beside χ² / 2
@@ -25,6 +28,7 @@ CLOSE = 1e-6  # Newton's decrement where a point is at its centre
 SMALL = 1e-3  # of a friction's deviation: what is not above 0 is kept so near to it
 THIN = 0.1  # of what a rotor may be beforehand: a nominal rotor of 0 counts as this
 BODY = 10
+COMPLEX_STEP = 1e-30  # of a derivative, which is exact to rounding
 LONGEST = 10.0  # of the logarithm of a length in m
 SPEEDS = (0.0, 0.1, 0.3, 1.0)  # shares of a joint's fastest speed, at which friction is not negative
 
@@ -87,32 +91,26 @@ class Possible:
     def lumps(self, x: Array) -> tuple[Array, Array]:
         """The unknowns (nparam) of free parameters (nfree), and their Jacobian (nparam x nfree)."""
         model, nlinks, nfriction = self._model, len(self._links), len(self._friction)
+        if model.is_chain:
+            steps = COMPLEX_STEP * 1j * np.eye(self._nfree)
+            return self._of_chain(x), np.asarray(self._of_chain(x + steps).imag.T / COMPLEX_STEP)
         jacobian = np.zeros((len(model.names), self._nfree))
         jacobian[self._friction, nlinks + np.arange(nfriction)] = 1.0
-        if model.prior is not None:
-            jacobian[: model.nbody, :nlinks] = self._matrix
-            return jacobian @ x, jacobian
-        n = model.njoint
-        links, length = x[:nlinks].reshape(n, 4), np.append(np.exp(x[nlinks + nfriction :]), 0.0)
-        beyond = np.append(np.cumsum(links[::-1, 0])[::-1][1:], 0.0)  # the mass that each link carries
-        after = np.triu(np.ones((n, n)), 1)
-        gravity, inertia = links[:, 1] + length * beyond, links[:, 2] + length**2 * beyond  # Eqs. 1 and 3
-        of_gravity, of_inertia = np.zeros((n, self._nfree)), np.zeros((n, self._nfree))
-        for i in range(n):
-            of_gravity[i, 4 * i + 1] = of_inertia[i, 4 * i + 2] = 1.0
-            of_gravity[i, 0:nlinks:4], of_inertia[i, 0:nlinks:4] = length[i] * after[i], length[i] ** 2 * after[i]
-            if i < n - 1:
-                at = nlinks + nfriction + i
-                of_gravity[i, at], of_inertia[i, at] = length[i] * beyond[i], 2.0 * length[i] ** 2 * beyond[i]
-        first, second = np.triu_indices(n, 1)
-        coriolis = length[first] * gravity[second]  # Eq. 2
-        of_coriolis = length[first, None] * of_gravity[second]
-        of_coriolis[np.arange(len(first)), nlinks + nfriction + first] += coriolis
-        jacobian[:n], jacobian[n : n + len(first)] = of_gravity, of_coriolis
-        jacobian[n + len(first) : 2 * n + len(first)] = of_inertia
-        jacobian[2 * n + len(first) + np.arange(n - 1), 4 * np.arange(1, n) + 3] = 1.0
-        values = np.concatenate([gravity, coriolis, inertia, links[1:, 3], x[nlinks : nlinks + nfriction]])
-        return values, jacobian
+        jacobian[: model.nbody, :nlinks] = self._matrix
+        return jacobian @ x, jacobian
+
+    def _of_chain(self, x: NDArray[Any]) -> NDArray[Any]:
+        """The unknowns of a chain (... x nparam) of free parameters (... x nfree), which may be complex.  Eqs. 1 to
+        3.
+        """
+        links, friction, logs = np.split(x, [len(self._links), len(self._links) + len(self._friction)], axis=-1)
+        mass, first, second, rotor = np.moveaxis(links.reshape(*x.shape[:-1], -1, 4), -1, 0)
+        length = np.concatenate([np.exp(logs), np.zeros_like(logs[..., :1])], axis=-1)
+        beyond = np.cumsum(mass[..., ::-1], axis=-1)[..., ::-1] - mass  # the mass that each link carries
+        gravity, inertia = first + length * beyond, second + length**2 * beyond
+        one, other = np.triu_indices(mass.shape[-1], 1)
+        coriolis = length[..., one] * gravity[..., other]
+        return np.concatenate([gravity, coriolis, inertia, rotor[..., 1:], friction], axis=-1)
 
     def _cones(self, values: Array, deviations: Array) -> list[Matrices]:
         """What is to be positive definite; unknowns and their deviations (nparam each) are those of the free fit."""
@@ -208,6 +206,10 @@ class Possible:
             lengths=length if is_chain else None,
             jacobian=jacobian if is_chain else None,
         )
+
+    def refined(self, solution: Solution) -> Solution:
+        """The solution that can be, closest to one that was fitted freely."""
+        return replace(solution, values=self.closest(solution.values, solution.precision).values)
 
     def _centre(self, x: Array, values: Array, precision: Array, cones: list[Matrices], weight: float) -> Array:
         """The point of the least cost and divergence, by Newton's steps (Gauss's where lengths are unknown)."""
