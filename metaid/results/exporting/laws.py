@@ -11,12 +11,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from string import Template
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.models import FRICTION, SLIDING, Array, ChainModel, Lumps
+from metaid.models import FRICTION, SLIDING, Array, ChainModel
 from metaid.models.tree import PARAMETERS, JointFriction, Tree, body_torque, joint_mass_matrix
 from metaid.results.exporting.arm_law_c import ARM_C
 from metaid.results.exporting.arm_law_python import ARM_PYTHON
@@ -44,14 +44,17 @@ class Law(Protocol):
         angles and speeds (... x njoint each); dry friction is what the speeds alone say.
         """
 
-    def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array | None:
-        """The joint torque (... x njoint) that gives the joints these accelerations (... x njoint), in N m; None where
-        the inertia lumps are not known. Rows (... x nrow x njoint) are in the order of time: where dry friction has
-        pre-sliding it follows the motion.
+    @property
+    def has_inertia(self) -> bool:
+        """Whether the inertia lumps are known, without which it has no more than `torque`."""
+
+    def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
+        """The joint torque (... x njoint) that gives the joints these accelerations (... x njoint), in N m. Rows
+        (... x nrow x njoint) are in the order of time: where dry friction has pre-sliding it follows the motion.
         """
 
-    def mass_matrix(self, angles: Array) -> Array | None:
-        """In joint coordinates (... x njoint x njoint), in kg m²; None where the inertia lumps are not known."""
+    def mass_matrix(self, angles: Array) -> Array:
+        """In joint coordinates (... x njoint x njoint), in kg m²."""
 
     def python(self) -> str:
         """A Python module with a function `torque(q, qd)`, and `mass_matrix(q)` and `inverse_dynamics(q, qd, qdd)`
@@ -66,38 +69,19 @@ class Law(Protocol):
 
 
 @dataclass(frozen=True)
-class ChainLaw:
-    """The law of a chain's `lumps` in `gravity` (m/s²).  Eqs. 5, 6 and 15."""
-
-    lumps: Lumps
-    gravity: float
+class ChainLaw(ChainModel):
+    """The law of a chain's lumps.  Eqs. 5, 6 and 15."""
 
     @property
     def njoint(self) -> int:
         return self.lumps.nlink
 
-    def torque(self, angles: Array, speeds: Array) -> Array:
-        return self._model.torque(angles, speeds)
-
-    def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array | None:
-        matrix = self.mass_matrix(angles)
-        if matrix is None:
-            return None
-        gained = np.einsum("...ij,...j->...i", matrix, accelerations)
+    def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
+        gained = np.einsum("...ij,...j->...i", self.mass_matrix(angles), accelerations)
         return np.asarray(self.torque(angles, speeds) + gained, dtype=np.float64)
-
-    def mass_matrix(self, angles: Array) -> Array | None:
-        if not self.has_inertia:
-            return None
-        return self._model.mass_matrix(angles)
-
-    @property
-    def _model(self) -> ChainModel:
-        return ChainModel(self.lumps, self.gravity)
 
     @property
     def has_inertia(self) -> bool:
-        """Whether the inertia lumps are known."""
         return self.lumps.inertia is not None
 
     @property
@@ -127,6 +111,8 @@ class ArmLaw:
     tree: Tree
     parameters: Array
     friction: JointFriction | None = None
+
+    has_inertia: ClassVar[bool] = True
 
     @property
     def njoint(self) -> int:
