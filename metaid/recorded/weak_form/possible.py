@@ -124,13 +124,13 @@ class Possible:
             thick[:, 0, 0] = np.maximum(thick[:, 0, 0], 1.001 * own[:, 1] ** 2 / own[:, 0])
             nominal = thick
         else:
-            of_links = np.array([np.moveaxis(np.array([pseudo_inertia(one) for one in own.T]), 0, -1) for own in each])
+            of_links = np.moveaxis(pseudo_inertia(each.swapaxes(1, 2)), 1, -1)
             nominal = self._scale * nominal_pseudo_inertias(self._tree)
-        cones = [_cone(of_links, nominal), _cone(each[:, -1, None, None, :], self._usual_rotor[:, None, None])]
+        cones = [Matrices(of_links, nominal), Matrices(each[:, -1, None, None, :], self._usual_rotor[:, None, None])]
         rows, sizes = self._friction_rows(values, deviations)
         slopes = np.zeros((len(rows), 1, 1, self._nfree))
         slopes[:, 0, 0, nlinks : nlinks + len(self._friction)] = rows
-        return [*cones, _cone(slopes, sizes[:, None, None])] if len(rows) else cones
+        return [*cones, Matrices(slopes, sizes[:, None, None])] if len(rows) else cones
 
     def _friction_rows(self, values: Array, deviations: Array) -> tuple[Array, Array]:
         """Combinations of the unknowns of friction (nrow x nfriction) that are not negative, and their usual sizes
@@ -219,7 +219,7 @@ class Possible:
             gradient = jacobian.T @ (precision @ (lumps - values))
             curvature = jacobian.T @ precision @ jacobian
             for cone in cones:
-                slope, bend = cone.slopes(x)
+                slope, bend = cone.slopes(x, np.eye(len(x)))
                 gradient, curvature = gradient + weight * slope, curvature + weight * bend
             scale = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
             scaled = curvature * np.outer(scale, scale)
@@ -266,10 +266,3 @@ class Possible:
             damping=np.zeros(n),
             coulomb=np.zeros(n),
         )
-
-
-def _cone(slope: Array, nominal: Array) -> Matrices:
-    """Matrices that are linear in the free parameters: `slope` (count x size x size x nfree), `nominal` (count x size
-    x size).
-    """
-    return Matrices(np.zeros_like(nominal), slope, nominal)
