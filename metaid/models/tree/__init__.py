@@ -2,8 +2,7 @@
 
 `Tree` holds its kinematics and its inertial and friction parameters. Its torque is linear in these (`torque_regressor`)
 and depends on some combinations alone, the `BaseParameters`. A `ArmPrior` says how wrong a nominal arm may be.
-`TreeModel` is an arm by its base parameters, on the face of every model. `JointFriction` is what friction real joints
-have.
+`JointFriction` is what friction real joints have.
 """
 
 from metaid.models.tree.arm_prior import ArmPrior, PriorDeviations
@@ -15,7 +14,6 @@ from metaid.models.tree.model_error import ModelError, difference, model_error, 
 from metaid.models.tree.planar import planar_chain, planar_tree
 from metaid.models.tree.regressor import body_torque, joint_mass_matrix, joint_torque, torque_regressor
 from metaid.models.tree.tree import PARAMETERS, Tree, tilted_gravity
-from metaid.models.tree.tree_model import TreeModel, nominal_model
 
 __all__ = [
     "COLUMNS",
@@ -30,7 +28,6 @@ __all__ = [
     "PriorDeviations",
     "Sliding",
     "Tree",
-    "TreeModel",
     "base_parameters",
     "body_quantities",
     "body_torque",
@@ -40,7 +37,6 @@ __all__ = [
     "joint_torque",
     "known_bodies",
     "model_error",
-    "nominal_model",
     "nominal_pseudo_inertias",
     "planar_chain",
     "planar_tree",
