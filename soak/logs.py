@@ -53,14 +53,14 @@ class Judged:
 def true_values(found: RecordedResult, rig: Rig) -> dict[str, float]:
     """The true unknowns by their names."""
     model = found.estimate.model
-    if isinstance(model.source, tuple):
+    if model.prior is None:
         plant = rig.plant
         assert isinstance(plant, MujocoPlant)
         true = plant.chain.lumps_of(("gravity", "coriolis", "inertia"))
         bodies = dict(zip(true.names, true.vector.tolist(), strict=True))
     else:
-        bodies = dict(zip(model.source.base.names, model.source.base.of(rig.tree.parameters).tolist(), strict=True))
-    between = "_" if isinstance(model.source, tuple) else ""
+        bodies = dict(zip(model.prior.base.names, model.prior.base.of(rig.tree.parameters).tolist(), strict=True))
+    between = "_" if model.prior is None else ""
     for i, (damping, dry) in enumerate(zip(rig.tree.damping.tolist(), rig.tree.coulomb.tolist(), strict=True), 1):
         bodies |= {f"damping{between}{i}": damping, f"coulomb{between}{i}": dry}
     return bodies

@@ -41,7 +41,7 @@ def solve(rows: Array, torques: Array, weigh: str) -> Array:
 @dataclass(frozen=True)
 class Prepared:
     """A motion with the torque for a unit of each unknown of the bodies (nrow x njoint x nbody), and the state of dry
-    friction (nrow x njoint + npair).
+    friction (nrow x nmotor).
     """
 
     model: LinearModel
@@ -69,7 +69,7 @@ class Prepared:
 def prepared(model: LinearModel, motion: Motion) -> Prepared:
     """What a model needs of a motion."""
     bodies = model.bodies(motion.angles, motion.speeds, motion.accelerations)
-    sliding = model.sliding_along(motion.angles, motion.speeds)
+    sliding = model.sliding.along(motion.angles, motion.speeds)
     return Prepared(model, motion, bodies, sliding)
 
 

@@ -139,7 +139,7 @@ def by_files(robot: Robot, files: list[Path]) -> tuple[float, float]:
 
 def speed_by_values(robot: Robot, models: list[LinearModel], values: list[Array]) -> float | None:
     """Error of speed by unknowns (nparam) found without each third; None of terms that have a past."""
-    if any("load" in model.friction or model.has_hysteresis for model in models):
+    if any("load" in model.friction or model.sliding.builds_up for model in models):
         return None
 
     def after(number: int, angles: Array, speeds: Array, starts: Array) -> Array:

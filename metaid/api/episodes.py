@@ -95,7 +95,7 @@ def perturb(
         >>> metaid.perturb("one-link", {"gravity_1": 0.95})["fell"]
         True
     """
-    loaded = plant if isinstance(plant, MujocoPlant | ArmPlant) else load_plant(plant)
+    loaded = load_plant(plant) if isinstance(plant, str | Path | Mapping) else plant
     if isinstance(loaded, MujocoPlant):
         objective = episode_objective(loaded, COUNTING_STEPS if steps is None else steps)
         return objective.summary(check_factors(factors or {}, objective.nominal))

@@ -14,7 +14,7 @@ from metaid.episode.plausible import PushCheck
 from metaid.episode.readings import readings_before_fall, told_times
 from metaid.episode.record import GoesOn, Record, Trajectory, crosses_at, crossings, energies, stopped, windows_of
 from metaid.errors import AbsentPlant, ImplausiblePlant, LostPlant
-from metaid.models import Array, ChainModel, Lumps, Model
+from metaid.models import Array, ChainModel, Lumps
 from metaid.plant import FaultyPlant, Plant, SocketPlant
 
 TRIES = 3  # of an episode in which the plant was lost
@@ -174,7 +174,7 @@ def _record_of(
 
 
 def _watch_push(
-    plant: Plant, law: Model, episode: Episode, push: int, earlier: dict[bytes, Array]
+    plant: Plant, law: ChainModel, episode: Episode, push: int, earlier: dict[bytes, Array]
 ) -> tuple[Array, Array, bool]:
     """Joint angles and speeds (nsteps + 1 x njoint) after a `push` of an episode under the torque of a `law`, and
     whether a link fell.  Raises ImplausiblePlant.

@@ -12,7 +12,7 @@ import numpy as np
 
 from metaid.estimation.estimate import Found
 from metaid.models import DEVIATIONS, Array
-from metaid.models.tree import PARAMETERS, ArmPrior, TreeModel, joint_torque, random_states, torque_half_width
+from metaid.models.tree import PARAMETERS, ArmPrior, joint_torque, random_states, torque_half_width
 
 if TYPE_CHECKING:
     from metaid.compiled.spatial import Frames
@@ -134,11 +134,6 @@ class ArmEstimate(Found):
     def parameters(self) -> Array:
         """The most probable parameters of every joint and its link (njoint x 13): the law that is to be sent next."""
         return self.searched.parameters(self.unknowns)
-
-    @property
-    def model(self) -> TreeModel:
-        """The arm."""
-        return TreeModel(self.searched.prior, self.values)
 
     @cached_property
     def value_covariance(self) -> Array:

@@ -2,17 +2,17 @@
 
 A planar chain has lumped parameters (`Lumps`), which make the compensation torque, its regressor and the mass matrix.
 `Chain` holds the physical parameters that lumps follow from; `body_extents` says which bodies lumps leave possible.
-`Model` is the one face of every kind of model.
 Pure functions of arrays: nothing here knows MuJoCo, Optuna or files.
 """
 
 from metaid.models.chain import Chain, speeds_after
 from metaid.models.chain_of_lumps import ChainOfLumps, chain_of_lumps
+from metaid.models.closest_bodies import Matrices
 from metaid.models.intervals import COARSEST, DEVIATIONS, deviations_at_once, half_width
 from metaid.models.known_lumps import KnownLumps, known_lumps
 from metaid.models.law import SLIDING, compensation_basis, compensation_torque, mass_matrix
 from metaid.models.lumps import FRICTION, IDEAL, UNITS, Array, Lumps, factors_from_names, kind_of, lump_names, lump_unit
-from metaid.models.model import ChainModel, Model
+from metaid.models.model import ChainModel
 from metaid.models.possible import (
     least_inertia,
     question_of_distances,
@@ -35,7 +35,7 @@ __all__ = [
     "ChainOfLumps",
     "KnownLumps",
     "Lumps",
-    "Model",
+    "Matrices",
     "body_extents",
     "chain_of_lumps",
     "compensation_basis",

@@ -75,45 +75,43 @@ def _closest(length: Array, gravity: Array, inertia: Array | None, lumps: Lumps,
     """
     if inertia is not None and not np.less_equal(*masses_beyond(gravity, inertia, length)).all():
         return None
-    n, nfree = len(length), len(length) * (1 if inertia is not None else 2)
-    own, outboard = np.eye(n, nfree), np.triu(np.ones((n, nfree)), 1)
-    outboard[:, n:] = 0.0
-    # Offset and slope of s_i and J_i by the free parameters: all m_i, then, where they are free, all J_i.
-    moment = gravity, -length[:, None] * outboard
-    second = np.zeros(n), np.eye(n, nfree, k=n)
-    if inertia is not None:
-        second = inertia, -(length**2)[:, None] * outboard
-    least = (LEAST_GYRATION * length) ** 2  # of I_i / m_i
-    matrices = [np.zeros((n, 2, 2)), np.zeros((n, 2, 2, nfree)), np.zeros((n, 2, 2))]
-    nominal_moment = nominal.mass * nominal.com
+    from scipy.linalg import null_space  # slow to load
+
+    n = len(length)
+    outboard = np.triu(np.ones((n, n)), 1)  # the masses that each link carries
+    nominal_moment, least = nominal.mass * nominal.com, (LEAST_GYRATION * length) ** 2  # least of I_i / m_i
     floor = FLOOR * nominal.mass * nominal.length
     beyond_least = np.maximum(nominal.inertia - least * nominal.mass, floor * FLOOR * nominal.length)
     about_joint = beyond_least + nominal.mass * nominal.com**2
-    entries = (
-        ((0, 0), np.zeros(n), own, nominal.mass),
-        ((0, 1), *moment, nominal_moment),
-        ((1, 1), second[0], second[1] - least[:, None] * own, about_joint),
-    )
-    for (row, column), *parts in entries:
-        for matrix, part in zip(matrices, parts, strict=True):
-            matrix[:, row, column] = matrix[:, column, row] = part
+
+    def moments(mass: Array, about: Array) -> tuple[Array, Array]:
+        """s and J of links with these masses; J is `about` where no lump has it."""
+        carried = outboard @ mass
+        return gravity - length * carried, about if inertia is None else inertia - length**2 * carried
+
+    mass, first, second = np.eye(3 * n).reshape(3, n, 3 * n)
+    lumps_of = [first + length[:, None] * outboard @ mass]
+    if inertia is not None:
+        lumps_of.append(second + (length**2)[:, None] * outboard @ mass)
+    links = np.stack([mass, first, first, second - least[:, None] * mass], axis=1).reshape(n, 2, 2, 3 * n)
+    usual = np.stack([nominal.mass, nominal_moment, nominal_moment, about_joint], axis=1).reshape(n, 2, 2)
     # A centre of mass is on its link, as a plant file has it: s_i > 0 and l_i m_i > s_i.
-    rest = -moment[0], length[:, None] * own - moment[1]
-    nominal_rest = nominal.length * nominal.mass - nominal_moment
-    ends = [
-        Matrices(offset[:, None, None], slope[:, None, None], np.maximum(usual, floor)[:, None, None])
-        for (offset, slope), usual in ((moment, nominal_moment), (rest, nominal_rest))
+    ends = (first, nominal_moment), (length[:, None] * mass - first, nominal.length * nominal.mass - nominal_moment)
+    groups = [
+        Matrices(links, usual),
+        *(Matrices(slope[:, None, None], np.maximum(size, floor)[:, None, None]) for slope, size in ends),
     ]
-    start = np.concatenate([nominal.mass, about_joint])[:nfree]
-    found = closest([Matrices(*matrices), *ends], start)
+    start = np.concatenate([nominal.mass, *moments(nominal.mass, about_joint)])
+    found = closest(groups, start, null_space(np.vstack(lumps_of)))
     if not found.is_possible:
         return None
-    mass, (s, about) = found.x[:n], (offset + slope @ found.x for offset, slope in (moment, second))
+    masses, about = np.split(found.x, 3)[::2]
+    s, about = moments(masses, about)
     return Chain(
         length=length,
-        mass=mass,
-        com=s / mass,
-        inertia=about - s**2 / mass,
+        mass=masses,
+        com=s / masses,
+        inertia=about - s**2 / masses,
         damping=lumps.of("damping"),
         coulomb=lumps.of("coulomb"),
         stiffness=np.zeros(n),

@@ -1,5 +1,5 @@
 """Bodies that can be, closest to nominal ones: what is free of their parameters is chosen so that matrices stay
-positive.
+positive, which are linear in them.
 
 A body of mass m, first moment s and second moments Σ is possible where its pseudo-inertia [[Σ, s], [sᵀ, m]] is
 positive definite. How far it is from the nominal one is the divergence of Eq. 54, which depends neither on units nor on
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -24,24 +25,50 @@ CENTRED = 1e-10  # Newton's decrement, of a point that is at its centre
 
 @dataclass(frozen=True)
 class Matrices:
-    """Symmetric matrices (count x size x size) that are to be positive definite: `offset` + `slope` x for the free x
-    (nfree).
+    """Symmetric matrices (count x size x size) that are to be positive definite, linear in parameters x (nparam).
 
     Attributes:
-        offset: at x = 0 (count x size x size).
-        slope: by each of x (count x size x size x nfree).
+        slope: by each of x (count x size x size x nparam).
         nominal: what they are to be close to (count x size x size), positive definite.
     """
 
-    offset: Array
     slope: Array
     nominal: Array
+
+    @cached_property
+    def scaled(self) -> Array:
+        """The slope in units of the nominal ones (nparam x count x size x size)."""
+        return _between(np.linalg.inv(np.linalg.cholesky(self.nominal)), np.moveaxis(self.slope, -1, 0))
+
+    def at(self, x: Array) -> Array:
+        """The scaled matrices (count x size x size)."""
+        return np.asarray(np.tensordot(x, self.scaled, axes=1), dtype=np.float64)
+
+    def divergence(self, x: Array) -> float:
+        """From the nominal ones, but for a constant; inf where one is not positive definite.  Eq. 54."""
+        matrices = self.at(x)
+        try:
+            diagonal = np.diagonal(np.linalg.cholesky(matrices), axis1=-2, axis2=-1)
+        except np.linalg.LinAlgError:
+            return float("inf")
+        return float(np.trace(matrices, axis1=-2, axis2=-1).sum() - 2.0 * np.log(diagonal).sum())
+
+    def slopes(self, x: Array, directions: Array, share: float = 0.0) -> tuple[Array, Array]:
+        """Gradient (nfree) and curvature (nfree x nfree) of the divergence along `directions` (nparam x nfree), of what
+        the matrices have beyond a `share` of the nominal ones.
+        """
+        along = np.tensordot(directions.T, self.scaled, axes=1)
+        lower = np.linalg.inv(np.linalg.cholesky(self.at(x) - share * np.eye(self.nominal.shape[-1])))
+        inside = _between(lower, along)
+        traces = np.trace(along, axis1=-2, axis2=-1) / (1.0 - share) - np.trace(inside, axis1=-2, axis2=-1)
+        rows = inside.reshape(directions.shape[1], -1)
+        return traces.sum(axis=-1), rows @ rows.T
 
 
 @dataclass(frozen=True)
 class Closest:
-    """The free `x` (nfree) at which the matrices are closest to the nominal ones, and how much of the nominal every one
-    of them has there: they minus `share` times the nominal are positive semidefinite.
+    """The parameters `x` (nparam) at which the matrices are closest to the nominal ones, and how much of the nominal
+    every one of them has there: they minus `share` times the nominal are positive semidefinite.
     """
 
     x: Array
@@ -53,22 +80,22 @@ class Closest:
         return self.share > 0.0
 
 
-def closest(groups: Sequence[Matrices], start: Array) -> Closest:
-    """The free parameters at which all matrices are positive definite and closest to the nominal ones.  Eqs. 53 and 54.
+def closest(groups: Sequence[Matrices], start: Array, directions: Array) -> Closest:
+    """The parameters at which all matrices are positive definite and closest to the nominal ones.  Eqs. 53 and 54.
 
     Where they can have no share of LEAST_SHARE of the nominal ones, it is raised as far as it goes; where this is not
     above 0, there is no such body, or none that is not many times as large as the nominal one.
 
     Args:
         groups: the matrices, those of one size in a group.
-        start: any x (nfree).
+        start: any x (nparam) that is allowed.
+        directions: in which x may be another (nparam x nfree).
     """
-    scaled = [_scaled(group) for group in groups]
-    x, least = start, _least(scaled, start)
+    x, least = start, _least(groups, start)
     share = min(LEAST_SHARE, least - 1.0)
     for _ in range(MOST_RAISES):
-        x = _centre(scaled, x, share)
-        least = _least(scaled, x)
+        x = _centre(groups, x, directions, share)
+        least = _least(groups, x)
         raised = min(LEAST_SHARE, share + 0.9 * (least - share))
         if raised - share <= STALLED:
             break
@@ -76,48 +103,28 @@ def closest(groups: Sequence[Matrices], start: Array) -> Closest:
     return Closest(x, least)
 
 
-def _scaled(group: Matrices) -> tuple[Array, Array]:
-    """The matrices in units of the nominal ones: offset (count x size x size), slope (nfree x count x size x size)."""
-    lower = np.linalg.inv(np.linalg.cholesky(group.nominal))
-    slope = np.moveaxis(group.slope, -1, 0)
-    return _between(lower, group.offset), _between(lower, slope)
-
-
 def _between(lower: Array, matrices: Array) -> Array:
     between: Array = lower @ matrices @ lower.swapaxes(-1, -2)
     return between
 
 
-def _at(scaled: tuple[Array, Array], x: Array) -> Array:
-    offset, slope = scaled
-    return np.asarray(offset + np.tensordot(x, slope, axes=1), dtype=np.float64)
-
-
-def _least(groups: Sequence[tuple[Array, Array]], x: Array) -> float:
+def _least(groups: Sequence[Matrices], x: Array) -> float:
     """The least eigenvalue of all scaled matrices."""
-    return min(float(np.linalg.eigvalsh(_at(group, x)).min()) for group in groups if len(group[0]))
+    return min(float(np.linalg.eigvalsh(group.at(x)).min()) for group in groups if len(group.nominal))
 
 
-def _centre(groups: Sequence[tuple[Array, Array]], x: Array, share: float) -> Array:
+def _centre(groups: Sequence[Matrices], x: Array, directions: Array, share: float) -> Array:
     """The x of the least divergence, of those at which all matrices have more than a `share` of the nominal ones.
 
     The divergence is self-concordant, so damped steps of Newton's stay among these and arrive.
     """
-    nfree = len(x)
-    for _ in range(MOST_STEPS if nfree else 0):
-        gradient, curvature = np.zeros(nfree), np.zeros((nfree, nfree))
-        for offset, slope in groups:
-            size = offset.shape[-1]
-            lower = np.linalg.inv(np.linalg.cholesky(_at((offset, slope), x) - share * np.eye(size)))
-            inside = _between(lower, slope)
-            traces = np.trace(slope, axis1=-2, axis2=-1) / (1.0 - share) - np.trace(inside, axis1=-2, axis2=-1)
-            gradient += traces.sum(axis=-1)
-            rows = inside.reshape(nfree, -1)
-            curvature += rows @ rows.T
+    for _ in range(MOST_STEPS if directions.size else 0):
+        slopes, bends = zip(*(group.slopes(x, directions, share) for group in groups), strict=True)
+        gradient, curvature = sum(slopes), sum(bends)
         scale = 1.0 / np.sqrt(np.diag(curvature))
         step = -scale * np.linalg.lstsq(curvature * np.outer(scale, scale), scale * gradient, rcond=None)[0]
         decrement = float(np.sqrt(max(-float(gradient @ step), 0.0)))
-        x = x + step / (1.0 + decrement if decrement > 0.25 else 1.0)
+        x = x + directions @ step / (1.0 + decrement if decrement > 0.25 else 1.0)
         if decrement <= CENTRED:
             break
     return x

@@ -23,9 +23,9 @@ def mass_matrix(lumps: Lumps, inertia_lumps: Array, angles: Array) -> Array:
 
 
 def compensation_basis(
-    angles: Array, speeds: Array, gravity: float, kinds: Sequence[str] = IDEAL, stiffness: float = 0.0
+    angles: Array, speeds: Array, gravity: float, kinds: Sequence[str] = IDEAL, accelerations: Array | None = None
 ) -> Array:
-    """Generalised force per unit of each lump, in absolute angles (... x nlink x nlump).  Eqs. 5, 15 and 16 are this
+    """Generalised force per unit of each lump, in absolute angles (... x nlink x nlump).  Eqs. 4, 5, 15 and 16 are this
     times the lumps.
 
     Args:
@@ -33,7 +33,7 @@ def compensation_basis(
         speeds: absolute (... x nlink), in rad/s.
         gravity: in m/s².
         kinds: of the lumps, in their order.
-        stiffness: of the law, in 1/s².
+        accelerations: absolute, that the force gives the links (... x nlink), in rad/s²; None for none.
     """
     n = angles.shape[-1]
     links = np.arange(n)
@@ -49,12 +49,12 @@ def compensation_basis(
             pairs = np.arange(len(first))
             part[..., first, pairs] = sine * speeds[..., second] ** 2
             part[..., second, pairs] = -sine * speeds[..., first] ** 2
-            if stiffness:  # Eq. 16, the off-diagonals of Ã
+            if accelerations is not None:  # Eq. 4, the off-diagonals
                 cosine = np.cos(angles[..., first] - angles[..., second])
-                part[..., first, pairs] -= stiffness * cosine * angles[..., second]
-                part[..., second, pairs] -= stiffness * cosine * angles[..., first]
+                part[..., first, pairs] += cosine * accelerations[..., second]
+                part[..., second, pairs] += cosine * accelerations[..., first]
         elif kind == "inertia":
-            part[..., links, links] = -stiffness * angles
+            part[..., links, links] = 0.0 if accelerations is None else accelerations
         else:  # a torque in joint i turns link i one way and link i − 1 the other
             part[..., links, links] = torque = joint_speeds if kind == "damping" else sliding(joint_speeds)
             part[..., links[:-1], links[1:]] = -torque[..., 1:]

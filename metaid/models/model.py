@@ -1,52 +1,21 @@
-"""What is known of a plant's dynamics: one face for every kind of model, and the planar chain's."""
+"""The dynamics of a planar chain by its lumps, in joint coordinates."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Protocol
+from dataclasses import dataclass
 
 import numpy as np
 
 from metaid.models.law import compensation_basis, compensation_torque, mass_matrix
-from metaid.models.lumps import Array, Lumps, lump_unit
-
-
-class Model(Protocol):
-    """A candidate for a plant's dynamics. Its torque is linear in its parameters: torque = regressor @ parameters.
-
-    Angles and speeds are those of joints (... x njoint), in rad and rad/s; torques are in N m.
-    """
-
-    @property
-    def names(self) -> list[str]:
-        """Of the parameters (nparameter)."""
-
-    @property
-    def units(self) -> list[str]:
-        """Of the parameters (nparameter)."""
-
-    @property
-    def parameters(self) -> Array:
-        """(nparameter)."""
-
-    def with_parameters(self, parameters: Array) -> Model:
-        """The same kind of model with these `parameters` (nparameter)."""
-
-    def torque(self, angles: Array, speeds: Array) -> Array:
-        """The joint torque (... x njoint) that would leave the plant unaccelerated if it were as the model says."""
-
-    def regressor(self, angles: Array, speeds: Array) -> Array:
-        """The joint torque for a unit of each parameter (... x njoint x nparameter)."""
-
-    def mass_matrix(self, angles: Array) -> Array:
-        """The mass matrix in joint coordinates (... x njoint x njoint), in kg m²."""
+from metaid.models.lumps import Array, Lumps
 
 
 @dataclass(frozen=True)
 class ChainModel:
     """A planar chain by its `lumps`, in `gravity` (m/s²). With a `stiffness` k (1/s²) the torque leaves it q̈ = −k q.
 
-    Its parameters are the lumps that are searched.
+    Its parameters are the lumps that are searched. Angles and speeds are those of joints (... x njoint), in rad and
+    rad/s; torques (... x njoint) are in N m.
     """
 
     lumps: Lumps
@@ -54,28 +23,21 @@ class ChainModel:
     stiffness: float = 0.0
 
     @property
-    def names(self) -> list[str]:
-        return self.lumps.names
-
-    @property
-    def units(self) -> list[str]:
-        return [lump_unit(name) for name in self.names]
-
-    @property
     def parameters(self) -> Array:
         return self.lumps.vector
-
-    def with_parameters(self, parameters: Array) -> ChainModel:
-        return replace(self, lumps=self.lumps.with_parameters(parameters))
 
     def torque(self, angles: Array, speeds: Array) -> Array:
         """Eqs. 5, 6, 15 and 16."""
         return compensation_torque(self.lumps, angles, speeds, self.gravity, self.stiffness)
 
-    def regressor(self, angles: Array, speeds: Array) -> Array:
-        """Eqs. 5, 6, 15 and 16, a column for each lump."""
+    def regressor(self, angles: Array, speeds: Array, accelerations: Array | None = None) -> Array:
+        """Eqs. 4 to 6, 15 and 16, a column for each lump, of the torque that gives the joints these `accelerations`
+        (... x njoint), in rad/s²; by default those of the stiffness.
+        """
+        given = accelerations if accelerations is not None else -self.stiffness * angles if self.stiffness else None
+        wanted = None if given is None else np.cumsum(given, axis=-1)
         links = np.cumsum(angles, axis=-1), np.cumsum(speeds, axis=-1)
-        basis = compensation_basis(*links, self.gravity, self.lumps.searched, self.stiffness)
+        basis = compensation_basis(*links, self.gravity, self.lumps.searched, wanted)
         return np.cumsum(basis[..., ::-1, :], axis=-2)[..., ::-1, :]  # Eq. 6
 
     def mass_matrix(self, angles: Array) -> Array:

@@ -27,12 +27,13 @@ from metaid.plant.loading import (
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.protocol import Plant
 from metaid.plant.settings import LinkSettings, PlantSettings, chain_of
+from metaid.plant.simulated import SimulatedPlant
 from metaid.plant.socket_plant import SocketPlant, SocketSettings
 from metaid.plant.start import Start
 from metaid.plant.unknown_faults import FAULT_UNITS, fault_names, fault_unit, true_faults
 
 if TYPE_CHECKING:
-    from metaid.plant.mujoco_model import build_spec
+    from metaid.plant.chain_spec import build_spec
 
 __all__ = [
     "ARM_FILES",
@@ -49,6 +50,7 @@ __all__ = [
     "Noise",
     "Plant",
     "PlantSettings",
+    "SimulatedPlant",
     "SocketPlant",
     "SocketSettings",
     "Start",
@@ -73,5 +75,5 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name == "build_spec":  # loads MuJoCo
-        return import_module("metaid.plant.mujoco_model").build_spec
+        return import_module("metaid.plant.chain_spec").build_spec
     raise AttributeError(f"module 'metaid.plant' has no attribute '{name}'")

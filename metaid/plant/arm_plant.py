@@ -13,9 +13,10 @@ from metaid.errors import PlantError
 from metaid.models import Array, question_of_distances
 from metaid.models.tree import Tree, joint_torque, tilted_gravity
 from metaid.plant.arm_settings import ArmSettings
+from metaid.plant.simulated import SimulatedPlant
 
 if TYPE_CHECKING:
-    from mujoco import MjData, MjModel
+    from mujoco import MjModel
 
     from metaid.plant.description.reading import Arm
 
@@ -40,10 +41,8 @@ class ArmStart:
 
 
 @dataclass(eq=False)
-class ArmPlant:
-    """An arm in MuJoCo: its joints and links alone. The simulation is its own, so a worker needs a plant of its own.
-
-    MuJoCo is loaded and the user's file compiled when anything of it is asked for. Raises PlantError then, where that
+class ArmPlant(SimulatedPlant):
+    """A serial arm. The user's file is compiled when anything of it is asked for.  Raises PlantError then, where that
     file is no serial arm. A `known` arm needs no file.
     """
 
@@ -68,7 +67,6 @@ class ArmPlant:
 
     @property
     def repairs(self) -> tuple[str, ...]:
-        """What its file says of its moving links and cannot be, as sentences."""
         return self.arm.repairs if self.known is None else ()
 
     @property
@@ -83,7 +81,6 @@ class ArmPlant:
 
     @cached_property
     def model(self) -> MjModel:
-        """The lean model that moves."""
         from metaid.plant.description.lean import arm_model
 
         tree, faults = self.tree, self.settings.faults
@@ -98,20 +95,9 @@ class ArmPlant:
         """Of springs in the joints (njoint), at rest at 0, in N m/rad or N/m."""
         return np.array([self.settings.stiffness.get(name, 0.0) for name in self.tree.names])
 
-    @cached_property
-    def data(self) -> MjData:
-        """The state of `model`."""
-        from mujoco import MjData
-
-        return MjData(self.model)
-
     @property
     def njoint(self) -> int:
         return self.tree.njoint
-
-    @property
-    def timestep(self) -> float:
-        return self.settings.timestep
 
     def compensation(self, angles: Array, speeds: Array) -> Array:
         """The joint torques (... x njoint), in N m or N, that compensate gravity, Coriolis forces and friction at joint
@@ -119,43 +105,11 @@ class ArmPlant:
         """
         return joint_torque(self.tree, angles, speeds, np.zeros_like(angles))
 
-    def true_pose(self, start: ArmStart) -> Array:
-        """Joint coordinates (njoint), in rad or m, where encoders read those of `start`."""
+    def true_angles(self, start: ArmStart) -> Array:
         return start.pose - self.settings.faults.encoder_offsets(self.njoint)
 
     def start_speeds(self, start: ArmStart) -> Array:
-        """Joint speeds (njoint), in rad/s or m/s, with which a push begins."""
         return start.speeds
-
-    def push(self, start: ArmStart) -> None:
-        """Brings the arm to the pose, as encoders read it, and the speeds of `start`; nothing is left of the motion
-        before.
-        """
-        from mujoco import mj_resetData
-
-        mj_resetData(self.model, self.data)
-        self.data.qpos[:], self.data.qvel[:] = self.true_pose(start), start.speeds
-
-    def states(self) -> tuple[Array, Array]:
-        """Joint coordinates (njoint), in rad or m, and joint speeds (njoint), in rad/s or m/s."""
-        return self.data.qpos.copy(), self.data.qvel.copy()
-
-    def apply_torque(self, torque: Array) -> None:
-        """Sets the joint torque (njoint), in N m or N, that holds during the next step."""
-        self.data.qfrc_applied[:] = torque
-
-    def step(self) -> None:
-        """Lets one timestep pass."""
-        from mujoco import mj_step
-
-        mj_step(self.model, self.data)
-
-    def stop(self) -> None:
-        """Takes the torque off at once."""
-        self.data.qfrc_applied[:] = 0.0
-
-    def close(self) -> None:
-        """A simulated plant holds nothing that must be released."""
 
     def true_parameters(self) -> Array | None:
         """The parameters of its joints and links (njoint x 13), in the order of PARAMETERS, where it knows them. Only

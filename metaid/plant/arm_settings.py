@@ -69,3 +69,8 @@ class ArmSettings(Settings):
     def file(self) -> str:
         """The path of the MJCF or URDF."""
         return str(getattr(self, self.kind))
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Other files that it names."""
+        return (self.file,)

@@ -42,9 +42,9 @@ def load_plant(name: str | Path | Mapping[str, Any], joints: Sequence[str] | Non
         path = find_file("plants", str(name), PlantError)
         settings = read_any_plant(path)
     settings = with_joints(settings, joints, path)
-    if settings.why_no_chain is None:
+    if isinstance(settings, PlantSettings):
         return _chain(path, settings)
-    if not isinstance(settings, ArmSettings):
+    if isinstance(settings, SocketSettings):
         raise PlantError(f"{path}: {settings.why_no_chain}")
     arm = ArmPlant(path.stem, settings)
     _ = arm.model  # so that one that cannot be built is refused here
@@ -59,7 +59,7 @@ def load_chain(name: str | Path) -> MujocoPlant:
 
 def _chain(path: Path, settings: AnySettings) -> MujocoPlant:
     plant = MujocoPlant(path.stem, _of_chain(path, settings))
-    _ = plant.simulation
+    _ = plant.model
     return plant
 
 
@@ -108,9 +108,8 @@ def refuse_parts_outside(path: Path, folder: Path) -> None:
     """Raises PlantError where the MJCF or URDF of the plant file at a path, or a file that it names, lies outside a
     `folder`.
     """
-    settings = read_any_plant(path)
-    if isinstance(settings, ArmSettings):
-        refuse_files_outside(Path(settings.file), folder)
+    for file in read_any_plant(path).files:
+        refuse_files_outside(Path(file), folder)
 
 
 def load_rig(name: str | Path) -> SocketPlant:

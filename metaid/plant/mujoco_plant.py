@@ -13,27 +13,23 @@ from metaid.models import (
     IDEAL,
     Array,
     Lumps,
-    compensation_basis,
+    compensation_torque,
     question_of_units,
     refuse_impossible,
     refuse_too_long_a_step,
     speeds_after,
 )
 from metaid.plant.settings import PlantSettings, chain_of
+from metaid.plant.simulated import SimulatedPlant
 from metaid.plant.start import Start
 
 if TYPE_CHECKING:
-    from mujoco import MjData, MjModel
-
-    from metaid.plant.mujoco_model import Simulation
+    from mujoco import MjModel
 
 
 @dataclass(eq=False)
-class MujocoPlant:
-    """A planar chain in MuJoCo; its `simulation` is its own, so a worker needs a plant of its own.
-
-    MuJoCo is loaded and the chain built when it first moves.
-    """
+class MujocoPlant(SimulatedPlant):
+    """A planar chain of hinges."""
 
     name: str
     settings: PlantSettings
@@ -52,29 +48,14 @@ class MujocoPlant:
         return question_of_units(f"plant {self.name}", self.chain, self.gravity)
 
     @cached_property
-    def simulation(self) -> Simulation:
-        """The plant's own model and state.  Raises PlantError where MuJoCo cannot build it."""
-        from metaid.plant.mujoco_model import simulate
-
-        return simulate(self.name, self.chain, self.felt_gravity, self.timestep, self.tilt)
-
-    @property
     def model(self) -> MjModel:
-        """MuJoCo's model of the plant."""
-        return self.simulation.model
+        from metaid.plant.chain_spec import chain_model
 
-    @property
-    def data(self) -> MjData:
-        """MuJoCo's state of the plant."""
-        return self.simulation.data
+        return chain_model(self.name, self.chain, self.felt_gravity, self.timestep, self.tilt)
 
     @property
     def njoint(self) -> int:
         return self.chain.nlink
-
-    @property
-    def timestep(self) -> float:
-        return self.settings.timestep
 
     @property
     def gravity(self) -> float:
@@ -94,37 +75,14 @@ class MujocoPlant:
         """The joint torques (... x njoint), in N m, that compensate gravity, Coriolis forces and friction at joint
         `angles`, in rad, and `speeds`, in rad/s (... x njoint each).
         """
-        kinds = self.chain.kinds
-        leaning, turning = np.cumsum(angles, axis=-1), np.cumsum(speeds, axis=-1)
-        forces = compensation_basis(leaning, turning, self.gravity, kinds) @ self.chain.lumps_of(kinds).vector
-        return np.asarray(np.cumsum(forces[..., ::-1], axis=-1)[..., ::-1], dtype=np.float64)  # Eq. 6
+        return compensation_torque(self.chain.lumps_of(self.chain.kinds), angles, speeds, self.gravity)
 
     def true_angles(self, start: Start) -> Array:
-        """Joint angles (njoint), in rad, where encoders read those of `start`."""
         return start.angles - self.settings.faults.encoder_offsets(self.njoint)
 
     def start_speeds(self, start: Start) -> Array:
-        """Joint speeds (njoint), in rad/s, just after the impulses of `start`."""
+        """Those just after the impulses."""
         return np.diff(speeds_after(self.chain, start.impulses, np.cumsum(self.true_angles(start))), prepend=0.0)
-
-    def push(self, start: Start) -> None:
-        self.simulation.reset()
-        self.data.qpos[:], self.data.qvel[:] = self.true_angles(start), self.start_speeds(start)
-
-    def states(self) -> tuple[Array, Array]:
-        return self.data.qpos.copy(), self.data.qvel.copy()
-
-    def apply_torque(self, torque: Array) -> None:
-        self.data.qfrc_applied[:] = torque
-
-    def step(self) -> None:
-        self.simulation.step()
-
-    def stop(self) -> None:
-        self.data.qfrc_applied[:] = 0.0
-
-    def close(self) -> None:
-        """A simulated plant holds nothing that must be released."""
 
     def true_lumps(self) -> Lumps | None:
         if not self.settings.truth_known:

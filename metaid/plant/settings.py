@@ -65,6 +65,7 @@ class PlantSettings(Settings):
         return self
 
     why_no_chain: ClassVar[None] = None
+    files: ClassVar[tuple[str, ...]] = ()
 
     @property
     def control_period(self) -> float:

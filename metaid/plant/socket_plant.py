@@ -44,6 +44,7 @@ class SocketSettings(Settings):
     why_no_chain: ClassVar[str] = (
         "a plant behind a socket has no links to simulate or draw (allowed: plant show, and in a study)"
     )
+    files: ClassVar[tuple[str, ...]] = ()
 
     @field_validator("socket")
     @classmethod

@@ -11,7 +11,6 @@ from metaid.recorded.doubts.checks import Fact, facts_of
 from metaid.recorded.estimating import RecordedEstimate, equations_like, estimate_records
 from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.held_out import HeldOut
-from metaid.recorded.reading.laws import law_torques
 from metaid.recorded.reading.log import Intake, Record, every_run
 from metaid.recorded.result import Log, RecordedResult, estimate
 from metaid.recorded.telling.curves import FrictionCurve, GravityCurve, friction_curves, gravity_curves
@@ -49,6 +48,5 @@ __all__ = [
     "friction_curves",
     "gravity_curves",
     "judge_records",
-    "law_torques",
     "left_out",
 ]

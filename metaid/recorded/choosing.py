@@ -15,10 +15,11 @@ import numpy as np
 
 from metaid.errors import RecordError
 from metaid.models import Array
+from metaid.models.tree import COLUMNS
 from metaid.recorded.held_out import Yardstick, folds_of
 from metaid.recorded.reading.log import Record
 from metaid.recorded.weak_form.equations import Equations, equations_of
-from metaid.recorded.weak_form.linear_model import COLUMNS, LinearModel
+from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.smoothed import CUTOFFS, Smoothed
 
 # Length in s and degree of polynomials.
@@ -197,11 +198,11 @@ def _with_friction(
     model = present.model
     while True:
         free = [term for term in COLUMNS if asked is None and term not in model.friction]
-        candidates = [(term, model.with_friction((*model.friction, term), model.presliding)) for term in free]
-        if not model.has_hysteresis and (asked is None or "hysteresis" in asked):
+        candidates = [(term, model.with_friction((*model.friction, term), model.sliding.presliding)) for term in free]
+        if not model.sliding.builds_up and (asked is None or "hysteresis" in asked):
             candidates += [("hysteresis", model.with_friction(model.friction, size)) for size in PRESLIDING]
         best: tuple[float, LinearModel] | None = None
-        must = asked is not None and "hysteresis" in asked and not model.has_hysteresis
+        must = asked is not None and "hysteresis" in asked and not model.sliding.builds_up
         for what, each in candidates:
             other = present.with_model(each)
             if must:
@@ -214,7 +215,7 @@ def _with_friction(
             break
         error, model = best
         present = present.with_model(model)
-    if model.has_hysteresis:
+    if model.sliding.builds_up:
         present, error = _finer_presliding(search, present, error)
     return present, error
 
@@ -224,7 +225,7 @@ def _finer_presliding(search: _Search, present: Equations, error: float) -> tupl
     well, to WORTH, the longest, which is the gentlest to simulate.
     """
     model, factors = present.model, np.array(FINER)
-    common = model.presliding
+    common = model.sliding.presliding
 
     def with_presliding(presliding: Array) -> Equations:
         return present.with_model(model.with_friction(model.friction, presliding))

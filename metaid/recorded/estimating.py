@@ -131,10 +131,12 @@ def estimate_records(
     scale = 1.0 if plain is None or gains else torque_scale(plain)
     chosen = choose(records, logs, model, choices, scale)
     equations = chosen.equations
-    refined, possible, solution = _refined(equations, logs)
+    bodies = Possible(equations.model, equations.scale, fastest(logs))
+    free, _, blocks = equations.solved
+    possible = bodies.closest(free.values, free.precision)
     yardstick = chosen.yardstick
     apart = [equations.apart_from(fold) for fold in yardstick.folds]
-    solutions = [refined(each, each.solved[0]) for each in apart]
+    solutions = [bodies.refined(each.solved[0]) for each in apart]
     starts = MANY_STARTS if model.is_chain else FEW_STARTS
     held_out = yardstick.judged(equations, solutions, True, starts)
     simulator, simulator_model, simulator_held = _for_simulators(equations, logs, yardstick)
@@ -153,7 +155,7 @@ def estimate_records(
         covariance=covariance,
         systematic=systematic,
         repeated=repeated,
-        zeros=solution.zeros,
+        zeros=_zeros(equations, free, blocks, possible.values),
         scale=scale,
         held_out=held_out,
         simulator_held_out=simulator_held,
@@ -187,27 +189,8 @@ def _plain(records: Sequence[Record], logs: Sequence[Smoothed], model: LinearMod
     return None
 
 
-def _refined(equations: Equations, logs: Sequence[Smoothed]) -> tuple[Refiner, PossibleModel, Solution]:
-    """What makes a possible model of a solution, that of all windows, and the zeros beside it."""
-    refiner = Refiner(Possible(equations.model, equations.scale, fastest(logs)))
-    solution, _, blocks = equations.solved
-    possible = refiner.possible.closest(solution.values, solution.precision)
-    return refiner, possible, _with_values(equations, solution, blocks, possible.values)
-
-
-@dataclass(frozen=True)
-class Refiner:
-    """Makes a solution possible."""
-
-    possible: Possible
-
-    def __call__(self, equations: Equations, solution: Solution) -> Solution:
-        found = self.possible.closest(solution.values, solution.precision)
-        return replace(solution, values=found.values)
-
-
-def _with_values(equations: Equations, solution: Solution, blocks: Blocks, values: Array) -> Solution:
-    """A solution with other values (nparam), and the zeros that follow from these."""
+def _zeros(equations: Equations, solution: Solution, blocks: Blocks, values: Array) -> Array:
+    """The zeros (nlog x njoint) that follow from other values (nparam) than those of a solution."""
     zeros = solution.zeros.copy()
     if equations.zeros:
         shift = values - solution.values
@@ -216,7 +199,7 @@ def _with_values(equations: Equations, solution: Solution, blocks: Blocks, value
             gram = blocks.grams[blocks.logs == log].sum(axis=0)
             inner = gram[nparam:, nparam:] + np.eye(zeros.shape[1]) / ZERO**2
             zeros[log] -= np.linalg.solve(inner, gram[nparam:, :nparam] @ shift)
-    return replace(solution, values=values, zeros=zeros)
+    return zeros
 
 
 def _for_simulators(
@@ -224,9 +207,10 @@ def _for_simulators(
 ) -> tuple[PossibleModel, LinearModel, HeldOut]:
     """The model with viscous and Coulomb friction alone, and how well it predicts what was left out."""
     plain = equations.with_model(equations.model.with_friction(BASE))
-    refined, possible, _ = _refined(plain, logs)
+    bodies, free = Possible(plain.model, plain.scale, fastest(logs)), plain.solved[0]
     apart = [plain.apart_from(fold) for fold in yardstick.folds]
-    return possible, plain.model, yardstick.judged(plain, [refined(each, each.solved[0]) for each in apart])
+    held_out = yardstick.judged(plain, [bodies.refined(each.solved[0]) for each in apart])
+    return bodies.closest(free.values, free.precision), plain.model, held_out
 
 
 def _nominal(equations: Equations, yardstick: Yardstick, starts: int) -> HeldOut:

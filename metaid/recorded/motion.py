@@ -91,13 +91,13 @@ def simulated(model: LinearModel, begun: Sequence[Begun], delay: float) -> Motio
     units = np.vstack([np.zeros(n), np.eye(n)])
     rest = np.zeros_like(speeds)
     spun = np.zeros((len(angles), n, n))  # by rotors that coupled joints share
-    if model.coupled:
-        still = np.zeros((n + 1, n + len(model.coupled)))
+    if model.sliding.coupled:
+        still = np.zeros((n + 1, n + len(model.sliding.coupled)))
         columns = model.friction_columns(np.zeros((n + 1, n)), units, still, np.zeros((n + 1, n)))
         spun = np.einsum("kjp,sp->sjk", columns[1:] - columns[:1], rubbing)
 
     def friction(speeds: Array, rigid: Array) -> Array:
-        state = model.sliding_after(sliding, speeds, step)
+        state = model.sliding.after(sliding, speeds, step)
         columns = model.friction_columns(speeds, rest, state, rigid)
         return np.asarray((columns @ rubbing[..., None])[..., 0], dtype=np.float64)
 
@@ -137,7 +137,7 @@ def simulated(model: LinearModel, begun: Sequence[Begun], delay: float) -> Motio
                 half = angles + 0.5 * step * speeds, speeds + 0.5 * step * faster
                 faster = rate(*half, torques, speeds, speeds + step * faster, rigid)
                 after = speeds + step * faster
-                sliding = model.sliding_after(sliding, 0.5 * (speeds + after), step)
+                sliding = model.sliding.after(sliding, 0.5 * (speeds + after), step)
                 angles, speeds = angles + 0.5 * step * (speeds + after), after
         missed = np.nan_to_num(angles - seen, nan=LOST, posinf=LOST, neginf=-LOST)
     return Motion(steps * period, np.clip(missed, -LOST, LOST), constant)

@@ -13,13 +13,12 @@ from threadpoolctl import threadpool_limits
 
 from metaid.errors import RecordError, unknown
 from metaid.files import shipped_logs
-from metaid.plant import ArmPlant, load_plant
+from metaid.plant import load_plant
 from metaid.recorded.choosing import Choices, usual_still
 from metaid.recorded.doubts.checks import Fact, facts_of
 from metaid.recorded.estimating import RecordedEstimate, estimate_records
 from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.held_out import HeldOut, Yardstick
-from metaid.recorded.reading.laws import law_torques
 from metaid.recorded.reading.log import Intake, Record, every_run
 from metaid.recorded.telling.judging import RecordedVerdict, judge_records
 from metaid.recorded.telling.left_out import LeftOut, left_out, predicted_parts
@@ -180,7 +179,7 @@ def estimate(
                 raise RecordError(
                     f"law {law} is of {compensated.njoint} joints (allowed: {plant.njoint}, as {plant.name} has)"
                 )
-            found = tuple(record.with_torques(law_torques(record, compensated)) for record in found)
+            found = tuple(_compensated(record, compensated) for record in found)
         return tuple(
             replace(record, angles=record.angles + offsets, torques=record.torques * factors) for record in found
         )
@@ -199,8 +198,16 @@ def estimate(
         validation = tuple(
             (own, other.name, _validated(found, own)) for other in others if (own := _smoothed(found, other))
         )
-    repairs = plant.repairs if isinstance(plant, ArmPlant) else ()
-    return RecordedResult(plant.name, records, found, verdict, facts, validation, repairs)
+    return RecordedResult(plant.name, records, found, verdict, facts, validation, plant.repairs)
+
+
+def _compensated(record: Record, plant: Any) -> Record:
+    """A log with the torques of the law that compensated a `plant` at what was read.  Raises RecordError where the log
+    has no speeds.
+    """
+    if record.speeds is None:
+        raise RecordError(f"{record.name}: no column 'speed_1', which the law is made of (allowed: a log with speeds)")
+    return record.with_torques(plant.compensation(record.angles, record.speeds))
 
 
 def _is_same(log: Log, other: Log) -> bool:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from metaid.models import Array, ChainModel, Model
+from metaid.models import Array, ChainModel
 from metaid.plant import MujocoPlant, Plant, Start
 
 AMPLITUDE = 0.5  # rad, of the mean joint's sinusoid
@@ -73,7 +73,7 @@ def smooth_sinusoids(
     return Motion(angles, speeds, accelerations)
 
 
-def computed_torque(model: Model, angles: Array, speeds: Array, accelerations: Array) -> Array:
+def computed_torque(model: ChainModel, angles: Array, speeds: Array, accelerations: Array) -> Array:
     """The joint torque (njoint), in N m, that accelerates a plant as wanted.  Eqs. 4, 5 and 6.
 
     Args:
@@ -112,7 +112,7 @@ def track(plant: Plant, model: ChainModel, feedback: ChainModel, desired: Motion
     return Tracked(*track_compiled(plant, laws, inertias, motion, bandwidth, LOST))
 
 
-def track_stepwise(plant: Plant, model: Model, feedback: Model, desired: Motion, bandwidth: float) -> Tracked:
+def track_stepwise(plant: Plant, model: ChainModel, feedback: ChainModel, desired: Motion, bandwidth: float) -> Tracked:
     """`track` on any plant, step by step in Python: the reference for the compiled loop.
 
     Args:

@@ -16,8 +16,8 @@ import numpy as np
 
 from metaid.episode import REACH, natural_time, rich_pushes
 from metaid.errors import StudyError
-from metaid.models import Array, Chain, ChainModel, Lumps, compensation_torque
-from metaid.plant import ArmPlant, ArmStart, MujocoPlant, Plant, Start
+from metaid.models import Array, Chain, ChainModel, Lumps
+from metaid.plant import ArmPlant, ArmStart, MujocoPlant
 from metaid.results.control import AMPLITUDE, BANDWIDTH, LOST, smooth_sinusoids, track
 from metaid.study import HORIZON
 
@@ -119,11 +119,20 @@ class ChainCourse:
         return rich_pushes(self.plant, self.count, REACH / (HORIZON * self.natural_time), self.seed)
 
     def coasting(self, law: Lumps) -> Array:
+        """Until a joint's speed has changed by a tenth of the speed of the fastest link after the push."""
+        from metaid.compiled import coasting_steps  # loads numba
+
         whole = self._whole(law)
-        return np.array([coasting_time(self.plant, whole, impulses, self.steps) for impulses in self.pushes])
+        steps = [coasting_steps(self.plant, whole, impulses, self.steps, COASTING) for impulses in self.pushes]
+        return np.array(steps) * self.plant.timestep
 
     def tracking(self, law: Lumps) -> tuple[Array, bool]:
-        return tracking_errors(self.plant, self._whole(law), self.nominal)
+        """The feedback is weighted by the nominal mass matrix, for every model alike."""
+        plant, time = self.plant, self.natural_time
+        desired = smooth_sinusoids(plant.njoint, time, plant.timestep)
+        model, feedback = ChainModel(self._whole(law), plant.gravity), ChainModel(self.nominal.lumps, plant.gravity)
+        seen = track(plant, model, feedback, desired, BANDWIDTH / time)
+        return seen.angles - desired.angles[: len(seen.angles)], len(seen.angles) == len(desired.angles)
 
     @property
     def about(self) -> dict[str, Any]:
@@ -169,87 +178,21 @@ class ArmCourse:
         return self.plant.timestep * steps.astype(np.float64)
 
     def tracking(self, law: Array) -> tuple[Array, bool]:
-        return arm_tracking_errors(self.plant, (law, self.feedback))
+        """From the middle of the ranges, with feedback that is the same for every feedforward."""
+        from metaid.compiled.spatial import track_arm  # loads numba
+
+        plant, tree = self.plant, self.plant.tree
+        half, middle = 0.5 * (tree.high - tree.low), np.clip(0.0, tree.low, tree.high)
+        is_limited = np.isfinite(half)
+        middle[is_limited] = tree.low[is_limited] + half[is_limited]
+        widest = np.where(tree.slides, SLIDE * AMPLITUDE, AMPLITUDE)
+        amplitude, periods = np.minimum(widest, ROOM * half), (SHORTEST, LONGEST)
+        desired = smooth_sinusoids(tree.njoint, 1.0, plant.timestep, amplitude=amplitude, periods=periods)
+        angles = middle + desired.angles
+        motion = angles, desired.speeds, desired.accelerations
+        seen = track_arm(plant, (law, self.feedback), motion, ARM_BANDWIDTH, LOST)
+        return seen - angles[: len(seen)], len(seen) == len(angles)
 
     @property
     def about(self) -> dict[str, Any]:
         return {"slides": self.plant.tree.slides}
-
-
-def coasting_time(plant: Plant, lumps: Lumps, impulses: Array, steps: int) -> float:
-    """For how long a plant coasts after a push, with `lumps` in the law.
-
-    It has coasted until a joint's speed has changed by a tenth of the speed of the fastest link after the push. A
-    MujocoPlant is watched by a compiled loop, any other step by step.
-
-    Args:
-        plant: it is brought to rest upright first.
-        lumps: of the law.
-        impulses: of the push (njoint), in N s.
-        steps: after which it is no longer watched.
-
-    Returns:
-        The time in s, at most that of all `steps`.
-    """
-    if not isinstance(plant, MujocoPlant):
-        return coasting_time_stepwise(plant, lumps, impulses, steps)
-    from metaid.compiled import coasting_steps
-
-    return coasting_steps(plant, lumps, impulses, steps, COASTING) * plant.timestep
-
-
-def coasting_time_stepwise(plant: Plant, lumps: Lumps, impulses: Array, steps: int) -> float:
-    """`coasting_time` on any plant, in s, step by step in Python: the reference for the compiled loop.
-
-    Args:
-        plant: it is brought to rest upright first.
-        lumps: of the law.
-        impulses: of the push (njoint), in N s.
-        steps: after which it is no longer watched.
-    """
-    plant.push(Start.upright(impulses))
-    angles, speeds = plant.states()
-    pushed, tolerance = speeds, COASTING * np.abs(np.cumsum(speeds)).max()
-    for step in range(steps):
-        plant.apply_torque(compensation_torque(lumps, angles, speeds, plant.gravity))
-        plant.step()
-        angles, speeds = plant.states()
-        if not np.abs(speeds - pushed).max() <= tolerance:
-            return step * plant.timestep
-    return steps * plant.timestep
-
-
-def tracking_errors(plant: Plant, lumps: Lumps, nominal: Chain) -> tuple[Array, bool]:
-    """Errors of the joint angles (nsteps x njoint), in rad, along smooth sinusoids under computed torque with `lumps`,
-    up to where control was lost, and whether it never was.
-
-    The feedback is weighted by the nominal mass matrix, for every model alike.
-    """
-    time = natural_time(nominal, plant.gravity)
-    desired = smooth_sinusoids(plant.njoint, time, plant.timestep)
-    model, feedback = ChainModel(lumps, plant.gravity), ChainModel(nominal.lumps, plant.gravity)
-    seen = track(plant, model, feedback, desired, BANDWIDTH / time)
-    return seen.angles - desired.angles[: len(seen.angles)], len(seen.angles) == len(desired.angles)
-
-
-def arm_tracking_errors(plant: ArmPlant, laws: tuple[Array, Array]) -> tuple[Array, bool]:
-    """Errors of the joint coordinates (nsteps x njoint), in rad or m, along smooth sinusoids from the middle of the
-    ranges under computed torque, up to where control was lost, and whether it never was.
-
-    Args:
-        plant: that moves.
-        laws: parameters (njoint x 13 each) of the feedforward, and of the arm whose mass matrix weighs the feedback,
-            the same for every feedforward.
-    """
-    from metaid.compiled.spatial import track_arm  # loads numba
-
-    tree = plant.tree
-    half, middle = 0.5 * (tree.high - tree.low), np.clip(0.0, tree.low, tree.high)
-    is_limited = np.isfinite(half)
-    middle[is_limited] = tree.low[is_limited] + half[is_limited]
-    widest = np.where(tree.slides, SLIDE * AMPLITUDE, AMPLITUDE)
-    amplitude, periods = np.minimum(widest, ROOM * half), (SHORTEST, LONGEST)
-    desired = smooth_sinusoids(tree.njoint, 1.0, plant.timestep, amplitude=amplitude, periods=periods)
-    angles = middle + desired.angles
-    seen = track_arm(plant, laws, (angles, desired.speeds, desired.accelerations), ARM_BANDWIDTH, LOST)
-    return seen - angles[: len(seen)], len(seen) == len(angles)

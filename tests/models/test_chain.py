@@ -98,6 +98,6 @@ def test_basis_times_lumps_is_the_compensation_torque(nlink: int, stiffness: flo
     lumps = random_plant(nlink).chain.lumps_of(kinds)
     lumps = lumps.with_parameters(random.uniform(-2.0, 2.0, len(names)))
     angles, speeds = random.uniform(-2.0, 2.0, nlink), random.uniform(-5.0, 5.0, nlink)
-    basis = compensation_basis(np.cumsum(angles), np.cumsum(speeds), 9.81, kinds, stiffness)
+    basis = compensation_basis(np.cumsum(angles), np.cumsum(speeds), 9.81, kinds, -stiffness * np.cumsum(angles))
     torque = compensation_torque(lumps, angles, speeds, 9.81, stiffness)
     assert np.cumsum((basis @ lumps.vector)[::-1])[::-1] == pytest.approx(torque)

@@ -96,17 +96,18 @@ def test_closest_bodies_are_the_closest() -> None:
     slope = random.standard_normal((3, 4, 4, 5))
     slope[..., 0] = np.eye(4)
     slope += slope.swapaxes(1, 2)
-    group = Matrices(offset, slope, np.broadcast_to(np.diag([1.0, 2.0, 0.5, 3.0]), (3, 4, 4)))
-    found = closest([group], np.zeros(5))
+    whole = np.concatenate([offset[..., None], slope], axis=-1)  # the first parameter is 1
+    group = Matrices(whole, np.broadcast_to(np.diag([1.0, 2.0, 0.5, 3.0]), (3, 4, 4)))
+    found = closest([group], np.eye(6)[0], np.eye(6)[:, 1:])
 
     def divergence(x: Array) -> float:
-        inside = offset + slope @ x - LEAST_SHARE * group.nominal
+        inside = whole @ x - LEAST_SHARE * group.nominal
         scaled = np.linalg.solve(group.nominal, inside) / (1.0 - LEAST_SHARE)
         return float((np.trace(scaled, axis1=1, axis2=2) - np.linalg.slogdet(scaled)[1]).sum())
 
     assert found.is_possible
     assert found.share > LEAST_SHARE
-    steps = random.standard_normal((50, 5))
+    steps = random.standard_normal((50, 6)) * np.append(0.0, np.ones(5))
     assert all(divergence(found.x + 1e-3 * step) > divergence(found.x) for step in steps)
 
 

@@ -104,7 +104,7 @@ def test_log_of_an_arm_tells_its_base_parameters_and_friction(arm: Tree, noise: 
     asked = Choices(friction=("viscous", "coulomb", "root", "offset"), zeros=False)
     found = estimated(log_of(arm, noise=noise, extra=friction, seconds=5.0), model, asked)
     model = found.model
-    prior = model.source
+    prior = model.prior
     assert not isinstance(prior, tuple)
     bodies = prior.base.of(arm.parameters)[prior.base.columns % 13 < 11]
     true = np.concatenate([bodies, damping, np.zeros(3), root, offset, np.zeros(4)])

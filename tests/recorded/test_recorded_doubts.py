@@ -98,7 +98,7 @@ def test_joints_that_are_misplaced_are_suspected() -> None:
     misplaced = replace(arm, position=place, rotation=arm.rotation @ turns)
     model = arm_model(wrong_tree(arm, 1))
     found = judged(log_of(misplaced, seconds=4.0), model)
-    prior = model.source
+    prior = model.prior
     assert not isinstance(prior, tuple)
     assert not outside(found, prior.base.of(arm.parameters)[prior.base.columns % 13 < 11])
     assert any("another place of joint" in reason for reason in found.reasons)

@@ -84,8 +84,8 @@ def test_hysteresis_is_taken_up_where_it_predicts_what_was_left_out() -> None:
     found = estimated(builds_up(arm_log(noise=0.0)), friction=None)
     plain = estimated(arm_log(lambda speeds: DRY * np.sign(speeds), noise=0.0), friction=None)
     assert "hysteresis" in found.model.terms
-    assert 0.005 < found.model.presliding[0] < 0.06
-    assert plain.model.presliding[0] < 0.002
+    assert 0.005 < found.model.sliding.presliding[0] < 0.06
+    assert plain.model.sliding.presliding[0] < 0.002
 
 
 def test_another_unit_of_all_torques_is_named_and_does_not_bend_the_answer() -> None:

@@ -15,7 +15,7 @@ from exported import model_of
 from random_arm import arm_named
 
 from metaid.models import Array
-from metaid.models.tree import JointFriction, Tree, joint_mass_matrix, joint_torque
+from metaid.models.tree import COLUMNS, JointFriction, Sliding, Tree, joint_mass_matrix, joint_torque
 from metaid.results.exporting import (
     ArmLaw,
     chain_dynamics,
@@ -39,15 +39,23 @@ def friction_of(tree: Tree, coupled: tuple[tuple[int, int], ...] = COUPLED) -> J
     presliding[[0, 3]] = 0.0
     viscous, coulomb, root, offset, load, still = random.uniform(0.1, 0.5, (6, n))
     rotor, viscous_2, coulomb_2, root_2 = random.uniform(0.1, 0.5, (4, m))
-    friction = (viscous, coulomb, root, offset, 0.1 * load, presliding, 0.1 * still)
-    return JointFriction(*friction, coupled, rotor, viscous_2, coulomb_2, root_2)
+    alone, none = {"offset": offset, "load": 0.1 * load}, np.zeros(m)
+    terms = {name: np.append(values, none) for name, values in alone.items()}
+    terms["viscous"], terms["coulomb"] = np.append(viscous, viscous_2), np.append(coulomb, coulomb_2)
+    terms["root"] = np.append(root, root_2)
+    return JointFriction(Sliding(presliding, 0.1 * still, coupled), terms, rotor)
+
+
+def without_presliding(friction: JointFriction) -> JointFriction:
+    """The same whose dry friction follows the speed."""
+    none = np.zeros(friction.sliding.njoint)
+    return replace(friction, sliding=replace(friction.sliding, presliding=none))
 
 
 def plain(friction: JointFriction) -> JointFriction:
     """What an MJCF can hold of it."""
-    none = np.zeros(friction.njoint)
-    held = replace(friction, root=none, offset=none, load=none, presliding=none)
-    return replace(held, coupled_root=np.zeros(len(friction.coupled)))
+    terms = {name: friction.of(name) for name in ("viscous", "coulomb")}
+    return replace(without_presliding(friction), terms=terms)
 
 
 def motion_of(njoint: int, nrow: int = 400, seconds: float = 4.0) -> tuple[Array, Array, Array]:
@@ -62,11 +70,12 @@ def formula(tree: Tree, friction: JointFriction, q: Array, v: Array, a: Array) -
     """The torques (nrow x njoint) written once more, row by row and joint by joint."""
     ideal = replace(tree, damping=np.zeros(tree.njoint), coulomb=np.zeros(tree.njoint))
     rigid = joint_torque(ideal, q, v, a)
-    torques = rigid + friction.viscous * v + friction.offset
-    n, pairs = tree.njoint, friction.coupled
-    columns = [(q[:, i], v[:, i], friction.presliding[i], friction.still[i]) for i in range(n)]
+    n, pairs, sliding = tree.njoint, friction.sliding.coupled, friction.sliding
+    viscous, coulomb, root, offset, load = (friction.of(term) for term in COLUMNS)
+    torques = rigid + viscous[:n] * v + offset[:n]
+    columns = [(q[:, i], v[:, i], sliding.presliding[i], sliding.still[i]) for i in range(n)]
     for i, j in pairs:
-        over, still = ((each[i] + each[j]) / 2.0 for each in (friction.presliding, friction.still))
+        over, still = ((each[i] + each[j]) / 2.0 for each in (sliding.presliding, sliding.still))
         columns.append((q[:, i] + q[:, j], v[:, i] + v[:, j], over, still))
     shares = []
     for place, speed, over, still in columns:
@@ -79,12 +88,12 @@ def formula(tree: Tree, friction: JointFriction, q: Array, v: Array, a: Array) -
                 share[row] = end + (share[row - 1] - end) * np.exp(-abs(moved) / over)
         shares.append(share)
     for i in range(n):
-        dry = friction.coulomb[i] + friction.root[i] * np.sqrt(np.abs(v[:, i])) + friction.load[i] * np.abs(rigid[:, i])
+        dry = coulomb[i] + root[i] * np.sqrt(np.abs(v[:, i])) + load[i] * np.abs(rigid[:, i])
         torques[:, i] += shares[i] * dry
     for couple, (i, j) in enumerate(pairs):
         speed = v[:, i] + v[:, j]
-        dry = friction.coupled_coulomb[couple] + friction.coupled_root[couple] * np.sqrt(np.abs(speed))
-        both = friction.coupled_rotor[couple] * (a[:, i] + a[:, j]) + friction.coupled_viscous[couple] * speed
+        dry = coulomb[n + couple] + root[n + couple] * np.sqrt(np.abs(speed))
+        both = friction.coupled_rotor[couple] * (a[:, i] + a[:, j]) + viscous[n + couple] * speed
         torques[:, [i, j]] += (both + shares[n + couple] * dry)[:, None]
     return np.asarray(torques, dtype=np.float64)
 
@@ -100,7 +109,7 @@ NO_COUPLES: tuple[tuple[int, int], ...] = ()
 FRICTIONS = {
     "everything": friction_of(PUMA),
     "nothing coupled": friction_of(PUMA, NO_COUPLES),
-    "no pre-sliding": replace(friction_of(PUMA), presliding=np.zeros(6)),
+    "no pre-sliding": without_presliding(friction_of(PUMA)),
     "viscous and dry": plain(friction_of(PUMA, NO_COUPLES)),
 }
 
@@ -168,9 +177,9 @@ def test_law_takes_one_state_or_many() -> None:
 def test_pre_sliding_follows_the_motion_and_not_the_speed() -> None:
     """Dry friction turns some time after the joint has turned back, and rests where the joint does."""
     one = JointFriction.simple(np.zeros(1), np.ones(1), np.full(1, 0.01))
-    friction = replace(one, presliding=np.full(1, 1e-3))
+    sliding = replace(one.sliding, presliding=np.full(1, 1e-3))
     q = np.concatenate([np.linspace(0.0, 0.1, 50), np.full(5, 0.1), 0.1 - np.linspace(0.0, 2e-3, 20)])[:, None]
-    slip = friction.slip_along(q, np.zeros_like(q))[:, 0]
+    slip = sliding.along(q, np.zeros_like(q))[:, 0]
     assert slip[0] == 0.0
     np.testing.assert_allclose(slip[49:55], 1.0, atol=1e-9)
     np.testing.assert_allclose(slip[-1], -1.0 + 2.0 * np.exp(-2.0), atol=1e-9)
@@ -190,7 +199,7 @@ def test_simple_file_says_nothing_of_what_it_has_not() -> None:
 def test_mjcf_with_coupled_joints_predicts_what_the_formula_says(tmp_path: Path) -> None:
     """MuJoCo's own inverse dynamics, at speeds where its dry friction is whole."""
     friction = plain(FRICTIONS["everything"])
-    tree = replace(PUMA, damping=friction.viscous, coulomb=friction.coulomb)
+    tree = replace(PUMA, damping=friction.of("viscous")[:6], coulomb=friction.of("coulomb")[:6])
     path = tmp_path / "arm.xml"
     path.write_text(mjcf(tree, "arm", 0.002, ["an arm"], couples_of(friction)), encoding="utf-8")
     random = np.random.default_rng(2)
@@ -206,8 +215,8 @@ def test_mjcf_with_coupled_joints_predicts_what_the_formula_says(tmp_path: Path)
 def test_urdf_predicts_the_same_without_rotors_in_the_gravity_that_it_is_given(tmp_path: Path) -> None:
     """It says what it lacks. Without rotors wrists are so light that dry friction is soft: they have little."""
     friction, coulomb = FRICTIONS["everything"], np.array([0.3, 0.4, 0.3, 0.1, 0.01, 0.01])
-    viscous_and_dry = JointFriction.simple(friction.viscous, coulomb, friction.still)
-    tree = replace(PUMA, damping=friction.viscous, coulomb=coulomb, gravity=np.array([0.0, 9.81, 0.0]))
+    viscous_and_dry = JointFriction.simple(friction.of("viscous")[:6], coulomb, friction.sliding.still)
+    tree = replace(PUMA, damping=friction.of("viscous")[:6], coulomb=coulomb, gravity=np.array([0.0, 9.81, 0.0]))
     path = tmp_path / "arm.urdf"
     path.write_text(urdf(tree, "arm", not_in_urdf(tree, couples_of(friction))), encoding="utf-8")
     random = np.random.default_rng(2)

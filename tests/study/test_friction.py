@@ -66,7 +66,8 @@ def test_law_with_friction_and_inertia_is_linear_in_all_its_lumps(nlink: int) ->
     kinds, random = (*ALL, "inertia"), np.random.default_rng(4)
     lumps = rubbing_plant(nlink, 0.03, 0.1).chain.lumps_of(kinds)
     angles, speeds = random.uniform(-2, 2, nlink), random.uniform(-5, 5, nlink)
-    force = compensation_basis(np.cumsum(angles), np.cumsum(speeds), 9.81, kinds, stiffness=30.0) @ lumps.vector
+    leaning = np.cumsum(angles)
+    force = compensation_basis(leaning, np.cumsum(speeds), 9.81, kinds, -30.0 * leaning) @ lumps.vector
     torque = compensation_torque(lumps, angles, speeds, 9.81, stiffness=30.0)
     assert np.cumsum(force[::-1])[::-1] == pytest.approx(torque)
 

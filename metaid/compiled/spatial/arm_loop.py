@@ -104,7 +104,7 @@ class ArmLoop:
         (npush x njoint).
         """
         struck = [start.struck(each) for start, each in zip(episode.starts, noise, strict=True)]
-        return np.array([(self.plant.true_pose(start), start.speeds) for start in struck], dtype=np.float64)
+        return np.array([(self.plant.true_angles(start), start.speeds) for start in struck], dtype=np.float64)
 
 
 def fastest_arm_step(plant: ArmPlant) -> MujocoStep | DirectStep:

@@ -2,23 +2,23 @@
 
 `Tree` holds its kinematics and its inertial and friction parameters. Its torque is linear in these (`torque_regressor`)
 and depends on some combinations alone, the `BaseParameters`. A `ArmPrior` says how wrong a nominal arm may be.
-`TreeModel` is an arm by its base parameters, on the face of every model. `JointFriction` is what friction real joints
-have.
+`JointFriction` is what friction real joints have.
 """
 
 from metaid.models.tree.arm_prior import ArmPrior, PriorDeviations
 from metaid.models.tree.base import BaseParameters, base_parameters, random_states, seen_by_bias
 from metaid.models.tree.bodies import PossibleBodies, nominal_pseudo_inertias, possible_bodies, pseudo_inertia
-from metaid.models.tree.joint_friction import JointFriction, dahl, dry_states
+from metaid.models.tree.joint_friction import COLUMNS, SHARED, JointFriction, Sliding, friction_torque
 from metaid.models.tree.known_bodies import KnownBodies, body_quantities, known_bodies
 from metaid.models.tree.model_error import ModelError, difference, model_error, torque_half_width
 from metaid.models.tree.planar import planar_chain, planar_tree
 from metaid.models.tree.regressor import body_torque, joint_mass_matrix, joint_torque, torque_regressor
 from metaid.models.tree.tree import PARAMETERS, Tree, tilted_gravity
-from metaid.models.tree.tree_model import TreeModel
 
 __all__ = [
+    "COLUMNS",
     "PARAMETERS",
+    "SHARED",
     "ArmPrior",
     "BaseParameters",
     "JointFriction",
@@ -26,14 +26,13 @@ __all__ = [
     "ModelError",
     "PossibleBodies",
     "PriorDeviations",
+    "Sliding",
     "Tree",
-    "TreeModel",
     "base_parameters",
     "body_quantities",
     "body_torque",
-    "dahl",
     "difference",
-    "dry_states",
+    "friction_torque",
     "joint_mass_matrix",
     "joint_torque",
     "known_bodies",

@@ -12,12 +12,16 @@ import numpy as np
 from metaid.models.closest_bodies import Matrices, closest
 from metaid.models.lumps import Array
 from metaid.models.tree.arm_prior import LEAST_LEVER, ArmPrior
-from metaid.models.tree.regressor import BODY
+from metaid.models.tree.regressor import BODY, MOMENTS
 from metaid.models.tree.tree import PARAMETERS, Tree
 
 FLAT = 1e-3  # of a body's size: a nominal body that is thinner counts as this thick
 SMALL = 0.1  # of the deviation of a rotor's inertia: a nominal rotor of 0 counts as this
 ROTOR = BODY
+_PSEUDO = np.zeros((4, 4, BODY))
+_PSEUDO[3, 3, 0] = 1.0
+_PSEUDO[:3, 3, 1:4] = _PSEUDO[3, :3, 1:4] = np.eye(3)
+_PSEUDO[:3, :3, 4:] = 0.5 * np.eye(3)[..., None] * np.trace(MOMENTS) - MOMENTS
 USED = 1e-9  # of a direction that leaves the base parameters alone: what a parameter has at least, to be free in it
 
 
@@ -46,23 +50,17 @@ def possible_bodies(prior: ArmPrior, values: Array) -> PossibleBodies | None:
     spread = np.sqrt(np.diag(prior.parameter_covariance))
     scale = np.where(spread > 0.0, spread, 1.0)
     directions = scale[:, None] * null_space(base.matrix * scale)
-    start = prior.parameters_at(values)
-    slope = directions.reshape(njoint, size, -1)
-    nominal_bodies = nominal_pseudo_inertias(nominal)
-    groups = [
-        Matrices(
-            np.array([pseudo_inertia(each) for each in start]),
-            np.array([[pseudo_inertia(column) for column in each.T] for each in slope]).transpose(0, 2, 3, 1),
-            nominal_bodies,
-        )
-    ]
-    free = np.flatnonzero((np.abs(slope[:, ROTOR] / scale.reshape(njoint, size)[:, ROTOR, None]) > USED).any(axis=1))
+    start, each = prior.parameters_at(values), np.eye(njoint * size).reshape(njoint, size, -1)
+    free = np.flatnonzero((np.abs(directions / scale[:, None]).reshape(njoint, size, -1)[:, ROTOR] > USED).any(axis=1))
     usual = np.where(nominal.rotor > 0.0, nominal.rotor, SMALL * spread.reshape(njoint, size)[:, ROTOR])
-    groups.append(Matrices(*(each[free][:, None, None] for each in (start[:, ROTOR], slope[:, ROTOR], usual))))
-    found = closest(groups, np.zeros(directions.shape[1]))
+    groups = [
+        Matrices(np.moveaxis(pseudo_inertia(each.swapaxes(1, 2)), 1, -1), nominal_pseudo_inertias(nominal)),
+        Matrices(each[free, ROTOR, None, None], usual[free, None, None]),
+    ]
+    found = closest(groups, start.ravel(), directions)
     if not found.is_possible:
         return None
-    parameters = (start.ravel() + directions @ found.x)[None]
+    parameters = found.x[None].copy()
     parameters[:, base.columns] += values - parameters @ base.matrix.T  # what rounding left
     parameters = parameters.reshape(njoint, size)
     cut = np.minimum(parameters[:, BODY:], 0.0)
@@ -71,19 +69,13 @@ def possible_bodies(prior: ArmPrior, values: Array) -> PossibleBodies | None:
 
 
 def pseudo_inertia(parameters: Array) -> Array:
-    """[[Σ, s], [sᵀ, m]] (4 x 4) of a link, linear in its `parameters` (10 or 13).  Eq. 53."""
-    mass, moment, (xx, xy, xz, yy, yz, zz) = parameters[0], parameters[1:4], parameters[4:BODY]
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    matrix = np.empty((4, 4))
-    matrix[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-    matrix[:3, 3] = matrix[3, :3] = moment
-    matrix[3, 3] = mass
-    return matrix
+    """[[Σ, s], [sᵀ, m]] (... x 4 x 4) of links, linear in their `parameters` (... x 10 or more).  Eq. 53."""
+    return np.asarray(np.einsum("ijp,...p->...ij", _PSEUDO, parameters[..., :BODY]), dtype=np.float64)
 
 
 def nominal_pseudo_inertias(tree: Tree) -> Array:
     """Those of the links of a nominal arm (njoint x 4 x 4), positive definite: what is thin has a thickness."""
-    return np.array([_thick(pseudo_inertia(each)) for each in tree.parameters])
+    return np.array([_thick(each) for each in pseudo_inertia(tree.parameters)])
 
 
 def _thick(pseudo_inertia: Array) -> Array:

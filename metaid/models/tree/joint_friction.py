@@ -1,121 +1,113 @@
 """The friction of joints, and of motors that turn with the sum of two joints.
 
-Dry friction is a share s of its whole, −1 to 1: the sign of the speed, cut short below a slow speed, or, where there is
-pre-sliding, the state of Dahl's model, which follows the motion.
+Friction of a motor is any of: viscous q̇, Coulomb s, root s √|q̇| (which bends between rest and fast motion as lubricated
+gears do), an offset of the torque, and load s |τ_rigid|. The sliding state s is the sign of the speed, cut short below
+a slow speed, or, where there is pre-sliding, a state that builds up over a displacement (Dahl).  Eqs. 70 and 71.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from metaid.models.lumps import Array
 
+COLUMNS = ("viscous", "coulomb", "root", "offset", "load")  # terms that are linear in what is unknown of them
+SHARED = ("viscous", "coulomb", "root")  # by two joints whose motors are coupled
+
+
+def friction_torque(term: str, speeds: Array, sliding: Array, rigid: Array) -> Array:
+    """The torque (...) for a unit of one term of friction, in N m or N.
+
+    Args:
+        term: one of COLUMNS.
+        speeds: of the joint (...), in rad/s or m/s.
+        sliding: its state of dry friction (...), from −1 to 1.
+        rigid: the torque of its bodies (...), in N m or N.
+    """
+    if term == "viscous":
+        return speeds
+    if term == "offset":
+        return np.ones_like(speeds)
+    if term == "load":
+        return np.asarray(sliding * np.abs(rigid), dtype=np.float64)
+    return np.asarray(sliding * np.sqrt(np.abs(speeds)) if term == "root" else sliding, dtype=np.float64)
+
 
 @dataclass(frozen=True)
-class JointFriction:
-    """Of hinges in the units below; of slides in N and m in place of N m and rad.
+class Sliding:
+    """How the state of dry friction, −1 to 1, follows the motion of the motors: those of each joint, then those of each
+    coupled pair (nmotor).
 
     Attributes:
-        viscous: friction by the speed (njoint), in N m s.
-        coulomb: dry friction (njoint), in N m.
-        root: dry friction by the root of the speed (njoint), in N m √s.
-        offset: torque that is always there (njoint), in N m.
-        load: dry friction as a share of the size of the joint's rigid torque (njoint), without unit.
-        presliding: displacement over which dry friction builds up (njoint), in rad; 0 where it follows the speed alone.
-        still: speed below which dry friction is a share of its whole where there is no pre-sliding (njoint), in rad/s,
-            above 0.
-        coupled: pairs of joints, from 0 on, each with a motor that turns with the sum of both.
-        coupled_rotor: inertia of these motors (ncouple), in kg m².
-        coupled_viscous: their friction by the speed (ncouple), in N m s.
-        coupled_coulomb: their dry friction (ncouple), in N m.
-        coupled_root: their dry friction by the root of the speed (ncouple), in N m √s.
+        presliding: displacement over which dry friction builds up (njoint), in rad or m; 0 where it follows the speed.
+        still: joint speed below which dry friction is a share of its whole (njoint), in rad/s or m/s, above 0.
+        coupled: pairs of joints whose motors are coupled, from 0 on.
     """
 
-    viscous: Array
-    coulomb: Array
-    root: Array
-    offset: Array
-    load: Array
     presliding: Array
     still: Array
-    coupled: tuple[tuple[int, int], ...]
-    coupled_rotor: Array
-    coupled_viscous: Array
-    coupled_coulomb: Array
-    coupled_root: Array
-
-    @classmethod
-    def simple(cls, viscous: Array, coulomb: Array, still: Array) -> JointFriction:
-        """Viscous and dry friction (njoint each) alone, no motor coupled."""
-        none, of_none = np.zeros(len(viscous)), np.zeros(0)
-        return cls(viscous, coulomb, none, none, none, none, still, (), of_none, of_none, of_none, of_none)
+    coupled: tuple[tuple[int, int], ...] = ()
 
     @property
     def njoint(self) -> int:
-        return len(self.viscous)
+        return len(self.still)
+
+    @property
+    def nmotor(self) -> int:
+        return self.njoint + len(self.coupled)
+
+    @property
+    def builds_up(self) -> bool:
+        """Whether dry friction of any joint builds up over a displacement."""
+        return bool(self.presliding.any())
 
     @property
     def sums(self) -> Array:
-        """What each coupled motor turns with: 1 for its two joints, else 0 (ncouple x njoint)."""
-        sums = np.zeros((len(self.coupled), self.njoint))
-        for couple, joints in enumerate(self.coupled):
-            sums[couple, list(joints)] = 1.0
-        return sums
+        """What the motors turn with: 1 for their joints, else 0 (nmotor x njoint)."""
+        return self.of_motors(np.eye(self.njoint)).T
 
-    @property
-    def coupled_presliding(self) -> Array:
-        """That of the coupled motors (ncouple), in rad: the mean of their joints'."""
-        return np.asarray(0.5 * self.sums @ self.presliding, dtype=np.float64)
+    def of_motors(self, each: Array) -> Array:
+        """Sums over the joints (... x njoint) that each motor turns with (... x nmotor)."""
+        return np.concatenate([each, *(each[..., [one]] + each[..., [other]] for one, other in self.coupled)], axis=-1)
 
-    @property
-    def coupled_still(self) -> Array:
-        """That of the coupled motors (ncouple), in rad/s: the mean of their joints'."""
-        return np.asarray(0.5 * self.sums @ self.still, dtype=np.float64)
+    def means(self, each: Array) -> Array:
+        """Of each motor (nmotor), that of a pair the mean of its joints' (njoint)."""
+        counts = np.array([1.0] * self.njoint + [2.0] * len(self.coupled))
+        return np.asarray(self.of_motors(each) / counts, dtype=np.float64)
 
-    def slip_at(self, v: Array) -> Array:
-        """The share of its dry friction (... x njoint) that each joint has by its speed (... x njoint) alone."""
-        return np.clip(v / self.still, -1.0, 1.0)
+    def at(self, speeds: Array) -> Array:
+        """The state (... x nmotor) that follows the speeds of the joints (... x njoint) at once."""
+        return np.clip(self.of_motors(speeds) / self.means(self.still), -1.0, 1.0)
 
-    def coupled_slip_at(self, v: Array) -> Array:
-        """The same of the coupled motors (... x ncouple), of the joints' speeds (... x njoint)."""
-        return np.clip(v @ self.sums.T / self.coupled_still, -1.0, 1.0)
-
-    def slip_along(self, q: Array, v: Array) -> Array:
-        """The share of its dry friction (... x nrow x njoint) that each joint has along a motion: coordinates and
-        speeds (... x nrow x njoint), rows in the order of time. Pre-sliding begins at 0.
+    def along(self, coordinates: Array, speeds: Array) -> Array:
+        """The state (... x nrow x nmotor) along coordinates and speeds of the joints (... x nrow x njoint each), rows
+        in the order of time. Where there is pre-sliding it begins at 0.
         """
-        return dry_states(q, self.slip_at(v), self.presliding)
+        states, presliding = self.at(speeds), self.means(self.presliding)
+        if not self.builds_up or not states.shape[-2]:
+            return states
+        builds_up = presliding > 0.0
+        moved, over = np.diff(self.of_motors(coordinates)[..., builds_up], axis=-2), presliding[builds_up]
+        state = np.zeros((*states.shape[:-2], len(over)))
+        states[..., 0, builds_up] = state
+        for row in range(moved.shape[-2]):
+            state = _dahl(state, moved[..., row, :], over)
+            states[..., row + 1, builds_up] = state
+        return states
 
-    def coupled_slip_along(self, q: Array, v: Array) -> Array:
-        """The same of the coupled motors (... x nrow x ncouple)."""
-        return dry_states(q @ self.sums.T, self.coupled_slip_at(v), self.coupled_presliding)
-
-    def torque(self, v: Array, a: Array, rigid: Array, slip: Array, slip_coupled: Array) -> Array:
-        """What friction and the rotors of coupled motors need (... x njoint), in N m.
-
-        Args:
-            v: speeds of the joints (... x njoint), in rad/s.
-            a: accelerations of the joints (... x njoint), in rad/s².
-            rigid: what bodies and the joints' own rotors need at that state (... x njoint), in N m.
-            slip: the share of its dry friction that each joint has (... x njoint).
-            slip_coupled: the same of each coupled motor (... x ncouple).
-        """
-        dry = self.coulomb + self.root * np.sqrt(np.abs(v)) + self.load * np.abs(rigid)
-        own = self.viscous * v + self.offset + slip * dry
-        together = v @ self.sums.T
-        dry_together = self.coupled_coulomb + self.coupled_root * np.sqrt(np.abs(together))
-        of_motors = self.coupled_rotor * (a @ self.sums.T) + self.coupled_viscous * together
-        return np.asarray(own + (of_motors + slip_coupled * dry_together) @ self.sums, dtype=np.float64)
-
-    @property
-    def mass_matrix(self) -> Array:
-        """What the rotors of coupled motors add to the mass matrix (njoint x njoint), in kg m²."""
-        return np.asarray(self.sums.T @ (self.coupled_rotor[:, None] * self.sums), dtype=np.float64)
+    def after(self, state: Array, speeds: Array, step: float) -> Array:
+        """The state (... x nmotor) after a step, in s, with these speeds of the joints (... x njoint)."""
+        if not self.builds_up:
+            return self.at(speeds)
+        presliding = self.means(self.presliding)
+        after = _dahl(state, step * self.of_motors(speeds), np.where(presliding > 0.0, presliding, 1.0))
+        return np.where(presliding > 0.0, after, self.at(speeds))
 
 
-def dahl(state: Array, moved: Array, presliding: Array) -> Array:
+def _dahl(state: Array, moved: Array, presliding: Array) -> Array:
     """The share of dry friction (... x n) after a displacement δ (... x n) in direction g, in rad or m, of a state
     (... x n) before it and the displacement over which friction builds up (n), above 0:
     s ← g + (s − g) exp(−|δ| / presliding).  Eq. 71.
@@ -124,23 +116,48 @@ def dahl(state: Array, moved: Array, presliding: Array) -> Array:
     return np.asarray(goal + (state - goal) * np.exp(-np.abs(moved) / presliding), dtype=np.float64)
 
 
-def dry_states(position: Array, at_speed: Array, presliding: Array) -> Array:
-    """The share of dry friction along a motion (... x nrow x n), rows in the order of time: Dahl's state, which begins
-    at 0, where there is pre-sliding, else what the speed makes of it.
+@dataclass(frozen=True)
+class JointFriction:
+    """Friction that is known.
 
-    Args:
-        position: coordinates (... x nrow x n), in rad or m.
-        at_speed: the share by the speed alone (... x nrow x n).
-        presliding: displacement over which friction builds up (n), in rad or m; 0 where the speed alone counts.
+    Attributes:
+        sliding: how dry friction follows the motion.
+        terms: of each motor (nmotor each), by COLUMNS; what is not named is 0. Those of hinges are in N m s, N m, N m
+            √s and N m, of slides in N and m in place of N m and rad; load is a share. Coupled motors have SHARED alone.
+        coupled_rotor: inertia of the coupled motors (npair), in kg m².
     """
-    builds_up = presliding > 0.0
-    states = np.array(at_speed, dtype=np.float64)
-    if not builds_up.any() or not states.shape[-2]:
-        return states
-    moved, over = np.diff(position[..., builds_up], axis=-2), presliding[builds_up]
-    state = np.zeros((*states.shape[:-2], len(over)))
-    states[..., 0, builds_up] = state
-    for row in range(moved.shape[-2]):
-        state = dahl(state, moved[..., row, :], over)
-        states[..., row + 1, builds_up] = state
-    return states
+
+    sliding: Sliding
+    terms: Mapping[str, Array]
+    coupled_rotor: Array
+
+    @classmethod
+    def simple(cls, viscous: Array, coulomb: Array, still: Array) -> JointFriction:
+        """Viscous and dry friction (njoint each) alone, no motor coupled."""
+        return cls(Sliding(np.zeros(len(still)), still), {"viscous": viscous, "coulomb": coulomb}, np.zeros(0))
+
+    def of(self, term: str) -> Array:
+        """A term of each motor (nmotor)."""
+        return self.terms.get(term, np.zeros(self.sliding.nmotor))
+
+    def torque(self, v: Array, a: Array, rigid: Array, slip: Array) -> Array:
+        """What friction and the rotors of coupled motors need (... x njoint), in N m.
+
+        Args:
+            v: speeds of the joints (... x njoint), in rad/s.
+            a: accelerations of the joints (... x njoint), in rad/s².
+            rigid: what bodies and the joints' own rotors need at that state (... x njoint), in N m.
+            slip: the share of its dry friction that each motor has (... x nmotor).
+        """
+        speeds, loads = self.sliding.of_motors(v), self.sliding.of_motors(rigid)
+        torques = np.zeros_like(speeds)
+        torques[..., self.sliding.njoint :] = self.coupled_rotor * self.sliding.of_motors(a)[..., self.sliding.njoint :]
+        for term, values in self.terms.items():
+            torques += values * friction_torque(term, speeds, slip, loads)
+        return np.asarray(torques @ self.sliding.sums, dtype=np.float64)
+
+    @property
+    def mass_matrix(self) -> Array:
+        """What the rotors of coupled motors add to the mass matrix (njoint x njoint), in kg m²."""
+        pairs = self.sliding.sums[self.sliding.njoint :]
+        return np.asarray(pairs.T @ (self.coupled_rotor[:, None] * pairs), dtype=np.float64)

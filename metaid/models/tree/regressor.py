@@ -18,9 +18,9 @@ BODY = 10  # of PARAMETERS, those of the link itself; the others are its joint's
 _SKEW = np.zeros((3, 3, 3))  # (a x b)_i = _SKEW[i, j, k] a_j b_k
 _SKEW[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
 _SKEW[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0
-_MOMENTS = np.zeros((3, 3, 6))  # the matrix of inertia from its six moments
+MOMENTS = np.zeros((3, 3, 6))  # the matrix of inertia from its six moments
 for _row, _column, _moment in ((0, 0, 0), (0, 1, 1), (0, 2, 2), (1, 1, 3), (1, 2, 4), (2, 2, 5)):
-    _MOMENTS[_row, _column, _moment] = _MOMENTS[_column, _row, _moment] = 1.0
+    MOMENTS[_row, _column, _moment] = MOMENTS[_column, _row, _moment] = 1.0
 
 
 def torque_regressor(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
@@ -136,7 +136,7 @@ def _of_body(spin: Array, spin_rate: Array, rate: Array) -> tuple[Array, Array]:
     each (... x 3).  Eq. 37.
     """
     turning, faster, forward = (_tensor(each, _SKEW) for each in (spin, spin_rate, rate))
-    of_spin, of_rate = (_tensor(each, _MOMENTS) for each in (spin, spin_rate))
+    of_spin, of_rate = (_tensor(each, MOMENTS) for each in (spin, spin_rate))
     none = np.zeros_like(turning)
     force = np.concatenate([rate[..., None], faster + turning @ turning, none, none], axis=-1)
     moment = np.concatenate([none[..., :1], -forward, of_rate + turning @ of_spin], axis=-1)

@@ -96,7 +96,8 @@ def set_parameters(model: mujoco.MjModel, tree: Tree) -> None:
 
 def _disabled(tree: Tree) -> int:
     """What the lean model does without. Dry friction is a constraint, so only an arm that has some needs the solver;
-    viscous friction is explicit, at the speed that a step begins with, as the law's is (see build_spec).
+    viscous friction is explicit, at the speed that a step begins with, as the law's is. Autoreset is off: a diverged
+    episode must not silently restart.
     """
     off = mujoco.mjtDisableBit
     return int(

@@ -199,23 +199,27 @@ def _suspected(found: RecordedEstimate, check: _Check) -> Iterator[tuple[str, st
             )
     for joint in range(1, n):
         pair = (joint - 1, joint)
-        if pair not in model.coupled and not model.slides[list(pair)].any():
+        if pair not in model.sliding.coupled and not model.slides[list(pair)].any():
             option = f"--couple {joint},{joint + 1}"
             yield (
                 f"a motor turns with joints {names[joint - 1]} and {names[joint]} together: {option}",
                 option,
-                check.with_model(model.with_coupled((*model.coupled, pair))),
+                check.with_model(model.with_coupled((*model.sliding.coupled, pair))),
             )
-    if not isinstance(model.source, tuple):
-        tree = model.source.nominal
+    if model.prior is not None:
+        tree = model.prior.nominal
         size = float(np.linalg.norm(tree.gravity)) or 9.81
         for axis in (*np.eye(3), *-np.eye(3)):
             direction = size * axis
             if np.allclose(direction, tree.gravity):
                 continue
-            other = arm_model(replace(tree, gravity=direction), model.friction, model.coupled).with_still(model.still)
+            other = arm_model(replace(tree, gravity=direction), model.friction, model.sliding.coupled)
             option = "--gravity " + ",".join(f"{each + 0.0:g}" for each in direction)
-            yield f"gravity points elsewhere in the frame of the base: {option}", option, check.with_model(other)
+            yield (
+                f"gravity points elsewhere in the frame of the base: {option}",
+                option,
+                check.with_model(other.with_still(model.sliding.still)),
+            )
 
 
 def _units(check: _Check) -> Iterator[Fact]:

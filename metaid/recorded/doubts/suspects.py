@@ -133,8 +133,10 @@ def suspects(equations: Equations, values: Array, scales: bool) -> Iterator[Susp
                 "offset": lambda part: np.ones_like(part.windows.speeds),
             }
             yield Suspect(words, [of_each(part, shapes[term](part)) for part in parts], every)
-    if not model.has_hysteresis and {"coulomb", "root"} & set(model.friction):
-        bent = [part.windows.speeds * np.exp(-np.abs(part.windows.speeds) / (BENDS * model.still)) for part in parts]
+    if not model.sliding.builds_up and {"coulomb", "root"} & set(model.friction):
+        bent = [
+            part.windows.speeds * np.exp(-np.abs(part.windows.speeds) / (BENDS * model.sliding.still)) for part in parts
+        ]
         yield Suspect(
             "friction that bends near rest", [of_each(*each) for each in zip(parts, bent, strict=True)], every
         )

@@ -71,9 +71,9 @@ def friction_curves(found: RecordedEstimate, shares: Sequence[float] = SHARES) -
     curves = []
     for joint in range(n):
         speeds = found.fastest[joint] * np.array(shares)
-        moving, sliding = np.zeros((len(speeds), n)), np.zeros((len(speeds), n + len(model.coupled)))
+        moving, sliding = np.zeros((len(speeds), n)), np.zeros((len(speeds), model.sliding.nmotor))
         moving[:, joint], sliding[:, joint] = speeds, 1.0
-        for pair, joints in enumerate(model.coupled):
+        for pair, joints in enumerate(model.sliding.coupled):
             if joint in joints:
                 sliding[:, n + pair] = 1.0
         rigid = np.zeros_like(moving)

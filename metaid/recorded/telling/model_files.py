@@ -12,8 +12,9 @@ import pandas as pd
 
 import metaid
 from metaid.models import IDEAL, Array, Chain, chain_of_lumps
-from metaid.models.tree import PARAMETERS, JointFriction, Tree
+from metaid.models.tree import PARAMETERS, SHARED, JointFriction, Tree
 from metaid.recorded.estimating import RecordedEstimate
+from metaid.recorded.held_out import Yardstick
 from metaid.recorded.reading.log import Record
 from metaid.recorded.telling.judging import RecordedVerdict
 from metaid.recorded.weak_form.linear_model import LinearModel
@@ -36,32 +37,17 @@ class FileError:
 
 def friction_of(model: LinearModel, values: Array) -> JointFriction:
     """The friction of the unknowns (nparam)."""
-    n = model.njoint
+    pairs = range(len(model.sliding.coupled))
 
     def of(term: str) -> Array:
-        if term not in model.friction:
-            return np.zeros(n)
-        return values[[model.column(term, joint) for joint in range(n)]]
+        alone = [values[model.column(term, joint)] for joint in range(model.njoint)]
+        return np.array([*alone, *(shared(term, pair) if term in SHARED else 0.0 for pair in pairs)])
 
-    def shared(term: str) -> Array:
-        has = term == "rotor" or term in model.friction
-        pairs = range(len(model.coupled))
-        return np.array([values[model.shared_column(term, pair)] if has else 0.0 for pair in pairs])
+    def shared(term: str, pair: int) -> float:
+        return float(values[model.shared_column(term, pair)])
 
-    return JointFriction(
-        viscous=of("viscous"),
-        coulomb=of("coulomb"),
-        root=of("root"),
-        offset=of("offset"),
-        load=of("load"),
-        presliding=model.presliding,
-        still=model.still,
-        coupled=model.coupled,
-        coupled_rotor=shared("rotor"),
-        coupled_viscous=shared("viscous"),
-        coupled_coulomb=shared("coulomb"),
-        coupled_root=shared("root"),
-    )
+    rotors = np.array([shared("rotor", pair) for pair in pairs])
+    return JointFriction(model.sliding, {term: of(term) for term in model.friction}, rotors)
 
 
 def recorded_identified_model(
@@ -95,9 +81,6 @@ def recorded_identified_model(
     }
     if found.gains is not None:
         about |= {"gains": found.gains.values.tolist(), "gain_deviations": found.gains.frame["sd"].tolist()}
-    gravity: float | tuple[float, ...] = tuple(found.possible.tree.gravity.tolist())
-    if found.model.is_chain and isinstance(found.model.source, tuple):
-        gravity = found.model.source[1]
     name = records[0].name if len(records) == 1 else f"{records[0].name} and {len(records) - 1} more"
     return IdentifiedModel(
         name=name,
@@ -105,7 +88,7 @@ def recorded_identified_model(
         lumps=table,
         covariance=pd.DataFrame(found.covariance, index=names, columns=names),
         dynamics=_dynamics(found),
-        gravity=gravity,
+        gravity=found.model.gravity if found.model.is_chain else tuple(found.possible.tree.gravity.tolist()),
         timestep=min(0.002, min(record.period for record in records)),
     )
 
@@ -126,7 +109,7 @@ def _dynamics(found: RecordedEstimate) -> Dynamics:
     return Dynamics(
         law=ArmLaw(tree, parameters, friction),
         tree=simulator,
-        chain=_chain(found, simulator) if found.model.is_chain else None,
+        chain=None if found.model.chain is None else _chain(found, found.model.chain, simulator),
         notes=tuple(notes),
         is_chain=found.model.is_chain,
         couples=couples_of(plain),
@@ -135,20 +118,18 @@ def _dynamics(found: RecordedEstimate) -> Dynamics:
 
 def _with_friction(tree: Tree, friction: JointFriction) -> Tree:
     parameters = tree.parameters.copy()
-    parameters[:, PARAMETERS.index("damping")] = np.maximum(friction.viscous, 0.0)
-    parameters[:, PARAMETERS.index("coulomb")] = np.maximum(friction.coulomb, 0.0)
+    parameters[:, PARAMETERS.index("damping")] = np.maximum(friction.of("viscous")[: tree.njoint], 0.0)
+    parameters[:, PARAMETERS.index("coulomb")] = np.maximum(friction.of("coulomb")[: tree.njoint], 0.0)
     return tree.with_parameters(parameters)
 
 
-def _chain(found: RecordedEstimate, tree: Tree) -> Chain | None:
+def _chain(found: RecordedEstimate, nominal: Chain, tree: Tree) -> Chain | None:
     """The planar chain with the same lumps and friction whose centres of mass are on its links, as a plant file has it;
     None where there is none.
     """
-    assert isinstance(found.model.source, tuple)
-    values, nominal = found.simulator.values, found.model.source[0]
     lumps = replace(nominal.lumps_of((*IDEAL, "inertia")), damping=tree.damping, coulomb=tree.coulomb)
     nlump = len(lumps.vector)
-    lumps = lumps.with_parameters(values[:nlump])
+    lumps = lumps.with_parameters(found.simulator.values[:nlump])
     return chain_of_lumps(lumps, nominal, np.ones(nlump, dtype=np.bool_)).chain
 
 
@@ -163,7 +144,8 @@ def file_error(path: Path, name: str, found: RecordedEstimate, logs: Sequence[Sm
         zeros: of their encoders (nlog x njoint), in rad.
     """
     squares, whole, rows = np.zeros(found.model.njoint), np.zeros(found.model.njoint), 0
-    for own, zero in zip(logs, zeros, strict=True):
+    yardstick = Yardstick(tuple(logs), ())
+    for log, (own, zero) in enumerate(zip(logs, zeros, strict=True)):
         predicted = file_torques(
             path,
             name,
@@ -175,10 +157,7 @@ def file_error(path: Path, name: str, found: RecordedEstimate, logs: Sequence[Sm
         )
         if predicted.torques is None:
             return FileError(str(path), None, (), 0, predicted.why_not)
-        sent = own.torques
-        if found.delay:
-            shifted = [np.interp(own.times - found.delay, own.times, column) for column in sent.T]
-            sent = np.stack(shifted, axis=1)
+        sent = yardstick.sent(log, found.delay)
         left = (sent - own.filtered(predicted.torques))[own.judged]
         squares = squares + found.model.trusted_alone((left**2).sum(axis=0))
         whole = whole + found.model.trusted_alone((sent[own.judged] ** 2).sum(axis=0))

@@ -58,8 +58,8 @@ def summary(
         "parameters": [{key: without_nan(row)[key] for key in KEYS} for row in rows],
         "friction": {
             "terms": list(model.terms),
-            "presliding": model.presliding.tolist(),
-            "coupled": [[one + 1, other + 1] for one, other in model.coupled],
+            "presliding": model.sliding.presliding.tolist(),
+            "coupled": [[one + 1, other + 1] for one, other in model.sliding.coupled],
             "taken_up": [{"what": what, "error": change} for what, change in found.chosen.tried],
             "curve": [
                 {

@@ -101,9 +101,9 @@ class Part:
         return self._bodies[key], rigid
 
     def sliding(self, model: LinearModel) -> Array:
-        """The state of dry friction at nodes (nwindow x nnode x njoint + npair)."""
-        if not model.has_hysteresis:
-            return model.sliding(self.windows.speeds)
+        """The state of dry friction at nodes (nwindow x nnode x nmotor)."""
+        if not model.sliding.builds_up:
+            return model.sliding.at(self.windows.speeds)
         return self.smoothed.sliding(model, self.windows.times)
 
     def zero_columns(self, model: LinearModel, bodies: Array, zeros: Array) -> Array:

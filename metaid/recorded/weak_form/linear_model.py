@@ -1,27 +1,31 @@
 """What is unknown of a recorded robot, and the torque for a unit of each: rigid bodies with their rotors, and friction.
 
-A planar chain is known by its lumps and rotors, an arm by its base parameters. Friction of joint j is any of: viscous
-q̇, Coulomb s, root s √|q̇| (which bends between rest and fast motion as lubricated gears do), an offset of the torque,
-and load s |τ_rigid|. The sliding state s is the sign of the speed, or with `hysteresis` a state that builds up over a
-displacement (Dahl).  Eq. 70. Two joints whose motors are coupled share all but offset and load.
+A planar chain is known by its lumps and rotors, an arm by its base parameters. Friction of a joint is any terms of Eq.
+70. Two joints whose motors are coupled share all but offset and load.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.models import IDEAL, Array, Chain, lump_names, lump_unit
-from metaid.models.tree import PARAMETERS, ArmPrior, Tree, dahl, dry_states, torque_regressor
+from metaid.models import IDEAL, Array, Chain, ChainModel, lump_names, lump_unit
+from metaid.models.tree import (
+    COLUMNS,
+    PARAMETERS,
+    SHARED,
+    ArmPrior,
+    Sliding,
+    Tree,
+    friction_torque,
+    torque_regressor,
+)
 
-COLUMNS = ("viscous", "coulomb", "root", "offset", "load")  # terms that are linear in what is unknown of them
 TERMS = (*COLUMNS, "hysteresis")
-SHARED = ("viscous", "coulomb", "root")  # by two joints whose motors are coupled
+STILL = 0.01  # rad/s or m/s, until the usual speeds of logs are known
 SPREAD = 0.3  # standard deviation of a nominal lump, as a share of it
 RIGID = len(PARAMETERS) - 2  # of an arm's parameters those that are no friction
 _NAMES = {"viscous": "damping"}  # where the name of a parameter is not that of its term
@@ -45,11 +49,11 @@ class LinearModel:
         joints: the names of the joints (njoint).
         slides: which joints (njoint) are slides.
         friction: the terms of every joint, in the order of COLUMNS.
-        presliding: displacement over which dry friction builds up (njoint), in rad or m; 0 where it follows the speed.
-        coupled: pairs of joints whose motors are coupled, from 0 on.
-        still: joint speed below which dry friction is a share of its whole (njoint), in rad/s or m/s.
-        source: the chain with its gravity in m/s², or the prior in the arm.
+        sliding: how dry friction follows the motion, and which joints are coupled.
         untrusted: which joints (njoint) move, but nothing is fitted to their torques.
+        prior: of an arm; None of a chain.
+        chain: the nominal one; None of an arm.
+        gravity: of a chain, in m/s².
     """
 
     names: tuple[str, ...]
@@ -61,11 +65,11 @@ class LinearModel:
     joints: tuple[str, ...]
     slides: NDArray[np.bool_]
     friction: tuple[str, ...]
-    presliding: Array
-    coupled: tuple[tuple[int, int], ...]
-    still: Array
-    source: tuple[Chain, float] | ArmPrior
+    sliding: Sliding
     untrusted: NDArray[np.bool_]
+    prior: ArmPrior | None = None
+    chain: Chain | None = None
+    gravity: float = 0.0
 
     @property
     def njoint(self) -> int:
@@ -77,27 +81,12 @@ class LinearModel:
 
     @property
     def is_chain(self) -> bool:
-        return self.prior is None
-
-    @property
-    def chain(self) -> tuple[Chain, float]:
-        """Of a chain, with gravity in m/s²."""
-        return cast("tuple[Chain, float]", self.source)
-
-    @property
-    def prior(self) -> ArmPrior | None:
-        """Of an arm; None of a chain."""
-        return self.source if isinstance(self.source, ArmPrior) else None
+        return self.chain is not None
 
     @property
     def terms(self) -> tuple[str, ...]:
         """The terms of friction, hysteresis among them, in the order of TERMS."""
-        return (*self.friction, *(["hysteresis"] if self.has_hysteresis else []))
-
-    @property
-    def has_hysteresis(self) -> bool:
-        """Whether dry friction of any joint builds up over a displacement."""
-        return bool(self.presliding.any())
+        return (*self.friction, *(["hysteresis"] if self.sliding.builds_up else []))
 
     def regressor(self, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
         """The torque (... x njoint x nparam) for a unit of each unknown, of joint coordinates, speeds and accelerations
@@ -105,7 +94,7 @@ class LinearModel:
         """
         bodies = self.bodies(coordinates, speeds, accelerations)
         nothing = np.zeros(speeds.shape)
-        friction = self.friction_columns(speeds, accelerations, self.sliding(speeds), nothing)
+        friction = self.friction_columns(speeds, accelerations, self.sliding.at(speeds), nothing)
         return np.concatenate([bodies, friction], axis=-1)
 
     def friction_columns(self, speeds: Array, accelerations: Array, sliding: Array, rigid: Array) -> Array:
@@ -114,7 +103,7 @@ class LinearModel:
         Args:
             speeds: of the joints (... x njoint), in rad/s or m/s.
             accelerations: of the joints (... x njoint), in rad/s² or m/s².
-            sliding: the state of dry friction from −1 to 1, of each joint and each coupled pair (... x njoint + npair).
+            sliding: the state of dry friction of each motor (... x nmotor).
             rigid: the torque of the bodies (... x njoint), in N m or N.
         """
         n = self.njoint
@@ -124,7 +113,7 @@ class LinearModel:
             columns = np.zeros((*speeds.shape, n))
             columns[..., joints, joints] = friction_torque(term, speeds, sliding[..., :n], rigid)
             parts.append(columns)
-        for pair, (one, other) in enumerate(self.coupled):
+        for pair, (one, other) in enumerate(self.sliding.coupled):
             together, state = speeds[..., one] + speeds[..., other], sliding[..., n + pair]
             shared = [friction_torque(term, together, state, state) for term in self._shared]
             for each in (*shared, accelerations[..., one] + accelerations[..., other]):
@@ -133,35 +122,9 @@ class LinearModel:
                 parts.append(column)
         return np.concatenate(parts, axis=-1) if parts else np.zeros((*speeds.shape, 0))
 
-    def sliding(self, speeds: Array) -> Array:
-        """The state of dry friction (... x njoint + npair) that follows the speeds (... x njoint) at once."""
-        return np.clip(self._with_sums(speeds) / self._with_means(self.still), -1.0, 1.0)
-
-    def sliding_along(self, coordinates: Array, speeds: Array) -> Array:
-        """The state of dry friction (nrow x njoint + npair) along coordinates and speeds (nrow x njoint each), rows in
-        the order of time.  Eq. 71.
-        """
-        return dry_states(self._with_sums(coordinates), self.sliding(speeds), self._with_means(self.presliding))
-
-    def sliding_after(self, sliding: Array, speeds: Array, step: float) -> Array:
-        """The state of dry friction (... x njoint + npair) after a step, in s, with these speeds (... x njoint)."""
-        presliding = self._with_means(self.presliding)
-        if not presliding.any():
-            return self.sliding(speeds)
-        after = dahl(sliding, step * self._with_sums(speeds), np.where(presliding > 0.0, presliding, 1.0))
-        return np.where(presliding > 0.0, after, self.sliding(speeds))
-
-    def _with_sums(self, each: Array) -> Array:
-        """Of each joint (... x njoint), and the sums of coupled joints (... x njoint + npair)."""
-        return np.concatenate([each, *(each[..., [one]] + each[..., [other]] for one, other in self.coupled)], axis=-1)
-
-    def _with_means(self, each: Array) -> Array:
-        """Of each joint (njoint), and the means of coupled joints (njoint + npair)."""
-        return np.array([*each, *(0.5 * (each[one] + each[other]) for one, other in self.coupled)])
-
     def with_still(self, still: Array) -> LinearModel:
         """The same with other speeds (njoint) below which dry friction is a share of its whole."""
-        return replace(self, still=still)
+        return replace(self, sliding=replace(self.sliding, still=still))
 
     def with_untrusted(self, untrusted: NDArray[np.bool_]) -> LinearModel:
         """The same with other joints (njoint) to whose torques nothing is fitted."""
@@ -173,11 +136,12 @@ class LinearModel:
 
     def with_friction(self, terms: tuple[str, ...], presliding: Array | float = 0.0) -> LinearModel:
         """The same with these terms of friction in every joint, and pre-sliding of each joint (njoint) or of all."""
-        return _with_friction(self, terms, np.broadcast_to(np.asarray(presliding, dtype=np.float64), self.njoint))
+        every = np.broadcast_to(np.asarray(presliding, dtype=np.float64), self.njoint)
+        return _with_friction(self, terms, replace(self.sliding, presliding=every))
 
     def with_coupled(self, coupled: tuple[tuple[int, int], ...]) -> LinearModel:
         """The same with these pairs of joints, from 0 on, whose motors are coupled."""
-        return _with_friction(replace(self, coupled=coupled), self.friction, self.presliding)
+        return _with_friction(self, self.friction, replace(self.sliding, coupled=coupled))
 
     @property
     def _shared(self) -> tuple[str, ...]:
@@ -193,24 +157,6 @@ class LinearModel:
         return self.nbody + len(self.friction) * self.njoint + pair * len(each) + each.index(term)
 
 
-def friction_torque(term: str, speeds: Array, sliding: Array, rigid: Array) -> Array:
-    """The torque (...) for a unit of one term of friction, in N m or N.
-
-    Args:
-        term: one of COLUMNS.
-        speeds: of the joint (...), in rad/s or m/s.
-        sliding: its state of dry friction (...), from −1 to 1.
-        rigid: the torque of its bodies (...), in N m or N.
-    """
-    if term == "viscous":
-        return speeds
-    if term == "offset":
-        return np.ones_like(speeds)
-    if term == "load":
-        return np.asarray(sliding * np.abs(rigid), dtype=np.float64)
-    return np.asarray(sliding * np.sqrt(np.abs(speeds)) if term == "root" else sliding, dtype=np.float64)
-
-
 def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("viscous", "coulomb")) -> LinearModel:
     """That of a planar chain, its lumps and the rotors of its joints unknown; that of the first joint cannot be told
     from the link.
@@ -222,16 +168,18 @@ def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("visc
     """
     n, kinds = chain.nlink, (*IDEAL, "inertia")
     names = lump_names(n, kinds)
-    lumps = chain.lumps_of(kinds).vector
+    law = ChainModel(chain.lumps_of(kinds), gravity)
+    lumps = law.parameters
     rotors = lumps[len(lumps) - n + 1 :]
 
     def bodies(angles: Array, speeds: Array, accelerations: Array) -> Array:
         turned = np.zeros((*angles.shape, n - 1))
         joints = np.arange(1, n)
         turned[..., joints, joints - 1] = accelerations[..., 1:]
-        return np.concatenate([lump_regressor(angles, speeds, accelerations, gravity), turned], axis=-1)
+        return np.concatenate([law.regressor(angles, speeds, accelerations), turned], axis=-1)
 
     names = [*names, *(f"rotor_{i + 1}" for i in range(1, n))]
+    sliding = Sliding(np.zeros(n), np.full(n, STILL))
     return _with_friction(
         LinearModel(
             names=tuple(names),
@@ -243,47 +191,14 @@ def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("visc
             joints=tuple(f"{i + 1}" for i in range(n)),
             slides=np.zeros(n, dtype=np.bool_),
             friction=(),
-            presliding=np.zeros(n),
-            coupled=(),
-            still=np.full(n, 0.01),
-            source=(chain, gravity),
+            sliding=sliding,
             untrusted=np.zeros(n, dtype=np.bool_),
+            chain=chain,
+            gravity=gravity,
         ),
         friction,
-        np.zeros(n),
+        sliding,
     )
-
-
-def lump_regressor(angles: Array, speeds: Array, accelerations: Array, gravity: float) -> Array:
-    """The joint torque (... x njoint x nlump) for a unit of each gravity, Coriolis and inertia lump.  Eqs. 4 and 6.
-
-    Args:
-        angles: of the joints (... x njoint), in rad.
-        speeds: of the joints (... x njoint), in rad/s.
-        accelerations: of the joints (... x njoint), in rad/s².
-        gravity: in m/s².
-    """
-    n = angles.shape[-1]
-    first, second, sums = _pairs(n)
-    angles, speeds, accelerations = (each @ sums for each in (angles, speeds, accelerations))
-    links, pairs = np.arange(n), np.arange(len(first))
-    force = np.zeros((*angles.shape, 2 * n + len(first)))
-    force[..., links, links] = -gravity * np.sin(angles)
-    difference = angles[..., first] - angles[..., second]
-    sine, cosine = np.sin(difference), np.cos(difference)
-    force[..., first, n + pairs] = cosine * accelerations[..., second] + sine * speeds[..., second] ** 2
-    force[..., second, n + pairs] = cosine * accelerations[..., first] - sine * speeds[..., first] ** 2
-    force[..., links, n + len(first) + links] = accelerations
-    return np.asarray(sums @ force, dtype=np.float64)  # Eq. 6
-
-
-@cache
-def _pairs(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
-    """All pairs of different links, the first with the lower number (npair each), and what sums up joint angles from
-    the base on, and forces from the tip (n x n).
-    """
-    first, second = np.triu_indices(n, 1)
-    return first, second, np.triu(np.ones((n, n)))
 
 
 def arm_model(
@@ -309,6 +224,7 @@ def arm_model(
     def chosen(texts: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(text for text, is_kept in zip(texts, kept, strict=True) if is_kept)
 
+    sliding = Sliding(np.zeros(tree.njoint), np.full(tree.njoint, STILL), coupled)
     return _with_friction(
         LinearModel(
             names=chosen(prior.base.names),
@@ -320,18 +236,16 @@ def arm_model(
             joints=tuple(tree.names),
             slides=tree.slides,
             friction=(),
-            presliding=np.zeros(tree.njoint),
-            coupled=coupled,
-            still=np.full(tree.njoint, 0.01),
-            source=prior,
+            sliding=sliding,
             untrusted=np.zeros(tree.njoint, dtype=np.bool_),
+            prior=prior,
         ),
         friction,
-        np.zeros(tree.njoint),
+        sliding,
     )
 
 
-def _with_friction(model: LinearModel, terms: tuple[str, ...], presliding: Array) -> LinearModel:
+def _with_friction(model: LinearModel, terms: tuple[str, ...], sliding: Sliding) -> LinearModel:
     """The bodies of a model with these terms of friction in every joint, and those that coupled joints share."""
     nbody, n, between = model.nbody, model.njoint, "_" if model.is_chain else ""
     friction = tuple(term for term in COLUMNS if term in terms)
@@ -339,7 +253,7 @@ def _with_friction(model: LinearModel, terms: tuple[str, ...], presliding: Array
     for term in friction:
         names += [f"{_NAMES.get(term, term)}{between}{joint + 1}" for joint in range(n)]
         units += [(_ON_SLIDES if model.slides[joint] else _UNITS)[term] for joint in range(n)]
-    for one, other in model.coupled:
+    for one, other in sliding.coupled:
         each = [*(term for term in friction if term in SHARED), "rotor"]
         names += [f"{_NAMES.get(term, term)}{between}{one + 1}_{other + 1}" for term in each]
         units += [_UNITS[term] for term in each]
@@ -349,5 +263,5 @@ def _with_friction(model: LinearModel, terms: tuple[str, ...], presliding: Array
         units=tuple(units),
         expressions=(*model.expressions[:nbody], *[""] * (len(names) - nbody)),
         friction=friction,
-        presliding=presliding,
+        sliding=sliding,
     )

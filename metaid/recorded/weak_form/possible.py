@@ -9,12 +9,14 @@ links that move alike.  Eq. 72.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from metaid.models import Array
+from metaid.models import Array, Matrices
 from metaid.models.tree import PARAMETERS, Tree, nominal_pseudo_inertias, planar_tree, pseudo_inertia
+from metaid.recorded.weak_form.equations import Solution
 from metaid.recorded.weak_form.linear_model import RIGID, LinearModel
 
 WEIGHT = 0.05  # of the divergence, beside χ² / 2
@@ -26,6 +28,7 @@ CLOSE = 1e-6  # Newton's decrement where a point is at its centre
 SMALL = 1e-3  # of a friction's deviation: what is not above 0 is kept so near to it
 THIN = 0.1  # of what a rotor may be beforehand: a nominal rotor of 0 counts as this
 BODY = 10
+COMPLEX_STEP = 1e-30  # of a derivative, which is exact to rounding
 LONGEST = 10.0  # of the logarithm of a length in m
 SPEEDS = (0.0, 0.1, 0.3, 1.0)  # shares of a joint's fastest speed, at which friction is not negative
 
@@ -48,41 +51,6 @@ class PossibleModel:
     jacobian: Array | None
 
 
-@dataclass(frozen=True)
-class _Cone:
-    """Symmetric matrices (count x size x size) that are linear in the free parameters, and positive definite.
-
-    `slope` (count x size x size x nfree), `nominal` (count x size x size).
-    """
-
-    slope: Array
-    nominal: Array
-
-    @cached_property
-    def scaled(self) -> Array:
-        """The slopes, scaled so that nominal matrices are 1 (nfree x count x size x size)."""
-        lower = np.linalg.inv(np.linalg.cholesky(self.nominal))
-        slope = np.moveaxis(self.slope, -1, 0)
-        return np.asarray(lower @ slope @ lower.swapaxes(-1, -2), dtype=np.float64)
-
-    def value(self, x: Array) -> float:
-        """The divergence from the nominal matrices; inf outside."""
-        matrices = np.tensordot(x, self.scaled, axes=1)
-        try:
-            diagonal = np.diagonal(np.linalg.cholesky(matrices), axis1=-2, axis2=-1)
-        except np.linalg.LinAlgError:
-            return float("inf")
-        return float(np.trace(matrices, axis1=-2, axis2=-1).sum() - 2.0 * np.log(diagonal).sum())
-
-    def slopes(self, x: Array) -> tuple[Array, Array]:
-        """Gradient (nfree) and curvature (nfree x nfree) of the divergence."""
-        lower = np.linalg.inv(np.linalg.cholesky(np.tensordot(x, self.scaled, axes=1)))
-        inside = lower @ self.scaled @ lower.swapaxes(-1, -2)
-        traces = np.trace(self.scaled, axis1=-2, axis2=-1) - np.trace(inside, axis1=-2, axis2=-1)
-        rows = inside.reshape(len(x), -1)
-        return traces.sum(axis=-1), rows @ rows.T
-
-
 class Possible:
     """What can be of a model: how unknowns follow from free parameters, and which of these are possible.
 
@@ -94,7 +62,9 @@ class Possible:
         self._model, self._scale, self._fastest = model, scale, fastest
         self._friction = np.arange(model.nbody, len(model.names))
         prior = model.prior
-        if prior is not None:
+        chain = model.chain
+        if chain is None:
+            assert prior is not None
             self._tree = prior.nominal
             self._links = scale * self._tree.parameters[:, :RIGID].ravel()
             base = prior.base
@@ -105,8 +75,7 @@ class Possible:
             spread = np.sqrt(np.diag(prior.parameter_covariance)).reshape(-1, len(PARAMETERS))[:, BODY]
             self._usual_rotor = scale * np.maximum(self._tree.rotor, THIN * spread)
         else:
-            chain, gravity = model.chain
-            self._tree = planar_tree(chain, gravity)
+            self._tree = planar_tree(chain, model.gravity)
             own = np.stack([chain.mass, chain.mass * chain.com, chain.inertia + chain.mass * chain.com**2], axis=1)
             self._links = scale * np.column_stack([own, np.zeros(chain.nlink)]).ravel()
             self._lengths = np.log(chain.length[:-1])
@@ -122,34 +91,28 @@ class Possible:
     def lumps(self, x: Array) -> tuple[Array, Array]:
         """The unknowns (nparam) of free parameters (nfree), and their Jacobian (nparam x nfree)."""
         model, nlinks, nfriction = self._model, len(self._links), len(self._friction)
+        if model.is_chain:
+            steps = COMPLEX_STEP * 1j * np.eye(self._nfree)
+            return self._of_chain(x), np.asarray(self._of_chain(x + steps).imag.T / COMPLEX_STEP)
         jacobian = np.zeros((len(model.names), self._nfree))
         jacobian[self._friction, nlinks + np.arange(nfriction)] = 1.0
-        if model.prior is not None:
-            jacobian[: model.nbody, :nlinks] = self._matrix
-            return jacobian @ x, jacobian
-        n = model.njoint
-        links, length = x[:nlinks].reshape(n, 4), np.append(np.exp(x[nlinks + nfriction :]), 0.0)
-        beyond = np.append(np.cumsum(links[::-1, 0])[::-1][1:], 0.0)  # the mass that each link carries
-        after = np.triu(np.ones((n, n)), 1)
-        gravity, inertia = links[:, 1] + length * beyond, links[:, 2] + length**2 * beyond  # Eqs. 1 and 3
-        of_gravity, of_inertia = np.zeros((n, self._nfree)), np.zeros((n, self._nfree))
-        for i in range(n):
-            of_gravity[i, 4 * i + 1] = of_inertia[i, 4 * i + 2] = 1.0
-            of_gravity[i, 0:nlinks:4], of_inertia[i, 0:nlinks:4] = length[i] * after[i], length[i] ** 2 * after[i]
-            if i < n - 1:
-                at = nlinks + nfriction + i
-                of_gravity[i, at], of_inertia[i, at] = length[i] * beyond[i], 2.0 * length[i] ** 2 * beyond[i]
-        first, second = np.triu_indices(n, 1)
-        coriolis = length[first] * gravity[second]  # Eq. 2
-        of_coriolis = length[first, None] * of_gravity[second]
-        of_coriolis[np.arange(len(first)), nlinks + nfriction + first] += coriolis
-        jacobian[:n], jacobian[n : n + len(first)] = of_gravity, of_coriolis
-        jacobian[n + len(first) : 2 * n + len(first)] = of_inertia
-        jacobian[2 * n + len(first) + np.arange(n - 1), 4 * np.arange(1, n) + 3] = 1.0
-        values = np.concatenate([gravity, coriolis, inertia, links[1:, 3], x[nlinks : nlinks + nfriction]])
-        return values, jacobian
+        jacobian[: model.nbody, :nlinks] = self._matrix
+        return jacobian @ x, jacobian
 
-    def _cones(self, values: Array, deviations: Array) -> list[_Cone]:
+    def _of_chain(self, x: NDArray[Any]) -> NDArray[Any]:
+        """The unknowns of a chain (... x nparam) of free parameters (... x nfree), which may be complex.  Eqs. 1 to
+        3.
+        """
+        links, friction, logs = np.split(x, [len(self._links), len(self._links) + len(self._friction)], axis=-1)
+        mass, first, second, rotor = np.moveaxis(links.reshape(*x.shape[:-1], -1, 4), -1, 0)
+        length = np.concatenate([np.exp(logs), np.zeros_like(logs[..., :1])], axis=-1)
+        beyond = np.cumsum(mass[..., ::-1], axis=-1)[..., ::-1] - mass  # the mass that each link carries
+        gravity, inertia = first + length * beyond, second + length**2 * beyond
+        one, other = np.triu_indices(mass.shape[-1], 1)
+        coriolis = length[..., one] * gravity[..., other]
+        return np.concatenate([gravity, coriolis, inertia, rotor[..., 1:], friction], axis=-1)
+
+    def _cones(self, values: Array, deviations: Array) -> list[Matrices]:
         """What is to be positive definite; unknowns and their deviations (nparam each) are those of the free fit."""
         model, n, nlinks = self._model, self._tree.njoint, len(self._links)
         each = np.eye(self._nfree)[:nlinks].reshape(n, self._nlink, self._nfree)
@@ -161,13 +124,13 @@ class Possible:
             thick[:, 0, 0] = np.maximum(thick[:, 0, 0], 1.001 * own[:, 1] ** 2 / own[:, 0])
             nominal = thick
         else:
-            of_links = np.array([np.moveaxis(np.array([pseudo_inertia(one) for one in own.T]), 0, -1) for own in each])
+            of_links = np.moveaxis(pseudo_inertia(each.swapaxes(1, 2)), 1, -1)
             nominal = self._scale * nominal_pseudo_inertias(self._tree)
-        cones = [_Cone(of_links, nominal), _Cone(each[:, -1, None, None, :], self._usual_rotor[:, None, None])]
+        cones = [Matrices(of_links, nominal), Matrices(each[:, -1, None, None, :], self._usual_rotor[:, None, None])]
         rows, sizes = self._friction_rows(values, deviations)
         slopes = np.zeros((len(rows), 1, 1, self._nfree))
         slopes[:, 0, 0, nlinks : nlinks + len(self._friction)] = rows
-        return [*cones, _Cone(slopes, sizes[:, None, None])] if len(rows) else cones
+        return [*cones, Matrices(slopes, sizes[:, None, None])] if len(rows) else cones
 
     def _friction_rows(self, values: Array, deviations: Array) -> tuple[Array, Array]:
         """Combinations of the unknowns of friction (nrow x nfriction) that are not negative, and their usual sizes
@@ -182,7 +145,7 @@ class Possible:
             ({term: model.column(term, joint) for term in (*curve, *alone)}, fastest, (*bare, *alone))
             for joint, fastest in enumerate(self._fastest.tolist())
         ]
-        for pair, both in enumerate(model.coupled):
+        for pair, both in enumerate(model.sliding.coupled):
             columns = {term: model.shared_column(term, pair) for term in (*curve, "rotor")}
             owners.append((columns, float(self._fastest[list(both)].max()), (*bare, "rotor")))
         for columns, fastest, singles in owners:
@@ -207,30 +170,11 @@ class Possible:
     def _start(self, values: Array, deviations: Array) -> Array:
         """A point inside: the nominal links, and friction of the sizes that it is expected to have."""
         rows, sizes = self._friction_rows(values, deviations)
-        free = values[self._friction].copy()
-        if len(rows):
-            short = rows @ free < 0.5 * sizes
-            if short.any():  # as near as can be to what was fitted, and inside
-                from scipy.optimize import lsq_linear
-
-                slack = lsq_linear(
-                    np.vstack([np.eye(len(free)) / np.maximum(deviations[self._friction], 1e-300)]),
-                    free / np.maximum(deviations[self._friction], 1e-300),
-                    bounds=self._box(rows, free),
-                ).x
-                free = np.where(np.isfinite(slack), slack, free)
-                if (rows @ free <= 0.0).any():
-                    free = np.maximum(np.abs(values[self._friction]), SMALL * deviations[self._friction])
+        free = values[self._friction]
+        if (rows @ free < 0.5 * sizes).any():  # as near as can be to what was fitted, and inside
+            inside = np.maximum(free, SMALL * deviations[self._friction])
+            free = np.where(rows.any(axis=0), inside, free)
         return np.concatenate([self._links, free, self._lengths])
-
-    @staticmethod
-    def _box(rows: Array, free: Array) -> tuple[Array, Array]:
-        low = np.full(len(free), -np.inf)
-        tiny = 1e-12 + 1e-6 * np.abs(free)
-        for row in rows:
-            used = np.flatnonzero(row)
-            low[used] = np.maximum(low[used], tiny[used])
-        return low, np.full(len(free), np.inf)
 
     def closest(self, values: Array, precision: Array) -> PossibleModel:
         """The possible model that costs least, from unknowns that were fitted freely (nparam) and their precision
@@ -263,7 +207,11 @@ class Possible:
             jacobian=jacobian if is_chain else None,
         )
 
-    def _centre(self, x: Array, values: Array, precision: Array, cones: list[_Cone], weight: float) -> Array:
+    def refined(self, solution: Solution) -> Solution:
+        """The solution that can be, closest to one that was fitted freely."""
+        return replace(solution, values=self.closest(solution.values, solution.precision).values)
+
+    def _centre(self, x: Array, values: Array, precision: Array, cones: list[Matrices], weight: float) -> Array:
         """The point of the least cost and divergence, by Newton's steps (Gauss's where lengths are unknown)."""
         present = self._total(x, values, precision, cones, weight)
         for _ in range(STEPS):
@@ -271,7 +219,7 @@ class Possible:
             gradient = jacobian.T @ (precision @ (lumps - values))
             curvature = jacobian.T @ precision @ jacobian
             for cone in cones:
-                slope, bend = cone.slopes(x)
+                slope, bend = cone.slopes(x, np.eye(len(x)))
                 gradient, curvature = gradient + weight * slope, curvature + weight * bend
             scale = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
             scaled = curvature * np.outer(scale, scale)
@@ -291,8 +239,8 @@ class Possible:
             x, present = x + share * step, tried
         return x
 
-    def _total(self, x: Array, values: Array, precision: Array, cones: list[_Cone], weight: float) -> float:
-        divergence = sum(cone.value(x) for cone in cones)
+    def _total(self, x: Array, values: Array, precision: Array, cones: list[Matrices], weight: float) -> float:
+        divergence = sum(cone.divergence(x) for cone in cones)
         if not np.isfinite(divergence) or np.abs(x[len(x) - len(self._lengths) :]).max(initial=0.0) > LONGEST:
             return float("inf")
         missed = self.lumps(x)[0] - values

@@ -67,16 +67,17 @@ class Smoothed:
         return low_pass(torques, self.cutoff, self.period)
 
     def states(self, model: LinearModel) -> Array:
-        """The state of dry friction along the grid (nrow x njoint + npair)."""
-        if not model.has_hysteresis:
-            return model.sliding(self.speeds)
-        key = model.presliding.tobytes(), model.still.tobytes(), model.coupled
+        """The state of dry friction along the grid (nrow x nmotor)."""
+        if not model.sliding.builds_up:
+            return model.sliding.at(self.speeds)
+        sliding = model.sliding
+        key = sliding.presliding.tobytes(), sliding.still.tobytes(), sliding.coupled
         if key not in self._states:
-            self._states[key] = model.sliding_along(self.coordinates, self.speeds)
+            self._states[key] = model.sliding.along(self.coordinates, self.speeds)
         return self._states[key]
 
     def sliding(self, model: LinearModel, times: Array) -> Array:
-        """The state of dry friction at some times (...), in s (... x njoint + npair)."""
+        """The state of dry friction at some times (...), in s (... x nmotor)."""
         states = self.states(model)
         return np.stack([np.interp(times, self.times, state) for state in states.T], axis=-1)
 

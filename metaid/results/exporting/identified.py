@@ -20,7 +20,7 @@ from metaid.models import Array
 from metaid.models.tree import Tree
 from metaid.plant import LinkSettings
 from metaid.results.exporting.dynamics import Dynamics
-from metaid.results.exporting.laws import c_name
+from metaid.results.exporting.laws import Law, c_name
 from metaid.results.exporting.xml_files import mjcf, not_in_urdf, urdf
 from metaid.results.verdict import RESULTS, Verdict
 
@@ -78,23 +78,21 @@ class IdentifiedModel:
         N m (of a slide in N). Of rows, in the order of time, dry friction follows the motion.  Raises StudyError where
         the inertia lumps are not known.
         """
-        torque = self.dynamics.law.inverse_dynamics(*self._states(q=q, v=v, a=a))
-        if torque is None:
-            raise StudyError(self._no_inertia)
-        return torque
+        return self._with_inertia.inverse_dynamics(*self._states(q=q, v=v, a=a))
 
     def mass_matrix(self, q: ArrayLike) -> Array:
         """The mass matrix (... x njoint x njoint) in joint coordinates `q` (... x njoint), in kg m² (kg m and kg where
         joints are slides).  Raises StudyError where the inertia lumps are not known.
         """
-        matrix = self.dynamics.law.mass_matrix(*self._states(q=q))
-        if matrix is None:
-            raise StudyError(self._no_inertia)
-        return matrix
+        return self._with_inertia.mass_matrix(*self._states(q=q))
 
     @property
-    def _no_inertia(self) -> str:
-        return f"study '{self.name}' has no inertia lumps, so no mass matrix (allowed: a study with an estimate)"
+    def _with_inertia(self) -> Law:
+        if not self.dynamics.law.has_inertia:
+            raise StudyError(
+                f"study '{self.name}' has no inertia lumps, so no mass matrix (allowed: a study with an estimate)"
+            )
+        return self.dynamics.law
 
     def _states(self, **given: ArrayLike) -> tuple[Array, ...]:
         """All that is `given` (... x njoint), of one shape."""

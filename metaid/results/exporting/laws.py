@@ -11,12 +11,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from string import Template
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.models import FRICTION, SLIDING, Array, ChainModel, Lumps
+from metaid.models import FRICTION, SLIDING, Array, ChainModel
 from metaid.models.tree import PARAMETERS, JointFriction, Tree, body_torque, joint_mass_matrix
 from metaid.results.exporting.arm_law_c import ARM_C
 from metaid.results.exporting.arm_law_python import ARM_PYTHON
@@ -44,14 +44,17 @@ class Law(Protocol):
         angles and speeds (... x njoint each); dry friction is what the speeds alone say.
         """
 
-    def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array | None:
-        """The joint torque (... x njoint) that gives the joints these accelerations (... x njoint), in N m; None where
-        the inertia lumps are not known. Rows (... x nrow x njoint) are in the order of time: where dry friction has
-        pre-sliding it follows the motion.
+    @property
+    def has_inertia(self) -> bool:
+        """Whether the inertia lumps are known, without which it has no more than `torque`."""
+
+    def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
+        """The joint torque (... x njoint) that gives the joints these accelerations (... x njoint), in N m. Rows
+        (... x nrow x njoint) are in the order of time: where dry friction has pre-sliding it follows the motion.
         """
 
-    def mass_matrix(self, angles: Array) -> Array | None:
-        """In joint coordinates (... x njoint x njoint), in kg m²; None where the inertia lumps are not known."""
+    def mass_matrix(self, angles: Array) -> Array:
+        """In joint coordinates (... x njoint x njoint), in kg m²."""
 
     def python(self) -> str:
         """A Python module with a function `torque(q, qd)`, and `mass_matrix(q)` and `inverse_dynamics(q, qd, qdd)`
@@ -66,38 +69,19 @@ class Law(Protocol):
 
 
 @dataclass(frozen=True)
-class ChainLaw:
-    """The law of a chain's `lumps` in `gravity` (m/s²).  Eqs. 5, 6 and 15."""
-
-    lumps: Lumps
-    gravity: float
+class ChainLaw(ChainModel):
+    """The law of a chain's lumps.  Eqs. 5, 6 and 15."""
 
     @property
     def njoint(self) -> int:
         return self.lumps.nlink
 
-    def torque(self, angles: Array, speeds: Array) -> Array:
-        return self._model.torque(angles, speeds)
-
-    def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array | None:
-        matrix = self.mass_matrix(angles)
-        if matrix is None:
-            return None
-        gained = np.einsum("...ij,...j->...i", matrix, accelerations)
+    def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
+        gained = np.einsum("...ij,...j->...i", self.mass_matrix(angles), accelerations)
         return np.asarray(self.torque(angles, speeds) + gained, dtype=np.float64)
-
-    def mass_matrix(self, angles: Array) -> Array | None:
-        if not self.has_inertia:
-            return None
-        return self._model.mass_matrix(angles)
-
-    @property
-    def _model(self) -> ChainModel:
-        return ChainModel(self.lumps, self.gravity)
 
     @property
     def has_inertia(self) -> bool:
-        """Whether the inertia lumps are known."""
         return self.lumps.inertia is not None
 
     @property
@@ -128,6 +112,8 @@ class ArmLaw:
     parameters: Array
     friction: JointFriction | None = None
 
+    has_inertia: ClassVar[bool] = True
+
     @property
     def njoint(self) -> int:
         return self.tree.njoint
@@ -143,16 +129,13 @@ class ArmLaw:
     def torque(self, angles: Array, speeds: Array) -> Array:
         friction, steady = self.joint_friction, np.zeros_like(speeds)
         rigid = self._rigid(angles, speeds, steady)
-        slip = friction.slip_at(speeds), friction.coupled_slip_at(speeds)
-        return rigid + friction.torque(speeds, steady, rigid, *slip)
+        return rigid + friction.torque(speeds, steady, rigid, friction.sliding.at(speeds))
 
     def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
         friction, rigid = self.joint_friction, self._rigid(angles, speeds, accelerations)
-        if angles.ndim == 1:
-            slip = friction.slip_at(speeds), friction.coupled_slip_at(speeds)
-        else:
-            slip = friction.slip_along(angles, speeds), friction.coupled_slip_along(angles, speeds)
-        return rigid + friction.torque(speeds, accelerations, rigid, *slip)
+        sliding = friction.sliding
+        slip = sliding.at(speeds) if angles.ndim == 1 else sliding.along(angles, speeds)
+        return rigid + friction.torque(speeds, accelerations, rigid, slip)
 
     def mass_matrix(self, angles: Array) -> Array:
         bodies = joint_mass_matrix(self.tree.with_parameters(self.parameters), angles)
@@ -166,6 +149,7 @@ class ArmLaw:
     @property
     def _constants(self) -> Constants:
         tree, parameters, friction = self.tree, self.parameters, self.joint_friction
+        sliding = friction.sliding
         return {
             "gravity": tree.gravity,
             "position": tree.position,
@@ -176,14 +160,14 @@ class ArmLaw:
             "moment": parameters[:, 1:4],
             "inertia": parameters[:, [4, 5, 6, 5, 7, 8, 6, 8, 9]].reshape(-1, 3, 3),
             "rotor": parameters[:, _ROTOR],
-            "damping": np.append(friction.viscous, friction.coupled_viscous),
-            "coulomb": np.append(friction.coulomb, friction.coupled_coulomb),
-            "root": np.append(friction.root, friction.coupled_root),
-            "still": np.append(friction.still, friction.coupled_still),
-            "presliding": np.append(friction.presliding, friction.coupled_presliding),
-            "load": friction.load,
-            "offset": friction.offset,
-            "coupled": np.array(friction.coupled, dtype=np.intp).reshape(-1, 2),
+            "damping": friction.of("viscous"),
+            "coulomb": friction.of("coulomb"),
+            "root": friction.of("root"),
+            "still": sliding.means(sliding.still),
+            "presliding": sliding.means(sliding.presliding),
+            "load": friction.of("load")[: self.njoint],
+            "offset": friction.of("offset")[: self.njoint],
+            "coupled": np.array(sliding.coupled, dtype=np.intp).reshape(-1, 2),
             "coupled_rotor": friction.coupled_rotor,
         }
 

@@ -38,18 +38,19 @@ class Couple:
 
 def couples_of(friction: JointFriction) -> tuple[Couple, ...]:
     """The coupled motors of a `friction`, without their friction by the root of the speed."""
-    columns = (friction.coupled_rotor, friction.coupled_viscous, friction.coupled_coulomb)
-    rows = zip(friction.coupled, *(values.tolist() for values in columns), strict=True)
+    n = friction.sliding.njoint
+    columns = (friction.coupled_rotor, friction.of("viscous")[n:], friction.of("coulomb")[n:])
+    rows = zip(friction.sliding.coupled, *(values.tolist() for values in columns), strict=True)
     return tuple(Couple(*row) for row in rows)
 
 
 def not_in_xml(friction: JointFriction) -> list[str]:
     """What neither an MJCF nor a URDF can say of a `friction`, in sentences without a full stop."""
     terms = {
-        "dry friction that grows with load": friction.load.any(),
-        "friction by the root of the speed": friction.root.any() or friction.coupled_root.any(),
-        "pre-sliding": friction.presliding.any(),
-        "a torque that is always there": friction.offset.any(),
+        "dry friction that grows with load": friction.of("load").any(),
+        "friction by the root of the speed": friction.of("root").any(),
+        "pre-sliding": friction.sliding.builds_up,
+        "a torque that is always there": friction.of("offset").any(),
     }
     return [f"this format has no {term}" for term, is_there in terms.items() if is_there]
 
