@@ -184,8 +184,7 @@ def commands() -> str:
         parts.append(f"#### `{' '.join([*path, *arguments])}`\n\n{escaped(said)}\n")
         options = [each for each in command.params if isinstance(each, click.Option) and not is_everywhere(each)]
         if options:
-            rows = ["| option | |", "| --- | --- |", *map(option_row, options)]
-            parts.append("\n".join(rows) + "\n")
+            parts.append("\n".join(map(option_line, options)) + "\n")
     return "\n".join(parts)
 
 
@@ -204,13 +203,13 @@ def every_command(group: click.Group, path: tuple[str, ...]) -> Iterator[tuple[t
             yield (*path, name), command
 
 
-def option_row(option: click.Option) -> str:
-    """A row of the table of options."""
+def option_line(option: click.Option) -> str:
+    """An item of the list of options."""
     names = ", ".join(f"`{name}`" for name in (*option.opts, *option.secondary_opts))
     is_plain = not option.is_flag and not option.multiple and isinstance(option.default, str | int | float)
     default = "needed" if option.required else f"default {option.default}" if is_plain else ""
     text = escaped(option.help or "")
-    return f"| {names}{value_text(option)} | {text}{f' ({default})' if default else ''} |"
+    return f"- {names}{value_text(option)}: {text}{f' ({default})' if default else ''}"
 
 
 def value_text(option: click.Option) -> str:
@@ -229,8 +228,8 @@ def value_text(option: click.Option) -> str:
 
 
 def calls() -> str:
-    """Every public call but the errors in a row, with what the first sentence of its docstring says."""
-    rows = ["| call | |", "| --- | --- |"]
+    """Every public call but the errors in a line, with what the first sentence of its docstring says."""
+    lines = []
     for name in metaid.__all__:
         thing = getattr(metaid, name)
         if inspect.ismodule(thing):
@@ -238,8 +237,8 @@ def calls() -> str:
         if inspect.isclass(thing) and issubclass(thing, Exception):
             continue
         signature = "" if getattr(thing, "_is_protocol", False) else signature_of(thing)
-        rows.append(f"| `metaid.{name}{signature}` | {escaped(first_sentence(thing))} |")
-    return "\n".join(rows) + "\n"
+        lines.append(f"- `metaid.{name}{signature}`: {escaped(first_sentence(thing))}")
+    return "\n".join(lines) + "\n"
 
 
 def first_sentence(thing: Any) -> str:
@@ -257,8 +256,8 @@ def signature_of(thing: Any) -> str:
 
 
 def escaped(text: str) -> str:
-    """What a help text says, as Markdown does: a bar would end a cell of a table."""
-    return text.replace("\b\n", "").replace("|", "\\|").replace("<", "&lt;")
+    """What a help text says, as Markdown does."""
+    return text.replace("\b\n", "").replace("<", "&lt;")
 
 
 if __name__ == "__main__":

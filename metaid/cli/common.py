@@ -37,12 +37,26 @@ class Group(click.Group):
             context.exit()
         return super().parse_args(context, arguments)
 
+    def format_commands(self, context: click.Context, formatter: click.HelpFormatter) -> None:
+        """Each command with as many whole clauses of its help's first sentence as fit a line."""
+        room = formatter.width - 6 - max(map(len, self.commands))
+        rows = [(name, _clauses(command.get_short_help_str(1000), room)) for name, command in self.commands.items()]
+        with formatter.section("Commands"):
+            formatter.write_dl(sorted(rows))
+
     def resolve_command(
         self, context: click.Context, arguments: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         if arguments and not arguments[0].startswith("-") and self.get_command(context, arguments[0]) is None:
             raise click.UsageError(unknown("command", arguments[0], self.list_commands(context)))
         return super().resolve_command(context, arguments)
+
+
+def _clauses(text: str, room: int) -> str:
+    """A sentence without the last of its clauses where so many letters have no room for all."""
+    while len(text) > room and (ends := [text.rfind(mark) for mark in (";", ":", ",") if mark in text]):
+        text = f"{text[: ends[0]]}."
+    return text
 
 
 storage_option = click.option(

@@ -17,6 +17,7 @@ DIGITS, MOST_DIGITS = 5, 8
 MOST_NAMED = 10  # trials of others
 NUMBERED = "numbered as Optuna numbers them"
 SHORT = 1e-6  # of a unit: what is less is written with an exponent
+NO_ERROR = 1e-9  # as a share: what is less is what rounding left
 SMALL = 5e-6  # as a share: below this a percentage with three digits behind the point says nothing
 
 
@@ -60,8 +61,6 @@ def describe_tried(shown: dict[str, Any]) -> list[str]:
     parts.append(f"best {best['value']:.3g} {unit} at trial {best['number']}")
     if best["value"] < 0.0:
         parts[-1] += " (below zero: the noise of a plant at rest is subtracted, and noise was luckily small)"
-    if best.get("max_error") is not None:
-        parts[-1] += f", whose own factors are wrong by up to {error_text(best['max_error'], '')}"
     if "noise_floor_hz" in shown:
         parts.append(f"noise floor {shown['noise_floor_hz']:.3g} Hz, subtracted")
     return parts
@@ -191,20 +190,22 @@ def _digits(lump: dict[str, Any]) -> int:
 
 
 def error_text(error: float | None, sign: str = "+") -> str:
-    """A relative error in percent."""
-    if error is not None and 0.0 < abs(error) < SMALL:
+    """A relative error in percent; none where it is what rounding left."""
+    if error is not None and abs(error) < NO_ERROR:
+        return "0%"
+    if error is not None and abs(error) < SMALL:
         return f"{100.0 * error:{sign}.1g}%"
     return number_text(error, f"{sign}.3%")
 
 
 def _show_bodies(shown: dict[str, Any]) -> None:
-    from metaid.results import describe_possible_bodies
+    from metaid.results import describe_possible_bodies, shown_rows
 
     if shown["bodies"] is None:
         say(shown["why_no_bodies"])
         return
     rows, keys = [], [key for key in PARAMETER_COLUMNS if key in shown["bodies"][0]]
-    for row in shown["bodies"]:
+    for row in shown_rows(shown, "bodies"):
         cells = {key: number_text(row[key]) for key in keys}
         if not row["bounded"]:
             cells["high"] = "unbounded"

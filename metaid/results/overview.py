@@ -16,6 +16,10 @@ from metaid.results.verdict import NUMBERS, Verdict, judge
 from metaid.store import ForeignTrial, Store
 from metaid.study.estimates import StudyEstimate
 
+NOTHING = 1e-12  # kg m², kg m, m …: smaller numbers of a body are what rounding left
+NO_ERROR = 1e-9  # as a share
+BEHIND = 0.005  # of half an interval, which is shown by two digits
+
 
 def summary(store: Store, name: str, with_bodies: bool = False) -> dict[str, Any]:
     """A study as `metaid study show --json` prints it, and `with_bodies` as with `--bodies`; None where something is
@@ -58,9 +62,27 @@ def summarized(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
 
 
 def shown_rows(shown: dict[str, Any], key: str = "lumps") -> list[dict[str, Any]]:
-    """The rows of a summary's `lumps` or `faults` as tables show them: without numbers where nothing was found."""
-    rows: list[dict[str, Any]] = shown.get(key, [])
-    return [row | dict.fromkeys(row.keys() & NUMBERS) for row in rows] if shown["verdict"] == "not found" else rows
+    """The rows of a summary's `lumps`, `faults` or `bodies` as tables show them: without numbers where nothing was
+    found, and with 0 in place of what rounding left.
+    """
+    rows: list[dict[str, Any]] = shown.get(key) or []
+    if shown["verdict"] == "not found":
+        return [row | dict.fromkeys(row.keys() & NUMBERS) for row in rows]
+    return [_without_rounding(row) for row in rows]
+
+
+def _without_rounding(row: dict[str, Any]) -> dict[str, Any]:
+    """A row of a table with 0 in place of numbers that are nothing in SI units, of errors that are none, and of an
+    identified value whose digits are all behind those of half its interval.
+    """
+    low, high = row.get("low"), row.get("high")
+    half = 0.0 if low is None or high is None else (high - low) / 2.0
+    least = {"error": NO_ERROR, "identified": max(NOTHING, BEHIND * half)}
+
+    def settled(key: str, value: Any) -> Any:
+        return 0.0 if isinstance(value, float) and abs(value) < least.get(key, NOTHING) else value
+
+    return {key: settled(key, value) for key, value in row.items()}
 
 
 def _estimate(found: StudyEstimate, verdict: Verdict) -> dict[str, Any]:

@@ -50,6 +50,7 @@ VERSIONS_OF = ("mujoco-core", "numba", "numpy", "cmaes", "optuna", "matplotlib")
 UNITS = {"deg": "°", "mm": "mm"}
 OF_SEARCH = {"convergence", "factors", "frequency", "boundary", "parallel", "correlation", "episode"}  # figures
 Watch = Callable[[str], None]
+NO_ERROR = 1e-9  # as a share
 WIDEST = 0.02  # of a lump's value: a wider range is reported
 
 
@@ -66,7 +67,7 @@ class PageFigure:
 def render(found: Findings, watch: Watch = lambda what: None) -> str:
     """The page. `watch` is told which figure is drawn next.  Raises StorageError where there is nothing to show yet."""
     gallery, problem, spec = Gallery(found), found.problem, found.spec
-    bodies = body_rows(found.snapshot, found.verdict)["bodies"]
+    bodies = shown_rows(found.summary | body_rows(found.snapshot, found.verdict), "bodies")
     drawn = page_figures(gallery.pictures("page"), gallery.pictures("column"), watch)
     return filled_in(
         "report.html",
@@ -127,7 +128,14 @@ def filled_in(template: str, **values: Any) -> str:
     """A page made of a `template` of this package and these `values`; what they say is escaped."""
     versions = {"metaid": metaid.__version__, "Python": platform.python_version(), **_versions()}
     page: str = templates().get_template(template).render({"versions": versions, **values})
-    return re.sub(r"<table.*?</table>", _labelled, page, flags=re.DOTALL)
+    return with_contents(re.sub(r"<table.*?</table>", _labelled, page, flags=re.DOTALL))
+
+
+def with_contents(page: str) -> str:
+    """A page with a list of its sections below its header."""
+    sections = re.findall(r'<section id="([\w-]+)">\s*<h2>(.*?)</h2>', page)
+    links = " ".join(f'<a href="#{name}">{title}</a>' for name, title in sections)
+    return page.replace("</header>", f'</header>\n<nav id="contents" aria-label="Contents">{links}</nav>', 1)
 
 
 def templates() -> Environment:
@@ -139,7 +147,7 @@ def templates() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number_text, "percent": percent_text}
+    environment.filters |= {"number": number_text, "percent": percent_text, "sentence": sentence}
     return environment
 
 
@@ -159,7 +167,7 @@ def _labelled(table: re.Match[str]) -> str:
 def plant_picture(found: Findings) -> PageFigure:
     """A sketch of the plant, or of the nominal model where the plant is not to be shown."""
     plant = found.problem.open_plant() if shows_plant(found) else found.problem.nominal_plant()
-    widths = {"wide": 0.64 * PAGE, "narrow": COLUMN}
+    widths = {"wide": PAGE, "narrow": COLUMN}
     wide, narrow = (
         inline_svg(sketch(plant, found.problem.episode, width), f"plant-{name}-") for name, width in widths.items()
     )
@@ -285,11 +293,20 @@ def _versions() -> dict[str, str]:
     return {package: metadata.version(package) for package in VERSIONS_OF}
 
 
+def sentence(text: str) -> str:
+    """A text that begins with a capital letter and ends with a full stop."""
+    return f"{text[:1].upper()}{text[1:]}."
+
+
 def number_text(value: float | None, form: str = ".5g") -> str:
     """A number for the page; a dash where it is not known."""
     return "–" if value is None else format(value, form)
 
 
 def percent_text(share: float | None) -> str:
-    """A share as a percentage of two digits for the page, however small or large; a dash where it is not known."""
-    return "–" if share is None else f"{float(f'{100.0 * share:.2g}'):g}%"
+    """A share as a percentage of two digits for the page, however large; 0 where it is what rounding left, a dash where
+    it is not known.
+    """
+    if share is None:
+        return "–"
+    return f"{float(f'{100.0 * share:.2g}'):g}%" if abs(share) >= NO_ERROR else "0%"

@@ -23,6 +23,8 @@ def test_group_without_a_command_prints_its_help(metaid: Metaid, group: tuple[st
     assert (bare.status, bare.err) == (0, "")
     assert bare.out == asked.out
     assert "\n  metaid " in bare.out or "\n    metaid " in bare.out
+    assert "..." not in bare.out.replace("[ARGS]...", "")  # each command is told of in whole words
+    assert not [line for line in bare.out.splitlines() if line != line.rstrip()]
 
 
 def test_studies_without_a_db_are_those_that_ship(metaid: Metaid) -> None:

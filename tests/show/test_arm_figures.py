@@ -14,7 +14,7 @@ pytestmark = pytest.mark.slow
 
 Metaid = Callable[..., Finished]
 FIGURES = (
-    "convergence, factors, known, tracking, parallel, estimate-motion, estimate-residuals, estimate-correlation, "
+    "convergence, factors, tracking, known, parallel, estimate-motion, estimate-residuals, estimate-correlation, "
     "estimate-trials"
 )
 

@@ -14,7 +14,7 @@ from conftest import Finished
 from pages import ids_are_single, repeat, seen_everywhere
 
 import metaid as package
-from metaid.results import Findings, read_findings
+from metaid.results import Findings, read_findings, shown_rows
 from metaid.show import render
 from metaid.store import Store
 
@@ -45,7 +45,7 @@ def test_browser_shows_an_arm_what_it_is_worth_and_its_figures(page: Path, arms:
     for text in seen_everywhere(browser, page, figures=1 + len(FIGURES)):
         assert text.splitlines()[0] == "exact"
         assert "Found." in text
-        for lump in summary["lumps"]:
+        for lump in shown_rows(summary):
             assert f"{lump['identified']:.5g}" in text
             assert lump["expression"] in text
         for part in ("gravity torque", "Coriolis torque", "mass matrix", "pushes that coast throughout"):
@@ -73,7 +73,7 @@ def test_report_of_an_arm_that_was_not_found_has_no_number(metaid: Metaid, arms:
     text = Path("bent.html").read_text()
     (verdict,) = re.findall(r'<p class="lead" id="verdict">.*?</p>', text, re.DOTALL)
     assert "Not found." in verdict
-    assert "the model does not explain what was seen" in verdict
+    assert "The model does not explain what was seen" in verdict
     (table,) = re.findall(r'<table id="lumps-table">.*?</table>', text, re.DOTALL)
     assert table.count("<b>not found</b>") == 22
     assert "Nothing was validated" in text

@@ -67,7 +67,7 @@ def test_report_says_what_the_lumps_leave_open_of_the_links(estimated: Path) -> 
 def test_report_and_note_show_no_lump_of_an_estimate_that_explains_nothing(estimated: Path) -> None:
     """The verdict comes first and says why; no interval, no number of any lump, no error."""
     page, notes = words("hidden-searched", estimated), [note(name, estimated) for name in ("hidden", "hidden-searched")]
-    assert re.search(r"Not found\. .*the model does not explain what was seen", page[:600])
+    assert re.search(r"Not found\. .*[Tt]he model does not explain what was seen", page[:700])
     for text in notes:
         assert re.search(r"\*\*Verdict: not found\.\*\* .*the model does not explain what was seen", text)
     for text in (page, *notes):

@@ -113,6 +113,23 @@ def test_page_refers_to_nothing_outside(page: Path) -> None:
         assert f'id="figure-{name}"' in text
 
 
+def test_page_lists_its_sections_and_shows_the_files_that_repeat_it(page: Path) -> None:
+    """Every heading is a link at the top; a reader copies the files as they stand there."""
+    text = page.read_text(encoding="utf-8")
+    headed = re.findall(r'<section id="([\w-]+)">\s*<h2>(.*?)</h2>', text)
+    (contents,) = re.findall(r'<nav id="contents".*?</nav>', text)
+    assert re.findall(r'<a href="#([\w-]+)">(.*?)</a>', contents) == headed
+    assert len(headed) > 8
+    assert text.count("<details open>") == text.count('<pre class="file"') == 2
+
+
+def test_figures_of_the_page_are_as_wide_as_one_another(page: Path) -> None:
+    """So their letters are of one size."""
+    wide = re.findall(r'<div class="wide">.*?<svg .*?width="([\d.]+)pt"', page.read_text(), flags=re.DOTALL)
+    assert len(wide) == 1 + len(FIGURES)
+    assert set(wide) == {"504"}
+
+
 @pytest.mark.parametrize("error", [1.5, None])
 def test_dash_is_explained_where_control_was_lost_and_nowhere_else(error: float | None) -> None:
     """Below the table of a validation."""
@@ -139,4 +156,4 @@ def test_what_nothing_has_tested_is_not_found(metaid: Metaid) -> None:
     assert section.count("not found: see the verdict") == 3
     (verdict,) = re.findall(r'<p class="lead" id="verdict">.*?</p>', page, re.DOTALL)
     assert "Not found." in verdict
-    assert "nothing has tested the model" in verdict
+    assert "Nothing has tested the model" in verdict

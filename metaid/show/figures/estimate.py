@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from metaid.estimation import Replay
 
 NUMBERS = 4.0  # of pushes or joints beside one another, an inch of the figure
+LEAST_DIFFERENCE = 1e-3  # mrad: of less only rounding would be seen
 CROWDED = 20  # marks of a line; more of them are small
 
 
@@ -56,6 +57,9 @@ def plot_difference(shown: Replay, push: int, axes: Axes | None = None) -> Axes:
     for side in (-DEVIATIONS, DEVIATIONS):
         if (reach := side * 1e3 * shown.noise.max()) != 0.0:
             axes.axhline(reach, color=INK, linewidth=0.7, linestyle=":")
+    reach = max(map(abs, axes.get_ylim()))
+    if reach < LEAST_DIFFERENCE:
+        axes.set_ylim(-LEAST_DIFFERENCE, LEAST_DIFFERENCE)
     axes.set_ylabel("twin − plant,\nmrad")
     return _over_time(shown, axes)
 

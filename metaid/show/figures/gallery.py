@@ -18,7 +18,7 @@ from metaid.show.figures.episodes import plot_angles, plot_phase
 from metaid.show.figures.estimate import plot_covariance, plot_difference, plot_growth, plot_motion, plot_residuals
 from metaid.show.figures.landscape import plot_boundary, plot_parallel, plot_sweep
 from metaid.show.figures.lumps import plot_correlation, plot_known, plot_ranges
-from metaid.show.figures.panels import pair_of_panels, pairs_of_panels, panels, share_legend
+from metaid.show.figures.panels import pair_of_panels, pairs_of_panels, panels, share_legend, square
 from metaid.show.figures.search import plot_convergence, plot_error, plot_factor
 from metaid.show.figures.style import COLUMN, PAGE, style
 from metaid.show.figures.tracking import plot_tracking
@@ -94,8 +94,8 @@ class Gallery:
             ("convergence", self._is_line, self._convergence),
             ("factors", self._is_line, self._factors),
             ("ranges", known and survived and not prior, self._ranges),
-            ("known", found.verdict.has_result and prior, self._known),
             ("tracking", found.verdict.has_result and problem.is_simulated, self._tracking),
+            ("known", found.verdict.has_result and prior, self._known),
             ("frequency", episodes, self._frequency),
             ("boundary", survived and several and not prior, self._boundary),
             ("parallel", self._is_line and several, self._parallel),
@@ -256,8 +256,7 @@ class Gallery:
         return Picture("parallel", caption, figure)
 
     def _correlation(self, width: float) -> Picture:
-        side = min(width, 4.2 if len(self.found.names) < 20 else 6.5)
-        figure = Figure(figsize=(side, 0.9 * side), layout="constrained")
+        figure = square(width, len(self.found.names))
         plot_correlation(self.found, figure.subplots())
         caption = (
             "Correlation of the lumps' factors over the best trials: "
@@ -307,8 +306,7 @@ class Gallery:
 
     def _covariance(self, width: float) -> Picture:
         assert self.found.estimate is not None
-        side = min(width, 4.2 if len(self.found.estimate.correlated[0]) < 20 else 6.5)
-        figure = Figure(figsize=(side, 0.9 * side), layout="constrained")
+        figure = square(width, len(self.found.estimate.correlated[0]))
         plot_covariance(self.found.estimate, figure.subplots())
         noun = self.found.sought.noun
         caption = (

@@ -12,7 +12,7 @@ from metaid.show.figures.style import INK, RANGE, SURVIVOR, every, new_axes, say
 READABLE = 8  # lumps up to which a correlation is written in its cell
 LABELS = 5.5  # names below one another, an inch of the figure
 CLOSE_LABELS = 8.0  # the same in smaller letters
-LEAST = 1e-16  # of what is drawn on a logarithmic scale, in place of 0
+LEAST = 1e-9  # of what is drawn on a logarithmic scale: less is what rounding left
 
 
 def plot_ranges(found: Findings, axes: Axes | None = None) -> Axes:

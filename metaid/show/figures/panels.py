@@ -7,6 +7,8 @@ from matplotlib.figure import Figure
 
 from metaid.show.figures.style import PAGE
 
+MANY = 20  # rows of a square, which then needs more height for their names
+
 
 def pair_of_panels(width: float, ratios: tuple[int, int]) -> tuple[Figure, list[Axes]]:
     """Two panels: side by side on a page, one above the other in a column."""
@@ -39,6 +41,11 @@ def pairs_of_panels(width: float, count: int) -> tuple[Figure, list[tuple[Axes, 
         for panel in pair:
             panel.remove()
     return figure, pairs[:count]
+
+
+def square(width: float, count: int) -> Figure:
+    """For a square of `count` rows, as wide as all others."""
+    return Figure(figsize=(width, min(0.9 * width, 3.6 if count < MANY else 5.4)), layout="constrained")
 
 
 def share_legend(figure: Figure, axes: list[Axes]) -> None:

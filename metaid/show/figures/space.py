@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
 BASE = "#8a8a90"
+HIGHEST = 3.4  # inches, of a sketch
 LIGHT = np.array([0.35, -0.55, 0.76])  # towards the light
 THICK = 0.04  # of a link without shapes, as a share of the arm's size
 
@@ -51,7 +52,7 @@ def _rods(arm: ArmPlant, episode: ArmEpisode, width: float) -> Figure:
     line = np.concatenate([np.zeros((1, 3)), places, arm.data.xipos[-1:]])
     middle, half = (line.min(axis=0) + line.max(axis=0)) / 2, 0.5 * _size(line)
     with style():
-        figure = Figure(figsize=(width, 0.8 * width))
+        figure = Figure(figsize=(width, min(0.8 * width, HIGHEST)))
         axes: Axes3D = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d")
         axes.plot(*line.T, color=SURVIVOR, linewidth=4.0, solid_capstyle="round", alpha=0.7)
         _draw_joints(axes, places, directions, 2.0 * half)
