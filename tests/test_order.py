@@ -34,6 +34,7 @@ ABSENT = {
     "recorded": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
     "excitation": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
     "show": ("mujoco", "numba", "ray", *SLOW),
+    "show.figures": ("mujoco", "numba", "ray", *SLOW),
     "api": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
     "cli": ("mujoco", "numba", "ray", "optuna", "pandas", "matplotlib", *SLOW),
 }

@@ -184,6 +184,15 @@ def test_readings_tell_the_clock_that_a_host_jitters(has_speeds: bool, jitter: f
         assert counts["lost rows"] == pytest.approx((~kept).sum(), rel=0.2)
 
 
+def test_clock_of_stamps_that_jitter_by_more_than_a_period_is_even() -> None:
+    """Where speeds tell what was lost; one that follows the stamps at each row is off by three times as much."""
+    log, random = clean(20.0, 500.0), np.random.default_rng(3)
+    stamps = np.maximum.accumulate(log["time"] + 0.0024 * np.abs(random.standard_normal(len(log))))
+    kept = np.random.default_rng(10).random(len(log)) >= 0.01
+    record = read(log.assign(time=stamps)[kept].reset_index(drop=True))
+    assert np.std(record.times - log["time"][kept].to_numpy()) < 0.05 * 0.002
+
+
 def test_true_stamps_of_an_irregular_log_are_kept() -> None:
     """Readings that were taken when the stamps say stay where they are."""
     times = clean(20.0)["time"].to_numpy()

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -44,3 +46,13 @@ def test_name_of_shipped_logs_stands_for_all_runs(metaid: Callable[..., Finished
     assert told["verdict"] == "approximate"
     assert told["held_out"]["by"] == "logs"
     assert told["held_out"]["torque"]["relative"] < 0.5 * told["nominal_held_out"]["torque"]["relative"]
+
+
+def test_estimate_of_logs_does_without_what_is_slow_to_load() -> None:
+    """scipy.signal, and what that loads, takes as long as an estimate of short logs."""
+    code = (
+        "import sys, metaid; metaid.estimate('double-pendulum', 'double-pendulum'); "
+        "print([name for name in ('scipy.signal', 'scipy.stats', 'numba', 'matplotlib') if name in sys.modules])"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == "[]"

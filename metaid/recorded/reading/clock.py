@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from metaid.models import Array
@@ -18,7 +19,9 @@ from metaid.recorded.reading.times import rising
 REGULAR = 0.02  # of a period, by which steps of a regular clock may differ
 TRUER = 0.8  # times what the stamps leave: a clock that leaves more is no truer
 FOLLOWS = 0.01  # of the difference between stamps and clock, that the clock follows at each row
-AHEAD = 7  # rows, the median of which tells a lost packet from a late one
+DRIFT = 2.0  # s, over which a clock's rate may change
+AHEAD = 7, 60  # rows, the median of which tells a lost packet from a late one
+TELLS = 16.0  # rows of stamps half of which jitter by less than a period
 CLEAR = 5.0  # deviations of the noise of a step of the angles, from which on speeds tell how long it took
 WINDOW = 25  # rows, whose mean step is the usual one
 COHERENT = 0.7, 1.02  # times the mean step, where the period is looked for
@@ -39,7 +42,8 @@ def on_true_clock(readings: Readings) -> Readings:
         return _lost(rising(readings), int(np.maximum(many - 1.0, 0.0).sum()))
     period = _usual_step(readings)
     counts = _counts(readings, period)
-    times, lost = _regular(readings.times, period, counts)
+    ticks = _ticks(readings.times, period, counts)
+    times, lost = _settled(readings.times, ticks), int((np.diff(ticks) - 1).sum())
     jitter, seen = float(np.std(readings.times - times)), float(np.std(steps - period * np.maximum(many, 1.0)))
     if jitter > LIKELY * float(np.std(steps)) or not _left(readings, times) < TRUER * _left(readings, readings.times):
         text = (
@@ -62,7 +66,8 @@ def _usual_step(readings: Readings) -> float:
     """The time between two packets, in s: by speeds, else the usual mean of some steps."""
     told = _told_steps(readings)
     if told is not None and np.isfinite(told).sum() > 10 * WINDOW:
-        return float(np.nanmedian(told))
+        usual = np.nanmedian(told)
+        return float(np.nanmedian(told / np.maximum(np.round(told / usual), 1.0)))
     if len(readings) <= 2 * WINDOW:
         return readings.period
     mean = float(np.median(readings.times[WINDOW:] - readings.times[:-WINDOW])) / WINDOW
@@ -106,9 +111,9 @@ def _counts(readings: Readings, period: float) -> NDArray[np.intp]:
     return np.nan_to_num(np.maximum(np.round(told / period), np.where(np.isfinite(told), 1.0, 0.0))).astype(np.intp)
 
 
-def _regular(stamps: Array, period: float, counts: NDArray[np.intp]) -> tuple[Array, int]:
-    """Times of a regular clock that follows the stamps slowly, and how many packets were lost. A packet is lost where
-    speeds say so; where they do not tell, where the stamps after it are late, too.
+def _ticks(stamps: Array, period: float, counts: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Which tick of a regular clock each packet is of (nrow), where the clock follows the stamps slowly. A packet is
+    lost where speeds say so; where they do not tell, where the stamps after it are late, too.
 
     Args:
         stamps: of a host (nrow), in s.
@@ -116,21 +121,30 @@ def _regular(stamps: Array, period: float, counts: NDArray[np.intp]) -> tuple[Ar
         counts: how many packets each step is (nrow − 1); 0 where nothing tells.
     """
     given, steps = stamps.tolist(), counts.tolist()
-    now, times, lost = given[0], [given[0]], 0
-    ahead = period * np.arange(AHEAD)
+    now, ticks = given[0], [0]
+    jitter = float(np.subtract(*np.quantile(np.diff(stamps), (0.75, 0.25)))) / period
+    ahead = int(np.clip(TELLS * jitter**2, *AHEAD))
+    less = period * np.append(0, np.cumsum(np.maximum(counts, 1)))
     for row in range(1, len(given)):
         step = steps[row - 1]
         if not step:
             late = given[row] - now - period
             if late > LATE * period:
-                coming = stamps[row : row + AHEAD]
-                late = min(late, float(np.median(coming - ahead[: len(coming)])) - now - period)
+                coming = stamps[row : row + ahead] - less[row : row + ahead] + less[row]
+                late = min(late, float(np.median(coming)) - now - period)
             step = 1 + max(0, round(late / period))
         now += step * period
-        lost += step - 1
         now += FOLLOWS * (given[row] - now)
-        times.append(now)
-    return np.array(times), lost
+        ticks.append(ticks[-1] + step)
+    return np.array(ticks)
+
+
+def _settled(stamps: Array, ticks: NDArray[np.intp]) -> Array:
+    """The times of ticks (nrow) of a regular clock, in s: those of the stamps (nrow) but for a drift that lasts."""
+    even = polynomial.polyval(ticks, polynomial.polyfit(ticks, stamps, 1))
+    blocks = np.array_split(np.arange(len(stamps)), max(1, round((stamps[-1] - stamps[0]) / DRIFT)))
+    off = [float(np.median(stamps[block] - even[block])) for block in blocks]
+    return np.asarray(even + np.interp(ticks, [float(np.mean(ticks[block])) for block in blocks], off))
 
 
 def _left(readings: Readings, times: Array) -> float:

@@ -6,8 +6,9 @@ torques that were sent and those that a model needs pass one at a cut-off.  Eq. 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from metaid.recorded.weak_form.linear_model import LinearModel
 ANGLES = 20.0  # Hz
 CUTOFFS = (10.0, 7.0, 5.0, 3.0, 2.0)  # Hz, of torques
 ORDER = 4
+REFLECTED = 15  # rows of each end
 FINEST = 0.004  # s: the grid is no finer
 LONGEST = 40_000, 200_000  # rows of a grid, of robots with many joints and with few
 EDGE = 0.2  # s at both ends that are not judged
@@ -83,18 +85,51 @@ class Smoothed:
 
 
 def low_pass(rows: Array, cutoff: float, period: float) -> Array:
-    """Rows (nrow x ncolumn) that are `period` s apart through a Butterworth filter without phase at `cutoff` Hz."""
-    from scipy import signal  # slow to load
+    """Rows (nrow x ncolumn) that are `period` s apart through a Butterworth filter without phase at `cutoff` Hz: it
+    passes forwards and backwards, and both ends go on as their reflections in the first and the last row.
 
-    return np.asarray(signal.sosfiltfilt(_weights(min(2.0 * cutoff * period, 0.95)), rows, axis=0), dtype=np.float64)
+    It is scipy.signal.sosfiltfilt, whose import takes as long as an estimate.
+    """
+    reach = min(REFLECTED, len(rows) - 1)
+    before, after = 2.0 * rows[0] - rows[reach:0:-1], 2.0 * rows[-1] - rows[-2 : -reach - 2 : -1]
+    passed = np.concatenate([before, rows, after])
+    for _ in range(2):
+        passed = _forwards(passed, min(2.0 * cutoff * period, 0.95))[::-1]
+    return passed[reach : reach + len(rows)]
 
 
-@cache
-def _weights(share: float) -> Array:
-    """Second-order sections of the filter at a `share` of half the rate of reading."""
-    from scipy import signal
+def _forwards(rows: Array, share: float) -> Array:
+    """Rows (nrow x ncolumn) through the filter at a `share` of half the rate of reading, which has been at rest at the
+    first row for ever. Each section is a banded triangular system of equations: b x = a y.
+    """
+    from scipy.linalg.blas import dtbsv  # slow to load
 
-    return np.asarray(signal.butter(ORDER, share, output="sos"), dtype=np.float64)
+    first = rows[0]
+    passed = (rows - first).T.copy()
+    for gain, band in _sections(share, len(rows)):
+        passed *= gain
+        sums = passed.copy()
+        sums[:, 1:] += 2.0 * passed[:, :-1]
+        sums[:, 2:] += passed[:, :-2]
+        for column in sums:
+            dtbsv(2, band, column, lower=1, diag=1, overwrite_x=1)
+        passed = sums
+    return np.asarray(passed.T + first, dtype=np.float64)
+
+
+@lru_cache(maxsize=16)
+def _sections(share: float, count: int) -> tuple[tuple[float, Array], ...]:
+    """The filter at a `share` of half the rate of reading as sections gain (1 + 2 z⁻¹ + z⁻²) / (1 + a z⁻¹ + b z⁻²), by
+    the bilinear transform: the gain of each, and 1, a and b (3 x count) as BLAS has the matrix of so many rows.
+    """
+    warped = math.tan(0.5 * math.pi * share)
+    sections = []
+    for number in range(ORDER // 2):
+        damping = 2.0 * warped * math.sin(0.5 * math.pi * (2 * number + 1) / ORDER)
+        leading = 1.0 + damping + warped**2
+        denominator = np.array([leading, 2.0 * (warped**2 - 1.0), 1.0 - damping + warped**2]) / leading
+        sections.append((warped**2 / leading, np.asfortranarray(np.tile(denominator[:, None], count))))
+    return tuple(sections)
 
 
 def smoothed(record: Record) -> Smoothed:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from metaid.compiled import Objective
-from metaid.compiled.spatial import ArmPush
 from metaid.episode import Trajectory
 from metaid.models import Array
 from metaid.show.figures.style import COLOURS, FALL, PAGE, new_axes, save, style, verbatim
+
+if TYPE_CHECKING:  # figures of logs do without numba
+    from metaid.compiled import Objective
+    from metaid.compiled.spatial import ArmPush
 
 
 def plot_angles(trajectory: Trajectory, timestep: float, axes: Axes | None = None) -> Axes:
