@@ -17,7 +17,7 @@ from metaid.models import Array
 from metaid.models.tree import ArmPrior, PriorDeviations
 from metaid.plant import ArmPlant, ArmSettings, FaultSettings, load_plant
 from metaid.plant.description import draw_starts
-from metaid.study.spatial import drawn_nominal
+from metaid.study import drawn_nominal
 
 SHIPPED = ("pa10", "crs-a465", "puma560")
 OTHERS = ("scara", "spatial-three-link")  # shipped, too

@@ -14,7 +14,7 @@ from metaid.compiled.spatial import ArmObjective
 from metaid.episode.spatial import resolution_hz
 from metaid.models.tree import ModelError, model_error
 from metaid.search import SamplerOptions, arm_sensitivity, make_searcher, prior_metric
-from metaid.study.spatial import ArmSearchSettings
+from metaid.study.settings import ARM_STEP
 
 MINIMISERS = ("cmaes", "tpe", "optuna-cmaes")
 FARTHEST = 10.0  # standard deviations of the prior: no base parameter beyond is tried
@@ -60,7 +60,7 @@ def minimise(name: str, seed: int, sampler: str, trials: int, noise: float, is_s
     began = time.process_time()
     h = arm_sensitivity(prior, episode, plant.timestep)
     coordinates = prior_metric(h, prior, prior.values - reach, prior.values + reach)
-    searcher = make_searcher(sampler, coordinates, seed, SamplerOptions(sigma=ArmSearchSettings().sigma))
+    searcher = make_searcher(sampler, coordinates, seed, SamplerOptions(sigma=ARM_STEP))
     objective = ArmObjective(plant, prior, episode)
     number = falls = 0
     needed, best, error = None, np.inf, model_error(plant.tree, prior.nominal.parameters)

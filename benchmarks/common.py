@@ -22,7 +22,7 @@ import numpy as np
 from metaid.files import shipped_folder
 from metaid.plant import LinkSettings, read_plant
 from metaid.store import Store
-from metaid.study import AnySpec, EpisodeSettings, SearchSettings, StudySettings, StudySpec, create_study
+from metaid.study import EpisodeSettings, SearchSettings, StudySettings, StudySpec, create_study
 
 PLANTS = {1: "one-link", 2: "two-link", 3: "three-link", 5: "five-link", 10: "ten-link"}
 STEPS = 5000  # of a whole episode, over its 2 pushes per link
@@ -65,7 +65,7 @@ def make_spec(nlink: int, steps: int = STEPS, trials: int = 100, sampler: str = 
 
 
 @contextmanager
-def made(spec: AnySpec) -> Iterator[tuple[Store, str]]:
+def made(spec: StudySpec) -> Iterator[tuple[Store, str]]:
     """A study made from `spec` in a new SQLite DB, which is deleted afterwards."""
     with tempfile.TemporaryDirectory() as folder, closing(Store(f"{folder}/metaid.db", create=True)) as store:
         yield store, create_study(store, spec)

@@ -25,8 +25,7 @@ from metaid.models import Array
 from metaid.models.tree import PriorDeviations
 from metaid.plant import ArmPlant, load_plant
 from metaid.plant.description import draw_starts
-from metaid.study import Problem
-from metaid.study.spatial import drawn_nominal
+from metaid.study import Problem, drawn_nominal
 
 ARMS = ("crs-a465", "puma560", "pa10")
 HORIZON, STIFFNESS = 0.3, 30.0  # s, 1/s²

@@ -99,7 +99,7 @@ def try_study(seed: int) -> Judged | None:
     allowed = HALF_WIDTHS * 0.5 * (known["high"] - known["low"]) + SLACK * true
     held = int(((known["low"] <= true) & (true <= known["high"])).sum())
     said = bool((errors > allowed).any()), held, len(known), float((errors / true).max() if len(known) else 0.0)
-    return Judged(seed, len(spec.nominal), fault, found.estimate.misfit, verdict.word, *said)
+    return Judged(seed, len(spec.joints), fault, found.estimate.misfit, verdict.word, *said)
 
 
 def table(rows: list[Judged]) -> str:

@@ -86,7 +86,7 @@ class Noisy:
         if self.horizons is None:
             return spec
         study, plant = spec.study, spec.plant
-        horizon = HORIZON * natural_time(chain_of(nominal), plant.gravity)
+        horizon = HORIZON * natural_time(chain_of(nominal), spec.gravity)
         watched = {"steps": round(self.horizons * horizon / plant.timestep), "peak_speed": REACH / horizon}
         episode = study.episode.model_copy(update=watched)
         return spec.model_copy(update={"study": study.model_copy(update={"episode": episode})})

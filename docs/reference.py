@@ -28,8 +28,7 @@ from metaid.cli import app
 from metaid.excitation import LimitsSettings
 from metaid.files import Settings
 from metaid.plant import ArmSettings, PlantSettings, SocketSettings
-from metaid.study.settings import NominalSettings, StudySettings
-from metaid.study.spatial import ArmStudySettings
+from metaid.study.settings import NominalSettings, OfArm, StudySettings
 
 PAGE = Path(__file__).with_name("reference.md")
 KEYS = Path(__file__).with_name("keys.toml")
@@ -40,10 +39,8 @@ FILES: dict[str, type[Settings]] = {
     "keys-arm": ArmSettings,
     "keys-rig": SocketSettings,
     "keys-limits": LimitsSettings,
-    "keys-study": StudySettings,
-    "keys-arm-study": ArmStudySettings,
 }
-BESIDE: dict[str, type[Settings]] = {"keys-arm": PlantSettings, "keys-arm-study": StudySettings}  # told there already
+BESIDE: dict[str, type[Settings]] = {"keys-arm": PlantSettings}  # told there already
 MOST = 8  # parameters of a call that are named
 EVERYWHERE = ("--storage", "--json")  # options that the page tells once
 
@@ -51,6 +48,7 @@ EVERYWHERE = ("--storage", "--json")  # options that the page tells once
 def page(text: str) -> str:
     """The page with its generated parts made anew from the code."""
     parts = {name: keys(settings, BESIDE.get(name)) for name, settings in FILES.items()}
+    parts |= {"keys-study": study_keys(of_arm=False), "keys-arm-study": study_keys(of_arm=True)}
     parts |= {"commands": commands(), "calls": calls()}
     named = [name for _, name, _ in PART.findall(text)]
     assert sorted(named) == sorted(parts), f"parts of the page: {named}, of the code: {list(parts)}"
@@ -60,19 +58,34 @@ def page(text: str) -> str:
 def keys(settings: type[Settings], beside: type[Settings] | None = None) -> str:
     """A table of all keys of a file, but for those that mean the same in that of `beside`."""
     told = set(key_rows(beside)) if beside else set()
-    rows = ["| key | default | allowed | |", "| --- | --- | --- | --- |"]
-    return "\n".join([*rows, *(row for row in key_rows(settings) if row not in told)]) + "\n"
+    return key_table(row for row in key_rows(settings) if row not in told)
+
+
+def key_table(rows: Iterator[str]) -> str:
+    """A table of rows."""
+    return "\n".join(["| key | default | allowed | |", "| --- | --- | --- | --- |", *rows]) + "\n"
+
+
+def study_keys(of_arm: bool) -> str:
+    """A table of the keys of a study file that only an arm has, or of all others."""
+    rows = rows_and_owners(StudySettings)
+    return key_table(row for row, owner in rows if (OfArm in owner.__bases__) == of_arm)
 
 
 def key_rows(settings: type[Settings]) -> Iterator[str]:
     """A row for each key."""
+    return (row for row, _ in rows_and_owners(settings))
+
+
+def rows_and_owners(settings: type[Settings]) -> Iterator[tuple[str, type]]:
+    """A row for each key, and the class that has it."""
     meanings = tomllib.loads(KEYS.read_text(encoding="utf-8"))
-    for table, owner, name, field in fields(settings):
-        meaning = meaning_of(meanings, owner, name)
+    for table, heir, name, field in fields(settings):
+        owner, meaning = meaning_of(meanings, heir, name)
         default = meaning.get("default") or default_text(field)
         within = f"{allowed(field)} {meaning.get('unit', '')}".strip()
         cells = (dotted(table, name), default, within, meaning["text"])
-        yield f"| {' | '.join(cells)} |"
+        yield f"| {' | '.join(cells)} |", owner
 
 
 def dotted(table: str, name: str) -> str:
@@ -82,12 +95,13 @@ def dotted(table: str, name: str) -> str:
     return f"`{table.strip('`[]')}.{name}`"
 
 
-def meaning_of(meanings: dict[str, Any], owner: type, name: str) -> dict[str, str]:
-    """What docs/keys.toml says of a key, in the table of its class or of the class that it inherits it from."""
+def meaning_of(meanings: dict[str, Any], owner: type, name: str) -> tuple[type, dict[str, str]]:
+    """What docs/keys.toml says of a key, and the class in whose table it does: its own, or one that it inherits it
+    from.
+    """
     for base in owner.__mro__:
         if name in meanings.get(base.__name__, {}):
-            meaning: dict[str, str] = meanings[base.__name__][name]
-            return meaning
+            return base, meanings[base.__name__][name]
     raise KeyError(f"docs/keys.toml does not say what `{name}` of [{owner.__name__}] means")
 
 
@@ -96,8 +110,7 @@ def fields(settings: type[Settings], table: str = "") -> Iterator[tuple[str, typ
     nested: list[tuple[str, type[Settings], bool]] = []
     for name, field in settings.model_fields.items():
         inner = [each for each in members(field.annotation) if inspect.isclass(each) and issubclass(each, Settings)]
-        is_elsewhere = inner == [NominalSettings]
-        nested += [(name, each, is_list(field.annotation)) for each in inner if not is_elsewhere]
+        nested += [(name, each, is_list(field.annotation)) for each in inner if each is not NominalSettings]
         if not inner or len(members(field.annotation)) > len(inner):
             yield table, settings, name, field
     for name, each, is_many in nested:

@@ -6,19 +6,17 @@ from contextlib import closing
 from pathlib import Path
 
 from metaid.store import Store
-from metaid.study import ArmSpec, create_study, load_study, run_study
+from metaid.study import StudySpec, create_study, load_study, run_study
 
 ARM = "spatial-three-link"
 
 
-def spec_of(**changes: object) -> ArmSpec:
+def spec_of(**changes: object) -> StudySpec:
     """The study of the arm to learn on."""
-    spec = load_study(ARM, changes)
-    assert isinstance(spec, ArmSpec)
-    return spec
+    return load_study(ARM, changes)
 
 
-def with_noise(spec: ArmSpec, size: float) -> ArmSpec:
+def with_noise(spec: StudySpec, size: float) -> StudySpec:
     """The same on sensors with noise of so many rad, and no sensor of speed."""
     faults = spec.plant.faults.model_copy(update={"angle_noise": size, "speed_sensor": False})
     return spec.model_copy(update={"plant": spec.plant.model_copy(update={"faults": faults})})

@@ -23,7 +23,7 @@ from metaid.models import Array, Chain, Lumps
 from metaid.plant import FaultSettings, LinkSettings, MujocoPlant, PlantSettings
 from metaid.results import identified_factors, read_snapshot
 from metaid.store import Store
-from metaid.study import AnySpec, Problem, StudySpec
+from metaid.study import Problem, StudySpec
 
 LONG_SET_UP = ("test_wheel.py", "test_workers.py")  # what is made for them takes longer than their tests
 
@@ -200,7 +200,7 @@ def estimated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made_once(tmp_path_factory, "estimated", make) / "estimated.db"
 
 
-def run_all(path: Path, specs: Mapping[str, AnySpec]) -> None:
+def run_all(path: Path, specs: Mapping[str, StudySpec]) -> None:
     """Makes a DB with these studies, all of them run."""
     from metaid.study import create_study, run_study
 

@@ -99,7 +99,7 @@ class Rig:
         """The largest joint torque in N m, and range of an angle in rad, of the first trial and of the last that is
         kept.
         """
-        experiment, torque, moved = self.experiment(), 0.0, np.zeros((2, len(self.spec.nominal)))
+        experiment, torque, moved = self.experiment(), 0.0, np.zeros((2, len(self.spec.joints)))
         kept = [number for number, each in enumerate(tried) if each.outcome.readings or each.outcome.windows]
         for number in {kept[0], kept[-1]} if kept else ():
             each = tried[number]
@@ -123,9 +123,7 @@ class Rig:
         pushes = objective.record(tried.factors, number).angles
         absolute = np.concatenate([np.cumsum(push[1:], axis=1) for push in pushes])
         speeds = np.concatenate([np.cumsum(np.diff(push, axis=0), axis=1) for push in pushes]) / problem.timestep
-        forces = compensation_basis(absolute, speeds, problem.spec.plant.gravity) @ (
-            problem.lumps.vector * tried.factors
-        )
+        forces = compensation_basis(absolute, speeds, problem.spec.gravity) @ (problem.lumps.vector * tried.factors)
         return np.concatenate(pushes), np.cumsum(forces[:, ::-1], axis=1)
 
 

@@ -19,7 +19,7 @@ from metaid.episode import natural_time
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, PriorDeviations
 from metaid.plant import ArmPlant, PlantSettings, chain_of, load_plant
-from metaid.study.spatial import drawn_nominal
+from metaid.study import drawn_nominal
 
 GRAVITY: float = PlantSettings.model_fields["gravity"].default
 ARMS = {6: "puma560", 7: "pa10"}  # by the number of joints

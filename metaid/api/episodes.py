@@ -16,11 +16,12 @@ from metaid.plant import ArmPlant, MujocoPlant, load_chain, load_plant
 from metaid.study import (
     COUNTING_STEPS,
     TIP_SPEED,
-    AnySpec,
+    EstimateSettings,
+    StudySpec,
+    drawn_nominal,
     load_study,
     problem_of,
 )
-from metaid.study.spatial import ArmEstimateSettings, drawn_nominal
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective  # loads MuJoCo and numba, which a reader of a DB does without
@@ -125,12 +126,12 @@ def arm_push(
             "make a study with a nominal arm"
         )
     _refuse_no_factors(factors)
-    prior = ArmEstimateSettings().prior
+    prior = EstimateSettings().prior
     law = plant.tree if nominal is None else drawn_nominal(plant.tree, nominal, prior)
     return push_arm(plant, law_of(ArmPrior(law, prior), dict(factors)), steps or ARM_STEPS, seed)
 
 
-def evaluate(study: str | Path | AnySpec, factors: Mapping[str, float] | None = None) -> Outcome:
+def evaluate(study: str | Path | StudySpec, factors: Mapping[str, float] | None = None) -> Outcome:
     """One candidate of a study, `factors` of its nominal lumps or base parameters by name, without any DB.  Raises
     StudyError, PlantError, EpisodeError.
 
@@ -144,6 +145,6 @@ def evaluate(study: str | Path | AnySpec, factors: Mapping[str, float] | None = 
         return objective.evaluate(problem.candidate(given))
 
 
-def spec_of(study: str | Path | AnySpec) -> AnySpec:
+def spec_of(study: str | Path | StudySpec) -> StudySpec:
     """The settings of a study: those given, or of that name or path."""
     return load_study(study) if isinstance(study, str | Path) else study

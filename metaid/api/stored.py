@@ -26,9 +26,9 @@ from metaid.results import (
 )
 from metaid.store import DEFAULT_STORAGE, Store
 from metaid.study import (
-    AnySpec,
     OptunaObjective,
     Progress,
+    StudySpec,
     ensure_study,
     run_study,
     stored_spec,
@@ -46,7 +46,7 @@ def default_storage() -> str:
 
 
 def run(
-    study: str | Path | AnySpec,
+    study: str | Path | StudySpec,
     name: str | None = None,
     storage: str | None = None,
     trials: int | None = None,
@@ -100,7 +100,7 @@ def run(
         return results.lumps_frame(store, name)
 
 
-def objective(study: str | Path | AnySpec, storage: str | None = None) -> OptunaObjective:
+def objective(study: str | Path | StudySpec, storage: str | None = None) -> OptunaObjective:
     """A study as a plain Optuna objective, for `optuna.Study.optimize` with any sampler and any pruner.
 
     Args:

@@ -25,7 +25,7 @@ from metaid.errors import StorageError, StudyError, printable
 NOT_FOUND = 3  # exit status of a run whose trials are spent without a result
 
 if TYPE_CHECKING:
-    from metaid.study import AnySpec, Progress, StudySpec
+    from metaid.study import Progress, StudySpec
 
 
 def _complete_study_file(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
@@ -95,7 +95,7 @@ def _make(
         start_from: the study in the DB whose model is its nominal one, or None.
         exist_ok: whether the DB may have it.
     """
-    from metaid.study import StudySpec, advice, create_study, ensure_study, question
+    from metaid.study import advice, create_study, ensure_study, question
 
     spec = load_study(source, changes)
     with open_store(storage, create=start_from is None) as store:
@@ -103,7 +103,7 @@ def _make(
             from metaid.results.exporting import started_from
 
             spec = started_from(store, spec, start_from)
-        warnings = [advice(spec), _undetermined(spec) if isinstance(spec, StudySpec) else None]
+        warnings = [advice(spec), None if spec.is_arm else _undetermined(spec)]
         made = (ensure_study if exist_ok else create_study)(store, spec, name)
     ask(question(spec))
     for line in filter(None, warnings):
@@ -111,7 +111,7 @@ def _make(
     return made, store.shown
 
 
-def load_study(source: str, changes: Sequence[str]) -> AnySpec:
+def load_study(source: str, changes: Sequence[str]) -> StudySpec:
     """A study file with `KEY=VALUE` changes."""
     from metaid.study import load_study as load
 
@@ -154,7 +154,7 @@ def check(source: str, storage: str, changes: tuple[str, ...], until: float | No
     print_check(problem_of(spec), until, as_json)
 
 
-def _stored(name: str, storage: str, changes: Sequence[str]) -> AnySpec | None:
+def _stored(name: str, storage: str, changes: Sequence[str]) -> StudySpec | None:
     """The settings of a study that a DB has and that does not ship under that `name`; None where there is no such."""
     from metaid.files import find_file
     from metaid.study import stored_spec
@@ -180,7 +180,7 @@ def _undetermined(spec: StudySpec) -> str | None:
     from metaid.cli.checks.determined import judge_of
     from metaid.study import identifiability, problem_of
 
-    problem = problem_of(spec)
+    problem: Any = problem_of(spec)
     if problem.is_simulated and problem.is_told_by_estimate:
         return None
     names = identifiability(problem).undetermined_names

@@ -19,7 +19,7 @@ from metaid.results.snapshot import Snapshot, read_snapshot, trials_table
 from metaid.results.validation import Validation, validate
 from metaid.results.verdict import Verdict, judge
 from metaid.store import Store
-from metaid.study import AnyProblem, AnySpec, Parameters
+from metaid.study import AnyProblem, Parameters, StudySpec
 from metaid.study.estimates import StudyEstimate
 
 CLOSEST = 50  # best survivors at least, for their correlation
@@ -47,7 +47,7 @@ class Findings:
         return self.snapshot.name
 
     @property
-    def spec(self) -> AnySpec:
+    def spec(self) -> StudySpec:
         return self.snapshot.spec
 
     @property

@@ -20,7 +20,7 @@ from metaid.store import EXPERIMENT, ForeignTrial, Store, Trial, shown_trial
 from metaid.study import (
     ENDED_KEY,
     AnyProblem,
-    AnySpec,
+    StudySpec,
     optuna_spec,
     problem_of,
     stored_spec,
@@ -41,7 +41,7 @@ class Snapshot:
     """
 
     name: str
-    spec: AnySpec
+    spec: StudySpec
     trials: list[Trial]
     foreign: tuple[ForeignTrial, ...] = ()
     ended: int | None = None

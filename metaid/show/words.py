@@ -14,8 +14,7 @@ from metaid.models import Chain
 from metaid.models.tree import Tree
 from metaid.plant import ArmPlant, MujocoPlant, PlantSettings
 from metaid.results import Findings
-from metaid.study import ArmSpec, StudySpec
-from metaid.study.spatial import DrawnNominalSettings
+from metaid.study import DrawnNominalSettings, NominalSettings, StudySpec
 
 
 def plural(count: int, noun: str) -> str:
@@ -24,38 +23,21 @@ def plural(count: int, noun: str) -> str:
     return f"{count:,} {noun}{ending if count != 1 else ''}"
 
 
-@singledispatch
-def nominal_words(nominal: Any) -> str:
+def nominal_words(nominal: str | NominalSettings | DrawnNominalSettings) -> str:
     """Where the nominal model of a study is from."""
-    return "the links in the study file"
-
-
-@nominal_words.register
-def _named(nominal: str) -> str:
-    return nominal
-
-
-@nominal_words.register
-def _drawn(nominal: DrawnNominalSettings) -> str:
+    if isinstance(nominal, str):
+        return nominal
+    if isinstance(nominal, NominalSettings):
+        return "the links in the study file"
     return f"drawn about {nominal.plant} with seed {nominal.seed}"
 
 
-@singledispatch
-def plant_words(spec: Any) -> str:
+def plant_words(spec: StudySpec) -> str:
     """What the plant of a study is."""
-    raise TypeError(spec)
-
-
-@plant_words.register
-def _chain(spec: StudySpec) -> str:
-    size = plural(len(spec.nominal), "link")
-    return f"{spec.plant_name}: {size}, gravity {spec.gravity} m/s², timestep {spec.timestep} s"
-
-
-@plant_words.register
-def _arm(spec: ArmSpec) -> str:
+    size = plural(len(spec.joints), "joint" if spec.is_arm else "link")
+    pull = "" if spec.is_arm else f", gravity {spec.gravity} m/s²"
     faults = "".join(f"; {name} {value}" for name, value in spec.faults.named.items())
-    return f"{spec.plant_name}: {plural(len(spec.joints), 'joint')}, timestep {spec.timestep} s{faults}"
+    return f"{spec.plant_name}: {size}{pull}, timestep {spec.timestep} s{faults}"
 
 
 @singledispatch
@@ -158,8 +140,7 @@ def shows_plant(found: Findings) -> bool:
     return isinstance(plant, PlantSettings) and plant.truth_known
 
 
-@singledispatch
-def study_files(spec: Any, stem: str, shows_plant: bool) -> dict[str, str]:
+def study_files(spec: StudySpec, stem: str, shows_plant: bool) -> dict[str, str]:
     """Files, by name, that make this very study again, trial for trial, the study file last. Where the plant is not to
     be shown, the plant file is the reader's own.
 
@@ -168,22 +149,13 @@ def study_files(spec: Any, stem: str, shows_plant: bool) -> dict[str, str]:
         stem: of the names of files.
         shows_plant: whether the plant may be told.
     """
-    raise TypeError(spec)
-
-
-@study_files.register
-def _of_chain(spec: StudySpec, stem: str, shows_plant: bool) -> dict[str, str]:
-    links = [link.model_dump(mode="json", exclude_none=True) for link in spec.nominal]
     study = spec.study.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    if spec.is_arm:
+        return {f"{stem}.toml": tomli_w.dumps(study)}
+    links = [link.model_dump(mode="json", exclude_none=True) for link in spec.links]
     study |= {"plant": f"{stem}-plant.toml", "nominal": {"links": links}}
-    if isinstance(spec.plant, PlantSettings) and not shows_plant:
+    if spec.is_simulated and not shows_plant:
         study["plant"] = f"{spec.plant_name}.toml"
         return {f"{stem}.toml": tomli_w.dumps(study)}
     plant = spec.plant.model_dump(mode="json", exclude_none=True)
     return {f"{stem}-plant.toml": tomli_w.dumps(plant), f"{stem}.toml": tomli_w.dumps(study)}
-
-
-@study_files.register
-def _of_an_arm(spec: ArmSpec, stem: str, shows_plant: bool) -> dict[str, str]:
-    study = spec.study.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
-    return {f"{stem}.toml": tomli_w.dumps(study)}

@@ -17,17 +17,16 @@ from metaid.study.create import (
     refuse_what_cannot_be_run,
     stored_spec,
 )
+from metaid.study.drawn import drawn_nominal
 from metaid.study.evaluation import NominalMetricSampler, OptunaObjective
 from metaid.study.forecast import Forecast, forecast, refuse_until
 from metaid.study.identifiability import identifiability, identifiability_by_measure
 from metaid.study.loading import (
     AnyProblem,
-    AnySpec,
     load_chain_study,
     load_study,
     of_chain,
     problem_of,
-    spec_from,
     with_nominal,
 )
 from metaid.study.parameters import Known, Parameters
@@ -35,8 +34,16 @@ from metaid.study.problem import MOST_TRIALS, Problem
 from metaid.study.progress import Progress
 from metaid.study.pushing import COUNTING_STEPS, HORIZON, TIP_SPEED
 from metaid.study.run import ARITHMETIC_KEY, ENDED_KEY, arithmetic, run_study
-from metaid.study.settings import EpisodeSettings, SearchSettings, StudySettings, StudySpec
-from metaid.study.spatial import ArmProblem, ArmSpec, arm_identifiability
+from metaid.study.settings import (
+    DrawnNominalSettings,
+    EpisodeSettings,
+    EstimateSettings,
+    NominalSettings,
+    SearchSettings,
+    StudySettings,
+)
+from metaid.study.spatial import ArmProblem, arm_identifiability
+from metaid.study.spec import StudySpec, TreeSettings
 from metaid.study.stepping import Stepping, stepping
 
 __all__ = [
@@ -47,14 +54,15 @@ __all__ = [
     "MOST_TRIALS",
     "TIP_SPEED",
     "AnyProblem",
-    "AnySpec",
     "ArmProblem",
-    "ArmSpec",
+    "DrawnNominalSettings",
     "EpisodeSettings",
+    "EstimateSettings",
     "Forecast",
     "Known",
     "LumpAtBound",
     "NominalMetricSampler",
+    "NominalSettings",
     "OptunaObjective",
     "Parameters",
     "Problem",
@@ -63,11 +71,13 @@ __all__ = [
     "Stepping",
     "StudySettings",
     "StudySpec",
+    "TreeSettings",
     "advice",
     "arithmetic",
     "arm_identifiability",
     "create_study",
     "delete_study",
+    "drawn_nominal",
     "ensure_study",
     "forecast",
     "identifiability",
@@ -82,7 +92,6 @@ __all__ = [
     "refuse_until",
     "refuse_what_cannot_be_run",
     "run_study",
-    "spec_from",
     "stepping",
     "stored_spec",
     "with_nominal",

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 from metaid.errors import StudyError
-from metaid.plant import SocketPlant, SocketSettings
+from metaid.plant import SocketPlant
 from metaid.search import SAMPLERS
 
 
@@ -18,7 +18,7 @@ class StudyProblem(ABC):
     @property
     def is_simulated(self) -> bool:
         """Whether the plant is simulated here, and not a rig, which is not to be moved without need."""
-        return not isinstance(self.spec.plant, SocketSettings)
+        return bool(self.spec.is_simulated)
 
     @property
     def is_ready(self) -> bool:

@@ -1,28 +1,35 @@
-"""What is measured at a rig when a study of it is created: the noise of its sensors at rest, what its pushes do, and by
-how much the same push differs from one time to the next.
+"""What is measured at a rig when a study of it is created: the noise of its sensors at rest, how its pushes begin, and
+by how much the same push differs from one time to the next.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from metaid.episode import Calibration, natural_time
 from metaid.errors import PlantError
 from metaid.models import Array, Chain, ChainModel
-from metaid.plant import SocketPlant, Start
-from metaid.study.resting import FEWEST_READINGS, MOST_READINGS, REPEATS, noise_at_rest
-from metaid.study.settings import PushedSettings
+from metaid.models.tree import Tree, joint_torque
+from metaid.plant import ArmStart, SocketPlant, Start
+from metaid.study.loops import QUIETEST_RIG
+from metaid.study.spec import PushedSettings
 
-RESTING = 2.0  # natural times for which the rig stands at rest
-UPRIGHT = 0.5  # rad from the upright in which every joint of a rig at rest must be
+REPEATS = 4  # of each push in a calibration; a power of two, so that the mean of equal speeds is one of them
+RESTING = 2.0  # natural times for which a chain stands at rest
+FEWEST_READINGS, MOST_READINGS = 20, 200  # at rest
+DRIFT = 4  # coefficients of what a rig at rest may drift by; what is left is noise
+UPRIGHT = 0.5  # rad from the upright in which every joint of a chain at rest must be
+AWAY = 0.3  # rad or m, and a share of the fastest joint: how far from what an arm was asked a push may begin
 LARGEST_IMPULSE = 1e4  # N s; a rig that needs more has not answered to its trial pushes
 LARGEST_SPREAD = 0.2  # of an impulse: what a push may differ by from one time to the next
 LEAST_TOLERANCE = 0.02  # of the fastest joint of a push: what it may differ by where the calibration showed less
 CHANCE = 1e-5  # that an honest push is refused
 
 
-def calibrate(plant: SocketPlant, nominal: Chain, pushes: Array, repeats: int) -> PushedSettings:
-    """What is measured at a rig of its sensors and of its `pushes`.
+def calibrate_chain(plant: SocketPlant, nominal: Chain, pushes: Array, repeats: int) -> PushedSettings:
+    """What is measured at a rig that is a chain, of its sensors and of its `pushes`.
 
     Args:
         plant: the rig; it is brought to rest once, and pushed REPEATS times by each push.
@@ -41,10 +48,13 @@ def calibrate(plant: SocketPlant, nominal: Chain, pushes: Array, repeats: int) -
                 f"plant {plant.name}: push {push + 1} would need an impulse of {np.abs(impulses).max():.3g} N s "
                 f"(allowed: at most {LARGEST_IMPULSE:g}); the speeds after its trial pushes are too low to be believed"
             )
-    angle_noise, speed_noise = noise_at_rest(rest_readings(plant, nominal))
-    angles, joint_speeds = np.moveaxis(np.array([_begun(plant, different) for _ in range(REPEATS)]), 2, 0)
-    speeds = np.cumsum(joint_speeds.mean(axis=0), axis=-1)
-    noise = _push_noise(joint_speeds - joint_speeds.mean(axis=0), _per_share(different, _joints(speeds)), speed_noise)
+    wanted = round(RESTING * natural_time(nominal, plant.gravity) / plant.timestep)
+    count = int(np.clip(wanted, FEWEST_READINGS, MOST_READINGS))
+    still, law = Start.upright(np.zeros(plant.njoint)), ChainModel(nominal.lumps, plant.gravity)
+    angle_noise, speed_noise = _noise(_held(plant, still, count, law.torque))
+    angles, joint_speeds = np.moveaxis(_begun(plant, [Start.upright(push) for push in different]), 2, 0)
+    speeds = joint_speeds.mean(axis=0)
+    noise = _push_noise(joint_speeds - speeds, _per_share(different, speeds), speed_noise)
     if not noise <= LARGEST_SPREAD:
         raise PlantError(
             f"plant {plant.name}: the same push differs by {noise:.0%} from one time to the next "
@@ -52,51 +62,118 @@ def calibrate(plant: SocketPlant, nominal: Chain, pushes: Array, repeats: int) -
         )
     return PushedSettings(
         impulses=pushes.tolist(),
+        angles=(0.0 * pushes).tolist(),
         speeds=np.tile(speeds, (repeats, 1)).tolist(),
         push_noise=noise,
         angle_spread=np.sqrt(np.maximum((angles**2).mean(axis=(0, 1)) - angle_noise**2, 0.0)).tolist(),
+        speed_spread=np.sqrt(speed_noise**2 / REPEATS).tolist(),
         angle_noise=angle_noise.tolist(),
         speed_noise=speed_noise.tolist(),
     )
 
 
-def rest_readings(plant: SocketPlant, nominal: Chain) -> Array:
-    """Joint angles in rad and speeds in rad/s (nreading x 2 x njoint) of a rig that stands upright under the law of its
-    nominal model.  Raises PlantError where it does not stand.
+def calibrate_arm(plant: SocketPlant, nominal: Tree, starts: Sequence[ArmStart]) -> PushedSettings:
+    """What is measured at a rig that is an arm, of its sensors and of how its pushes begin. A coordinate is known no
+    better than QUIETEST_RIG: an encoder that shows no noise has steps.
+
+    Args:
+        plant: the rig; it is held once under the nominal law, and brought to each start REPEATS times.
+        nominal: the arm whose law holds it.
+        starts: of the study's pushes.
+
+    Raises:
+        PlantError: a push begins elsewhere than it was asked to.
+        LostPlant: it does not answer.
     """
-    law = ChainModel(nominal.lumps, plant.gravity)
-    wanted = round(RESTING * natural_time(nominal, plant.gravity) / plant.timestep)
+    still = np.zeros(plant.njoint)
+    at_rest = ArmStart(starts[0].pose, still)
+    noise = _noise(_held(plant, at_rest, FEWEST_READINGS, lambda pose, _: joint_torque(nominal, pose, still, still)))
+    seen = _begun(plant, starts)
+    variance = ((seen - seen.mean(axis=0)) ** 2).sum(axis=0).mean(axis=0) / (REPEATS - 1) - noise**2
+    least = np.stack([np.maximum(noise[0], np.sqrt(REPEATS) * QUIETEST_RIG), noise[1]])
+    spread = np.sqrt((1.0 + 1.0 / REPEATS) * np.maximum(variance, 0.0) + least**2 / REPEATS)
+    poses, speeds = seen.mean(axis=0).swapaxes(0, 1)
+    return PushedSettings(
+        angles=poses.tolist(),
+        speeds=speeds.tolist(),
+        angle_spread=spread[0].tolist(),
+        speed_spread=spread[1].tolist(),
+        angle_noise=noise[0].tolist(),
+        speed_noise=noise[1].tolist(),
+    )
+
+
+def _noise(rest: Array) -> Array:
+    """The standard deviation of angles in rad and of speeds in rad/s (2 x njoint) about a slow drift, from readings at
+    rest (nreading x 2 x njoint).
+    """
+    drifts = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, len(rest)), DRIFT))[0]
+    flat = rest.reshape(len(rest), -1)
+    left = flat - drifts @ (drifts.T @ flat)
+    # A reading that never changes has no noise; what the projection leaves of it is rounding.
+    left[:, (flat == flat[0]).all(axis=0)] = 0.0
+    deviations: Array = np.sqrt((left**2).sum(axis=0) / (len(rest) - DRIFT))
+    return deviations.reshape(rest.shape[1:])
+
+
+def _held(plant: SocketPlant, start: Start | ArmStart, count: int, torque: Callable[[Array, Array], Array]) -> Array:
+    """So many readings (nreading x 2 x njoint), joint coordinates and speeds, of a rig at rest that a law holds.
+
+    Args:
+        plant: the rig.
+        start: where it is to rest.
+        count: of the readings.
+        torque: the law, of joint coordinates and speeds (njoint each).
+
+    Raises:
+        PlantError: a chain does not stand upright.
+    """
     seen: list[tuple[Array, Array]] = []
     try:
-        plant.push(Start.upright(np.zeros(plant.njoint)))
-        for _ in range(int(np.clip(wanted, FEWEST_READINGS, MOST_READINGS))):
+        plant.push(start)
+        for _ in range(count):
             angles, speeds = plant.states()
-            if not (np.abs(angles) <= UPRIGHT).all():
+            if isinstance(start, Start) and not (np.abs(angles) <= UPRIGHT).all():
                 raise PlantError(
                     f"plant {plant.name}: it does not stand when it is not pushed: joint angles {angles.tolist()} rad "
                     f"at tick {len(seen)} (allowed: within {UPRIGHT:g} rad of the upright)"
                 )
             seen.append((angles, speeds))
-            plant.apply_torque(law.torque(angles, speeds))
+            plant.apply_torque(torque(angles, speeds))
             plant.step()
     finally:
         plant.stop()
     return np.array(seen)
 
 
-def _begun(plant: SocketPlant, pushes: Array) -> Array:
-    """Joint angles and speeds (npush x 2 x njoint) right after each of the `pushes` (npush x njoint), in N s."""
+def _begun(plant: SocketPlant, starts: Sequence[Start | ArmStart]) -> Array:
+    """Joint coordinates and speeds (REPEATS x npush x 2 x njoint) right after each of the pushes that begin from these
+    `starts`.  Raises PlantError where an arm begins elsewhere than it was asked to.
+    """
     seen = []
-    for impulses in pushes:
-        plant.push(Start.upright(impulses))
-        seen.append(plant.states())
-        plant.stop()
-    return np.array(seen)
+    for start in [*starts] * REPEATS:
+        try:
+            plant.push(start)
+            seen.append(plant.states())
+        finally:
+            plant.stop()
+        if isinstance(start, ArmStart):
+            _refuse_elsewhere(f"plant {plant.name}: push {(len(seen) - 1) % len(starts) + 1}", start, *seen[-1])
+    return np.array(seen).reshape(REPEATS, len(starts), 2, plant.njoint)
 
 
-def _joints(speeds: Array) -> Array:
-    """Joint speeds (npush x njoint) from absolute link `speeds` (npush x njoint), in rad/s."""
-    return np.diff(speeds, axis=1, prepend=0.0)
+def _refuse_elsewhere(which: str, start: ArmStart, pose: Array, speeds: Array) -> None:
+    """Raises PlantError where `which` push of an arm began elsewhere than it was to `start`: at another `pose` or with
+    other `speeds` (njoint each).
+    """
+    fastest = max(AWAY, AWAY * float(np.abs(start.speeds).max()))
+    asked = ("is at", "rad", pose, start.pose, AWAY), ("turns at", "rad/s", speeds, start.speeds, fastest)
+    for what, unit, seen, wanted, most in asked:
+        for joint in np.flatnonzero(~(np.abs(seen - wanted) <= most))[:1]:
+            raise PlantError(
+                f"{which} was to begin elsewhere: joint {joint + 1} {what} {seen[joint]:.4g} {unit} "
+                f"(allowed: {wanted[joint]:.4g} ± {most:.2g} {unit})"
+            )
 
 
 def _per_share(impulses: Array, start_speeds: Array) -> Array:
@@ -121,24 +198,26 @@ def _push_noise(deviations: Array, per_share: Array, speed_noise: Array) -> floa
 
 def start_spread(pushed: PushedSettings) -> Array | None:
     """A root of the covariance of the joint speeds, in rad/s, right after each push about those that were measured
-    (npush x njoint x njoint), or of the joint angles and speeds (npush x 2 njoint x 2 njoint) where angles differ, too;
-    None where all pushes were alike. Each impulse differs by itself, and each speed.
+    (npush x njoint x njoint), or of the joint coordinates and speeds (npush x 2 njoint x 2 njoint) where coordinates
+    differ, too; None where all pushes were alike. Each impulse differs by itself, and each speed.
     """
-    speed_noise, angle_spread = np.array(pushed.speed_noise), np.array(pushed.angle_spread)
-    if pushed.push_noise == 0.0 and not speed_noise.any() and not angle_spread.any():
-        return None
-    speeds = _joints(np.array(pushed.speeds))
-    share = pushed.push_noise * np.concatenate(
-        [_per_share(np.array(pushed.impulses), speeds), speeds[:, :, None] * np.eye(speeds.shape[1])], axis=-1
+    speeds, of_angles, of_speeds = (
+        np.array(each) for each in (pushed.speeds, pushed.angle_spread, pushed.speed_spread)
     )
-    covariance = (1.0 + 1.0 / REPEATS) * share @ share.transpose(0, 2, 1) + np.diag(speed_noise**2) / REPEATS
+    if not (pushed.push_noise or of_angles.any() or of_speeds.any()):
+        return None
+    npush, n = speeds.shape
+    covariance = np.tile(np.diag(of_speeds**2), (npush, 1, 1))
+    if pushed.push_noise:
+        each = speeds[:, :, None] * np.eye(n)
+        share = pushed.push_noise * np.concatenate([_per_share(np.array(pushed.impulses), speeds), each], axis=-1)
+        covariance += (1.0 + 1.0 / REPEATS) * share @ share.transpose(0, 2, 1)
     values, vectors = np.linalg.eigh(covariance)
     roots: Array = vectors * np.sqrt(np.maximum(values, 0.0))[:, None]
-    if not angle_spread.any():
+    if not of_angles.any():
         return roots
-    npush, n = speeds.shape
     both = np.zeros((npush, 2 * n, 2 * n))
-    both[:, :n, :n], both[:, n:, n:] = np.diag(angle_spread), roots
+    both[:, :n, :n], both[:, n:, n:] = np.diag(of_angles), roots
     return both
 
 
@@ -153,7 +232,7 @@ def calibration_of(pushed: PushedSettings, nominal: Chain, gravity: float, repea
     """
     from scipy.special import stdtrit  # slow to load, and only rigs need it
 
-    start_speeds, speed_noise = _joints(np.array(pushed.speeds)), np.array(pushed.speed_noise)
+    start_speeds, speed_noise = np.array(pushed.speeds), np.array(pushed.speed_noise)
     share = pushed.push_noise * _per_share(np.array(pushed.impulses), start_speeds)
     variance = (1.0 + 1.0 / REPEATS) * ((share**2).sum(axis=-1) + speed_noise**2)
     freedom = (REPEATS - 1) * len(start_speeds) // repeats

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from metaid.errors import StorageError, StudyError
 from metaid.search import SAMPLERS
 from metaid.store import SPEC_KEY, Store, refuse_if_run
-from metaid.study.loading import AnySpec, problem_of, spec_from
+from metaid.study.loading import problem_of
+from metaid.study.spec import StudySpec
 
 if TYPE_CHECKING:
     import optuna
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 OTHER_VERSION = "was made by another version of metaid"
 
 
-def create_study(store: Store, spec: AnySpec, name: str | None = None) -> str:
+def create_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
     """Puts a study without trials into the DB and returns its name.  Raises StorageError if the name is taken.
 
     A rig is pushed, to find what pushes it needs and what they do.  Raises LostPlant where it does not answer.
@@ -37,7 +38,7 @@ def create_study(store: Store, spec: AnySpec, name: str | None = None) -> str:
     return name
 
 
-def ensure_study(store: Store, spec: AnySpec, name: str | None = None) -> str:
+def ensure_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
     """Creates the study unless the DB has it, made from the same settings; returns its name.  Raises StorageError if
     from others.
     """
@@ -51,7 +52,7 @@ def ensure_study(store: Store, spec: AnySpec, name: str | None = None) -> str:
     return name
 
 
-def _other_sampler(stored: AnySpec, wanted: AnySpec, name: str) -> str | None:
+def _other_sampler(stored: StudySpec, wanted: StudySpec, name: str) -> str | None:
     """How to go on with the sampler of the `wanted` study where the `stored` one has another; None where it has not."""
     old, new = stored.study.sampler, wanted.study.sampler
     if old == new:
@@ -62,12 +63,12 @@ def _other_sampler(stored: AnySpec, wanted: AnySpec, name: str) -> str | None:
     )
 
 
-def refuse_what_cannot_be_run(spec: AnySpec) -> None:
+def refuse_what_cannot_be_run(spec: StudySpec) -> None:
     """Raises StudyError where no sampler can search as these settings say."""
     problem_of(spec).make_searcher()
 
 
-def advice(spec: AnySpec) -> str | None:
+def advice(spec: StudySpec) -> str | None:
     """What to think over before the study is run, in one line; None if nothing."""
     sampler, trials = spec.study.sampler, spec.study.trials
     advised = SAMPLERS[sampler].advised_trials
@@ -79,26 +80,26 @@ def advice(spec: AnySpec) -> str | None:
     )
 
 
-def question(spec: AnySpec) -> str | None:
+def question(spec: StudySpec) -> str | None:
     """What to ask about the units of the study's plant or nominal model, in one line; None if nothing."""
     return problem_of(spec).question
 
 
-def stored_spec(store: Store, name: str) -> AnySpec:
+def stored_spec(store: Store, name: str) -> StudySpec:
     """The settings that a study in the DB was made from.  Raises StorageError."""
     try:
-        return spec_from(store.spec(name))
+        return StudySpec.model_validate_json(store.spec(name))
     except ValueError:
         raise StorageError(f"{store.url}: study '{name}' {OTHER_VERSION}") from None
 
 
-def optuna_spec(study: optuna.Study) -> AnySpec | None:
+def optuna_spec(study: optuna.Study) -> StudySpec | None:
     """The settings that the trials of an Optuna study are evaluated with by `metaid.objective`, in whatever storage it
     is; None where it has none yet.  Raises StorageError.
     """
     settings = study.user_attrs.get(SPEC_KEY)
     try:
-        return None if settings is None else spec_from(json.dumps(settings))
+        return None if settings is None else StudySpec.model_validate_json(json.dumps(settings))
     except ValueError:
         raise StorageError(f"the Optuna study '{study.study_name}' {OTHER_VERSION}") from None
 

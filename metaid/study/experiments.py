@@ -12,7 +12,8 @@ from metaid.plant import MujocoPlant, SocketSettings, Start
 from metaid.study.calibration import start_spread
 from metaid.study.loops import loop_of_plant, loop_of_rig
 from metaid.study.pushing import rest_deviations
-from metaid.study.settings import EstimateSettings, PushedSettings, StudySpec
+from metaid.study.settings import EstimateSettings
+from metaid.study.spec import PushedSettings, StudySpec
 
 if TYPE_CHECKING:
     from metaid.estimation import Experiment, LogUnknowns

@@ -10,9 +10,10 @@ from metaid.errors import StudyError
 from metaid.models import COARSEST
 from metaid.search import SAMPLERS, NarrowingSearcher, Searcher
 from metaid.study.identifiability import chain_rehearsal
-from metaid.study.loading import AnyProblem, AnySpec
+from metaid.study.loading import AnyProblem
 from metaid.study.problem import MOST_TRIALS, Problem
 from metaid.study.spatial import ArmProblem, arm_rehearsal
+from metaid.study.spec import StudySpec
 
 MARGIN = 0.7  # of the wanted width, on the nominal model: that of the plant differs by some tenths
 REHEARSALS: dict[type, Callable[[Any], tuple[Searcher, Any]]] = {Problem: chain_rehearsal, ArmProblem: arm_rehearsal}
@@ -55,7 +56,7 @@ def forecast(problem: AnyProblem, until: float) -> Forecast:
     return Forecast(until, trials, trials * problem.episode.npush, steps * problem.timestep, searcher.half_width)
 
 
-def refuse_until(spec: AnySpec, until: float) -> None:
+def refuse_until(spec: StudySpec, until: float) -> None:
     """Raises StudyError where a study cannot be run until its intervals are as narrow."""
     if not 0.0 < until <= COARSEST:
         raise StudyError(f"until is {until:.3%} (allowed: above 0 to {COARSEST:.0%}, half an interval ÷ its value)")

@@ -2,40 +2,24 @@
 
 from __future__ import annotations
 
-import json
 from collections import deque
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, overload
+from typing import Any
 
 from metaid.errors import StudyError
 from metaid.models.tree import Tree
 from metaid.plant import LinkSettings
 from metaid.study.problem import Problem
-from metaid.study.settings import StudySpec, read_study
-from metaid.study.spatial import ArmProblem, ArmSpec
+from metaid.study.reading import read_study
+from metaid.study.spatial import ArmProblem
+from metaid.study.spec import StudySpec
 
-AnySpec = StudySpec | ArmSpec
 AnyProblem = Problem | ArmProblem
 
-PROBLEMS: dict[type, Callable[[Any], AnyProblem]] = {StudySpec: Problem, ArmSpec: ArmProblem}
 _latest: deque[AnyProblem] = deque(maxlen=4)  # so that a command makes what follows from a study once
 
 
-def spec_from(text: str) -> AnySpec:
-    """The study whose settings a JSON `text` holds.  Raises ValueError where it holds none."""
-    tables = json.loads(text)
-    is_arm = isinstance(tables, dict) and tables.get("kind") == "arm"
-    return (ArmSpec if is_arm else StudySpec).model_validate_json(text)
-
-
-@overload
-def problem_of(spec: StudySpec) -> Problem: ...
-@overload
-def problem_of(spec: ArmSpec) -> ArmProblem: ...
-@overload
-def problem_of(spec: AnySpec) -> AnyProblem: ...
-def problem_of(spec: AnySpec) -> AnyProblem:
+def problem_of(spec: StudySpec) -> AnyProblem:
     """What follows from a study's settings. It is made once: settings that were asked about before have the same one,
     which is not to be changed.
 
@@ -43,12 +27,12 @@ def problem_of(spec: AnySpec) -> AnyProblem:
     """
     known = next((each for each in tuple(_latest) if each.spec == spec), None)
     if known is None:
-        known = PROBLEMS[type(spec)](spec)
+        known = ArmProblem(spec) if spec.is_arm else Problem(spec)
         _latest.append(known)
     return known
 
 
-def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> AnySpec:
+def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec:
     """The shipped study of that name, or the study file at that path, with `changes` by dotted key, which can be run.
     Raises StudyError, PlantError.
 
@@ -61,7 +45,7 @@ def load_study(name: str | Path, changes: dict[str, Any] | None = None) -> AnySp
     return spec
 
 
-def with_nominal(spec: AnySpec, nominal: tuple[LinkSettings, ...] | Tree) -> AnySpec:
+def with_nominal(spec: StudySpec, nominal: tuple[LinkSettings, ...] | Tree) -> StudySpec:
     """A study whose nominal model is this one: the links of a chain, or an arm.  Raises StudyError where that is no
     model of the study's plant.
     """
@@ -75,9 +59,9 @@ def load_chain_study(name: str | Path, changes: dict[str, Any] | None = None) ->
     return of_chain(load_study(name, changes))
 
 
-def of_chain(spec: AnySpec) -> StudySpec:
+def of_chain(spec: StudySpec) -> StudySpec:
     """A study that must be of a planar chain.  Raises StudyError where it is of an arm."""
-    if isinstance(spec, ArmSpec):
+    if spec.is_arm:
         raise StudyError(
             f"study {spec.name}: its plant {spec.plant_name} is an arm (allowed here: a planar chain, or a rig)"
         )

@@ -9,7 +9,7 @@ import numpy as np
 
 from metaid.models import Array
 from metaid.plant import FaultSettings, SocketSettings, joint_limits, slope_weights
-from metaid.study.estimating import AnyEstimateSettings
+from metaid.study.settings import EstimateSettings
 
 if TYPE_CHECKING:
     from metaid.estimation import Loop
@@ -23,7 +23,7 @@ def loop_of_rig(
     rig: SocketSettings,
     angle_noise: Sequence[float] | None,
     start_spread: Array | None,
-    wanted: AnyEstimateSettings,
+    wanted: EstimateSettings,
     lead: float,
 ) -> Loop:
     """That of a rig, by what was measured at it. The resolution of its encoders is what its readings show.
@@ -58,7 +58,7 @@ def loop_of_plant(
     faults: FaultSettings,
     angle_noise: Array,
     start_spread: Array | None,
-    wanted: AnyEstimateSettings,
+    wanted: EstimateSettings,
     lead: float,
 ) -> Loop:
     """That of a simulated plant, by what its user states of it. What is said of faults that are searched is not used.

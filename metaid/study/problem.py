@@ -40,10 +40,10 @@ from metaid.search import (
     widened,
 )
 from metaid.study.any_problem import StudyProblem
-from metaid.study.calibration import calibrate, calibration_of
+from metaid.study.calibration import calibrate_chain, calibration_of
 from metaid.study.contradictions import (
     check_bounds,
-    check_rig,
+    check_chain,
     check_settings,
     lump_factors,
     measure_of,
@@ -52,7 +52,7 @@ from metaid.study.contradictions import (
 from metaid.study.experiments import noisy_experiment, rig_experiment
 from metaid.study.parameters import Parameters, lumps_of
 from metaid.study.pushing import make_episode, refuse_unseen_pushes, rest_noise
-from metaid.study.settings import StudySpec
+from metaid.study.spec import StudySpec
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective
@@ -76,17 +76,16 @@ class Problem(StudyProblem):
 
     def __init__(self, spec: StudySpec) -> None:
         self.spec = spec
-        self.nominal: Chain = chain_of(spec.nominal)
+        self.nominal: Chain = chain_of(spec.links)
         self.measure = measure_of(spec.study.episode)
-        check_settings(spec, self.nominal)
+        check_settings(spec)
+        check_chain(spec, self.nominal)
         plant = self.open_plant()
         if plant.njoint != self.nominal.nlink:
             raise StudyError(
                 f"plant {plant.name} has {plant.njoint} links, the nominal model {self.nominal.nlink}: they must agree"
             )
         refuse_impossible("nominal model", self.nominal)
-        if not self.is_simulated:
-            check_rig(spec)
         self.lumps: Lumps = self.nominal.lumps_of(spec.study.search.lumps)  # what candidates' factors are of
         self.names = self.lumps.names
         search = spec.study.search
@@ -122,7 +121,7 @@ class Problem(StudyProblem):
     def calibrated(self) -> StudySpec:
         """The study with the pushes that its rig needs, and what was measured of them and of its sensors."""
         with closing(self.open_rig()) as rig:
-            pushed = calibrate(rig, self.nominal, self.at_plant(rig).pushes, self.spec.study.episode.repeats)
+            pushed = calibrate_chain(rig, self.nominal, self.at_plant(rig).pushes, self.spec.study.episode.repeats)
         return self.spec.model_copy(update={"pushed": pushed})
 
     def candidate(self, factors: Mapping[str, float]) -> Array:
@@ -144,8 +143,7 @@ class Problem(StudyProblem):
         """How many trials, from the first on, keep their readings in the DB: as many as an estimate is made of, and
         READING_BUDGET holds.
         """
-        plant = self.spec.plant
-        quantities = 2 if not isinstance(plant, PlantSettings) or plant.faults.speed_sensor else 1
+        quantities = 2 if self.spec.faults.speed_sensor else 1
         size = self.episode.pushes.size * (self.episode.readings_steps + 1) * quantities * 8
         most = MOST_TRIALS if self.is_matching else MOST_READ
         return min(most, READING_BUDGET // size) if self.keeps_readings else 0
@@ -177,7 +175,7 @@ class Problem(StudyProblem):
 
     def sensitivity(self) -> Array:
         """H (nlump x nlump) of the lumps and pushes, by the nominal model.  Eq. 11."""
-        horizon, gravity = self.episode.steps * self.timestep, self.spec.plant.gravity
+        horizon, gravity = self.episode.steps * self.timestep, self.spec.gravity
         return sensitivity(self.nominal, gravity, self.start_speeds, horizon, self.lumps.searched)
 
     @property
@@ -209,21 +207,17 @@ class Problem(StudyProblem):
 
     def open_plant(self) -> MujocoPlant | SocketPlant:
         """A plant of its own for each worker, simulated or not."""
-        if isinstance(self.spec.plant, SocketSettings):
+        if not self.is_simulated:
             return self.open_rig()
-        return MujocoPlant(self.spec.plant_name, self.spec.plant)
+        return MujocoPlant(self.spec.plant_name, self.spec.simulated)
 
     def nominal_plant(self) -> MujocoPlant:
         """The nominal model as a plant, with the faults of the plant file but for those that are searched."""
-        if isinstance(self.spec.plant, PlantSettings):
-            faults = self.spec.plant.faults.without(self.spec.study.estimate.undeclared_faults)
-            return MujocoPlant(
-                "nominal", self.spec.plant.model_copy(update={"links": self.spec.nominal, "faults": faults})
-            )
-        settings = self.spec.plant
-        return MujocoPlant(
-            "nominal", PlantSettings(gravity=settings.gravity, timestep=settings.timestep, links=self.spec.nominal)
-        )
+        spec = self.spec
+        if spec.simulated is not None:
+            faults = spec.faults.without(spec.study.estimate.undeclared_faults)
+            return MujocoPlant("nominal", spec.simulated.model_copy(update={"links": spec.links, "faults": faults}))
+        return MujocoPlant("nominal", PlantSettings(gravity=spec.gravity, timestep=spec.timestep, links=spec.links))
 
     def make_objective(self) -> Objective:
         """An objective of its own for each worker, in factors of the nominal lumps."""
@@ -280,7 +274,7 @@ class Problem(StudyProblem):
             return None
         wanted, kinds = self.spec.study.estimate, self.estimated_kinds
         lengths = self.nominal.length if wanted.lengths == "exact" else None
-        unknowns = LogUnknowns(self.nominal.lumps_of(kinds), self.spec.plant.gravity, kinds, lengths, wanted.spread)
+        unknowns = LogUnknowns(self.nominal.lumps_of(kinds), self.spec.gravity, kinds, lengths, wanted.spread)
         start_speeds = np.diff(self.start_speeds, axis=1, prepend=0.0)
         if isinstance(self.spec.plant, SocketSettings):
             plant, pushed = self.spec.plant, self.spec.pushed
@@ -306,7 +300,7 @@ class Problem(StudyProblem):
             if pushed is None:
                 speeds = pushed_speeds(moved, episode.pushes)
             else:
-                speeds = np.array(pushed.speeds)
+                speeds = np.cumsum(pushed.speeds, axis=1)
                 known = calibration_of(pushed, self.nominal, plant.gravity, self.spec.study.episode.repeats)
                 episode = replace(episode, pushes=np.array(pushed.impulses), calibration=known)
         except EpisodeError as problem:

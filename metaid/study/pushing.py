@@ -28,10 +28,11 @@ from metaid.episode import (
 )
 from metaid.errors import EpisodeError, StudyError
 from metaid.models import Array, Chain
-from metaid.plant import FaultyPlant, MujocoPlant, Plant, PlantSettings
+from metaid.plant import FaultyPlant, MujocoPlant, Plant
 from metaid.search import SAMPLERS, designed_speeds
 from metaid.study.contradictions import check_size
-from metaid.study.settings import LARGEST_STEPS, StudySpec
+from metaid.study.settings import LARGEST_STEPS
+from metaid.study.spec import StudySpec
 
 HORIZON = 1.5  # of a rich push, in units of √(l/g)
 SLOWEST_PUSH = 1e-9  # rad/s of the fastest link after a push; what is slower is lost in rounding
@@ -84,7 +85,7 @@ def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure
         pushes = _strong_pushes(plant, kind, spec, nominal, pushed)
         # A link that is pushed past 180° on purpose has not fallen there.
         fall_limit = RICH_FALL_LIMIT * _strength(spec)
-        runaway = np.inf if isinstance(spec.plant, PlantSettings) else RICH_RUNAWAY
+        runaway = np.inf if spec.is_simulated else RICH_RUNAWAY
     else:
         steps, fall_limit, runaway = wanted.steps or COUNTING_STEPS, FALL_LIMIT, np.inf
         check_size(spec, measure, count * wanted.repeats, steps, RESTS)
@@ -93,28 +94,21 @@ def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure
     rule = FallRule(wanted.fall_limit or fall_limit, wanted.fall_margin, wanted.fall_runaway or runaway)
     counted = spec.study.estimate.compare == "count"
     kept: dict[str, Any] = {"window_ends": _window_ends(pushes, steps, steps * timestep / natural, counted)}
-    if _has_noise(spec):
+    if spec.keeps_readings:
         kept = {"readings_steps": min(steps, read)}
     return Episode(pushes, steps, rule, seed=spec.study.seed, lead=wanted.lead, **kept)
 
 
 def _reading_steps(spec: StudySpec, natural: float) -> int:
     """For how many steps after a push the readings of a plant with noise are kept; `natural` time √(l/g) in s."""
-    if not _has_noise(spec) or not spec.study.estimate.enabled:
+    if not spec.keeps_readings or not spec.study.estimate.enabled:
         return 0
     return max(round(_horizons_read(spec) * HORIZON * natural / spec.timestep), 2)
 
 
 def _horizons_read(spec: StudySpec) -> float:
     """For how many horizons of a rich push readings are kept."""
-    return float(np.clip(LINKS_READ / len(spec.nominal), 1.0, LONGEST_READ))
-
-
-def _has_noise(spec: StudySpec) -> bool:
-    """Whether a study keeps what its plant's sensors read, and no windows of its motion, as on any rig."""
-    if not isinstance(spec.plant, PlantSettings) or spec.plant.faults.named or spec.study.episode.lead:
-        return True
-    return bool(spec.study.estimate.faults)  # they are searched in readings
+    return float(np.clip(LINKS_READ / len(spec.joints), 1.0, LONGEST_READ))
 
 
 def _window_ends(pushes: Array, steps: int, horizon: float, counted: bool) -> tuple[int, ...]:
@@ -141,8 +135,8 @@ def _strong_pushes(
 
 def _strength(spec: StudySpec) -> float:
     """How many times stronger than a rich push a push is, if the study does not say."""
-    is_matched = SAMPLERS[spec.study.sampler].by_estimate and _has_noise(spec)
-    is_told = spec.study.episode.peak_speed is not None or not isinstance(spec.plant, PlantSettings)
+    is_matched = SAMPLERS[spec.study.sampler].by_estimate and spec.keeps_readings
+    is_told = spec.study.episode.peak_speed is not None or not spec.is_simulated
     return _horizons_read(spec) if is_matched and not is_told else 1.0
 
 

@@ -19,15 +19,15 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from metaid.errors import PlantError, StorageError, StudyError, printable
 from metaid.models import Array
-from metaid.plant import SocketSettings
 from metaid.store import Lease, Store, Trial
 from metaid.study.create import stored_spec
 from metaid.study.estimates import keep_estimate
 from metaid.study.evaluation import Evaluator, make_evaluator
 from metaid.study.forecast import refuse_until
-from metaid.study.loading import AnyProblem, AnySpec, problem_of
+from metaid.study.loading import AnyProblem, problem_of
 from metaid.study.problem import MOST_TRIALS
 from metaid.study.progress import Progress, Run
+from metaid.study.spec import StudySpec
 from metaid.study.writer import Writer
 
 ARITHMETIC_KEY = "metaid:arithmetic"  # of a study: what its first trials were made with
@@ -92,7 +92,7 @@ def run_study(
     workers = spec.study.workers if workers is None else workers
     if total < 1 or workers < 1:
         raise StudyError(f"trials is {total} and workers is {workers} (allowed: 1 or more of each)")
-    if isinstance(spec.plant, SocketSettings) and workers != 1:
+    if not spec.is_simulated and workers != 1:
         raise StudyError(f"plant {spec.plant_name} is one rig: workers is {workers} (allowed: 1)")
     store.check()
     # At these sizes BLAS threads cost far more than they give.
@@ -116,7 +116,7 @@ def run_study(
     return run.progress
 
 
-def _replayed(store: Store, name: str, spec: AnySpec, total: int, until: float | None) -> Run:
+def _replayed(store: Store, name: str, spec: StudySpec, total: int, until: float | None) -> Run:
     stored = store.trials(name, spec.names)
     # A run moves bounds, and what follows from the settings is not to be changed.
     run, here = Run(copy(problem_of(spec)), max(total, len(stored)), until), arithmetic()

@@ -1,58 +1,71 @@
-"""What a study file says, checked entry by entry, and made whole.
+"""What a study file says, checked entry by entry: the same tables for chains and arms.
 
-`StudySpec` is all that a run depends on (the study's settings with plant and nominal model written out); it goes into
-the study DB, so a study can be resumed and shown without its files.
+A class of keys that only one kind of robot has is an `OfChain` or an `OfArm`; `refuse_unsuited` is the one rule that
+keeps them from the other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from hashlib import blake2b
-from pathlib import Path
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
 from metaid.episode import FALL_MARGIN
-from metaid.errors import PlantError, StudyError
-from metaid.files import Settings, check, find_file, find_file_beside, read_toml
-from metaid.models import FRICTION, IDEAL, lump_names
-from metaid.plant import (
-    ARM_FILES,
-    PLANT_KEYS,
-    ArmSettings,
-    LinkSettings,
-    PlantSettings,
-    SocketSettings,
-    read_any_plant,
-    read_plant,
-    refuse_parts_outside,
-)
-from metaid.search import SamplerOptions
-from metaid.study.estimating import AnyEstimateSettings, with_trials
-from metaid.study.spatial import ArmSpec, arm_spec
+from metaid.errors import StudyError
+from metaid.files import Settings
+from metaid.models import FRICTION, IDEAL
+from metaid.models.tree import PriorDeviations
+from metaid.plant import FAULT_UNITS, Limit, LinkSettings
+from metaid.search import SAMPLERS, SamplerOptions
 
-FEW = 12  # trials by default; ten links take fewer
-NAMES_PLANT = "allowed: a file with plant = NAME or PATH, nominal = … and what else a study has"
+MANY = 2000  # trials by default of a sampler that minimises one number of each; it may end sooner
+FEW = 12  # of another; ten links take fewer
+# What an arm has where its file says nothing. Its first step is small: a law that is far off in many base parameters
+# lets a push fall.
+OF_ARM: dict[str, Any] = {"trials": 4, "workers": 1}
+ARM_STEP = 0.05
+BY_FACTORS = ("dinoip", "random")  # samplers that need nominal values that are not 0, and bounds that are near
 LARGEST_STEPS = 10_000_000  # after a push
+TAKEN_UP = ("delay", "tilt")  # of the faults that a study may take up by itself those that a plant file may have
 
 Factor = Annotated[float, Field(gt=0, le=100)]
 Impulse = Annotated[float, Field(ge=-1e6, le=1e6)]
 Factors = Factor | dict[str, Factor]
+Share = Annotated[float, Field(gt=0, le=10)]
+FaultKind = Literal[
+    "delay", "lag", "tilt", "offset", "viscous", "dry", "presliding", "spring", "bias", "cogging", "rotor", "gain"
+]
 
 
-class NominalSettings(Settings):
+class OfChain(Settings):
+    """Keys that only the study of a planar chain has."""
+
+
+class OfArm(Settings):
+    """Keys that only the study of an arm has."""
+
+
+class NominalSettings(OfChain):
     """A nominal model beside the study: `[[nominal.links]]`, as in a plant file."""
 
     links: Annotated[tuple[LinkSettings, ...], Field(min_length=1, max_length=64, strict=False)]
 
 
-class SearchSettings(SamplerOptions):
-    """`[search]`: the kinds of `lumps` that are searched, "gravity" and "coriolis" and, if wanted, "damping" and
-    "coulomb"; bounds `low`, `high` and `start` as factors of the nominal lumps, one for all or a table by lump
+class DrawnNominalSettings(OfArm):
+    """`[nominal]`: a nominal arm that is drawn at random, with a `seed`, about the arm of a `plant` file. Masses,
+    moments of inertia and centres of mass are as wrong as `[estimate]` says that they may be, friction and rotors are
+    not known.
+    """
+
+    plant: str
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+
+
+class LumpSearchSettings(OfChain):
+    """`[search]` of a chain: the kinds of `lumps` that are searched, "gravity" and "coriolis" and, if wanted, "damping"
+    and "coulomb"; bounds `low`, `high` and `start` as factors of the nominal lumps, one for all or a table by lump
     name (`upper_bounds` has the default of `high`); whether a bound that holds the search back may be moved away, once
-    (`widen`; default: yes, but for a rig); the coordinates; a `target` of the measure at which the search may stop; and
-    the options of the sampler.
+    (`widen`; default: yes, but for a rig); the coordinates.
     """
 
     lumps: Annotated[tuple[Literal["gravity", "coriolis", "damping", "coulomb"], ...], Field(strict=False)] = (
@@ -64,7 +77,6 @@ class SearchSettings(SamplerOptions):
     low: Factors = 0.5
     high: Factors | None = None
     widen: bool | None = None
-    target: Annotated[float, Field(ge=0)] | None = None
 
     @field_validator("lumps")
     @classmethod
@@ -74,48 +86,18 @@ class SearchSettings(SamplerOptions):
         return tuple(kind for kind in (*IDEAL, *FRICTION) if kind in lumps)
 
 
-class EstimateSettings(AnyEstimateSettings):
-    """`[estimate]` of a chain, with what it has of any robot. `lumps`: the kinds that are unknown (default: gravity,
-    coriolis and inertia, and those of friction that the study searches). `lengths`: "free", or "exact" where the
-    Coriolis lumps follow from the nominal lengths and the gravity lumps. `compare`: the "speed" that each push changes,
-    the "frequency" of each joint, "both" (default: speed after short pushes, frequency after long ones), or the "count"
-    of its half periods, of which the result is the set of models that count the same. `spread`: by how much the nominal
-    lumps may be wrong, as a standard deviation.
-    """
+class SearchSettings(LumpSearchSettings, SamplerOptions):
+    """`[search]`: a `target` of the measure at which the search may stop, and the options of the sampler."""
 
-    lumps: (
-        Annotated[tuple[Literal["gravity", "coriolis", "damping", "coulomb", "inertia"], ...], Field(strict=False)]
-        | None
-    ) = None
-    lengths: Literal["free", "exact"] = "free"
-    compare: Literal["speed", "frequency", "both", "count"] | None = None
-    spread: Annotated[float, Field(ge=1e-6, le=10)] = 0.3
-
-    @field_validator("faults")
-    @classmethod
-    def _told_apart(cls, faults: tuple[str, ...] | str) -> tuple[str, ...] | str:
-        if {"tilt", "offset"} <= set(faults):
-            raise ValueError(
-                "a tilt of the base and an offset of the first encoder move alike (allowed: tilt, or offset, which "
-                "then has the tilt in that of joint 1)"
-            )
-        return faults
-
-    @field_validator("lumps")
-    @classmethod
-    def _needed(cls, lumps: tuple[str, ...] | None) -> tuple[str, ...] | None:
-        if lumps is not None and (not {"gravity", "inertia"} <= set(lumps) or len(set(lumps)) < len(lumps)):
-            raise ValueError("needs gravity and inertia, each kind once (allowed besides: coriolis, damping, coulomb)")
-        return lumps
+    target: Annotated[float, Field(ge=0)] | None = None
 
 
-class EpisodeSettings(Settings):
-    """`[episode]`: the `measure`, and for "count" its counting `rule`; `pushes`: "rich", "designed" (the best of many
-    rich sets, by the nominal model), "tip", or a list of impulses in N s, one per link tip; for the first two their
-    `count` (default 2 per link); for all three the `peak_speed` in rad/s; `steps` after each push; the `fall_limit` in
-    rad, the `fall_margin` (0: past the limit is fallen, however slow) and the `fall_runaway` beyond which a link has
-    fallen wherever it is; `repeats` of every push, which average noise; the
-    `lead` in s, for a plant whose torques come late: the law gets the angles that the speeds lead to by then.
+class StruckSettings(OfChain):
+    """`[episode]` of a chain: the `measure`, and for "count" its counting `rule`; `pushes`: "rich", "designed" (the
+    best of many rich sets, by the nominal model), "tip", or a list of impulses in N s, one per link tip; for the first
+    two their `count` (default 2 per link); for all three the `peak_speed` in rad/s; `steps` after each push; the
+    `fall_limit` in rad, the `fall_margin` (0: past the limit is fallen, however slow) and the `fall_runaway` beyond
+    which a link has fallen wherever it is; `repeats` of every push, which average noise.
     """
 
     measure: str = "spectral"
@@ -128,7 +110,120 @@ class EpisodeSettings(Settings):
     fall_margin: Annotated[float, Field(ge=0, le=1000)] = FALL_MARGIN
     fall_runaway: Annotated[float, Field(gt=1, le=1e6)] | None = None
     repeats: Annotated[int, Field(ge=1, le=1000)] = 1
+
+
+class LedSettings(OfArm):
+    """`[episode]` of an arm: how many pushes coast, `coasts` (default: 2 a joint), and how many swing as on springs,
+    `springs` (default: 1 a joint), with the `stiffness` k in 1/s² of the q̈ = −k (q − q₀) that their law asks for
+    (default: by the torque limits); how long each is, `horizon` in s; the `speed` of the fastest joint at a start in
+    rad/s; how many times faster a joint must be to have run away, `runaway`.
+    """
+
+    coasts: Annotated[int, Field(ge=1, le=1000)] | None = None
+    springs: Annotated[int, Field(ge=0, le=1000)] | None = None
+    stiffness: Annotated[float, Field(gt=0, le=1e6)] | None = None
+    horizon: Annotated[float, Field(gt=0, le=60)] = 0.3
+    speed: Annotated[float, Field(gt=0, le=100)] = 3.0
+    runaway: Annotated[float, Field(gt=1, le=1e6)] = 5.0
+
+
+class EpisodeSettings(LedSettings, StruckSettings):
+    """`[episode]`: the `lead` in s, for a plant whose torques come late: the law gets the angles that the speeds lead
+    to by then.
+    """
+
     lead: Annotated[float, Field(ge=0, le=1)] = 0.0
+
+
+class LumpEstimateSettings(OfChain):
+    """`[estimate]` of a chain. `lumps`: the kinds that are unknown (default: gravity, coriolis and inertia, and those
+    of friction that the study searches). `lengths`: "free", or "exact" where the Coriolis lumps follow from the nominal
+    lengths and the gravity lumps. `compare`: the "speed" that each push changes, the "frequency" of each joint, "both"
+    (default: speed after short pushes, frequency after long ones), or the "count" of its half periods, of which the
+    result is the set of models that count the same. `spread`: by how much the nominal lumps may be wrong, as a standard
+    deviation.
+    """
+
+    lumps: (
+        Annotated[tuple[Literal["gravity", "coriolis", "damping", "coulomb", "inertia"], ...], Field(strict=False)]
+        | None
+    ) = None
+    lengths: Literal["free", "exact"] = "free"
+    compare: Literal["speed", "frequency", "both", "count"] | None = None
+    spread: Annotated[float, Field(ge=1e-6, le=10)] = 0.3
+
+    @field_validator("lumps")
+    @classmethod
+    def _needed(cls, lumps: tuple[str, ...] | None) -> tuple[str, ...] | None:
+        if lumps is not None and (not {"gravity", "inertia"} <= set(lumps) or len(set(lumps)) < len(lumps)):
+            raise ValueError("needs gravity and inertia, each kind once (allowed besides: coriolis, damping, coulomb)")
+        return lumps
+
+
+class PriorSettings(OfArm):
+    """`[estimate]` of an arm: how wrong the nominal one may be, as standard deviations: of each link's `mass`, of its
+    centre of mass `com` as a share of its distance from the joint, of its moments of `inertia`; of each joint's
+    `rotor`, `damping` and dry friction `coulomb`, as shares of the joint's torque (docs/method.md, Eq. 41).
+    """
+
+    mass: Share = 0.3
+    com: Share = 0.15
+    inertia: Share = 0.3
+    rotor: Share = 0.5
+    damping: Share = 0.5
+    coulomb: Share = 0.3
+
+    @property
+    def prior(self) -> PriorDeviations:
+        """The same as the model has it."""
+        return PriorDeviations(**{name: getattr(self, name) for name in PriorSettings.model_fields})
+
+
+class EstimateSettings(PriorSettings, LumpEstimateSettings):
+    """`[estimate]`. `enabled`: whether an estimate is made of the trials at all. `faults`: what else of the plant is
+    unknown (`metaid.plant.unknown_faults`), or "proposed", where such faults are taken up once nothing explains the
+    trials without them; the plant file is not asked for these. `teeth`: how many times a turn cogging repeats; 0 where
+    that is not known, and is found where faults are taken up. `torque_limit`: what the motors give at most, in N m, one
+    number or one a joint, as far as you know; the plant file is not asked.
+    """
+
+    enabled: bool = True
+    faults: Annotated[tuple[FaultKind, ...], Field(strict=False)] | Literal["proposed"] = ()
+    teeth: Annotated[int, Field(ge=0, le=1000)] = 0
+    torque_limit: Limit | Annotated[tuple[Limit, ...], Field(min_length=1, strict=False)] | None = None
+
+    @property
+    def of_rig(self) -> Self:
+        """The same of a rig: a real machine has faults, so they are taken up unless the file says which to search."""
+        if "faults" in self.model_fields_set or not self.enabled:
+            return self
+        return self.model_copy(update={"faults": "proposed"})
+
+    @property
+    def searched_faults(self) -> tuple[str, ...]:
+        """The kinds that are searched from the first trial on."""
+        return () if self.takes_up_faults else tuple(self.faults)
+
+    @property
+    def takes_up_faults(self) -> bool:
+        """Whether faults are taken up where nothing explains the trials without them."""
+        return self.faults == "proposed"
+
+    @property
+    def undeclared_faults(self) -> tuple[str, ...]:
+        """The kinds of which the plant file is not asked."""
+        return TAKEN_UP if self.takes_up_faults else self.searched_faults
+
+    @field_validator("faults")
+    @classmethod
+    def _each_once(cls, faults: tuple[str, ...] | str) -> tuple[str, ...] | str:
+        if isinstance(faults, str):
+            return faults
+        if len(set(faults)) < len(faults):
+            raise ValueError("names a fault twice (allowed: each once)")
+        if "presliding" in faults and "dry" not in faults:
+            raise ValueError("presliding is of dry friction (allowed: with 'dry')")
+        return tuple(kind for kind in FAULT_UNITS if kind in faults)
 
 
 class StudySettings(Settings):
@@ -136,7 +231,7 @@ class StudySettings(Settings):
 
     description: str = ""
     plant: str
-    nominal: str | NominalSettings
+    nominal: str | NominalSettings | DrawnNominalSettings
     sampler: str = "output-error"
     trials: Annotated[int, Field(ge=1, le=100_000_000)] = FEW
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
@@ -148,156 +243,48 @@ class StudySettings(Settings):
     @model_validator(mode="before")
     @classmethod
     def _with_trials(cls, tables: Any) -> Any:
-        return with_trials(tables)
+        """One whose sampler minimises needs more trials than one that matches what each shows."""
+        if isinstance(tables, dict) and tables.get("sampler", "output-error") != "output-error":
+            return {"trials": MANY, **tables}
+        return tables
 
 
-class PushedSettings(Settings):
-    """What was found at a rig when the study was created: the `impulses` of its pushes, in N s, and the absolute link
-    `speeds` that they gave, in rad/s, on average; both (npush x njoint). `push_noise`: by how much an impulse differs
-    from one time to the next, as a share of it. `angle_spread`: by how much the joint angles (njoint) right after a
-    push do, in rad, beyond the noise of their readings. `angle_noise` in rad and `speed_noise` in rad/s: the standard
-    deviations of the readings of each joint (njoint) at rest.
+def with_defaults(study: StudySettings, is_arm: bool, is_rig: bool) -> StudySettings:
+    """What a study file says, with the defaults of such a robot for what it does not say."""
+    unsaid = {**(OF_ARM if is_arm else {}), **({"workers": 1} if is_rig else {})}
+    changes: dict[str, Any] = {key: value for key, value in unsaid.items() if key not in study.model_fields_set}
+    if is_arm and "sigma" not in study.search.model_fields_set:
+        changes["search"] = study.search.model_copy(update={"sigma": ARM_STEP})
+    if is_rig:
+        changes["estimate"] = study.estimate.of_rig
+    return study.model_copy(update=changes)
+
+
+def refuse_unsuited(study: StudySettings, is_arm: bool, source: str) -> None:
+    """Raises StudyError where the study of an arm says what only that of a chain can, or the other way round.
+
+    Args:
+        study: its settings.
+        is_arm: what its plant is.
+        source: the file, as the message names it.
     """
-
-    impulses: list[list[float]]
-    speeds: list[list[float]]
-    push_noise: float
-    angle_spread: list[float]
-    angle_noise: list[float]
-    speed_noise: list[float]
-
-
-class StudySpec(Settings):
-    """A study with nothing left to look up."""
-
-    name: str
-    plant_name: str
-    plant: PlantSettings | SocketSettings
-    nominal: Annotated[tuple[LinkSettings, ...], Field(strict=False)]
-    study: StudySettings
-    pushed: PushedSettings | None = None
-
-    def __repr__(self) -> str:
-        return f"<StudySpec {self.name}: plant {self.plant_name}, {self.study.sampler}, trials={self.study.trials}>"
-
-    @property
-    def timestep(self) -> float:
-        """Time between two control steps, in s."""
-        return self.plant.control_period if isinstance(self.plant, PlantSettings) else self.plant.timestep
-
-    @property
-    def experiment(self) -> str:
-        """A digest of what a trial's outcome follows from, beside its factors and its number: the plant, the nominal
-        model, the pushes, what is searched. Studies that differ in nothing but sampler and trials have the same.
-        """
-        study = self.study
-        parts = (self.plant, *self.nominal, study.episode, self.pushed)
-        texts = ["" if part is None else part.model_dump_json() for part in parts]
-        searched = [*study.search.lumps, str(study.seed)]
-        return blake2b("\n".join([*texts, *searched]).encode(), digest_size=6).hexdigest()
-
-    @property
-    def names(self) -> list[str]:
-        """The names under which the factors of candidates are in the DB."""
-        return lump_names(len(self.nominal), self.study.search.lumps)
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """What its joints are called."""
-        return tuple(f"joint {i + 1}" for i in range(len(self.nominal)))
-
-    @property
-    def gravity(self) -> float:
-        """In m/s²."""
-        return self.plant.gravity
-
-    @property
-    def measure(self) -> str:
-        """The name of what is measured."""
-        return self.study.episode.measure
-
-    def with_nominal(self, nominal: Any) -> StudySpec:
-        """A study of the same chain with another `nominal` model, its links.  Raises StudyError where that is no chain
-        with as many.
-        """
-        is_chain = isinstance(nominal, tuple)
-        if not is_chain or len(nominal) != len(self.nominal):
-            raise StudyError(
-                f"study {self.name}: its plant {self.plant_name} is a planar chain of {len(self.nominal)} links, "
-                f"and the model to start from is {f'a planar chain of {len(nominal)}' if is_chain else 'an arm'}"
-            )
-        study = self.study.model_copy(update={"nominal": NominalSettings(links=nominal)})
-        return self.model_copy(update={"nominal": nominal, "study": study})
-
-    @property
-    def joints_with_periods(self) -> int:
-        """How many joints have their periods counted in each trial."""
-        return len(self.nominal)
+    robot, others = ("an arm", OfChain) if is_arm else ("a planar chain", OfArm)
+    if isinstance(study.nominal, others):
+        allowed = "the plant file of an arm, or a table with plant and seed" if is_arm else "a plant file, or links"
+        what = "has the links of a planar chain" if is_arm else "is an arm that is drawn"
+        raise StudyError(f"{source}: plant {study.plant} is {robot}, and the nominal model {what} (allowed: {allowed})")
+    tables: tuple[Settings, ...] = study.search, study.episode, study.estimate
+    for table in tables:
+        keys = type(table).model_fields
+        foreign = {key for base in _parts(table) if issubclass(base, others) for key in base.model_fields}
+        for key in sorted(table.model_fields_set & foreign):
+            allowed = ", ".join(each for each in keys if each not in foreign)
+            raise StudyError(f"{source}: '{key}' is not for {robot}, as the plant is (allowed there: {allowed})")
+    if is_arm and study.sampler in BY_FACTORS:
+        able = [name for name in SAMPLERS if name not in BY_FACTORS]
+        raise StudyError(f"{source}: sampler '{study.sampler}' is not for an arm (allowed: {', '.join(able)})")
 
 
-def read_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec | ArmSpec:
-    """The shipped study of that name, or the study file at that path, with `changes` by dotted key; it may
-    still contradict itself.  Raises StudyError, PlantError.
-
-    What the file names lies in its own folder; a path in `changes` is the user's own and may be anywhere.
-    """
-    path = find_file("studies", str(name), StudyError)
-    if path.suffix in ARM_FILES:
-        raise StudyError(f"{path}: describes a robot, and is no study file ({NAMES_PLANT})")
-    tables = read_toml(path, StudyError)
-    if "plant" not in tables and tables.keys() & PLANT_KEYS:
-        raise StudyError(f"{path}: a plant file, and no study file ({NAMES_PLANT})")
-    changes = changes or {}
-    for key, value in changes.items():
-        _change(tables, key, value)
-
-    def named(key: str, value: str) -> Path:
-        if key in changes:
-            return find_file("plants", value, PlantError)
-        found = find_file_beside("plants", value, path, PlantError)
-        if found.resolve().is_relative_to(path.parent.resolve()):
-            refuse_parts_outside(found, path.parent)
-        return found
-
-    if isinstance(wanted := tables.get("plant"), str):
-        plant_path = named("plant", wanted)
-        any_plant = read_any_plant(plant_path)
-        if not isinstance(any_plant, PlantSettings) and _is_of_arm(any_plant, tables.get("nominal"), named):
-            return arm_spec(path, tables, plant_path, any_plant, named)
-    study = check(StudySettings, tables, str(path), StudyError)
-    plant_path = named("plant", study.plant)
-    plant = cast("PlantSettings | SocketSettings", read_any_plant(plant_path))  # one that names an arm is read above
-    if isinstance(plant, SocketSettings):
-        of_rig = {} if "workers" in study.model_fields_set else {"workers": 1}
-        study = study.model_copy(update=of_rig | {"estimate": study.estimate.of_rig})
-    if isinstance(study.nominal, NominalSettings):
-        nominal = study.nominal.links
-    else:
-        nominal = _same_gravity(read_plant(named("nominal", study.nominal)), plant, path).links
-    return StudySpec(name=path.stem, plant_name=plant_path.stem, plant=plant, nominal=nominal, study=study)
-
-
-def _is_of_arm(plant: ArmSettings | SocketSettings, nominal: Any, named: Callable[[str, str], Path]) -> bool:
-    """Whether a study is of an arm: by its `plant`, or, of a rig, by the `nominal` model that its file names."""
-    if not isinstance(plant, SocketSettings):
-        return True
-    file = nominal.get("plant") if isinstance(nominal, dict) else nominal
-    return isinstance(file, str) and isinstance(read_any_plant(named("nominal", file)), ArmSettings)
-
-
-def _change(tables: dict[str, Any], key: str, value: Any) -> None:
-    *parents, last = key.split(".")
-    for parent in parents:
-        tables = tables.setdefault(parent, {})
-        if not isinstance(tables, dict):
-            raise StudyError(f"--set {key}: '{parent}' is not a table")
-    tables[last] = value
-
-
-def _same_gravity(model: PlantSettings, plant: PlantSettings | SocketSettings, path: Path) -> PlantSettings:
-    if model.gravity != plant.gravity:
-        raise StudyError(
-            f"{path}: the nominal model's gravity is {model.gravity} m/s², the plant's {plant.gravity}: "
-            "they must agree, it is not searched"
-        )
-    return model
+def _parts(table: Settings) -> list[type[Settings]]:
+    """The classes that a `table` is put together from."""
+    return [base for base in type(table).__bases__ if issubclass(base, Settings)]

@@ -17,7 +17,7 @@ from metaid.models import Array, Chain
 from metaid.plant import FaultSettings, FaultyPlant, MujocoPlant, PlantSettings, SocketPlant, SocketSettings, Start
 from metaid.store import Store
 from metaid.study import Problem, create_study, load_chain_study, run_study, stored_spec
-from metaid.study.calibration import calibrate
+from metaid.study.calibration import calibrate_chain
 from soak import lies
 from soak.lies import LIES, Answer, Liar, Lie, listening, replayed
 from soak.rigs import HONEST_TRIALS, NOISE, PUSHES_A_TRIAL, STEPS, broken, created, told
@@ -195,7 +195,7 @@ def test_calibration_measures_noise_and_spread() -> None:
         rig = Liar(STEPS, **NOISE[kind])
         with listening(rig) as address:
             plant = SocketPlant("rig", SocketSettings(socket=address, joints=2, step_timeout=30.0))
-            pushed = calibrate(plant, nominal, rich_pushes(plant, 4, 3.3, seed=1), 1)
+            pushed = calibrate_chain(plant, nominal, rich_pushes(plant, 4, 3.3, seed=1), 1)
             plant.close()
         assert pushed.angle_noise == pytest.approx([noise] * 2, rel=0.2)
         assert pushed.push_noise == pytest.approx(spread, rel=0.5)
@@ -208,5 +208,5 @@ def test_pushes_that_cannot_be_repeated_are_refused_when_a_study_is_created() ->
         plant = SocketPlant("rig", SocketSettings(socket=address, joints=2, step_timeout=30.0))
         nominal = MujocoPlant("nominal", PlantSettings.model_validate({"links": lies.PLANT["links"]})).chain
         with pytest.raises(PlantError, match=r"differs by .* from one time to the next"):
-            calibrate(plant, nominal, np.full((4, 2), 0.1), 1)
+            calibrate_chain(plant, nominal, np.full((4, 2), 0.1), 1)
         plant.close()

@@ -14,7 +14,7 @@ from conftest import Finished
 from metaid.errors import StudyError
 from metaid.study import ArmProblem, Problem, load_chain_study, problem_of
 from metaid.study import problem as module
-from metaid.study.settings import read_study
+from metaid.study.reading import read_study
 
 Metaid = Callable[..., Finished]
 
@@ -39,7 +39,7 @@ def test_problem_pushes_nothing_before_its_episode_is_asked_for(monkeypatch: pyt
 def test_pushes_that_contradict_themselves_are_refused_when_a_study_file_is_read() -> None:
     """Before anything is put into a DB."""
     changes = {"episode.pushes": [[0.1, 0.1]]}
-    assert Problem(read_study("three-link-coast", changes)).names  # type: ignore[arg-type]
+    assert Problem(read_study("three-link-coast", changes)).names
     with pytest.raises(StudyError, match="every push needs 3 impulses"):
         load_chain_study("three-link-coast", changes)
 

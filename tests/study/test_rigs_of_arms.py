@@ -17,7 +17,7 @@ from metaid.errors import StudyError
 from metaid.plant import ArmStart
 from metaid.results import read_snapshot
 from metaid.store import Store
-from metaid.study import ArmSpec, create_study, load_study, problem_of, run_study
+from metaid.study import StudySpec, create_study, load_study, problem_of, run_study
 
 ARM = ROOT / "plants" / "arms" / "spatial-three-link.xml"
 
@@ -31,7 +31,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Server:
         yield serve("--watchdog", "60", plant=ARM)
 
 
-def spec_of(folder: Path, server: Server, **rig: object) -> ArmSpec:
+def spec_of(folder: Path, server: Server, **rig: object) -> StudySpec:
     """A study of that rig, with a nominal arm whose masses are wrong by up to 30 %."""
     settings = {"joints": 3, "timestep": 0.002, "step_timeout": 60.0, **rig}
     lines = [f'socket = "{server.address}"', *(f"{key} = {value}" for key, value in settings.items())]
@@ -40,9 +40,7 @@ def spec_of(folder: Path, server: Server, **rig: object) -> ArmSpec:
     (folder / "nominal.toml").write_text('mjcf = "arm.xml"\nhome = { shoulder = 0.5, elbow = 1.0 }\n')
     study = folder / "arm-rig.toml"
     study.write_text('plant = "rig.toml"\ntrials = 2\n[nominal]\nplant = "nominal.toml"\nseed = 1\n')
-    spec = load_study(study)
-    assert isinstance(spec, ArmSpec)
-    return spec
+    return load_study(study)
 
 
 def test_arm_behind_a_socket_is_found(tmp_path: Path, server: Server, metaid: Callable[..., Finished]) -> None:

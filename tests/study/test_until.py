@@ -27,7 +27,8 @@ from metaid.study import (
     refuse_until,
     run_study,
 )
-from metaid.study.settings import EstimateSettings, read_study
+from metaid.study.reading import read_study
+from metaid.study.settings import EstimateSettings
 
 pytestmark = pytest.mark.slow
 

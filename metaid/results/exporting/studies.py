@@ -18,7 +18,7 @@ from metaid.results.exporting.identified import IdentifiedModel, no_model
 from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.results.verdict import Verdict, judge
 from metaid.store import Store
-from metaid.study import AnySpec, with_nominal
+from metaid.study import StudySpec, with_nominal
 
 
 def identified_model(snapshot: Snapshot, even_if_not_found: bool = False) -> IdentifiedModel:
@@ -53,7 +53,7 @@ def identified_model(snapshot: Snapshot, even_if_not_found: bool = False) -> Ide
     return IdentifiedModel(snapshot.name, about, table, covariance, dynamics, spec.gravity, spec.plant.timestep)
 
 
-def started_from(store: Store, spec: AnySpec, other: str) -> AnySpec:
+def started_from(store: Store, spec: StudySpec, other: str) -> StudySpec:
     """A study whose nominal model is what the study `other` in the DB identified.  Raises StorageError, and StudyError
     where that has identified nothing, or another kind of plant.
     """

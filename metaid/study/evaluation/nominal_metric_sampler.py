@@ -8,7 +8,8 @@ from optuna.samplers import BaseSampler
 
 from metaid.search import MetricSampler, tpe_for_metric
 from metaid.study.evaluation.optuna_objective import OptunaObjective
-from metaid.study.loading import AnySpec, load_study, problem_of
+from metaid.study.loading import load_study, problem_of
+from metaid.study.spec import StudySpec
 
 
 class NominalMetricSampler(MetricSampler):
@@ -25,7 +26,7 @@ class NominalMetricSampler(MetricSampler):
 
     def __init__(
         self,
-        study: str | Path | AnySpec | OptunaObjective,
+        study: str | Path | StudySpec | OptunaObjective,
         sampler: BaseSampler | None = None,
         seed: int | None = None,
     ) -> None:

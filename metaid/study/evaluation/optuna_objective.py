@@ -16,7 +16,8 @@ from optuna.trial import TrialState
 from metaid.errors import StudyError
 from metaid.store import EXPERIMENT, MOTION_KEYS, outcome_attributes, study_attributes
 from metaid.study.create import optuna_spec
-from metaid.study.loading import AnySpec, problem_of
+from metaid.study.loading import problem_of
+from metaid.study.spec import StudySpec
 
 MINIMIZES = [optuna.study.StudyDirection.MINIMIZE]
 
@@ -37,7 +38,7 @@ class OptunaObjective:
         StudyError: the plant is a rig that nobody has calibrated for this study.
     """
 
-    def __init__(self, spec: AnySpec) -> None:
+    def __init__(self, spec: StudySpec) -> None:
         self._problem = problem_of(spec)
         self._problem.check()
         if not self._problem.is_ready:
@@ -54,7 +55,7 @@ class OptunaObjective:
         return f"<OptunaObjective of {self.spec.name}: factors={len(self._problem.names)}>"
 
     @property
-    def spec(self) -> AnySpec:
+    def spec(self) -> StudySpec:
         """The study's settings."""
         return self._problem.spec
 
@@ -70,7 +71,7 @@ class OptunaObjective:
         """Where the study's own search begins: for `study.enqueue_trial(objective.start)`."""
         return dict(zip(self._problem.names, self._problem.start.tolist(), strict=True))
 
-    def __reduce__(self) -> tuple[type[OptunaObjective], tuple[AnySpec]]:
+    def __reduce__(self) -> tuple[type[OptunaObjective], tuple[StudySpec]]:
         return OptunaObjective, (self.spec,)
 
     def __call__(self, trial: optuna.trial.BaseTrial) -> float:

@@ -25,7 +25,8 @@ from metaid.models import Array
 from metaid.study.evaluation.evaluator import MOST_SHARED, do_nothing
 from metaid.study.evaluation.ray_private import ray_on_loopback
 from metaid.study.evaluation.shares import Share, Shares
-from metaid.study.loading import AnyProblem, problem_of, spec_from
+from metaid.study.loading import AnyProblem, problem_of
+from metaid.study.spec import StudySpec
 
 WORKER_PATIENCE = 120.0  # s without an answer after which a worker is replaced
 SLOWDOWN_ALLOWED = 100.0  # times what the slowest candidate so far took: a worker may take as long, past its patience
@@ -224,7 +225,7 @@ class _Worker:
     """What runs in a Ray actor."""
 
     def __init__(self, spec: str) -> None:
-        self._objective = problem_of(spec_from(spec)).make_objective()
+        self._objective = problem_of(StudySpec.model_validate_json(spec)).make_objective()
         self._is_compiled = False
 
     def location(self) -> tuple[str, int]:

@@ -16,7 +16,7 @@ from metaid.plant import FaultSettings
 from metaid.search import Searcher
 from metaid.study.loops import QUIETEST_RIG
 from metaid.study.spatial.problem import ArmProblem
-from metaid.study.spatial.settings import ArmPlantSettings, TreeSettings
+from metaid.study.spec import ArmPlantSettings, TreeSettings
 
 if TYPE_CHECKING:
     from metaid.compiled.spatial import ArmObjective

@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 
 from metaid.episode import QUANTITIES, Outcome, window_ends
 from metaid.episode.spatial import KINETIC, ArmEpisode, failed_push, resolution_hz
-from metaid.errors import StudyError
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, ModelError, Tree, model_error
 from metaid.plant import ArmPlant, ArmSettings, SocketPlant, SocketSettings
 from metaid.search import (
     Coordinates,
-    SamplerOptions,
     Searcher,
     arm_sensitivity,
     make_searcher,
@@ -26,10 +24,11 @@ from metaid.search import (
     prior_metric,
 )
 from metaid.study.any_problem import StudyProblem
+from metaid.study.calibration import calibrate_arm, start_spread
+from metaid.study.contradictions import check_settings
 from metaid.study.loops import loop_of_plant, loop_of_rig
 from metaid.study.parameters import Parameters, base_parameters_of, settled
-from metaid.study.spatial.calibration import calibrate_arm, start_spread_of_arm
-from metaid.study.spatial.settings import ArmSpec
+from metaid.study.spec import StudySpec
 
 if TYPE_CHECKING:
     from metaid.compiled.spatial import ArmObjective
@@ -45,29 +44,24 @@ class ArmProblem(StudyProblem):
 
     widens, measure = False, KINETIC
 
-    spec: ArmSpec
+    spec: StudySpec
 
-    def __init__(self, spec: ArmSpec) -> None:
+    def __init__(self, spec: StudySpec) -> None:
         self.spec = spec
-        self.nominal: Tree = spec.nominal.tree
+        check_settings(spec)
+        self.nominal: Tree = spec.tree
         self.prior = ArmPrior(self.nominal, spec.study.estimate.prior, spec.counted_by, spec.tilts)
         self.names = list(self.prior.base.names)
         reach = FARTHEST * np.sqrt(np.diag(self.prior.covariance))
         self.start = self.prior.values
         self.low, self.high = self.start - reach, self.start + reach
-        if (wrong := spec.study.estimate.misfits(self.nominal.njoint, self.keeps_readings)) is not None:
-            raise StudyError(wrong)
-        if (wrong := spec.faults.misfits(self.nominal.njoint, 2)) is not None:
-            raise StudyError(f"plant {spec.plant_name}: {wrong}")
-        if not self.is_simulated and spec.study.workers != 1:
-            raise StudyError(f"plant {spec.plant_name} is one rig: workers is {spec.study.workers} (allowed: 1)")
 
     @cached_property
     def episode(self) -> ArmEpisode:
         """What is done to the arm with each candidate."""
-        wanted, starts = self.spec.study.episode, self.spec.arm_starts
+        wanted, starts = self.spec.study.episode, tuple(each.start for each in self.spec.starts)
         steps = max(round(wanted.horizon / self.timestep), 2)
-        stiffness = np.array(self.spec.stiffness)
+        stiffness = np.array([each.stiffness for each in self.spec.starts])
         pushed = self.spec.pushed
         return ArmEpisode(
             starts,
@@ -76,15 +70,15 @@ class ArmProblem(StudyProblem):
             window_ends(steps),
             wanted.runaway,
             self.spec.study.seed,
-            begun=None if pushed is None else pushed.begun,
+            begun=None if pushed is None else np.stack([pushed.angles, pushed.speeds], axis=1),
             lead=wanted.lead,
             keeps_readings=self.keeps_readings,
         )
 
-    def calibrated(self) -> ArmSpec:
+    def calibrated(self) -> StudySpec:
         """The study of a rig with what is measured at it."""
         with closing(self.open_rig()) as rig:
-            pushed = calibrate_arm(rig, self.nominal, self.spec.arm_starts)
+            pushed = calibrate_arm(rig, self.nominal, [each.start for each in self.spec.starts])
         return self.spec.model_copy(update={"pushed": pushed})
 
     @cached_property
@@ -124,11 +118,8 @@ class ArmProblem(StudyProblem):
 
     @property
     def keeps_readings(self) -> bool:
-        """Whether trials keep what sensors read, as of a plant with faults, and where faults are searched."""
-        wanted, plant = self.spec.study, self.spec.simulated
-        if plant is None:
-            return True
-        return bool(plant.faults.named or plant.stiffness or wanted.episode.lead or wanted.estimate.faults)
+        """Whether trials keep what sensors read."""
+        return self.spec.keeps_readings
 
     @property
     def resolution(self) -> float:
@@ -177,9 +168,8 @@ class ArmProblem(StudyProblem):
 
     def make_searcher(self) -> Searcher:
         """The searcher at the study's seed, knowing of no trial."""
-        study, wanted = self.spec.study, self.spec.study.search
-        options = SamplerOptions(probes=wanted.probes, sigma=wanted.sigma, generation=wanted.generation)
-        return make_searcher(study.sampler, self.coordinates, study.seed, options, self.experiment)
+        study = self.spec.study
+        return make_searcher(study.sampler, self.coordinates, study.seed, study.search, self.experiment)
 
     def check(self) -> None:
         """Nothing is left that its settings could contradict."""
@@ -213,7 +203,7 @@ class ArmProblem(StudyProblem):
         """How the arm is controlled and read, as far as its user states it, or as it was measured at a rig."""
         plant, wanted, pushed, lead = self.spec.plant, self.spec.study.estimate, self.spec.pushed, self.episode.lead
         if isinstance(plant, SocketSettings):
-            noise, spread = (None, None) if pushed is None else (pushed.angle_noise, start_spread_of_arm(pushed))
+            noise, spread = (None, None) if pushed is None else (pushed.angle_noise, start_spread(pushed))
             return loop_of_rig(plant, noise, spread, wanted, lead)
         faults, speeds, n = plant.faults, self.episode.begins[:, 1], self.nominal.njoint
         differ = faults.push_noise * speeds[:, :, None] * np.eye(n) if faults.push_noise else None
