@@ -67,7 +67,11 @@ def try_case(number: int, tells_why: bool = False) -> Judged:
             verdict = judge(snapshot := read_snapshot(store, case.name))
         except MetaidError as refusal:
             return Judged(case, None, str(refusal))
-        lumps = verdict.lumps if case.bench is None else verdict.lumps.assign(true=_of_bench(case, snapshot, folder))
+        lumps = (
+            verdict.lumps
+            if case.bench is None or snapshot.estimate is None
+            else verdict.lumps.assign(true=_of_bench(case, snapshot, folder))
+        )
     far = tuple(far_lumps(lumps)) if verdict.is_found else ()
     missed = case.well_posed and not verdict.is_found
     return Judged(case, verdict.word, "; ".join(verdict.reasons) if missed or tells_why else "", far)
@@ -78,12 +82,14 @@ def _of_bench(case: Case, snapshot: Snapshot, folder: Path) -> Array:
     has = case.bench or {}
     unit = 1.0 + has.get("gains", (0.0,))[0]
     if case.arm is not None:
-        return snapshot.problem.prior.base.of(_of_arm(has, folder)) / unit
+        assert snapshot.estimate is not None
+        base = snapshot.estimate.estimate.searched.prior.base
+        return np.asarray(base.of(_of_arm(has, folder)) / unit, dtype=np.float64)
     links = [dict(link) for link in case.links]
     links[0]["inertia"] += has.get("rotors", (0.0,))[0]  # the first rotor turns with the first link
     chain = chain_of(PlantSettings.model_validate({"links": links}).links)
     kinds = tuple(dict.fromkeys(str(name).partition("_")[0] for name in snapshot.problem.estimated.names))
-    return chain.lumps_of(kinds).vector_of(kinds) / unit
+    return np.asarray(chain.lumps_of(kinds).vector_of(kinds) / unit, dtype=np.float64)
 
 
 def _of_arm(has: Mapping[str, Any], folder: Path) -> Array:

@@ -15,7 +15,6 @@ from metaid.models.tree import (
     ArmPrior,
     PriorDeviations,
     Tree,
-    TreeModel,
     base_parameters,
     joint_mass_matrix,
     joint_torque,
