@@ -27,12 +27,14 @@ SPREAD = 0.3  # of an unknown: a descent takes steps of as much as of a chain's 
 @dataclass(frozen=True, eq=False)
 class BaseUnknowns:
     """The unknowns z (nbase) of an arm: its base parameters are β₀ + S z, of which `prior` has β₀ and S. Where `known`
-    has them all (nbase), nothing is unknown any more.
+    has them all (nbase), nothing is unknown any more. Where the base `is_level`, what shows of a tilted one alone moves
+    nothing.
     """
 
     prior: ArmPrior
     spread: float = SPREAD
     known: Array | None = None
+    is_level: bool = False
 
     kernel: ClassVar[Literal["spatial"]] = "spatial"
     kinds: ClassVar[tuple[str, ...]] = ("damping", "coulomb", "rotor")  # these are among the base parameters
@@ -93,6 +95,11 @@ class BaseUnknowns:
         if self.known is not None:
             unknowns = np.broadcast_to(self.known, (*unknowns.shape[:-1], len(self.known)))
         return np.ascontiguousarray(self.prior.parameters_at(self.values(unknowns)))
+
+    @cached_property
+    def level(self) -> BaseUnknowns:
+        """The arm on a base that is level."""
+        return replace(self, is_level=True) if self.prior.tilts else self
 
     def alone(self, unknowns: Array) -> BaseUnknowns:
         """The arm there, of which nothing is unknown any more."""

@@ -106,6 +106,9 @@ class SpatialTwin:
             return None
         shown = followed.values.swapaxes(2, 3)
         slopes = np.ascontiguousarray(np.moveaxis((shown[1:] - shown[0]) / STEP, 0, -1))
+        if (count := len(self.point)) and self.unknowns.is_level:
+            # Differences have rounding where nothing moves, which on exact sensors would pass for knowledge.
+            slopes[..., count - self.unknowns.prior.hidden_level : count] = 0.0
         values = np.where((steps > 0)[:, None, None], shown[0], 0.0)
         if led is None:
             values += np.where(steps[:, None] > 0, basis.sum(axis=1), 0.0)[:, None] * beside.offset[:, None]

@@ -66,6 +66,20 @@ def test_searched_faults_of_an_arm_are_found(
         assert abs(value - size) < 4.0 * deviation < 0.05 * abs(size)
 
 
+def test_what_a_level_base_hides_stays_unknown(tmp_path: Path) -> None:
+    """Of a turret two first moments show only where it is tilted: on exact sensors, which know all else to rounding,
+    a study that takes up faults leaves them as they were.
+    """
+    found, _ = found_with(tmp_path, "proposed", delay=2, angle_noise=0.0, speed_sensor=True)
+    names, known = found.estimate.searched.prior.base.names, found.estimate.left_unknown
+    hidden = [name in ("m1x", "m1y") for name in names]
+    assert sum(hidden) == 2
+    assert found.estimate.faults is not None
+    assert found.estimate.faults.searched.kinds == ("delay",)
+    assert (known[hidden] > 0.3).all()
+    assert known[~np.array(hidden)].max() < 1e-3
+
+
 def test_faults_of_an_arm_stand_beside_its_base_parameters(tmp_path: Path, metaid: Callable[..., Finished]) -> None:
     """In the table with the truth, in the verdict and in the report."""
     found_with(tmp_path, ("delay", "tilt"), delay=2, tilt=(0.02, -0.03))

@@ -16,6 +16,7 @@ from metaid.estimation.noisy.smoothed import smoothed
 from metaid.estimation.noisy.windows import Compared, ReadingsInWindows
 from metaid.estimation.trials import Coefficients, Driven, Joints, ReadTrial, Replay
 from metaid.estimation.twins import twin_of
+from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 
 DRAWN = 100  # readings of a push that a replay keeps
@@ -125,12 +126,17 @@ class Readings(ReadingsInWindows):
         """
         (chosen, steps), (_, basis) = self._longest(number, windows), self._windows[number]
         driven = Driven(trial, starts, steps, basis[chosen])
-        twin = twin_of(self.unknowns, log_factors).drive(driven, joints)
+        twin = twin_of(self._on_base, log_factors).drive(driven, joints)
         if twin is None:
             return None
         plants = np.einsum("ptk,ptj->pjk", basis[chosen], trial.readings * before(steps, trial.readings.shape[1]))
         unit = 1.0 / trial.noise[None, :, None]
         return Coefficients(unit * (twin.values - plants), unit[..., None] * twin.slopes)
+
+    @property
+    def _on_base(self) -> Unknowns:
+        """What is unknown of the robot, on a base that may be tilted or is level."""
+        return self.unknowns if "tilt" in self.faults.kinds else self.unknowns.level
 
     def _parted(self, unknowns: Array) -> tuple[Array, Array]:
         """The unknowns of the robot (nunknown) and the faults (nfault) among the `unknowns` of all pushes."""

@@ -10,11 +10,12 @@ import numpy as np
 
 from metaid.errors import EpisodeError, unknown
 from metaid.models.lumps import Array
-from metaid.models.tree.base import STATES, BaseParameters, base_parameters, random_states
+from metaid.models.tree.base import NOTHING, STATES, BaseParameters, base_parameters, random_states, shown_by
 from metaid.models.tree.regressor import BODY, joint_torque
 from metaid.models.tree.tree import PARAMETERS, Tree
 
 LEAST_LEVER = 0.01  # m, of a centre of mass that is said to be on the joint
+ROUNDING = 1e-6  # of a standard deviation: what is left of one that is none
 LEAST_SHARE = 0.1  # of the strongest joint's torque, for a joint that needs next to none
 
 
@@ -92,12 +93,34 @@ class ArmPrior:
         """Of the base parameters (nbase x nbase)."""
         return np.asarray(self.base.matrix @ self.parameter_covariance @ self.base.matrix.T, dtype=np.float64)
 
-    @cached_property
+    @property
     def root(self) -> Array:
-        """S (nbase x nbase): base parameters are β₀ + S z, with z independent and of standard deviation 1.  Eq. 51."""
+        """S (nbase x nbase): base parameters are β₀ + S z, with z independent and of standard deviation 1.  Eq. 51.
+
+        What torques show of a tilted base alone comes last (`hidden_level`).
+        """
+        return self._turned[0]
+
+    @property
+    def hidden_level(self) -> int:
+        """How many of the z show on a tilted base alone: of an arm whose first axis is vertical two, for two first
+        moments of its first link.
+        """
+        return self._turned[1]
+
+    @cached_property
+    def _turned(self) -> tuple[Array, int]:
+        """The root, and how many of its last columns a level base hides."""
         scale = np.sqrt(np.diag(self.covariance))
         correlation, turned = np.linalg.eigh(self.covariance / np.outer(scale, scale))
-        return np.asarray(scale[:, None] * turned * np.sqrt(np.maximum(correlation, 0.0)))
+        root = np.asarray(scale[:, None] * turned * np.sqrt(np.maximum(correlation, 0.0)))
+        if not self.tilts:
+            return root, 0
+        _, singular, right = np.linalg.svd(shown_by(self.nominal, self.base.columns) @ root)
+        root, hidden = root @ right.T, int((singular <= NOTHING * singular[0]).sum())
+        last = root[:, len(root) - hidden :]
+        last[np.abs(last) < ROUNDING * scale[:, None]] = 0.0
+        return root, hidden
 
     @cached_property
     def gain(self) -> Array:

@@ -105,6 +105,13 @@ def base_parameters(tree: Tree, counted_by: Sequence[str] | None = None, tilts: 
     )
 
 
+def shown_by(tree: Tree, columns: NDArray[np.intp]) -> Array:
+    """What torques in random states have for a unit of each of these `columns` of an arm's parameters, as fewer rows
+    (13 njoint x ncolumn) between whose columns all is the same.
+    """
+    return _reduced(torque_regressor(tree, *random_states(tree, STATES, np.random.default_rng(0))))[:, columns]
+
+
 def _reduced(regressor: Array) -> Array:
     """A regressor in many states (nstate x njoint x njoint x 13) as fewer rows (13 njoint x 13 njoint) between whose
     columns all is the same.
