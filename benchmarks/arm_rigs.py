@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.common import NEEDS_MORE
-from metaid.episode import SensorReadings, window_ends
-from metaid.episode.spatial import ArmEpisode
+from metaid.episode import Episode, SensorReadings, arm_episode, window_ends
 from metaid.estimation import ArmEstimate, ArmLaws, BaseUnknowns, Loop, Motions, Readings, ReadTrial, SeenTrial, fit
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, PriorDeviations
@@ -48,14 +47,15 @@ def plant_of(name: str, seed: int, noise: float, is_smooth: bool = False) -> Arm
     return ArmPlant(plant.name, plant.settings.model_copy(update=changes))
 
 
-def experiment_on(plant: ArmPlant, seed: int) -> tuple[ArmPrior, ArmEpisode]:
+def experiment_on(plant: ArmPlant, seed: int) -> tuple[ArmPrior, Episode]:
     """What is believed of an arm, and what is done to it."""
     n, steps = plant.njoint, round(HORIZON / plant.timestep)
     starts = draw_starts(plant, 3 * n, HORIZON, seed)
     stiffness = np.where(np.arange(3 * n) < 2 * n, 0.0, STIFFNESS)
     reads = bool(plant.settings.faults.named)
-    episode = ArmEpisode(starts, stiffness, steps, window_ends(steps, WINDOWS), seed=seed, keeps_readings=reads)
-    return ArmPrior(drawn_nominal(plant.tree, seed, PriorDeviations())), episode
+    prior = ArmPrior(drawn_nominal(plant.tree, seed, PriorDeviations()))
+    kept = {"window_ends": window_ends(steps, WINDOWS), "readings_steps": steps if reads else 0}
+    return prior, arm_episode(prior.nominal, starts, stiffness, steps, seed=seed, **kept)
 
 
 def read_trial(laws: ArmLaws, law: Array, loop: Loop, read: SensorReadings) -> ReadTrial:

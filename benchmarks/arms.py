@@ -34,7 +34,7 @@ from threadpoolctl import threadpool_limits
 from benchmarks.arm_rigs import OTHERS, SHIPPED, URDFS, WITHIN, estimate_arm, experiment_on, plant_of, read_trial
 from benchmarks.arms_minimised import MINIMISERS, minimise, minimised_table
 from benchmarks.common import Row, table
-from metaid.compiled.spatial import ArmLoop
+from metaid.compiled import fastest_loop
 from metaid.estimation import ArmEstimate, ArmLaws, BaseUnknowns, Loop, ReadTrial, WatchedTrial
 from metaid.models.tree import ModelError, Tree, model_error
 from metaid.plant import slope_weights
@@ -83,7 +83,8 @@ def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
     nominal = prior.nominal
     began = time.process_time()
     searched = BaseUnknowns(prior)
-    loop, law = ArmLoop(plant, nominal, episode), nominal.parameters
+    law = nominal.parameters
+    loop = fastest_loop(plant, episode, law)
     estimate: ArmEstimate | None = None
     watched: list[WatchedTrial | ReadTrial] = []
     errors: list[ModelError] = []
@@ -99,7 +100,8 @@ def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
             read = Loop(plant.timestep, np.full(n, noise), slope_weights(plant.timestep))
             watched.append(read_trial(ArmLaws(searched, episode), law, read, record.readings))
         else:
-            watched.append(WatchedTrial(law, plant.timestep, episode.states, record.windows, episode.stiffness))
+            assert record.windows is not None
+            watched.append(WatchedTrial(law, plant.timestep, episode.states, record.windows, episode.springs))
         before, estimate = estimate, estimate_arm(watched, searched, estimate)
         spent += time.process_time() - began
         if estimate is None:

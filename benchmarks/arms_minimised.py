@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.arm_rigs import HORIZON, WITHIN, experiment_on, plant_of
+from benchmarks.arm_rigs import WITHIN, experiment_on, plant_of
 from benchmarks.common import table
-from metaid.compiled.spatial import ArmObjective
-from metaid.episode.spatial import resolution_hz
+from metaid.compiled import Objective
 from metaid.models.tree import ModelError, model_error
 from metaid.search import SamplerOptions, arm_sensitivity, make_searcher, prior_metric
 from metaid.study.settings import ARM_STEP
@@ -61,7 +60,7 @@ def minimise(name: str, seed: int, sampler: str, trials: int, noise: float, is_s
     h = arm_sensitivity(prior, episode, plant.timestep)
     coordinates = prior_metric(h, prior, prior.values - reach, prior.values + reach)
     searcher = make_searcher(sampler, coordinates, seed, SamplerOptions(sigma=ARM_STEP))
-    objective = ArmObjective(plant, prior, episode)
+    objective = Objective(plant, prior, episode, "kinetic")
     number = falls = 0
     needed, best, error = None, np.inf, model_error(plant.tree, prior.nominal.parameters)
     nominal = error
@@ -86,7 +85,7 @@ def minimise(name: str, seed: int, sampler: str, trials: int, noise: float, is_s
         falls=falls,
         trials_needed=needed,
         value=float(best),
-        resolution=resolution_hz(HORIZON),
+        resolution=objective.measure.resolution(episode, plant.timestep),
         value_of_truth=objective.evaluate(prior.base.of(plant.tree.parameters), number).value,
         nominal=nominal,
         error=error,

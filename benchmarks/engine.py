@@ -19,8 +19,7 @@ from benchmarks.common import NO_LIMIT, PLANTS, Row, interleaved, make_spec, run
 from metaid.compiled import CompiledLoop, DirectStep, MujocoStep, compiled, fastest_step, mujoco_step, quiet_mujoco
 from metaid.compiled.loop import start_states
 from metaid.compiled.spatial import ArmLoop
-from metaid.episode import Episode, run_stepwise, window_ends
-from metaid.episode.spatial import ArmEpisode
+from metaid.episode import Episode, FallRule, arm_episode, run_stepwise, window_ends
 from metaid.models import Array
 from metaid.models.tree import PriorDeviations
 from metaid.plant import ArmPlant, load_plant
@@ -72,8 +71,8 @@ def _row(nlink: int, quick: bool) -> Row:
         **{name: partial(engine.run, nominal) for name, engine in engines.items()},
         "plain": lambda: run_stepwise(plant, nominal, short),
     }
-    counts = {name: engine.run(nominal).steps for name, engine in engines.items()}
-    counts |= {"bare": episode.total_steps, "plain": run_stepwise(plant, nominal, short)[0].steps}
+    counts = {name: engine.run(nominal).total_steps for name, engine in engines.items()}
+    counts |= {"bare": episode.total_steps, "plain": run_stepwise(plant, nominal, short)[0].total_steps}
     bare(whole, start, 1)
     plain = {"plain": run.pop("plain")}
     with quiet_mujoco():
@@ -101,10 +100,11 @@ def _arm_row(name: str, dry: bool, quick: bool) -> Row:
     stiffness = np.where(np.arange(count) < 2 * plant.njoint, 0.0, STIFFNESS)
     starts = draw_starts(known, count, HORIZON, 0)
     # Nothing is to fall, so that all pushes are of the same length.
-    episode = ArmEpisode(starts, stiffness, steps, window_ends(steps), runaway=NO_LIMIT)
     anywhere = replace(nominal, low=np.full(plant.njoint, -np.inf), high=np.full(plant.njoint, np.inf))
-    loop, whole = ArmLoop(plant, anywhere, episode), mujoco_step(plant.model, plant.data)
-    assert loop.run(nominal.parameters).steps.sum() == episode.total_steps
+    watched = {"window_ends": window_ends(steps), "fall_rule": FallRule(runaway=NO_LIMIT)}
+    episode = arm_episode(anywhere, starts, stiffness, steps, **watched)
+    loop, whole = ArmLoop(plant, episode), mujoco_step(plant.model, plant.data)
+    assert loop.run(nominal.parameters).total_steps == episode.total_steps
     works = {
         "bare": lambda: bare(whole, episode.states, steps),
         "episode": lambda: loop.run(nominal.parameters),

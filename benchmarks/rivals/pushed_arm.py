@@ -8,9 +8,9 @@ from benchmarks.arm_rigs import HORIZON, STIFFNESS, WINDOWS, estimate_arm, read_
 from benchmarks.rivals.conditions import Condition
 from benchmarks.rivals.judging import Found
 from benchmarks.rivals.pushed import trials_of
-from metaid.compiled.spatial import ArmLoop, commanded_arm_torques
-from metaid.episode import window_ends
-from metaid.episode.spatial import ArmEpisode
+from metaid.compiled import fastest_loop
+from metaid.compiled.spatial import commanded_arm_torques
+from metaid.episode import arm_episode, window_ends
 from metaid.estimation import ArmEstimate, ArmLaws, BaseUnknowns, Loop, ReadTrial, WatchedTrial
 from metaid.models.tree import ArmPrior
 from metaid.plant import ArmPlant, FaultSettings, slope_weights
@@ -38,8 +38,10 @@ def output_error_of_arm(plant: ArmPlant, prior: ArmPrior, condition: Condition, 
     count = pushes // trials
     stiffness = np.where(np.arange(count) % 3 < 2, 0.0, STIFFNESS)  # one on springs for two that coast
     starts = draw_starts(plant, count, HORIZON, seed)
-    episode = ArmEpisode(starts, stiffness, steps, window_ends(steps, WINDOWS), seed=seed, keeps_readings=True)
-    searched, loop, law = BaseUnknowns(prior), ArmLoop(rig, prior.nominal, episode), prior.nominal.parameters
+    kept = {"window_ends": window_ends(steps, WINDOWS), "readings_steps": steps}
+    episode = arm_episode(prior.nominal, starts, stiffness, steps, seed=seed, **kept)
+    searched, law = BaseUnknowns(prior), prior.nominal.parameters
+    loop = fastest_loop(rig, episode, law)
     estimate: ArmEstimate | None = None
     watched: list[WatchedTrial | ReadTrial] = []
     torque, reach = 0.0, 0.0
@@ -54,7 +56,8 @@ def output_error_of_arm(plant: ArmPlant, prior: ArmPrior, condition: Condition, 
             torques = trial.torques
         else:
             assert read.speeds is not None
-            watched.append(WatchedTrial(law, timestep, episode.states, record.windows, episode.stiffness))
+            assert record.windows is not None
+            watched.append(WatchedTrial(law, timestep, episode.states, record.windows, episode.springs))
             torques = commanded_arm_torques(searched.frames, law, episode, read.angles, read.speeds)
         seen = np.arange(steps + 1) < read.counts[:, None]
         torque = max(torque, float(np.abs(torques[seen[:, :-1]]).max()))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from metaid.episode import Episode, Outcome, tip_push
 from metaid.errors import EpisodeError
-from metaid.models import Array, Lumps, factors_from_names
+from metaid.models import LARGEST_FACTOR, Array, Lumps, factors_from_names
 from metaid.models.tree import ArmPrior
 from metaid.plant import ArmPlant, MujocoPlant, load_chain, load_plant
 from metaid.study import (
@@ -24,8 +24,7 @@ from metaid.study import (
 )
 
 if TYPE_CHECKING:
-    from metaid.compiled import Objective  # loads MuJoCo and numba, which a reader of a DB does without
-    from metaid.compiled.spatial import ArmPush
+    from metaid.compiled import ArmPush, Objective  # loads MuJoCo and numba, which a reader of a DB does without
 
 
 ARM_STEPS = 150  # after a push of an arm: as long as those of a study
@@ -59,8 +58,6 @@ def check_factors(factors: Mapping[str, float], lumps: Lumps) -> Array:
 
 def _refuse_no_factors(factors: Mapping[str, float]) -> None:
     """Raises EpisodeError for a number that is no factor."""
-    from metaid.compiled import LARGEST_FACTOR
-
     for name, factor in factors.items():
         if not isinstance(factor, Real) or not 0.0 <= factor <= LARGEST_FACTOR:
             raise EpisodeError(f"factor {name}={factor} (allowed: 0 to {LARGEST_FACTOR:g})")
@@ -118,7 +115,7 @@ def arm_push(
     Raises:
         EpisodeError: it has no such base parameter, or does not report what it is.
     """
-    from metaid.compiled.spatial import law_of, push_arm
+    from metaid.compiled import law_of, push_arm
 
     if plant.true_parameters() is None:
         raise EpisodeError(

@@ -15,8 +15,7 @@ import click
 
 from metaid import api
 from metaid.cli.common import number_text
-from metaid.compiled import Objective
-from metaid.compiled.spatial import ArmPush
+from metaid.compiled import ArmPush, Objective
 from metaid.models import Array
 from metaid.models.tree import Tree
 from metaid.plant import ArmPlant, MujocoPlant

@@ -44,9 +44,8 @@ def print_study(store: Any, name: str, with_bodies: bool = False) -> dict[str, A
 def _unit(measure: str) -> str:
     """The unit of a measure, by its name."""
     from metaid.episode import MEASURES
-    from metaid.episode.spatial import KINETIC
 
-    return KINETIC.unit if measure == KINETIC.name else MEASURES[measure].unit
+    return MEASURES[measure].unit
 
 
 def describe_tried(shown: dict[str, Any]) -> list[str]:

@@ -3,17 +3,19 @@
 `Objective` evaluates candidates with the fastest loop that a plant has. numba and MuJoCo are loaded with this package.
 """
 
+from metaid.compiled.arm_push import ArmPush, law_of, push_arm
 from metaid.compiled.decorator import compiled, fused
+from metaid.compiled.fastest import agrees_with_stepwise, fastest_loop
 from metaid.compiled.faulty_loop import FaultyLoop
 from metaid.compiled.kalman import Spread, add_noise, correct, spread_of, transpose, weigh
-from metaid.compiled.loop import CompiledLoop, fastest_step
-from metaid.compiled.objective import LARGEST_FACTOR, Objective
+from metaid.compiled.loop import CompiledLoop
+from metaid.compiled.objective import Objective
 from metaid.compiled.quiet import quiet_mujoco
-from metaid.compiled.stages import DirectStep, MujocoStep, mujoco_step
+from metaid.compiled.stages import DirectStep, MujocoStep, fastest_step, mujoco_step
 from metaid.compiled.validation_loops import coasting_steps, track_compiled
 
 __all__ = [
-    "LARGEST_FACTOR",
+    "ArmPush",
     "CompiledLoop",
     "DirectStep",
     "FaultyLoop",
@@ -21,12 +23,16 @@ __all__ = [
     "Objective",
     "Spread",
     "add_noise",
+    "agrees_with_stepwise",
     "coasting_steps",
     "compiled",
     "correct",
+    "fastest_loop",
     "fastest_step",
     "fused",
+    "law_of",
     "mujoco_step",
+    "push_arm",
     "quiet_mujoco",
     "spread_of",
     "track_compiled",

@@ -7,7 +7,6 @@ in a fall. It is left out of the record then. So the record does not depend on w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +17,7 @@ from metaid.compiled.queue import Queue, new_queue
 from metaid.episode import QUANTITIES, Episode, Record, Windows, windows_before_fall
 from metaid.models import Array, Lumps
 
-Laws = tuple[Array, Array, Array, Array, Array, float]
+Laws = tuple[Array, Array, Array, Array, Array, Array]
 Outputs = tuple[NDArray[np.int64], Array, Array, Array]
 WindowOutputs = tuple[Array, NDArray[np.int64]]
 
@@ -26,7 +25,8 @@ WindowOutputs = tuple[Array, NDArray[np.int64]]
 @dataclass(frozen=True)
 class Batch:
     """`laws`: the candidates' gravity lumps times g (ncandidate x njoint), in N m; their Coriolis lumps (ncandidate x
-    njoint x njoint); those of damping, dry friction and inertia (ncandidate x njoint); and the stiffness, in 1/s².
+    njoint x njoint); those of damping, dry friction and inertia (ncandidate x njoint); and the stiffness of
+    each push (npush), in 1/s².
     `queue`: their pushes, candidate by candidate.
 
     Loops fill in `ran` and `fell` (ncandidate x npush): steps after a push, and whether it ended in a fall; the four
@@ -51,21 +51,21 @@ class Batch:
 
     def _record(self, candidate: int) -> Record:
         fell = bool(self.fell[candidate].any())
-        begun = 1 + int(self.fell[candidate].argmax()) if fell else len(self.episode.pushes)
-        seen: list[Any] = [output[candidate] for output in self.outputs]
+        begun = 1 + int(self.fell[candidate].argmax()) if fell else self.episode.npush
+        seen: list[Any] = [output[candidate] for output in (self.ran, self.fell, *self.outputs)]
         for output in seen:
             output[begun:] = 0
-        ran = self.ran[candidate, :begun].tolist()
         kept = self.angles[candidate] if self.episode.keep_angles else ()
-        angles = tuple(angles[: steps + 1] for angles, steps in zip(kept, ran, strict=False))
-        windows = self._windows(candidate, ran, fell)
-        return Record(self.timestep, sum(ran), sum(ran) if fell else None, *(*seen, angles, 0.0, windows))
+        angles = tuple(angles[: steps + 1] for angles, steps in zip(kept, seen[0][:begun], strict=False))
+        windows = self._windows(candidate)
+        return Record(self.timestep, *(*seen, angles, 0.0, windows))
 
-    def _windows(self, candidate: int, ran: Sequence[int], fell: bool) -> Windows | None:
+    def _windows(self, candidate: int) -> Windows | None:
         if not self.episode.window_ends:
             return None
         motion, half_periods = (output[candidate] for output in self.windows)
-        return windows_before_fall(np.array(self.episode.window_ends), motion, half_periods, ran, fell)
+        ends = np.array(self.episode.window_ends)
+        return windows_before_fall(ends, motion, half_periods, self.ran[candidate], self.fell[candidate])
 
 
 def new_batch(episode: Episode, timestep: float, gravity: float, candidates: Lumps) -> Batch:
@@ -118,5 +118,5 @@ def laws_of(episode: Episode, gravity: float, candidates: Lumps) -> Laws:
         damping,
         coulomb,
         inertia,
-        episode.stiffness,
+        episode.springs,
     )

@@ -4,7 +4,6 @@ this slows down.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,16 +16,12 @@ from metaid.compiled.loop import start_states
 from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.stages import forget
 from metaid.episode import (
-    CandidateBatch,
     Episode,
     GoesOn,
     Record,
-    new_candidate_batch,
+    WholeEpisodes,
     noise_of,
     readings_before_fall,
-    run_stepwise,
-    same_record,
-    stopped_early,
     windows_before_fall,
     with_deadband,
 )
@@ -71,8 +66,7 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, w
     half_periods, span, speed_energy, acceleration_energy = outputs
     start, expected = starts
     kept, kept_speeds = readings
-    gravity, coriolis, damping, coulomb, inertia, stiffness = laws
-    law = gravity[0], coriolis[0], damping[0], coulomb[0], inertia[0], stiffness
+    gravity, coriolis, damping, coulomb, inertia, springs = laws
     angle_noise, speed_noise, torque_noise = noise
     control_every, limits, gains, tilt = drives
     timestep, steps, limit, margin, largest_turn, runaway, ends, deadband, lead = settings
@@ -86,6 +80,8 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, w
         for i in range(n):
             half_periods[push, i], span[push, i], speed_energy[push, i], acceleration_energy[push, i] = 0, 0.0, 0.0, 0.0
     for push in range(npush):
+        stiffness = springs[push]
+        law = gravity[0], coriolis[0], damping[0], coulomb[0], inertia[0], stiffness
         forget(chain)  # type: ignore[no-untyped-call]
         for i in range(n):
             chain.qpos[i], chain.qvel[i] = start[push, 0, i], start[push, 1, i]
@@ -172,7 +168,7 @@ def _crossings(kept, push, steps, joint, crosses, period, deadband):  # type: ig
     return half_periods, last - first
 
 
-class FaultyLoop:
+class FaultyLoop(WholeEpisodes):
     """An episode on one plant with faults, compiled, by the given `step`; holds buffers, so one per thread."""
 
     def __init__(self, plant: MujocoPlant, episode: Episode, step: Step) -> None:
@@ -190,16 +186,6 @@ class FaultyLoop:
         links = np.zeros(njoint, LINK), np.zeros(njoint, LINK)
         vectors = np.empty(njoint), np.empty(njoint), np.empty(njoint), np.empty(njoint, np.bool_)
         self._work = *links, *vectors, np.empty((faults.delay + 1, njoint))
-
-    def new_batch(self, candidates: Lumps, trials: Sequence[int]) -> CandidateBatch:
-        """A batch of `candidates`, lumps with a leading axis (ncandidate), of the `trials` with these numbers, for this
-        and its like to work on.
-        """
-        return new_candidate_batch(candidates, trials)
-
-    def work_on(self, batch: CandidateBatch) -> None:
-        """Runs episodes of the `batch` until there are none left; others may do so at the same time."""
-        batch.work_through(self.run)
 
     def run(self, candidate: Lumps, number: int = 0, goes_on: GoesOn | None = None) -> Record:
         """The episode of the trial of that `number` with the `candidate` lumps; `goes_on` is asked after each push."""
@@ -223,24 +209,22 @@ class FaultyLoop:
                 (motion, crossed),
                 (angles, speeds),
             )
-        ran = [min(steps - begun, episode.steps) for begun in range(0, steps, episode.steps)]
-        kept = tuple(push[: end + 1] for push, end in zip(angles, ran, strict=False)) if episode.keep_angles else ()
+        ran = np.clip(steps - episode.steps * np.arange(shape[0]), 0, episode.steps)
+        begun = np.count_nonzero(ran)
+        falls = fell & (np.arange(shape[0]) == begun - 1)
+        motions = [(angles[push, : end + 1], speeds[push, : end + 1]) for push, end in enumerate(ran[:begun])]
+        kept = tuple(each for each, _ in motions) if episode.keep_angles else ()
         windows = None
         if episode.window_ends:
-            windows = windows_before_fall(np.array(episode.window_ends), motion, crossed, ran, fell)
+            windows = windows_before_fall(np.array(episode.window_ends), motion, crossed, ran, falls)
         readings = None
         if episode.readings_steps:
-            motions = [(angles[push, : end + 1], speeds[push, : end + 1]) for push, end in enumerate(ran)]
             sensed = self.plant.faults.speed_sensor
-            readings = readings_before_fall(motions, shape[0], episode.readings_steps, fell, sensed)
-        fall_step = steps if fell else None
+            readings = readings_before_fall(motions, episode.readings_steps, falls, sensed)
         floor = episode.noise_floor.energy
-        record = Record(self.plant.timestep, steps, fall_step, *outputs, kept, floor, windows, readings)
-        return stopped_early(record, episode, goes_on)
+        record = Record(self.plant.timestep, ran, falls, *outputs, kept, floor, windows, readings)
+        return record.stopped_early(goes_on)
 
-    def agrees_with_stepwise(self, candidate: Lumps, steps: int = 25) -> bool:
-        """Whether a short episode comes out the same in the compiled and in the stepwise loop."""
-        short = FaultyLoop(self.plant.inner, self.episode.shortened(steps), self.step)
-        with quiet_mujoco():
-            stepwise, _ = run_stepwise(short.plant, candidate, short.episode)
-        return same_record(short.run(candidate), stepwise)
+    def on(self, episode: Episode) -> FaultyLoop:
+        """The same for another `episode`."""
+        return FaultyLoop(self.plant.inner, episode, self.step)

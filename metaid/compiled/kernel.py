@@ -172,7 +172,7 @@ def run_from(chain, start, queue, laws, settings, links, ran, fell, outputs, win
             njoint), filled in.
         kept: joint angles (ncandidate x npush x nsteps + 1 x njoint), in rad, filled in unless it is empty.
     """
-    gravity, coriolis, damping, coulomb, inertia, stiffness = laws
+    gravity, coriolis, damping, coulomb, inertia, springs = laws
     half_periods, span, speed_energy, acceleration_energy = outputs
     motion, window_half_periods = windows
     npush = start.shape[0]
@@ -191,7 +191,7 @@ def run_from(chain, start, queue, laws, settings, links, ran, fell, outputs, win
             )
             angles = kept[candidate, push] if kept.size > 0 else kept[:, :, 0, 0]
             friction = damping[candidate], coulomb[candidate]
-            law = gravity[candidate], coriolis[candidate], *friction, inertia[candidate], stiffness
+            law = gravity[candidate], coriolis[candidate], *friction, inertia[candidate], springs[push]
             shown = motion[candidate, push], window_half_periods[candidate, push]
             result = _run_push(chain, start[push], law, settings, links, seen, shown, angles)
             ran[candidate, push], fell[candidate, push] = result

@@ -1,8 +1,4 @@
-"""Episodes on a simulated plant by the compiled loop.
-
-Model and data are reached by their addresses, which MuJoCo does not document. So `CompiledLoop.agrees_with_stepwise`
-first compares the compiled loop with the stepwise one on a short episode.
-"""
+"""Episodes on a simulated chain by the compiled loop."""
 
 from __future__ import annotations
 
@@ -14,19 +10,10 @@ from metaid.compiled.batch import Batch, new_batch
 from metaid.compiled.kernel import Step, run_from
 from metaid.compiled.law import LINK
 from metaid.compiled.quiet import quiet_mujoco
-from metaid.compiled.stages import agrees_with_mj_step, direct_step, mujoco_step
-from metaid.episode import Episode, GoesOn, Record, run_stepwise, same_record, stopped_early
+from metaid.compiled.stages import fastest_step
+from metaid.episode import Episode, GoesOn, Record
 from metaid.models import Array, Lumps
 from metaid.plant import MujocoPlant, Start
-
-
-def fastest_step(plant: MujocoPlant) -> Step:
-    """How the compiled loop moves `plant` on: MuJoCo's stages one by one, or `mj_step` where these are not the same to
-    the last bit.
-    """
-    with quiet_mujoco():
-        make = direct_step if agrees_with_mj_step(plant.model, plant.data) else mujoco_step
-    return make(plant.model, plant.data)
 
 
 def start_states(plant: MujocoPlant, starts: Sequence[Start]) -> Array:
@@ -64,12 +51,8 @@ class CompiledLoop:
         """One episode with the `candidate` lumps; `goes_on` is asked after each push."""
         batch = self.new_batch(candidate[None])
         self.work_on(batch)
-        return stopped_early(batch.records()[0], self.episode, goes_on)
+        return batch.records()[0].stopped_early(goes_on)
 
-    def agrees_with_stepwise(self, candidate: Lumps, steps: int = 25) -> bool:
-        """Whether a short episode comes out the same in the compiled and in the stepwise loop."""
-        short = self.episode.shortened(steps)
-        compiled = CompiledLoop(self.plant, short, self.step).run(candidate)
-        with quiet_mujoco():
-            stepwise, _ = run_stepwise(self.plant, candidate, short)
-        return same_record(compiled, stepwise)
+    def on(self, episode: Episode) -> CompiledLoop:
+        """The same for another `episode`."""
+        return CompiledLoop(self.plant, episode, self.step)

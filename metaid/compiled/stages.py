@@ -20,8 +20,10 @@ from numba.extending import overload
 
 from metaid.compiled.decorator import compiled
 from metaid.compiled.law import turn
+from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.undocumented import LIBRARY, address_of, class_of
 from metaid.models import Array
+from metaid.plant import ArmPlant, MujocoPlant
 
 llvmlite.binding.load_library_permanently(str(LIBRARY))
 
@@ -227,3 +229,12 @@ def agrees_with_mj_step(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
         same = same and states[0] == states[1]
     mujoco.mj_resetData(model, data)
     return same
+
+
+def fastest_step(plant: MujocoPlant | ArmPlant) -> MujocoStep | DirectStep:
+    """How a compiled loop moves `plant` on: MuJoCo's stages one by one, or `mj_step` where these are not the same to
+    the last bit.
+    """
+    with quiet_mujoco():
+        make = direct_step if agrees_with_mj_step(plant.model, plant.data) else mujoco_step
+    return make(plant.model, plant.data)

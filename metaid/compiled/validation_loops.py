@@ -10,8 +10,8 @@ import numpy as np
 from metaid.compiled.decorator import compiled
 from metaid.compiled.kernel import advance, look
 from metaid.compiled.law import LINK, compensate
-from metaid.compiled.loop import fastest_step
 from metaid.compiled.quiet import quiet_mujoco
+from metaid.compiled.stages import fastest_step
 from metaid.models import Array, Lumps
 from metaid.plant import MujocoPlant, Start
 

@@ -1,10 +1,11 @@
 """The perturb-and-count episode: pushes, the loop step by step, what it shows, and the measures of that.
 
-`Episode` says what is done to a plant, `run_stepwise` does it on any plant, and `Record` is what was seen. A measure
-turns a record into one number. An `Outcome` is what a searcher gets. No storage and no sampler.
+`Episode` says what is done to a plant, `run_stepwise` does it on any plant, and `Record` is what was seen. A planar
+chain and an arm differ in the `kind` of the episode alone. A measure turns a record into one number. An `Outcome` is
+what a searcher gets. No storage and no sampler.
 """
 
-from metaid.episode.episode import Episode, NoiseFloor
+from metaid.episode.episode import Episode, NoiseFloor, arm_episode
 from metaid.episode.falls import FALL_LIMIT, FALL_MARGIN, RICH_FALL_LIMIT, RICH_RUNAWAY, FallRule
 from metaid.episode.measures import (
     MEASURES,
@@ -21,10 +22,20 @@ from metaid.episode.outcome import FALL_VALUE, Outcome, failure
 from metaid.episode.plausible import Calibration
 from metaid.episode.pushes import REACH, natural_time, pushed_speeds, pushes_for, rich_pushes, rich_speeds, tip_push
 from metaid.episode.readings import SensorReadings, readings_before_fall
-from metaid.episode.record import GoesOn, Record, Trajectory, same_record, stopped_early
+from metaid.episode.record import GoesOn, Record, Trajectory, same_record
 from metaid.episode.smoothing import noise_floor
-from metaid.episode.stepwise import CandidateBatch, StepwiseLoop, again_if_lost, new_candidate_batch, run_stepwise
-from metaid.episode.windows import QUANTITIES, SHORTEST, WINDOWS, Windows, even_ends, window_ends, windows_before_fall
+from metaid.episode.spatial import KnownStarts, Spatial, arm_record, uncounted
+from metaid.episode.stepwise import StepwiseLoop, WholeEpisodes, run_stepwise
+from metaid.episode.windows import (
+    QUANTITIES,
+    SHORTEST,
+    WINDOWS,
+    Windows,
+    even_ends,
+    window_ends,
+    windows_before_fall,
+    windows_seen,
+)
 
 __all__ = [
     "FALL_LIMIT",
@@ -39,27 +50,29 @@ __all__ = [
     "SHORTEST",
     "WINDOWS",
     "Calibration",
-    "CandidateBatch",
     "Drawn",
     "Episode",
     "FallRule",
     "GoesOn",
+    "KnownStarts",
     "Measure",
     "NoiseFloor",
     "Outcome",
     "Record",
     "SensorReadings",
+    "Spatial",
     "StepwiseLoop",
     "Trajectory",
+    "WholeEpisodes",
     "Windows",
-    "again_if_lost",
+    "arm_episode",
+    "arm_record",
     "crossing_hz",
     "even_ends",
     "failure",
     "fall_value",
     "get_measure",
     "natural_time",
-    "new_candidate_batch",
     "noise_floor",
     "noise_of",
     "pushed_speeds",
@@ -70,10 +83,11 @@ __all__ = [
     "run_stepwise",
     "same_record",
     "spectral_hz",
-    "stopped_early",
     "tip_push",
+    "uncounted",
     "whole_periods",
     "window_ends",
     "windows_before_fall",
+    "windows_seen",
     "with_deadband",
 ]

@@ -6,6 +6,7 @@
 | `crossing` | the same from interpolated crossing times, mean over joints and pushes, in Hz | gravity lumps |
 | `spectral` | root of the ratio of spectral moments of the joint speeds, in Hz | all lumps, given rich pushes |
 | `smoothed` | the same of smooth curves through the angles, less what noise alone shows, in Hz | the same, with noise |
+| `kinetic` | of an arm, `spectral` in the metric of the nominal mass matrix, in Hz | all base parameters |
 
 What a period is, the paper does not say. `count` has a counting rule: `complete` (default), whole periods between
 crossings of the upright; `maxima`, local maxima of the wrapped angle, plus one; `alternations`, half the alternations
@@ -21,6 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.episode.episode import Episode
+from metaid.episode.kind import Kind
+from metaid.episode.kinetic import kinetic_hz
+from metaid.episode.planar import PLANAR
 from metaid.episode.record import Record
 from metaid.episode.smoothing import smoothed_hz
 from metaid.errors import EpisodeError, unknown
@@ -75,15 +79,23 @@ def spectral_hz(acceleration_energy: Array, speed_energy: Array) -> float:
 
 @dataclass(frozen=True)
 class Measure:
-    """A measure by `name`: its `unit`, its `value` from a record, the `resolution` within which two values are
-    equally good in an episode of given timestep (s), and a `ceiling` above every survivor's value, which falls are
-    ranked by (Eq. 13). `periods` counts per joint (njoint). Without `sees_coriolis`, what a search finds of the
-    Coriolis lumps means nothing. With `is_noisy`, the best trial is the luckiest of many equals, and their mean is the
-    better estimate."""
+    """A number that an episode's record is turned into.
+
+    Attributes:
+        name: of it.
+        unit: of its values.
+        value: of the record of an episode.
+        resolution: within which two values are equally good in an episode of given timestep (s).
+        ceiling: above every survivor's value, which falls are ranked by (Eq. 13).
+        sees_coriolis: without it, what a search finds of the Coriolis lumps means nothing.
+        periods: of each joint (njoint).
+        keeps_angles: whether it needs the joint angles.
+        is_noisy: whether the best trial is the luckiest of many equals, and their mean is the better estimate.
+    """
 
     name: str
     unit: str
-    value: Callable[[Record], float]
+    value: Callable[[Record, Episode], float]
     resolution: Callable[[Episode, float], float]
     ceiling: Callable[[Episode, float], float]
     sees_coriolis: bool
@@ -109,7 +121,7 @@ MEASURES = {
     "count": Measure(
         name="count",
         unit="periods",
-        value=lambda record: float(whole_periods(record.half_periods).sum()),
+        value=lambda record, episode: float(whole_periods(record.half_periods).sum()),
         resolution=lambda episode, timestep: 0.5,
         ceiling=lambda episode, timestep: episode.pushes.size * (0.5 * episode.steps + 1.0),
         sees_coriolis=False,
@@ -117,7 +129,7 @@ MEASURES = {
     "crossing": Measure(
         name="crossing",
         unit="Hz",
-        value=lambda record: float(crossing_hz(record.half_periods, record.crossing_span).mean()),
+        value=lambda record, episode: float(crossing_hz(record.half_periods, record.crossing_span).mean()),
         resolution=lambda episode, timestep: 0.5 / (episode.steps * timestep),
         ceiling=_nyquist_hz,
         sees_coriolis=False,
@@ -125,7 +137,7 @@ MEASURES = {
     "spectral": Measure(
         name="spectral",
         unit="Hz",
-        value=lambda record: spectral_hz(record.acceleration_energy, record.speed_energy),
+        value=lambda record, episode: spectral_hz(record.acceleration_energy, record.speed_energy),
         resolution=_coasting_hz,
         ceiling=_nyquist_hz,
         sees_coriolis=True,
@@ -133,7 +145,7 @@ MEASURES = {
     "smoothed": Measure(
         name="smoothed",
         unit="Hz",
-        value=lambda record: smoothed_hz(np.array(record.angles), record.timestep, record.noise_floor),
+        value=lambda record, episode: smoothed_hz(np.array(record.angles), record.timestep, record.noise_floor),
         resolution=lambda episode, timestep: max(
             _coasting_hz(episode, timestep), NOISE_RESOLUTION * episode.noise_floor.spread
         ),
@@ -142,15 +154,25 @@ MEASURES = {
         keeps_angles=True,
         is_noisy=True,
     ),
+    "kinetic": Measure(
+        name="kinetic",
+        unit="Hz",
+        value=lambda record, episode: min(kinetic_hz(record, episode), 0.5 / record.timestep),
+        resolution=_coasting_hz,
+        ceiling=_nyquist_hz,
+        sees_coriolis=True,
+    ),
 }
 ANGLE_RULES = {"maxima": maxima_periods, "alternations": alternation_periods}
 RULES = ("complete", *ANGLE_RULES)
 
 
-def get_measure(name: str, rule: str | None = None) -> Measure:
-    """The measure of that name, `count` with a counting `rule`.  Raises EpisodeError, naming the allowed ones."""
-    if name not in MEASURES:
-        raise EpisodeError(unknown("measure", name, MEASURES))
+def get_measure(name: str, rule: str | None = None, kind: Kind = PLANAR) -> Measure:
+    """The measure of that name, `count` with a counting `rule`.  Raises EpisodeError, naming those that this `kind` of
+    robot has.
+    """
+    if name not in kind.measures:
+        raise EpisodeError(unknown("measure", name, kind.measures))
     if rule is None:
         return MEASURES[name]
     if name != "count":
@@ -166,7 +188,10 @@ def _counted_by(rule: Callable[[Array], NDArray[np.int64]]) -> Measure:
         return counted
 
     return replace(
-        MEASURES["count"], value=lambda record: float(periods(record).sum()), periods=periods, keeps_angles=True
+        MEASURES["count"],
+        value=lambda record, episode: float(periods(record).sum()),
+        periods=periods,
+        keeps_angles=True,
     )
 
 

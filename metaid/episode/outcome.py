@@ -40,4 +40,4 @@ def failure(measure: Measure, episode: Episode, timestep: float, reason: str) ->
         reason: why, in one line.
     """
     value = fall_value(measure.ceiling(episode, timestep), 0, episode.total_steps)
-    return Outcome(value, True, 0, (0,) * episode.pushes.shape[1], reason)
+    return Outcome(value, True, 0, (0,) * episode.njoint, reason)

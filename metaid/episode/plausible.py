@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from hashlib import blake2b
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +61,13 @@ class Calibration:
     speed_noise: Array
     nominal: Chain
     gravity: float
+
+    @property
+    def begun(self) -> Array:
+        return np.stack([np.zeros_like(self.start_speeds), self.start_speeds], axis=1)
+
+    def check(self, plant: Any, push: int, earlier: dict[bytes, Array]) -> PushCheck:
+        return PushCheck(plant.name, self, push, plant.timestep, earlier)
 
 
 class _Unchanged:

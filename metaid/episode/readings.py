@@ -78,22 +78,20 @@ def told_times(times: Sequence[Array | None], readings: SensorReadings) -> Senso
 
 
 def readings_before_fall(
-    motions: Sequence[tuple[Array, Array]], npush: int, steps: int, fell: bool, has_speed_sensor: bool
+    motions: Sequence[tuple[Array, Array]], steps: int, fell: NDArray[np.bool_], has_speed_sensor: bool
 ) -> SensorReadings:
-    """The readings of an episode, without the one that a fall ended with.
+    """The readings of an episode, without those that falls ended with.
 
     Args:
         motions: joint angles and speeds (nstep + 1 x njoint) as they were read after each push that was begun.
-        npush: all pushes, those that were never begun too.
         steps: how many steps of each push are kept.
-        fell: whether the last push that was begun ended in a fall.
+        fell: which pushes ended in a fall (npush), those that were never begun too.
         has_speed_sensor: whether the speeds were read, and not computed from angles.
     """
-    njoint = motions[0][0].shape[1]
+    npush, njoint = len(fell), motions[0][0].shape[1]
     counts = np.zeros(npush, dtype=np.int64)
     angles, speeds = np.zeros((2, npush, steps + 1, njoint))
     for push, (read_angles, read_speeds) in enumerate(motions):
-        is_last = push == len(motions) - 1
-        count = counts[push] = min(len(read_angles) - (fell and is_last), steps + 1)
+        count = counts[push] = min(len(read_angles) - int(fell[push]), steps + 1)
         angles[push, :count], speeds[push, :count] = read_angles[:count], read_speeds[:count]
     return SensorReadings(counts, angles, speeds if has_speed_sensor else None)

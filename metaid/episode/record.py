@@ -2,36 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.episode.episode import Episode
+from metaid.episode.kind import Seen
 from metaid.episode.readings import SensorReadings
 from metaid.episode.windows import QUANTITIES, Windows, windows_seen
 from metaid.models import Array
 from metaid.plant import Start
 
+if TYPE_CHECKING:
+    from metaid.episode.episode import Episode
 
-@dataclass(frozen=True)
+ALIKE = 1e-9  # relative: how far two loops may differ that take the same steps
+
+
+@dataclass(frozen=True, eq=False)
 class Record:
-    """What an episode showed, per push and joint (npush x njoint); rows after a fall are not filled in.
+    """What an episode showed, of each push; of pushes that were never begun there is nothing.
 
-    `half_periods`: crossings of the upright after the first, which is the push itself if it moved an upright joint.
-    `crossing_span`: time from the first to the last crossing, interpolated between steps, in s.
-    `speed_energy`, `acceleration_energy`: ∫ q̇² dt in rad²/s and ∫ (q̈ + k q)² dt in rad²/s³, k the episode's stiffness.
-    `steps`: steps that were run; `fall_step`: the step by which a link had fallen, or None.
-    `angles`: joint angles (nsteps + 1 x njoint), in rad, of each push that was begun, if the episode keeps them.
-    `noise_floor`: ∫ q̈² dt of a plant at rest, of all pushes and joints, in rad²/s³.
-    `windows`: the motion up to each of the episode's window ends.
-    `readings`: what the sensors read, if the episode keeps it.
+    Attributes:
+        timestep: between two torques, in s.
+        steps: that were run after each push (npush), up to the fall where it fell.
+        fell: which pushes ended in a fall (npush).
+        half_periods: crossings of the upright by each joint (npush x njoint) after the first, which is the push itself
+            if it moved an upright joint; of an arm they are not counted.
+        crossing_span: time from the first to the last crossing (npush x njoint), interpolated between steps, in s.
+        speed_energy: ∫ q̇² dt of each joint (npush x njoint), in rad²/s; of an arm ∫ q̇ᵀ M̄ q̇ dt (npush), in J s, M̄ being
+            the nominal mass matrix.
+        acceleration_energy: the same of q̈ + k q in rad²/s³, k being the episode's stiffness; of an arm of
+            q̈ + k (q − q₀), in J/s.
+        angles: joint angles (nsteps + 1 x njoint), in rad, of each push that was begun, if the episode keeps them.
+        noise_floor: ∫ q̈² dt of a plant at rest, of all pushes and joints, in rad²/s³.
+        windows: the motion up to each of the episode's window ends, as the sensors saw it.
+        readings: what the sensors read, if the episode keeps it.
     """
 
     timestep: float
-    steps: int
-    fall_step: int | None
+    steps: NDArray[np.int64]
+    fell: NDArray[np.bool_]
     half_periods: NDArray[np.int64]
     crossing_span: Array
     speed_energy: Array
@@ -41,45 +54,46 @@ class Record:
     windows: Windows | None = None
     readings: SensorReadings | None = None
 
+    @property
+    def total_steps(self) -> int:
+        """That were run after all pushes."""
+        return int(self.steps.sum())
+
+    @property
+    def fall_step(self) -> int | None:
+        """How many steps were run where a push fell; else None."""
+        return self.total_steps if self.fell.any() else None
+
+    def first(self, pushes: int) -> Record:
+        """What the first `pushes` showed, as if the episode had these alone; windows and readings keep their shape."""
+        return replace(
+            self,
+            steps=self.steps[:pushes],
+            fell=self.fell[:pushes],
+            half_periods=self.half_periods[:pushes],
+            crossing_span=self.crossing_span[:pushes],
+            speed_energy=self.speed_energy[:pushes],
+            acceleration_energy=self.acceleration_energy[:pushes],
+            angles=self.angles[:pushes],
+            noise_floor=self.noise_floor * pushes / len(self.steps),
+            windows=None if self.windows is None else self.windows.first(pushes),
+            readings=None if self.readings is None else self.readings.first(pushes),
+        )
+
+    def stopped_early(self, goes_on: GoesOn | None) -> Record:
+        """The record of a whole episode as it would be if `goes_on`, asked after each push but the last and from the
+        first fall on, had ended it.
+        """
+        for pushes in range(1, len(self.steps)):
+            so_far = self.first(pushes)
+            if goes_on is None or so_far.fell.any():
+                break
+            if not goes_on(so_far):
+                return so_far
+        return self
+
 
 GoesOn = Callable[[Record], bool]  # whether an episode goes on after a push, given what it has shown so far
-
-
-def stopped(record: Record, episode: Episode, pushes: int) -> Record:
-    """What an episode has shown after so many whole `pushes`, as if it had these alone; windows and readings keep their
-    shape.
-
-    Args:
-        record: of the whole episode, or of these pushes and rows that are not filled in.
-        episode: what was to be done.
-        pushes: how many, none of which ended in a fall.
-    """
-    return replace(
-        record,
-        steps=pushes * episode.steps,
-        fall_step=None,
-        half_periods=record.half_periods[:pushes],
-        crossing_span=record.crossing_span[:pushes],
-        speed_energy=record.speed_energy[:pushes],
-        acceleration_energy=record.acceleration_energy[:pushes],
-        angles=record.angles[:pushes],
-        noise_floor=record.noise_floor * pushes / len(episode.pushes),
-        windows=None if record.windows is None else record.windows.first(pushes),
-        readings=None if record.readings is None else record.readings.first(pushes),
-    )
-
-
-def stopped_early(record: Record, episode: Episode, goes_on: GoesOn | None) -> Record:
-    """The `record` of a whole episode as it would be if `goes_on`, asked after each push but the last and the one that
-    ended in a fall, had ended it.
-    """
-    if goes_on is None:
-        return record
-    for pushes in range(1, (record.steps - 1) // episode.steps + 1):
-        so_far = stopped(record, episode, pushes)
-        if not goes_on(so_far):
-            return so_far
-    return record
 
 
 @dataclass(frozen=True)
@@ -146,47 +160,42 @@ def energies(speeds: Array, timestep: float, wanted: Array | float = 0.0) -> tup
     return speed_energy, acceleration_energy
 
 
-def windows_of(motions: Sequence[tuple[Array, Array]], episode: Episode, timestep: float, fell: bool) -> Windows | None:
-    """The windows of an episode whose motion is known step by step; None where it asks for none.
-
-    Args:
-        motions: joint angles and speeds (nsteps + 1 x njoint) of each push that was begun, in rad and rad/s.
-        episode: what was done.
-        timestep: between two control steps, in s.
-        fell: whether the last push that was begun ended in a fall.
-    """
+def windows_of(seen: Seen, episode: Episode) -> Windows | None:
+    """The windows of an episode of a chain that was seen step by step; None where it asks for none."""
     if not episode.window_ends:
         return None
     ends, (npush, njoint) = np.array(episode.window_ends), episode.pushes.shape
-    seen = windows_seen(ends, [len(angles) - 1 for angles, _ in motions], fell, npush)
+    whole = windows_seen(ends, seen.steps, seen.fell)
     motion = np.zeros((npush, len(ends), QUANTITIES, njoint))
     half_periods = np.zeros((npush, len(ends), njoint), dtype=np.int64)
-    for push, ((angles, speeds), start) in enumerate(zip(motions, episode.starts, strict=False)):
+    for push, ((angles, speeds), start) in enumerate(zip(seen.motions, episode.starts, strict=False)):
         crosses = crosses_at(start, speeds[0])
-        for window, end in enumerate(ends[: seen[push]]):
-            shown = energies(speeds[: end + 1], timestep, -episode.stiffness * angles[:end])
+        for window, end in enumerate(ends[: whole[push]]):
+            shown = energies(speeds[: end + 1], seen.timestep, -episode.springs[push] * angles[:end])
             motion[push, window] = angles[end], speeds[end], *shown
-            half_periods[push, window], _ = crossings(angles[: end + 1], crosses, timestep, episode.deadband)
-    return Windows(ends, seen, motion, half_periods)
+            half_periods[push, window], _ = crossings(angles[: end + 1], crosses, seen.timestep, episode.deadband)
+    return Windows(ends, whole, motion, half_periods)
 
 
 def same_record(one: Record, other: Record) -> bool:
     """Whether two loops saw the same, but for rounding."""
-    return (
-        one.fall_step == other.fall_step
-        and bool((one.half_periods == other.half_periods).all())
-        and _same(one.speed_energy, other.speed_energy)
-        and _same(one.acceleration_energy, other.acceleration_energy)
-        and _same_windows(one.windows, other.windows)
+    (counts, amounts), (other_counts, other_amounts) = _parts(one), _parts(other)
+    return all(np.array_equal(mine, theirs) for mine, theirs in zip(counts, other_counts, strict=True)) and all(
+        np.allclose(mine, theirs, ALIKE, ALIKE * np.abs(size).max(initial=0.0))
+        for (mine, size), (theirs, _) in zip(amounts, other_amounts, strict=True)
     )
 
 
-def _same_windows(one: Windows | None, other: Windows | None) -> bool:
-    if one is None or other is None:
-        return one is other
-    counts = (one.seen == other.seen).all() and (one.half_periods == other.half_periods).all()
-    return bool(counts) and _same(one.motion, other.motion)
-
-
-def _same(one: Array, other: Array) -> bool:
-    return bool(np.allclose(one, other, rtol=1e-6, atol=1e-9))
+def _parts(record: Record) -> tuple[list[NDArray[Any]], list[tuple[Array, Array]]]:
+    """What is counted in a record, and what is measured, each with what tells the size of its rounding: what
+    accelerates a plant that coasts is nothing else, and no two loops round alike.
+    """
+    counts: list[NDArray[Any]] = [record.steps, record.fell, record.half_periods]
+    amounts = [(energy, record.speed_energy) for energy in (record.speed_energy, record.acceleration_energy)]
+    if (seen := record.windows) is not None:
+        counts += [seen.seen, seen.half_periods]
+        amounts += [(seen.angles, seen.angles), (seen.speeds, seen.speeds)]
+        amounts += [(energy, seen.speed_energy) for energy in (seen.speed_energy, seen.acceleration_energy)]
+    if record.readings is not None:
+        amounts.append((record.readings.angles, record.readings.angles))
+    return counts, amounts

@@ -6,7 +6,6 @@ push by push. Short windows are nearly linear in the unknown lumps, long ones de
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -81,24 +80,24 @@ class Windows:
         return replace(self, seen=self.seen[rows], motion=self.motion[rows], half_periods=self.half_periods[rows])
 
 
-def windows_seen(ends: NDArray[np.int64], ran: Sequence[int], fell: bool, npush: int) -> NDArray[np.int64]:
+def windows_seen(ends: NDArray[np.int64], ran: NDArray[np.int64], fell: NDArray[np.bool_]) -> NDArray[np.int64]:
     """How many windows of each push (npush) ended before a fall.
 
     Args:
         ends: the steps (nwindow) at which windows end.
-        ran: the steps of each push that was begun; if the episode `fell`, the last of them is the step of the fall.
-        fell: whether it did.
-        npush: all pushes, those that were never begun too.
+        ran: the steps of each push (npush), up to that of the fall where it fell; 0 of one that was never begun.
+        fell: which pushes did (npush).
     """
-    whole = np.array(ran, dtype=np.int64)
-    whole[len(whole) - 1 :] -= fell
-    seen = np.zeros(npush, dtype=np.int64)
-    seen[: len(whole)] = (ends <= whole[:, None]).sum(axis=1)
+    seen: NDArray[np.int64] = (ends <= (ran - fell)[:, None]).sum(axis=1)
     return seen
 
 
 def windows_before_fall(
-    ends: NDArray[np.int64], motion: Array, half_periods: NDArray[np.int64], ran: Sequence[int], fell: bool
+    ends: NDArray[np.int64],
+    motion: Array,
+    half_periods: NDArray[np.int64],
+    ran: NDArray[np.int64],
+    fell: NDArray[np.bool_],
 ) -> Windows:
     """The windows that a loop has filled in, without those that a fall cut short.
 
@@ -106,12 +105,12 @@ def windows_before_fall(
         ends: the steps (nwindow) at which windows end.
         motion: as `Windows` has it, with anything in the windows after a fall.
         half_periods: likewise.
-        ran: the steps of each push that was begun.
-        fell: whether the last of them ended in a fall.
+        ran: the steps of each push (npush), as `windows_seen` takes them.
+        fell: which pushes ended in a fall (npush).
     """
-    if not fell:
+    if not fell.any():
         return Windows(ends, np.full(len(motion), len(ends)), motion, half_periods)
-    seen = windows_seen(ends, ran, fell, len(motion))
+    seen = windows_seen(ends, ran, fell)
     for push in np.flatnonzero(seen < len(ends)):
         motion[push, seen[push] :] = 0.0
         half_periods[push, seen[push] :] = 0

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from metaid.compiled.spatial import commanded_arm_torques
-from metaid.episode.spatial import ArmEpisode
+from metaid.episode import Episode
 from metaid.estimation.base_unknowns import ArmEstimate, BaseUnknowns
 from metaid.estimation.estimate import Estimate
 from metaid.estimation.noisy import commanded_torques
@@ -73,7 +73,7 @@ class ArmLaws:
     """
 
     searched: BaseUnknowns
-    episode: ArmEpisode
+    episode: Episode
 
     def law(self, candidate: Array) -> Array:
         return self.searched.prior.parameters_at(candidate)

@@ -11,7 +11,18 @@ from metaid.models.closest_bodies import Matrices
 from metaid.models.intervals import COARSEST, DEVIATIONS, deviations_at_once, half_width
 from metaid.models.known_lumps import KnownLumps, known_lumps
 from metaid.models.law import SLIDING, compensation_basis, compensation_torque, mass_matrix
-from metaid.models.lumps import FRICTION, IDEAL, UNITS, Array, Lumps, factors_from_names, kind_of, lump_names, lump_unit
+from metaid.models.lumps import (
+    FRICTION,
+    IDEAL,
+    LARGEST_FACTOR,
+    UNITS,
+    Array,
+    Lumps,
+    factors_from_names,
+    kind_of,
+    lump_names,
+    lump_unit,
+)
 from metaid.models.model import ChainModel
 from metaid.models.possible import (
     least_inertia,
@@ -27,6 +38,7 @@ __all__ = [
     "DEVIATIONS",
     "FRICTION",
     "IDEAL",
+    "LARGEST_FACTOR",
     "SLIDING",
     "UNITS",
     "Array",

@@ -16,6 +16,8 @@ from metaid.errors import EpisodeError, unknown
 
 Array = NDArray[np.float64]
 
+LARGEST_FACTOR = 1000.0
+
 UNITS = {"gravity": "kg m", "coriolis": "kg m²", "damping": "N m s", "coulomb": "N m", "inertia": "kg m²"}
 
 IDEAL = ("gravity", "coriolis")  # kinds of lumps that a chain without friction is compensated with
@@ -41,6 +43,11 @@ class Lumps:
     @property
     def nlink(self) -> int:
         return int(self.gravity.shape[-1])
+
+    @property
+    def njoint(self) -> int:
+        """One for each link."""
+        return self.nlink
 
     @cached_property
     def names(self) -> list[str]:
@@ -72,6 +79,30 @@ class Lumps:
     def scaled(self, factors: Array) -> Lumps:
         """The candidate whose searched lumps are `factors` (... x nlump) times these: candidate = factor × nominal."""
         return self.with_parameters(self.vector * factors)
+
+    @property
+    def law(self) -> Lumps:
+        """What a law is made of: these."""
+        return self
+
+    def law_of(self, factors: Array) -> Lumps:
+        """The candidate with these `factors` (nlump), which anybody may have given.  Raises EpisodeError where they are
+        none.
+        """
+        try:
+            given = np.asarray(factors)
+            vector = given.astype(np.float64) if given.dtype.kind in "fiub" else None
+        except (TypeError, ValueError):
+            vector = None
+        if vector is None or vector.shape != self.vector.shape:
+            raise EpisodeError(f"these are no factors (allowed: {len(self.vector)} numbers, one for each lump)")
+        for factor in vector[~(np.abs(vector) <= LARGEST_FACTOR)][:1]:
+            raise EpisodeError(f"a factor is {factor:g} (allowed: {-LARGEST_FACTOR:g} to {LARGEST_FACTOR:g})")
+        return self.scaled(vector)
+
+    def laws_of(self, factors: Array) -> Lumps:
+        """The candidates with these `factors` (ncandidate x nlump)."""
+        return self.scaled(factors)
 
     def with_parameters(self, vector: Array) -> Lumps:
         """The same lumps but for the searched ones, which are those of `vector` (nlump), in the order of `names`.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from metaid.episode.spatial import ArmEpisode
+from metaid.episode import Episode
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS, ArmPrior, joint_mass_matrix, torque_regressor
 from metaid.search.coordinates import Coordinates
@@ -15,7 +15,7 @@ SPREAD = 0.3  # root mean square of a coordinate's prior
 LEAST_SHOWN = 0.005  # of the mean: what an independent step of the prior counts for at least, however little it shows
 
 
-def arm_sensitivity(prior: ArmPrior, episode: ArmEpisode, timestep: float, values: Array | None = None) -> Array:
+def arm_sensitivity(prior: ArmPrior, episode: Episode, timestep: float, values: Array | None = None) -> Array:
     """H (nbase x nbase), in rad²/s² over the squared units: near the truth (2π f)² = δᵀ H δ of the kinetic measure f,
     with δ the error of the base parameters.  Eq. 61.
 
@@ -64,10 +64,10 @@ def prior_metric(h: Array, prior: ArmPrior, low: Array, high: Array) -> Coordina
     return Coordinates(prior.values, unit * prior.root @ stretched, low, high, curvature)
 
 
-def _ideal_motion(episode: ArmEpisode, timestep: float) -> tuple[Array, Array, Array]:
+def _ideal_motion(episode: Episode, timestep: float) -> tuple[Array, Array, Array]:
     """Joint coordinates, speeds and accelerations (npush SAMPLES x njoint each) of an arm under its own law."""
     times = (np.arange(SAMPLES) + 0.5) * episode.steps * timestep / SAMPLES
-    rate = np.sqrt(episode.stiffness)[:, None]
+    rate = np.sqrt(episode.springs)[:, None]
     swing = np.where(rate > 0.0, np.sin(rate * times) / np.where(rate > 0.0, rate, 1.0), times)[..., None]
     poses, speeds = episode.states[:, None, 0], episode.states[:, None, 1]
     pulled = -(rate**2)[..., None] * swing

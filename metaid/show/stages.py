@@ -13,9 +13,8 @@ from typing import Any, Protocol
 import numpy as np
 from mujoco import MjModel
 
-from metaid.compiled import Objective
-from metaid.compiled.spatial import ArmLoop
-from metaid.episode.spatial import ArmEpisode
+from metaid.compiled import Objective, fastest_loop
+from metaid.episode import FallRule, arm_episode
 from metaid.models import Array, Lumps
 from metaid.models.tree import Tree
 from metaid.plant import ArmPlant, ArmStart, MujocoPlant
@@ -107,8 +106,10 @@ class ArmStage:
         plant, start = self.plant, slow_start(self.plant)
         steps = max(round(ARM_SECONDS / plant.timestep), 1)
         ends = np.unique(np.arange(1.0 / rate, ARM_SECONDS, 1.0 / rate) / plant.timestep).round().astype(int)
-        episode = ArmEpisode((start,), np.zeros(1), steps, tuple(ends.tolist()), RUNAWAY)
-        record = ArmLoop(plant, self.nominal, episode).run(law)
+        watched: dict[str, Any] = {"fall_rule": FallRule(runaway=RUNAWAY), "window_ends": tuple(ends.tolist())}
+        episode = arm_episode(self.nominal, (start,), np.zeros(1), steps, **watched)
+        record = fastest_loop(plant, episode, self.nominal.parameters).run(law)
+        assert record.windows is not None, "it has window ends"
         seen = record.windows.angles[0, : record.windows.seen[0]]
         angles = np.concatenate([start.pose[None], seen])
         return Motion(f"{caption}: falls" if record.fell[0] else caption, angles)

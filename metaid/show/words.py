@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from metaid.episode import Episode
-from metaid.episode.spatial import ArmEpisode
+from metaid.episode import Episode, Spatial
 from metaid.models import Chain
 from metaid.models.tree import Tree
 from metaid.plant import ArmPlant, MujocoPlant, PlantSettings
@@ -40,14 +39,13 @@ def plant_words(spec: StudySpec) -> str:
     return f"{spec.plant_name}: {size}{pull}, timestep {spec.timestep} s{faults}"
 
 
-@singledispatch
-def episode_words(episode: Any, timestep: float) -> str:
+def episode_words(episode: Episode, timestep: float) -> str:
     """What is done to the plant with each candidate, torques being `timestep` (s) apart."""
-    raise TypeError(episode)
+    return _words(episode.kind, episode, timestep)
 
 
-@episode_words.register
-def _chains_episode(episode: Episode, timestep: float) -> str:
+@singledispatch
+def _words(kind: Any, episode: Episode, timestep: float) -> str:
     rule = episode.fall_rule
     return (
         f"{plural(len(episode.pushes), 'push')}, {episode.steps:,} steps ({episode.steps * timestep:.3g} s) after "
@@ -56,14 +54,14 @@ def _chains_episode(episode: Episode, timestep: float) -> str:
     )
 
 
-@episode_words.register
-def _arms_episode(episode: ArmEpisode, timestep: float) -> str:
-    springs = int(np.count_nonzero(episode.stiffness))
+@_words.register
+def _arms_words(kind: Spatial, episode: Episode, timestep: float) -> str:
+    springs = int(np.count_nonzero(episode.springs))
     coasts = episode.npush - springs
     return (
         f"{plural(coasts, 'push')} that coast{'s' * (coasts == 1)} and {springs} that swing{'s' * (springs == 1)} as "
         f"on springs, {episode.steps:,} steps ({episode.steps * timestep:.3g} s) each; a push has fallen in which a "
-        f"joint leaves its range, or is {episode.runaway:.3g} times faster than any was at a start"
+        f"joint leaves its range, or is {episode.fall_rule.runaway:.3g} times faster than any was at a start"
     )
 
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from random_arm import random_arm
 
+from metaid.compiled import agrees_with_stepwise
 from metaid.compiled.spatial import ArmLoop, Times, commanded_arm_torques, follow_laws, follow_torques, frames_of
 from metaid.compiled.spatial.vectors import cosine_and_sine
 from metaid.compiled.stages import agrees_with_mj_step
-from metaid.episode import window_ends
-from metaid.episode.spatial import ArmEpisode, run_arm_stepwise, same_arm_record, smoothed_arm_frequency
+from metaid.episode import MEASURES, Episode, FallRule, Record, arm_episode, run_stepwise, same_record, window_ends
 from metaid.models.tree import Tree, joint_torque
 from metaid.plant import ArmPlant, ArmSettings, ArmStart, FaultSettings, FaultyPlant, slope_weights
 from metaid.plant.description import arm_model
@@ -28,14 +28,19 @@ def plant_of(tree: Tree, **faults: object) -> ArmPlant:
     return plant
 
 
-def episode_of(tree: Tree, pushes: int = 4, steps: int = STEPS, **more: object) -> ArmEpisode:
+def episode_of(tree: Tree, pushes: int = 4, steps: int = STEPS, **more: object) -> Episode:
     """Pushes from random states, half of them on springs."""
     random = np.random.default_rng(1)
     states = [
         ArmStart(random.uniform(-1.0, 1.0, tree.njoint), random.uniform(-2.0, 2.0, tree.njoint)) for _ in range(pushes)
     ]
     stiffness = np.where(np.arange(pushes) % 2 == 1, 30.0, 0.0)
-    return ArmEpisode(tuple(states), stiffness, steps, window_ends(steps), **more)
+    return arm_episode(tree, states, stiffness, steps, window_ends=window_ends(steps), **more)
+
+
+def hertz(record: Record, episode: Episode) -> float:
+    """The kinetic measure."""
+    return MEASURES["kinetic"].value(record, episode)
 
 
 def wrong(tree: Tree) -> Tree:
@@ -50,23 +55,26 @@ ARMS = [random_arm(4, 1, friction=False), random_arm(4, 2), random_arm(3, 3, (1,
 def test_compiled_episode_is_the_plain_one(tree: Tree) -> None:
     """With hinges and slides, springs, with and without dry friction, all that is seen is the same to rounding."""
     plant, episode, law = plant_of(tree), episode_of(tree), wrong(tree)
-    loop = ArmLoop(plant, tree, episode)
-    assert loop.is_compiled
-    fast, slow = loop.run(law.parameters), run_arm_stepwise(plant, law, tree, episode)
-    assert same_arm_record(fast, slow)
+    loop = ArmLoop(plant, episode)
+    assert agrees_with_stepwise(loop, tree.parameters)
+    fast, slow = loop.run(law.parameters), run_stepwise(plant, law.parameters, episode)[0]
+    assert same_record(fast, slow)
     assert fast.windows.motion.any()
-    np.testing.assert_allclose(fast.frequency, slow.frequency, rtol=1e-9)
+    np.testing.assert_allclose(hertz(fast, episode), hertz(slow, episode), rtol=1e-9)
 
 
 def test_compiled_episode_on_noisy_sensors_is_the_plain_one() -> None:
     """Noise is that of the trial, and the law acts on speeds from angle readings."""
     tree = ARMS[1]
-    plant, episode = plant_of(tree, angle_noise=1e-4, speed_sensor=False), episode_of(tree, seed=5, keeps_readings=True)
-    loop = ArmLoop(plant, tree, episode)
-    assert loop.is_compiled
-    fast, slow = loop.run(tree.parameters, 3), run_arm_stepwise(FaultyPlant(plant), tree, tree, episode, 3)
-    assert same_arm_record(fast, slow)
-    assert not same_arm_record(fast, loop.run(tree.parameters, 4))
+    plant, episode = (
+        plant_of(tree, angle_noise=1e-4, speed_sensor=False),
+        episode_of(tree, seed=5, readings_steps=STEPS),
+    )
+    loop = ArmLoop(plant, episode)
+    assert agrees_with_stepwise(loop, tree.parameters)
+    fast, slow = loop.run(tree.parameters, 3), run_stepwise(FaultyPlant(plant), tree.parameters, episode, 3)[0]
+    assert same_record(fast, slow)
+    assert not same_record(fast, loop.run(tree.parameters, 4))
 
 
 @pytest.mark.parametrize(
@@ -83,12 +91,12 @@ def test_faults_of_an_arm_are_the_same_in_both_loops(faults: dict[str, object]) 
     fault changes what is seen.
     """
     tree = ARMS[2]
-    plant, episode = plant_of(tree, **faults), episode_of(tree, seed=5, lead=0.004, keeps_readings=True)
-    loop, law = ArmLoop(plant, tree, episode), wrong(tree)
-    assert loop.is_compiled
-    slow = run_arm_stepwise(FaultyPlant(plant), law, tree, episode, 3)
-    assert same_arm_record(loop.run(law.parameters, 3), slow)
-    assert not same_arm_record(loop.run(law.parameters, 3), ArmLoop(plant_of(tree), tree, episode).run(law.parameters))
+    plant, episode = plant_of(tree, **faults), episode_of(tree, seed=5, lead=0.004, readings_steps=STEPS)
+    loop, law = ArmLoop(plant, episode), wrong(tree)
+    assert agrees_with_stepwise(loop, tree.parameters)
+    slow = run_stepwise(FaultyPlant(plant), law.parameters, episode, 3)[0]
+    assert same_record(loop.run(law.parameters, 3), slow)
+    assert not same_record(loop.run(law.parameters, 3), ArmLoop(plant_of(tree), episode).run(law.parameters))
 
 
 def test_spring_in_a_joint_of_an_arm_is_the_same_in_both_loops() -> None:
@@ -96,42 +104,39 @@ def test_spring_in_a_joint_of_an_arm_is_the_same_in_both_loops() -> None:
     tree, episode = ARMS[0], episode_of(ARMS[0])
     plant = plant_of(tree)
     plant.settings = plant.settings.model_copy(update={"stiffness": {tree.names[1]: 2.0}})
-    loop = ArmLoop(plant, tree, episode)
-    assert loop.is_compiled
-    assert same_arm_record(loop.run(tree.parameters), run_arm_stepwise(plant, tree, tree, episode))
-    assert loop.run(tree.parameters).frequency > 1e-2
+    loop = ArmLoop(plant, episode)
+    assert agrees_with_stepwise(loop, tree.parameters)
+    assert same_record(loop.run(tree.parameters), run_stepwise(plant, tree.parameters, episode)[0])
+    assert hertz(loop.run(tree.parameters), episode) > 1e-2
 
 
 def test_exact_law_leaves_an_arm_to_coast_or_to_swing() -> None:
     """Without dry friction nothing accelerates it beyond what the law asks for; a wrong law does."""
     tree = ARMS[0]
-    loop = ArmLoop(plant_of(tree), tree, episode_of(tree))
-    assert loop.run(tree.parameters).frequency < 1e-9
-    assert loop.run(wrong(tree).parameters).frequency > 1e-2
+    loop = ArmLoop(plant_of(tree), episode_of(tree))
+    assert hertz(loop.run(tree.parameters), loop.episode) < 1e-9
+    assert hertz(loop.run(wrong(tree).parameters), loop.episode) > 1e-2
 
 
 def test_measure_from_noisy_readings_is_nearly_that_of_the_motion() -> None:
     """Curves through readings with 0.1 mrad of noise show what a wrong law accelerates, and little at the exact one."""
     tree = ARMS[0]
-    plant, episode = (
-        plant_of(tree, angle_noise=1e-4, speed_sensor=False),
-        episode_of(tree, steps=150, keeps_readings=True),
-    )
-    noisy, silent = ArmLoop(plant, tree, episode), ArmLoop(plant_of(tree), tree, episode)
+    plant, episode = plant_of(tree, angle_noise=1e-4, speed_sensor=False), episode_of(tree, steps=150)
+    noisy, silent = ArmLoop(plant, replace(episode, readings_steps=150)), ArmLoop(plant_of(tree), episode)
     law = wrong(tree).parameters
-    seen = smoothed_arm_frequency(noisy.run(law), episode, tree)
-    assert seen == pytest.approx(silent.run(law).frequency, rel=0.05)
-    assert smoothed_arm_frequency(noisy.run(tree.parameters), episode, tree) < 0.1 * seen
+    seen = hertz(noisy.run(law), episode)
+    assert seen == pytest.approx(hertz(silent.run(law), episode), rel=0.05)
+    assert hertz(noisy.run(tree.parameters), episode) < 0.1 * seen
 
 
 def test_push_that_falls_leaves_the_others_whole() -> None:
     """A push ends where a joint runs away; its windows up to there are kept, and other pushes go on."""
     tree = ARMS[0]
     episode = episode_of(tree, steps=150)
-    calm = tuple(replace(start, speeds=0.1 * start.speeds) for start in episode.starts[:-1])
-    episode = replace(episode, starts=(*calm, episode.starts[-1]), stiffness=np.zeros(4), runaway=1.5)
+    calm = episode.pushes * [[0.1], [0.1], [0.1], [1.0]]
+    episode = replace(episode, pushes=calm, stiffness=0.0, fall_rule=FallRule(runaway=1.5))
     law = replace(tree, mass=1.6 * tree.mass)
-    record = ArmLoop(plant_of(tree), tree, episode).run(law.parameters)
+    record = ArmLoop(plant_of(tree), episode).run(law.parameters)
     assert record.fell.any()
     assert not record.fell.all()
     for push in np.flatnonzero(record.fell):
@@ -139,14 +144,14 @@ def test_push_that_falls_leaves_the_others_whole() -> None:
         assert record.windows.seen[push] == ended
         assert not record.windows.motion[push, ended:].any()
     assert (record.steps[~record.fell] == 150).all()
-    assert np.isfinite(record.frequency)
+    assert np.isfinite(hertz(record, episode))
 
 
 def test_joint_beyond_its_range_has_fallen() -> None:
     """A coast that leaves the range of a joint is a fall."""
     tree = replace(ARMS[0], high=np.full(4, 1.02))
     start = ArmStart(np.full(4, 1.0), np.full(4, 1.0))
-    record = ArmLoop(plant_of(tree), tree, ArmEpisode((start,), np.zeros(1), 50)).run(tree.parameters)
+    record = ArmLoop(plant_of(tree), arm_episode(tree, [start], np.zeros(1), 50)).run(tree.parameters)
     assert record.fell.all()
     assert record.steps[0] == 11, "0.02 rad at 1 rad/s, in steps of 2 ms"
 
@@ -156,11 +161,11 @@ def test_joint_beyond_its_range_has_fallen() -> None:
 def test_twin_with_the_truth_moves_as_mujoco_does(tree: Tree) -> None:
     """Under a wrong law the twin shows the plant's speeds, joints that stick or reverse included."""
     episode, law = episode_of(tree, steps=100), wrong(tree)
-    episode = replace(episode, starts=tuple(replace(start, speeds=0.2 * start.speeds) for start in episode.starts))
-    record = ArmLoop(plant_of(tree), tree, replace(episode, runaway=100.0)).run(law.parameters)
+    episode = replace(episode, pushes=0.2 * episode.pushes, fall_rule=FallRule(runaway=100.0))
+    record = ArmLoop(plant_of(tree), episode).run(law.parameters)
     truth = np.stack([tree.parameters, 1.1 * tree.parameters])
     windows = record.windows.ends, record.windows.seen
-    followed = follow_laws(frames_of(tree), law.parameters, truth, (episode.states, episode.stiffness), windows, 0.002)
+    followed = follow_laws(frames_of(tree), law.parameters, truth, (episode.states, episode.springs), windows, 0.002)
     assert followed.arrived.all()
     scale = np.abs(record.windows.speeds).max()
     np.testing.assert_allclose(followed.values[0], record.windows.speeds, atol=1e-11 * scale)
@@ -170,15 +175,15 @@ def test_twin_with_the_truth_moves_as_mujoco_does(tree: Tree) -> None:
 def test_driven_twin_shows_what_the_sensors_read() -> None:
     """With the torques that were commanded it moves as the plant did, which acted on noisy readings."""
     tree, law = ARMS[1], wrong(ARMS[1])
-    plant, episode = plant_of(tree, angle_noise=1e-4, speed_sensor=False), episode_of(tree, keeps_readings=True)
-    record = ArmLoop(plant, tree, episode).run(law.parameters)
+    plant, episode = plant_of(tree, angle_noise=1e-4, speed_sensor=False), episode_of(tree, readings_steps=STEPS)
+    record = ArmLoop(plant, episode).run(law.parameters)
     assert record.readings is not None
     readings, weights = record.readings.angles, slope_weights(0.002)
     speeds = np.repeat(episode.states[:, 1][:, None], STEPS + 1, axis=1)
     for step in range(len(weights) - 1, STEPS + 1):
         speeds[:, step] = np.einsum("k,pki->pi", weights, readings[:, step + 1 - len(weights) : step + 1])
     torques = commanded_arm_torques(frames_of(tree), law.parameters, episode, readings, speeds)
-    pull = -episode.stiffness[:, None] * (readings[:, 20] - episode.states[:, 0])
+    pull = -episode.springs[:, None] * (readings[:, 20] - episode.states[:, 0])
     np.testing.assert_allclose(torques[:, 20], joint_torque(law, readings[:, 20], speeds[:, 20], pull), rtol=1e-9)
     basis = np.eye(STEPS + 1)[None]  # each coefficient is the angle at one reading
     seen = basis, np.zeros(episode.npush, dtype=np.int64), np.full(episode.npush, STEPS)
@@ -195,7 +200,7 @@ def test_twin_without_a_mass_matrix_is_refused() -> None:
     episode = episode_of(tree)
     candidates = np.stack([tree.parameters, -tree.parameters])
     windows = np.array(episode.window_ends), np.full(4, len(episode.window_ends))
-    pushes = episode.states, episode.stiffness
+    pushes = episode.states, episode.springs
     followed = follow_laws(frames_of(tree), tree.parameters, candidates, pushes, windows, 0.002)
     assert followed.arrived[0].all()
     assert not followed.arrived[1].any()
@@ -219,8 +224,9 @@ def test_push_shows_the_same_whatever_was_pushed_before() -> None:
     """The solver of dry friction begins each push afresh."""
     tree = ARMS[1]
     plant, episode = plant_of(tree), episode_of(tree)
-    last = replace(episode, starts=episode.starts[-1:], stiffness=episode.stiffness[-1:])
-    alone, together = (ArmLoop(plant, tree, each).run(tree.parameters) for each in (last, episode))
+    assert episode.poses is not None
+    last = replace(episode, pushes=episode.pushes[-1:], poses=episode.poses[-1:], stiffness=episode.springs[-1:])
+    alone, together = (ArmLoop(plant, each).run(tree.parameters) for each in (last, episode))
     np.testing.assert_array_equal(alone.windows.motion[0], together.windows.motion[-1])
 
 

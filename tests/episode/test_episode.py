@@ -65,7 +65,7 @@ def test_compiled_loop_equals_plain_loop(nlink: int, kind: str) -> None:
         factors = centre + random.uniform(-spread, spread, nlink * (nlink + 1) // 2)
         candidate = plant.chain.lumps.scaled(factors)
         one, (other, _) = compiled.run(candidate), run_stepwise(plant, candidate, episode)
-        assert (one.steps, one.fall_step) == (other.steps, other.fall_step)
+        assert (one.total_steps, one.fall_step) == (other.total_steps, other.fall_step)
         fell += one.fall_step is not None
         if one.fall_step is None:
             assert (one.half_periods == other.half_periods).all()
@@ -85,7 +85,7 @@ def test_kept_angles_are_those_of_the_plain_loop_and_end_at_the_fall() -> None:
         assert len(one.angles) == len(other.angles) == pushes
         for kept, expected in zip(one.angles, other.angles, strict=True):
             assert kept == pytest.approx(expected, rel=1e-6, abs=1e-9)
-    assert sum(len(kept) - 1 for kept in one.angles) == one.steps
+    assert sum(len(kept) - 1 for kept in one.angles) == one.total_steps
     assert CompiledLoop(plant, Episode(episode.pushes, 10)).run(candidate).angles == ()
 
 
@@ -164,7 +164,7 @@ def test_fall_ends_the_whole_episode_at_once() -> None:
     pushes = np.repeat(tip_push(plant, 0.1), 4, axis=0)
     record = CompiledLoop(plant, Episode(pushes, 3000)).run(plant.chain.lumps.scaled(np.full(3, 0.5)))
     assert record.fall_step is not None
-    assert record.fall_step == record.steps < 3000
+    assert record.fall_step == record.total_steps < 3000
 
 
 def test_crossing_times_lie_between_steps() -> None:

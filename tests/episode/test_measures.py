@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 import pytest
 
 from metaid.episode import MEASURES, Episode, Record, crossing_hz, fall_value, get_measure, spectral_hz, whole_periods
 from metaid.episode.measures import alternation_periods, maxima_periods
+from metaid.episode.planar import PLANAR
 from metaid.episode.record import crossings, energies
 from metaid.errors import EpisodeError
 from metaid.models import Lumps
@@ -19,6 +23,12 @@ def sine(hertz: float, seconds: float, amplitude: float = 0.3) -> tuple[np.ndarr
     times = TIMESTEP * np.arange(round(seconds / TIMESTEP) + 1)
     omega = 2 * np.pi * hertz
     return amplitude * np.sin(omega * times)[:, None], amplitude * omega * np.cos(omega * times)[:, None]
+
+
+def record_of(seen: Sequence[Any], *angles: np.ndarray) -> Record:
+    """The record of pushes that did not fall, from the four sums that it has of them and their angles."""
+    steps = np.array([len(each) - 1 for each in angles])
+    return Record(TIMESTEP, steps, np.zeros(len(steps), dtype=np.bool_), *seen, angles=angles)
 
 
 @pytest.mark.parametrize("hertz", [0.5, 1.0, 3.7, 12.0])
@@ -44,8 +54,8 @@ def test_constant_speed_has_no_frequency_in_any_measure() -> None:
     angles, speeds = TIMESTEP * np.arange(1001)[:, None], np.ones((1001, 1))
     half_periods, span = crossings(angles, speeds[0] != 0.0, TIMESTEP)
     seen = half_periods[None], span[None], *(e[None] for e in energies(speeds, TIMESTEP))
-    record = Record(TIMESTEP, 1000, None, *seen, angles=(angles,))
-    values = {name: measure.value(record) for name, measure in MEASURES.items()}
+    record, episode = record_of(seen, angles), Episode(np.array([[0.1]]), 1000)
+    values = {name: MEASURES[name].value(record, episode) for name in PLANAR.measures}
     assert values == {"count": 0.0, "crossing": 0.0, "spectral": 0.0, "smoothed": pytest.approx(0.0, abs=1e-9)}
 
 
@@ -57,18 +67,19 @@ def test_count_is_of_whole_periods_and_crossing_of_the_time_they_took() -> None:
     assert crossing_hz(half_periods[None], span[None])[0, 0] == pytest.approx(1.0, rel=1e-5)
 
 
-@pytest.mark.parametrize("measure", MEASURES.values(), ids=MEASURES)
-def test_every_fall_is_worse_than_every_survivor_and_earlier_falls_are_worse(measure) -> None:  # type: ignore[no-untyped-def]
+@pytest.mark.parametrize("name", MEASURES)
+def test_every_fall_is_worse_than_every_survivor_and_earlier_falls_are_worse(name: str) -> None:
     """Even the fastest signal that steps can carry, a sign change a step, ranks before the latest fall."""
-    steps = 1000
+    measure, steps = MEASURES[name], 1000
     episode = Episode(np.array([[0.1]]), steps)
     angles = np.append(0.0, 0.1 * np.resize([1.0, -1.0], steps))[:, None]
     speeds = np.resize([1.0, -1.0], steps + 1)[:, None]
     half_periods, span = crossings(angles, speeds[0] != 0.0, TIMESTEP)
     seen = half_periods[None], span[None], *(e[None] for e in energies(speeds, TIMESTEP))
-    wild = Record(TIMESTEP, steps, None, *seen, angles=(angles,))
+    wild = record_of(seen, angles)
     ceiling = measure.ceiling(episode, TIMESTEP)
-    assert measure.value(wild) <= ceiling < fall_value(ceiling, steps - 1, steps) < fall_value(ceiling, 1, steps)
+    late, early = (fall_value(ceiling, survived, steps) for survived in (steps - 1, 1))
+    assert measure.value(wild, episode) <= ceiling < late < early
 
 
 def test_unknown_measure_names_the_known_ones() -> None:
@@ -100,9 +111,9 @@ def test_alternations_do_not_count_what_stays_within_a_quarter_of_the_largest_an
 def test_rules_of_a_record_are_summed_over_pushes() -> None:
     """A rule counts each push by itself, whatever the joints did before."""
     angles = sine(1.0, 10.01)[0]
-    record = Record(TIMESTEP, 0, None, *np.zeros((4, 2, 1)), angles=(angles, angles[:5005]))  # type: ignore[arg-type]
+    record = record_of(np.zeros((4, 2, 1)), angles, angles[:5005])
     assert get_measure("count", "maxima").periods(record).tolist() == [17]
-    assert get_measure("count", "maxima").value(record) == 17.0
+    assert get_measure("count", "maxima").value(record, Episode(np.ones((2, 1)), 1)) == 17.0
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from analytic_chain import jacobians, simulate
 from conftest import random_plant
 from rig import rig_at
 
-from metaid.compiled import CompiledLoop, FaultyLoop, Objective, fastest_step
+from metaid.compiled import CompiledLoop, FaultyLoop, Objective, agrees_with_stepwise, fastest_step
 from metaid.episode import Episode, FallRule, rich_pushes, run_stepwise, same_record, spectral_hz, window_ends
 from metaid.errors import EpisodeError, PlantError
 from metaid.models import compensation_torque
@@ -49,7 +49,7 @@ def test_loops_agree_from_any_pose(nlink: int) -> None:
     expected, _ = run_stepwise(plant, candidate, episode)
     assert expected.fall_step is None
     for loop in (CompiledLoop(plant, episode), FaultyLoop(plant, episode, fastest_step(plant))):
-        assert loop.agrees_with_stepwise(candidate, steps=200)
+        assert agrees_with_stepwise(loop, candidate, steps=200)
         record = loop.run(candidate)
         assert same_record(record, expected)
         assert record.crossing_span == pytest.approx(expected.crossing_span, abs=1e-6)

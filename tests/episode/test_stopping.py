@@ -39,8 +39,8 @@ def test_stopped_episode_shows_what_one_of_its_pushes_alone_shows(measure: str) 
     asked: list[int] = []
 
     def goes_on(record: Record) -> bool:
-        asked.append(record.steps)
-        return record.steps < 2 * STEPS
+        asked.append(record.total_steps)
+        return record.total_steps < 2 * STEPS
 
     stopped = objective.evaluate(factors, goes_on=goes_on)
     short = Objective(plant, plant.chain.lumps, replace(whole, pushes=whole.pushes[:2]), measure).evaluate(factors)
@@ -59,12 +59,12 @@ def test_loops_stop_alike(faults: FaultSettings) -> None:
     plant = MujocoPlant("chain", PlantSettings(links=random_links(2, 1), faults=faults))
     objective = Objective(plant, plant.chain.lumps, four_pushes(plant), "spectral")
     factors = np.full(3, 1.4)
-    compiled = objective.record(factors, 3, lambda record: record.steps < 3 * STEPS)
+    compiled = objective.record(factors, 3, lambda record: record.total_steps < 3 * STEPS)
     stepwise, _ = run_stepwise(
         objective._loop.plant, plant.chain.lumps.scaled(factors), objective._loop.episode, 3,
-        goes_on=lambda record: record.steps < 3 * STEPS,
+        goes_on=lambda record: record.total_steps < 3 * STEPS,
     )  # fmt: skip
-    assert compiled.steps == stepwise.steps == 3 * STEPS
+    assert compiled.total_steps == stepwise.total_steps == 3 * STEPS
     assert same_record(compiled, stepwise)
 
 
@@ -85,7 +85,7 @@ def test_push_that_ended_in_a_fall_is_not_asked_about() -> None:
     asked: list[int] = []
 
     def goes_on(record: Record) -> bool:
-        asked.append(record.steps)
+        asked.append(record.total_steps)
         return True
 
     assert objective.evaluate(np.full(3, 0.7), goes_on=goes_on).fell

@@ -12,8 +12,7 @@ import pytest
 from random_arm import random_arm, wrong_tree
 
 from metaid.compiled.spatial import ArmLoop
-from metaid.episode import SensorReadings, window_ends
-from metaid.episode.spatial import ArmEpisode
+from metaid.episode import Episode, SensorReadings, Spatial, arm_episode, window_ends
 from metaid.estimation import (
     ArmEstimate,
     ArmLaws,
@@ -48,32 +47,34 @@ def nominal_of(tree: Tree, seed: int = 3) -> Tree:
     return wrong_tree(tree, seed)
 
 
-def episode_of(tree: Tree, pushes: int, seed: int = 1) -> ArmEpisode:
+def episode_of(tree: Tree, pushes: int, seed: int = 1) -> Episode:
     """Two coasts for each push on springs."""
     random = np.random.default_rng(seed)
     states = random.uniform(-1.5, 1.5, (pushes, 2, tree.njoint)) * [[1.0], [1.5]]
     stiffness = np.where(np.arange(pushes) % 3 == 2, 30.0, 0.0)
-    return ArmEpisode(tuple(ArmStart(*state) for state in states), stiffness, STEPS, window_ends(STEPS))
+    starts = [ArmStart(*state) for state in states]
+    return arm_episode(tree, starts, stiffness, STEPS, window_ends=window_ends(STEPS))
 
 
-def read(plant: ArmPlant, searched: BaseUnknowns, law: Array, episode: ArmEpisode, number: int) -> ReadTrial:
+def read(plant: ArmPlant, searched: BaseUnknowns, law: Array, episode: Episode, number: int) -> ReadTrial:
     """A trial on noisy sensors."""
-    record = ArmLoop(plant, searched.prior.nominal, replace(episode, keeps_readings=True)).run(law, number)
+    record = ArmLoop(plant, replace(episode, readings_steps=STEPS)).run(law, number)
     assert record.readings is not None
     return read_trial(searched, law, episode, record.readings)
 
 
-def read_trial(searched: BaseUnknowns, law: Array, episode: ArmEpisode, readings: SensorReadings) -> ReadTrial:
+def read_trial(searched: BaseUnknowns, law: Array, episode: Episode, readings: SensorReadings) -> ReadTrial:
     """That in which a law led to these readings."""
     poses, speeds = np.ascontiguousarray(episode.states.swapaxes(0, 1))
     commanded = partial(ArmLaws(searched, episode).commanded, law)
     return loop_of(episode.njoint).trial(readings, speeds, commanded, poses)
 
 
-def watched(plant: ArmPlant, nominal: Tree, episode: ArmEpisode) -> WatchedTrial:
+def watched(plant: ArmPlant, nominal: Tree, episode: Episode) -> WatchedTrial:
     """A trial on exact sensors under the law of the nominal arm."""
-    record = ArmLoop(plant, nominal, episode).run(nominal.parameters)
-    return WatchedTrial(nominal.parameters, record.timestep, episode.states, record.windows, episode.stiffness)
+    record = ArmLoop(plant, replace(episode, kind=Spatial(nominal))).run(nominal.parameters)
+    assert record.windows is not None
+    return WatchedTrial(nominal.parameters, record.timestep, episode.states, record.windows, episode.springs)
 
 
 def estimate_arm(trials: Sequence[SeenTrial], searched: BaseUnknowns, before: ArmEstimate | None = None) -> ArmEstimate:
@@ -192,8 +193,8 @@ def test_starts_that_are_not_exact_are_found_with_the_rest() -> None:
     law, spread = searched.prior.nominal.parameters, np.array([[1e-3] * 3, [1e-2] * 3])
     episode = episode_of(tree, 9)
     states = episode.states + spread * random.standard_normal(episode.states.shape)
-    moved = replace(episode, starts=tuple(ArmStart(*state) for state in states), keeps_readings=True)
-    record = ArmLoop(plant_of(tree, NOISE), searched.prior.nominal, moved).run(law)
+    moved = replace(episode, poses=states[:, 0], pushes=states[:, 1], readings_steps=STEPS)
+    record = ArmLoop(plant_of(tree, NOISE), moved).run(law)
     # The law acts on the pose that the arm was to have; here that is where its springs are.
     assert record.readings is not None
     trial = read_trial(searched, law, moved, record.readings)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from conftest import Finished, random_links
 
-from metaid.compiled import CompiledLoop, FaultyLoop, Objective, fastest_step
+from metaid.compiled import CompiledLoop, FaultyLoop, Objective, agrees_with_stepwise, fastest_step
 from metaid.episode import RICH_FALL_LIMIT, Episode, FallRule, rich_pushes, run_stepwise
 from metaid.errors import PlantError
 from metaid.models import Array
@@ -59,7 +59,7 @@ def test_compiled_loop_is_the_plain_one(faults: dict[str, object]) -> None:
         plain, _ = run_stepwise(episode.plant, candidate, episode.episode)
         fell.add(plain.fall_step is not None)
         compiled = episode.run(candidate)
-        assert (compiled.steps, compiled.fall_step) == (plain.steps, plain.fall_step)
+        assert (compiled.total_steps, compiled.fall_step) == (plain.total_steps, plain.fall_step)
         assert (compiled.half_periods == plain.half_periods).all()
         for one, other in zip(compiled.angles, plain.angles, strict=True):
             assert np.allclose(one, other, rtol=0.0, atol=1e-7)
@@ -190,7 +190,7 @@ def test_lead_makes_up_for_torques_that_come_late() -> None:
     ]
     assert values[1] < 0.2 * values[0]
     compiled = FaultyLoop(plant, episode, fastest_step(plant))
-    assert compiled.agrees_with_stepwise(exact, steps=80)
+    assert agrees_with_stepwise(compiled, exact, steps=80)
     ideal = Objective(faulty_plant(2), exact, episode, "spectral").evaluate(np.ones(3)).value
     assert ideal == pytest.approx(values[0], rel=0.2)
 

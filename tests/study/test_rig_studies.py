@@ -55,7 +55,7 @@ def test_plant_behind_a_socket_gives_the_trials_of_the_built_in_one(serve: Serve
     plant, nominal = problem.make_plant(), problem.nominal.lumps
     for number in (0, 8, 13):
         record, _ = run_stepwise(plant, nominal.scaled(rig.loc[number, problem.names].to_numpy(float)), problem.episode)
-        assert rig.loc[number, "value"] == problem.measure.value(record)
+        assert rig.loc[number, "value"] == problem.measure.value(record, problem.episode)
     assert found["true"].isna().all()
     assert server.stops.count("the connection ended") == 2
 

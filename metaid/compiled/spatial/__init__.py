@@ -1,13 +1,10 @@
 """Arms at full speed: their dynamics, an episode around MuJoCo's step, and the twins that an estimate compares.
 
-`ArmLoop` runs episodes of a simulated arm, and `ArmObjective` makes outcomes of them.
-`push_arm` is one push, looked at. `follow_laws` and
+`ArmLoop` runs episodes of a simulated arm. `follow_laws` and
 `follow_torques` run simulated twins. `arm_coasting_steps` and `track_arm` say what a model is worth.
 """
 
 from metaid.compiled.spatial.arm_loop import ArmLoop, commanded_arm_torques
-from metaid.compiled.spatial.arm_objective import ArmObjective
-from metaid.compiled.spatial.arm_push import ArmPush, law_of, push_arm
 from metaid.compiled.spatial.arm_validation import arm_coasting_steps, track_arm
 from metaid.compiled.spatial.dynamics import Frames, frames_of
 from metaid.compiled.spatial.filters import DrivenPushes, Led, follow_readings, lead_arm
@@ -15,8 +12,6 @@ from metaid.compiled.spatial.twins import Followed, Times, follow_laws, follow_t
 
 __all__ = [
     "ArmLoop",
-    "ArmObjective",
-    "ArmPush",
     "DrivenPushes",
     "Followed",
     "Frames",
@@ -28,8 +23,6 @@ __all__ = [
     "follow_readings",
     "follow_torques",
     "frames_of",
-    "law_of",
     "lead_arm",
-    "push_arm",
     "track_arm",
 ]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import warnings
+from dataclasses import replace
+from typing import cast
 
 import numpy as np
 from numba.extending import overload
@@ -13,111 +14,88 @@ from metaid.compiled.spatial.dynamics import Frames, fill_law, frames_of, kineti
 from metaid.compiled.stages import (
     DirectStep,
     MujocoStep,
-    agrees_with_mj_step,
-    direct_step,
+    fastest_step,
     forget,
-    mujoco_step,
     step_directly,
     step_with_mujoco,
 )
 from metaid.compiled.undocumented import class_of
-from metaid.episode import QUANTITIES, SensorReadings, Windows, noise_of
-from metaid.episode.spatial import ArmEpisode, ArmRecord, run_arm_stepwise, same_arm_record
+from metaid.episode import (
+    QUANTITIES,
+    Episode,
+    GoesOn,
+    Record,
+    SensorReadings,
+    Spatial,
+    WholeEpisodes,
+    Windows,
+    arm_record,
+    noise_of,
+    uncounted,
+    windows_seen,
+)
 from metaid.models import Array
-from metaid.models.tree import Tree
 from metaid.plant import ArmPlant, FaultyPlant, slope_weights
 
-CHECKED_STEPS = 12
 
-
-class ArmLoop:
+class ArmLoop(WholeEpisodes):
     """Episodes on a simulated arm; holds its state, so one per thread.
-
-    Where the compiled loop does not agree with the plain one on a short episode, that is used, which is slow.
 
     Args:
         plant: that moves.
-        nominal: the nominal arm; its mass matrix is the metric.
         episode: what is done to it with every candidate.
+        step: how it moves on; by default the fastest.
     """
 
-    def __init__(self, plant: ArmPlant, nominal: Tree, episode: ArmEpisode) -> None:
-        self.plant, self.nominal, self.episode = plant, nominal, episode
-        self._frames = frames_of(nominal)
+    def __init__(self, plant: ArmPlant, episode: Episode, step: MujocoStep | DirectStep | None = None) -> None:
+        self.plant, self.episode = FaultyPlant(plant), episode
+        self.step = fastest_step(plant) if step is None else step
+        self._kind = cast(Spatial, episode.kind)
+        self._frames = frames_of(self._kind.nominal)
         self._space = new_space(plant.njoint)
-        self._step = fastest_arm_step(plant)
-        self._behind = FaultyPlant(plant)
-        self.is_compiled = True
-        if not self._agrees():
-            self.is_compiled = False
-            warnings.warn(
-                f"the compiled loop disagrees with the stepwise one on plant {plant.name}; using that, which is slow",
-                stacklevel=2,
-            )
 
-    def run(self, parameters: Array, number: int = 0) -> ArmRecord:
-        """What an episode shows with the law of a candidate.
+    def on(self, episode: Episode) -> ArmLoop:
+        """The same for another `episode`."""
+        return ArmLoop(self.plant.inner, episode, self.step)
 
-        Args:
-            parameters: of the candidate (njoint x 13), in the order of PARAMETERS.
-            number: of the trial, which the noise depends on.
+    def run(self, law: Array, number: int = 0, goes_on: GoesOn | None = None) -> Record:
+        """The episode of the trial of that `number` with the parameters (njoint x 13) of a candidate; `goes_on` is
+        asked after each push.
         """
-        if not self.is_compiled:
-            with quiet_mujoco():
-                law = self.nominal.with_parameters(parameters)
-                return run_arm_stepwise(self._behind, law, self.nominal, self.episode, number)
-        return self._compiled(parameters, self.episode, number)
-
-    def _agrees(self) -> bool:
-        short = self.episode.shortened(CHECKED_STEPS)
-        with quiet_mujoco():
-            slow = run_arm_stepwise(self._behind, self.nominal, self.nominal, short)
-        return same_arm_record(self._compiled(self.nominal.parameters, short, 0), slow)
-
-    def _compiled(self, parameters: Array, episode: ArmEpisode, number: int) -> ArmRecord:
-        plant, faults = self.plant, self.plant.settings.faults
-        npush, n, period = episode.npush, plant.njoint, plant.settings.control_period
+        plant, faults, episode, nominal = self.plant.inner, self.plant.faults, self.episode, self._kind.nominal
+        npush, n, period = episode.npush, plant.njoint, self.plant.timestep
         ends = np.array(episode.window_ends, dtype=np.int64)
         steps, fell = np.zeros(npush, dtype=np.int64), np.zeros(npush, dtype=np.bool_)
         energies, motion = np.zeros((npush, 2)), np.zeros((npush, len(ends), QUANTITIES, n))
         angles, speeds = np.zeros((2, npush, episode.steps + 1, n))
-        noise = noise_of(self._behind, episode, number)
+        noise = noise_of(self.plant, episode, number)
         offsets, weights = faults.encoder_offsets(n), slope_weights(period)
         sensors = noise.angles, noise.speeds, faults.speed_sensor, faults.encoder_step, offsets, weights
         drives = faults.control_every, faults.torque_limits(n), faults.torque_gains(n), noise.torques
-        starts = self._starts(episode, noise.impulses), episode.states
-        settings = period, episode.lead, episode.steps, ends, *episode.bounds(self.nominal)
-        models = self._frames, np.array(parameters, order="C"), np.array(self.nominal.parameters, order="C")
+        starts = self._starts(noise.impulses), episode.states
+        settings = period, episode.lead, episode.steps, ends, *self._kind.bounds(episode)
+        models = self._frames, np.array(law, order="C"), np.array(nominal.parameters, order="C")
         work = self._space, np.zeros((6, n)), np.zeros((faults.delay + 1, n))
         with quiet_mujoco():
             outputs = steps, fell, energies, motion, angles, speeds
-            _run(self._step, models, starts, episode.stiffness, sensors, drives, settings, work, outputs)
-        whole = steps - fell
-        seen = (ends <= whole[:, None]).sum(axis=1)
-        windows = Windows(ends, seen, motion, np.zeros((npush, len(ends), n), dtype=np.int64))
-        sensed = speeds if faults.speed_sensor else None
-        kept = SensorReadings(whole + 1, angles, sensed) if episode.keeps_readings else None
-        return ArmRecord(period, steps, fell, energies[:, 0], energies[:, 1], windows, kept)
+            _run(self.step, models, starts, episode.springs, sensors, drives, settings, work, outputs)
+        windows = Windows(ends, windows_seen(ends, steps, fell), motion, uncounted(motion))
+        record = arm_record(period, steps, fell, energies, windows)
+        if episode.readings_steps:
+            sensed = speeds if faults.speed_sensor else None
+            record = replace(record, readings=SensorReadings(steps - fell + 1, angles, sensed))
+        return record.stopped_early(goes_on)
 
-    def _starts(self, episode: ArmEpisode, noise: Array) -> Array:
+    def _starts(self, noise: Array) -> Array:
         """True joint coordinates and speeds at the start of each push (npush x 2 x njoint), with the `noise` of pushes
         (npush x njoint).
         """
-        struck = [start.struck(each) for start, each in zip(episode.starts, noise, strict=True)]
-        return np.array([(self.plant.true_angles(start), start.speeds) for start in struck], dtype=np.float64)
-
-
-def fastest_arm_step(plant: ArmPlant) -> MujocoStep | DirectStep:
-    """How a compiled loop moves an arm on: MuJoCo's stages one by one, or `mj_step` where these are not the same to the
-    last bit.
-    """
-    with quiet_mujoco():
-        make = direct_step if agrees_with_mj_step(plant.model, plant.data) else mujoco_step
-    return make(plant.model, plant.data)
+        struck = [start.struck(each) for start, each in zip(self.episode.starts, noise, strict=True)]
+        return np.array([(self.plant.inner.true_angles(start), start.speeds) for start in struck], dtype=np.float64)
 
 
 def commanded_arm_torques(
-    frames: Frames, parameters: Array, episode: ArmEpisode, positions: Array, speeds: Array
+    frames: Frames, parameters: Array, episode: Episode, positions: Array, speeds: Array
 ) -> Array:
     """The torques that a law made of sensor readings (npush x nstep x njoint), in N m or N.
 
@@ -131,7 +109,7 @@ def commanded_arm_torques(
     torques = np.zeros((episode.npush, episode.steps, positions.shape[2]))
     law = np.array(parameters, order="C")
     space, pull = new_space(positions.shape[2]), np.zeros(positions.shape[2])
-    _command_all(frames, law, episode.states, episode.stiffness, positions, speeds, space, pull, torques)
+    _command_all(frames, law, episode.states, episode.springs, positions, speeds, space, pull, torques)
     return torques
 
 
@@ -149,7 +127,7 @@ def _step_of(plant):  # type: ignore[no-untyped-def]
 
 @compiled
 def _run(plant, models, starts, stiffness, sensors, drives, settings, work, outputs):  # type: ignore[no-untyped-def]
-    """All pushes of an episode. Fills the `outputs`; see `ArmRecord`.
+    """All pushes of an episode. Fills the `outputs`; see `Record`.
 
     `starts`: joint coordinates and speeds (npush x 2 x njoint) at the start of each push, true and as they were to be.
     `work`: the space of the dynamics; six vectors (njoint), the pull of the springs, a jump of speeds, two sums, a

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from metaid.compiled.decorator import compiled
 from metaid.compiled.quiet import quiet_mujoco
-from metaid.compiled.spatial.arm_loop import fastest_arm_step, step_arm
+from metaid.compiled.spatial.arm_loop import step_arm
 from metaid.compiled.spatial.dynamics import (
     Frames,
     accelerating_torques,
@@ -18,7 +18,7 @@ from metaid.compiled.spatial.dynamics import (
     kinetic_squares,
     new_space,
 )
-from metaid.compiled.stages import forget
+from metaid.compiled.stages import fastest_step, forget
 from metaid.models import Array
 from metaid.plant import ArmPlant, ArmStart
 
@@ -40,7 +40,7 @@ def arm_coasting_steps(
         The steps of each push (npush) after which the speeds had not changed by more, at most `steps`.
     """
     models, space = _models(plant, laws), new_space(plant.njoint)
-    step, vectors = fastest_arm_step(plant), np.zeros((2, plant.njoint))
+    step, vectors = fastest_step(plant), np.zeros((2, plant.njoint))
     with quiet_mujoco():
         each = [_coast(step, models, (start.pose, start.speeds), steps, share, (space, vectors)) for start in starts]
     return np.array(each, dtype=np.int64)
@@ -61,7 +61,7 @@ def track_arm(
     Returns:
         Joint coordinates (nseen x njoint), up to where control was lost.
     """
-    models, step = _models(plant, laws), fastest_arm_step(plant)
+    models, step = _models(plant, laws), fastest_step(plant)
     positions, speeds, accelerations = (np.ascontiguousarray(part) for part in desired)
     seen, work = np.zeros(positions.shape), (new_space(plant.njoint), np.zeros((2, plant.njoint)))
     with quiet_mujoco():

@@ -55,6 +55,30 @@ class ArmPrior:
     counted_by: tuple[str, ...] | None = None
     tilts: bool = False
 
+    @property
+    def njoint(self) -> int:
+        return self.nominal.njoint
+
+    @property
+    def law(self) -> Array:
+        """The nominal parameters (njoint x 13)."""
+        return self.nominal.parameters
+
+    def law_of(self, values: Array) -> Array:
+        """The parameters (njoint x 13) of the candidate with these base parameters (nbase).  Raises EpisodeError where
+        they are none.
+        """
+        checked = np.asarray(values, dtype=np.float64)
+        if checked.shape != self.values.shape or not np.isfinite(checked).all():
+            raise EpisodeError(
+                f"these are no base parameters (allowed: {len(self.values)} finite numbers, one for each)"
+            )
+        return self.parameters_at(checked)
+
+    def laws_of(self, values: Array) -> Array:
+        """The same of many candidates (ncandidate x nbase), each to the last bit what it is by itself."""
+        return np.array([self.law_of(each) for each in values])
+
     @cached_property
     def base(self) -> BaseParameters:
         """The combinations that a torque can tell."""

@@ -14,8 +14,7 @@ from metaid.models import Array
 from metaid.show.figures.style import COLOURS, FALL, PAGE, new_axes, save, style, verbatim
 
 if TYPE_CHECKING:  # figures of logs do without numba
-    from metaid.compiled import Objective
-    from metaid.compiled.spatial import ArmPush
+    from metaid.compiled import ArmPush, Objective
 
 
 def plot_angles(trajectory: Trajectory, timestep: float, axes: Axes | None = None) -> Axes:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from metaid.episode.spatial import ArmEpisode
+from metaid.episode import Episode
 from metaid.models import Array
 from metaid.plant import ArmPlant
 from metaid.show.figures.plants import plant_figure, sketch
@@ -42,7 +42,7 @@ def _arm_figure(arm: ArmPlant, width: float = PAGE) -> Figure:
 
 
 @sketch.register
-def _rods(arm: ArmPlant, episode: ArmEpisode, width: float) -> Figure:
+def _rods(arm: ArmPlant, episode: Episode, width: float) -> Figure:
     """Lines from joint to joint and to the last centre of mass, where the first push begins."""
     import mujoco
 

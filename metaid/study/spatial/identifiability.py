@@ -19,7 +19,7 @@ from metaid.study.spatial.problem import ArmProblem
 from metaid.study.spec import ArmPlantSettings, TreeSettings
 
 if TYPE_CHECKING:
-    from metaid.compiled.spatial import ArmObjective
+    from metaid.compiled import Objective
 
 OWN_NOISE = 1  # added to the study's seed: a rehearsal has other noise than the study
 
@@ -69,7 +69,7 @@ def arm_identifiability(problem: ArmProblem) -> ArmIdentifiability:
     )
 
 
-def arm_rehearsal(problem: ArmProblem) -> tuple[Searcher, ArmObjective]:
+def arm_rehearsal(problem: ArmProblem) -> tuple[Searcher, Objective]:
     """The searcher and the objective of a study if its nominal arm were the truth."""
     alike = _nominal_problem(problem, OWN_NOISE)
     return alike.make_searcher(), alike.make_objective()

@@ -10,8 +10,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.episode import QUANTITIES, Outcome, window_ends
-from metaid.episode.spatial import KINETIC, ArmEpisode, failed_push, resolution_hz
+from metaid.episode import (
+    MEASURES,
+    QUANTITIES,
+    Episode,
+    FallRule,
+    KnownStarts,
+    Outcome,
+    arm_episode,
+    failure,
+    window_ends,
+)
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, ModelError, Tree, model_error
 from metaid.plant import ArmPlant, ArmSettings, SocketPlant, SocketSettings
@@ -31,7 +40,7 @@ from metaid.study.parameters import Parameters, base_parameters_of, settled
 from metaid.study.spec import StudySpec
 
 if TYPE_CHECKING:
-    from metaid.compiled.spatial import ArmObjective
+    from metaid.compiled import Objective
     from metaid.estimation import Experiment, Loop
 
 FARTHEST = 10.0  # standard deviations of the prior: no base parameter beyond is tried
@@ -42,7 +51,7 @@ MOST_MATCHED = 8  # trials that an estimate is made of where the sampler does wi
 class ArmProblem(StudyProblem):
     """All that the settings of a study of an arm determine before any trial."""
 
-    widens, measure = False, KINETIC
+    widens, measure = False, MEASURES["kinetic"]
 
     spec: StudySpec
 
@@ -57,22 +66,22 @@ class ArmProblem(StudyProblem):
         self.low, self.high = self.start - reach, self.start + reach
 
     @cached_property
-    def episode(self) -> ArmEpisode:
+    def episode(self) -> Episode:
         """What is done to the arm with each candidate."""
         wanted, starts = self.spec.study.episode, tuple(each.start for each in self.spec.starts)
         steps = max(round(wanted.horizon / self.timestep), 2)
-        stiffness = np.array([each.stiffness for each in self.spec.starts])
         pushed = self.spec.pushed
-        return ArmEpisode(
+        return arm_episode(
+            self.nominal,
             starts,
-            stiffness,
+            np.array([each.stiffness for each in self.spec.starts]),
             steps,
-            window_ends(steps),
-            wanted.runaway,
-            self.spec.study.seed,
-            begun=None if pushed is None else np.stack([pushed.angles, pushed.speeds], axis=1),
+            fall_rule=FallRule(runaway=wanted.runaway),
+            window_ends=window_ends(steps),
+            seed=self.spec.study.seed,
+            calibration=None if pushed is None else KnownStarts(np.stack([pushed.angles, pushed.speeds], axis=1)),
             lead=wanted.lead,
-            keeps_readings=self.keeps_readings,
+            readings_steps=steps if self.keeps_readings else 0,
         )
 
     def calibrated(self) -> StudySpec:
@@ -124,7 +133,7 @@ class ArmProblem(StudyProblem):
     @property
     def resolution(self) -> float:
         """A value of the measure below this passes for coasting, in Hz."""
-        return resolution_hz(self.episode.steps * self.timestep)
+        return self.measure.resolution(self.episode, self.timestep)
 
     def open_plant(self) -> ArmPlant | SocketPlant:
         """A plant of its own for each worker, simulated or not."""
@@ -156,15 +165,15 @@ class ArmProblem(StudyProblem):
         """
         return self.prior.scaled(factors)
 
-    def make_objective(self) -> ArmObjective:
+    def make_objective(self) -> Objective:
         """An objective of its own for each worker, in base parameters."""
-        from metaid.compiled.spatial import ArmObjective  # loads MuJoCo and numba
+        from metaid.compiled import Objective  # loads MuJoCo and numba
 
-        return ArmObjective(self.open_plant(), self.prior, self.episode)
+        return Objective(self.open_plant(), self.prior, self.episode, self.measure.name)
 
     def failed(self, reason: str) -> Outcome:
         """What the searcher is told of a candidate that could not be evaluated for that `reason`."""
-        return failed_push(self.episode, self.timestep, reason)
+        return failure(self.measure, self.episode, self.timestep, reason)
 
     def make_searcher(self) -> Searcher:
         """The searcher at the study's seed, knowing of no trial."""
@@ -190,7 +199,7 @@ class ArmProblem(StudyProblem):
             unknowns=unknowns,
             timestep=self.timestep,
             starts=begins,
-            stiffness=self.episode.stiffness,
+            stiffness=self.episode.springs,
             resolution=self.resolution,
             loop=self._loop if self.keeps_readings else None,
             faults=searched_faults(wanted.searched_faults, unknowns, begins[:, 1], wanted.teeth),
@@ -256,7 +265,7 @@ class ArmProblem(StudyProblem):
     @property
     def push_titles(self) -> list[str]:
         """What the pushes of an episode are called (npush)."""
-        stiffness = self.episode.stiffness.tolist()
+        stiffness = self.episode.springs.tolist()
         return [f"push {i + 1}: {'springs' if each else 'coast'}" for i, each in enumerate(stiffness)]
 
     @property

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.compiled.spatial.arm_loop import ArmLoop
-from metaid.episode.spatial import ArmEpisode
+from metaid.compiled.fastest import fastest_loop
+from metaid.episode import MEASURES, Spatial, arm_episode
 from metaid.errors import EpisodeError
 from metaid.models import Array
 from metaid.models.tree import ArmPrior
@@ -116,13 +116,14 @@ def push_arm(plant: ArmPlant, law: Array, steps: int, seed: int = 0) -> ArmPush:
         raise EpisodeError(f"steps is {steps} (allowed of an arm: 1 to {LONGEST})")
     (start,) = draw_starts(plant, 1, steps * plant.timestep, seed)
     looks = tuple(np.unique(np.linspace(1, steps, min(steps, LOOKS)).round().astype(int)).tolist())
-    episode = ArmEpisode((start,), np.zeros(1), steps, looks, seed=seed)
-    record = ArmLoop(plant, plant.tree, episode).run(law)
+    episode = arm_episode(plant.tree, (start,), np.zeros(1), steps, window_ends=looks, seed=seed)
+    record = fastest_loop(plant, episode, plant.tree.parameters).run(law)
+    assert record.windows is not None, "it has window ends"
     seen = int(record.windows.seen[0])
     ends, motion = [0, *looks[:seen]], record.windows.motion[0, :seen]
     coordinates, speeds = ([first, *motion[:, i]] for i, first in enumerate((start.pose, start.speeds)))
     fell = bool(record.fell[0])
-    low, high, allowed = episode.bounds(plant.tree)
+    low, high, allowed = Spatial(plant.tree).bounds(episode)
     runs_away = leaves = np.zeros(plant.njoint, dtype=np.bool_)
     if fell:
         position, speed = plant.states()
@@ -141,5 +142,5 @@ def push_arm(plant: ArmPlant, law: Array, steps: int, seed: int = 0) -> ArmPush:
         fall_step=int(record.steps[0]) if fell else None,
         runs_away=runs_away,
         leaves=leaves,
-        frequency=None if fell else record.frequency,
+        frequency=None if fell else MEASURES["kinetic"].value(record, episode),
     )

@@ -1,0 +1,143 @@
+"""Episodes of arms in space: let go at poses and speeds all over the joint ranges, weighed by a mass matrix."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.episode.kind import Seen
+from metaid.episode.record import Record
+from metaid.episode.windows import QUANTITIES, Windows, windows_seen
+from metaid.errors import EpisodeError, ImplausiblePlant
+from metaid.models import Array
+from metaid.models.tree import Tree, joint_mass_matrix, joint_torque
+from metaid.plant import ArmStart
+
+if TYPE_CHECKING:
+    from metaid.episode.episode import Episode
+
+AWAY, OTHER_SPEED = 0.1, 0.2  # rad or m, and a share of the fastest joint: a start farther off is another
+
+
+@dataclass(frozen=True, eq=False)
+class Spatial:
+    """An arm, whose laws are parameters (njoint x 13). The mass matrix of a `nominal` arm is the metric of its motion,
+    and its joint ranges bound that. A push that falls ends there; the others are none the worse for it.
+    """
+
+    nominal: Tree
+
+    ends_at_fall: ClassVar[bool] = False
+    measures: ClassVar[tuple[str, ...]] = ("kinetic",)
+
+    def check_pushes(self, pushes: Array) -> None:
+        if len(pushes) == 0 or not np.isfinite(pushes).all():
+            raise EpisodeError("every push of an arm needs a pose and finite joint speeds")
+
+    def start(self, pose: Array, push: Array) -> ArmStart:
+        return ArmStart(pose, push)
+
+    def torques(self, law: Array, plant: Any, episode: Episode) -> Callable[[int, Array, Array], Array]:
+        tree, springs, poses = self.nominal.with_parameters(law), episode.springs, episode.states[:, 0]
+        return lambda push, angles, speeds: joint_torque(tree, angles, speeds, -springs[push] * (angles - poses[push]))
+
+    def bounds(self, episode: Episode) -> tuple[Array, Array, Array]:
+        """Least and largest joint coordinates and the speeds (njoint each) beyond which an arm has fallen: of hinges
+        and of slides a multiple of the fastest at any start.
+
+        A push may begin beyond a range: that of a real arm is not known to the last digit.
+        """
+        poses, speeds = episode.states.swapaxes(0, 1)
+        low, high = np.minimum(self.nominal.low, poses.min(axis=0)), np.maximum(self.nominal.high, poses.max(axis=0))
+        fastest = np.abs(speeds).max(axis=0)
+        allowed = np.full(len(fastest), np.inf)
+        for kind in (True, False):
+            alike = self.nominal.slides == kind
+            if fastest[alike].any():
+                allowed[alike] = episode.fall_rule.runaway * fastest[alike].max()
+        return low, high, allowed
+
+    def falls(self, episode: Episode, speeds: Array, timestep: float) -> Callable[[Array, Array], bool]:
+        low, high, allowed = self.bounds(episode)
+        return lambda angles, speeds: not bool(((low <= angles) & (angles <= high) & (np.abs(speeds) <= allowed)).all())
+
+    def record(self, seen: Seen, episode: Episode) -> Record:
+        fell, steps, timestep = seen.fell, seen.steps, seen.timestep
+        ends, n = np.array(episode.window_ends, dtype=np.int64), episode.njoint
+        count = windows_seen(ends, steps, fell)
+        motion = np.zeros((episode.npush, len(ends), QUANTITIES, n))
+        energies = np.zeros((episode.npush, 2))
+        for push, (angles, speeds) in enumerate(seen.motions):
+            whole = int(steps[push] - fell[push])
+            before, ahead = speeds[:whole], angles[:whole] + episode.lead * speeds[:whole]
+            pull = -episode.springs[push] * (ahead - episode.states[push, 0])
+            jumps = speeds[1 : whole + 1] - before - timestep * pull
+            for where, speed, jump in zip(ahead, before, jumps, strict=True):
+                metric = joint_mass_matrix(self.nominal, where)
+                energies[push] += [timestep * speed @ metric @ speed, jump @ metric @ jump / timestep]
+            squares = timestep * np.cumsum(before**2, axis=0), np.cumsum(jumps**2, axis=0) / timestep
+            for window, end in enumerate(ends[: count[push]]):
+                motion[push, window] = angles[end], speeds[end], *(each[end - 1] for each in squares)
+        return arm_record(timestep, steps, fell, energies, Windows(ends, count, motion, uncounted(motion)))
+
+
+def arm_record(
+    timestep: float, steps: NDArray[np.int64], fell: NDArray[np.bool_], energies: Array, windows: Windows
+) -> Record:
+    """The record of an arm, of which nothing is counted.
+
+    Args:
+        timestep: between two torques, in s.
+        steps: of each push (npush).
+        fell: which pushes did (npush).
+        energies: of its speeds and of its accelerations (npush x 2), in the metric.
+        windows: its motion.
+    """
+    shape = len(steps), windows.motion.shape[-1]
+    uncrossed = np.zeros(shape, dtype=np.int64), np.zeros(shape)
+    return Record(timestep, steps, fell, *uncrossed, energies[:, 0], energies[:, 1], windows=windows)
+
+
+def uncounted(motion: Array) -> NDArray[np.int64]:
+    """No half periods, of the windows with this `motion` (npush x nwindow x 4 x njoint)."""
+    return np.zeros((*motion.shape[:2], motion.shape[3]), dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class KnownStarts:
+    """Joint coordinates and speeds with which pushes of a rig were seen to begin (npush x 2 x njoint): `begun`."""
+
+    begun: Array
+
+    def check(self, plant: Any, push: int, _earlier: dict[bytes, Array]) -> StartCheck:
+        return StartCheck(plant.name, push, self.begun[push])
+
+
+@dataclass(frozen=True, eq=False)
+class StartCheck:
+    """Whether a `push` of a `plant` begins as it was seen to (2 x njoint)."""
+
+    plant: str
+    push: int
+    begun: Array
+
+    def begin(self, angles: Array, speeds: Array) -> None:
+        allowed = (AWAY, max(AWAY, OTHER_SPEED * float(np.abs(self.begun[1]).max())))
+        for what, unit, seen, known, most in zip(
+            ("is at", "turns at"), ("rad", "rad/s"), (angles, speeds), self.begun, allowed, strict=True
+        ):
+            for joint in np.flatnonzero(~(np.abs(seen - known) <= most))[:1]:
+                raise ImplausiblePlant(
+                    f"plant {self.plant}: push {self.push + 1}: joint {joint + 1} {what} {seen[joint]:.4g} {unit} at "
+                    f"its start (allowed: {known[joint]:.4g} ± {most:.2g} {unit}, as when the study was created)"
+                )
+
+    def step(self, angles: Array, speeds: Array, torque: Array) -> None:
+        """Nothing is known of the rest."""
+
+    def finish(self) -> None:
+        """Nothing is kept of it."""
