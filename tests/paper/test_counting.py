@@ -12,9 +12,8 @@ from watched import TIMESTEP
 from metaid.compiled import CompiledLoop
 from metaid.episode import FALL_LIMIT, Episode, FallRule, even_ends, rich_pushes
 from metaid.estimation import Estimate, LogUnknowns, WatchedTrial, upright
-from metaid.estimation.counting import Counts, match_counts
-from metaid.estimation.counting.programme import pairs
 from metaid.models import Array
+from metaid.paper.counting import Counts, match_counts, pairs
 from metaid.plant import MujocoPlant, PlantSettings, chain_of
 
 pytestmark = pytest.mark.slow
