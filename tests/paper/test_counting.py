@@ -129,7 +129,7 @@ def test_joint_at_rest_after_a_push_is_not_compared(two_links: Counting) -> None
     trial = two_links.counts.trials[0]
     starts = trial.start_speeds.copy()
     starts[:, 1] = 0.0
-    counted = replace(two_links.counts, trials=[replace(trial, start_speeds=starts)]).counted(two_links.truth, 1)
+    counted = replace(two_links.counts, trials=[replace(trial, starts=upright(starts))]).counted(two_links.truth, 1)
     assert counted is not None
     assert len(counted.seen) == 4
 
