@@ -23,15 +23,15 @@ from threadpoolctl import threadpool_limits
 from benchmarks.chains import random_chain
 from benchmarks.common import Row, table
 from metaid.episode import Windows
-from metaid.estimation import Compared, Experiment, WatchedTrial
-from metaid.estimation.counting import Counts
+from metaid.estimation import Experiment, WatchedTrial
 from metaid.models import Array, Lumps
+from metaid.paper.counting import Counts
 from metaid.plant import PlantSettings, chain_of
 from metaid.study import Problem, StudySpec, load_chain_study
 
 STUDY = "two-link-counted"
 WITHIN = {2: 0.02}  # and 5 % of more links
-MATCHED: dict[str, Compared] = {
+MATCHED = {
     "count at the end": "count",
     "counts, 20 readings": "count",
     "Rice frequency": "frequency",
@@ -153,7 +153,8 @@ def observables(links: int, seed: int) -> Iterator[Row]:
         used = trials
         if name == "count at the end":
             used = [replace(trial, windows=_last(trial)) for trial in trials]
-        found = replace(experiment, compared=compared).estimate(used, thorough=False)
+        comparing = problem_of(links, seed, **{"estimate.compare": compared}).experiment()
+        found = None if comparing is None else comparing.estimate(used, thorough=False)
         explained = found is not None and found.is_explained
         values = found.lumps.vector_of(experiment.unknowns.kinds) if explained and found is not None else None
         yield _row(links, name, "matched", len(used), values, problem)

@@ -6,14 +6,17 @@ import fcntl
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import optuna
 import pytest
 from browser import Browser, open_browser
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.dispatcher import Dispatcher
 from places import ROOT
 from postgres import Postgres, run_postgres
 from rig import Serve, serving
@@ -96,15 +99,46 @@ def what_is_known(store: Store, name: str) -> tuple[str, ...]:
     return results.trials_frame(store, name).to_csv(), results.lumps_frame(store, name).to_csv(), str(shown)
 
 
+def of_everyone(factory: pytest.TempPathFactory) -> Path:
+    """The folder of all workers of the run."""
+    base = factory.getbasetemp()
+    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Of all processes that ask for this `path` one goes on, and the others wait."""
+    with path.open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Of the run's workers the first that calls one of metaid's loops compiles it. The others wait, and then have its
+    machine code from the disk. Who calls whom has no circle, so nobody waits for ever.
+    """
+    folder, compile_now = of_everyone(tmp_path_factory), Dispatcher.compile
+
+    def compile_alone(self: Any, signature: Any) -> Any:
+        name = f"{self.py_func.__module__}.{self.py_func.__qualname__}"
+        if not name.startswith("metaid."):
+            return compile_now(self, signature)
+        with global_compiler_lock, locked(folder / f"{name}.lock"):
+            return compile_now(self, signature)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Dispatcher, "compile", compile_alone)
+        yield
+
+
 def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], None]) -> Path:
     """The folder `name`, filled by `make`: by the first of the run's workers that asks for it, while the others wait.
     It is not to be changed.
     """
-    base = factory.getbasetemp()
-    everyones = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    everyones = of_everyone(factory)
     folder, made = everyones / name, everyones / f"{name}.made"
-    with (everyones / f"{name}.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with locked(everyones / f"{name}.lock"):
         if not made.exists():
             shutil.rmtree(folder, ignore_errors=True)  # of a worker that was ended while it made it
             folder.mkdir()

@@ -16,8 +16,8 @@ pytestmark = pytest.mark.slow
 
 PACKAGE = ROOT / "metaid"
 # From the lowest to the highest; a package imports only those before it.
-ORDER = ("errors", "files", "models", "plant", "episode", "compiled", "estimation", "search", "store", "study")
-ORDER += ("results", "recorded", "excitation", "show", "paper", "api", "cli")
+ORDER = ("errors", "files", "models", "plant", "episode", "compiled", "estimation", "paper", "search", "store")
+ORDER += ("study", "results", "recorded", "excitation", "show", "api", "cli")
 PACKAGES = tuple(name for name in ORDER if (PACKAGE / name).is_dir())
 SLOW = ("cmaes", "scipy.optimize", "scipy.stats")  # half of what a command took that only reads a DB
 # What must not be loaded by importing a package.
@@ -27,6 +27,7 @@ ABSENT = {
     "episode": ("mujoco", "numba", "ray", "optuna", "pandas"),
     "compiled": ("ray", "optuna", "pandas"),
     "estimation": ("mujoco", "numba", "ray", "optuna", "pandas"),
+    "paper": ("mujoco", "numba", "ray", "optuna", "pandas", "matplotlib"),
     "search": ("mujoco", "numba", "ray", *SLOW),
     "store": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
     "study": ("mujoco", "numba", "ray", "matplotlib", *SLOW),

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from metaid.estimation.approximation import Approximation, HeldOut, has_mass
 from metaid.estimation.base_unknowns import ArmEstimate, BaseUnknowns
+from metaid.estimation.descent import FARTHEST, Residuals, descend, place_at
 from metaid.estimation.estimate import Estimate, Found, fit
 from metaid.estimation.faults import (
     NO_FAULTS,
@@ -26,25 +27,30 @@ from metaid.estimation.faults import (
     Unmodelled,
     searched_faults,
 )
+from metaid.estimation.fit import starting_points
 from metaid.estimation.log_unknowns import FULL, LogUnknowns
 from metaid.estimation.trials import Replay, WatchedTrial, upright
 from metaid.estimation.unknowns import Unknowns
 
 if TYPE_CHECKING:
-    from metaid.estimation.experiment import Compared, Experiment, SeenTrial
+    from metaid.estimation.crossings import MISS, TOP, Counters, count_crossings
+    from metaid.estimation.experiment import Experiment, SeenTrial
     from metaid.estimation.laws import ArmLaws, ChainLaws
-    from metaid.estimation.motions import Motions, Quantity
+    from metaid.estimation.motions import Motions, Quantity, WatchedTrials
     from metaid.estimation.noisy import Loop, Readings, ReadTrial, commanded_torques, filtered_speeds
 
 __all__ = [
+    "FARTHEST",
     "FULL",
+    "MISS",
     "NO_FAULTS",
+    "TOP",
     "Approximation",
     "ArmEstimate",
     "ArmLaws",
     "BaseUnknowns",
     "ChainLaws",
-    "Compared",
+    "Counters",
     "Estimate",
     "Experiment",
     "Found",
@@ -58,22 +64,29 @@ __all__ = [
     "ReadTrial",
     "Readings",
     "Replay",
+    "Residuals",
     "SearchedFaults",
     "SeenTrial",
     "TakenUp",
     "Unknowns",
     "Unmodelled",
     "WatchedTrial",
+    "WatchedTrials",
     "commanded_torques",
+    "count_crossings",
+    "descend",
     "filtered_speeds",
     "fit",
     "has_mass",
+    "place_at",
     "searched_faults",
+    "starting_points",
     "upright",
 ]
-_LOADS_NUMBA = dict.fromkeys(("Motions", "Quantity"), "motions")
+_LOADS_NUMBA = dict.fromkeys(("Motions", "Quantity", "WatchedTrials"), "motions")
 _LOADS_NUMBA |= dict.fromkeys(("Loop", "Readings", "ReadTrial", "commanded_torques", "filtered_speeds"), "noisy")
-_LOADS_NUMBA |= dict.fromkeys(("Compared", "Experiment", "SeenTrial"), "experiment")
+_LOADS_NUMBA |= dict.fromkeys(("Experiment", "SeenTrial"), "experiment")
+_LOADS_NUMBA |= dict.fromkeys(("MISS", "TOP", "Counters", "count_crossings"), "crossings")
 _LOADS_NUMBA |= dict.fromkeys(("ArmLaws", "ChainLaws"), "laws")
 
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 
 from metaid.episode import Outcome
 from metaid.estimation.approximation import HeldOut
-from metaid.estimation.counting import Counts, match_counts
 from metaid.estimation.estimate import Found, fit
 from metaid.estimation.faults import NO_FAULTS, Proposal, SearchedFaults, TakenUp, Unmodelled, searched_faults
 from metaid.estimation.laws import Laws
@@ -31,14 +30,13 @@ from metaid.estimation.noisy import (
 from metaid.estimation.trials import ReadTrial, Replay, WatchedTrial
 from metaid.models import Array
 
-PROBES = {"speed": 1, "both": 1, "frequency": 2, "count": 10}  # trials that show much, by what is compared
+PROBES = {"speed": 1, "both": 1, "frequency": 2}  # trials that show much, by what is compared
 RESTARTS = 3  # of a fit that explains nothing, from elsewhere
 SOME = 0.03  # of what the joints need: noise of torques that stands for what the model has not, to begin with
 AGREED = 1e-6  # of what an unknown may be beforehand: two estimates that are so near each other are the same
 STILL_SHRINKS = 0.95  # of the widest interval before: a trial that leaves more of it is worth no other
 
 SeenTrial = WatchedTrial | ReadTrial
-Compared = Quantity | Literal["count"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +65,14 @@ class Experiment:
     starts: Array
     stiffness: Array | float = 0.0
     resolution: float = 0.0
-    compared: Compared = "speed"
+    compared: Quantity = "speed"
     loop: Loop | None = None
     faults: SearchedFaults = NO_FAULTS
     takes_up: bool = False
     torque_noise: Array | None = None
+
+    counts: ClassVar[bool] = False
+    """Whether half periods are counted, and no motion compared."""
 
     def trial(self, candidate: Array, outcome: Outcome) -> Any:
         """A `SeenTrial`: the law of a `candidate`, and what was seen of it; None where nothing of it is known."""
@@ -85,11 +86,6 @@ class Experiment:
         return self.loop.trial(outcome.readings, speeds, partial(self.laws.commanded, law), poses)
 
     # What a sampler asks.
-
-    @property
-    def counts(self) -> bool:
-        """Whether half periods are counted, and no motion compared."""
-        return self.loop is None and self.compared == "count"
 
     @property
     def probes(self) -> int:
@@ -154,17 +150,17 @@ class Experiment:
     def _fitted(self, trials: Sequence[Any], start: Found | None, thorough: bool) -> Found | None:
         """What the `trials` say with what is searched."""
         begin = start.start if start is not None and start.is_explained else None
-        leads_on: bool = self.unknowns.leads_on
-        restarts = RESTARTS if thorough and self.loop is None and not leads_on else 0
+        restarts = RESTARTS if thorough and self.loop is None and not self.unknowns.leads_on else 0
         try:
-            compared = self._comparison(trials)
-            if isinstance(compared, Counts):
-                return match_counts(compared, begin, restarts)
-            if isinstance(compared, Innovations) and self.torque_noise is not None:
-                return fit_with_torque_noise(compared, begin, self.torque_noise)
-            found: Found = fit(compared, begin, restarts, refines=leads_on and begin is not None)
+            return self._fit(self._comparison(trials), begin, restarts)
         except ValueError:
             return None
+
+    def _fit(self, compared: Any, begin: Array | None, restarts: int) -> Found:
+        """What is `compared` says of the robot.  Raises ValueError where no robot shows what was seen."""
+        if isinstance(compared, Innovations) and self.torque_noise is not None:
+            return fit_with_torque_noise(compared, begin, self.torque_noise)
+        found: Found = fit(compared, begin, restarts, refines=self.unknowns.leads_on and begin is not None)
         return found
 
     def unmodelled(self, trials: Sequence[Any], estimate: Found) -> list[Unmodelled]:
@@ -210,7 +206,8 @@ class Experiment:
         """What was seen of one of the `trials` that an `estimate` is made of, and what the twin at the estimate shows
         in its place; `number` is that of its table in `estimate.residuals`.
         """
-        return self._comparison(trials).replay(number, estimate.point)
+        replay: Replay = self._comparison(trials).replay(number, estimate.point)
+        return replay
 
     def step_error(self, candidate: Array, outcome: Outcome) -> Array | None:
         """How far (njoint), in rad or m, the nominal twin of a trial moves elsewhere with steps of half the size; None
@@ -227,13 +224,11 @@ class Experiment:
         moved = np.abs(shown[1] - shown[0])
         return None if np.isnan(moved).all() else np.asarray(np.nanmax(moved, axis=(0, 1)))
 
-    def _comparison(self, trials: Sequence[Any]) -> Motions | Counts | Readings:
+    def _comparison(self, trials: Sequence[Any]) -> Any:
         """What is compared with the twin.  Raises ValueError where `trials` show nothing."""
         if self.loop is not None:
             return self._readings(trials)
         seen = [trial for trial in trials if trial.windows.seen.any()]
-        if self.compared == "count":
-            return Counts(seen, self.unknowns)
         return Motions(seen, self.unknowns, self.compared)
 
     def _readings(self, trials: Sequence[Any]) -> Readings:

@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from metaid.paper.tables import FIG4_FACTOR, LIKE, PURE, run_fig4
-from metaid.show.figures import COLOURS
 
 DPI = 120
+BLUE, RED, SKY = "#0072B2", "#D55E00", "#56B4E9"  # of Okabe and Ito, as all of metaid's figures have them
 
 
 def draw_table(rows: list[dict[str, Any]], path: Path) -> None:
@@ -24,9 +24,9 @@ def draw_table(rows: list[dict[str, Any]], path: Path) -> None:
     for link, plot in enumerate(axes):
         for key, label, marker, colour in (
             ("paper_periods", "paper", "o", "black"),
-            ("periods", f"pure ({rows[0]['rule']})", "s", COLOURS[0]),
-            ("complete_periods", "pure (complete)", "x", COLOURS[5]),
-            ("like_periods", f"paper-like, fitted ({rows[0]['like_rule']})", "^", COLOURS[1]),
+            ("periods", f"pure ({rows[0]['rule']})", "s", BLUE),
+            ("complete_periods", "pure (complete)", "x", SKY),
+            ("like_periods", f"paper-like, fitted ({rows[0]['like_rule']})", "^", RED),
         ):
             periods = [row[key][link] if row[key] else np.nan for row in rows]
             hollow = {"markerfacecolor": "none", "markersize": 9} if key == "paper_periods" else {"markersize": 5}
@@ -48,7 +48,7 @@ def draw_fig4(path: Path) -> None:
     """Both joint angles over the normalised steps, all factors 1.01, as in the paper's Fig. 4, by both readings."""
     figure = Figure(figsize=(7.0, 4.6), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True)
-    for label, reading, colour in (("pure", PURE[2], COLOURS[0]), ("paper-like, fitted", LIKE[2], COLOURS[1])):
+    for label, reading, colour in (("pure", PURE[2], BLUE), ("paper-like, fitted", LIKE[2], RED)):
         angles, periods = run_fig4(reading)
         degrees = np.degrees(np.pi - (np.pi - angles) % (2.0 * np.pi))
         degrees[1:][np.abs(np.diff(degrees, axis=0)) > 180.0] = np.nan  # no line across where the angle wraps
@@ -79,11 +79,11 @@ def draw_sweep(rows: list[dict[str, Any]], path: Path) -> None:
     for joint in range(2):
         link = f"link {joint + 1}"
         for key, label, marker in (("periods", "pure, small push", "s"), ("like_periods", "paper-like, fitted", "^")):
-            style = {"marker": marker, "color": COLOURS[joint], "linewidth": 0.8, "markersize": 4}
+            style = {"marker": marker, "color": (BLUE, RED)[joint], "linewidth": 0.8, "markersize": 4}
             counts.plot(factors, [row[key][joint] for row in rows], label=f"{link}, {label}", **style)
         hertz = np.array([row["frequency_hz"][joint] for row in rows])
         change = 1e2 * (hertz / hertz[len(hertz) // 2] - 1.0)
-        frequency.plot(factors, change, color=COLOURS[joint], label=f"{link}, pure, small push")
+        frequency.plot(factors, change, color=(BLUE, RED)[joint], label=f"{link}, pure, small push")
     counts.set_ylabel("periods in 5,000 steps")
     counts.set_ylim(0, 24)
     frequency.set_ylabel("frequency against\nthat at 1, %")

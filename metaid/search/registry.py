@@ -9,9 +9,9 @@ import numpy as np
 import optuna
 
 from metaid.errors import StudyError, unknown
+from metaid.paper import Dinoip, DinoipOptions
 from metaid.search.cmaes import Cmaes
 from metaid.search.coordinates import Coordinates
-from metaid.search.dinoip import Dinoip, DinoipOptions
 from metaid.search.optuna_samplers import MetricSearcher, OptunaSampler, tpe_for_metric
 from metaid.search.output_error import Matching, OutputError, OutputErrorOptions
 from metaid.search.searcher import Searcher, StepOptions
@@ -74,7 +74,7 @@ SAMPLERS = {
         widens=True,
         spread_name="largest deviation",
     ),
-    "dinoip": Sampler(lambda coordinates, seed, options, _: Dinoip(coordinates, options)),
+    "dinoip": Sampler(lambda coordinates, seed, options, _: Dinoip(coordinates.origin, coordinates.low, options)),
 }
 
 

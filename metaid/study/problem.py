@@ -268,7 +268,9 @@ class Problem(StudyProblem):
 
     def experiment(self) -> Experiment | None:
         """What an estimate needs to know of this study; None where none can be made."""
-        from metaid.estimation import ChainLaws, Experiment, LogUnknowns, upright  # loads numba
+        # These load numba.
+        from metaid.estimation import ChainLaws, Experiment, LogUnknowns, upright
+        from metaid.paper.counting import CountedExperiment
 
         if not self.can_be_estimated:
             return None
@@ -281,13 +283,17 @@ class Problem(StudyProblem):
             return rig_experiment(plant, pushed, wanted, self.episode, self.lumps, unknowns, start_speeds)
         if self.keeps_readings:
             return noisy_experiment(self.make_plant(), self.spec, self.episode, self.lumps, unknowns, start_speeds)
+        watched: dict[str, Any] = {
+            "laws": ChainLaws(self.lumps, unknowns.gravity),
+            "unknowns": unknowns,
+            "timestep": self.timestep,
+            "starts": upright(start_speeds),
+            "resolution": self.resolution,
+        }
+        if wanted.compare == "count":
+            return CountedExperiment(**watched)
         return Experiment(
-            laws=ChainLaws(self.lumps, unknowns.gravity),
-            unknowns=unknowns,
-            timestep=self.timestep,
-            starts=upright(start_speeds),
-            compared=wanted.compare or ("speed" if self.measure.sees_coriolis else "frequency"),
-            resolution=self.resolution,
+            **watched, compared=wanted.compare or ("speed" if self.measure.sees_coriolis else "frequency")
         )
 
     @cached_property

@@ -68,7 +68,7 @@ def test_change_of_a_source_that_is_compiled_into_another_changes_the_result(tmp
 
 
 def test_change_in_the_package_around_another_changes_its_digest(tmp_path: Path) -> None:
-    """`estimation/counting` compiles what `estimation` has into its own loops."""
+    """`estimation/noisy` compiles what `estimation` has into its own loops."""
     package = tmp_path / "metaid"
     shutil.copytree(Path(metaid.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
     code = f"""
@@ -76,10 +76,10 @@ from pathlib import Path
 from metaid.compiled.decorator import digest
 
 package = Path({str(package / "estimation")!r})
-before = digest(package / "counting")
+before = digest(package / "noisy")
 with (package / "motion.py").open("a", encoding="utf-8") as source:
     source.write("# changed\\n")
-assert digest(package / "counting") != before
+assert digest(package / "noisy") != before
 """
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     subprocess.run([sys.executable, "-c", code], env=environment, check=True, cwd=tmp_path)

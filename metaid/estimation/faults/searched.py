@@ -108,7 +108,7 @@ class SearchedFaults:
         return Joints(viscous, dry, spring, offset, tilt, rotor, float(presliding[0]))
 
     def delivered(self, torques: Array, period: float, angles: Array, unknowns: Array) -> Array:
-        """The torques that act in place of those commanded.
+        """The torques that act in place of those commanded, in the order of C: for another, loops are compiled anew.
 
         Args:
             torques: as they were commanded (npush x nstep x njoint), in N m.
@@ -131,7 +131,7 @@ class SearchedFaults:
             torques = torques + cosine * np.cos(phases) + sine * np.sin(phases)
         if "spring" in found and "offset" in found:
             torques = torques + found["spring"] * found["offset"]  # a spring is at rest where its joint is straight
-        return torques
+        return np.ascontiguousarray(torques)
 
 
 @dataclass(frozen=True)

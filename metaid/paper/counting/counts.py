@@ -7,18 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.counting.crossings import Counters, count_pushes, counters, crossing
-from metaid.estimation.descent import Residuals
-from metaid.estimation.log_unknowns import LogUnknowns
-from metaid.estimation.motions import Motions, WatchedTrials
-from metaid.estimation.trials import Replay, WatchedTrial
-from metaid.estimation.twin import share_out
-from metaid.estimation.workspace import balance, derivatives, workspace
+from metaid.estimation import (
+    Counters,
+    LogUnknowns,
+    Motions,
+    Replay,
+    Residuals,
+    WatchedTrial,
+    WatchedTrials,
+    count_crossings,
+)
 from metaid.models import Array
 
 ROUNDING = 1.0 / np.sqrt(12.0)  # standard deviation of what an integer says of a number of half periods
 OUTLYING = 3.0  # of these: what is farther off has less weight, for one lost pair of crossings moves all later counts
-NO_FORCES = np.empty((0, 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +33,7 @@ class Counted:
         turns: half turns of the twin's phase (ncount), whose whole part is `shown`; with derivatives `slopes` (ncount x
             nunknown).
         gained: how many more half periods than the plant the twin has within each window alone (ncount).
-        touches: extrema of the twin next to the upright (ncount x 2), see `crossings.Counters`, as shares of what the
+        touches: extrema of the twin next to the upright (ncount x 2), see `Counters`, as shares of what the
             fastest joint of the push would swing by; with derivatives `touch_slopes` (ncount x 2 x nunknown).
     """
 
@@ -79,7 +81,7 @@ class Counts(WatchedTrials):
             seen = trial.seen(windows)
             if not seen.any():
                 continue
-            shown, reached = self._count(trial, log_factors, seen.shape[1], slopes)
+            shown, reached = count_crossings(trial, self.unknowns, log_factors, seen.shape[1], slopes)
             if (reached < seen.sum(axis=1)).any():
                 return None
             parts.append(_beside(trial, shown, seen))
@@ -104,7 +106,7 @@ class Counts(WatchedTrials):
         tables = []
         for trial in self.trials:
             seen = trial.seen(len(trial.ends))[..., None]
-            shown, _ = self._count(trial, log_factors, len(trial.ends), False)
+            shown, _ = count_crossings(trial, self.unknowns, log_factors, len(trial.ends), False)
             squares = np.where(seen, shown.counts - trial.windows.half_periods, 0.0) ** 2
             number = seen.sum(axis=1)
             means = np.divide(
@@ -116,27 +118,6 @@ class Counts(WatchedTrials):
     def replay(self, number: int, log_factors: Array) -> Replay:
         """The trial of that `number`, and the twin at these `log_factors` (nunknown) in its place."""
         return Motions(self.trials, self.unknowns).replay(number, log_factors)
-
-    def _count(
-        self, trial: WatchedTrial, log_factors: Array, windows: int, slopes: bool
-    ) -> tuple[Counters, NDArray[np.int64]]:
-        """The counters of the twin in place of a trial, and how many windows of each push (npush) it got through."""
-        lumps, (npush, n) = self.unknowns.lumps(log_factors), trial.start_speeds.shape
-        nunknown = len(log_factors) * slopes
-        ends = np.ascontiguousarray(trial.ends[:windows])
-        forces = (
-            balance(trial.law, lumps, self.unknowns.gravity, float(np.max(trial.stiffness))),
-            derivatives(self.unknowns, lumps),
-        )
-        settled = NO_FORCES, *forces, trial.timestep, ends
-        shown, reached = counters(npush, windows, n, nunknown), np.zeros(npush, dtype=np.int64)
-
-        def run(first: int, stride: int) -> None:
-            own = workspace(n, nunknown, False), crossing(n, nunknown)
-            count_pushes(first, stride, trial.starts, *settled, *own, shown, reached)
-
-        share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * max(nunknown, 1))
-        return shown, reached
 
 
 def _beside(trial: WatchedTrial, shown: Counters, seen: NDArray[np.bool_]) -> tuple[Array | NDArray[np.int64], ...]:

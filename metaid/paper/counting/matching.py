@@ -6,12 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from metaid.estimation.counting.counts import Counted, Counts
-from metaid.estimation.counting.programme import pairs, sides
-from metaid.estimation.descent import FARTHEST, descend, place_at
-from metaid.estimation.estimate import Estimate
-from metaid.estimation.fit import starting_points
+from metaid.estimation import FARTHEST, Estimate, descend, place_at, starting_points
 from metaid.models import DEVIATIONS, Array
+from metaid.paper.counting.counts import Counted, Counts
+from metaid.paper.counting.programme import pairs, sides
 
 STAGES = 9  # growing horizons of the first descent
 ROUGHLY, FINELY = 1e-2, 1e-4  # the last step in a log factor of the two descents

@@ -15,11 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.compiled import compiled
+from metaid.estimation.log_unknowns import LogUnknowns
 from metaid.estimation.motion import accelerate, move, set_off
 from metaid.estimation.tangent import force_by_unknowns, linearise, move_tangent
+from metaid.estimation.trials import WatchedTrial
+from metaid.estimation.twin import share_out
+from metaid.estimation.workspace import balance, derivatives, workspace
 from metaid.models import Array
 
 MISS, TOP = 0, 1  # rows of `touches`
+NO_FORCES = np.empty((0, 0))
 
 
 class Counters(NamedTuple):
@@ -49,7 +54,37 @@ class Crossing(NamedTuple):
     top_slopes: Array
 
 
-def counters(npush: int, nwindow: int, njoint: int, nunknown: int) -> Counters:
+def count_crossings(
+    trial: WatchedTrial, unknowns: LogUnknowns, log_factors: Array, windows: int, slopes: bool
+) -> tuple[Counters, NDArray[np.int64]]:
+    """The counters of the twin in place of a trial, and how many windows of each push (npush) it got through.
+
+    Args:
+        trial: whose pushes and law the twin has.
+        unknowns: of the twin.
+        log_factors: of the unknowns (nunknown).
+        windows: how many of the trial's first.
+        slopes: whether there are derivatives by the unknowns.
+    """
+    lumps, (npush, n) = unknowns.lumps(log_factors), trial.start_speeds.shape
+    nunknown = len(log_factors) * slopes
+    ends = np.ascontiguousarray(trial.ends[:windows])
+    forces = (
+        balance(trial.law, lumps, unknowns.gravity, float(np.max(trial.stiffness))),
+        derivatives(unknowns, lumps),
+    )
+    settled = NO_FORCES, *forces, trial.timestep, ends
+    shown, reached = _counters(npush, windows, n, nunknown), np.zeros(npush, dtype=np.int64)
+
+    def run(first: int, stride: int) -> None:
+        own = workspace(n, nunknown, False), _crossing(n, nunknown)
+        _count_pushes(first, stride, trial.starts, *settled, *own, shown, reached)
+
+    share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * max(nunknown, 1))
+    return shown, reached
+
+
+def _counters(npush: int, nwindow: int, njoint: int, nunknown: int) -> Counters:
     """Empty ones, with a leading axis (npush).
 
     Args:
@@ -68,13 +103,13 @@ def counters(npush: int, nwindow: int, njoint: int, nunknown: int) -> Counters:
     )
 
 
-def crossing(njoint: int, nunknown: int) -> Crossing:
+def _crossing(njoint: int, nunknown: int) -> Crossing:
     """Working space for one push at a time."""
     return Crossing(np.zeros(njoint), np.zeros(njoint), np.zeros(njoint), np.zeros((njoint, nunknown)))
 
 
 @compiled
-def count_pushes(first, stride, starts, forces, balance, derivatives, timestep, ends, work, crossing, shown, reached):  # type: ignore[no-untyped-def]
+def _count_pushes(first, stride, starts, forces, balance, derivatives, timestep, ends, work, crossing, shown, reached):  # type: ignore[no-untyped-def]
     """Every `stride`-th push from the `first` on.
 
     Args:

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from metaid.estimation.counting.counts import Counted
-from metaid.estimation.counting.crossings import MISS, TOP
+from metaid.estimation import MISS, TOP
 from metaid.models import Array
+from metaid.paper.counting.counts import Counted
 
 FARTHEST = 1.0  # of a log factor from where the inequalities were made
 

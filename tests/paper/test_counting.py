@@ -12,9 +12,8 @@ from watched import TIMESTEP
 from metaid.compiled import CompiledLoop
 from metaid.episode import FALL_LIMIT, Episode, FallRule, even_ends, rich_pushes
 from metaid.estimation import Estimate, LogUnknowns, WatchedTrial, upright
-from metaid.estimation.counting import Counts, match_counts
-from metaid.estimation.counting.programme import pairs
 from metaid.models import Array
+from metaid.paper.counting import Counts, match_counts, pairs
 from metaid.plant import MujocoPlant, PlantSettings, chain_of
 
 pytestmark = pytest.mark.slow
@@ -130,7 +129,7 @@ def test_joint_at_rest_after_a_push_is_not_compared(two_links: Counting) -> None
     trial = two_links.counts.trials[0]
     starts = trial.start_speeds.copy()
     starts[:, 1] = 0.0
-    counted = replace(two_links.counts, trials=[replace(trial, start_speeds=starts)]).counted(two_links.truth, 1)
+    counted = replace(two_links.counts, trials=[replace(trial, starts=upright(starts))]).counted(two_links.truth, 1)
     assert counted is not None
     assert len(counted.seen) == 4
 

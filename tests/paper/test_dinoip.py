@@ -16,9 +16,8 @@ from conftest import Finished, random_plant
 from metaid.compiled import Objective
 from metaid.episode import Episode, Outcome, tip_push
 from metaid.models import Array
+from metaid.paper import MOST_STEPS_UP, Dinoip, DinoipOptions
 from metaid.results import best_trial_frame, trials_frame
-from metaid.search import plain_coordinates
-from metaid.search.dinoip import MOST_STEPS_UP, Dinoip, DinoipOptions
 from metaid.store import Store
 from metaid.study import create_study, load_chain_study, run_study
 
@@ -27,8 +26,8 @@ def search(
     start: float, evaluate: Callable[[Array], float], nlump: int = 2, coarse_to_fine: bool = False
 ) -> list[Array]:
     """All candidates in order; `evaluate` gives the frequency, infinite for a fall."""
-    coordinates = plain_coordinates(np.full(nlump, start), np.full(nlump, 0.5), np.full(nlump, 2.0))
-    dinoip, tried = Dinoip(coordinates, DinoipOptions(coarse_to_fine=coarse_to_fine)), []
+    options = DinoipOptions(coarse_to_fine=coarse_to_fine)
+    dinoip, tried = Dinoip(np.full(nlump, start), np.full(nlump, 0.5), options), []
     while not dinoip.finished():
         (candidate,) = dinoip.ask()
         tried.append(candidate)
@@ -107,7 +106,7 @@ def test_start_of_least_frequency_is_gone_back_to() -> None:
 def test_spread_is_the_step() -> None:
     """From the first candidate on: the coarse step, and then the fine one."""
     one = np.ones(1)
-    dinoip, spreads = Dinoip(plain_coordinates(one, 0.5 * one, 2.0 * one), DinoipOptions(coarse_to_fine=True)), []
+    dinoip, spreads = Dinoip(one, 0.5 * one, DinoipOptions(coarse_to_fine=True)), []
     while not dinoip.finished():
         spreads.append(dinoip.spread)
         dinoip.tell([Outcome(1.0, bool(factors[0] < 0.93), 1, ()) for factors in dinoip.ask()])

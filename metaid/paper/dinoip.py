@@ -17,7 +17,6 @@ from pydantic import Field
 from metaid.episode import Outcome
 from metaid.files import Settings
 from metaid.models import Array
-from metaid.search.coordinates import Coordinates
 
 INCREMENTS_IN_COARSE_STEP = 10
 MOST_STEPS_UP = 5  # steps in a row after which the frequency may be higher, before all of them are taken back
@@ -36,16 +35,16 @@ class DinoipOptions(Settings):
 class Dinoip:
     """One candidate a generation, for the next step depends on what became of the last.
 
-    It steps in the factors themselves, whatever the coordinates, and draws nothing at random. A start that falls ends
-    it at once: there is nothing to step back to.
+    It steps in the factors themselves, from the `start` (nlump) down to `low` (nlump), and draws nothing at random. A
+    start that falls ends it at once: there is nothing to step back to.
     """
 
-    def __init__(self, coordinates: Coordinates, options: DinoipOptions) -> None:
-        self._low = coordinates.low
+    def __init__(self, start: Array, low: Array, options: DinoipOptions) -> None:
+        self._low = low
         increment = options.increment
         self._increments = [INCREMENTS_IN_COARSE_STEP * increment, increment] if options.coarse_to_fine else [increment]
         self._step = self._increments[0]
-        self._best, self._best_value = coordinates.origin, np.inf
+        self._best, self._best_value = start, np.inf
         self._outcomes: dict[tuple[float, ...], Outcome] = {}  # by candidate, so that none is tried twice
         self._steps = self._search()
         self._candidate: Array | None = next(self._steps)
