@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 
 from metaid import load_plant
-from metaid.models.tree import joint_torque, planar_tree
+from metaid.models.tree import joint_torque
 from metaid.plant import ArmPlant
 
 HARMONICS = 4
@@ -49,7 +49,7 @@ def simulated_log(
     random = np.random.default_rng(seed)
     steps, n = round(seconds / rig.timestep), rig.njoint
     is_arm = isinstance(rig, ArmPlant)
-    tree = rig.tree if is_arm else planar_tree(rig.chain, rig.gravity)
+    tree = rig.tree
     wrong = tree.with_parameters(tree.parameters * 1.1)  # no rig's controller is exact
     home = rig.home if is_arm else np.zeros(n)
     pulse = 2.0 * np.pi * SLOWEST * np.arange(1, HARMONICS + 1)

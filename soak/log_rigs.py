@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.chains import random_chain
 from metaid.models import Array
-from metaid.models.tree import Tree, joint_mass_matrix, joint_torque, planar_tree
+from metaid.models.tree import Tree, joint_mass_matrix, joint_torque
 from metaid.plant import ArmPlant, ArmStart, FaultSettings, MujocoPlant, PlantSettings, Start, load_plant
 
 SEED = 7
@@ -136,7 +136,7 @@ def rig_of(case: Case, folder: Path, random: Generator) -> Rig:
         path = folder / "believed.toml"
         path.write_text(tomli_w.dumps({"links": [link.model_dump(exclude_none=True) for link in nominal]}))
         damping, dry = np.full(nlink, case.damping), np.full(nlink, case.dry)
-        tree = replace(planar_tree(plant.chain, plant.gravity), damping=damping, coulomb=dry)
+        tree = replace(plant.tree, damping=damping, coulomb=dry)
         return Rig(plant, tree, np.zeros(nlink), path)
     return _arm_rig(case, random)
 

@@ -13,13 +13,13 @@ from threadpoolctl import threadpool_limits
 
 from metaid.errors import PlantError
 from metaid.excitation.forecast import FRICTION, LASTS, Forecast, Noise, forecast
-from metaid.excitation.limits import Limits, joint_names, read_limits, usual_limits
+from metaid.excitation.limits import Limits, read_limits, usual_limits
 from metaid.excitation.search import Criterion, Problem, best_of_random, draws, improved
 from metaid.excitation.series import Series, Trajectory
 from metaid.models import Array
 from metaid.models.tree import joint_torque
-from metaid.plant import ArmPlant, MujocoPlant, load_plant
-from metaid.recorded import arm_model, chain_model
+from metaid.plant import ArmPlant, MujocoPlant, SimulatedPlant, load_plant
+from metaid.recorded import model_of
 
 PERIOD = 8.0  # s, about
 RATE = 250.0  # rows a second
@@ -138,7 +138,7 @@ def excite(
         usual = _deviations(information)
         return Excitation(
             plant.name,
-            joint_names(plant),
+            plant.joint_names,
             series,
             seconds,
             problem,
@@ -146,20 +146,19 @@ def excite(
             forecast(problem.model, problem.nominal, series, seconds, noise),
             _deviations(information + criterion.information(second) - nothing) / usual,
             _deviations(2.0 * information - nothing) / usual,
-            _payload(plant, criterion, series) if isinstance(plant, ArmPlant) else None,
+            None if problem.model.is_chain else _payload(plant, criterion, series),
         )
 
 
 def problem_of(plant: ArmPlant | MujocoPlant, limits: Limits, period: float) -> Problem:
     """What is searched of a robot."""
-    if isinstance(plant, ArmPlant):
-        from metaid.excitation.contacts import Contacts
+    model, tree = model_of(plant, FRICTION), plant.tree
+    nominal = np.concatenate([model.nominal, tree.damping, tree.coulomb])
+    if isinstance(plant, MujocoPlant):
+        return Problem(model, nominal, limits, period, None)
+    from metaid.excitation.contacts import Contacts  # loads MuJoCo
 
-        model, tree = arm_model(plant.tree, FRICTION), plant.tree
-        nominal = np.concatenate([model.nominal, tree.damping, tree.coulomb])
-        return Problem(model, nominal, limits, period, Contacts(plant, limits.floor))
-    model, chain = chain_model(plant.chain, plant.gravity, FRICTION), plant.chain
-    return Problem(model, np.concatenate([model.nominal, chain.damping, chain.coulomb]), limits, period, None)
+    return Problem(model, nominal, limits, period, Contacts(plant, limits.floor))
 
 
 def criterion_of(problem: Problem, seconds: float, noise: Noise, seed: int) -> Criterion:
@@ -190,7 +189,7 @@ def _deviations(information: Array) -> Array:
     return np.asarray(np.sqrt(np.diag(np.linalg.inv(information))), dtype=np.float64)
 
 
-def _payload(plant: ArmPlant, criterion: Criterion, series: Series) -> tuple[float, Array]:
+def _payload(plant: SimulatedPlant, criterion: Criterion, series: Series) -> tuple[float, Array]:
     """A payload in kg at the last link's centre of mass, and the standard deviations of the drives' gains (njoint) by
     the difference of two logs along the same motion.
     """

@@ -76,7 +76,7 @@ def read_limits(path: Path, plant: ArmPlant | MujocoPlant) -> Limits:
     """Those of a file; what it leaves out is as usual.  Raises PlantError."""
     usual = usual_limits(plant)
     settings = check(LimitsSettings, read_toml(path, PlantError), str(path), PlantError)
-    names = joint_names(plant)
+    names = plant.joint_names
 
     def each(key: str, own: Array) -> Array:
         given = getattr(settings, key)
@@ -101,10 +101,3 @@ def read_limits(path: Path, plant: ArmPlant | MujocoPlant) -> Limits:
         if not low < high:
             raise PlantError(f"{path}: joint {name} may move from {low:g} to {high:g} (allowed: low below high)")
     return limits
-
-
-def joint_names(plant: ArmPlant | MujocoPlant) -> tuple[str, ...]:
-    """Of a chain numbers from 1 on."""
-    if isinstance(plant, ArmPlant):
-        return tuple(plant.tree.names)
-    return tuple(f"{joint + 1}" for joint in range(plant.njoint))

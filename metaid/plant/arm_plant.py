@@ -62,7 +62,6 @@ class ArmPlant(SimulatedPlant):
 
     @property
     def tree(self) -> Tree:
-        """Its joints and links. Neither search nor estimate may see its parameters."""
         return self.arm.tree if self.known is None else self.known
 
     @property

@@ -19,6 +19,7 @@ from metaid.models import (
     refuse_too_long_a_step,
     speeds_after,
 )
+from metaid.models.tree import Tree, planar_tree
 from metaid.plant.settings import PlantSettings, chain_of
 from metaid.plant.simulated import SimulatedPlant
 from metaid.plant.start import Start
@@ -52,6 +53,15 @@ class MujocoPlant(SimulatedPlant):
         from metaid.plant.chain_spec import chain_model
 
         return chain_model(self.name, self.chain, self.felt_gravity, self.timestep, self.tilt)
+
+    @property
+    def tree(self) -> Tree:
+        return planar_tree(self.chain, self.gravity)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Numbers, from 1 on."""
+        return tuple(f"{joint + 1}" for joint in range(self.njoint))
 
     @property
     def njoint(self) -> int:

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from metaid.models import Array
+from metaid.models.tree import Tree
 
 if TYPE_CHECKING:
     from mujoco import MjData, MjModel
@@ -32,6 +33,16 @@ class SimulatedPlant(ABC):
         from mujoco import MjData
 
         return MjData(self.model)
+
+    @property
+    @abstractmethod
+    def tree(self) -> Tree:
+        """Its joints and links, without springs. Neither search nor estimate may see its parameters."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Of the joints (njoint), as messages and files have them."""
+        return self.tree.names
 
     @property
     def timestep(self) -> float:

@@ -17,7 +17,7 @@ from metaid.recorded.telling.curves import FrictionCurve, GravityCurve, friction
 from metaid.recorded.telling.judging import RecordedVerdict, judge_records
 from metaid.recorded.telling.left_out import LeftOut, left_out
 from metaid.recorded.telling.model_files import FileError
-from metaid.recorded.weak_form.linear_model import TERMS, LinearModel, arm_model, chain_model
+from metaid.recorded.weak_form.linear_model import TERMS, LinearModel, arm_model, chain_model, model_of
 
 __all__ = [
     "TERMS",
@@ -49,4 +49,5 @@ __all__ = [
     "gravity_curves",
     "judge_records",
     "left_out",
+    "model_of",
 ]

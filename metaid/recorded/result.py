@@ -25,7 +25,7 @@ from metaid.recorded.telling.left_out import LeftOut, left_out, predicted_parts
 from metaid.recorded.telling.model_files import FileError, file_error, recorded_identified_model
 from metaid.recorded.telling.summary import summary
 from metaid.recorded.weak_form.equations import Fold
-from metaid.recorded.weak_form.linear_model import TERMS, LinearModel, arm_model, chain_model
+from metaid.recorded.weak_form.linear_model import TERMS, LinearModel, model_of
 from metaid.recorded.weak_form.smoothed import Smoothed, smoothed
 from metaid.results.exporting import IdentifiedModel
 
@@ -161,7 +161,7 @@ def estimate(
             if term not in TERMS:
                 raise RecordError(f"friction: {unknown('term', term, TERMS)}")
         choices = replace(choices, friction=tuple(friction))
-    model = _model(plant, [_joints(pair, plant.njoint) for pair in coupled], gravity)
+    model = model_of(plant, coupled=tuple(_joints(pair, plant.njoint) for pair in coupled), gravity=gravity)
     model = model.with_untrusted(_chosen("untrusted", untrusted, model))
     many = [log for log in _with_shipped(logs) if not any(_is_same(log, each.log) for each in payloads)]
     if not many:
@@ -251,16 +251,6 @@ def _zeros(found: RecordedEstimate, own: Smoothed) -> Any:
     if not found.equations.zeros:
         return np.zeros(found.model.njoint)
     return Yardstick((own,), ()).zeros_of(found.model, found.values, 0, found.delay)
-
-
-def _model(nominal: Any, coupled: list[tuple[int, int]], gravity: Sequence[float] | None) -> LinearModel:
-    chain = getattr(nominal, "chain", None)
-    if chain is None:
-        tree = nominal.tree if gravity is None else replace(nominal.tree, gravity=np.asarray(gravity, dtype=float))
-        return arm_model(tree, coupled=tuple(coupled))
-    if gravity is not None:
-        raise RecordError("gravity: a planar chain says its own in its plant file (allowed: of an MJCF or URDF)")
-    return chain_model(chain, nominal.gravity).with_coupled(tuple(coupled))
 
 
 def _by_joint(what: str, given: Mapping[str, float], model: LinearModel, usual: float) -> Any:

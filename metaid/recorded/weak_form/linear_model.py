@@ -6,12 +6,13 @@ A planar chain is known by its lumps and rotors, an arm by its base parameters. 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from metaid.errors import RecordError
 from metaid.models import IDEAL, Array, Chain, ChainModel, lump_names, lump_unit
 from metaid.models.tree import (
     COLUMNS,
@@ -23,6 +24,7 @@ from metaid.models.tree import (
     friction_torque,
     torque_regressor,
 )
+from metaid.plant import MujocoPlant, SimulatedPlant
 
 TERMS = (*COLUMNS, "hysteresis")
 STILL = 0.01  # rad/s or m/s, until the usual speeds of logs are known
@@ -155,6 +157,31 @@ class LinearModel:
         """Which of the unknowns is that of a `term`, or of the rotor, of a coupled `pair`, from 0 on."""
         each = (*self._shared, "rotor")
         return self.nbody + len(self.friction) * self.njoint + pair * len(each) + each.index(term)
+
+
+def model_of(
+    plant: SimulatedPlant,
+    friction: tuple[str, ...] = ("viscous", "coulomb"),
+    coupled: tuple[tuple[int, int], ...] = (),
+    gravity: Sequence[float] | None = None,
+) -> LinearModel:
+    """That of a nominal robot.
+
+    Args:
+        plant: the robot.
+        friction: the terms of every joint.
+        coupled: pairs of joints, from 0 on, whose motors are coupled.
+        gravity: in the frame of the base, in m/s², in place of an arm's own.
+
+    Raises:
+        RecordError: a planar chain says its own gravity.
+    """
+    if not isinstance(plant, MujocoPlant):
+        tree = plant.tree if gravity is None else replace(plant.tree, gravity=np.asarray(gravity, dtype=np.float64))
+        return arm_model(tree, friction, coupled)
+    if gravity is not None:
+        raise RecordError("gravity: a planar chain says its own in its plant file (allowed: of an MJCF or URDF)")
+    return chain_model(plant.chain, plant.gravity, friction).with_coupled(coupled)
 
 
 def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("viscous", "coulomb")) -> LinearModel:
