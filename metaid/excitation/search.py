@@ -52,12 +52,12 @@ class Meets(Protocol):
 
 @dataclass(frozen=True)
 class Criterion:
-    """How much a log says: the logarithm of the determinant of its information on the unknowns, in units of what is
-    believed of each beforehand.
+    """How much a log says: the logarithm of the determinant of its information on the unknowns, each scaled by its
+    prior deviation.
 
     Attributes:
         model: what is unknown.
-        scales: of the unknowns (nparam): standard deviations beforehand.
+        scales: the prior standard deviations of the unknowns (nparam).
         noise: of the torques (njoint), in N m or N.
         readings: how many independent ones a log has.
     """
@@ -68,7 +68,7 @@ class Criterion:
     readings: float
 
     def information(self, series: Series, rows: Array | None = None) -> Array:
-        """On the scaled unknowns (nparam x nparam), what is believed included; `rows` is the regressor along the series
+        """On the scaled unknowns (nparam x nparam), the prior included; `rows` is the regressor along the series
         where it is there already.
         """
         rows = regressor_along(self.model, series, SAMPLES) if rows is None else rows

@@ -77,7 +77,7 @@ def _over_time(shown: Replay, axes: Axes) -> Axes:
 
 
 def plot_residuals(found: StudyEstimate, axes: Axes | None = None) -> Axes:
-    """Root mean square of the residuals over all trials by push and joint, in units of what noise or rounding
+    """Root mean square of the residuals over all trials by push and joint, scaled by what noise or rounding
     explains.
     """
     axes = new_axes(axes)

@@ -298,7 +298,7 @@ class Gallery:
         plot_residuals(self.found.estimate, figure.subplots())
         caption = (
             "By how much the twin's motion differs from what was seen, by push and joint over all trials of the "
-            "estimate, in units of what noise or rounding explains."
+            "estimate, scaled by what noise or rounding explains."
         )
         if self.found.estimate.counts is not None:
             caption = "By how much the twin's counts of half periods differ from the plant's, by push and joint."
