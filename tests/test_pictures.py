@@ -1,0 +1,86 @@
+"""Pictures of the documents show what their commands print now."""
+
+from __future__ import annotations
+
+import json
+import runpy
+from pathlib import Path
+from typing import Any
+
+import pytest
+from places import ROOT
+
+IMAGES = ROOT / "docs" / "images"
+FAST = ("log", "terminal", "figures", "paper")  # parts that need neither a browser nor what renders
+
+
+@pytest.fixture(scope="module")
+def pictures() -> dict[str, Any]:
+    """What docs/pictures.py defines."""
+    return runpy.run_path(str(ROOT / "docs" / "pictures.py"))
+
+
+@pytest.fixture(scope="module")
+def record() -> dict[str, Any]:
+    """What is stored of each picture."""
+    stored: dict[str, Any] = json.loads((IMAGES / "said.json").read_text(encoding="utf-8"))
+    return stored
+
+
+def test_every_picture_is_the_one_whose_texts_are_stored(pictures: dict[str, Any], record: dict[str, Any]) -> None:
+    """None is added, replaced or left behind without `docs/pictures.py`."""
+    stored = {path.name: pictures["digest"](path) for path in IMAGES.iterdir() if path.name != "said.json"}
+    assert stored == {name: row["sha256"] for name, row in record.items()}
+    assert {name for name, row in record.items() if "said" not in row} == set(pictures["OF_BENCHMARKS"])
+
+
+@pytest.mark.parametrize(
+    ("now", "is_stale"),
+    [("best 0.0103 Hz", False), ("best 0.01031 Hz", False), ("best 0.0203 Hz", True), ("least 0.0103 Hz", True)],
+)
+def test_picture_whose_text_is_another_is_stale(pictures: dict[str, Any], now: str, is_stale: bool) -> None:
+    """A word, or a number beyond rounding."""
+    record = {"a.svg": {"said": "best 0.0103 Hz"}}
+    assert (pictures["stale"]("a.svg", now, None, record) is not None) is is_stale
+
+
+def test_picture_that_looks_otherwise_is_stale(pictures: dict[str, Any]) -> None:
+    """One is itself to the last pixel, and another one of another picture."""
+    one, other = IMAGES / "paper-table1.png", IMAGES / "paper-table2.png"
+    assert pictures["distance"](one, one) == 0.0
+    assert pictures["distance"](one, other) > pictures["DISTANCE"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", FAST)
+def test_pictures_say_and_look_what_their_commands_make_now(
+    part: str, pictures: dict[str, Any], record: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Texts to rounding; pixels to a stated distance. Make them anew with `python docs/pictures.py PART`."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "made").mkdir()
+    made = dict(pictures["PARTS"][part](tmp_path / "made"))
+    why = {name: pictures["stale"](name, said, tmp_path / "made" / name, record) for name, said in made.items()}
+    assert {name: reason for name, reason in why.items() if reason} == {}
+
+
+@pytest.mark.slow
+def test_films_are_of_the_lumps_that_their_studies_find_now(
+    pictures: dict[str, Any], record: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By command and parameters, for a film has no text."""
+    monkeypatch.chdir(tmp_path)
+    made = dict(pictures["films"](tmp_path, render=False))
+    why = {name: pictures["stale"](name, said, None, record) for name, said in made.items()}
+    assert {name: reason for name, reason in why.items() if reason} == {}
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("browser")
+def test_pictures_of_pages_say_what_the_pages_say_now(
+    pictures: dict[str, Any], record: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The beginning of a report, and the note on the dashboard."""
+    monkeypatch.chdir(tmp_path)
+    why = {name: pictures["stale"](name, said, None, record) for name, said in pictures["pages"](tmp_path)}
+    assert {name: reason for name, reason in why.items() if reason} == {}
