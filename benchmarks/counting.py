@@ -201,7 +201,7 @@ def _minimised(problem: Problem) -> Array | None:
                 best, value = factors, outcome.value
     if best is None:
         return None
-    return np.append(best * problem.lumps.vector, problem.nominal.inertia_lumps)
+    return np.append(best * problem.robot.lumps.vector, problem.nominal.inertia_lumps)
 
 
 def _row(links: int, name: str, how: str, trials: int, lumps: Array | None, problem: Problem) -> Row:

@@ -89,7 +89,7 @@ def stand(named: str, nlink: int, seed: int) -> Stood:
         verdict, found = judge(snapshot), snapshot.estimate
         trials = store.trials(name, spec.names)
     cpu = time.process_time() - began
-    truth = snapshot.problem.true_values(snapshot.problem.estimated)
+    truth = snapshot.problem.robot.true_values(snapshot.problem.robot.estimated)
     error, taken_up = np.inf, list[str]()
     if found is not None:
         off = np.log(found.values / truth)

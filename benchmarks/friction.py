@@ -91,8 +91,8 @@ def search(part: str, seed: int, pair: tuple[Links, Links], share: float = 1.0) 
     study = StudySettings.model_validate({**settings, "sampler": "cmaes", "search": {"lumps": kinds}})
     plant = PlantSettings(links=true)
     problem = Problem(StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study))
-    truth = chain_of(true).lumps_of(problem.lumps.searched).vector / problem.lumps.vector
-    searcher, trials, best, factors = problem.make_searcher(), 0, np.inf, problem.start
+    truth = chain_of(true).lumps_of(problem.robot.lumps.searched).vector / problem.robot.lumps.vector
+    searcher, trials, best, factors = problem.make_searcher(), 0, np.inf, problem.robot.start
     reached: dict[float, int] = {}
     with ThreadEvaluator(problem, 2) as evaluator:
         while trials < most and not searcher.finished() and (part == "ignored" or 0.001 not in reached):

@@ -79,7 +79,7 @@ def recover(
     trials = steps = falls = 0
     best, error = np.inf, np.inf
     with ThreadEvaluator(problem, workers) as evaluator:
-        evaluator.evaluate(problem.start[None])
+        evaluator.evaluate(problem.robot.start[None])
         began, cpu = time.perf_counter(), time.process_time()
         while 0.001 not in reached and trials < most_trials and time.perf_counter() - began < MOST_SECONDS:
             batch = searcher.ask()

@@ -87,7 +87,7 @@ def _run_searcher(problem: Problem, tracker: Tracker, _seed: int) -> None:
 def _run_differential_evolution(problem: Problem, tracker: Tracker, seed: int) -> None:
     bounds = list(zip(problem.low, problem.high, strict=True))
     value = lambda factors: tracker.evaluate(factors).value  # type: ignore[attr-defined]  # noqa: E731
-    differential_evolution(value, bounds, x0=problem.start, rng=seed, maxiter=10**6, tol=0, polish=False)
+    differential_evolution(value, bounds, x0=problem.robot.start, rng=seed, maxiter=10**6, tol=0, polish=False)
 
 
 def trials_to(errors: list[float], within: float) -> int | None:

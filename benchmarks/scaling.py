@@ -71,7 +71,7 @@ def measure(study: str, candidates: int) -> Costs:
     """What the first candidates of a study cost on this machine."""
     problem = Problem(STUDIES[study]())
     objective, searcher = problem.make_objective(), problem.make_searcher()
-    objective.evaluate(problem.start)
+    objective.evaluate(problem.robot.start)
     episodes: list[float] = []
     while len(episodes) < candidates and sum(episodes) < MOST_SECONDS and not searcher.finished():
         outcomes = []
@@ -85,7 +85,7 @@ def measure(study: str, candidates: int) -> Costs:
 
 def _ray_costs(problem: Problem) -> tuple[float, float, float]:
     with RayEvaluator(problem, 1, None) as evaluator:
-        evaluator.evaluate(problem.start[None])
+        evaluator.evaluate(problem.robot.start[None])
         actor, ray = evaluator._actors[0].handle, evaluator._ray
         trips = []
         for _ in range(300):

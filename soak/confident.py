@@ -88,7 +88,7 @@ def _of_bench(case: Case, snapshot: Snapshot, folder: Path) -> Array:
     links = [dict(link) for link in case.links]
     links[0]["inertia"] += has.get("rotors", (0.0,))[0]  # the first rotor turns with the first link
     chain = chain_of(PlantSettings.model_validate({"links": links}).links)
-    kinds = tuple(dict.fromkeys(str(name).partition("_")[0] for name in snapshot.problem.estimated.names))
+    kinds = tuple(dict.fromkeys(str(name).partition("_")[0] for name in snapshot.problem.robot.estimated.names))
     return np.asarray(chain.lumps_of(kinds).vector_of(kinds) / unit, dtype=np.float64)
 
 

@@ -88,7 +88,7 @@ def matching_spec(noisy: bool) -> StudySpec:
 
 def law_of(problem: Problem, factors: Array) -> Lumps:
     """The law whose lumps are `factors` (nlump) of a study's nominal ones; nothing is known of inertia."""
-    return problem.law_at(dict(zip(problem.names, (problem.lumps.vector * factors).tolist(), strict=True)))
+    return problem.robot.law_at(dict(zip(problem.names, (problem.robot.lumps.vector * factors).tolist(), strict=True)))
 
 
 def what_is_known(store: Store, name: str) -> tuple[str, ...]:
@@ -154,8 +154,8 @@ def best_error(store: Store, name: str) -> float:
     assert truth is not None
     factors = np.array([trial.factors for trial in snapshot.survivors])
     values = np.array([trial.outcome.value for trial in snapshot.survivors])
-    found = identified_factors(problem, factors, values) * problem.lumps.vector
-    return float(np.abs(found / truth.vector_of(problem.lumps.searched) - 1.0).max())
+    found = identified_factors(problem, factors, values) * problem.robot.lumps.vector
+    return float(np.abs(found / truth.vector_of(problem.robot.lumps.searched) - 1.0).max())
 
 
 class Finished(NamedTuple):

@@ -139,7 +139,8 @@ def evaluate(study: str | Path | StudySpec, factors: Mapping[str, float] | None 
     given, problem = dict(factors or {}), problem_of(spec_of(study))
     _refuse_no_factors(given)
     with closing(problem.make_objective()) as objective:
-        return objective.evaluate(problem.candidate(given))
+        outcome: Outcome = objective.evaluate(problem.robot.candidate(given))
+        return outcome
 
 
 def spec_of(study: str | Path | StudySpec) -> StudySpec:

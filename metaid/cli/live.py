@@ -40,8 +40,8 @@ class Live:
     def __init__(self, store: Store, name: str, quiet: bool, console: Console | None = None) -> None:
         self._bests: deque[Array] = deque(maxlen=LOOK_BACK)
         self._problem = problem_of(stored_spec(store, name))
-        self._sought = self._problem.sought
-        true = self._problem.true_values(self._sought)
+        self._sought = self._problem.robot.sought
+        true = self._problem.robot.true_values(self._sought)
         self._true_factors = np.where(true == 0.0, np.nan, true) / self._sought.scale
         # Of base parameters, of which one may be next to nothing, a share of an error says nothing.
         self._tells_error = self._sought.deviations is None and not np.isnan(self._true_factors).all()
@@ -80,7 +80,7 @@ class Live:
             name = SAMPLERS[self._problem.spec.study.sampler].spread_name
             parts.append(f"{name} {progress.spread:.2g}")
         if progress.best is not None and self._tells_error:
-            errors = np.abs(progress.best.factors / self._true_factors - 1.0)[self._problem.seen]
+            errors = np.abs(progress.best.factors / self._true_factors - 1.0)[self._problem.robot.seen]
             parts.append(f"error {np.nanmax(errors):.2%}")
         return ", ".join(parts)
 

@@ -19,7 +19,7 @@ from metaid.compiled import ArmPush, Objective
 from metaid.models import Array
 from metaid.models.tree import Tree
 from metaid.plant import ArmPlant, MujocoPlant
-from metaid.study import COUNTING_STEPS, AnyProblem
+from metaid.study import COUNTING_STEPS, Problem
 
 Table = tuple[str, list[str], list[list[str]]]  # its title, headings, and cells row by row
 
@@ -42,7 +42,7 @@ class Look(Protocol):
     def laws(self) -> dict[str, Any]:
         """Laws that a film of it shows without a study, by the captions of its panels; none where it needs one."""
 
-    def stage(self, problem: AnyProblem | None) -> Any:
+    def stage(self, problem: Problem | None) -> Any:
         """Where the plant is filmed, under laws of the study of that `problem` if of any."""
 
 
@@ -112,7 +112,7 @@ class ChainLook:
         own = self.objective.nominal
         return {"candidate": own.scaled(self.factors), "true": own}
 
-    def stage(self, problem: AnyProblem | None) -> Any:
+    def stage(self, problem: Problem | None) -> Any:
         from metaid.show import ChainStage  # needs what films need
 
         return ChainStage(self.objective)
@@ -152,7 +152,7 @@ class ArmLook:
 
         draw_push(self.push, path)
 
-    def stage(self, problem: AnyProblem | None) -> Any:
+    def stage(self, problem: Problem | None) -> Any:
         from metaid.show import ArmStage  # needs what films need
 
         assert problem is not None, "an arm is filmed with a study"

@@ -180,7 +180,7 @@ def _undetermined(spec: StudySpec) -> str | None:
     from metaid.cli.checks.determined import judge_of
     from metaid.study import identifiability, problem_of
 
-    problem: Any = problem_of(spec)
+    problem = problem_of(spec)
     if problem.is_simulated and problem.is_told_by_estimate:
         return None
     names = identifiability(problem).undetermined_names

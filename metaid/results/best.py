@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from metaid.models import COARSEST, Array
 from metaid.results.by_measure import resolution_at
 from metaid.store import Trial
-from metaid.study import AnyProblem, Known, Parameters
+from metaid.study import Known, Parameters, Problem
 
 
 def best_index(values: Array) -> int:
@@ -41,7 +41,7 @@ def best_rows(survivors: pd.DataFrame, count: int) -> pd.DataFrame:
     return best
 
 
-def identified_factors(problem: AnyProblem, factors: Array, values: Array) -> Array:
+def identified_factors(problem: Problem, factors: Array, values: Array) -> Array:
     """The candidate (n) that follows from a study's survivors, which are `factors` (ntrial x n) with `values` of the
     measure (ntrial), in the order in which they were evaluated.
 
@@ -56,14 +56,14 @@ def identified_factors(problem: AnyProblem, factors: Array, values: Array) -> Ar
     return identified
 
 
-def known_by_best(problem: AnyProblem, survivors: Sequence[Trial]) -> Known:
+def known_by_best(problem: Problem, survivors: Sequence[Trial]) -> Known:
     """What the best of these `survivors` says of what was sought, in SI units; there are no standard deviations.
 
     Low and high are the range of the trials that the measure cannot tell from the best, which the paper calls the range
     of possible values. They are a sample, and often a small one. Where the measure sees all, the range is at least as
     wide as the ellipsoid of the candidates whose value is as small as theirs, by the sensitivity (Eqs. 14 and 63).
     """
-    wanted, scale = problem.sought, problem.sought.scale
+    wanted, scale = problem.robot.sought, problem.robot.sought.scale
     nothing = np.full(len(scale), np.nan)
     if not survivors:
         resolution, _ = resolution_at(problem, wanted.nominal / scale)

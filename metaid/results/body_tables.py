@@ -51,7 +51,7 @@ def _bodies(found: Any, problem: Any) -> dict[str, Any] | None:
 @_bodies.register
 def _of_chain(found: ChainFound, problem: Any) -> dict[str, Any] | None:
     estimate, nominal, plant = found.estimate, problem.nominal, problem.open_plant()
-    is_given = problem.spec.study.estimate.lengths == "exact" or "coriolis" not in problem.estimated_kinds
+    is_given = problem.spec.study.estimate.lengths == "exact" or "coriolis" not in problem.robot.estimated_kinds
     length = nominal.length if is_given else None
     lumps = known_lumps(estimate.names, estimate.parameters, found.covariance, DEVIATIONS, length)
     extents = body_extents(lumps)
@@ -75,7 +75,7 @@ def _of_chain(found: ChainFound, problem: Any) -> dict[str, Any] | None:
 
 @_bodies.register
 def _of_arm(found: ArmFound, problem: Any) -> dict[str, Any] | None:
-    bodies, truth = known_bodies(problem.prior, found.values, found.covariance), problem.truth
+    bodies, truth = known_bodies(problem.robot.prior, found.values, found.covariance), problem.robot.truth
     if bodies is None:
         return None
     reach = DEVIATIONS * bodies.deviations

@@ -8,33 +8,33 @@ from metaid.errors import StorageError
 from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.results.verdict import Verdict, judge
 from metaid.store import Store
-from metaid.study import AnyProblem
+from metaid.study import Problem
 
 
-def identified_law(problem: AnyProblem, verdict: Verdict) -> Any:
+def identified_law(problem: Problem, verdict: Verdict) -> Any:
     """The law of what was sought, as identified. What a best trial says nothing of is as beforehand."""
-    return problem.law_at(dict(zip(verdict.lumps["name"], verdict.values.tolist(), strict=True)))
+    return problem.robot.law_at(dict(zip(verdict.lumps["name"], verdict.values.tolist(), strict=True)))
 
 
 def candidates(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
     """Laws by name: `nominal`, `identified`, and `true` where that is known. Where nothing was identified there is the
     `best trial` in place of the identified one, if any trial did not fall.
     """
-    problem, best, true = snapshot.problem, snapshot.best, snapshot.problem.true_law()
-    laws = {"nominal": problem.nominal_law}
+    problem, best, true = snapshot.problem, snapshot.best, snapshot.problem.robot.true_law()
+    laws = {"nominal": problem.robot.nominal_law}
     if verdict.shown["identified"].notna().any():
         laws["identified"] = identified_law(problem, verdict)
     elif best is not None:
-        values = problem.sought.scale * best.factors
-        laws["best trial"] = problem.law_at(dict(zip(problem.names, values.tolist(), strict=True)))
+        values = problem.robot.sought.scale * best.factors
+        laws["best trial"] = problem.robot.law_at(dict(zip(problem.names, values.tolist(), strict=True)))
     return laws if true is None else {**laws, "true": true}
 
 
-def candidates_of(store: Store, name: str, plant: Any) -> tuple[AnyProblem, dict[str, Any]]:
+def candidates_of(store: Store, name: str, plant: Any) -> tuple[Problem, dict[str, Any]]:
     """What follows from the study of that `name`, and its `candidates`.  Raises StorageError where it is about another
     plant than this one.
     """
     snapshot = read_snapshot(store, name)
-    if not snapshot.problem.is_about(plant):
+    if not snapshot.problem.robot.is_about(plant):
         raise StorageError(f"study '{name}' is about the plant {snapshot.spec.plant_name}, not about {plant.name}")
     return snapshot.problem, candidates(snapshot, judge(snapshot))

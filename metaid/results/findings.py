@@ -19,7 +19,7 @@ from metaid.results.snapshot import Snapshot, read_snapshot, trials_table
 from metaid.results.validation import Validation, validate
 from metaid.results.verdict import Verdict, judge
 from metaid.store import Store
-from metaid.study import AnyProblem, Parameters, StudySpec
+from metaid.study import Parameters, Problem, StudySpec
 from metaid.study.estimates import StudyEstimate
 
 CLOSEST = 50  # best survivors at least, for their correlation
@@ -51,7 +51,7 @@ class Findings:
         return self.snapshot.spec
 
     @property
-    def problem(self) -> AnyProblem:
+    def problem(self) -> Problem:
         return self.snapshot.problem
 
     @property
@@ -62,7 +62,8 @@ class Findings:
     @property
     def sought(self) -> Parameters:
         """What was searched."""
-        return self.problem.sought
+        sought: Parameters = self.problem.robot.sought
+        return sought
 
     @property
     def names(self) -> list[str]:
@@ -154,8 +155,8 @@ class Findings:
         parts of the dynamics on states that no trial has seen; nothing where that is not known.
         """
         candidates = self.sought.scale * trials[self.names].to_numpy(dtype=np.float64)
-        laws = (self.problem.law_at(dict(zip(self.names, each, strict=True))) for each in candidates.tolist())
-        found = [error for law in laws if (error := self.problem.model_error(law)) is not None]
+        laws = (self.problem.robot.law_at(dict(zip(self.names, each, strict=True))) for each in candidates.tolist())
+        found = [error for law in laws if (error := self.problem.robot.model_error(law)) is not None]
         if found:
             return {name: np.array([getattr(error, key) for error in found]) for key, name in MODEL_ERRORS.items()}
         if self.true_factors is None or np.isnan(errors := self.errors(trials)).all():
@@ -165,7 +166,7 @@ class Findings:
     @cached_property
     def nominal_error(self) -> dict[str, float] | None:
         """How wrong the nominal law is on states that no trial has seen; None where that is not known."""
-        error: ModelError | None = self.problem.model_error(self.problem.nominal_law)
+        error: ModelError | None = self.problem.robot.model_error(self.problem.robot.nominal_law)
         return None if error is None else asdict(error)
 
     @property

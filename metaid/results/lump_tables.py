@@ -11,7 +11,7 @@ from metaid.models import DEVIATIONS
 from metaid.plant import SocketPlant, fault_names, fault_unit, true_faults
 from metaid.results.best import known_by_best
 from metaid.results.snapshot import Snapshot
-from metaid.study import AnyProblem, Known, Parameters
+from metaid.study import Known, Parameters, Problem
 from metaid.study.estimates import StudyEstimate
 
 NOTHING = 1e-9  # of what a base parameter may have been wrong by: an error is no share of less
@@ -20,22 +20,22 @@ NOTHING = 1e-9  # of what a base parameter may have been wrong by: an error is n
 def best_table(snapshot: Snapshot) -> pd.DataFrame:
     """One row a parameter that was sought, as `lumps_frame` has them, by the best trial."""
     problem = snapshot.problem
-    return _rows(problem, problem.sought, known_by_best(problem, snapshot.survivors))
+    return _rows(problem, problem.robot.sought, known_by_best(problem, snapshot.survivors))
 
 
-def estimate_table(problem: AnyProblem, found: StudyEstimate | None, is_result: bool) -> pd.DataFrame:
+def estimate_table(problem: Problem, found: StudyEstimate | None, is_result: bool) -> pd.DataFrame:
     """One row a parameter that is estimated, as `lumps_frame` has them; NaN where there is no estimate. There are
     intervals where it `is_result`: it explains what was seen, or is approximate.
     """
-    wanted = problem.estimated
+    wanted = problem.robot.estimated
     if found is None:
         return _rows(problem, wanted, Known.alone(np.full(len(wanted.names), np.nan)))
     return _rows(problem, wanted, found.known(wanted) if is_result else Known.alone(found.values))
 
 
-def _rows(problem: AnyProblem, wanted: Parameters, known: Known) -> pd.DataFrame:
+def _rows(problem: Problem, wanted: Parameters, known: Known) -> pd.DataFrame:
     """What is `known` of what is `wanted` of a study, beside the truth."""
-    true = problem.true_values(wanted)  # here, and only here, the truth meets the result
+    true = problem.robot.true_values(wanted)  # here, and only here, the truth meets the result
     least = 0.0 if wanted.deviations is None else NOTHING * wanted.deviations
     columns = {
         "name": wanted.names,
@@ -69,7 +69,7 @@ def without_nan(row: dict[Any, Any]) -> dict[str, Any]:
     return {str(key): None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()}
 
 
-def fault_table(problem: AnyProblem, found: StudyEstimate | None, is_result: bool) -> pd.DataFrame:
+def fault_table(problem: Problem, found: StudyEstimate | None, is_result: bool) -> pd.DataFrame:
     """One row a fault that was searched or taken up, see `[estimate] faults`: `name`, `unit`, `identified`, `sd`, `low`
     and `high` of the 95 % interval, `true`, `error`, which is the difference of the two, and whether it is
     `determined`. NaN as in `estimate_table`; no row where no fault was searched.
@@ -77,7 +77,7 @@ def fault_table(problem: AnyProblem, found: StudyEstimate | None, is_result: boo
     kinds = problem.spec.study.estimate.searched_faults
     if found is not None and found.estimate.faults is not None:
         kinds = found.estimate.faults.searched.kinds
-    names, plant = fault_names(kinds, problem.counted_joints, problem.tilts), problem.open_plant()
+    names, plant = fault_names(kinds, len(problem.spec.joints), problem.robot.tilts), problem.open_plant()
     nothing = np.full(len(names), np.nan)
     # Here, and only here, the truth meets the result.
     true = nothing if isinstance(plant, SocketPlant) else true_faults(plant, kinds)
@@ -100,7 +100,7 @@ def fault_table(problem: AnyProblem, found: StudyEstimate | None, is_result: boo
     return pd.DataFrame(columns)
 
 
-def fault_rows(problem: AnyProblem, found: StudyEstimate | None, is_result: bool) -> dict[str, Any]:
+def fault_rows(problem: Problem, found: StudyEstimate | None, is_result: bool) -> dict[str, Any]:
     """The same as `study show --json` has it, under `faults`; nothing where no fault is ever searched."""
     if not problem.spec.study.estimate.faults:
         return {}

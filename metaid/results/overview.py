@@ -57,7 +57,7 @@ def summarized(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
         "estimate": None if found is None else _estimate(found, verdict),
         "why_no_estimate": snapshot.why_no_estimate if found is None else None,
         **({"foreign_trials": [_foreign(trial, snapshot) for trial in snapshot.foreign]} if snapshot.foreign else {}),
-        **({} if problem.noise_floor is None else {"noise_floor_hz": problem.noise_floor}),
+        **({} if problem.robot.noise_floor is None else {"noise_floor_hz": problem.robot.noise_floor}),
     }
 
 
@@ -125,10 +125,10 @@ def _foreign(trial: ForeignTrial, snapshot: Snapshot) -> dict[str, Any]:
 
 def _error_of_best(snapshot: Snapshot, verdict: Verdict) -> dict[str, float | None]:
     """The largest error of the best trial itself, where the study stands by the estimate from all trials."""
-    problem, wanted, best = snapshot.problem, snapshot.problem.sought, snapshot.best
+    problem, wanted, best = snapshot.problem, snapshot.problem.robot.sought, snapshot.best
     if verdict.source == "best trial" or problem.is_matching or best is None or wanted.deviations is not None:
         return {}
-    true = problem.true_values(wanted)
+    true = problem.robot.true_values(wanted)
     if np.isnan(true).all():
         return {}
     errors = np.abs(wanted.scale * best.factors / np.where(true == 0.0, np.nan, true) - 1.0)
@@ -139,5 +139,5 @@ def _model_error(snapshot: Snapshot, verdict: Verdict) -> dict[str, float] | Non
     """How wrong the identified law is on states that no trial has seen; None where that is not known."""
     if not verdict.has_result:
         return None
-    error = snapshot.problem.model_error(identified_law(snapshot.problem, verdict))
+    error = snapshot.problem.robot.model_error(identified_law(snapshot.problem, verdict))
     return None if error is None else asdict(error)

@@ -19,7 +19,7 @@ from metaid.results.best import best_trial
 from metaid.store import EXPERIMENT, ForeignTrial, Store, Trial, shown_trial
 from metaid.study import (
     ENDED_KEY,
-    AnyProblem,
+    Problem,
     StudySpec,
     optuna_spec,
     problem_of,
@@ -53,7 +53,7 @@ class Snapshot:
         return len(self.trials) >= self.spec.study.trials or len(self.trials) == self.ended
 
     @cached_property
-    def problem(self) -> AnyProblem:
+    def problem(self) -> Problem:
         """What follows from its settings."""
         return problem_of(self.spec)
 

@@ -18,7 +18,7 @@ from metaid.results.candidates import identified_law
 from metaid.results.courses import course_of
 from metaid.results.snapshot import Snapshot
 from metaid.results.verdict import Verdict
-from metaid.study import AnyProblem
+from metaid.study import Problem
 
 PUSHES, MOST_PUSHES = 10, 1000
 DEGREES = 180.0 / np.pi
@@ -135,7 +135,7 @@ def validate(snapshot: Snapshot, verdict: Verdict, pushes: int = PUSHES, seed: i
     return validate_law(snapshot.problem, identified_law(snapshot.problem, verdict), pushes, seed)
 
 
-def validate_law(problem: AnyProblem, identified: Any, pushes: int = PUSHES, seed: int = 0) -> Validation:
+def validate_law(problem: Problem, identified: Any, pushes: int = PUSHES, seed: int = 0) -> Validation:
     """Coasting and tracking with an identified law, and with the nominal one and the true one beside.
 
     Args:
@@ -149,8 +149,8 @@ def validate_law(problem: AnyProblem, identified: Any, pushes: int = PUSHES, see
     """
     if not 1 <= pushes <= MOST_PUSHES or seed < 0:
         raise StudyError(f"pushes is {pushes} and seed is {seed} (allowed: 1 to {MOST_PUSHES} pushes, a seed from 0)")
-    plant, true = problem.open_plant(), problem.true_law()
-    laws = {"nominal": problem.nominal_law, "identified": identified, **({} if true is None else {"true": true})}
+    plant, true = problem.open_plant(), problem.robot.true_law()
+    laws = {"nominal": problem.robot.nominal_law, "identified": identified, **({} if true is None else {"true": true})}
     course = course_of(plant, problem, laws, pushes, fresh_seed(problem.spec.study.seed, seed))
     models = tuple(Validated(name, course.coasting(law), *course.tracking(law)) for name, law in laws.items())
     horizon = course.steps * plant.timestep

@@ -19,7 +19,7 @@ from metaid.results.by_measure import at_bounds
 from metaid.results.lump_tables import best_table, estimate_table, fault_table
 from metaid.results.snapshot import Snapshot
 from metaid.store import Trial
-from metaid.study import AnyProblem
+from metaid.study import Problem
 from metaid.study.estimates import StudyEstimate
 
 Word = Literal["found", "approximate", "not found", "unfinished"]
@@ -76,7 +76,9 @@ def judge(snapshot: Snapshot) -> Verdict:
         if lumps["determined"].any():
             missing = _missing(problem, estimate, lumps)
             return Verdict("found", "estimate", (*estimate.reasons, *missing, *estimate.provisos), lumps)
-        reasons = (f"the trials show no {problem.sought.noun} to better than {COARSEST:.0%}: {problem.faint}",)
+        reasons = (
+            f"the trials show no {problem.robot.sought.noun} to better than {COARSEST:.0%}: {problem.robot.faint}",
+        )
         return _not_yet(snapshot, "estimate", reasons, lumps)
     if problem.is_matching:
         against: tuple[str, ...] = (snapshot.why_no_estimate if estimate is None else estimate.description,)
@@ -100,7 +102,7 @@ def judge(snapshot: Snapshot) -> Verdict:
     )
 
 
-def _missing(problem: AnyProblem, estimate: StudyEstimate, lumps: pd.DataFrame) -> Iterator[str]:
+def _missing(problem: Problem, estimate: StudyEstimate, lumps: pd.DataFrame) -> Iterator[str]:
     """Which of the `lumps` and faults of an `estimate` are not determined."""
     for table in (lumps, fault_table(problem, estimate, is_result=True)):
         yield from missed(table, "these trials do")
@@ -136,7 +138,7 @@ def _not_yet(snapshot: Snapshot, source: Source, reasons: tuple[str, ...], lumps
 def _against_best(snapshot: Snapshot, lumps: pd.DataFrame) -> Iterator[str]:
     """What speaks against taking the best trial for the result."""
     if snapshot.best is None:
-        yield snapshot.problem.all_fell if snapshot.trials else "no trial yet"
+        yield snapshot.problem.robot.all_fell if snapshot.trials else "no trial yet"
         return
     yield from _too_far(snapshot, snapshot.best, lumps)
     yield from _untested(snapshot, snapshot.best)
@@ -162,14 +164,14 @@ def _untested(snapshot: Snapshot, best: Trial) -> Iterator[str]:
 
 def _too_far(snapshot: Snapshot, best: Trial, lumps: pd.DataFrame) -> Iterator[str]:
     """Whether the `best` trial is far from coasting, or tells nothing of any lump."""
-    problem, measure, noun = snapshot.problem, snapshot.problem.measure, snapshot.problem.sought.noun
+    problem, robot, measure = snapshot.problem, snapshot.problem.robot, snapshot.problem.measure
     value, unit, resolution = best.outcome.value, measure.unit, problem.resolution
     is_far = value > FAR * resolution
     if is_far:
         yield (
             f"the best value, {value:.3g} {unit}, is {value / resolution:.3g} times the {resolution:.2g} {unit} that "
-            f"{measure.name} can tell from none: try more trials, another seed or another sampler{problem.far_off}"
+            f"{measure.name} can tell from none: try more trials, another seed or another sampler{robot.far_off}"
         )
         yield from at_bounds(problem, best.factors, np.array([trial.factors for trial in snapshot.trials]))
     if not is_far and not lumps["determined"].any():
-        yield f"{measure.name} with these pushes determines no {noun} to better than {COARSEST:.0%}"
+        yield f"{measure.name} with these pushes determines no {robot.sought.noun} to better than {COARSEST:.0%}"

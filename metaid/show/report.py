@@ -166,7 +166,7 @@ def _labelled(table: re.Match[str]) -> str:
 
 def plant_picture(found: Findings) -> PageFigure:
     """A sketch of the plant, or of the nominal model where the plant is not to be shown."""
-    plant = found.problem.open_plant() if shows_plant(found) else found.problem.nominal_plant()
+    plant = found.problem.open_plant() if shows_plant(found) else found.problem.robot.nominal_plant()
     widths = {"wide": PAGE, "narrow": COLUMN}
     wide, narrow = (
         inline_svg(sketch(plant, found.problem.episode, width), f"plant-{name}-") for name, width in widths.items()

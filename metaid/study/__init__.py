@@ -20,9 +20,8 @@ from metaid.study.create import (
 from metaid.study.drawn import drawn_nominal
 from metaid.study.evaluation import NominalMetricSampler, OptunaObjective
 from metaid.study.forecast import Forecast, forecast, refuse_until
-from metaid.study.identifiability import identifiability, identifiability_by_measure
+from metaid.study.identifiability import Identifiability, identifiability, identifiability_by_measure
 from metaid.study.loading import (
-    AnyProblem,
     load_chain_study,
     load_study,
     of_chain,
@@ -42,7 +41,6 @@ from metaid.study.settings import (
     SearchSettings,
     StudySettings,
 )
-from metaid.study.spatial import ArmProblem, arm_identifiability
 from metaid.study.spec import StudySpec, TreeSettings
 from metaid.study.stepping import Stepping, stepping
 
@@ -53,12 +51,11 @@ __all__ = [
     "HORIZON",
     "MOST_TRIALS",
     "TIP_SPEED",
-    "AnyProblem",
-    "ArmProblem",
     "DrawnNominalSettings",
     "EpisodeSettings",
     "EstimateSettings",
     "Forecast",
+    "Identifiability",
     "Known",
     "LumpAtBound",
     "NominalMetricSampler",
@@ -74,7 +71,6 @@ __all__ = [
     "TreeSettings",
     "advice",
     "arithmetic",
-    "arm_identifiability",
     "create_study",
     "delete_study",
     "drawn_nominal",

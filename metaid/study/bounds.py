@@ -49,7 +49,7 @@ def lumps_at_bounds(problem: Problem, found: Array, tried: Array) -> tuple[LumpA
         tried: the factors (ntrial x nlump) of all trials; they say whether a bound has been widened.
     """
     low, high = bounds_in_force(problem.low, problem.high, tried)
-    seen = problem.is_matching | problem.measure.determined(problem.lumps)
+    seen = problem.is_matching | problem.robot.seen
     at_low, at_high = (at & seen for at in at_bounds(found, low, high))
     lower, higher = widened(low, high, at_low, at_high)
     reached = []

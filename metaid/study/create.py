@@ -34,7 +34,7 @@ def create_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
     if not problem.is_simulated:
         spec = problem.calibrated()
         refuse_what_cannot_be_run(spec)
-    store.create(name, spec.model_dump_json(), problem.counted_joints)
+    store.create(name, spec.model_dump_json(), len(spec.joints))
     return name
 
 

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 from metaid.errors import StudyError
 from metaid.models import COARSEST
-from metaid.search import SAMPLERS, NarrowingSearcher, Searcher
-from metaid.study.identifiability import chain_rehearsal
-from metaid.study.loading import AnyProblem
+from metaid.search import SAMPLERS, NarrowingSearcher
 from metaid.study.problem import MOST_TRIALS, Problem
-from metaid.study.spatial import ArmProblem, arm_rehearsal
 from metaid.study.spec import StudySpec
 
 MARGIN = 0.7  # of the wanted width, on the nominal model: that of the plant differs by some tenths
-REHEARSALS: dict[type, Callable[[Any], tuple[Searcher, Any]]] = {Problem: chain_rehearsal, ArmProblem: arm_rehearsal}
+OWN_NOISE = 1  # added to the study's seed: a rehearsal has other noise than the study
 
 
 @dataclass(frozen=True)
@@ -38,13 +33,14 @@ class Forecast:
         return self.half_width <= self.until
 
 
-def forecast(problem: AnyProblem, until: float) -> Forecast:
+def forecast(problem: Problem, until: float) -> Forecast:
     """What a run until intervals are as narrow takes: the search itself, on the nominal model in the plant's place,
     with noise of its own, until intervals are MARGIN times as narrow: those of the plant differ. The start speeds are
     the study's.  Raises StudyError where there is no such run.
     """
     refuse_until(problem.spec, until)
-    searcher, objective = REHEARSALS[type(problem)](problem)
+    experiment, objective = problem.rehearsal(OWN_NOISE)
+    searcher = problem.make_searcher(lambda: experiment)
     assert isinstance(searcher, NarrowingSearcher), "it goes by the estimate"
     searcher.until = MARGIN * until
     trials = steps = 0

@@ -13,53 +13,53 @@ is smaller than that cannot be seen.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
-from metaid.episode import NOISE_RESOLUTION, pushes_for
-from metaid.models import COARSEST, DEVIATIONS, Array, lump_names
-from metaid.plant import PlantSettings
-from metaid.search import Searcher
-from metaid.study.experiments import spread_of_pushes
+from metaid.episode import NOISE_RESOLUTION
+from metaid.models import COARSEST, DEVIATIONS, Array
 from metaid.study.problem import Problem
 
-if TYPE_CHECKING:
-    from metaid.compiled import Objective
-    from metaid.estimation import Experiment
-
 NEGLIGIBLE = 0.02  # weight of a lump in a combination, of 1
-# Factors of the gravity lumps in the first trials of an estimate, as many as it needs; those of others are between.
-OVER_COMPENSATED = (1.5, 2.0)
-OWN_NOISE = 1  # added to the study's seed: a rehearsal has other noise than the study
 EPISODES = 32  # with exact lumps, which show how far noise moves the measure
 HALVINGS = 11  # of the interval in which a factor stops being noticed
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Identifiability:
-    """By lump `names`: the `resolution` (nlump) with which its factor can be found, as a fraction; inf if not at all.
+    """What of each parameter can be determined, by `names`.
 
-    `combinations`: changes of the factors, by lump name, that the measure does not notice at all or hardly; largest
-    first. `low` and `high`: the least and largest lumps (nlump) that the bounds allow, in their units; a search finds
-    none beyond. An estimate does, so for it they are 0 and infinite.
+    Attributes:
+        resolution: with which each lump can be found, as a fraction, or each base parameter, in its unit (n); inf if
+            not at all.
+        low: the least (n) that the bounds of lumps allow, in their units; a search finds none beyond. An estimate does,
+            so for it they are 0 and infinite.
+        high: the largest.
+        scale: what a resolution is small beside: of a base parameter how well it is known beforehand.
+        combinations: changes of the factors, by lump name, that the measure does not notice at all or hardly; largest
+            first.
+        shown_by: which pushes of an arm show each, "coasts" or "springs" alone; None of a chain.
     """
 
     names: tuple[str, ...]
     resolution: Array
     low: Array
     high: Array
+    scale: Array | float = 1.0
     combinations: tuple[dict[str, float], ...] = ()
+    shown_by: tuple[str, ...] | None = None
 
     @property
     def determined(self) -> list[bool]:
-        """Whether each lump can be found to better than a tenth."""
-        return [bool(value <= COARSEST) for value in self.resolution]
+        """Whether each can be found to better than a tenth."""
+        found: list[bool] = (self.resolution <= COARSEST * self.scale).tolist()
+        return found
 
     @property
     def undetermined_names(self) -> list[str]:
-        """The lumps that cannot."""
+        """Those that cannot."""
         return [name for name, found in zip(self.names, self.determined, strict=True) if not found]
 
 
@@ -81,14 +81,14 @@ def identifiability_by_measure(problem: Problem) -> Identifiability:
 
 def _allowed(problem: Problem) -> tuple[Array, Array]:
     """The least and the largest lumps (nlump) within the bounds, in their units."""
-    nominal = problem.lumps.vector
+    nominal = problem.robot.lumps.vector
     return nominal * problem.low, nominal * problem.high
 
 
 def _from_sensitivity(problem: Problem) -> Identifiability:
     """Half the width of the ellipsoid δᵀ H δ = (2π resolution)² along each lump.  Eq. 14."""
     resolution = max(problem.resolution, _noise_resolution(problem))
-    h = problem.sensitivity()
+    h = problem.robot.sensitivity()
     values, vectors = np.linalg.eigh(h)
     seen = values > len(values) * np.finfo(float).eps * values[-1]
     widths = np.full(len(values), np.inf)
@@ -111,8 +111,7 @@ def _noise_resolution(problem: Problem) -> float:
     It is the same multiple of the deviation from one episode to another that `smoothed` takes of a plant at rest. Here
     the nominal model moves, so pushes and torques count, too.
     """
-    settings = problem.spec.plant
-    if not isinstance(settings, PlantSettings) or not settings.faults.is_noisy:
+    if not problem.spec.faults.is_noisy:
         return 0.0
     objective, exact = _nominal_objective(problem), np.ones(len(problem.names))
     outcomes = [objective.evaluate(exact, number) for number in range(EPISODES)]
@@ -123,60 +122,27 @@ def _noise_resolution(problem: Problem) -> float:
 
 
 def _from_estimate(problem: Problem) -> Identifiability:
-    """Half the 95 % interval of each lump by the estimate from trials on the nominal model: as many that
-    over-compensate as it needs, and, but for counts, one at the truth. The start speeds are the study's, so the
-    impulses are others.
-    """
-    pushes = pushes_for(problem.nominal_plant(), problem.start_speeds)
-    experiment, objective = _nominal_experiment(problem, pushes), _nominal_objective(problem, pushes)
-    assert experiment is not None
-    nlink, random = problem.nominal.nlink, np.random.default_rng(problem.spec.study.seed)
-    laws = np.ones((experiment.probes + 1, len(problem.names)))  # the last is the truth
-    for law, factor in enumerate(OVER_COMPENSATED[: experiment.probes]):
-        laws[law, :nlink] = factor
-    laws[len(OVER_COMPENSATED) : -1, :nlink] = random.uniform(*OVER_COMPENSATED, laws[2:-1, :nlink].shape)
-    if problem.spec.study.estimate.compare == "count":
-        laws = laws[:-1]  # a plant that coasts shows no count
-    trials = [experiment.trial(factors, objective.evaluate(factors, number)) for number, factors in enumerate(laws)]
-    estimate = experiment.estimate([trial for trial in trials if trial is not None])
-    names = lump_names(problem.nominal.nlink, problem.estimated_kinds)
-    unbounded = np.zeros(len(names)), np.full(len(names), np.inf)
-    if estimate is None:
-        return Identifiability(tuple(names), np.full(len(names), np.inf), *unbounded)
-    return Identifiability(tuple(names), DEVIATIONS * estimate.lump_deviations, *unbounded)
+    """Half the 95 % interval of each parameter by the estimate from as many trials of the nominal model as it needs."""
+    robot, wanted = problem.robot, problem.robot.estimated
+    experiment, objective = problem.rehearsal()
+    candidates = robot.rehearsed(experiment.probes)
+    with threadpool_limits(1):
+        trials = [experiment.trial(each, objective.evaluate(each, number)) for number, each in enumerate(candidates)]
+        estimate = experiment.estimate([trial for trial in trials if trial is not None])
+    count = len(wanted.names)
+    return Identifiability(
+        names=wanted.names,
+        resolution=np.full(count, np.inf) if estimate is None else DEVIATIONS * robot.deviations_of(estimate),
+        low=np.zeros(count),
+        high=np.full(count, np.inf),
+        scale=1.0 if wanted.deviations is None else DEVIATIONS * wanted.deviations,
+        shown_by=robot.shown_by,
+    )
 
 
-def chain_rehearsal(problem: Problem) -> tuple[Searcher, Objective]:
-    """The searcher and the objective of a study if its nominal model were the truth, pushed to the study's start
-    speeds.
-    """
-    pushes = pushes_for(problem.nominal_plant(), problem.start_speeds)
-    searcher = problem.make_searcher(partial(_nominal_experiment, problem, pushes))
-    return searcher, _nominal_objective(problem, pushes, OWN_NOISE)
-
-
-def _nominal_objective(problem: Problem, pushes: Array | None = None, further: int = 0) -> Objective:
-    """What the study would evaluate its candidates with if its nominal model were the truth; with the study's impulses,
-    or with these `pushes` (npush x njoint), in N s. `further` is added to the seed of the noise.
-    """
-    from metaid.compiled import Objective  # loads MuJoCo and numba, which other measures do without
-
-    rule, episode = problem.spec.study.episode.rule, replace(problem.episode, calibration=None)
-    episode = replace(episode, seed=episode.seed + further)
-    if pushes is not None:
-        episode = replace(episode, pushes=pushes)
-    return Objective(problem.nominal_plant(), problem.lumps, episode, problem.measure.name, rule=rule)
-
-
-def _nominal_experiment(problem: Problem, pushes: Array) -> Experiment | None:
-    """What an estimate would need to know if the nominal model were the truth: impulses that differ give it other
-    speeds than the plant. `pushes` (npush x njoint) in N s.
-    """
-    experiment = problem.experiment()
-    if experiment is not None and experiment.loop is not None and isinstance(problem.spec.plant, PlantSettings):
-        spread = spread_of_pushes(problem.nominal_plant(), pushes)
-        return replace(experiment, loop=replace(experiment.loop, start_spread=spread))
-    return experiment
+def _nominal_objective(problem: Problem) -> Any:
+    """What the study would evaluate its candidates with if its nominal chain were the truth."""
+    return problem.robot.make_objective(problem.robot.nominal_plant(), replace(problem.episode, calibration=None))
 
 
 def _one_by_one(problem: Problem) -> Array:
@@ -191,7 +157,7 @@ def _one_by_one(problem: Problem) -> Array:
         factors = exact.copy()
         factors[lump] = factor
         outcome = objective.evaluate(factors)
-        return outcome.fell or outcome.value > unnoticed
+        return bool(outcome.fell or outcome.value > unnoticed)
 
     def farthest(lump: int, bound: float) -> float:
         """The distance from 1 towards the bound up to which nothing is noticed, inf if that is the bound."""

@@ -11,15 +11,12 @@ from metaid.models.tree import Tree
 from metaid.plant import LinkSettings
 from metaid.study.problem import Problem
 from metaid.study.reading import read_study
-from metaid.study.spatial import ArmProblem
 from metaid.study.spec import StudySpec
 
-AnyProblem = Problem | ArmProblem
-
-_latest: deque[AnyProblem] = deque(maxlen=4)  # so that a command makes what follows from a study once
+_latest: deque[Problem] = deque(maxlen=4)  # so that a command makes what follows from a study once
 
 
-def problem_of(spec: StudySpec) -> AnyProblem:
+def problem_of(spec: StudySpec) -> Problem:
     """What follows from a study's settings. It is made once: settings that were asked about before have the same one,
     which is not to be changed.
 
@@ -27,7 +24,7 @@ def problem_of(spec: StudySpec) -> AnyProblem:
     """
     known = next((each for each in tuple(_latest) if each.spec == spec), None)
     if known is None:
-        known = ArmProblem(spec) if spec.is_arm else Problem(spec)
+        known = Problem(spec)
         _latest.append(known)
     return known
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from metaid.models import Array
 from metaid.plant import FaultSettings, SocketSettings, joint_limits, slope_weights
-from metaid.study.settings import EstimateSettings
+from metaid.study.settings import StudySettings
 
 if TYPE_CHECKING:
     from metaid.estimation import Loop
@@ -23,8 +23,7 @@ def loop_of_rig(
     rig: SocketSettings,
     angle_noise: Sequence[float] | None,
     start_spread: Array | None,
-    wanted: EstimateSettings,
-    lead: float,
+    study: StudySettings,
 ) -> Loop:
     """That of a rig, by what was measured at it. The resolution of its encoders is what its readings show.
 
@@ -32,8 +31,7 @@ def loop_of_rig(
         rig: the plant file.
         angle_noise: standard deviations of readings at rest (njoint), in rad; None before they are measured.
         start_spread: a root of the covariance of how its pushes begin; None where all are alike.
-        wanted: what the study file says of the estimate.
-        lead: of the law, in s.
+        study: what its file says.
     """
     from metaid.estimation import Loop  # loads numba, which most readers of a study do without
 
@@ -46,8 +44,8 @@ def loop_of_rig(
         speed_weights=slope_weights(rig.timestep),
         start_spread=start_spread,
         substeps=substeps,
-        lead=lead,
-        torque_limits=joint_limits(wanted.torque_limit, rig.joints),
+        lead=study.episode.lead,
+        torque_limits=joint_limits(study.estimate.torque_limit, rig.joints),
         has_unknown_encoders=True,
         is_continuous=is_continuous,
     )
@@ -58,8 +56,7 @@ def loop_of_plant(
     faults: FaultSettings,
     angle_noise: Array,
     start_spread: Array | None,
-    wanted: EstimateSettings,
-    lead: float,
+    study: StudySettings,
 ) -> Loop:
     """That of a simulated plant, by what its user states of it. What is said of faults that are searched is not used.
 
@@ -68,8 +65,7 @@ def loop_of_plant(
         faults: of the plant file.
         angle_noise: standard deviations of its sensors (njoint), in rad, without what encoder steps add.
         start_spread: a root of the covariance of how its pushes begin; None where all are alike.
-        wanted: what the study file says of the estimate.
-        lead: of the law, in s.
+        study: what its file says.
     """
     from metaid.estimation import Loop  # loads numba, which most readers of a study do without
 
@@ -80,7 +76,7 @@ def loop_of_plant(
         speed_weights=slope_weights(timestep * faults.control_every),
         start_spread=start_spread,
         substeps=faults.control_every,
-        delay=0 if "delay" in wanted.undeclared_faults else faults.delay,
-        lead=lead,
-        torque_limits=joint_limits(wanted.torque_limit, len(angle_noise)),
+        delay=0 if "delay" in study.estimate.undeclared_faults else faults.delay,
+        lead=study.episode.lead,
+        torque_limits=joint_limits(study.estimate.torque_limit, len(angle_noise)),
     )

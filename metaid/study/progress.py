@@ -16,7 +16,7 @@ from metaid.errors import StorageError
 from metaid.models import Array
 from metaid.search import NarrowingSearcher, WideningSearcher
 from metaid.store import Trial
-from metaid.study.loading import AnyProblem
+from metaid.study.problem import Problem
 
 HELD_BACK = 0.25  # of a study's trials, after which a search whose best trial is at a bound is held back by it
 REPLAY_TOLERANCE = 1e-6  # relative; another machine's linear algebra may round differently
@@ -34,7 +34,7 @@ class Progress:
     best: Trial | None
     spread: float | None
     generation: int
-    problem: AnyProblem
+    problem: Problem
     waiting: str | None = None
 
 
@@ -43,7 +43,7 @@ class Run:
     searcher whose intervals get narrower is finished once half the widest of them is that share of its lump.
     """
 
-    def __init__(self, problem: AnyProblem, total: int, until: float | None = None) -> None:
+    def __init__(self, problem: Problem, total: int, until: float | None = None) -> None:
         self.total, self.problem = total, problem
         self.number = self.falls = self.generation = 0
         self.best: Trial | None = None

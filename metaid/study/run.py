@@ -24,8 +24,8 @@ from metaid.study.create import stored_spec
 from metaid.study.estimates import keep_estimate
 from metaid.study.evaluation import Evaluator, make_evaluator
 from metaid.study.forecast import refuse_until
-from metaid.study.loading import AnyProblem, problem_of
-from metaid.study.problem import MOST_TRIALS
+from metaid.study.loading import problem_of
+from metaid.study.problem import MOST_TRIALS, Problem
 from metaid.study.progress import Progress, Run
 from metaid.study.spec import StudySpec
 from metaid.study.writer import Writer
@@ -170,7 +170,7 @@ def _finish(run: Run, evaluator: Evaluator, writer: Writer, watch: Callable[[Pro
             _refuse_more_failures(failures, trials[-1], problem.spec.plant_name)
 
 
-def _moved_bounds(problem: AnyProblem, low: Array, high: Array) -> str:
+def _moved_bounds(problem: Problem, low: Array, high: Array) -> str:
     """Which bounds of a study are no longer what they were, `low` and `high` (nlump each); empty where none is."""
     sides = ("low", low, problem.low), ("high", high, problem.high)
     return ", ".join(

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from metaid.study.forecast import REHEARSALS
-from metaid.study.loading import AnyProblem
+from metaid.study.forecast import OWN_NOISE
+from metaid.study.problem import Problem
 
 MARGIN = 10.0  # the noise of a reading over the error of the steps that such noise hides
 
@@ -27,15 +26,15 @@ class Stepping:
         return self.error * MARGIN <= 1.0
 
 
-def stepping(problem: AnyProblem) -> Stepping | None:
+def stepping(problem: Problem) -> Stepping | None:
     """By the first trial of the study, on the nominal model in the plant's place. None of a simulated plant, whose own
     steps the twin takes, and where nothing comes of the trial.
     """
-    experiment: Any = problem.experiment()
-    loop = None if experiment is None else getattr(experiment, "loop", None)
-    if loop is None or not loop.is_continuous:
+    experiment = problem.experiment()
+    loop = None if experiment is None else experiment.loop
+    if experiment is None or loop is None or not loop.is_continuous:
         return None
-    searcher, objective = REHEARSALS[type(problem)](problem)
-    factors = searcher.ask()[0]
+    rehearsed, objective = problem.rehearsal(OWN_NOISE)
+    factors = problem.make_searcher(lambda: rehearsed).ask()[0]
     moved = experiment.step_error(factors, objective.evaluate(factors, 0))
     return None if moved is None else Stepping(loop.timestep, float(np.max(moved / loop.noise)))

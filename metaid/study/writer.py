@@ -7,7 +7,7 @@ from types import TracebackType
 
 from metaid.errors import StorageError
 from metaid.store import SERVER_PATIENCE, Lease, Store, Trial, keep_trying
-from metaid.study.loading import AnyProblem
+from metaid.study.problem import Problem
 
 
 class Writer:
@@ -29,7 +29,7 @@ class Writer:
         self,
         store: Store,
         name: str,
-        problem: AnyProblem,
+        problem: Problem,
         lease: Lease,
         patience: float | None,
         on_wait: Callable[[int, str], None],

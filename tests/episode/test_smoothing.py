@@ -136,7 +136,7 @@ def test_identified_lumps_are_means_over_the_range_not_the_luckiest_trial() -> N
     factors = np.array([[1.0] * 6, [1.2] * 6, [1.1] * 6, [3.0] * 6])
     values = np.array([-3.0, 0.5, 0.0, 5.0]) * problem.resolution
     assert identified_factors(problem, factors, values) == pytest.approx(np.full(6, 1.1))
-    known, nominal = known_by_best(problem, survivors_of(factors, values)), problem.lumps.vector
+    known, nominal = known_by_best(problem, survivors_of(factors, values)), problem.robot.lumps.vector
     np.testing.assert_allclose(known.values, 1.1 * nominal)
     assert (known.low <= nominal).all()
     assert (known.high >= 1.2 * nominal).all()
@@ -147,7 +147,7 @@ def test_identified_lumps_are_means_over_the_range_not_the_luckiest_trial() -> N
 def test_range_is_at_least_as_wide_as_the_pushes_are_sensitive() -> None:
     """One trial alone has no range of its own: 1.5 times the resolution, and the more the larger its value is."""
     problem = Problem(load_chain_study("three-link-coast"))
-    resolution, nominal = identifiability_by_measure(problem).resolution, problem.lumps.vector
+    resolution, nominal = identifiability_by_measure(problem).resolution, problem.robot.lumps.vector
     for multiple in (0.0, 2.0):
         values = np.array([multiple * problem.resolution])
         known = known_by_best(problem, survivors_of(np.ones((1, 6)), values))

@@ -56,7 +56,7 @@ def equal(tmp_path: Path) -> tuple[Store, Problem]:
 
 def shown_by_everyone(store: Store, name: str) -> dict[str, Array]:
     """The identified factors of a study, by who shows them."""
-    found, nominal = read_findings(store, name), read_findings(store, name).problem.lumps.vector
+    found, nominal = read_findings(store, name), read_findings(store, name).problem.robot.lumps.vector
     summary = results.summary(store, name)
     return {
         "study show --json": np.array([lump["identified"] for lump in summary["lumps"]]) / nominal,

@@ -209,7 +209,7 @@ def test_validation_is_of_the_estimate_with_its_inertia_lumps(metaid: Metaid) ->
     store.close()
     problem, lumps = Problem(spec), package.lumps("rubbing").set_index("name")
     assert np.abs(lumps["error"]).max() < 1e-6
-    identified = problem.law_at(lumps["identified"].to_dict())
+    identified = problem.robot.law_at(lumps["identified"].to_dict())
     assert package.validate("rubbing", pushes=1).summary() == validate_law(problem, identified, 1, 0).summary()
 
 

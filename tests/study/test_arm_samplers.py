@@ -12,7 +12,7 @@ from conftest import Finished, made_once
 
 from metaid import api, results
 from metaid.store import Store
-from metaid.study import ArmProblem, create_study, load_study, run_study
+from metaid.study import Problem, create_study, load_study, run_study
 
 pytestmark = pytest.mark.slow
 
@@ -57,10 +57,10 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_kinetic_measure_grows_away_from_the_truth_as_its_sensitivity_says() -> None:
     """By the mass matrix of the true arm: (2π f)² = δᵀ H δ (Eq. 61)."""
     spec = load_study("spatial-three-link")
-    problem = ArmProblem(spec)
-    truth = problem.prior.base.of(spec.plant.arm.tree.parameters)
-    h = problem.sensitivity(truth)
-    error = 1e-4 * problem.prior.root @ np.random.default_rng(0).standard_normal(len(truth))
+    problem = Problem(spec)
+    truth = problem.robot.prior.base.of(spec.plant.arm.tree.parameters)
+    h = problem.robot.sensitivity(truth)
+    error = 1e-4 * problem.robot.prior.root @ np.random.default_rng(0).standard_normal(len(truth))
     with closing(problem.make_objective()) as objective:
         value = objective.evaluate(truth + error).value
     assert value == pytest.approx(np.sqrt(error @ h @ error) / (2.0 * np.pi), rel=0.02)
@@ -69,14 +69,14 @@ def test_kinetic_measure_grows_away_from_the_truth_as_its_sensitivity_says() -> 
 def test_coordinates_are_as_wide_as_what_is_believed_and_give_the_distance_to_the_truth() -> None:
     """A coordinate's root mean square beforehand is 0.3, and the measure says how far the truth is (Eq. 62)."""
     spec = load_study("spatial-three-link", {"sampler": "cmaes"})
-    problem = ArmProblem(spec)
+    problem = Problem(spec)
     inverse = np.linalg.inv(problem.coordinates.spread)
-    believed = inverse @ problem.prior.covariance @ inverse.T
+    believed = inverse @ problem.robot.prior.covariance @ inverse.T
     assert np.sqrt(np.trace(believed) / len(believed)) == pytest.approx(0.3, rel=0.01)
     assert problem.coordinates.curvature is not None
-    truth = problem.prior.base.of(spec.plant.arm.tree.parameters)
+    truth = problem.robot.prior.base.of(spec.plant.arm.tree.parameters)
     with closing(problem.make_objective()) as objective:
-        value = objective.evaluate(problem.prior.values).value
+        value = objective.evaluate(problem.robot.prior.values).value
     distance = float(np.linalg.norm(problem.coordinates.z(truth)))
     assert 0.3 < value / np.sqrt(problem.coordinates.curvature) / distance < 3.0
 

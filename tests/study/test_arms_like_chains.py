@@ -45,7 +45,7 @@ def test_run_of_an_arm_ends_once_its_torques_are_known(tmp_path: Path) -> None:
         found = read_snapshot(store, name).estimate
         assert found.half_width <= until
         problem = problem_of(spec)
-        true, base = spec.plant.arm.tree, problem.prior.base
+        true, base = spec.plant.arm.tree, problem.robot.prior.base
         off = base.of(true.parameters) - found.estimate.values
         assert np.abs(off / found.deviations).max() < 4.5
     assert trials[0] < trials[1]

@@ -108,7 +108,7 @@ def test_law_of_a_study_that_does_not_search_friction_has_none() -> None:
     spec = load_chain_study("full-three-link", {"search.lumps": ["gravity", "coriolis"]})
     problem = Problem(spec)
     assert problem.names == Problem(load_chain_study("three-link-coast")).names
-    assert problem.lumps.damping is None
+    assert problem.robot.lumps.damping is None
 
 
 def test_default_lumps_leave_the_trials_as_they_were(tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ import pytest
 from conftest import Finished
 
 from metaid.errors import StudyError
-from metaid.study import ArmProblem, Problem, load_chain_study, problem_of
-from metaid.study import problem as module
+from metaid.study import Problem, load_chain_study, problem_of
+from metaid.study import chain as module
 from metaid.study.reading import read_study
 
 Metaid = Callable[..., Finished]
@@ -32,7 +32,7 @@ def test_problem_pushes_nothing_before_its_episode_is_asked_for(monkeypatch: pyt
     assert problem.coordinates.low.tolist() == problem.low.tolist()
     assert asked == []
     assert problem.episode.noise_floor.frequency > 0.0
-    assert len(problem.start_speeds) == len(problem.episode.pushes)
+    assert len(problem.robot.start_speeds) == len(problem.episode.pushes)
     assert asked == ["make_episode", "rest_noise"]
 
 
@@ -56,7 +56,7 @@ def test_problem_of_the_same_settings_is_made_once() -> None:
 def test_command_makes_what_follows_from_a_study_once(
     command: list[str], metaid: Metaid, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of a chain, and of an arm."""
+    """However many ask."""
     monkeypatch.chdir(tmp_path)
     changes = ["--set", "sampler=output-error", "--set", "trials=3"]
     metaid("study", "create", "two-link-tpe", *changes, "--name", "chain", "--set", "seed=5")
@@ -64,9 +64,8 @@ def test_command_makes_what_follows_from_a_study_once(
         metaid("study", "run", "chain")
     sys.modules["metaid.study.loading"]._latest.clear()  # type: ignore[attr-defined]
     made: list[Any] = []
-    for kind in (Problem, ArmProblem):
-        begin = kind.__init__
-        monkeypatch.setattr(kind, "__init__", lambda self, *given, b=begin: (made.append(given), b(self, *given))[1])
+    begin = Problem.__init__
+    monkeypatch.setattr(Problem, "__init__", lambda self, *given: (made.append(given), begin(self, *given))[1])
     metaid("study", command[0], "chain", *command[1:])
     assert len(made) == 1
 

@@ -176,5 +176,5 @@ def test_study_settings_of_a_rig_keep_what_was_measured_at_it(serve: Serve, tmp_
     built_in = Problem(load_chain_study("two-link-tpe"))
     spec = load_chain_study("two-link-tpe", {"sampler": "cmaes"})
     assert (found.problem.episode.pushes == Problem(spec).episode.pushes).all()
-    assert (found.problem.start_speeds == built_in.start_speeds).all()
-    assert not (Problem(load_chain_study(study)).start_speeds == built_in.start_speeds).all()
+    assert (found.problem.robot.start_speeds == built_in.robot.start_speeds).all()
+    assert not (Problem(load_chain_study(study)).robot.start_speeds == built_in.robot.start_speeds).all()

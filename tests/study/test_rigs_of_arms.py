@@ -63,7 +63,7 @@ def test_arm_behind_a_socket_is_found(tmp_path: Path, server: Server, metaid: Ca
     assert 0.0 < deviations["rotor3"] < 0.001 * values["rotor3"]
     lever = model.body_mass[3] * model.body_ipos[3]  # the first moments of the last link
     assert values["m3z"] == pytest.approx(lever[2], rel=1e-3)
-    assert problem_of(snapshot.spec).truth is None
+    assert problem_of(snapshot.spec).robot.truth is None
     storage = ("--storage", store.url)
     assert metaid("study", "report", "arm-rig", "-o", "rig.html", *storage).status == 0
     assert "low to high is their 95 % interval" in metaid("study", "show", "arm-rig", "--bodies", *storage).out

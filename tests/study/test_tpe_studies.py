@@ -51,7 +51,7 @@ def test_nominal_metric_sampler_finds_three_links_within_400_trials(sampler: str
     problem = Problem(spec)
     truth = problem.open_plant().true_lumps()
     assert truth is not None
-    true = truth.vector_of(problem.lumps.searched) / problem.lumps.vector
+    true = truth.vector_of(problem.robot.lumps.searched) / problem.robot.lumps.vector
     objective = metaid.objective(spec)
 
     def error(study: optuna.Study) -> float:

@@ -116,7 +116,7 @@ def test_searched_fault_is_not_told_beforehand(spec: StudySpec) -> None:
     """The nominal plant has none of those that are searched: a forecast is to know as little as its user."""
     late = spec.plant.model_copy(update={"faults": FaultSettings(delay=3, tilt=0.02, angle_noise=0.01)})
     study = spec.study.model_copy(update={"estimate": EstimateSettings(faults=("delay",))})
-    nominal = Problem(spec.model_copy(update={"plant": late, "study": study})).nominal_plant()
+    nominal = Problem(spec.model_copy(update={"plant": late, "study": study})).robot.nominal_plant()
     assert nominal.settings.faults == FaultSettings(tilt=0.02, angle_noise=0.01)
 
 

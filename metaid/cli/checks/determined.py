@@ -4,68 +4,69 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
-from functools import singledispatch
 from typing import Any
 
 from metaid.cli.checks.until import describe_forecast, forecast_row
 from metaid.cli.common import number_text, print_json, print_table, say
-from metaid.models import COARSEST, lump_unit
-from metaid.study import (
-    ArmProblem,
-    Forecast,
-    Problem,
-    Stepping,
-    arm_identifiability,
-    forecast,
-    identifiability,
-    stepping,
-)
+from metaid.models import lump_unit
+from metaid.study import Identifiability, Problem, forecast, identifiability, stepping
 
 
-@singledispatch
-def print_check(problem: Any, until: float | None, as_json: bool) -> None:
-    """Prints what the study of a `problem` can determine, and what it takes `until` all is known to that share."""
-    raise TypeError(problem)
-
-
-@print_check.register
-def _of_lumps(problem: Problem, until: float | None, as_json: bool) -> None:
-    """To within what all pushes tell each lump."""
+def print_check(problem: Problem, until: float | None, as_json: bool) -> None:
+    """Prints what the study of a `problem` can determine: to within what all pushes tell each lump, or one trial each
+    base parameter; and what it takes `until` all is known to that share.
+    """
     found = identifiability(problem)
     foreseen, precise = None if until is None else forecast(problem, until), stepping(problem)
-    numbers = found.resolution.tolist(), found.determined, found.low.tolist(), found.high.tolist()
-    rows = list(zip(found.names, *numbers, strict=True))
+    rows = (_base_parameters if problem.spec.is_arm else _lumps)(problem, found)
     if as_json:
-        lumps = [
-            {
-                "name": name,
-                "resolution": resolution if math.isfinite(resolution) else None,
-                "determined": determined,
-                "low": low if math.isfinite(high) else None,
-                "high": high if math.isfinite(high) else None,
-            }
-            for name, resolution, determined, low, high in rows
-        ]
         print_json(
             {
                 "study": problem.spec.name,
                 "measure": problem.measure.name,
-                "lumps": lumps,
-                "undetermined": list(found.combinations),
+                "lumps": rows,
+                **({} if problem.spec.is_arm else {"undetermined": list(found.combinations)}),
                 **({} if foreseen is None else {"until": forecast_row(foreseen)}),
                 **({} if precise is None else {"twin": asdict(precise)}),
             }
         )
         return
-    is_bounded = all(math.isfinite(high) for *_, high in rows)
+    (_print_base_parameters if problem.spec.is_arm else _print_lumps)(problem, found, rows)
+    if foreseen is not None:
+        say(describe_forecast(foreseen))
+    if precise is not None:
+        wanted = "" if precise.is_precise else "; that is too much for intervals that hold: shorten the timestep"
+        say(
+            f"the twin's steps of {1e3 * precise.timestep:g} ms move an angle by {precise.error:.1g} of the noise of a "
+            f"reading at most{wanted}"
+        )
+
+
+def _lumps(problem: Problem, found: Identifiability) -> list[dict[str, Any]]:
+    """A row a lump; None where it cannot be found, or is not bounded."""
+    numbers = found.resolution.tolist(), found.determined, found.low.tolist(), found.high.tolist()
+    return [
+        {
+            "name": name,
+            "resolution": resolution if math.isfinite(resolution) else None,
+            "determined": determined,
+            "low": low if math.isfinite(high) else None,
+            "high": high if math.isfinite(high) else None,
+        }
+        for name, resolution, determined, low, high in zip(found.names, *numbers, strict=True)
+    ]
+
+
+def _print_lumps(problem: Problem, found: Identifiability, rows: list[dict[str, Any]]) -> None:
+    is_bounded = all(row["high"] is not None for row in rows)
     shown = [
         [
-            name,
-            _share(resolution) if math.isfinite(resolution) else "–",
-            "yes" if determined else "NO",
-            *([number_text(low), number_text(high), lump_unit(name)] if is_bounded else []),
+            row["name"],
+            "–" if row["resolution"] is None else _share(row["resolution"]),
+            _yes(row),
+            *([number_text(row["low"]), number_text(row["high"]), lump_unit(row["name"])] if is_bounded else []),
         ]
-        for name, resolution, determined, low, high in rows
+        for row in rows
     ]
     title = f"{problem.spec.name}: what {judge_of(problem)} with these pushes can determine"
     headings = ["lump", "to within", "determined", *(["from", "to", "unit"] if is_bounded else [])]
@@ -78,61 +79,38 @@ def _of_lumps(problem: Problem, until: float | None, as_json: bool) -> None:
             "no trial shows a change of these factors together: "
             + " ".join(f"{weight:+.2f} {name}" for name, weight in terms)
         )
-    _say_more(foreseen, precise)
 
 
-@print_check.register
-def _of_base_parameters(problem: ArmProblem, until: float | None, as_json: bool) -> None:
-    """What one trial tells of each base parameter, and whether coasts show it or springs alone."""
-    found = arm_identifiability(problem)
-    foreseen, precise = None if until is None else forecast(problem, until), stepping(problem)
-    rows = list(
-        zip(
-            found.names,
-            problem.prior.values.tolist(),
-            found.resolution.tolist(),
-            (found.resolution <= COARSEST * found.beforehand).tolist(),
-            ["coasts" if seen else "springs" for seen in found.seen_by_bias],
-            found.units,
-            found.expressions,
-            strict=True,
-        )
-    )
-    if as_json:
-        keys = ("name", "nominal", "resolution", "determined", "shown_by", "unit", "expression")
-        print_json(
-            {
-                "study": problem.spec.name,
-                "measure": problem.measure.name,
-                "lumps": [dict(zip(keys, row, strict=True)) for row in rows],
-                **({} if foreseen is None else {"until": forecast_row(foreseen)}),
-                **({} if precise is None else {"twin": asdict(precise)}),
-            }
-        )
-        return
+def _base_parameters(problem: Problem, found: Identifiability) -> list[dict[str, Any]]:
+    """A row a base parameter, with the pushes that show it."""
+    sought = problem.robot.sought
+    keys = "name", "nominal", "resolution", "determined", "shown_by", "unit", "expression"
+    columns = sought.nominal.tolist(), found.resolution.tolist(), found.determined, found.shown_by or ()
+    told = zip(found.names, *columns, sought.units, sought.expressions, strict=True)
+    return [dict(zip(keys, row, strict=True)) for row in told]
+
+
+def _print_base_parameters(problem: Problem, found: Identifiability, rows: list[dict[str, Any]]) -> None:
     shown = [
-        [name, number_text(nominal), number_text(resolution, ".2g"), "yes" if determined else "NO", by, unit]
-        for name, nominal, resolution, determined, by, unit, _ in rows
+        [
+            row["name"],
+            number_text(row["nominal"]),
+            number_text(row["resolution"], ".2g"),
+            _yes(row),
+            row["shown_by"],
+            row["unit"],
+        ]
+        for row in rows
     ]
     title = f"{problem.spec.name}: what one trial of the nominal arm determines"
     headings = ["base parameter", "nominal", "to within", "determined", "shown by", "unit"]
     print_table(title, headings, shown, words=["determined", "shown by", "unit"], dispensable=["nominal", "shown by"])
-    missed = [row[0] for row in rows if not row[3]]
-    if missed:
+    if missed := found.undetermined_names:
         say(f"one trial does not determine {', '.join(missed)}: push more, faster, or for longer")
-    _say_more(foreseen, precise)
 
 
-def _say_more(foreseen: Forecast | None, precise: Stepping | None) -> None:
-    """What it takes until all is known, and how precise the twin's steps are, as far as that was asked."""
-    if foreseen is not None:
-        say(describe_forecast(foreseen))
-    if precise is not None:
-        wanted = "" if precise.is_precise else "; that is too much for intervals that hold: shorten the timestep"
-        say(
-            f"the twin's steps of {1e3 * precise.timestep:g} ms move an angle by {precise.error:.1g} of the noise of a "
-            f"reading at most{wanted}"
-        )
+def _yes(row: dict[str, Any]) -> str:
+    return "yes" if row["determined"] else "NO"
 
 
 def judge_of(problem: Problem) -> str:

@@ -73,7 +73,7 @@ def _best_guess(snapshot: Snapshot, verdict: Verdict) -> Array | None:
     """
     if verdict.source == "estimate":
         return None if snapshot.estimate is None else snapshot.estimate.values
-    return None if snapshot.best is None else snapshot.problem.sought.scale * snapshot.best.factors
+    return None if snapshot.best is None else snapshot.problem.robot.sought.scale * snapshot.best.factors
 
 
 @singledispatch
@@ -97,7 +97,7 @@ def _of_chain(nominal: Chain, problem: Any, values: dict[str, float], known: lis
 
 @_dynamics.register
 def _of_arm(nominal: Tree, problem: Any, values: dict[str, float], known: list[str]) -> Dynamics:
-    return arm_dynamics(problem.prior, np.array([values[name] for name in problem.names]))
+    return arm_dynamics(problem.robot.prior, np.array([values[name] for name in problem.names]))
 
 
 def _lumps_of(values: dict[str, float], nominal: Lumps) -> Lumps:

@@ -100,7 +100,7 @@ class Gallery:
             ("boundary", survived and several and not prior, self._boundary),
             ("parallel", self._is_line and several, self._parallel),
             ("correlation", several and self._correlates, self._correlation),
-            ("estimate-motion", estimate is not None and not problem.slides.all(), self._motion),
+            ("estimate-motion", estimate is not None and not problem.robot.slides.all(), self._motion),
             ("estimate-residuals", estimate is not None, self._residuals),
             ("estimate-correlation", explains, self._covariance),
             ("estimate-trials", explains and estimate is not None and estimate.counts is None, self._growth),
@@ -146,7 +146,7 @@ class Gallery:
             said.append(("Motion beside the twin's", "no estimate has a twin"))
         elif not found.estimate.explains:
             said.append(("Correlation and growth of the estimate", "it does not explain what was seen"))
-        if found.estimate is not None and problem.slides.any():
+        if found.estimate is not None and problem.robot.slides.any():
             said.append(("The motion of slides", "it has another unit"))
         return said
 
@@ -268,13 +268,13 @@ class Gallery:
     def replay(self) -> Replay:
         """A trial as the plant showed it, and as the twin at the estimate does; of its hinges alone."""
         assert self.found.estimate is not None
-        whole, hinges = self.found.estimate.replay(), ~self.found.problem.slides
+        whole, hinges = self.found.estimate.replay(), ~self.found.problem.robot.slides
         parts = {part: getattr(whole, part)[..., hinges] for part in ("seen", "simulated", "noise")}
         return replace(whole, **parts, joints=tuple(np.array(whole.joints)[hinges].tolist()))
 
     def _motion(self, width: float) -> Picture:
         assert self.found.estimate is not None
-        titles = self.found.problem.push_titles
+        titles = self.found.problem.robot.push_titles
         pushes = np.unique(np.linspace(0, len(titles) - 1, PUSHES).round().astype(int)).tolist()
         figure, axes = pairs_of_panels(width, len(pushes))
         for push, (motion, difference) in zip(pushes, axes, strict=True):
@@ -317,8 +317,8 @@ class Gallery:
 
     def _growth(self, width: float) -> Picture:
         assert self.found.estimate is not None
-        true = self.found.problem.true_values(
-            self.found.problem.estimated
+        true = self.found.problem.robot.true_values(
+            self.found.problem.robot.estimated
         )  # the truth meets the result in reports alone
         figure = Figure(figsize=(width, 2.4), layout="constrained")
         plot_growth(self.found.estimate, None if np.isnan(true).any() else true, figure.subplots())

@@ -19,13 +19,13 @@ from metaid.store import ForeignTrial, Lease, Store, Trial
 from metaid.study.estimates.making import study_estimate, watched_trials
 from metaid.study.estimates.study_estimate import StudyEstimate
 from metaid.study.estimates.text import text_of, value_of
-from metaid.study.loading import AnyProblem
+from metaid.study.problem import Problem
 
 KEY = "metaid:estimate"
 SOURCES = "models", "plant", "episode", "compiled", "estimation", "study"  # the packages that an estimate follows from
 
 
-def keep_estimate(store: Store, name: str, problem: AnyProblem, lease: Lease) -> None:
+def keep_estimate(store: Store, name: str, problem: Problem, lease: Lease) -> None:
     """Keeps the estimate of all trials in the DB with their study, unless it is there.
 
     Args:
@@ -50,7 +50,7 @@ def kept_with(store: Store, name: str) -> Any:
     return store.attribute(name, KEY, shown=False)
 
 
-def estimate_from(kept: Any, problem: AnyProblem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial] = ()) -> Any:
+def estimate_from(kept: Any, problem: Problem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial] = ()) -> Any:
     """What all trials of a study say, a `StudyEstimate`; None where nothing can be made of them.
 
     Args:
@@ -70,21 +70,23 @@ def estimate_from(kept: Any, problem: AnyProblem, trials: Sequence[Trial], forei
     return value_of(_made(problem, trials, foreign), given)
 
 
-def _given(problem: AnyProblem, seen: Callable[[], Any]) -> dict[str, Any]:
+def _given(problem: Problem, seen: Callable[[], Any]) -> dict[str, Any]:
     """What an estimate has that follows from the study and its trials, which `seen` makes, and is not kept."""
-    return {"seen": seen, **problem.given}
+    return {"seen": seen, **problem.robot.given}
 
 
-def _made(problem: AnyProblem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial]) -> str:
+def _made(problem: Problem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial]) -> str:
     """The text of the estimate that is made of all trials."""
     found = study_estimate(problem, trials, foreign)
     given = (
-        {} if found is None else {"seen": found.seen, **{key: getattr(found.estimate, key) for key in problem.given}}
+        {}
+        if found is None
+        else {"seen": found.seen, **{key: getattr(found.estimate, key) for key in problem.robot.given}}
     )
     return text_of(found, given)
 
 
-def _is_of(problem: AnyProblem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial]) -> dict[str, Any]:
+def _is_of(problem: Problem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial]) -> dict[str, Any]:
     """What an estimate is of: the settings and the code that it follows from, how many trials metaid wrote, and which
     of others carry motion.
     """

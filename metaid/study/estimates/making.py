@@ -15,8 +15,7 @@ from metaid.store import ForeignTrial, Trial
 from metaid.study.estimates.arm import ArmFound
 from metaid.study.estimates.chain import ChainFound
 from metaid.study.estimates.study_estimate import StudyEstimate
-from metaid.study.loading import AnyProblem
-from metaid.study.problem import MOST_TRIALS
+from metaid.study.problem import MOST_TRIALS, Problem
 
 FOUND: dict[type, type[StudyEstimate]] = {Estimate: ChainFound, ArmEstimate: ArmFound}
 FIRST_TRIALS = 12  # of which it is looked for how early the estimate was there
@@ -24,7 +23,7 @@ CLOSE = 1e-3  # of what an unknown is a multiple of: so near its last value an e
 
 
 def watched_trials(
-    problem: AnyProblem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial] = ()
+    problem: Problem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial] = ()
 ) -> tuple[Any, tuple[Any, ...], int]:
     """The experiment of a study, and its trials as that has them, metaid's own before those of
     others, at most MOST_TRIALS of each; and of how many others there are. No experiment where none can be made.
@@ -45,7 +44,7 @@ def watched_trials(
 
 
 def study_estimate(
-    problem: AnyProblem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial] = ()
+    problem: Problem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial] = ()
 ) -> StudyEstimate | None:
     """The estimate from the `trials` of the study of this `problem`, and after these from those of the
     `foreign` ones that carry its motion. None where there is none to be made.
@@ -127,7 +126,7 @@ def first_enough(fewest: int, most: int, is_enough: Callable[[int], bool]) -> in
     return enough
 
 
-def shown_by_others(problem: AnyProblem, foreign: Sequence[ForeignTrial]) -> list[Trial]:
+def shown_by_others(problem: Problem, foreign: Sequence[ForeignTrial]) -> list[Trial]:
     """The `foreign` trials that `metaid.objective` evaluated with the settings of the study of this `problem`, and
     that carry motion: each once.
     """

@@ -6,13 +6,13 @@ from metaid.errors import StudyError, unknown
 from metaid.study.evaluation.evaluator import Evaluator
 from metaid.study.evaluation.ray_actors import WORKER_PATIENCE, RayEvaluator
 from metaid.study.evaluation.threads import ThreadEvaluator
-from metaid.study.loading import AnyProblem
+from metaid.study.problem import Problem
 
 ENGINES = ("local", "ray")
 
 
 def make_evaluator(
-    problem: AnyProblem, engine: str, workers: int, ray_address: str | None = None, patience: float | None = None
+    problem: Problem, engine: str, workers: int, ray_address: str | None = None, patience: float | None = None
 ) -> Evaluator:
     """An evaluator of a problem's candidates.
 

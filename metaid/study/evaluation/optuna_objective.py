@@ -69,7 +69,7 @@ class OptunaObjective:
     @property
     def start(self) -> dict[str, float]:
         """Where the study's own search begins: for `study.enqueue_trial(objective.start)`."""
-        return dict(zip(self._problem.names, self._problem.start.tolist(), strict=True))
+        return dict(zip(self._problem.names, self._problem.robot.start.tolist(), strict=True))
 
     def __reduce__(self) -> tuple[type[OptunaObjective], tuple[StudySpec]]:
         return OptunaObjective, (self.spec,)
@@ -132,7 +132,7 @@ class OptunaObjective:
             if study.directions != MINIMIZES:
                 raise StudyError("the Optuna study does not minimise one value (allowed: direction='minimize')")
             spec = self.spec.model_dump_json()
-            for key, value in study_attributes(spec, self._problem.counted_joints).items():
+            for key, value in study_attributes(spec, len(self._problem.spec.joints)).items():
                 study.set_user_attr(key, value)
         elif stored.experiment != self.spec.experiment:
             raise StudyError(

@@ -25,7 +25,8 @@ from metaid.models import Array
 from metaid.study.evaluation.evaluator import MOST_SHARED, do_nothing
 from metaid.study.evaluation.ray_private import ray_on_loopback
 from metaid.study.evaluation.shares import Share, Shares
-from metaid.study.loading import AnyProblem, problem_of
+from metaid.study.loading import problem_of
+from metaid.study.problem import Problem
 from metaid.study.spec import StudySpec
 
 WORKER_PATIENCE = 120.0  # s without an answer after which a worker is replaced
@@ -65,9 +66,7 @@ class RayEvaluator:
     slowest candidates so far would have taken. A batch waits for `patience` at most while there is no actor at all.
     """
 
-    def __init__(
-        self, problem: AnyProblem, workers: int, address: str | None, patience: float = WORKER_PATIENCE
-    ) -> None:
+    def __init__(self, problem: Problem, workers: int, address: str | None, patience: float = WORKER_PATIENCE) -> None:
         """Starts Ray, unless it runs in this process already, and asks it for actors.
 
         Args:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from metaid.episode import Outcome
-from metaid.study.loading import AnyProblem
+from metaid.study.problem import Problem
 
 LOSSES_ALLOWED = 3  # workers that a candidate may be alone with when they are lost, before it is given up
 
@@ -27,7 +27,7 @@ class Share:
 class Shares:
     """The shares of a batch of `size` candidates, `count` of them at first, and the outcomes so far."""
 
-    def __init__(self, problem: AnyProblem, size: int, count: int) -> None:
+    def __init__(self, problem: Problem, size: int, count: int) -> None:
         self._problem = problem
         self._size = size
         self._waiting = deque(Share(tuple(range(first, size, count))) for first in range(min(count, size)))

@@ -9,13 +9,13 @@ from types import TracebackType
 from metaid.episode import Outcome
 from metaid.models import Array
 from metaid.study.evaluation.evaluator import MOST_SHARED, do_nothing
-from metaid.study.loading import AnyProblem
+from metaid.study.problem import Problem
 
 
 class ThreadEvaluator:
     """As many threads as `workers`, each with an objective, and so a plant, of its own."""
 
-    def __init__(self, problem: AnyProblem, workers: int) -> None:
+    def __init__(self, problem: Problem, workers: int) -> None:
         self._objectives = [problem.make_objective() for _ in range(workers)]
         self._pool = ThreadPoolExecutor(workers, thread_name_prefix="metaid")
 
