@@ -13,7 +13,8 @@ from metaid.models import COARSEST, Array
 from metaid.recorded import Choices, LinearModel, Record, equations_like, estimate_records
 
 LASTS = 0.1  # s: how long a torque that no model explains lasts
-REHEARSED = 8  # logs, whose noise differs
+REHEARSED = 24  # logs, whose noise differs
+SHARED = 8  # logs that the errors of all parameters together count for, beside those of each
 FRICTION = ("viscous", "coulomb")
 Torques = Callable[[Array, Array, Array], Array]  # of angles, speeds and accelerations (nrow x njoint each)
 
@@ -94,15 +95,18 @@ def forecast(model: LinearModel, nominal: Array, series: Series, seconds: float,
 
     first = recorded(torques, series, seconds, noise, 0)
     found = estimate_records([first], model, Choices(friction=FRICTION, zeros=False, delay=0.0))
-    variances, errors = [], []
+    variances, beforehand, errors = [], [], []
     for seed in range(REHEARSED):
         equations = equations_like(found, recorded(torques, series, seconds, noise, seed))
-        values = equations.solved[0].values
-        variances.append(np.diag(equations.covariance(values)))
-        errors.append(values - nominal)
-    usual = np.mean(variances, axis=0)
-    growth = max(1.0, float(np.sqrt(np.mean(np.square(errors) / usual))))  # by errors that last longer than it counts
-    deviations = growth * np.sqrt(usual)
+        solution, inverse = equations.solved[0], np.linalg.inv(equations.solved[0].precision)
+        beforehand.append(np.diag(inverse @ solution.prior @ inverse))
+        variances.append(np.diag(equations.covariance(solution.values)))
+        errors.append(solution.values - nominal)
+    prior = np.mean(beforehand, axis=0)  # which errors do not show where the nominal robot is the truth
+    usual = np.mean(variances, axis=0) - prior
+    growth = np.mean(np.square(errors) / usual, axis=0)  # by errors that last longer than a covariance counts
+    growth = (REHEARSED * growth + SHARED * growth.mean()) / (REHEARSED + SHARED)
+    deviations = np.sqrt(growth * usual + prior)
     whole = np.abs(nominal)
     if not model.is_chain:
         whole[: model.nbody] = np.maximum(whole[: model.nbody], np.sqrt(np.diag(model.covariance)))

@@ -22,11 +22,12 @@ from metaid.recorded.weak_form.equations import Equations, equations_of
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.smoothed import CUTOFFS, Smoothed
 
-# Length in s and degree of polynomials.
+# Length in s and degree of polynomials, the finest first.
 WINDOWS = ((0.06, 4), (0.1, 5), (0.15, 4), (0.2, 6), (0.25, 4), (0.35, 4), (0.3, 8), (0.5, 10))
 BASE = ("viscous", "coulomb")
 PRESLIDING = (1e-4, 3e-4, 1e-3, 3e-3)  # rad or m, of all joints alike
 FINER = (0.3, 0.55, 1.0, 1.8, 3.3, 6.0, 10.0)  # times that, of each joint by itself
+ALIKE = 1.005  # times the least error: of windows that predict alike the finest tell most
 WORTH = 0.97  # of the error: a term that leaves more is not taken up
 DELAYS = np.arange(-0.040, 0.0401, 0.002)  # s
 PROMPT = 0.002  # s: a delay as of a control step is looked for before friction is, which a longer one looks like
@@ -180,7 +181,8 @@ def _usual_power(span: float) -> int:
 def _best_windows(search: _Search, present: Equations) -> tuple[Equations, float]:
     every = [search.equations(windows, present) for windows in search.windows]
     errors = [error for error, _ in search.errors(every)]
-    best = int(np.argmin(errors))
+    most = ALIKE * np.fmin.reduce(errors)
+    best = next((number for number, error in enumerate(errors) if error <= most), 0)
     return every[best], errors[best]
 
 

@@ -257,7 +257,7 @@ def _by_joint(what: str, given: Mapping[str, float], model: LinearModel, usual: 
     """One number a joint (njoint) from those that were given by name, by number, or of `all`."""
     numbers = np.full(model.njoint, usual)
     for name, number in given.items():
-        allowed = ("all", *model.joints, *(str(i + 1) for i in range(model.njoint)))
+        allowed = tuple(dict.fromkeys(("all", *model.joints, *(str(i + 1) for i in range(model.njoint)))))
         if name not in allowed:
             raise RecordError(f"{what}: {unknown('joint', name, allowed)}")
         if name == "all":
