@@ -1,6 +1,6 @@
 """The error that metaid prints for a file, beside what is measured here on the same rows.
 
-metaid says its yardstick (docs/method.md, Eq. 20): angles through 20 Hz without phase on the log's own period, a grid
+metaid says its yardstick (docs/method.md, Eq. 73): angles through 20 Hz without phase on the log's own period, a grid
 of that period or 4 ms, the torques that were sent and those that are predicted through a cut-off that it prints. Rows
 count in which some joint is faster than 1 % of its fastest (of its 99 % quantile) within 0.25 s, but for 0.2 s at both
 ends and around gaps. Zeros and the delay are those that it prints.

@@ -103,7 +103,7 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, w
                     crosses[i] = start[push, 0, i] + sensors[2][i] == 0.0 and v != 0.0
                 else:
                     speed_energy[push, i] += 0.5 * period * (v0 * v0 + v * v)
-                    jump = v - v0 + period * stiffness * kept[push, step - 1, i]  # Eq. 17
+                    jump = v - v0 + period * stiffness * kept[push, step - 1, i]  # Eq. 14
                     acceleration_energy[push, i] += jump * jump / period
                     if has_fallen(angle, speed, fastest, period, limit, turn):
                         fallen = True
@@ -111,7 +111,7 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, w
             if step == 0:
                 fastest = margin * pushed
                 if runaway * pushed * period < turn:
-                    turn = runaway * pushed * period  # Eq. 31
+                    turn = runaway * pushed * period  # Eq. 9
             if step == end and step > 0 and not fallen:
                 for i in range(n):
                     motion[push, window, 0, i] = kept[push, step, i]

@@ -78,7 +78,7 @@ def _run_push(chain, start, law, settings, links, outputs, windows, kept):  # ty
             kept[0, i] = start[0, i]
     fastest, turn = margin * pushed, largest_turn
     if runaway * pushed * timestep < turn:
-        turn = runaway * pushed * timestep  # Eq. 31
+        turn = runaway * pushed * timestep  # Eq. 9
     # A loop of its own for each window: a comparison in every step for its end costs some 2 % at three links.
     while ran < steps and not fallen:
         end = ends[window] if window < ends.shape[0] else steps
@@ -95,7 +95,7 @@ def _run_push(chain, start, law, settings, links, outputs, windows, kept):  # ty
                 link.angle = angle
                 link.speed = speed
                 link.squares += v0 * v0 + v * v
-                jump = v - v0 + timestep * stiffness * q0  # Eq. 17: what the step did beyond q̈ = −k q
+                jump = v - v0 + timestep * stiffness * q0  # Eq. 14: what the step did beyond q̈ = −k q
                 link.jumps += jump * jump
                 if q * link.side < 0.0:
                     time = timestep * (step - q / (q - q0))

@@ -16,21 +16,21 @@ LINK = np.dtype(
         ("speed", np.float64),  # absolute, in rad/s
         ("cosine", np.float64),  # of the angle
         ("sine", np.float64),
-        ("pull_cosine", np.float64),  # its part in the sums of Eqs. 5 and 16, see `turn`
+        ("pull_cosine", np.float64),  # its part in the sums of Eqs. 5 and 13, see `turn`
         ("pull_sine", np.float64),
         ("previous_angle", np.float64),  # of the joint, a step ago
         ("previous_speed", np.float64),
         ("side", np.float64),  # of the upright that the joint is on: −1, 0 before it has moved, 1
         ("first", np.float64),  # time of the joint's first crossing, in s, or −1 before it
         ("squares", np.float64),  # sum over steps of q̇² before and after
-        ("jumps", np.float64),  # sum over steps of the square of what q̇ gained beyond −k q dt, see Eq. 17
+        ("jumps", np.float64),  # sum over steps of the square of what q̇ gained beyond −k q dt, see Eq. 14
     ]
 )
 
 
 @compiled
 def turn(link, cosine, sine, stiffness):  # type: ignore[no-untyped-def]
-    """Fills in what a link has in the sums over j of Eqs. 5 and 16.
+    """Fills in what a link has in the sums over j of Eqs. 5 and 13.
 
     sin(φ_i − φ_j) and cos(φ_i − φ_j) are expanded, so that each angle needs one cosine and one sine.
 
@@ -60,7 +60,7 @@ def turn_to_angles(links, stiffness):  # type: ignore[no-untyped-def]
 
 @compiled
 def compensate(law, links, qvel, torque):  # type: ignore[no-untyped-def]
-    """Fills in the joint torque of a law.  Eqs. 5, 6, 15 and 16.
+    """Fills in the joint torque of a law.  Eqs. 5, 6, 12 and 13.
 
     Args:
         law: of one candidate; see `batch.Laws`.
@@ -79,13 +79,13 @@ def compensate(law, links, qvel, torque):  # type: ignore[no-untyped-def]
             sines += coriolis[i, j] * links[j].pull_sine
         pull = link.sine * cosines - link.cosine * sines  # Eq. 5
         if stiffness != 0.0:
-            pull -= stiffness * inertia[i] * link.angle  # Eq. 16
+            pull -= stiffness * inertia[i] * link.angle  # Eq. 13
         carried += pull
         torque[i] = carried
         if damping[i] != 0.0:
             torque[i] += damping[i] * qvel[i]  # Eq. 6
         if coulomb[i] != 0.0:
-            torque[i] += coulomb[i] * min(max(qvel[i] * (1.0 / SLIDING), -1.0), 1.0)  # Eq. 15
+            torque[i] += coulomb[i] * min(max(qvel[i] * (1.0 / SLIDING), -1.0), 1.0)  # Eq. 12
 
 
 @compiled

@@ -51,7 +51,7 @@ class Episode:
         keep_angles: whether the record keeps the joint angles.
         stiffness: k, in 1/s², of all pushes or of each (npush): the law also asks for q̈ = −k (q − q₀), q₀ being the
             pose of an arm at the start and the upright of a chain, so that the plant swings where it would coast
-            (Eq. 16).
+            (Eq. 13).
         deadband: in rad; a joint so near the upright is on neither side of it.
         seed: of the noise of a plant with faults.
         noise_floor: how much of it there is.

@@ -23,7 +23,7 @@ LARGEST_TURN = 1.0  # rad in a control step; beyond it nothing is controlled, no
 
 @dataclass(frozen=True)
 class FallRule:
-    """When a link has fallen.  Eqs. 8 and 31.
+    """When a link has fallen.  Eqs. 8 and 9.
 
     It is past the `limit`, in rad, and faster than `margin` times what any link was right after the push, for falling
     is not coasting; or it runs away, wherever it is: it is faster than `runaway` times what any link was right after

@@ -22,7 +22,7 @@ FEWEST = 3 * (DEGREE + 1)  # readings of a push that are worth a curve
 
 def kinetic_hz(record: Record, episode: Episode) -> float:
     """√(∫ q̈ᵀ M̄ q̈ dt / ∫ q̇ᵀ M̄ q̇ dt) / 2π of all pushes, in Hz, with q̈ beyond what the law is to bring about; infinite
-    where nothing moved.  Eq. 44.
+    where nothing moved.  Eq. 57.
 
     With noisy sensors, which are read, it is that of smooth curves through what they read, for differences of readings
     are no accelerations. It has the floor that noise has.

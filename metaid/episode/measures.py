@@ -37,7 +37,7 @@ HYSTERESIS = 0.25  # of the largest angle, on either side of the upright, for th
 
 
 def whole_periods(half_periods: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Complete periods per joint, summed over pushes: (npush x njoint) half periods → (njoint).  Eq. 9."""
+    """Complete periods per joint, summed over pushes: (npush x njoint) half periods → (njoint).  Eq. 10."""
     periods: NDArray[np.int64] = (half_periods // 2).sum(axis=0)
     return periods
 
@@ -64,12 +64,12 @@ def alternation_periods(angles: Array) -> NDArray[np.int64]:
 
 
 def crossing_hz(half_periods: NDArray[np.int64], crossing_span: Array) -> Array:
-    """Half periods over twice the time they took (npush x njoint), in Hz; zero if it never came back.  Eq. 9."""
+    """Half periods over twice the time they took (npush x njoint), in Hz; zero if it never came back.  Eq. 10."""
     return np.divide(half_periods, 2.0 * crossing_span, out=np.zeros(half_periods.shape), where=crossing_span > 0.0)
 
 
 def spectral_hz(acceleration_energy: Array, speed_energy: Array) -> float:
-    """√(∫ q̈² dt / ∫ q̇² dt, each summed over joints and pushes) / 2π, in Hz: Rice's mean crossing frequency.  Eq. 10.
+    """√(∫ q̈² dt / ∫ q̇² dt, each summed over joints and pushes) / 2π, in Hz: Rice's mean crossing frequency.  Eq. 11.
 
     Both energies are (npush x njoint). Joints that swing as one sinusoid give its frequency; zero if nothing moves.
     """
@@ -86,7 +86,7 @@ class Measure:
         unit: of its values.
         value: of the record of an episode.
         resolution: within which two values are equally good in an episode of given timestep (s).
-        ceiling: above every survivor's value, which falls are ranked by (Eq. 13).
+        ceiling: above every survivor's value, which falls are ranked by (Eq. 18).
         sees_coriolis: without it, what a search finds of the Coriolis lumps means nothing.
         periods: of each joint (njoint).
         keeps_angles: whether it needs the joint angles.
@@ -196,5 +196,5 @@ def _counted_by(rule: Callable[[Array], NDArray[np.int64]]) -> Measure:
 
 
 def fall_value(ceiling: float, survived: int, total_steps: int) -> float:
-    """The value of a fall: above the `ceiling` of every survivor, and the higher the earlier it came.  Eq. 13."""
+    """The value of a fall: above the `ceiling` of every survivor, and the higher the earlier it came.  Eq. 18."""
     return ceiling * (2.0 - survived / total_steps)

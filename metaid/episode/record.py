@@ -149,7 +149,7 @@ def crosses_at(start: Start, speeds: Array) -> NDArray[np.bool_]:
 
 def energies(speeds: Array, timestep: float, wanted: Array | float = 0.0) -> tuple[Array, Array]:
     """∫ q̇² dt (trapezoid) and ∫ (q̈ − wanted)² dt (finite differences) per joint of `speeds` (nsteps + 1 x njoint), in
-    rad/s.  Eqs. 10 and 17.
+    rad/s.  Eqs. 11 and 14.
 
     `wanted` (nsteps x njoint): the acceleration that the law is to bring about at the beginning of each step, in
     rad/s². The torque of a step is that of its beginning, so with an exact law nothing is left, however long the step.

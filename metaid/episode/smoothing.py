@@ -26,7 +26,7 @@ def _curve(count: int) -> Array:
 
 def smooth_energies(angles: Array, timestep: float) -> tuple[Array, Array]:
     """∫ q̇² dt in rad²/s and ∫ q̈² dt in rad²/s³ of the curves that fit joint `angles` best: (npush x nsteps + 1 x
-    njoint), in rad → (npush x njoint) each.  Eq. 18.
+    njoint), in rad → (npush x njoint) each.  Eq. 47.
     """
     horizon = timestep * (angles.shape[1] - 1)
     _, linear, cubic = np.einsum("cs,psj->cpj", _curve(angles.shape[1]), angles)
@@ -36,7 +36,7 @@ def smooth_energies(angles: Array, timestep: float) -> tuple[Array, Array]:
 
 def smoothed_hz(angles: Array, timestep: float, noise_floor: float) -> float:
     """√((∫ q̈² dt − `noise_floor`) / ∫ q̇² dt) / 2π, sums over joints and pushes, in Hz; negative where the difference
-    is, and zero if nothing moves.  Eq. 19.
+    is, and zero if nothing moves.  Eq. 48.
 
     Joint `angles` (npush x nsteps + 1 x njoint) in rad; `noise_floor` in rad²/s³.
     """

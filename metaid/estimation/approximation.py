@@ -1,7 +1,7 @@
 """Whether an estimate that does not explain what was seen to the noise is good for something all the same.
 
 No model of a real machine explains all to the noise. One is approximate that predicts pushes that were left out far
-better than the nominal model, that a plant can have, and on which parts of the pushes agree (Eq. 69). Its intervals
+better than the nominal model, that a plant can have, and on which parts of the pushes agree (Eq. 39). Its intervals
 hold what the misfit and repetition say, and what a force that the model has not would change.
 """
 
@@ -72,7 +72,7 @@ class Approximation:
     def deviations(self) -> Array:
         """Standard deviation of each unknown (nunknown), so that DEVIATIONS of it reach as far as 95 % intervals.
 
-        Eq. 69.
+        Eq. 39.
         """
         from scipy.special import stdtrit  # which a command that only reads a DB mostly does without
 

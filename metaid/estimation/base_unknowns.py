@@ -1,4 +1,4 @@
-"""What is unknown of an arm, its base parameters as steps along their prior (Eq. 51), and what all trials
+"""What is unknown of an arm, its base parameters as steps along their prior (Eq. 60), and what all trials
 say of it.
 """
 
@@ -70,7 +70,7 @@ class BaseUnknowns:
     def root(self) -> Array:
         """S (nbase x nbase): unknowns that are independent, of standard deviation `spread`, make the prior.
 
-        Eq. 51.
+        Eq. 60.
         """
         return np.asarray(self.prior.root / self.spread)
 
@@ -127,7 +127,7 @@ class BaseUnknowns:
 class ArmEstimate(Found):
     """What all trials say of an arm, whose base parameters are those of what was `searched`.
 
-    `names` are the base parameters'; `unknowns` and `covariance` are of the z of Eq. 51.
+    `names` are the base parameters'; `unknowns` and `covariance` are of the z of Eq. 60.
     """
 
     searched: BaseUnknowns

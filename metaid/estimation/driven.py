@@ -2,9 +2,9 @@
 
 The law acts on noisy readings, so a twin under the same law would move differently. But the torque that the law made
 of these readings is known to the last bit. What is compared are the coefficients of a joint's angles in polynomials
-that are orthonormal on the readings of a window, Σ_t p_k(t) q(t) (Eq. 28). The noise in each is that of one reading.
+that are orthonormal on the readings of a window, Σ_t p_k(t) q(t) (Eq. 33). The noise in each is that of one reading.
 Where torques are noisy, the readings set the twin right, and its whitened innovations take the place of the angles
-(Eq. 67).
+(Eq. 36).
 """
 
 from __future__ import annotations

@@ -97,7 +97,7 @@ class Estimate(Found):
 
     @property
     def half_width(self) -> float:
-        """Half the widest of intervals that hold all unknown lumps at once, as a share of its lump.  Eq. 64.
+        """Half the widest of intervals that hold all unknown lumps at once, as a share of its lump.  Eq. 32.
 
         All models that count the same are within an extent at once.
         """

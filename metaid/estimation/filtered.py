@@ -2,8 +2,8 @@
 
 Noise of the torque adds up in the motion, so a twin that is driven by what was commanded loses the plant. So at each
 reading the twin is set right by a gain times what it was wrong by, the innovation. The gains and the covariances of the
-innovations follow from a first run (Eq. 66). In the runs of the fit they are given. So an innovation is a function of
-the unknowns alone, and its derivatives are exact (Eq. 67): `driven` has these runs.
+innovations follow from a first run (Eq. 35). In the runs of the fit they are given. So an innovation is a function of
+the unknowns alone, and its derivatives are exact (Eq. 36): `driven` has these runs.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from metaid.estimation.tangent import linearise
 
 @compiled
 def lead(start, begin, forces, readings, balance, settings, noise, steps, work, spread, gains, weights, states):  # type: ignore[no-untyped-def]
-    """Runs one push as the filter does (Eq. 66), and fills in its gains. Returns the sum of the squares of the whitened
+    """Runs one push as the filter does (Eq. 35), and fills in its gains. Returns the sum of the squares of the whitened
     innovations and the logarithm of the determinants of their covariances; NaN where the twin cannot
     follow.
 

@@ -1,7 +1,7 @@
 """One step of the twin of a plant that moves continuously, by the fourth-order Runge-Kutta method, and its derivative
 by every unknown, compiled.
 
-The torque is held for the step, as a motor holds it (Eq. 30). In each of the four stages φ̇ = ω and ω̇ = α of Eq. 22,
+The torque is held for the step, as a motor holds it (Eq. 46). In each of the four stages φ̇ = ω and ω̇ = α of Eq. 22,
 and the derivatives move as Eq. 23 says. So they are exact for the discrete motion, as those of Euler's steps are.
 """
 
@@ -47,7 +47,7 @@ def flow(step, forces, balance, derivatives, timestep, work):  # type: ignore[no
             angle[i], speed[i] = stages[0, i] + ahead * rate, stages[1, i] + ahead * change
         _add_stage(weight, ahead, work)
     for i in range(n):
-        angle[i], speed[i] = stages[0, i] + stages[2, i], stages[1, i] + stages[3, i]  # Eq. 30
+        angle[i], speed[i] = stages[0, i] + stages[2, i], stages[1, i] + stages[3, i]  # Eq. 46
         if not abs(speed[i]) * timestep <= 1.0:
             return False
     _add_all(work)

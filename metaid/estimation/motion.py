@@ -122,7 +122,7 @@ def _force(step, forces, balance, work):  # type: ignore[no-untyped-def]
 
 @compiled
 def slipping(joint, joint_angle, joint_speed, balance, work):  # type: ignore[no-untyped-def]
-    """Dry friction, in N m, in a joint, by Dahl's law from where the step began (Eq. 71); keeps its share.
+    """Dry friction, in N m, in a joint, by Dahl's law from where the step began (Eq. 67); keeps its share.
 
     Args:
         joint: which, from 0.

@@ -54,7 +54,7 @@ def _slopes_of_forces(balance, work):  # type: ignore[no-untyped-def]
         for j in range(n):
             difference = sine[i] * cosine[j] - cosine[i] * sine[j]
             common = cosine[i] * cosine[j] + sine[i] * sine[j]
-            stiffness_term = balance.stiffness * balance.law_coriolis[i, j]  # k ã_ij of Eq. 16
+            stiffness_term = balance.stiffness * balance.law_coriolis[i, j]  # k ã_ij of Eq. 13
             turned = balance.coriolis[i, j] * common * speed[j] * speed[j] + stiffness_term * difference * angle[j]
             turned += balance.mass_coriolis[i, j] * difference * acceleration[j]
             own += turned

@@ -65,7 +65,7 @@ class Twin(Protocol):
         """
 
     def lead(self, filtered: Filtered, joints: Joints | None, torque_noise: Array, /) -> Gains:
-        """The run of a filter through some pushes of a trial (Eq. 66), with what `joints` have beside the parameters.
+        """The run of a filter through some pushes of a trial (Eq. 35), with what `joints` have beside the parameters.
         `torque_noise` (njoint) is the standard deviation of each one's torque, in N m or N.
         """
 

@@ -118,7 +118,7 @@ def balance(
         damping=law.of("damping") - lumps.of("damping") - joints.viscous,
         coulomb=law.of("coulomb") - lumps.of("coulomb") - (0.0 if is_continuous else 1.0) * joints.dry,
         spring=0.0 - joints.spring,
-        lean=joints.tilt[0] - np.cumsum(joints.offset),  # what reads too much leans the other way.  Eq. 56
+        lean=joints.tilt[0] - np.cumsum(joints.offset),  # what reads too much leans the other way.  Eq. 43
         dry=(1.0 if is_continuous else 0.0) * joints.dry,
         presliding=joints.presliding,
         mass_coriolis=np.array(lumps.coriolis),

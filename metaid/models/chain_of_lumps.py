@@ -32,7 +32,7 @@ class ChainOfLumps:
 
 
 def chain_of_lumps(lumps: Lumps, nominal: Chain, known: NDArray[np.bool_]) -> ChainOfLumps:
-    """The chain with these `lumps`. Its friction is that of the lumps, and it has no springs.  Eqs. 48 and 54.
+    """The chain with these `lumps`. Its friction is that of the lumps, and it has no springs.  Eqs. 19 and 77.
 
     Args:
         lumps: `searched` are gravity, Coriolis and, unless the inertias of the links are free, inertia lumps.
@@ -64,7 +64,7 @@ def _closest(length: Array, gravity: Array, inertia: Array | None, lumps: Lumps,
     """The chain with these `length`s and lumps, closest to the nominal one; None if there is no possible one.
 
     Masses are free, and moments of inertia unless `inertia` has the lumps d_i. With them first moments s_i and second
-    moments J_i about the joints are linear (Eq. 48).
+    moments J_i about the joints are linear (Eq. 19).
 
     Args:
         length: of the links (nlink), in m.

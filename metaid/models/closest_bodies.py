@@ -2,7 +2,7 @@
 positive, which are linear in them.
 
 A body of mass m, first moment s and second moments Σ is possible where its pseudo-inertia [[Σ, s], [sᵀ, m]] is
-positive definite. How far it is from the nominal one is the divergence of Eq. 54, which depends neither on units nor on
+positive definite. How far it is from the nominal one is the divergence of Eq. 77, which depends neither on units nor on
 the frame. Equation numbers are those of docs/method.md.
 """
 
@@ -45,7 +45,7 @@ class Matrices:
         return np.asarray(np.tensordot(x, self.scaled, axes=1), dtype=np.float64)
 
     def divergence(self, x: Array) -> float:
-        """From the nominal ones, but for a constant; inf where one is not positive definite.  Eq. 54."""
+        """From the nominal ones, but for a constant; inf where one is not positive definite.  Eq. 77."""
         matrices = self.at(x)
         try:
             diagonal = np.diagonal(np.linalg.cholesky(matrices), axis1=-2, axis2=-1)
@@ -81,7 +81,7 @@ class Closest:
 
 
 def closest(groups: Sequence[Matrices], start: Array, directions: Array) -> Closest:
-    """The parameters at which all matrices are positive definite and closest to the nominal ones.  Eqs. 53 and 54.
+    """The parameters at which all matrices are positive definite and closest to the nominal ones.  Eqs. 76 and 77.
 
     Where they can have no share of LEAST_SHARE of the nominal ones, it is raised as far as it goes; where this is not
     above 0, there is no such body, or none that is not many times as large as the nominal one.

@@ -19,7 +19,7 @@ def deviations_at_once(count: int) -> float:
     """How many standard deviations every one of `count` intervals reaches, so that all their values are inside at once
     with at least LEVEL, however these are correlated.
 
-    Eq. 64; Z. Šidák, Rectangular confidence regions for the means of multivariate normal distributions, Journal of the
+    Eq. 32; Z. Šidák, Rectangular confidence regions for the means of multivariate normal distributions, Journal of the
     American Statistical Association 62, 1967.
     """
     return NormalDist().inv_cdf(0.5 * (1.0 + LEVEL ** (1.0 / count)))
@@ -27,6 +27,6 @@ def deviations_at_once(count: int) -> float:
 
 def half_width(deviations: Array) -> float:
     """Half the widest of intervals that hold all values at once, ÷ its value, where these are the standard `deviations`
-    (nvalue) of the values' logs.  Eq. 64.
+    (nvalue) of the values' logs.  Eq. 32.
     """
     return float(np.sinh(deviations_at_once(len(deviations)) * deviations.max()))

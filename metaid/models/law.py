@@ -25,7 +25,7 @@ def mass_matrix(lumps: Lumps, inertia_lumps: Array, angles: Array) -> Array:
 def compensation_basis(
     angles: Array, speeds: Array, gravity: float, kinds: Sequence[str] = IDEAL, accelerations: Array | None = None
 ) -> Array:
-    """Generalised force per unit of each lump, in absolute angles (... x nlink x nlump).  Eqs. 4, 5, 15 and 16 are this
+    """Generalised force per unit of each lump, in absolute angles (... x nlink x nlump).  Eqs. 4, 5, 12 and 13 are this
     times the lumps.
 
     Args:
@@ -63,7 +63,7 @@ def compensation_basis(
 
 
 def sliding(joint_speeds: Array) -> Array:
-    """The sign of joint speeds (...), in rad/s, without a jump: its share of the dry friction.  Eq. 15."""
+    """The sign of joint speeds (...), in rad/s, without a jump: its share of the dry friction.  Eq. 12."""
     return np.clip(joint_speeds / SLIDING, -1.0, 1.0)
 
 
@@ -72,7 +72,7 @@ def compensation_torque(
 ) -> Array:
     """The joint torque (... x nlink), in N m, that would leave the plant nothing but q̈ = −k q if it had these lumps.
 
-    Eqs. 5, 6, 15 and 16. It is Eq. 11 of the paper with u = −k q, so with u = 0 where the stiffness k is 0.
+    Eqs. 5, 6, 12 and 13. It is Eq. 11 of the paper with u = −k q, so with u = 0 where the stiffness k is 0.
 
     Args:
         lumps: of the law.
@@ -85,9 +85,9 @@ def compensation_torque(
     sine = np.sin(angles[..., :, None] - angles[..., None, :])
     force = _product(lumps.coriolis * sine, speeds**2) - gravity * lumps.gravity * np.sin(angles)  # Eq. 5
     if stiffness:
-        force -= stiffness * _product(mass_matrix(lumps, lumps.of("inertia"), angles), angles)  # Eq. 16
+        force -= stiffness * _product(mass_matrix(lumps, lumps.of("inertia"), angles), angles)  # Eq. 13
     torque = np.cumsum(force[..., ::-1], axis=-1)[..., ::-1]  # Eq. 6
-    return torque + lumps.of("damping") * joint_speeds + lumps.of("coulomb") * sliding(joint_speeds)  # Eq. 15
+    return torque + lumps.of("damping") * joint_speeds + lumps.of("coulomb") * sliding(joint_speeds)  # Eq. 12
 
 
 def _product(matrix: Array, vector: Array) -> Array:

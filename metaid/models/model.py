@@ -27,11 +27,11 @@ class ChainModel:
         return self.lumps.vector
 
     def torque(self, angles: Array, speeds: Array) -> Array:
-        """Eqs. 5, 6, 15 and 16."""
+        """Eqs. 5, 6, 12 and 13."""
         return compensation_torque(self.lumps, angles, speeds, self.gravity, self.stiffness)
 
     def regressor(self, angles: Array, speeds: Array, accelerations: Array | None = None) -> Array:
-        """Eqs. 4 to 6, 15 and 16, a column for each lump, of the torque that gives the joints these `accelerations`
+        """Eqs. 4 to 6, 12 and 13, a column for each lump, of the torque that gives the joints these `accelerations`
         (... x njoint), in rad/s²; by default those of the stiffness.
         """
         given = accelerations if accelerations is not None else -self.stiffness * angles if self.stiffness else None

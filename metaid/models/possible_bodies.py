@@ -1,8 +1,8 @@
 """All bodies that lumps leave possible: how small and how large each link's mass, centre of mass and inertia can be.
 
 With W_i = Σ_{k≥i} m_k, the mass of link i and of all that it carries, the moments of link i alone are linear in its
-lumps and in W_{i+1} (Eq. 48). A body is possible if its mass is positive, its centre of mass on the link and its
-inertia not negative (Eq. 49). With lumps that are known exactly, the ends of the set follow from its corners (Eq. 50).
+lumps and in W_{i+1} (Eq. 19). A body is possible if its mass is positive, its centre of mass on the link and its
+inertia not negative (Eq. 20). With lumps that are known exactly, the ends of the set follow from its corners (Eq. 21).
 With uncertain lumps sequential quadratic programming goes on from there. The set is convex then, but for logarithms.
 """
 
@@ -92,7 +92,7 @@ class _Bodies:
         """The body at an `end` that has exactly the lumps that are known.
 
         Parameters of link i depend on W_i and W_{i+1}. With the lumps given each is monotone in both, but for the least
-        mass by W_{i+1}.  Eq. 50.
+        mass by W_{i+1}.  Eq. 21.
         """
         kind, i, sign = end
         mu, d, length = self._known.gravity[i], self._known.inertia[i], self._length[i]
@@ -161,7 +161,7 @@ class _Bodies:
 
     def _links(self, points: NDArray[Any]) -> tuple[NDArray[Any], ...]:
         """Of each link (... x nlink) the moments s and J and the length, and two numbers whose ratio is its centre of
-        mass.  Eq. 48.
+        mass.  Eq. 19.
         """
         gravity, inertia, length = np.split(self._values * np.exp(points[..., : self._nlog] @ self._root.T), 3, axis=-1)
         com, masses = np.split(points[..., self._nlog :] * self._unit, [1], axis=-1)
@@ -172,7 +172,7 @@ class _Bodies:
         return first, second, length, above, below
 
     def _inequalities(self, points: NDArray[Any]) -> NDArray[Any]:
-        """What is not negative of possible bodies (... x ninequality), as shares of its size.  Eq. 49."""
+        """What is not negative of possible bodies (... x ninequality), as shares of its size.  Eq. 20."""
         first, second, length, above, below = self._links(points)
         changes, size = points[..., : self._nlog], np.append(1.0, self._unit[1:])
         parts = [
@@ -210,7 +210,7 @@ def _least_mass(first: float, second: float, length: float) -> float:
 
 def masses_beyond(gravity: Array, inertia: Array, length: Array) -> tuple[Array, Array]:
     """The least and the largest W_i (nlink + 1), in kg, of i = 1 … n + 1, of bodies with exactly these lumps. A least
-    one that is larger than the largest says that no body is possible.  Eq. 50.
+    one that is larger than the largest says that no body is possible.  Eq. 21.
 
     Args:
         gravity: μ (nlink), in kg m.

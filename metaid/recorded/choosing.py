@@ -1,8 +1,8 @@
 """What is chosen by the error on parts that were left out: windows, terms of friction, zeros, and the delay.
 
-One yardstick serves for all choices: the torque of what was left out, through the same filter (Eq. 20), and of planar
+One yardstick serves for all choices: the torque of what was left out, through the same filter (Eq. 73), and of planar
 chains, which move freely, the angles at the end of short simulations. A term is taken up where it lowers the error by
-WORTH, never by its own significance alone.  Eq. 21.
+WORTH, never by its own significance alone.  Eq. 72.
 """
 
 from __future__ import annotations

@@ -235,7 +235,7 @@ def _nominal(equations: Equations, yardstick: Yardstick, starts: int) -> HeldOut
 
 
 def _projected(equations: Equations, possible: PossibleModel) -> Array:
-    """The covariance of the unknowns (nparam x nparam), that of a chain by its fewer free parameters.  Eq. 59."""
+    """The covariance of the unknowns (nparam x nparam), that of a chain by its fewer free parameters.  Eq. 70."""
     covariance = equations.covariance(equations.solved[0].values)
     if possible.jacobian is None:
         return covariance
@@ -251,7 +251,7 @@ def _projected(equations: Equations, possible: PossibleModel) -> Array:
 
 def _widened(covariance: Array, repeated: Array) -> Array:
     """A covariance (nparam x nparam) that is at least as wide as the unknowns differ without each fold (nfold x
-    nparam): the jackknife is its lower bound.  Eq. 60.
+    nparam): the jackknife is its lower bound.  Eq. 71.
     """
     folds = len(repeated)
     deviations = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
@@ -285,7 +285,7 @@ def _systematic(
     scales: bool,
 ) -> tuple[Array, tuple[str, ...]]:
     """Standard deviations of what the model may lack would change of the unknowns (nparam), and what the logs show of
-    it.  Eq. 60.
+    it.  Eq. 71.
 
     Args:
         equations: of all windows.

@@ -196,7 +196,7 @@ def _of_payload(payload: Payload) -> tuple[Array, Array]:
 
 
 def _of_joint(equations: Equations, columns: Sequence[Array], joint: int) -> tuple[float, float]:
-    """The reciprocal of a joint's gain, and its standard deviation: the larger of that of Eq. 59 and the jackknife's.
+    """The reciprocal of a joint's gain, and its standard deviation: the larger of that of Eq. 70 and the jackknife's.
 
     The torque as it is logged is linear in the parameters of the robot and its payload, divided by the gain, and the
     torque of the known weight is multiplied by the same.
@@ -235,6 +235,6 @@ def _of_joint(equations: Equations, columns: Sequence[Array], joint: int) -> tup
         for gram, moment in zip(grams, moments, strict=True)
     ])  # fmt: skip
     count = len(without)
-    jackknife = (count - 1.0) / count * ((without - without.mean()) ** 2).sum()  # Eq. 60
+    jackknife = (count - 1.0) / count * ((without - without.mean()) ** 2).sum()  # Eq. 71
     unit = usual / sizes[-1]
     return float(values[-1] * unit), float(np.sqrt(max(own_variance, jackknife)) * unit)

@@ -61,7 +61,7 @@ def known_by_best(problem: Problem, survivors: Sequence[Trial]) -> Known:
 
     Low and high are the range of the trials that the measure cannot tell from the best, which the paper calls the range
     of possible values. They are a sample, and often a small one. Where the measure sees all, the range is at least as
-    wide as the ellipsoid of the candidates whose value is as small as theirs, by the sensitivity (Eqs. 14 and 63).
+    wide as the ellipsoid of the candidates whose value is as small as theirs, by the sensitivity (Eqs. 17 and 64).
     """
     wanted, scale = problem.robot.sought, problem.robot.sought.scale
     nothing = np.full(len(scale), np.nan)

@@ -13,7 +13,7 @@ NOMINAL_SENSITIVITY = 1.5  # by how much ranges by the nominal model's sensitivi
 def resolution_at(problem: Problem, best: Array) -> tuple[Array, float]:
     """How well the measure can tell each number of a candidate (n) from the `best` one (n) where that is as good as the
     measure's resolution, inf where it does not show it; and by how much ranges are to be wider than that. Lumps by the
-    nominal model (Eq. 14), base parameters by the mass matrix of the best arm (Eq. 63).
+    nominal model (Eq. 17), base parameters by the mass matrix of the best arm (Eq. 64).
     """
     robot = problem.robot
     if not problem.spec.is_arm:

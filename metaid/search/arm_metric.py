@@ -17,7 +17,7 @@ LEAST_SHOWN = 0.005  # of the mean: what an independent step of the prior counts
 
 def arm_sensitivity(prior: ArmPrior, episode: Episode, timestep: float, values: Array | None = None) -> Array:
     """H (nbase x nbase), in rad²/s² over the squared units: near the truth (2π f)² = δᵀ H δ of the kinetic measure f,
-    with δ the error of the base parameters.  Eq. 61.
+    with δ the error of the base parameters.  Eq. 62.
 
     The motion about which H is taken needs no simulation: joints coast, or swing as on springs.
 
@@ -40,7 +40,7 @@ def arm_sensitivity(prior: ArmPrior, episode: Episode, timestep: float, values: 
         mass = np.array([joint_mass_matrix(moving, position) for position in positions])
     regressor = torque_regressor(nominal, positions, speeds, accelerations)
     columns = regressor.reshape(*regressor.shape[:2], -1)[..., prior.base.columns]
-    accelerated = np.linalg.solve(mass, columns)  # M⁻¹ Y of Eq. 45
+    accelerated = np.linalg.solve(mass, columns)  # M⁻¹ Y of Eq. 58
     flat = (np.linalg.cholesky(metric).transpose(0, 2, 1) @ accelerated).reshape(-1, columns.shape[-1])
     h: Array = flat.T @ flat / np.einsum("ti,tij,tj->", speeds, metric, speeds)
     return h
@@ -48,7 +48,7 @@ def arm_sensitivity(prior: ArmPrior, episode: Episode, timestep: float, values: 
 
 def prior_metric(h: Array, prior: ArmPrior, low: Array, high: Array) -> Coordinates:
     """Coordinates in which the kinetic measure is round, but for what it hardly shows, which is not stretched beyond
-    its prior.  Eq. 62.
+    its prior.  Eq. 63.
 
     Args:
         h: the measure's sensitivity (nbase x nbase).

@@ -20,7 +20,7 @@ LEAST_SENSITIVITY = 1e-12  # relative to the largest; a combination of lumps wit
 @dataclass(frozen=True)
 class Coordinates:
     """factor = `origin` + `spread` @ z, with the factors kept between `low` and `high`, all (nlump); z = 0 is the
-    start.  Eq. 12.
+    start.  Eq. 16.
 
     `curvature`: where it is known, κ in spectral_hz² ≈ κ |z − z*|², in Hz².
     """
@@ -58,7 +58,7 @@ def plain_coordinates(start: Array, low: Array, high: Array) -> Coordinates:
 
 
 def nominal_metric(h: Array, start: Array, low: Array, high: Array) -> Coordinates:
-    """Coordinates in which the spectral measure is round, with the least determined factor at unit spread.  Eq. 12.
+    """Coordinates in which the spectral measure is round, with the least determined factor at unit spread.  Eq. 16.
 
     Args:
         h: the measure's sensitivity (nlump x nlump), in rad²/s².

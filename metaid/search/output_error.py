@@ -138,7 +138,7 @@ class OutputError:
     @property
     def half_width(self) -> float:
         """Half the widest of intervals that hold all lumps at once with 95 %, as a share of its lump; inf where nothing
-        is explained yet.  Eq. 64.
+        is explained yet.  Eq. 32.
         """
         if self._estimate is None or not self._is_explained:
             return np.inf

@@ -1,7 +1,7 @@
 """What every searcher answers to: `ask` for a generation, `tell` what became of it.
 
 A generation's size belongs to the study, not to the number of workers. So the trials are the same whoever evaluates
-them. A fall has a value above every survivor's (Eq. 13). Its outcome also says that it is a fall.
+them. A fall has a value above every survivor's (Eq. 18). Its outcome also says that it is a fall.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ def sensitivity(
     nominal: Chain, gravity: float, start_speeds: Array, horizon: float, kinds: Sequence[str] = IDEAL
 ) -> Array:
     """H (nlump x nlump), in rad²/s²: near exact compensation (2π spectral_hz)² = δᵀ H δ, with δ the error of the
-    factors.  Eq. 11.
+    factors.  Eq. 15.
 
     The motion about which H is taken needs no simulation. At exact compensation every push coasts, φ(t) = ω t.
 
@@ -54,7 +54,7 @@ def designed_speeds(
     """Absolute link speeds (count x nlink), in rad/s, of the best of many rich push sets, by the nominal model.
 
     The best set is the one that determines its least determined lump best: its largest diagonal element of H⁻¹ is the
-    least of all sets'.  Eq. 14.
+    least of all sets'.  Eq. 17.
 
     Args:
         nominal: the links of the nominal model.

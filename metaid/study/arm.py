@@ -118,7 +118,7 @@ class StudiedArm:
 
     def sensitivity(self, values: Array | None = None) -> Array:
         """H (nbase x nbase) of the measure, by the nominal arm, or by the mass matrix of one with these `values`
-        (nbase).  Eq. 61.
+        (nbase).  Eq. 62.
         """
         return arm_sensitivity(self.prior, self.episode, self.spec.timestep, values)
 

@@ -148,7 +148,7 @@ class StudiedChain:
         return Objective(plant, self.lumps, episode, self.measure.name, self.spec.study.episode.rule)
 
     def sensitivity(self) -> Array:
-        """H (nlump x nlump) of the lumps and pushes, by the nominal model.  Eq. 11."""
+        """H (nlump x nlump) of the lumps and pushes, by the nominal model.  Eq. 15."""
         horizon = self.episode.steps * self.spec.timestep
         return sensitivity(self.nominal, self.spec.gravity, self.start_speeds, horizon, self.lumps.searched)
 

@@ -136,7 +136,7 @@ def check_size(spec: StudySpec, measure: Measure, pushes: int, steps: int, rests
     copies = rests / pushes if measure.is_noisy else 0.0  # readings of a plant at rest
     copies += (5 if faulty else 0) * spec.study.workers  # noise of three kinds, angles and speeds
     copies += AT_ONCE if measure.keeps_angles and not faulty else 0
-    coasting = pushes * SAMPLED * njoint * (njoint + len(spec.names)) * NUMBER  # Eq. 11
+    coasting = pushes * SAMPLED * njoint * (njoint + len(spec.names)) * NUMBER  # Eq. 15
     needed = copies * pushes * (steps + 1) * njoint * NUMBER + coasting
     if needed > MOST_MEMORY:
         raise StudyError(

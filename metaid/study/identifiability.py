@@ -1,7 +1,7 @@
 """What a study can determine and what it cannot, from its nominal model alone, before any trial.
 
 The nominal model is taken for the truth. The question is which other factors the study's measure cannot tell from it.
-For `spectral` and `smoothed` the sensitivity H answers for all lumps together (Eqs. 11 and 14). `count` and `crossing`
+For `spectral` and `smoothed` the sensitivity H answers for all lumps together (Eqs. 15 and 17). `count` and `crossing`
 have no such form. For them one factor at a time is moved away from 1, until the measure notices or a bound is met. A
 study that stands by its estimate, or that measures frequencies and has an estimate, is tried on the nominal model, and
 the covariance of the estimate answers.
@@ -86,7 +86,7 @@ def _allowed(problem: Problem) -> tuple[Array, Array]:
 
 
 def _from_sensitivity(problem: Problem) -> Identifiability:
-    """Half the width of the ellipsoid δᵀ H δ = (2π resolution)² along each lump.  Eq. 14."""
+    """Half the width of the ellipsoid δᵀ H δ = (2π resolution)² along each lump.  Eq. 17."""
     resolution = max(problem.resolution, _noise_resolution(problem))
     h = problem.robot.sensitivity()
     values, vectors = np.linalg.eigh(h)

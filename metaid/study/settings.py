@@ -163,7 +163,7 @@ class LumpEstimateSettings(OfChain):
 class PriorSettings(OfArm):
     """`[estimate]` of an arm: how wrong the nominal one may be, as standard deviations: of each link's `mass`, of its
     centre of mass `com` as a share of its distance from the joint, of its moments of `inertia`; of each joint's
-    `rotor`, `damping` and dry friction `coulomb`, as shares of the joint's torque (docs/method.md, Eq. 41).
+    `rotor`, `damping` and dry friction `coulomb`, as shares of the joint's torque (docs/method.md, Eq. 54).
     """
 
     mass: Share = 0.3

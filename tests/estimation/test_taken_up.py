@@ -72,7 +72,7 @@ def test_fault_that_a_later_trial_refutes_explains_nothing(late: Watched) -> Non
     assert taken is None or taken.after > 3.0
 
 
-def test_fault_that_does_not_foretell_the_last_trial_does_not_hold(late: Watched) -> None:
+def test_fault_that_does_not_predict_the_last_trial_does_not_hold(late: Watched) -> None:
     """Though all trials together are explained with it."""
     unknowns = LogUnknowns(late.nominal.lumps, GRAVITY)
     trials = [late.read_trial(raised(late.nominal.lumps, law)) for law in (*LAWS, 1.1, 1.4)]

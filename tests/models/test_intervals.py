@@ -31,7 +31,7 @@ def test_all_values_are_inside_at_once(count: int, correlation: float) -> None:
 
 
 def test_half_width_is_that_of_the_least_known_value() -> None:
-    """Of a value that is e^z times another, to either side in the mean.  Eq. 64."""
+    """Of a value that is e^z times another, to either side in the mean.  Eq. 32."""
     reach = deviations_at_once(3) * 0.2
     expected = 0.5 * (np.exp(reach) - np.exp(-reach))
     assert half_width(np.array([0.1, 0.2, 0.01])) == pytest.approx(expected)

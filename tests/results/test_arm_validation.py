@@ -91,7 +91,7 @@ def test_coasts_of_a_validation_stay_in_the_ranges_and_are_others_than_those_of_
             assert (tree.low <= pushes[:, 0] + when * pushes[:, 1]).all()
             assert (pushes[:, 0] + when * pushes[:, 1] <= tree.high).all()
         seen.append(pushes)
-    searched = np.array([start.pose for start in spec.arm_starts])
+    searched = np.array([start.pose for start in spec.starts])
     assert not np.isclose(seen[0], seen[1]).any()
     assert not np.isclose(seen[0][:, None, 0], searched).any()
 

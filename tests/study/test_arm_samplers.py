@@ -55,7 +55,7 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_kinetic_measure_grows_away_from_the_truth_as_its_sensitivity_says() -> None:
-    """By the mass matrix of the true arm: (2π f)² = δᵀ H δ (Eq. 61)."""
+    """By the mass matrix of the true arm: (2π f)² = δᵀ H δ (Eq. 62)."""
     spec = load_study("spatial-three-link")
     problem = Problem(spec)
     truth = problem.robot.prior.base.of(spec.plant.arm.tree.parameters)
@@ -67,7 +67,7 @@ def test_kinetic_measure_grows_away_from_the_truth_as_its_sensitivity_says() -> 
 
 
 def test_coordinates_are_as_wide_as_what_is_believed_and_give_the_distance_to_the_truth() -> None:
-    """A coordinate's root mean square beforehand is 0.3, and the measure says how far the truth is (Eq. 62)."""
+    """A coordinate's root mean square beforehand is 0.3, and the measure says how far the truth is (Eq. 63)."""
     spec = load_study("spatial-three-link", {"sampler": "cmaes"})
     problem = Problem(spec)
     inverse = np.linalg.inv(problem.coordinates.spread)

@@ -83,7 +83,7 @@ def new_space(njoint: int) -> Space:
 
 @compiled
 def move_links(frames, qpos, qvel, qacc, space):  # type: ignore[no-untyped-def]
-    """Works out how every link turns and accelerates.  Eq. 36.
+    """Works out how every link turns and accelerates.  Eq. 49.
 
     Args:
         frames: of the arm.
@@ -115,7 +115,7 @@ def move_links(frames, qpos, qvel, qacc, space):  # type: ignore[no-untyped-def]
 
 @compiled
 def joint_torques(frames, parameters, space, torque):  # type: ignore[no-untyped-def]
-    """Works out what moves the links as they move, rotors and friction left out.  Eqs. 37 and 38.
+    """Works out what moves the links as they move, rotors and friction left out.  Eqs. 50 and 51.
 
     Args:
         frames: of the arm.
@@ -139,7 +139,7 @@ def joint_torques(frames, parameters, space, torque):  # type: ignore[no-untyped
 
 @compiled
 def accelerating_torques(frames, parameters, qpos, qvel, qacc, space, torque):  # type: ignore[no-untyped-def]
-    """Works out what accelerates an arm, rotors and friction included.  Eq. 39.
+    """Works out what accelerates an arm, rotors and friction included.  Eq. 52.
 
     Args:
         frames: of the arm.
@@ -154,12 +154,12 @@ def accelerating_torques(frames, parameters, qpos, qvel, qacc, space, torque):  
     joint_torques(frames, parameters, space, torque)
     for i in range(torque.shape[0]):
         torque[i] += parameters[i, 10] * qacc[i] + parameters[i, 11] * qvel[i]
-        torque[i] += parameters[i, 12] * min(max(qvel[i] * (1.0 / SLIDING), -1.0), 1.0)  # Eq. 15
+        torque[i] += parameters[i, 12] * min(max(qvel[i] * (1.0 / SLIDING), -1.0), 1.0)  # Eq. 12
 
 
 @compiled
 def fill_law(frames, law, start, stiffness, position, speed, pull, space, torque):  # type: ignore[no-untyped-def]
-    """Works out what a law asks for and its torque.  Eq. 43.
+    """Works out what a law asks for and its torque.  Eq. 56.
 
     Args:
         frames: of the arm.

@@ -1,8 +1,8 @@
 """Twins of an arm whose torques are noisy: led by the readings, as an extended Kalman filter is.
 
 Noise of the torques adds up in the motion. So the twin is set right at each reading by a gain times what it was wrong
-by, the innovation. Gains and covariances of the innovations follow from a first run (Eq. 66), in which a step is
-linearised by differences. In the runs of a fit they are given (Eq. 67).
+by, the innovation. Gains and covariances of the innovations follow from a first run (Eq. 35), in which a step is
+linearised by differences. In the runs of a fit they are given (Eq. 36).
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Led(NamedTuple):
 def lead_arm(
     pushes: DrivenPushes, parameters: Array, begins: Array, noise: tuple[Array, Array], chosen: NDArray[np.intp]
 ) -> Led:
-    """The filter's run through pushes.  Eq. 66.
+    """The filter's run through pushes.  Eq. 35.
 
     Args:
         pushes: what was done, and what was read; starts are npush x 2 x njoint.
@@ -92,7 +92,7 @@ def follow_readings(
     threads: int = 2,
 ) -> Followed:
     """Coefficients of the whitened innovations (ncandidate x npush x ncoefficient x njoint) of twins that are led by
-    readings with given gains and weights.  Eq. 67.
+    readings with given gains and weights.  Eq. 36.
 
     Args:
         pushes: what was done, and what was read; starts are ncandidate x npush x 2 x njoint.

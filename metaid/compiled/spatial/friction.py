@@ -2,7 +2,7 @@
 
 MuJoCo holds a joint by a constraint that is a little soft: f = −clip(D (q̈ + B q̇), −c, c). B and D follow from its
 usual `solref` and `solimp`, D from the mass matrix at q = 0 too. Each joint therefore slides one way, slides the other
-way, or sticks. Which of them do what is found step by step (Eq. 46).
+way, or sticks. Which of them do what is found step by step (Eq. 59).
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def accelerate_freely(motion, space):  # type: ignore[no-untyped-def]
 
 @compiled
 def accelerate_with_friction(parameters, motion, space):  # type: ignore[no-untyped-def]
-    """The same with dry friction.  Eq. 46.
+    """The same with dry friction.  Eq. 59.
 
     Where joints that are taken to slide would not, or the other way round, they are taken to do what they would: from
     one side to the other by way of sticking, and after some attempts the last such joint alone, which cannot go on

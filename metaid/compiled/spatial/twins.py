@@ -86,7 +86,7 @@ def follow_torques(
     spring: Array | None = None,
 ) -> Followed:
     """Coefficients of the joint coordinates (ncandidate x npush x ncoefficient x njoint) of twins that are driven by
-    the torques that were commanded.  Eq. 28.
+    the torques that were commanded.  Eq. 33.
 
     Args:
         frames: of the arm.
@@ -138,7 +138,7 @@ def _follow_law(frames, law, candidates, pushes, windows, timestep, share, work,
             follows = set_off(frames, parameters, start, motion, space)
             for window in range(wanted[push]):
                 while follows and step < ends[window]:
-                    # The force that the law leaves, dry friction of the arm apart: that of the difference.  Eq. 45
+                    # The force that the law leaves, dry friction of the arm apart: that of the difference.  Eq. 58
                     position, speed, pull, force = motion.position, motion.speed, motion.pull, motion.force
                     fill_law(frames, difference, start, stiffness[push], position, speed, pull, space, force)
                     follows = advance(frames, parameters, timestep, motion, space)
@@ -261,7 +261,7 @@ def accelerate(frames, parameters, motion, space):  # type: ignore[no-untyped-de
 def flow(frames, parameters, torque, spring, timestep, motion, space):  # type: ignore[no-untyped-def]
     """One step of the fourth-order Runge-Kutta method, as an arm moves that is not simulated; whether the twin could.
 
-    Eq. 30.
+    Eq. 46.
 
     Args:
         frames: of the arm.

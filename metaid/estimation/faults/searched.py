@@ -1,7 +1,7 @@
 """Faults of the plant as unknowns of the fit, beside the lumps.
 
 The twin has the loop as it is: a torque comes late by a delay and is multiplied by the gain of its motor, links lean
-where the base is tilted or an encoder is offset, and joints have friction and springs (Eqs. 55 and 56). Each fault is
+where the base is tilted or an encoder is offset, and joints have friction and springs (Eqs. 40 and 43). Each fault is
 searched in units of what it may be, so that all unknowns have steps of one size.
 """
 
@@ -78,7 +78,7 @@ class SearchedFaults:
         return np.array([BEND if self.is_bounded and kind in NEVER_NEGATIVE else np.inf for kind in kinds])
 
     def values(self, unknowns: Array) -> Array:
-        """The faults (nfault), in their units, at these `unknowns` (nfault).  Eq. 76."""
+        """The faults (nfault), in their units, at these `unknowns` (nfault).  Eq. 44."""
         bounded = np.isfinite(self._bend)
         positive = 0.5 * (unknowns + np.hypot(unknowns, np.where(bounded, self._bend, 0.0)))
         changes = self.scales * np.where(bounded, positive, unknowns)
@@ -127,7 +127,7 @@ class SearchedFaults:
             torques = torques + found["bias"]
         if "cogging" in found:
             cosine, sine = found["cogging"].reshape(2, self.njoint)
-            phases = self.teeth * 0.5 * (angles[:, 1:] + angles[:, :-1])  # Eq. 77
+            phases = self.teeth * 0.5 * (angles[:, 1:] + angles[:, :-1])  # Eq. 42
             torques = torques + cosine * np.cos(phases) + sine * np.sin(phases)
         if "spring" in found and "offset" in found:
             torques = torques + found["spring"] * found["offset"]  # a spring is at rest where its joint is straight
@@ -196,7 +196,7 @@ def found_faults(searched: SearchedFaults, unknowns: Array, deviations: Array) -
 
 def late(torques: Array, steps: float) -> Array:
     """The `torques` (npush x nstep x njoint), in N m, each that many `steps` later, or earlier where that is negative:
-    the mean over each step of torques that are held for a step. None acts before the first.  Eq. 55.
+    the mean over each step of torques that are held for a step. None acts before the first.  Eq. 40.
     """
     whole = int(np.floor(steps))
     share = steps - whole
@@ -205,7 +205,7 @@ def late(torques: Array, steps: float) -> Array:
 
 def lagging(torques: Array, lag: float) -> Array:
     """What motors make of `torques` (npush x nstep x njoint), in N m, whose torque follows with a time constant of
-    `lag` steps: the mean over each step. They begin at rest.  Eq. 73.
+    `lag` steps: the mean over each step. They begin at rest.  Eq. 41.
     """
     from scipy.signal import lfilter  # slow to load, and few studies need it
 

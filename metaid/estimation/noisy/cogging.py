@@ -14,7 +14,7 @@ FEWEST, MOST = 3, 40  # times a turn; of fewer gravity, a tilt and a spring have
 
 def teeth_shown(led: Innovations, point: Array) -> int:
     """How many times a turn the torque repeats, in each joint with an amplitude and a phase of its own, that leaves
-    least of the innovations beside unknowns that may change with it; 0 where the twin cannot follow.  Eq. 77.
+    least of the innovations beside unknowns that may change with it; 0 where the twin cannot follow.  Eq. 42.
 
     Args:
         led: of all trials, with gains.

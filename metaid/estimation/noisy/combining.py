@@ -1,4 +1,4 @@
-"""Faults that together explain what an estimate does not, taken up one after the other (Eq. 65).
+"""Faults that together explain what an estimate does not, taken up one after the other (Eq. 45).
 
 A twin without them loses the plant, and where it is lost nothing can be told. So it is led by the readings, as if
 torques had noise of unknown size: what the model has not shows as that noise. A fault is taken up where it makes

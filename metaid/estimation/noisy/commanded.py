@@ -21,7 +21,7 @@ def commanded_torques(law: Lumps, angles: Array, speeds: Array, gravity: float) 
     """
     leaning, turning = np.cumsum(angles[:, :-1], axis=-1), np.cumsum(speeds[:, :-1], axis=-1)
     lumps = law.vector_of(KINDS)
-    force = compensation_basis(leaning, turning, gravity, KINDS) @ lumps  # Eqs. 5 and 15
+    force = compensation_basis(leaning, turning, gravity, KINDS) @ lumps  # Eqs. 5 and 12
     return np.ascontiguousarray(np.cumsum(force[..., ::-1], axis=-1)[..., ::-1])  # Eq. 6
 
 

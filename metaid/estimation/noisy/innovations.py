@@ -17,7 +17,7 @@ NOTHING = 1e-3  # of cost: beside noise whose size is found, too, less changes n
 
 @dataclass(frozen=True, eq=False)
 class Innovations(Readings):
-    """The innovations of all `trials`, whitened, in the polynomials of Eq. 28, by a filter with given `gains` of each.
+    """The innovations of all `trials`, whitened, in the polynomials of Eq. 33, by a filter with given `gains` of each.
 
     A twin that is led by its readings does not lose the plant, so windows need not grow: the longest is the first.
     """
@@ -64,7 +64,7 @@ class Innovations(Readings):
 
     def likelihood(self, point: Array, torque_noise: Array, pushes: int) -> float:
         """The logarithm of the likelihood of the readings of about so many `pushes`, but for a constant, at a `point`,
-        where torques of the joints have noise of these standard deviations (njoint), in N m.  Eq. 68.
+        where torques of the joints have noise of these standard deviations (njoint), in N m.  Eq. 37.
         """
         each = -(-pushes // len(self.trials))
         return sum(self._lead(number, point, torque_noise, each).likelihood for number in range(len(self.trials)))

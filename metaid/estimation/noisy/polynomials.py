@@ -55,7 +55,7 @@ def eliminate(values: Array, slopes: Array, whitened: Array, count: int) -> tupl
 
     With r the residuals of a push, J and S their derivatives by those unknowns and by its whitened start speeds u, an
     orthogonal transformation turns the rows [S J r] and [1 0 u] so that S is triangular and zero below: there the rest
-    is free of it, and above it says what u follows.  Eq. 29.
+    is free of it, and above it says what u follows.  Eq. 34.
 
     Args:
         values: residuals (npush x nvalue).

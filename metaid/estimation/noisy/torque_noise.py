@@ -64,7 +64,7 @@ def likeliest_noise(
     innovations: Innovations, point: Array, torque_noise: Array, pushes: int, sweeps: int = MOST_SWEEPS
 ) -> Array:
     """The standard deviation of the noise of each joint's torque (njoint), in N m, that makes the readings most likely:
-    by Newton's steps in the logarithms.  Eq. 68.
+    by Newton's steps in the logarithms.  Eq. 37.
 
     Args:
         innovations: of all trials.

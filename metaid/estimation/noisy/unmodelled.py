@@ -2,7 +2,7 @@
 
 Wrong lumps can make up for a spring or for friction so well that the misfit hardly says so. So the torque that each
 such force would add is taken for one unknown more a joint. Where that lowers the sum of squares by far more than noise
-would, the force is there, or something like it (Eq. 47). Where the readings cannot tell the force from a lump, the lump
+would, the force is there, or something like it (Eq. 38). Where the readings cannot tell the force from a lump, the lump
 is known only if there is no such force.
 """
 
@@ -29,7 +29,7 @@ FORCE_OF = {"viscous": "damping", "dry": "coulomb"}  # the force that a fault is
 
 
 def unmodelled_forces(readings: Readings, estimate: Found) -> Iterator[Unmodelled]:
-    """What each kind of force would be, beside unknowns that may change with it.  Eq. 47.
+    """What each kind of force would be, beside unknowns that may change with it.  Eq. 38.
 
     Forces that are among the unknowns, as lumps or as faults, are not looked for.
     """

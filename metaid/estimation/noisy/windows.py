@@ -32,7 +32,7 @@ Compared = tuple[Array, Array]
 
 @dataclass(frozen=True, eq=False)
 class ReadingsInWindows(ABC):
-    """All `trials` of a noisy study, in `polynomials` (Eq. 28). Windows grow from `shortest` of the horizon on."""
+    """All `trials` of a noisy study, in `polynomials` (Eq. 33). Windows grow from `shortest` of the horizon on."""
 
     trials: Sequence[ReadTrial]
     unknowns: Unknowns

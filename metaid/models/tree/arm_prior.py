@@ -102,7 +102,7 @@ class ArmPrior:
 
     @cached_property
     def parameter_covariance(self) -> Array:
-        """W, of all parameters (13 njoint x 13 njoint).  Eq. 41."""
+        """W, of all parameters (13 njoint x 13 njoint).  Eq. 54."""
         tree, deviations = self.nominal, self.deviations
         size = len(PARAMETERS)
         covariance = np.zeros((tree.njoint, size, tree.njoint, size))
@@ -119,7 +119,7 @@ class ArmPrior:
 
     @property
     def root(self) -> Array:
-        """S (nbase x nbase): base parameters are β₀ + S z, with z independent and of standard deviation 1.  Eq. 51.
+        """S (nbase x nbase): base parameters are β₀ + S z, with z independent and of standard deviation 1.  Eq. 60.
 
         What torques show of a tilted base alone comes last (`hidden_level`).
         """
@@ -155,7 +155,7 @@ class ArmPrior:
         return np.asarray((across / scale) @ whitened / scale, dtype=np.float64)
 
     def parameters_at(self, values: Array) -> Array:
-        """The most probable parameters (... x njoint x 13) of arms with these base parameters (... x nbase).  Eq. 42.
+        """The most probable parameters (... x njoint x 13) of arms with these base parameters (... x nbase).  Eq. 55.
 
         They need not be those of bodies that can be.
         """

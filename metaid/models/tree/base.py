@@ -76,7 +76,7 @@ def random_states(tree: Tree, count: int, random: np.random.Generator) -> tuple[
 
 
 def base_parameters(tree: Tree, counted_by: Sequence[str] | None = None, tilts: bool = False) -> BaseParameters:
-    """Those of an arm, from its kinematics alone.  Eq. 40.
+    """Those of an arm, from its kinematics alone.  Eq. 53.
 
     Args:
         tree: the arm.

@@ -36,7 +36,7 @@ class PossibleBodies:
 
 
 def possible_bodies(prior: ArmPrior, values: Array) -> PossibleBodies | None:
-    """The possible bodies with base parameters `values` (nbase) that are closest to the nominal arm's.  Eq. 54.
+    """The possible bodies with base parameters `values` (nbase) that are closest to the nominal arm's.  Eq. 77.
 
     Rotors and friction that no other parameter can make up for are as identified, unless that is negative.
 
@@ -69,7 +69,7 @@ def possible_bodies(prior: ArmPrior, values: Array) -> PossibleBodies | None:
 
 
 def pseudo_inertia(parameters: Array) -> Array:
-    """[[Σ, s], [sᵀ, m]] (... x 4 x 4) of links, linear in their `parameters` (... x 10 or more).  Eq. 53."""
+    """[[Σ, s], [sᵀ, m]] (... x 4 x 4) of links, linear in their `parameters` (... x 10 or more).  Eq. 76."""
     return np.asarray(np.einsum("ijp,...p->...ij", _PSEUDO, parameters[..., :BODY]), dtype=np.float64)
 
 

@@ -2,7 +2,7 @@
 
 Friction of a motor is any of: viscous q̇, Coulomb s, root s √|q̇| (which bends between rest and fast motion as lubricated
 gears do), an offset of the torque, and load s |τ_rigid|. The sliding state s is the sign of the speed, cut short below
-a slow speed, or, where there is pre-sliding, a state that builds up over a displacement (Dahl).  Eqs. 70 and 71.
+a slow speed, or, where there is pre-sliding, a state that builds up over a displacement (Dahl).  Eqs. 66 and 67.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ class Sliding:
 def _dahl(state: Array, moved: Array, presliding: Array) -> Array:
     """The share of dry friction (... x n) after a displacement δ (... x n) in direction g, in rad or m, of a state
     (... x n) before it and the displacement over which friction builds up (n), above 0:
-    s ← g + (s − g) exp(−|δ| / presliding).  Eq. 71.
+    s ← g + (s − g) exp(−|δ| / presliding).  Eq. 67.
     """
     goal = np.sign(moved)
     return np.asarray(goal + (state - goal) * np.exp(-np.abs(moved) / presliding), dtype=np.float64)

@@ -24,7 +24,7 @@ for _row, _column, _moment in ((0, 0, 0), (0, 1, 1), (0, 2, 2), (1, 1, 3), (1, 2
 
 
 def torque_regressor(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
-    """The joint torque for a unit of each parameter (... x njoint x njoint x 13).  Eqs. 36 to 38.
+    """The joint torque for a unit of each parameter (... x njoint x njoint x 13).  Eqs. 49 to 51.
 
     Args:
         tree: where the joints are; its parameters have no influence.
@@ -35,7 +35,7 @@ def torque_regressor(tree: Tree, coordinates: Array, speeds: Array, acceleration
     n = tree.njoint
     regressor = np.zeros((*coordinates.shape, n, len(PARAMETERS)))
     for i, (wrench, twists) in enumerate(_links(tree, coordinates, speeds, accelerations)):
-        regressor[..., : i + 1, i, :BODY] = twists @ wrench  # Eq. 38
+        regressor[..., : i + 1, i, :BODY] = twists @ wrench  # Eq. 51
         friction = accelerations[..., i], speeds[..., i], sliding(speeds[..., i])
         for parameter, each in enumerate(friction, start=BODY):
             regressor[..., i, i, parameter] = each
@@ -71,7 +71,7 @@ def _links(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) 
     for i in range(tree.njoint):
         axis, own = tree.axis[i], coordinates[..., i, None]
         matrix, place = _placed(tree, i, own)
-        rate = rate + np.cross(spin_rate, place) + np.cross(spin, np.cross(spin, place))  # Eq. 36
+        rate = rate + np.cross(spin_rate, place) + np.cross(spin, np.cross(spin, place))  # Eq. 49
         spin, spin_rate, rate = ((each[..., None, :] @ matrix)[..., 0, :] for each in (spin, spin_rate, rate))
         turning, faster = speeds[..., i, None] * axis, accelerations[..., i, None] * axis
         if tree.slides[i]:
@@ -96,7 +96,7 @@ def _twists(tree: Tree, axes: Array, origins: Array, link: int) -> Array:
 
 
 def joint_torque(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
-    """The torque (... x njoint), in N m or N, that gives the joints these accelerations.  Eq. 39.
+    """The torque (... x njoint), in N m or N, that gives the joints these accelerations.  Eq. 52.
 
     Args:
         tree: the arm.
@@ -133,7 +133,7 @@ def _placed(tree: Tree, joint: int, coordinate: Array) -> tuple[Array, Array]:
 def _of_body(spin: Array, spin_rate: Array, rate: Array) -> tuple[Array, Array]:
     """Force and moment about the origin of the frame (... x 3 x 10 each) for a unit of each parameter of a link that
     turns with `spin`, in rad/s, changing by `spin_rate`, in rad/s², while its origin accelerates by `rate`, in m/s²,
-    each (... x 3).  Eq. 37.
+    each (... x 3).  Eq. 50.
     """
     turning, faster, forward = (_tensor(each, _SKEW) for each in (spin, spin_rate, rate))
     of_spin, of_rate = (_tensor(each, MOMENTS) for each in (spin, spin_rate))

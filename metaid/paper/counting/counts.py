@@ -94,7 +94,7 @@ class Counts(WatchedTrials):
             return None
         values = counted.deviations(self.by_side) / ROUNDING
         squares = (values / OUTLYING) ** 2
-        weights = 1.0 / np.sqrt(1.0 + squares)  # of Cauchy's distribution, Eq. 33
+        weights = 1.0 / np.sqrt(1.0 + squares)  # of Cauchy's distribution, Eq. 29
         cost = 0.5 * OUTLYING**2 * float(np.log1p(squares).sum())
         slopes = weights[:, None] * counted.slopes / ROUNDING
         return Residuals(weights * values, slopes, cost, len(values), np.empty((0, 1 + len(log_factors))))
@@ -126,7 +126,7 @@ def _beside(trial: WatchedTrial, shown: Counters, seen: NDArray[np.bool_]) -> tu
     plants = trial.windows.half_periods[:, :windows]
     last = np.maximum(trial.windows.seen - 1, 0)
     half_periods = trial.windows.half_periods[np.arange(npush), last] + 0.5
-    rate = (np.pi * half_periods / (trial.timestep * trial.ends[last])[:, None])[:, None]  # ω of Eq. 32, in rad/s
+    rate = (np.pi * half_periods / (trial.timestep * trial.ends[last])[:, None])[:, None]  # ω of Eq. 28, in rad/s
     angle, speed = rate * shown.states[:, :, 0], shown.states[:, :, 1]
     length = np.maximum(np.pi * (angle**2 + speed**2), np.finfo(float).tiny)
     turns = shown.counts + np.arctan2(angle, speed) / np.pi

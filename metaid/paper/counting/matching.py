@@ -66,7 +66,7 @@ def match_counts(counts: Counts, start: Array | None = None, restarts: int = 3, 
 def _search(counts: Counts, point: Array) -> tuple[Model | None, int]:
     """The best model from a `point`, and how many steps it took; no model where the twin cannot follow.
 
-    Phases lead to within some percent, on growing horizons (Eq. 33); then sides, which no lost pair of crossings moves;
+    Phases lead to within some percent, on growing horizons (Eq. 29); then sides, which no lost pair of crossings moves;
     then linear programmes to the last count.
     """
     steps = 0

@@ -21,7 +21,7 @@ FARTHEST = 1.0  # of a log factor from where the inequalities were made
 
 @dataclass(frozen=True, eq=False)
 class Inequalities:
-    """A x ≤ b for a change x (nunknown) of the unknowns; `left` A (nrow x nunknown), `right` b (nrow).  Eqs. 34, 35."""
+    """A x ≤ b for a change x (nunknown) of the unknowns; `left` A (nrow x nunknown), `right` b (nrow).  Eqs. 30, 31."""
 
     left: Array
     right: Array
@@ -85,7 +85,7 @@ def _least(cost: Array, left: Any, right: Array, bounds: Sequence[tuple[float | 
 def sides(counted: Counted, margin: float = 0.0) -> Inequalities:
     """Every joint is on the right side of the upright at the end of every window, by a `margin` of half turns.
 
-    Eq. 34.
+    Eq. 30.
     """
     off, half = counted.deviations(by_side=True), 0.5 - margin
     left = np.vstack([counted.slopes, -counted.slopes])
@@ -94,7 +94,7 @@ def sides(counted: Counted, margin: float = 0.0) -> Inequalities:
 
 def pairs(counted: Counted, margin: float = 0.0) -> Inequalities:
     """And no extremum crosses the upright in a window whose count is right, but one does in a window that has gained or
-    lost a pair of crossings, by a `margin`.  Eq. 35.
+    lost a pair of crossings, by a `margin`.  Eq. 31.
     """
     first = sides(counted, margin)
     left, right = [first.left], [first.right]

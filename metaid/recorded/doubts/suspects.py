@@ -2,7 +2,7 @@
 
 Springs, encoders that are off, friction that bends near rest, torques of a joint in a wrong scale, and joints of an arm
 that are not where they are said to be. What each would change, were it as large as it may be, is the systematic part of
-the deviations (Eq. 60); what the logs show of it is named.
+the deviations (Eq. 71); what the logs show of it is named.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Suspicion:
 
 
 def examined(equations: Equations, values: Array, suspect: Suspect) -> Suspicion:
-    """What a suspect would change of the unknowns (nparam).  Eq. 60.
+    """What a suspect would change of the unknowns (nparam).  Eq. 71.
 
     What the logs say of it changes them as they say. A size that is expected changes them as far as it is not told from
     them.

@@ -134,7 +134,7 @@ def _chain(found: RecordedEstimate, nominal: Chain, tree: Tree) -> Chain | None:
 
 
 def file_error(path: Path, name: str, found: RecordedEstimate, logs: Sequence[Smoothed], zeros: Array) -> FileError:
-    """How well a written file predicts the torques of logs, loaded again: those of the rows that are judged (Eq. 20).
+    """How well a written file predicts the torques of logs, loaded again: those of the rows that are judged (Eq. 73).
 
     Args:
         path: of the file.

@@ -63,7 +63,7 @@ class Part:
 
     def rows(self, model: LinearModel, bodies: Array, zeros: Array) -> Array:
         """The averaged torque for a unit of each unknown (nwindow x ntest x njoint x nparam), friction that grows with
-        load by the torque of `bodies` (nbody).  Eq. 57.
+        load by the torque of `bodies` (nbody).  Eq. 65.
         """
         averaged, rigid = self._averaged(model, bodies, zeros)
         windows = self.windows
@@ -195,7 +195,7 @@ class Equations:
     @cached_property
     def solved(self) -> tuple[Solution, list[Array], Blocks]:
         """The solution of all windows, the rows that it was found with (one array a log, nwindow x ntest x njoint x
-        nparam + njoint), and the normal equations of its blocks.  Eq. 58.
+        nparam + njoint), and the normal equations of its blocks.  Eq. 68.
         """
         model, n = self.model, self.model.njoint
         nparam = len(model.names)
@@ -296,7 +296,7 @@ class Equations:
 
     def covariance(self, values: Array) -> Array:
         """The covariance of the unknowns (nparam x nparam), whatever the errors of a window are, and though those of
-        windows that are less than LASTS s apart belong together.  Eq. 59.
+        windows that are less than LASTS s apart belong together.  Eq. 70.
         """
         solution, rows, _ = self.solved
         nparam = len(values)

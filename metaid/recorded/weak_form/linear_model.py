@@ -1,7 +1,7 @@
 """What is unknown of a recorded robot, and the torque for a unit of each: rigid bodies with their rotors, and friction.
 
 A planar chain is known by its lumps and rotors, an arm by its base parameters. Friction of a joint is any terms of Eq.
-70. Two joints whose motors are coupled share all but offset and load.
+66. Two joints whose motors are coupled share all but offset and load.
 """
 
 from __future__ import annotations

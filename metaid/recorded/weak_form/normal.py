@@ -81,7 +81,7 @@ def eliminated(blocks: Blocks, nominal: Array, prior: Array, zeros: Array, are_u
 
 def eliminated_covariance(inverse: Array, scores: Sequence[Array], lags: int) -> Array:
     """H⁻¹ S H⁻¹, with S the sum of the products of the scores (nwindow x nparam) of windows of one log that are at most
-    `lags` apart.  Eq. 59.
+    `lags` apart.  Eq. 70.
     """
     together = np.zeros_like(inverse)
     for own in scores:

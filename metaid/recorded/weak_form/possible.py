@@ -1,9 +1,9 @@
 """The fit over bodies that can be: unknowns that a robot with possible links, rotors and friction has.
 
-Links are possible where their pseudo-inertia is positive definite (Eq. 53), rotors and friction where they are not
+Links are possible where their pseudo-inertia is positive definite (Eq. 76), rotors and friction where they are not
 negative. The normal equations of the free fit say how much any other unknowns cost, so no log is looked at again. The
-log-det divergence from the nominal links (Eq. 54), with a small weight, keeps what is fitted inside and chooses among
-links that move alike.  Eq. 72.
+log-det divergence from the nominal links (Eq. 77), with a small weight, keeps what is fitted inside and chooses among
+links that move alike.  Eq. 69.
 """
 
 from __future__ import annotations
@@ -178,7 +178,7 @@ class Possible:
 
     def closest(self, values: Array, precision: Array) -> PossibleModel:
         """The possible model that costs least, from unknowns that were fitted freely (nparam) and their precision
-        (nparam x nparam).  Eq. 72.
+        (nparam x nparam).  Eq. 69.
         """
         scale = 1.0 / np.sqrt(np.diag(precision))
         deviations = scale * np.sqrt(np.maximum(np.diag(np.linalg.inv(precision * np.outer(scale, scale))), 0.0))

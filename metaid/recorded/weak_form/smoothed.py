@@ -1,7 +1,7 @@
 """A log on a regular grid through a low-pass filter without phase: the yardstick that is the same for all.
 
 The angles pass a Butterworth filter at ANGLES Hz, speeds and accelerations are differences of them, and both the
-torques that were sent and those that a model needs pass one at a cut-off.  Eq. 20.
+torques that were sent and those that a model needs pass one at a cut-off.  Eq. 73.
 """
 
 from __future__ import annotations

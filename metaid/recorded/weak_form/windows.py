@@ -105,7 +105,7 @@ class Windows:
         return np.asarray(np.einsum("an,wn...->wa...", weights, at_nodes, optimize=True), dtype=np.float64)
 
     def torques(self, record: Record, delay: float = 0.0) -> Array:
-        """The averaged torque that was sent (nwindow x ntest x njoint), `delay` in s later than it is logged.  Eq. 57.
+        """The averaged torque that was sent (nwindow x ntest x njoint), `delay` in s later than it is logged.  Eq. 65.
 
         A torque holds until the next is sent.
         """

@@ -70,7 +70,7 @@ class Law(Protocol):
 
 @dataclass(frozen=True)
 class ChainLaw(ChainModel):
-    """The law of a chain's lumps.  Eqs. 5, 6 and 15."""
+    """The law of a chain's lumps.  Eqs. 5, 6 and 12."""
 
     @property
     def njoint(self) -> int:
@@ -100,7 +100,7 @@ class ChainLaw(ChainModel):
 
 @dataclass(frozen=True)
 class ArmLaw:
-    """The rigid bodies and the friction of an arm.  Eqs. 36 to 38.
+    """The rigid bodies and the friction of an arm.  Eqs. 49 to 51.
 
     Attributes:
         tree: where the joints are.

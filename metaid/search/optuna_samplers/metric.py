@@ -67,7 +67,7 @@ class MetricSampler(BaseSampler):
     """Proposes factors under `names` (nlump) where another `sampler` proposes z of these `coordinates`.
 
     The first trial is the start. A sampler that ranks trials is shown falls and pruned trials as complete ones with the
-    value that they ended with, which for a fall is above every survivor's (Eq. 13): its attribute `fall_value` or, in
+    value that they ended with, which for a fall is above every survivor's (Eq. 18): its attribute `fall_value` or, in
     a study of metaid's own, its value.
     """
 

@@ -46,7 +46,7 @@ class ChainFound(StudyEstimate):
 
     @property
     def half_width(self) -> float:
-        """Half the widest of intervals that hold all unknown lumps at once, as a share of its lump.  Eq. 64."""
+        """Half the widest of intervals that hold all unknown lumps at once, as a share of its lump.  Eq. 32."""
         return self.estimate.half_width if self.hinted is None else half_width(self.lump_deviations)
 
     def _approximated(self, held_out: HeldOut) -> Approximation:

@@ -13,7 +13,7 @@ from metaid.study.spec import StudySpec
 
 
 class NominalMetricSampler(MetricSampler):
-    """Proposes factors for `metaid.objective(study)` in the coordinates of metaid's own samplers (Eq. 12).
+    """Proposes factors for `metaid.objective(study)` in the coordinates of metaid's own samplers (Eq. 16).
 
     Args:
         study: a shipped name, the path of a study file, settings, or the objective itself.
