@@ -5,7 +5,7 @@ chain and an arm differ in the `kind` of the episode alone. A measure turns a re
 what a searcher gets. No storage and no sampler.
 """
 
-from metaid.episode.episode import Episode, NoiseFloor, arm_episode
+from metaid.episode.episode import Episode, arm_episode
 from metaid.episode.falls import FALL_LIMIT, FALL_MARGIN, RICH_FALL_LIMIT, RICH_RUNAWAY, FallRule
 from metaid.episode.measures import (
     MEASURES,
@@ -20,6 +20,7 @@ from metaid.episode.measures import (
 from metaid.episode.noise import Drawn, noise_of, with_deadband
 from metaid.episode.outcome import FALL_VALUE, Outcome, failure
 from metaid.episode.plausible import Calibration
+from metaid.episode.pushed import NoiseFloor
 from metaid.episode.pushes import REACH, natural_time, pushed_speeds, pushes_for, rich_pushes, rich_speeds, tip_push
 from metaid.episode.readings import SensorReadings, readings_before_fall
 from metaid.episode.record import GoesOn, Record, Trajectory, same_record

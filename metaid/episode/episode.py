@@ -16,27 +16,13 @@ import numpy as np
 from metaid.episode.falls import RICH_RUNAWAY, USUAL_FALLS, FallRule
 from metaid.episode.kind import Calibrated, Kind
 from metaid.episode.planar import PLANAR
+from metaid.episode.pushed import SILENT, NoiseFloor
 from metaid.episode.spatial import Spatial
 from metaid.episode.windows import window_ends
 from metaid.errors import EpisodeError
 from metaid.models import Array
 from metaid.models.tree import Tree
 from metaid.plant import ArmStart
-
-
-@dataclass(frozen=True)
-class NoiseFloor:
-    """What an episode's readings would show of a plant at rest: the `energy` ∫ q̈² dt of all pushes and joints, in
-    rad²/s³; the `frequency` that it looks like, in Hz; and the root of the standard deviation of its square, `spread`,
-    in Hz.
-    """
-
-    energy: float
-    frequency: float
-    spread: float
-
-
-SILENT = NoiseFloor(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from collections.abc import Callable
+from typing import Any, ClassVar, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from metaid.episode.pushed import Pushed
+from metaid.episode.record import Record, Seen
 from metaid.models import Array
-
-if TYPE_CHECKING:
-    from metaid.episode.episode import Episode
-    from metaid.episode.record import Record
-
-Motion = tuple[Array, Array]  # joint angles and speeds (nsteps + 1 x njoint) after a push
 
 
 class Check(Protocol):
@@ -44,24 +36,6 @@ class Calibrated(Protocol):
         """
 
 
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """What was seen of an episode, step by step: the `motions` of pushes that were begun, which of all pushes `fell`
-    (npush), and the `timestep` between two torques, in s.
-    """
-
-    motions: Sequence[Motion]
-    fell: NDArray[np.bool_]
-    timestep: float
-
-    @property
-    def steps(self) -> NDArray[np.int64]:
-        """That were run after each push (npush)."""
-        steps = np.zeros(len(self.fell), dtype=np.int64)
-        steps[: len(self.motions)] = [len(angles) - 1 for angles, _ in self.motions]
-        return steps
-
-
 class Kind(Protocol):
     """How pushes of a kind of robot begin and end, what law they follow, and what they show.
 
@@ -78,13 +52,13 @@ class Kind(Protocol):
     def start(self, pose: Array, push: Array) -> Any:
         """From where a push begins, by its pose and its impulses or speeds (njoint each)."""
 
-    def torques(self, law: Any, plant: Any, episode: Episode) -> Callable[[int, Array, Array], Array]:
+    def torques(self, law: Any, plant: Any, episode: Pushed) -> Callable[[int, Array, Array], Array]:
         """What a law sends the plant (njoint), in N m or N, after a push, by its number, at joint angles and speeds
         (njoint each).
         """
 
-    def falls(self, episode: Episode, speeds: Array, timestep: float) -> Callable[[Array, Array], bool]:
+    def falls(self, episode: Pushed, speeds: Array, timestep: float) -> Callable[[Array, Array], bool]:
         """Whether a push has fallen at joint angles and speeds (njoint each), when it began with these `speeds`."""
 
-    def record(self, seen: Seen, episode: Episode) -> Record:
+    def record(self, seen: Seen, episode: Pushed) -> Record:
         """What an episode showed, but for its readings."""

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import legendre
 
+from metaid.episode.pushed import Pushed
 from metaid.episode.readings import SensorReadings
 from metaid.episode.record import Record
 from metaid.models import Array
 from metaid.models.tree import joint_mass_matrix
-
-if TYPE_CHECKING:
-    from metaid.episode.episode import Episode
 
 DEGREE = 5  # of the polynomial in time that a joint's readings after a push are smoothed by
 LOOKS = 20  # times in a push at which the curves are looked at
 FEWEST = 3 * (DEGREE + 1)  # readings of a push that are worth a curve
 
 
-def kinetic_hz(record: Record, episode: Episode) -> float:
+def kinetic_hz(record: Record, episode: Pushed) -> float:
     """√(∫ q̈ᵀ M̄ q̈ dt / ∫ q̇ᵀ M̄ q̇ dt) / 2π of all pushes, in Hz, with q̈ beyond what the law is to bring about; infinite
     where nothing moved.  Eq. 57.
 
@@ -34,7 +32,7 @@ def kinetic_hz(record: Record, episode: Episode) -> float:
     return float(np.sqrt(accelerated / moving) / (2.0 * np.pi)) if moving > 0.0 else np.inf
 
 
-def _smooth_energies(record: Record, readings: SensorReadings, episode: Episode) -> Array:
+def _smooth_energies(record: Record, readings: SensorReadings, episode: Pushed) -> Array:
     """∫ q̇ᵀ M̄ q̇ dt, in J s, and ∫ (q̈ + k (q − q₀))ᵀ M̄ (q̈ + k (q − q₀)) dt, in J/s, of curves through readings."""
     arm: Any = episode.kind
     energies, springs, poses = np.zeros(2), episode.springs, episode.states[:, 0]

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from metaid.episode.kind import Seen
-from metaid.episode.record import Record, crosses_at, crossings, energies, windows_of
+from metaid.episode.pushed import Pushed
+from metaid.episode.record import Record, Seen, crosses_at, crossings, energies, windows_of
 from metaid.errors import EpisodeError
 from metaid.models import Array, ChainModel, Lumps
 from metaid.plant import Plant, Start
-
-if TYPE_CHECKING:
-    from metaid.episode.episode import Episode
 
 
 @dataclass(frozen=True)
@@ -34,16 +31,16 @@ class Planar:
     def start(self, pose: Array, push: Array) -> Start:
         return Start(push, pose)
 
-    def torques(self, law: Lumps, plant: Plant, episode: Episode) -> Callable[[int, Array, Array], Array]:
+    def torques(self, law: Lumps, plant: Plant, episode: Pushed) -> Callable[[int, Array, Array], Array]:
         models = [ChainModel(law, plant.gravity, stiffness) for stiffness in episode.springs.tolist()]
         return lambda push, angles, speeds: models[push].torque(angles, speeds)
 
-    def falls(self, episode: Episode, speeds: Array, timestep: float) -> Callable[[Array, Array], bool]:
+    def falls(self, episode: Pushed, speeds: Array, timestep: float) -> Callable[[Array, Array], bool]:
         rule = episode.fall_rule
         allowed = rule.allowed_speeds(np.cumsum(speeds))
         return lambda angles, speeds: rule.has_fallen(np.cumsum(angles), np.cumsum(speeds), allowed, timestep)
 
-    def record(self, seen: Seen, episode: Episode) -> Record:
+    def record(self, seen: Seen, episode: Pushed) -> Record:
         timestep, motions = seen.timestep, seen.motions
         shape, springs = episode.pushes.shape, episode.springs
         half_periods, span = np.zeros(shape, dtype=np.int64), np.zeros(shape)

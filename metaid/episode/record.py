@@ -2,23 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.episode.kind import Seen
+from metaid.episode.pushed import Pushed
 from metaid.episode.readings import SensorReadings
 from metaid.episode.windows import QUANTITIES, Windows, windows_seen
 from metaid.models import Array
 from metaid.plant import Start
 
-if TYPE_CHECKING:
-    from metaid.episode.episode import Episode
-
 ALIKE = 1e-9  # relative: how far two loops may differ that take the same steps
+
+
+Motion = tuple[Array, Array]  # joint angles and speeds (nsteps + 1 x njoint) after a push
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What was seen of an episode, step by step: the `motions` of pushes that were begun, which of all pushes `fell`
+    (npush), and the `timestep` between two torques, in s.
+    """
+
+    motions: Sequence[Motion]
+    fell: NDArray[np.bool_]
+    timestep: float
+
+    @property
+    def steps(self) -> NDArray[np.int64]:
+        """That were run after each push (npush)."""
+        steps = np.zeros(len(self.fell), dtype=np.int64)
+        steps[: len(self.motions)] = [len(angles) - 1 for angles, _ in self.motions]
+        return steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +178,7 @@ def energies(speeds: Array, timestep: float, wanted: Array | float = 0.0) -> tup
     return speed_energy, acceleration_energy
 
 
-def windows_of(seen: Seen, episode: Episode) -> Windows | None:
+def windows_of(seen: Seen, episode: Pushed) -> Windows | None:
     """The windows of an episode of a chain that was seen step by step; None where it asks for none."""
     if not episode.window_ends:
         return None

@@ -11,7 +11,7 @@ from functools import cache
 
 import numpy as np
 
-from metaid.episode.episode import NoiseFloor
+from metaid.episode.pushed import NoiseFloor
 from metaid.models import Array
 
 POWERS = (0, 1, 3)

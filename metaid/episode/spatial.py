@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.episode.kind import Seen
-from metaid.episode.record import Record
+from metaid.episode.pushed import Pushed
+from metaid.episode.record import Record, Seen
 from metaid.episode.windows import QUANTITIES, Windows, windows_seen
 from metaid.errors import EpisodeError, ImplausiblePlant
 from metaid.models import Array
 from metaid.models.tree import Tree, joint_mass_matrix, joint_torque
 from metaid.plant import ArmStart
-
-if TYPE_CHECKING:
-    from metaid.episode.episode import Episode
 
 AWAY, OTHER_SPEED = 0.1, 0.2  # rad or m, and a share of the fastest joint: a start farther off is another
 
@@ -41,11 +38,11 @@ class Spatial:
     def start(self, pose: Array, push: Array) -> ArmStart:
         return ArmStart(pose, push)
 
-    def torques(self, law: Array, plant: Any, episode: Episode) -> Callable[[int, Array, Array], Array]:
+    def torques(self, law: Array, plant: Any, episode: Pushed) -> Callable[[int, Array, Array], Array]:
         tree, springs, poses = self.nominal.with_parameters(law), episode.springs, episode.states[:, 0]
         return lambda push, angles, speeds: joint_torque(tree, angles, speeds, -springs[push] * (angles - poses[push]))
 
-    def bounds(self, episode: Episode) -> tuple[Array, Array, Array]:
+    def bounds(self, episode: Pushed) -> tuple[Array, Array, Array]:
         """Least and largest joint coordinates and the speeds (njoint each) beyond which an arm has fallen: of hinges
         and of slides a multiple of the fastest at any start.
 
@@ -61,11 +58,11 @@ class Spatial:
                 allowed[alike] = episode.fall_rule.runaway * fastest[alike].max()
         return low, high, allowed
 
-    def falls(self, episode: Episode, speeds: Array, timestep: float) -> Callable[[Array, Array], bool]:
+    def falls(self, episode: Pushed, speeds: Array, timestep: float) -> Callable[[Array, Array], bool]:
         low, high, allowed = self.bounds(episode)
         return lambda angles, speeds: not bool(((low <= angles) & (angles <= high) & (np.abs(speeds) <= allowed)).all())
 
-    def record(self, seen: Seen, episode: Episode) -> Record:
+    def record(self, seen: Seen, episode: Pushed) -> Record:
         fell, steps, timestep = seen.fell, seen.steps, seen.timestep
         ends, n = np.array(episode.window_ends, dtype=np.int64), episode.njoint
         count = windows_seen(ends, steps, fell)

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.episode.episode import Episode
-from metaid.episode.kind import Check, Motion, Seen
+from metaid.episode.kind import Check
 from metaid.episode.noise import noise_of
 from metaid.episode.readings import readings_before_fall, told_times
-from metaid.episode.record import GoesOn, Record, Trajectory
+from metaid.episode.record import GoesOn, Motion, Record, Seen, Trajectory
 from metaid.errors import AbsentPlant, ImplausiblePlant, LostPlant
 from metaid.models import Array
 from metaid.plant import FaultyPlant, SocketPlant

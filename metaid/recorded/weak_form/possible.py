@@ -105,7 +105,7 @@ class Possible:
         """
         links, friction, logs = np.split(x, [len(self._links), len(self._links) + len(self._friction)], axis=-1)
         mass, first, second, rotor = np.moveaxis(links.reshape(*x.shape[:-1], -1, 4), -1, 0)
-        length = np.concatenate([np.exp(logs), np.zeros_like(logs[..., :1])], axis=-1)
+        length = np.concatenate([np.exp(logs), np.zeros_like(mass[..., :1])], axis=-1)
         beyond = np.cumsum(mass[..., ::-1], axis=-1)[..., ::-1] - mass  # the mass that each link carries
         gravity, inertia = first + length * beyond, second + length**2 * beyond
         one, other = np.triu_indices(mass.shape[-1], 1)
