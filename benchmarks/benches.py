@@ -21,18 +21,18 @@ import tempfile
 import time
 from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from benchmarks.bench_truth import told_unit, true_arm, true_base, true_chain, true_lumps
 from benchmarks.common import table as markdown
 from benchmarks.common import two_digits
-from metaid.models import Array, Chain
-from metaid.models.tree import Tree, model_error
-from metaid.plant import ArmPlant, PlantSettings, chain_of, load_plant
+from metaid.models import Array
+from metaid.models.tree import model_error
 from metaid.results import judge, read_snapshot
 from metaid.store import Store
 from metaid.study import create_study, load_study, run_study
@@ -131,25 +131,6 @@ def _wrong(links: int, seed: int) -> list[dict[str, float]]:
     return nominal
 
 
-def true_chain(links: int, rotors: Each = ()) -> Chain:
-    """The links of the bench; the rotor of the first joint turns with the first link, and is one with its inertia."""
-    own = true_links(links)
-    own[0]["inertia"] += rotors[0] if rotors else 0.0
-    return chain_of(PlantSettings.model_validate({"links": own}).links)
-
-
-def true_arm(imperfections: Mapping[str, Any]) -> Tree:
-    """The arm of the bench, with its rotors and its friction."""
-    plant = load_plant(ARM_FILE)
-    assert isinstance(plant, ArmPlant)
-    tree = plant.tree
-    joints = np.zeros((3, 3))
-    for row, name in enumerate(("rotors", "viscous", "dry")):
-        given = imperfections.get(name, ())
-        joints[row, : len(given)] = given
-    return replace(tree, rotor=tree.rotor + joints[0], damping=joints[1], coulomb=joints[2])
-
-
 def try_bench(row: str, robot: str, timestep: float, seed: int, settings: str = "") -> Judged:
     """Runs one study on one bench: of a chain of so many links, or of the "arm"."""
     imperfections = dict(ROWS[row][1]) | {"seed": float(seed)}
@@ -171,9 +152,8 @@ def try_bench(row: str, robot: str, timestep: float, seed: int, settings: str = 
     found = snapshot.estimate
     if found is None:
         return Judged(row, robot, seed, verdict.word, np.inf, np.inf, 0, 0, seconds, "")
-    # in units of what the first motor is told
-    lumps, unit = verdict.lumps, 1.0 + imperfections.get("gains", (0.0,))[0]
-    true, worst = (_of_arm if robot == ARM else _of_chain)(found, lumps, imperfections, unit)
+    lumps = verdict.lumps
+    true, worst = (_of_arm if robot == ARM else _of_chain)(found, lumps, imperfections)
     held = int(((lumps["low"] <= true) & (true <= lumps["high"])).sum())
     faults = found.estimate.faults
     named = {} if faults is None else dict(zip(faults.searched.names, faults.values.round(5).tolist(), strict=True))
@@ -182,18 +162,16 @@ def try_bench(row: str, robot: str, timestep: float, seed: int, settings: str = 
     )
 
 
-def _of_chain(found: StudyEstimate, lumps: pd.DataFrame, imperfections: Mapping[str, Any], unit: float) -> Told:
-    kinds = tuple(dict.fromkeys(str(name).partition("_")[0] for name in lumps["name"]))
+def _of_chain(found: StudyEstimate, lumps: pd.DataFrame, imperfections: Mapping[str, Any]) -> Told:
     links = sum(str(name).startswith("gravity") for name in lumps["name"])
-    true = true_chain(links, imperfections.get("rotors", ())).lumps_of(kinds).vector_of(kinds) / unit
+    true = true_lumps(true_chain(true_links(links), imperfections), list(lumps["name"]), imperfections)
     return true, float((lumps["identified"] / true - 1.0).abs().max())
 
 
-def _of_arm(found: StudyEstimate, lumps: pd.DataFrame, imperfections: Mapping[str, Any], unit: float) -> Told:
-    tree = true_arm(imperfections)
-    prior = found.estimate.searched.prior
-    law = prior.parameters_at(found.estimate.values) * unit
-    return prior.base.of(tree.parameters) / unit, model_error(tree, law).largest
+def _of_arm(found: StudyEstimate, lumps: pd.DataFrame, imperfections: Mapping[str, Any]) -> Told:
+    tree, prior = true_arm(ARM_FILE, imperfections), found.estimate.searched.prior
+    law = prior.parameters_at(found.estimate.values) * told_unit(imperfections)
+    return true_base(tree, found, imperfections), model_error(tree, law).largest
 
 
 def table(judged: list[Judged]) -> str:

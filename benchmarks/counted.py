@@ -22,7 +22,7 @@ from benchmarks.common import Row, made, resumed
 from benchmarks.common import table as markdown
 from metaid import results
 from metaid.plant import PlantSettings
-from metaid.study import load_chain_study, run_study
+from metaid.study import load_study, run_study
 
 STUDY = "three-link"
 EXACT = {"episode.measure": "crossing", "episode.peak_speed": 0.1}  # what sensors without noise allow
@@ -67,7 +67,7 @@ class Searched:
 def search(sampler: str, links: int, seed: int, trials: int) -> Searched:
     """One chain by one sampler, in so many `trials`."""
     true, nominal = random_chain(links, seed)
-    spec = load_chain_study(STUDY, {**EXACT, "sampler": sampler, "seed": seed, "trials": trials})
+    spec = load_study(STUDY, {**EXACT, "sampler": sampler, "seed": seed, "trials": trials})
     spec = spec.model_copy(update={"plant_name": "chain", "plant": PlantSettings(links=true), "nominal": nominal})
     began = time.perf_counter()
     with made(spec) as (store, name):

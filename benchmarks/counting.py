@@ -27,7 +27,7 @@ from metaid.estimation import Experiment, WatchedTrial
 from metaid.models import Array, Lumps
 from metaid.paper.counting import Counts
 from metaid.plant import PlantSettings, chain_of
-from metaid.study import Problem, StudySpec, load_chain_study
+from metaid.study import Problem, StudySpec, load_study
 
 STUDY = "two-link-counted"
 WITHIN = {2: 0.02}  # and 5 % of more links
@@ -69,7 +69,7 @@ class Match:
 def problem_of(links: int, seed: int, **changes: object) -> Problem:
     """The settings of the study on a random chain, with `changes` by dotted key."""
     true, nominal = random_chain(links, seed)
-    spec = load_chain_study(STUDY, {"seed": seed, **changes})
+    spec = load_study(STUDY, {"seed": seed, **changes})
     plant = PlantSettings(links=true)
     return Problem(StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=spec.study))
 
@@ -201,7 +201,7 @@ def _minimised(problem: Problem) -> Array | None:
                 best, value = factors, outcome.value
     if best is None:
         return None
-    return np.append(best * problem.robot.lumps.vector, problem.nominal.inertia_lumps)
+    return np.append(best * problem.chain.lumps.vector, problem.nominal.inertia_lumps)
 
 
 def _row(links: int, name: str, how: str, trials: int, lumps: Array | None, problem: Problem) -> Row:

@@ -88,7 +88,7 @@ def identify(job: tuple[int, str, float, int]) -> Result:
     truth = chain_of(true).lumps.vector
     with threadpool_limits(1):
         problem = _problem(plant, nominal, seed, lead)
-        found = _search(problem) * problem.robot.lumps.vector
+        found = _search(problem) * problem.chain.lumps.vector
         known = _regress(plant, nominal, truth, seed)
 
     def errors(lumps: Array) -> tuple[float, ...]:

@@ -91,7 +91,7 @@ def search(part: str, seed: int, pair: tuple[Links, Links], share: float = 1.0) 
     study = StudySettings.model_validate({**settings, "sampler": "cmaes", "search": {"lumps": kinds}})
     plant = PlantSettings(links=true)
     problem = Problem(StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study))
-    truth = chain_of(true).lumps_of(problem.robot.lumps.searched).vector / problem.robot.lumps.vector
+    truth = chain_of(true).lumps_of(problem.chain.lumps.searched).vector / problem.chain.lumps.vector
     searcher, trials, best, factors = problem.make_searcher(), 0, np.inf, problem.robot.start
     reached: dict[float, int] = {}
     with ThreadEvaluator(problem, 2) as evaluator:

@@ -21,7 +21,7 @@ from statistics import median
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from metaid.study import Problem, load_chain_study
+from metaid.study import Problem, load_study
 
 STUDIES = {1: "paper-one-link", 2: "paper-two-link"}
 BUDGETS = {1: 100, 2: 500}
@@ -67,7 +67,7 @@ def _problem(links: int, sampler: str, seed: int) -> Problem:
     name, _, how = sampler.partition(", ")
     search = {"search.start": START, "search.coarse_to_fine": bool(how)}
     changes = {"nominal": {"links": wrong}, "sampler": name, "seed": seed, "trials": BUDGETS[links], **search}
-    return Problem(load_chain_study(STUDIES[links], changes))
+    return Problem(load_study(STUDIES[links], changes))
 
 
 def main() -> None:

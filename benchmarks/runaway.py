@@ -32,7 +32,7 @@ def objective(links: int, seed: int, multiple: float) -> tuple[Objective, Array]
     study = StudySettings(plant="chain", nominal="chain", sampler="cmaes", trials=1, seed=seed, episode=episode)
     plant = PlantSettings(links=true)
     problem = Problem(StudySpec(name="chain", plant_name="chain", plant=plant, nominal=nominal, study=study))
-    return problem.make_objective(), chain_of(true).lumps.vector / problem.robot.lumps.vector
+    return problem.make_objective(), chain_of(true).lumps.vector / problem.chain.lumps.vector
 
 
 def stopped(links: int, seeds: int, candidates: int, multiple: float, factors: tuple[float, float]) -> Row:

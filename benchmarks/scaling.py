@@ -26,12 +26,12 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.common import Row, machine, make_spec, table
 from metaid.models import Array
-from metaid.study import Problem, load_chain_study
+from metaid.study import Problem, load_study
 from metaid.study.evaluation import RayEvaluator
 
 STUDIES = {
-    "three-link-coast": lambda: load_chain_study("three-link-coast"),
-    "ten-link": lambda: load_chain_study("ten-link", {"sampler": "cmaes"}),
+    "three-link-coast": lambda: load_study("three-link-coast"),
+    "ten-link": lambda: load_study("ten-link", {"sampler": "cmaes"}),
     "ten links, 5,000 steps a push": lambda: make_spec(10, steps=20 * 5000),
 }
 MOST_SECONDS = 10.0  # of episodes, of a study

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from metaid.results import trials_frame
 from metaid.store import Store
-from metaid.study import create_study, load_chain_study, run_study
+from metaid.study import create_study, load_study, run_study
 from soak.common import METAID, ROOT, SoakResult, soaked
 from soak.kills import faults
 from soak.workers import at_work
@@ -100,7 +100,7 @@ def network(size: int) -> Iterator[list[Machine]]:
 
 def lose_and_add(folder: Path) -> list[str]:
     """A run on two machines; in its middle the second is lost and a third is added. What went wrong."""
-    spec, path = load_chain_study("three-link-coast", CHANGES), folder / "metaid.db"
+    spec, path = load_study("three-link-coast", CHANGES), folder / "metaid.db"
     for storage in (path, folder / "alone.db"):
         with closing(Store(str(storage), create=True)) as store:
             create_study(store, spec, NAME)

@@ -8,24 +8,23 @@ from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import count
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pandas as pd
 
+from benchmarks.bench_truth import true_arm, true_base, true_chain, true_lumps
 from metaid.errors import MetaidError
 from metaid.models import Array
-from metaid.plant import ArmPlant, PlantSettings, chain_of, load_plant
-from metaid.results import Snapshot, judge, read_snapshot
+from metaid.results import judge, read_snapshot
 from metaid.store import Store
 from metaid.study import create_study, load_study, run_study
+from metaid.study.estimates import StudyEstimate
 from soak.bench.serving import bench
 from soak.common import SoakResult, soaked
 from soak.random_studies import Case, draw, write
@@ -57,7 +56,7 @@ def try_case(number: int, tells_why: bool = False) -> Judged:
         address = None
         if case.bench is not None:
             write(case, folder)
-            plant = folder / ("bench.toml" if case.arm is None else "bench.xml")
+            plant = folder / ("bench.toml" if case.arm is None else "arm.xml")
             address = open_until_then.enter_context(bench(plant, case.timestep, **case.bench))
         path = write(case, folder, address)
         store = open_until_then.enter_context(closing(Store(str(folder / "metaid.db"), create=True)))
@@ -67,41 +66,20 @@ def try_case(number: int, tells_why: bool = False) -> Judged:
             verdict = judge(snapshot := read_snapshot(store, case.name))
         except MetaidError as refusal:
             return Judged(case, None, str(refusal))
-        lumps = (
-            verdict.lumps
-            if case.bench is None or snapshot.estimate is None
-            else verdict.lumps.assign(true=_of_bench(case, snapshot, folder))
-        )
+        lumps, found = verdict.lumps, snapshot.estimate
+        if case.bench is not None and found is not None:
+            lumps = lumps.assign(true=_of_bench(case, found, list(lumps["name"]), folder))
     far = tuple(far_lumps(lumps)) if verdict.is_found else ()
     missed = case.well_posed and not verdict.is_found
     return Judged(case, verdict.word, "; ".join(verdict.reasons) if missed or tells_why else "", far)
 
 
-def _of_bench(case: Case, snapshot: Snapshot, folder: Path) -> Array:
-    """The true lumps or base parameters of a bench, in units of what its first motor is told."""
+def _of_bench(case: Case, found: StudyEstimate, names: list[str], folder: Path) -> Array:
+    """The true lumps or base parameters of a bench."""
     has = case.bench or {}
-    unit = 1.0 + has.get("gains", (0.0,))[0]
     if case.arm is not None:
-        assert snapshot.estimate is not None
-        base = snapshot.estimate.estimate.searched.prior.base
-        return np.asarray(base.of(_of_arm(has, folder)) / unit, dtype=np.float64)
-    links = [dict(link) for link in case.links]
-    links[0]["inertia"] += has.get("rotors", (0.0,))[0]  # the first rotor turns with the first link
-    chain = chain_of(PlantSettings.model_validate({"links": links}).links)
-    kinds = tuple(dict.fromkeys(str(name).partition("_")[0] for name in snapshot.problem.robot.estimated.names))
-    return np.asarray(chain.lumps_of(kinds).vector_of(kinds) / unit, dtype=np.float64)
-
-
-def _of_arm(has: Mapping[str, Any], folder: Path) -> Array:
-    """The true parameters (njoint x 13) of a bench that is an arm."""
-    plant = load_plant(folder / "arm.xml")
-    assert isinstance(plant, ArmPlant)
-    tree, added = plant.tree, np.zeros((3, plant.njoint))
-    for row, name in enumerate(("rotors", "viscous", "dry")):
-        given = has.get(name, ())
-        added[row, : len(given)] = given
-    rotor, damping, coulomb = added
-    return replace(tree, rotor=tree.rotor + rotor, damping=tree.damping * 0.0 + damping, coulomb=coulomb).parameters
+        return true_base(true_arm(folder / "arm.xml", has), found, has)
+    return true_lumps(true_chain(case.links, has), names, has)
 
 
 def far_lumps(lumps: pd.DataFrame) -> Iterator[str]:

@@ -17,7 +17,7 @@ from optuna.trial import TrialState, create_trial
 
 from metaid.results import summary, trials_frame
 from metaid.store import Store
-from metaid.study import create_study, load_chain_study, run_study
+from metaid.study import create_study, load_study, run_study
 from soak.common import METAID, SoakResult, soaked
 
 FOREIGN = 100
@@ -67,7 +67,7 @@ def add_often(folder: Path, count: int) -> tuple[int, list[str]]:
     """
     random, failures, done, seed = Random(4), list[str](), 0, 0
     while done < count and not failures:
-        spec = load_chain_study("three-link-coast", {**CHANGES, "seed": seed})
+        spec = load_study("three-link-coast", {**CHANGES, "seed": seed})
         path, alone = folder / f"{seed}.db", folder / f"{seed}-alone.db"
         for storage in (path, alone):
             with closing(Store(str(storage), create=True)) as store:

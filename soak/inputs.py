@@ -29,7 +29,7 @@ from metaid.models import lump_names
 from metaid.plant import ArmPlant, MujocoPlant, load_chain, load_plant, read_plant
 from metaid.plant.description import draw_starts
 from metaid.store import Store
-from metaid.study import Problem, create_study, load_chain_study, run_study
+from metaid.study import Problem, create_study, load_study, run_study
 from soak import cases
 from soak.arguments import arguments
 from soak.common import SoakResult, soaked
@@ -59,7 +59,7 @@ class Workshop:
         self.template = folder / "template.db"
         with closing(Store(str(self.template), create=True)) as store:
             for name, source, trials in (("small", "two-link-tpe", 12), ("plain", "one-link-count", 12)):
-                create_study(store, load_chain_study(source, {"trials": trials, "workers": 1, "seed": 3}), name)
+                create_study(store, load_study(source, {"trials": trials, "workers": 1, "seed": 3}), name)
                 run_study(store, name, 8)
         with closing(sqlite3.connect(self.template)) as connection:
             connection.execute("PRAGMA journal_mode=DELETE")  # one file, so that a copy is whole
@@ -121,7 +121,7 @@ def studies(random: Random, shop: Workshop) -> None:
         whole(["study", "create", "study.toml", "--storage", "used.db", "--name", f"made-{random.random()}"])
         return
     with promised():
-        problem = Problem(load_chain_study("study.toml"))
+        problem = Problem(load_study("study.toml"))
         batch = problem.make_searcher().ask()
         if not np.isfinite(batch).all():
             raise BrokenPromiseError("candidates that are not finite")

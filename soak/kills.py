@@ -23,7 +23,7 @@ import pandas as pd
 
 from metaid import results
 from metaid.store import Store
-from metaid.study import create_study, load_chain_study, run_study
+from metaid.study import create_study, load_study, run_study
 from soak.common import METAID, ROOT, SoakResult, soaked
 
 KILLS = {"cmaes": 20, "tpe": 15, "random": 15}
@@ -59,7 +59,7 @@ def kill_often(folder: Path, sampler: str, changes: Mapping[str, Any], kills: in
         if done == kills or failures:
             break
         name = f"{sampler}-{seed}"
-        spec = load_chain_study("three-link-coast", {**changes, "seed": seed})
+        spec = load_study("three-link-coast", {**changes, "seed": seed})
         path, alone = folder / f"{name}.db", folder / f"{name}-alone.db"
         with closing(Store(str(alone), create=True)) as store:
             create_study(store, spec, name)

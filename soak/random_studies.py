@@ -18,7 +18,7 @@ sees every lump: six of a simulated chain, four of a bench, two of a simulated a
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -87,7 +87,6 @@ class Case:
     links: tuple[dict[str, float], ...] = ()
     arm: DrawnArm | None = None
     timestep: float = 0.002
-    hidden: Mapping[str, Any] = field(default_factory=dict)
 
 
 def draw(number: int) -> Case:
@@ -156,9 +155,8 @@ def _simulated_arm(number: int) -> Case:
     if "stiffness" in hidden:
         plant["stiffness"] = dict.fromkeys(arm.names, hidden["stiffness"])
     takes_up = bool(random.random() < 0.2)
-    files = _of_arm(arm, random, number, trials, hidden) | {"plant.toml": tomli_w.dumps(plant)}
-    if takes_up:
-        files[f"case-{number}.toml"] += '[estimate]\nfaults = "proposed"\n'
+    study = _study(number, trials) | ({"estimate": {"faults": "proposed"}} if takes_up else {})
+    files = _of_arm(arm, random, study, hidden) | _texts({"plant.toml": plant})
     words = [f"an arm of {len(arm.names)} joints", f"{trials} trials", "noisy" if noisy else "ideal"]
     words += ([f"hidden {hidden}"] if hidden else []) + (["faults taken up"] if takes_up else [])
     return Case(f"case-{number}", files, ", ".join(words), not hidden, arm=arm)
@@ -168,46 +166,63 @@ def _chain_on_bench(number: int) -> Case:
     random = np.random.default_rng([SEED, number])
     nlink = int(random.integers(1, 4))
     true, nominal = random_chain(nlink, int(random.integers(1000, 1_000_000)))
-    hidden, timestep = _hidden(random, BENCH_HIDES), float(random.choice(TIMESTEPS))
-    trials = int(random.integers(3, 6))
-    believed, estimate = [_stated(link) for link in nominal], {}
-    if "geometry" in hidden:
-        estimate = {"lengths": "exact"}
-        believed = [_longer(link, hidden["geometry"] * float(random.choice([-1.0, 1.0]))) for link in believed]
-    study = {"plant": "plant.toml", "trials": trials, "seed": number, "nominal": {"links": believed}}
-    files = {"plant.toml": _rig(nlink, timestep), f"case-{number}.toml": study | {"estimate": estimate}}
-    links = tuple(_stated(link) for link in true)
-    words = [f"a bench of {nlink} links", f"{1 / timestep:.0f} Hz", f"{trials} trials"]
-    words += [f"hidden {hidden}"] if hidden else []
-    return Case(
-        name=f"case-{number}",
-        files=_texts(files | {"bench.toml": {"links": list(links)}}),
-        about=", ".join(words),
-        well_posed=not hidden and trials >= 4,
-        bench=_on_bench(hidden, number, nlink),
-        links=links,
-        timestep=timestep,
-        hidden=hidden,
-    )
+    links, believed = tuple(_stated(link) for link in true), [_stated(link) for link in nominal]
+
+    def files(study: dict[str, Any], hidden: Mapping[str, Any]) -> dict[str, str]:
+        if "geometry" not in hidden:
+            whole = study | {"nominal": {"links": believed}}
+        else:
+            share = hidden["geometry"] * float(random.choice([-1.0, 1.0]))
+            nominal = {"links": [_longer(link, share) for link in believed]}
+            whole = study | {"nominal": nominal, "estimate": {"lengths": "exact"}}
+        return _texts({f"case-{number}.toml": whole, "bench.toml": {"links": list(links)}})
+
+    return _on_bench(random, number, nlink, f"{nlink} links", files, links=links)
 
 
 def _arm_on_bench(number: int) -> Case:
     random = np.random.default_rng([SEED, number])
-    arm, hidden, timestep = draw_arm(random), _hidden(random, BENCH_HIDES), float(random.choice(TIMESTEPS))
-    trials, n = int(random.integers(3, 6)), len(arm.names)
-    wrong = {"frames": 0.005} if "geometry" in hidden else {}
-    files = _of_arm(arm, random, number, trials, wrong) | _texts({"plant.toml": _rig(n, timestep)})
-    words = [f"a bench of an arm of {n} joints", f"{1 / timestep:.0f} Hz", f"{trials} trials"]
-    words += [f"hidden {hidden}"] if hidden else []
+    arm = draw_arm(random)
+
+    def files(study: dict[str, Any], hidden: Mapping[str, Any]) -> dict[str, str]:
+        return _of_arm(arm, random, study, {"frames": 0.005} if "geometry" in hidden else {})
+
+    n = len(arm.names)
+    return _on_bench(random, number, n, f"an arm of {n} joints", files, arm=arm)
+
+
+def _on_bench(
+    random: Generator,
+    number: int,
+    joints: int,
+    what: str,
+    files: Callable[[dict[str, Any], Mapping[str, Any]], dict[str, str]],
+    **true: Any,
+) -> Case:
+    """A case on a bench.
+
+    Args:
+        random: what else is drawn by.
+        number: of the case.
+        joints: of the bench.
+        what: its robot is, in words.
+        files: all but the plant's, of what the study says beside its nominal model, and of what is hidden.
+        true: the robot, as a `Case` has it.
+    """
+    hidden, timestep = _hidden(random, BENCH_HIDES), float(random.choice(TIMESTEPS))
+    study = _study(number, int(random.integers(3, 6)))
+    rig = {"socket": "ADDRESS", "joints": joints, "timestep": timestep, "step_timeout": 60.0}
+    has = {key: value[:joints] if isinstance(value, tuple) else value for key, value in hidden.items()}
+    has.pop("geometry", None)
+    words = [f"a bench of {what}", f"{1 / timestep:.0f} Hz", f"{study['trials']} trials"]
     return Case(
         name=f"case-{number}",
-        files=files | {"bench.xml": arm.mjcf},
-        about=", ".join(words),
-        well_posed=not hidden and trials >= 4,
-        bench=_on_bench(hidden, number, n),
-        arm=arm,
+        files=files(study, hidden) | _texts({"plant.toml": rig}),
+        about=", ".join(words + ([f"hidden {hidden}"] if hidden else [])),
+        well_posed=not hidden and study["trials"] >= 4,
+        bench={"encoder_step": ENCODER_STEP, "seed": float(number)} | has,
         timestep=timestep,
-        hidden=hidden,
+        **true,
     )
 
 
@@ -219,23 +234,16 @@ def _hidden(random: Generator, kinds: tuple[dict[str, Any], ...]) -> dict[str, A
     return kind if random.random() < SHARE_HIDDEN else {}
 
 
-def _of_arm(arm: DrawnArm, random: Generator, number: int, trials: int, wrong: Mapping[str, Any]) -> dict[str, str]:
-    """The files of a study of an arm but for its plant's; of `wrong` "frames" is by how much they are off, in m."""
+def _study(number: int, trials: int) -> dict[str, Any]:
+    return {"plant": "plant.toml", "trials": trials, "seed": number}
+
+
+def _of_arm(arm: DrawnArm, random: Generator, study: dict[str, Any], wrong: Mapping[str, Any]) -> dict[str, str]:
+    """The files of a `study` of an arm but for its plant's; of `wrong` "frames" is by how much they are off, in m."""
     believed = arm.displaced(random, wrong["frames"]) if "frames" in wrong else arm.mjcf
-    study = {"plant": "plant.toml", "trials": trials, "seed": number}
-    study |= {"nominal": {"plant": "nominal.toml", "seed": number}}
-    texts = _texts({"nominal.toml": {"mjcf": "believed.xml"}, f"case-{number}.toml": study})
+    whole = study | {"nominal": {"plant": "nominal.toml", "seed": study["seed"]}}
+    texts = _texts({"nominal.toml": {"mjcf": "believed.xml"}, f"case-{study['seed']}.toml": whole})
     return texts | {"arm.xml": arm.mjcf, "believed.xml": believed}
-
-
-def _rig(joints: int, timestep: float) -> dict[str, Any]:
-    return {"socket": "ADDRESS", "joints": joints, "timestep": timestep, "step_timeout": 60.0}
-
-
-def _on_bench(hidden: Mapping[str, Any], number: int, joints: int) -> dict[str, Any]:
-    has = {key: value[:joints] if isinstance(value, tuple) else value for key, value in hidden.items()}
-    has.pop("geometry", None)
-    return {"encoder_step": ENCODER_STEP, "seed": float(number)} | has
 
 
 def _stated(link: Any) -> dict[str, float]:

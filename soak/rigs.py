@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from metaid.store import Store
-from metaid.study import create_study, load_chain_study
+from metaid.study import create_study, load_study
 from soak.common import SoakResult, soaked
 from soak.judge import Answer, BrokenPromiseError, command
 from soak.lies import LIES, PUSHES_A_TRIAL, Liar, Lie, listening
@@ -62,7 +62,7 @@ def created(liar: Liar, seed: int = 0, motion: str = "stepped") -> Iterator[None
         Path("rig.toml").write_text(f'socket = "{address}"\njoints = 2\nstep_timeout = 30.0\nmotion = "{motion}"\n')
         Path("study.toml").write_text(STUDY)
         with closing(Store("template.db", create=True)) as store:
-            create_study(store, load_chain_study("study.toml", {"seed": seed}), "study")
+            create_study(store, load_study("study.toml", {"seed": seed}), "study")
         yield
 
 
@@ -72,7 +72,7 @@ def told(liar: Liar, lie: Lie | None) -> Told:
     liar.arm(lie, HONEST_TRIALS * PUSHES_A_TRIAL)
     answer = command(["study", "run", "study", "--storage", "run.db", "--quiet"])
     with closing(Store("run.db")) as store:
-        trials = store.trials("study", load_chain_study("study.toml").names)
+        trials = store.trials("study", load_study("study.toml").names)
     return Told(
         answer, [trial.state.name for trial in trials], [trial.outcome.failure for trial in trials], liar.sent_torques()
     )

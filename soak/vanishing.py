@@ -20,7 +20,7 @@ import pandas as pd
 
 from metaid.results import trials_frame
 from metaid.store import Store
-from metaid.study import create_study, load_chain_study, run_study
+from metaid.study import create_study, load_study, run_study
 from soak.common import METAID, SoakResult, soaked
 from soak.kills import count, faults
 
@@ -77,7 +77,7 @@ def vanish_often(folder: Path, times: int) -> tuple[int, list[str]]:
     random, failures = Random(3), list[str]()
     empty, alone = folder / "empty.db", folder / "alone.db"
     with closing(Store(str(empty), create=True)) as store:
-        create_study(store, load_chain_study("three-link-coast", CHANGES), NAME)
+        create_study(store, load_study("three-link-coast", CHANGES), NAME)
     shutil.copy(empty, alone)
     with closing(Store(str(alone))) as store:
         run_study(store, NAME)

@@ -14,7 +14,7 @@ from random import Random
 
 from metaid.results import trials_frame
 from metaid.store import Store
-from metaid.study import create_study, load_chain_study, run_study
+from metaid.study import create_study, load_study, run_study
 from soak.common import METAID, SoakResult, soaked
 from soak.kills import faults
 
@@ -43,7 +43,7 @@ def kill_workers(folder: Path, kills: int) -> tuple[int, list[str]]:
         if done == kills or failures:
             break
         name = f"workers-{seed}"
-        spec = load_chain_study("three-link-coast", {**CHANGES, "seed": seed})
+        spec = load_study("three-link-coast", {**CHANGES, "seed": seed})
         path = folder / f"{name}.db"
         with closing(Store(str(folder / f"{name}-alone.db"), create=True)) as store:
             create_study(store, spec, name)

@@ -76,14 +76,14 @@ def wrong_chain(chain: Chain, seed: int) -> Chain:
 
 def matching_spec(noisy: bool) -> StudySpec:
     """A study of two links by output-error that takes four trials, on an ideal or on a noisy plant."""
-    from metaid.study import load_chain_study
+    from metaid.study import load_study
 
     if noisy:
-        spec = load_chain_study("two-link-tpe", {"sampler": "output-error", "trials": 4, "episode.measure": "smoothed"})
+        spec = load_study("two-link-tpe", {"sampler": "output-error", "trials": 4, "episode.measure": "smoothed"})
         faults = FaultSettings(angle_noise=1e-3, speed_sensor=False, push_noise=0.02)
         assert isinstance(spec.plant, PlantSettings)
         return spec.model_copy(update={"plant": spec.plant.model_copy(update={"faults": faults})})
-    return load_chain_study("two-link-tpe", {"sampler": "output-error", "trials": 8, "search.probes": 3})
+    return load_study("two-link-tpe", {"sampler": "output-error", "trials": 8, "search.probes": 3})
 
 
 def law_of(problem: Problem, factors: Array) -> Lumps:
@@ -191,7 +191,7 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A DB of real runs, not to be changed: `plain` (three links, some falls), `boundary` (two links, half of them
     falls) and `counted` (one link, whole periods).
     """
-    from metaid.study import load_chain_study
+    from metaid.study import load_study
 
     def make(folder: Path) -> None:
         made: dict[str, tuple[str, dict[str, object]]] = {
@@ -205,7 +205,7 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
             ),
             "counted": ("one-link-count", {}),
         }
-        run_all(folder / "studied.db", {name: load_chain_study(*asked) for name, asked in made.items()})
+        run_all(folder / "studied.db", {name: load_study(*asked) for name, asked in made.items()})
 
     return made_once(tmp_path_factory, "studied", make) / "studied.db"
 
@@ -217,18 +217,18 @@ def estimated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     plant.
     """
     from metaid.plant import PlantSettings
-    from metaid.study import load_chain_study
+    from metaid.study import load_study
 
     def make(folder: Path) -> None:
         matched, searched = {"sampler": "output-error", "trials": 4}, {"sampler": "cmaes", "trials": 40}
         specs = {}
         for name, changes in (("matched", matched), ("searched", searched)):
-            spec = specs[name] = load_chain_study("three-link-coast", changes)
+            spec = specs[name] = load_study("three-link-coast", changes)
             assert isinstance(spec.plant, PlantSettings)
             links = tuple(link.model_copy(update={"damping": 0.05}) for link in spec.plant.links)
             rubbing = spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": links})})
             specs["hidden" if name == "matched" else "hidden-searched"] = rubbing
-        specs["noisy"] = load_chain_study("noisy-three-link", {"trials": 2})
+        specs["noisy"] = load_study("noisy-three-link", {"trials": 2})
         run_all(folder / "estimated.db", specs)
 
     return made_once(tmp_path_factory, "estimated", make) / "estimated.db"

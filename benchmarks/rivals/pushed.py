@@ -119,12 +119,12 @@ class Rig:
         """
         problem = self.problem
         watched = replace(problem.episode, keep_angles=True)
-        objective = Objective(problem.make_plant(), problem.robot.lumps, watched, problem.measure.name)
+        objective = Objective(problem.make_plant(), problem.chain.lumps, watched, problem.measure.name)
         pushes = objective.record(tried.factors, number).angles
         absolute = np.concatenate([np.cumsum(push[1:], axis=1) for push in pushes])
         speeds = np.concatenate([np.cumsum(np.diff(push, axis=0), axis=1) for push in pushes]) / problem.timestep
         forces = compensation_basis(absolute, speeds, problem.spec.gravity) @ (
-            problem.robot.lumps.vector * tried.factors
+            problem.chain.lumps.vector * tried.factors
         )
         return np.concatenate(pushes), np.cumsum(forces[:, ::-1], axis=1)
 
@@ -154,6 +154,6 @@ def best_trial(true: Links, nominal: Links, condition: Condition, seconds: float
     if standing:
         values = np.array([each.outcome.value for each in standing])
         factors = identified_factors(rig.problem, np.array([each.factors for each in standing]), values)
-    lumps = rig.problem.robot.lumps.scaled(factors)
+    lumps = rig.problem.chain.lumps.scaled(factors)
     inertia = rig.problem.nominal.inertia_lumps * lumps.gravity / rig.problem.nominal.lumps.gravity
     return rig.found(lumps, inertia, tried, "")

@@ -17,7 +17,6 @@ from metaid.plant import Start
 
 ALIKE = 1e-9  # relative: how far two loops may differ that take the same steps
 
-
 Motion = tuple[Array, Array]  # joint angles and speeds (nsteps + 1 x njoint) after a push
 
 

@@ -15,12 +15,11 @@ def resolution_at(problem: Problem, best: Array) -> tuple[Array, float]:
     measure's resolution, inf where it does not show it; and by how much ranges are to be wider than that. Lumps by the
     nominal model (Eq. 17), base parameters by the mass matrix of the best arm (Eq. 64).
     """
-    robot = problem.robot
     if not problem.spec.is_arm:
         resolution = identifiability_by_measure(problem).resolution
-        return np.where(robot.seen, resolution, np.inf), NOMINAL_SENSITIVITY
-    root = robot.prior.root
-    shown, axes = np.linalg.eigh(root.T @ robot.sensitivity(best) @ root)
+        return np.where(problem.chain.seen, resolution, np.inf), NOMINAL_SENSITIVITY
+    root = problem.arm.prior.root
+    shown, axes = np.linalg.eigh(root.T @ problem.arm.sensitivity(best) @ root)
     shown = np.maximum(shown, np.finfo(float).eps * shown[-1])
     return 2.0 * np.pi * problem.resolution * np.sqrt((((root @ axes) ** 2) / shown).sum(axis=1)), 1.0
 

@@ -22,9 +22,7 @@ from metaid.study.evaluation import NominalMetricSampler, OptunaObjective
 from metaid.study.forecast import Forecast, forecast, refuse_until
 from metaid.study.identifiability import Identifiability, identifiability, identifiability_by_measure
 from metaid.study.loading import (
-    load_chain_study,
     load_study,
-    of_chain,
     problem_of,
     with_nominal,
 )
@@ -78,10 +76,8 @@ __all__ = [
     "forecast",
     "identifiability",
     "identifiability_by_measure",
-    "load_chain_study",
     "load_study",
     "lumps_at_bounds",
-    "of_chain",
     "optuna_spec",
     "problem_of",
     "question",

@@ -81,7 +81,7 @@ def identifiability_by_measure(problem: Problem) -> Identifiability:
 
 def _allowed(problem: Problem) -> tuple[Array, Array]:
     """The least and the largest lumps (nlump) within the bounds, in their units."""
-    nominal = problem.robot.lumps.vector
+    nominal = problem.chain.lumps.vector
     return nominal * problem.low, nominal * problem.high
 
 

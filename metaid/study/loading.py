@@ -6,7 +6,6 @@ from collections import deque
 from pathlib import Path
 from typing import Any
 
-from metaid.errors import StudyError
 from metaid.models.tree import Tree
 from metaid.plant import LinkSettings
 from metaid.study.problem import Problem
@@ -49,17 +48,3 @@ def with_nominal(spec: StudySpec, nominal: tuple[LinkSettings, ...] | Tree) -> S
     changed = spec.with_nominal(nominal)
     problem_of(changed).check()
     return changed
-
-
-def load_chain_study(name: str | Path, changes: dict[str, Any] | None = None) -> StudySpec:
-    """The same, of planar chains alone."""
-    return of_chain(load_study(name, changes))
-
-
-def of_chain(spec: StudySpec) -> StudySpec:
-    """A study that must be of a planar chain.  Raises StudyError where it is of an arm."""
-    if spec.is_arm:
-        raise StudyError(
-            f"study {spec.name}: its plant {spec.plant_name} is an arm (allowed here: a planar chain, or a rig)"
-        )
-    return spec

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -44,8 +44,20 @@ class Problem:
     def __init__(self, spec: StudySpec) -> None:
         self.spec = spec
         check_settings(spec)
-        self.robot: Any = StudiedArm(spec) if spec.is_arm else StudiedChain(spec)
+        self.robot: StudiedArm | StudiedChain = StudiedArm(spec) if spec.is_arm else StudiedChain(spec)
         self.low, self.high = self.robot.low, self.robot.high
+
+    @property
+    def chain(self) -> StudiedChain:
+        """The robot of a study of a chain."""
+        assert not self.spec.is_arm, "it is of an arm"
+        return cast("StudiedChain", self.robot)
+
+    @property
+    def arm(self) -> StudiedArm:
+        """The robot of a study of an arm."""
+        assert self.spec.is_arm, "it is of a chain"
+        return cast("StudiedArm", self.robot)
 
     @property
     def nominal(self) -> Any:
@@ -55,20 +67,17 @@ class Problem:
     @property
     def names(self) -> list[str]:
         """Of a candidate's numbers (n)."""
-        names: list[str] = self.robot.names
-        return names
+        return self.robot.names
 
     @property
     def measure(self) -> Measure:
         """What is measured."""
-        measure: Measure = self.robot.measure
-        return measure
+        return self.robot.measure
 
     @property
     def episode(self) -> Episode:
         """What is done to the plant with each candidate."""
-        episode: Episode = self.robot.episode
-        return episode
+        return self.robot.episode
 
     def check(self) -> None:
         """Raises StudyError where the pushes that the settings ask for contradict them."""
@@ -129,8 +138,7 @@ class Problem:
 
     def make_objective(self) -> Objective:
         """An objective of its own for each worker."""
-        objective: Objective = self.robot.make_objective(self.open_plant(), self.episode)
-        return objective
+        return self.robot.make_objective(self.open_plant(), self.episode)
 
     def make_searcher(self, experiment: Callable[[], Experiment | None] | None = None) -> Searcher:
         """The searcher at the study's seed, knowing of no trial; it may go by another `experiment` than the study's."""
@@ -160,8 +168,7 @@ class Problem:
     @cached_property
     def metric(self) -> Coordinates:
         """The nominal metric, whatever the searcher moves in.  Raises StudyError where it does not exist."""
-        metric: Coordinates = self.robot.metric(self.low, self.high)
-        return metric
+        return self.robot.metric(self.low, self.high)
 
     @property
     def widens(self) -> bool:
@@ -195,7 +202,7 @@ class Problem:
     @property
     def keeps_readings(self) -> bool:
         """Whether trials keep what the sensors read, as on a rig or a plant with faults, and no windows."""
-        return self.episode.readings_steps > 0
+        return self.spec.keeps_readings
 
     @property
     def trials_with_windows(self) -> int:
@@ -242,7 +249,7 @@ class Problem:
 
         robot, wanted, faults = self.robot, self.spec.study.estimate, self.spec.faults
         unknowns, starts = robot.unknowns, robot.starts
-        experiment: Experiment = robot.experiment_class(
+        return robot.experiment_class(
             laws=robot.laws,
             unknowns=unknowns,
             timestep=self.timestep,
@@ -255,7 +262,6 @@ class Problem:
             takes_up=wanted.takes_up_faults and not faults.torque_noise,
             torque_noise=np.full(len(self.spec.joints), faults.torque_noise) if faults.torque_noise else None,
         )
-        return experiment
 
     @property
     def _loop(self) -> Loop:
@@ -264,12 +270,11 @@ class Problem:
         if isinstance(spec.plant, SocketSettings):
             noise, spread = (None, None) if pushed is None else (pushed.angle_noise, start_spread(pushed))
             return loop_of_rig(spec.plant, noise, spread, spec.study)
-        noise, spread = self.robot.resting_noise(), self.robot.start_spread()
-        return loop_of_plant(spec.plant.timestep, spec.faults, noise, spread, spec.study)
+        robot, timestep = self.robot, spec.plant.timestep
+        return loop_of_plant(timestep, spec.faults, robot.resting_noise(), robot.start_spread(), spec.study)
 
     def rehearsal(self, further: int = 0) -> tuple[Experiment, Objective]:
         """The experiment and the objective of the study if its nominal model were the truth; `further` is added to the
         seed of the noise.
         """
-        rehearsed: tuple[Experiment, Objective] = self.robot.rehearsal(self.made_experiment(), further)
-        return rehearsed
+        return self.robot.rehearsal(self.made_experiment(), further)

@@ -12,7 +12,7 @@ import pytest
 from places import METAID, ROOT
 
 from metaid.errors import StudyError
-from metaid.study import Problem, load_chain_study
+from metaid.study import Problem, load_study
 from metaid.study.evaluation import RayEvaluator
 
 pytestmark = pytest.mark.slow
@@ -100,7 +100,7 @@ def test_ray_address_where_nothing_listens_is_refused_and_not_waited_for(address
     """Ray by itself would try for minutes."""
     named = address.format(closed_port())
     with pytest.raises(StudyError, match=r"no Ray cluster at .*: nothing answers there"):
-        RayEvaluator(Problem(load_chain_study("one-link-count")), 1, named)
+        RayEvaluator(Problem(load_study("one-link-count")), 1, named)
 
 
 def test_token_of_a_cluster_is_not_asked_of_a_ray_that_is_started_later(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -108,5 +108,5 @@ def test_token_of_a_cluster_is_not_asked_of_a_ray_that_is_started_later(monkeypa
     monkeypatch.setenv("RAY_AUTH_TOKEN", "0" * 64)
     monkeypatch.delenv("RAY_AUTH_MODE", raising=False)
     with pytest.raises(StudyError, match="nothing answers there"):
-        RayEvaluator(Problem(load_chain_study("one-link-count")), 1, f"127.0.0.1:{closed_port()}")
+        RayEvaluator(Problem(load_study("one-link-count")), 1, f"127.0.0.1:{closed_port()}")
     assert "RAY_AUTH_MODE" not in os.environ

@@ -14,7 +14,7 @@ from conftest import Finished
 from benchmarks import common, study
 from metaid.episode import Outcome
 from metaid.store import Store, Trial
-from metaid.study import Problem, create_study, load_chain_study, run_study
+from metaid.study import Problem, create_study, load_study, run_study
 
 pytestmark = pytest.mark.slow
 
@@ -25,7 +25,7 @@ GENERATION = 9  # of cmaes at three links
 def store(tmp_path: Path) -> Store:
     """A study DB with one study, `study`, without trials."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    create_study(store, load_chain_study("three-link-coast"), "study")
+    create_study(store, load_study("three-link-coast"), "study")
     return store
 
 
@@ -82,9 +82,9 @@ def test_an_interrupted_run_has_written_all_that_was_seen(store: Store) -> None:
         run_study(store, "study", watch=look)
     assert store.count("study") == 3 * GENERATION
     run_study(store, "study", trials=5 * GENERATION)
-    create_study(store, load_chain_study("three-link-coast"), "other")
+    create_study(store, load_study("three-link-coast"), "other")
     run_study(store, "other", trials=5 * GENERATION)
-    names = Problem(load_chain_study("three-link-coast")).names
+    names = Problem(load_study("three-link-coast")).names
     for one, other in zip(store.trials("study", names), store.trials("other", names), strict=True):
         assert one.factors.tobytes() == other.factors.tobytes()
         assert one.outcome == other.outcome
@@ -92,7 +92,7 @@ def test_an_interrupted_run_has_written_all_that_was_seen(store: Store) -> None:
 
 def test_trials_are_read_back_as_they_were_written(tmp_path: Path) -> None:
     """Every number to the last bit, in order, when studies have written by turns into one DB."""
-    store, spec = Store(str(tmp_path / "metaid.db"), create=True), load_chain_study("three-link-coast")
+    store, spec = Store(str(tmp_path / "metaid.db"), create=True), load_study("three-link-coast")
     problem, random = Problem(spec), np.random.default_rng(0)
     written: dict[str, list[Trial]] = {"one": [], "two": []}
     for name in written:

@@ -17,7 +17,7 @@ from metaid.models import Array
 from metaid.results import identified_factors
 from metaid.results.best import known_by_best
 from metaid.store import Trial
-from metaid.study import Problem, identifiability_by_measure, load_chain_study
+from metaid.study import Problem, identifiability_by_measure, load_study
 
 pytestmark = pytest.mark.slow
 
@@ -69,7 +69,7 @@ def test_differences_from_step_to_step_drown_in_noise_that_smooth_curves_stand()
     """A model that is wrong by 5 % is told from the truth by `smoothed` and not by `spectral`."""
     ratios = {}
     for measure in ("smoothed", "spectral"):
-        objective = Problem(load_chain_study("noisy-three-link", {"episode.measure": measure})).make_objective()
+        objective = Problem(load_study("noisy-three-link", {"episode.measure": measure})).make_objective()
         truth = objective.plant.true_lumps()
         assert truth is not None
         exact = truth.vector / objective.nominal.vector
@@ -100,9 +100,7 @@ def test_gravity_lumps_are_within_two_percent_with_a_milliradian_of_noise(
 def test_repeats_average_the_noise() -> None:
     """Four times the pushes, half the spread of the square; the pushes are the same ones again."""
     weak = {"episode.peak_speed": 1.0}  # so that noise sets the resolution
-    once, often = (
-        Problem(load_chain_study("noisy-three-link", {"episode.repeats": repeats, **weak})) for repeats in (1, 4)
-    )
+    once, often = (Problem(load_study("noisy-three-link", {"episode.repeats": repeats, **weak})) for repeats in (1, 4))
     assert (often.episode.pushes == np.tile(once.episode.pushes, (4, 1))).all()
     ratio = (often.episode.noise_floor.spread / once.episode.noise_floor.spread) ** 2
     assert ratio == pytest.approx(0.5, rel=0.01)
@@ -112,14 +110,14 @@ def test_repeats_average_the_noise() -> None:
 def test_long_pushes_are_refused() -> None:
     """One curve does not fit an oscillation of five thousand steps."""
     with pytest.raises(StudyError, match="allowed: rich pushes"):
-        load_chain_study("noisy-three-link", {"episode.pushes": "tip"})
+        load_study("noisy-three-link", {"episode.pushes": "tip"})
 
 
 def test_friction_is_refused_for_it_is_even_in_time() -> None:
     """A joint that is slowed by friction accelerates at once, which an odd curve does not see."""
     changes = {"search.lumps": ["gravity", "coriolis", "damping"]}
     with pytest.raises(StudyError, match="'smoothed' does not see friction"):
-        load_chain_study("noisy-three-link", changes)
+        load_study("noisy-three-link", changes)
 
 
 def survivors_of(factors: Array, values: Array) -> list[Trial]:
@@ -132,7 +130,7 @@ def survivors_of(factors: Array, values: Array) -> list[Trial]:
 
 def test_identified_lumps_are_means_over_the_range_not_the_luckiest_trial() -> None:
     """Trials that noise takes below zero are as good as each other; those of a smooth measure are not."""
-    problem = Problem(load_chain_study("noisy-three-link"))
+    problem = Problem(load_study("noisy-three-link"))
     factors = np.array([[1.0] * 6, [1.2] * 6, [1.1] * 6, [3.0] * 6])
     values = np.array([-3.0, 0.5, 0.0, 5.0]) * problem.resolution
     assert identified_factors(problem, factors, values) == pytest.approx(np.full(6, 1.1))
@@ -140,13 +138,13 @@ def test_identified_lumps_are_means_over_the_range_not_the_luckiest_trial() -> N
     np.testing.assert_allclose(known.values, 1.1 * nominal)
     assert (known.low <= nominal).all()
     assert (known.high >= 1.2 * nominal).all()
-    spectral = Problem(load_chain_study("three-link-coast"))
+    spectral = Problem(load_study("three-link-coast"))
     assert identified_factors(spectral, factors, values - values.min()).tolist() == [1.0] * 6
 
 
 def test_range_is_at_least_as_wide_as_the_pushes_are_sensitive() -> None:
     """One trial alone has no range of its own: 1.5 times the resolution, and the more the larger its value is."""
-    problem = Problem(load_chain_study("three-link-coast"))
+    problem = Problem(load_study("three-link-coast"))
     resolution, nominal = identifiability_by_measure(problem).resolution, problem.robot.lumps.vector
     for multiple in (0.0, 2.0):
         values = np.array([multiple * problem.resolution])

@@ -19,7 +19,7 @@ from metaid.models import Array
 from metaid.paper import MOST_STEPS_UP, Dinoip, DinoipOptions
 from metaid.results import best_trial_frame, trials_frame
 from metaid.store import Store
-from metaid.study import create_study, load_chain_study, run_study
+from metaid.study import create_study, load_study, run_study
 
 
 def search(
@@ -178,7 +178,7 @@ def identified(metaid: Callable[..., Finished], name: str, changes: tuple[str, .
 @pytest.mark.slow
 def test_stopped_and_resumed_it_tries_the_same(tmp_path: Path) -> None:
     """Whole, or in three parts: one table of trials."""
-    spec = load_chain_study("paper-two-link", {"search.coarse_to_fine": True})
+    spec = load_study("paper-two-link", {"search.coarse_to_fine": True})
     store = Store(str(tmp_path / "metaid.db"), create=True)
     for name, totals in (("whole", [500]), ("parts", [3, 9, 500])):
         create_study(store, spec, name)

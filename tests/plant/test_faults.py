@@ -15,7 +15,7 @@ from metaid.errors import PlantError
 from metaid.models import Array
 from metaid.plant import FaultSettings, FaultyPlant, MujocoPlant, PlantSettings, Start, draw, load_plant, slope_weights
 from metaid.store import Store
-from metaid.study import create_study, load_chain_study, run_study
+from metaid.study import create_study, load_study, run_study
 
 FAULTS = {
     "none": {},
@@ -148,7 +148,7 @@ def test_noisy_study_has_the_same_trials_however_it_is_run(workers: int, tmp_pat
     tables = []
     for name, stops in (("whole", [40]), ("stopped", [13, 27, 40])):
         store = Store(str(tmp_path / f"{name}.db"), create=True)
-        create_study(store, load_chain_study("noisy-three-link", {"sampler": "cmaes", "trials": 40}), "study")
+        create_study(store, load_study("noisy-three-link", {"sampler": "cmaes", "trials": 40}), "study")
         for trials in stops:
             run_study(store, "study", trials, workers=workers if name == "stopped" else 2)
         names = [f"gravity_{i}" for i in (1, 2, 3)] + ["coriolis_1_2", "coriolis_1_3", "coriolis_2_3"]

@@ -21,7 +21,7 @@ from metaid.show.figures import Gallery, plot_boundary
 from metaid.show.report import render
 from metaid.store import Store, Trial
 from metaid.store.reading import StoredTrials
-from metaid.study import Problem, create_study, load_chain_study
+from metaid.study import Problem, create_study, load_study
 
 FIRST, LAST = 1.02, 1.01  # factors of the first and the last of two equal trials
 
@@ -39,7 +39,7 @@ def append(store: Store, name: str, problem: Problem, factors: Sequence[Array], 
 
 def new_study(folder: Path, name: str, **changes: object) -> tuple[Store, Problem]:
     """A DB with a study that has no trials yet."""
-    store, spec = Store(str(folder / "metaid.db"), create=True), load_chain_study(name, changes)
+    store, spec = Store(str(folder / "metaid.db"), create=True), load_study(name, changes)
     create_study(store, spec, name)
     return store, Problem(spec)
 

@@ -15,7 +15,7 @@ import metaid as package
 from metaid.errors import StudyError
 from metaid.results import validate_law
 from metaid.store import Store
-from metaid.study import Problem, create_study, load_chain_study, run_study
+from metaid.study import Problem, create_study, load_study, run_study
 from metaid.study.estimates.making import first_enough
 
 pytestmark = pytest.mark.slow
@@ -151,7 +151,7 @@ def test_study_without_an_estimate_says_why_in_one_line(metaid: Metaid, why: str
     """Below the table, and in its JSON."""
     source, changes = NONE_MADE[why]
     with_store = Store("metaid.db", create=True)
-    create_study(with_store, load_chain_study(source, changes), "without")
+    create_study(with_store, load_study(source, changes), "without")
     run_study(with_store, "without")
     with_store.close()
     assert f"no estimate from all trials: {why}" in metaid("study", "show", "without").out.splitlines()
@@ -202,7 +202,7 @@ def test_frame_of_an_estimate_is_that_of_lumps_whichever_sampler(estimated: Path
 
 def test_validation_is_of_the_estimate_with_its_inertia_lumps(metaid: Metaid) -> None:
     """Each lump by its name: behind those of inertia come those of friction."""
-    spec = load_chain_study("full-three-link", {"trials": 4})
+    spec = load_study("full-three-link", {"trials": 4})
     store = Store("metaid.db", create=True)
     create_study(store, spec, "rubbing")
     run_study(store, "rubbing")

@@ -16,7 +16,7 @@ from metaid.results import judge, lumps_frame, read_findings, read_snapshot, sum
 from metaid.results.lump_tables import fault_rows
 from metaid.show.notes import note
 from metaid.store import Store
-from metaid.study import Problem, StudySpec, create_study, load_chain_study, load_study, run_study
+from metaid.study import Problem, StudySpec, create_study, load_study, run_study
 
 pytestmark = pytest.mark.slow
 
@@ -147,20 +147,20 @@ def test_no_fault_is_taken_up_where_none_is_needed(tmp_path: Path) -> None:
 def test_faults_that_cannot_be_searched_are_refused(changes: dict[str, Any], message: str) -> None:
     """In one line that says what is allowed."""
     with pytest.raises(StudyError, match=message):
-        load_chain_study("three-link-coast", changes)
+        load_study("three-link-coast", changes)
 
 
 @pytest.mark.parametrize("change", [{"estimate.torque_limit": [5.0, 4.0]}, {"estimate.enabled": False}])
 def test_torque_limit_that_is_not_of_every_joint_or_that_nothing_uses_is_refused(change: dict[str, Any]) -> None:
     """Nobody is to believe that it counts where it does not."""
     with pytest.raises(StudyError, match=r"torque_limit.*allowed: (one, or 3|on a rig)"):
-        load_chain_study("noisy-three-link", {"estimate.torque_limit": 5.0, **change})
+        load_study("noisy-three-link", {"estimate.torque_limit": 5.0, **change})
 
 
 def test_gain_of_the_only_motor_is_refused() -> None:
     """All lumps times the same would move alike."""
     with pytest.raises(StudyError, match=r"cannot be told from the lumps.*two joints or more"):
-        load_chain_study("one-link-count", {"estimate.faults": ["gain"]})
+        load_study("one-link-count", {"estimate.faults": ["gain"]})
 
 
 def test_friction_of_an_arm_is_no_fault() -> None:

@@ -20,7 +20,7 @@ from metaid.results import smooth_sinusoids, track, validate_law
 from metaid.results.control import computed_torque, track_stepwise
 from metaid.results.courses import ChainCourse
 from metaid.results.validation import Validated, fresh_seed
-from metaid.study import Problem, load_chain_study
+from metaid.study import Problem, load_study
 
 pytestmark = pytest.mark.slow
 
@@ -30,7 +30,7 @@ Metaid = Callable[..., Finished]
 @pytest.fixture(scope="module")
 def problem() -> Problem:
     """The shipped three-link-coast study."""
-    return Problem(load_chain_study("three-link-coast"))
+    return Problem(load_study("three-link-coast"))
 
 
 def true_factors(problem: Problem) -> np.ndarray:
@@ -193,7 +193,7 @@ def test_impossible_validations_are_refused_in_one_line(metaid: Metaid, problem:
 
 def test_truth_is_left_out_where_the_plant_does_not_know_it() -> None:
     """Nominal and identified alone."""
-    spec = load_chain_study("three-link-coast")
+    spec = load_study("three-link-coast")
     secret = spec.model_copy(update={"plant": spec.plant.model_copy(update={"truth_known": False})})
     models = validate_law(Problem(secret), law_of(Problem(secret), np.ones(6)), pushes=1).models
     assert [shown.model for shown in models] == ["nominal", "identified"]

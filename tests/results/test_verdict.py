@@ -18,7 +18,7 @@ from metaid.errors import StudyError
 from metaid.plant import FaultSettings, LinkSettings, PlantSettings
 from metaid.results import Verdict, judge, read_snapshot, summary
 from metaid.store import Store
-from metaid.study import create_study, load_chain_study, run_study
+from metaid.study import create_study, load_study, run_study
 
 pytestmark = pytest.mark.slow
 
@@ -31,7 +31,7 @@ def verdict_of(
 ) -> Verdict:
     """The verdict on a study that is run, up to that number of `trials` where it is given."""
     store = Store(str(folder / "metaid.db"), create=True)
-    create_study(store, load_chain_study(study, changes), "study")
+    create_study(store, load_study(study, changes), "study")
     run_study(store, "study", trials)
     return judge(read_snapshot(store, "study"))
 
@@ -66,7 +66,7 @@ def test_tip_far_heavier_than_believed_is_found_beyond_the_bounds(tmp_path: Path
     """Four links, gravity_4 2.5 times the nominal, default bounds: every interval holds the truth."""
     true, nominal = random_chain(4, 1)
     nominal = *nominal[:3], true[3].model_copy(update={"mass": true[3].mass / 2.5})
-    spec = load_chain_study("three-link-coast", {"trials": 40})
+    spec = load_study("three-link-coast", {"trials": 40})
     spec = spec.model_copy(update={"plant": PlantSettings(links=true), "nominal": nominal})
     store = Store(str(tmp_path / "metaid.db"), create=True)
     create_study(store, spec, "study")
@@ -89,7 +89,7 @@ def test_what_the_model_does_not_know_is_not_found(
     short or small and counted.
     """
     counted = SMALL_PUSHES if study == "three-link" else {}
-    spec = load_chain_study(study, {"sampler": sampler, "trials": 4, **counted})
+    spec = load_study(study, {"sampler": sampler, "trials": 4, **counted})
     assert isinstance(spec.plant, PlantSettings)
     links = tuple(link.model_copy(update=fault) for link in spec.plant.links)
     spec = spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": links})})
@@ -138,7 +138,7 @@ def test_searcher_that_stopped_by_itself_is_not_unfinished(tmp_path: Path) -> No
 def test_study_of_frequencies_without_a_trial_is_unfinished(tmp_path: Path) -> None:
     """It is shown with a row for each lump that is searched, and no number."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    create_study(store, load_chain_study("three-link"), "study")
+    create_study(store, load_study("three-link"), "study")
     verdict = judge(read_snapshot(store, "study"))
     assert verdict.word == "unfinished"
     assert len(verdict.lumps) == 6
@@ -161,7 +161,7 @@ def test_run_that_found_nothing_ends_with_status_3(metaid: Callable[..., Finishe
 @pytest.mark.parametrize("sampler", ["cmaes", "tpe"])
 def test_noisy_angles_beside_exact_speeds_leave_the_truth_in_the_intervals(sampler: str, tmp_path: Path) -> None:
     """`spectral` with a milliradian of noise: by the estimate from the readings, every lump within 1 %."""
-    spec = load_chain_study("three-link-coast", {"sampler": sampler, "trials": 12})
+    spec = load_study("three-link-coast", {"sampler": sampler, "trials": 12})
     assert isinstance(spec.plant, PlantSettings)
     faults = FaultSettings(angle_noise=1e-3)
     spec = spec.model_copy(update={"plant": spec.plant.model_copy(update={"faults": faults})})
@@ -181,7 +181,7 @@ COUNTED = {"trials": 6, "search.probes": 6, "episode.steps": 4000}
 def test_whole_counts_are_a_result_with_the_extent_of_what_counts_the_same(tmp_path: Path) -> None:
     """The misfit is the number of counts that differ, none; no standard deviation; the truth lies in every extent."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    create_study(store, load_chain_study("two-link-counted", COUNTED), "study")
+    create_study(store, load_study("two-link-counted", COUNTED), "study")
     run_study(store, "study")
     shown = summary(store, "study")
     assert (shown["verdict"], shown["source"], shown["misfit"]) == ("found", "estimate", 0.0)
@@ -215,7 +215,7 @@ def test_counts_that_no_model_shows_are_not_found(tmp_path: Path) -> None:
 def test_counts_are_not_compared_on_a_noisy_plant() -> None:
     """One line says so, and what to do."""
     with pytest.raises(StudyError, match="compare: 'count' needs a plant without noise"):
-        load_chain_study("noisy-three-link", {"estimate.compare": "count"})
+        load_study("noisy-three-link", {"estimate.compare": "count"})
 
 
 # One link as it is and as it is believed to be: length, mass, centre of mass, inertia.

@@ -23,7 +23,7 @@ from metaid.study import (
     SearchSettings,
     StudySpec,
     create_study,
-    load_chain_study,
+    load_study,
     run_study,
 )
 from metaid.study.settings import EstimateSettings
@@ -94,7 +94,7 @@ def test_trial_that_coasts_does_not_lead_the_estimate_astray(store: Store) -> No
     """From the nominal model the frequencies of ten links, of which the last trial's are nothing, end in a wrong
     minimum; the fit begins where the probes lead, as that of the search did.
     """
-    create_study(store, load_chain_study("ten-link-oscillation"))
+    create_study(store, load_study("ten-link-oscillation"))
     assert run_study(store, "ten-link-oscillation").trials == 3
     shown = results.summary(store, "ten-link-oscillation")
     assert shown["misfit"] < 1.0
@@ -181,7 +181,7 @@ def test_what_no_model_explains_is_matched_ever_more_seldom_and_ends_when_no_mor
 @pytest.mark.parametrize("sampler", ["cmaes", "tpe", "random"])
 def test_trials_of_every_sampler_give_the_same_estimate_beside_the_best_trial(sampler: str, store: Store) -> None:
     """It is a property of a study's trials, not of the sampler that proposed them."""
-    create_study(store, load_chain_study("three-link-coast", {"sampler": sampler, "trials": 20}))
+    create_study(store, load_study("three-link-coast", {"sampler": sampler, "trials": 20}))
     run_study(store, "three-link-coast")
     shown = results.summary(store, "three-link-coast")
     assert (shown["verdict"], shown["source"]) == ("found", "estimate")

@@ -19,7 +19,7 @@ from optuna_dashboard import get_note, save_note
 import metaid as package
 from metaid.show import companions, dashboard, notes
 from metaid.store import Store, Trial
-from metaid.study import Problem, create_study, load_chain_study, run_study, stored_spec
+from metaid.study import Problem, create_study, load_study, run_study, stored_spec
 
 pytestmark = pytest.mark.slow
 
@@ -146,7 +146,7 @@ MALFORMED = (
 def short(tmp_path: Path) -> Iterator[Store]:
     """A study of a few trials."""
     opened = Store(str(tmp_path / "short.db"), create=True)
-    create_study(opened, load_chain_study("one-link-count", {"trials": 9}))
+    create_study(opened, load_study("one-link-count", {"trials": 9}))
     run_study(opened, "one-link-count")
     yield opened
     opened.close()

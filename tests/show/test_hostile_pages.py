@@ -19,7 +19,7 @@ from listeners import listening
 from metaid.results import read_findings
 from metaid.show import dashboard
 from metaid.store import Store
-from metaid.study import create_study, load_chain_study, run_study
+from metaid.study import create_study, load_study, run_study
 
 pytestmark = pytest.mark.slow
 
@@ -38,7 +38,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A DB with a study whose name, plant's name and descriptions are markup, and a note of the stranger's own."""
     path = tmp_path_factory.mktemp("evil") / "evil.db"
     store = Store(str(path), create=True)
-    spec = load_chain_study("one-link-count", {"description": f"{EVIL} {LINK} {MATHS}", "trials": 30})
+    spec = load_study("one-link-count", {"description": f"{EVIL} {LINK} {MATHS}", "trials": 30})
     plant = spec.plant.model_copy(update={"description": EVIL})
     create_study(store, spec.model_copy(update={"plant_name": EVIL, "plant": plant}), EVIL)
     run_study(store, EVIL)

@@ -16,7 +16,7 @@ import metaid as package
 from metaid.results import read_findings
 from metaid.show.report import render, templates
 from metaid.store import Store
-from metaid.study import create_study, load_chain_study, run_study
+from metaid.study import create_study, load_study, run_study
 
 pytestmark = pytest.mark.slow
 
@@ -73,7 +73,7 @@ def test_browser_shows_lumps_figures_and_falls_and_fetches_nothing(page: Path, s
 @pytest.fixture(scope="module")
 def hidden(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of a study of a plant that does not tell its truth, without falls."""
-    spec = load_chain_study("two-link-tpe", {"sampler": "output-error", "trials": 3})
+    spec = load_study("two-link-tpe", {"sampler": "output-error", "trials": 3})
     plant = spec.plant.model_copy(update={"truth_known": False})  # type: ignore[union-attr]
     folder = tmp_path_factory.mktemp("hidden")
     store = Store(str(folder / "metaid.db"), create=True)
@@ -93,7 +93,7 @@ def test_plant_that_does_not_tell_its_truth_is_nowhere_on_the_page(hidden: Path)
     """Neither in the picture nor in the files; what is not drawn, and why, is said in place of an empty box."""
     text = html.unescape(hidden.read_text(encoding="utf-8"))
     readable = " ".join(re.sub("<[^>]+>", " ", re.sub(r"<style.*?</style>", "", text, flags=re.DOTALL)).split())
-    links = load_chain_study("two-link-tpe").plant.links  # type: ignore[union-attr]
+    links = load_study("two-link-tpe").plant.links  # type: ignore[union-attr]
     for link in links:
         assert f"mass {link.mass:.3g} kg" not in readable
         for said in (f"mass = {link.mass}", f"com = {link.com}", f"inertia = {link.inertia}"):

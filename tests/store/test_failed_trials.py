@@ -12,7 +12,7 @@ from optuna.trial import TrialState
 
 from metaid import results
 from metaid.store import Store, Trial
-from metaid.study import Problem, create_study, load_chain_study
+from metaid.study import Problem, create_study, load_study
 
 pytestmark = pytest.mark.slow
 
@@ -22,7 +22,7 @@ REASON = 'it ended its worker\'s process 3 times: "signal 6"'
 @pytest.fixture
 def database(tmp_path: Path) -> Path:
     """A study of two survivors, a fall and a failure."""
-    path, spec = tmp_path / "metaid.db", load_chain_study("two-link-tpe", {"episode.fall_limit": 1.0})
+    path, spec = tmp_path / "metaid.db", load_study("two-link-tpe", {"episode.fall_limit": 1.0})
     store, problem = Store(str(path), create=True), Problem(spec)
     create_study(store, spec, "study")
     objective, factors = problem.make_objective(), [1.4, 0.5, 0.9, 1.2]
@@ -39,7 +39,7 @@ def database(tmp_path: Path) -> Path:
 
 def test_failure_is_worse_than_any_fall(database: Path) -> None:
     """The searcher is told a finite value beyond that of a fall at the first step."""
-    problem = Problem(load_chain_study("three-link-coast", {"episode.fall_limit": 1.0}))
+    problem = Problem(load_study("three-link-coast", {"episode.fall_limit": 1.0}))
     objective = problem.make_objective()
     worst_fall = objective.evaluate(np.full(len(problem.names), 0.01))
     assert worst_fall.fell

@@ -18,7 +18,7 @@ from optuna.trial import create_trial
 from metaid import results
 from metaid.errors import StorageError
 from metaid.store import Store
-from metaid.study import create_study, load_chain_study, run_study
+from metaid.study import create_study, load_study, run_study
 
 pytestmark = pytest.mark.slow
 
@@ -60,7 +60,7 @@ def told(study: optuna.Study) -> None:
 def made(path: Path) -> Store:
     """A DB with a study without trials."""
     store = Store(str(path), create=True)
-    create_study(store, load_chain_study("three-link-coast", CHANGES), "study")
+    create_study(store, load_study("three-link-coast", CHANGES), "study")
     return store
 
 
@@ -117,7 +117,7 @@ def test_show_says_which_trials_are_others(metaid: Metaid) -> None:
 def test_trials_of_another_study_with_other_settings_are_not_taken_for_ours(tmp_path: Path) -> None:
     """The next one of another seed's, which has the number that ours would have."""
     with closing(made(tmp_path / "metaid.db")) as store:
-        create_study(store, load_chain_study("three-link-coast", {**CHANGES, "seed": 9}), "other")
+        create_study(store, load_study("three-link-coast", {**CHANGES, "seed": 9}), "other")
         run_study(store, "study", trials=GENERATION)
         run_study(store, "other", trials=2 * GENERATION)
         url = f"sqlite:///{tmp_path / 'metaid.db'}"
@@ -148,7 +148,7 @@ def test_new_study_inherits_nothing_of_a_deleted_one_with_its_id(tmp_path: Path,
     with closing(made(tmp_path / "metaid.db")) as store:
         run_study(store, "study", trials=2 * GENERATION)
         orphaned(tmp_path / "metaid.db")
-        create_study(store, load_chain_study("three-link-coast", CHANGES), "study")
+        create_study(store, load_study("three-link-coast", CHANGES), "study")
         assert store.count("study") == 0
         run_study(store, "study")
         pd.testing.assert_frame_equal(results.trials_frame(store, "study"), alone, check_exact=True)

@@ -24,7 +24,7 @@ from postgres import Postgres
 from metaid import results
 from metaid.errors import StorageError
 from metaid.store import Store, lease
-from metaid.study import create_study, load_chain_study, run_study
+from metaid.study import create_study, load_study, run_study
 
 pytestmark = pytest.mark.slow
 
@@ -47,7 +47,7 @@ class Database:
     def __init__(self, storage: str) -> None:
         self.storage = storage
         with closing(Store(storage, create=True)) as store:
-            create_study(store, load_chain_study("three-link-coast", LONG), "study")
+            create_study(store, load_study("three-link-coast", LONG), "study")
 
     def ask(self, statement: str) -> Any:
         """The first cell that a statement gives, if any."""

@@ -28,7 +28,7 @@ from metaid import api, results
 from metaid.episode import Outcome
 from metaid.errors import StorageError
 from metaid.store import Store, Trial
-from metaid.study import Progress, create_study, load_chain_study, run_study
+from metaid.study import Progress, create_study, load_study, run_study
 
 pytestmark = pytest.mark.slow
 
@@ -41,7 +41,7 @@ Metaid = Callable[..., Finished]
 def store(url: str) -> Iterator[Store]:
     """A study DB with a study, `study`, of survivors and falls, that has not been run."""
     with closing(Store(url, create=True)) as made:
-        create_study(made, load_chain_study("three-link-coast", CHANGES), "study")
+        create_study(made, load_study("three-link-coast", CHANGES), "study")
         yield made
 
 
@@ -50,7 +50,7 @@ def alone(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The same study in an SQLite file, run and left alone."""
     path = str(tmp_path_factory.mktemp("alone") / "metaid.db")
     with closing(Store(path, create=True)) as made:
-        create_study(made, load_chain_study("three-link-coast", CHANGES), "study")
+        create_study(made, load_study("three-link-coast", CHANGES), "study")
         run_study(made, "study", workers=1)
     return path
 
@@ -213,7 +213,7 @@ def test_server_that_does_not_come_back_is_given_up_in_one_line_that_says_how_to
 ) -> None:
     """After the patience that was given: status 2; once it is back, the run goes on."""
     with closing(Store(url, create=True)) as store:
-        create_study(store, load_chain_study("three-link-coast", LONG), "study")
+        create_study(store, load_study("three-link-coast", LONG), "study")
     run = [*METAID, "study", "run", "study", "--quiet", "--patience", "1", "--storage", url]
     try:
         with subprocess.Popen(run, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:

@@ -11,7 +11,7 @@ import pytest
 from metaid.episode import SensorReadings, readings_before_fall
 from metaid.store import Store
 from metaid.store.sensor_readings import decoded, encoded
-from metaid.study import Problem, create_study, load_chain_study, run_study
+from metaid.study import Problem, create_study, load_study, run_study
 
 pytestmark = pytest.mark.slow
 
@@ -62,7 +62,7 @@ def test_text_of_a_stranger_that_is_none_is_refused(text: str) -> None:
 def test_trials_of_a_noisy_study_have_the_readings_that_the_law_acted_on(tmp_path: Path) -> None:
     """Those of the same episode run again, to the last bit, in an attribute that plain Optuna reads; no windows."""
     storage = str(tmp_path / "metaid.db")
-    store, spec = Store(storage, create=True), load_chain_study("noisy-three-link", {"trials": 3})
+    store, spec = Store(storage, create=True), load_study("noisy-three-link", {"trials": 3})
     create_study(store, spec)
     run_study(store, "noisy-three-link")
     objective = Problem(spec).make_objective()
@@ -80,7 +80,7 @@ def test_readings_end_with_the_budget_whoever_runs_the_study(tmp_path: Path, mon
     """Which trials have them depends on their number alone, not on workers or on how often a run was stopped."""
     monkeypatch.setattr("metaid.study.problem.READING_BUDGET", 200_000)
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    spec = load_chain_study("noisy-three-link", {"sampler": "cmaes", "trials": 20})
+    spec = load_study("noisy-three-link", {"sampler": "cmaes", "trials": 20})
     kept = Problem(spec).trials_with_readings
     assert 0 < kept < 20
     for name, workers, stops in (("one", 1, (20,)), ("two", 2, (5, 13, 20))):
@@ -93,6 +93,6 @@ def test_readings_end_with_the_budget_whoever_runs_the_study(tmp_path: Path, mon
 
 def test_trials_that_no_estimate_is_made_of_keep_no_readings() -> None:
     """A study that stands by its estimate keeps those of more trials than one that stands by its best trial."""
-    assert Problem(load_chain_study("noisy-three-link", {"trials": 600})).trials_with_readings == 32
-    assert Problem(load_chain_study("noisy-three-link", {"sampler": "cmaes", "trials": 600})).trials_with_readings == 12
-    assert Problem(load_chain_study("three-link-coast")).trials_with_readings == 0
+    assert Problem(load_study("noisy-three-link", {"trials": 600})).trials_with_readings == 32
+    assert Problem(load_study("noisy-three-link", {"sampler": "cmaes", "trials": 600})).trials_with_readings == 12
+    assert Problem(load_study("three-link-coast")).trials_with_readings == 0

@@ -23,7 +23,7 @@ from places import ROOT
 from metaid import results
 from metaid.store import Store
 from metaid.store.optuna_tables import REVISION
-from metaid.study import create_study, load_chain_study, run_study
+from metaid.study import create_study, load_study, run_study
 
 pytestmark = pytest.mark.slow
 
@@ -38,7 +38,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, pd.DataFrame]:
     """A DB with half of a study, not to be changed, and the trials of all of it."""
     folder = tmp_path_factory.mktemp("made")
     with closing(Store(str(folder / "half.db"), create=True)) as store:
-        create_study(store, load_chain_study("three-link-coast", CHANGES), "study")
+        create_study(store, load_study("three-link-coast", CHANGES), "study")
         run_study(store, "study", trials=HALF)
     shutil.copy(folder / "half.db", folder / "whole.db")
     with closing(Store(str(folder / "whole.db"))) as store:

@@ -17,7 +17,7 @@ from metaid import results
 from metaid.episode import Outcome
 from metaid.errors import StorageError
 from metaid.store import Store, Trial
-from metaid.study import create_study, delete_study, load_chain_study, run_study
+from metaid.study import create_study, delete_study, load_study, run_study
 
 CHANGES = {
     "trials": 60,
@@ -33,7 +33,7 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A study DB with a study of survivors and falls."""
     path = tmp_path_factory.mktemp("store") / "metaid.db"
     store = Store(str(path), create=True)
-    create_study(store, load_chain_study("three-link-coast", CHANGES), "study")
+    create_study(store, load_study("three-link-coast", CHANGES), "study")
     run_study(store, "study")
     return path
 
@@ -121,7 +121,7 @@ def test_only_whole_generations_are_ever_in_the_db(tmp_path: Path) -> None:
     """A reader that looks after every generation sees all before it, itself once the run ends, and nothing RUNNING."""
     path = tmp_path / "metaid.db"
     store = Store(str(path), create=True)
-    create_study(store, load_chain_study("three-link-coast", CHANGES), "study")
+    create_study(store, load_study("three-link-coast", CHANGES), "study")
     seen = []
 
     def look(_progress: object) -> None:
@@ -142,7 +142,7 @@ def test_deleted_study_leaves_no_row_behind_and_others_alone(tmp_path: Path) -> 
     path = tmp_path / "metaid.db"
     store = Store(str(path), create=True)
     for name in ("one", "two"):
-        create_study(store, load_chain_study("three-link-coast", CHANGES), name)
+        create_study(store, load_study("three-link-coast", CHANGES), name)
         run_study(store, name, trials=18)
     with sqlite3.connect(path) as connection:
         tables_with_rows = [row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
@@ -165,8 +165,8 @@ def test_study_that_optuna_made_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(StorageError, match="unknown study"):
         delete_study(store, "somebody's")
     with pytest.raises(StorageError, match="has a study"):
-        create_study(store, load_chain_study("three-link-coast"), "somebody's")
-    create_study(store, load_chain_study("three-link-coast"), "ours")
+        create_study(store, load_study("three-link-coast"), "somebody's")
+    create_study(store, load_study("three-link-coast"), "ours")
     assert store.names() == ["ours"]
 
 

@@ -21,7 +21,7 @@ from places import ROOT
 from metaid import results
 from metaid.errors import StorageError
 from metaid.store import Store
-from metaid.study import Progress, create_study, load_chain_study, run_study
+from metaid.study import Progress, create_study, load_study, run_study
 
 pytestmark = pytest.mark.slow
 
@@ -59,7 +59,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, pd.DataFrame]:
     """A DB with a study without trials, not to be changed, and the trials of all of it."""
     folder = tmp_path_factory.mktemp("made")
     with closing(Store(str(folder / "empty.db"), create=True)) as store:
-        create_study(store, load_chain_study("three-link-coast", CHANGES), "study")
+        create_study(store, load_study("three-link-coast", CHANGES), "study")
     shutil.copy(folder / "empty.db", folder / "whole.db")
     with closing(Store(str(folder / "whole.db"))) as store:
         run_study(store, "study")
@@ -118,7 +118,7 @@ def test_file_that_another_is_copied_over_in_mid_run_ends_it_in_a_line(path: Pat
     """The file is the same one to the system, and its content another DB's."""
     other = tmp_path / "other.db"
     with closing(Store(str(other), create=True)) as store:
-        create_study(store, load_chain_study("one-link-count"))
+        create_study(store, load_study("one-link-count"))
     content = other.read_bytes()
 
     def copy_over(file: Path) -> None:

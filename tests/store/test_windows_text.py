@@ -14,7 +14,7 @@ from conftest import Finished
 from metaid.episode import Windows, windows_before_fall
 from metaid.store import Store
 from metaid.store.windows import decoded, encoded
-from metaid.study import Problem, create_study, load_chain_study, run_study
+from metaid.study import Problem, create_study, load_study, run_study
 
 Metaid = Callable[..., Finished]
 
@@ -49,7 +49,7 @@ def test_text_of_a_stranger_that_is_none_is_refused(text: str) -> None:
 def test_trials_of_three_links_have_windows_of_four_kilobytes_that_plain_optuna_reads(tmp_path: Path) -> None:
     """A user attribute like any other, and the same as the motion that was recorded."""
     storage = str(tmp_path / "metaid.db")
-    store, spec = Store(storage, create=True), load_chain_study("three-link-coast", {"trials": 20})
+    store, spec = Store(storage, create=True), load_study("three-link-coast", {"trials": 20})
     create_study(store, spec)
     run_study(store, "three-link-coast")
     problem = Problem(spec)
@@ -70,7 +70,7 @@ def test_windows_end_with_the_budget_whoever_runs_the_study(tmp_path: Path, monk
     """Which trials have them depends on their number alone, not on workers or on how often a run was stopped."""
     monkeypatch.setattr("metaid.study.chain.StudiedChain.window_budget", 35_000)
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    spec = load_chain_study("three-link-coast", {"trials": 30})
+    spec = load_study("three-link-coast", {"trials": 30})
     kept = Problem(spec).trials_with_windows
     assert 0 < kept < 30
     for name, workers, stops in (("one", 1, (30,)), ("two", 2, (5, 13, 30))):

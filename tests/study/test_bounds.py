@@ -14,14 +14,14 @@ from metaid import results
 from metaid.results.best import best_trial
 from metaid.search import at_bounds, bounds_in_force, widened
 from metaid.store import Store
-from metaid.study import Problem, create_study, load_chain_study, lumps_at_bounds, run_study
+from metaid.study import Problem, create_study, load_study, lumps_at_bounds, run_study
 
 pytestmark = pytest.mark.slow
 
 
 def problem_of(**changes: Any) -> Problem:
     """The two-link study with some settings changed; it searches three lumps between 0.5 and 2."""
-    return Problem(load_chain_study("two-link-tpe", changes))
+    return Problem(load_study("two-link-tpe", changes))
 
 
 def test_lump_that_is_very_near_a_bound_is_at_it() -> None:
@@ -89,7 +89,7 @@ TIGHT = {"search.low": 0.9, "search.high": 1.1}  # the six lumps of the three-li
 
 def run_tight(store: Store, name: str, *stops: int, **changes: Any) -> None:
     """Runs the three-link-coast study in bounds that exclude the truth, up to each of the `stops`."""
-    spec = load_chain_study("three-link-coast", TIGHT | changes)
+    spec = load_study("three-link-coast", TIGHT | changes)
     create_study(store, spec, name)
     for trials in stops or (spec.study.trials,):
         run_study(store, name, trials)
@@ -143,7 +143,7 @@ def test_widened_study_has_the_same_trials_however_often_it_is_stopped(
 def test_bounds_stay_where_the_best_trial_is_as_good_as_exact(tmp_path: Path) -> None:
     """A lump that is near a bound by right moves nothing."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    create_study(store, load_chain_study("three-link-coast", {"search.high": 1.15}), "study")
+    create_study(store, load_study("three-link-coast", {"search.high": 1.15}), "study")
     problem = run_study(store, "study").problem
     assert best_error(store, "study") < 1e-3
     assert problem.high.max() == 1.15

@@ -15,7 +15,7 @@ from conftest import Finished
 from metaid import results
 from metaid.models import IDEAL, lump_names
 from metaid.store import Store
-from metaid.study import create_study, load_chain_study, run_study
+from metaid.study import create_study, load_study, run_study
 
 pytestmark = pytest.mark.slow
 
@@ -26,7 +26,7 @@ CASES = ("cmaes", 1), ("cmaes", 2), ("cmaes", 3), ("tpe", 1)  # samplers and see
 def run(folder: Path, **changes: Any) -> Store:
     """A DB in which the demonstration has been run."""
     store = Store(str(folder / "metaid.db"), create=True)
-    create_study(store, load_chain_study(STUDY, changes))
+    create_study(store, load_study(STUDY, changes))
     run_study(store, STUDY)
     return store
 

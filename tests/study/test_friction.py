@@ -16,7 +16,7 @@ from metaid.errors import StudyError
 from metaid.models import IDEAL, Lumps, compensation_basis, compensation_torque
 from metaid.plant import MujocoPlant, Start
 from metaid.store import Store
-from metaid.study import Problem, create_study, load_chain_study, run_study
+from metaid.study import Problem, create_study, load_study, run_study
 
 pytestmark = pytest.mark.slow
 
@@ -91,7 +91,7 @@ def test_sensitivity_to_friction_is_what_the_plant_shows(frictionloss: float) ->
     """Near the truth the squared measure is κ |z|², for friction lumps as for the others."""
     plant = rubbing_plant(3, 0.03, frictionloss)
     searched = plant.chain.kinds
-    spec = load_chain_study("full-three-link")
+    spec = load_study("full-three-link")
     search = spec.study.search.model_copy(update={"lumps": searched})
     study = spec.study.model_copy(update={"search": search})
     known = {"plant": plant.settings, "nominal": plant.settings.links, "study": study}
@@ -105,9 +105,9 @@ def test_sensitivity_to_friction_is_what_the_plant_shows(frictionloss: float) ->
 
 def test_law_of_a_study_that_does_not_search_friction_has_none() -> None:
     """Whatever the nominal model says of it: what is not searched is not believed either."""
-    spec = load_chain_study("full-three-link", {"search.lumps": ["gravity", "coriolis"]})
+    spec = load_study("full-three-link", {"search.lumps": ["gravity", "coriolis"]})
     problem = Problem(spec)
-    assert problem.names == Problem(load_chain_study("three-link-coast")).names
+    assert problem.names == Problem(load_study("three-link-coast")).names
     assert problem.robot.lumps.damping is None
 
 
@@ -115,7 +115,7 @@ def test_default_lumps_leave_the_trials_as_they_were(tmp_path: Path) -> None:
     """Naming the two kinds, in any order, is not naming any, to the last bit."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
     for name, changes in (("one", {}), ("other", {"search.lumps": ["coriolis", "gravity"]})):
-        create_study(store, load_chain_study("three-link-coast", changes), name)
+        create_study(store, load_study("three-link-coast", changes), name)
         run_study(store, name, trials=60)
     assert results.trials_frame(store, "one").equals(results.trials_frame(store, "other"))
 
@@ -133,14 +133,14 @@ def test_default_lumps_leave_the_trials_as_they_were(tmp_path: Path) -> None:
 def test_lumps_that_cannot_be_searched_are_refused(changes: dict[str, Any], message: str) -> None:
     """One line that says what is allowed."""
     with pytest.raises(StudyError, match=message):
-        load_chain_study("full-three-link", changes)
+        load_study("full-three-link", changes)
 
 
 def test_shipped_study_identifies_the_full_dynamics(tmp_path: Path) -> None:
     """All lumps of A, c and g, and friction, from a nominal model whose every parameter but length is far off; computed
     torque with them tracks as well as with the truth.
     """
-    spec = load_chain_study("full-three-link")
+    spec = load_study("full-three-link")
     for true, believed in zip(spec.plant.links, spec.nominal, strict=True):  # type: ignore[union-attr]
         for parameter, least in (("mass", 0.2), ("com", 0.1), ("inertia", 0.25), ("damping", 0.25)):
             assert abs(getattr(believed, parameter) / getattr(true, parameter) - 1.0) > least
@@ -161,7 +161,7 @@ def test_a_push_coasts_with_the_identified_friction_and_not_without(tmp_path: Pa
     store = Store(str(tmp_path / "metaid.db"), create=True)
     changes = {"sampler": "cmaes", "trials": 1800, "search.lumps": [*IDEAL, "damping"]}
     for coordinates in ("nominal-metric", "plain"):
-        spec = load_chain_study("full-three-link", {**changes, "search.coordinates": coordinates})
+        spec = load_study("full-three-link", {**changes, "search.coordinates": coordinates})
         create_study(store, spec, coordinates)
         run_study(store, coordinates)
     assert best_error(store, "nominal-metric") < 0.01
@@ -172,7 +172,7 @@ def test_friction_that_is_not_searched_biases_the_other_lumps(tmp_path: Path) ->
     """The search finds the best that a frictionless law can do, which is not the truth."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
     changes = {"sampler": "cmaes", "trials": 600, "search.lumps": list(IDEAL)}
-    spec = load_chain_study("full-three-link", changes)
+    spec = load_study("full-three-link", changes)
     create_study(store, spec, "without")
     run_study(store, "without")
     shown = results.summary(store, "without")
@@ -184,7 +184,7 @@ def test_friction_that_is_not_searched_biases_the_other_lumps(tmp_path: Path) ->
 def test_dry_friction_is_identified_beside_viscous(tmp_path: Path) -> None:
     """All 12 lumps of a three-link chain with both kinds, within 1 %."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    spec = load_chain_study("full-three-link", {"sampler": "cmaes", "trials": 3000})
+    spec = load_study("full-three-link", {"sampler": "cmaes", "trials": 3000})
     dry = {
         "links": tuple(
             link.model_copy(update={"frictionloss": loss})

@@ -15,7 +15,7 @@ from conftest import Finished
 from metaid import results
 from metaid.plant import PlantSettings
 from metaid.store import Store
-from metaid.study import Problem, create_study, identifiability, load_chain_study, run_study
+from metaid.study import Problem, create_study, identifiability, load_study, run_study
 
 Metaid = Callable[..., Finished]
 
@@ -23,7 +23,7 @@ Metaid = Callable[..., Finished]
 @pytest.mark.parametrize("study", ["three-link-coast", "two-link-tpe"])
 def test_spectral_with_rich_pushes_determines_every_lump(study: str) -> None:
     """All lumps to better than 1 %."""
-    found = identifiability(Problem(load_chain_study(study)))
+    found = identifiability(Problem(load_study(study)))
     assert all(found.determined)
     assert found.resolution.max() < 0.01
     assert found.combinations == ()
@@ -31,7 +31,7 @@ def test_spectral_with_rich_pushes_determines_every_lump(study: str) -> None:
 
 def test_count_after_a_push_at_the_tip_determines_no_coriolis_lump() -> None:
     """Gravity lumps of two links to about a hundredth, the Coriolis lump not at all."""
-    found = identifiability(Problem(load_chain_study("two-link-tpe", {"episode.measure": "count"})))
+    found = identifiability(Problem(load_study("two-link-tpe", {"episode.measure": "count"})))
     assert found.undetermined_names == ["coriolis_1_2"]
     assert found.resolution[:2].max() < 0.02
     assert np.isinf(found.resolution[2])
@@ -41,7 +41,7 @@ def test_count_after_a_push_at_the_tip_determines_no_coriolis_lump() -> None:
 def test_lump_whose_bound_the_count_does_not_notice_is_not_determined(bound: str, factor: float) -> None:
     """Either bound of the study: the search may go as far, and no trial there would be worse."""
     changes = {"episode.measure": "count", "search.start": 1.0, f"search.{bound}": {"gravity_1": factor}}
-    found = identifiability(Problem(load_chain_study("two-link-tpe", changes)))
+    found = identifiability(Problem(load_study("two-link-tpe", changes)))
     assert np.isinf(found.resolution[0])
     assert found.resolution[1] < 0.02
 
@@ -50,7 +50,7 @@ def test_lump_whose_bound_the_count_does_not_notice_is_not_determined(bound: str
 def test_bounds_on_one_side_of_the_nominal_model_leave_the_other_side_out(low: float, high: float) -> None:
     """The nominal model may be a bound or be out of bounds; what is left is found as finely."""
     changes = {"episode.measure": "count", "search.start": 0.5 * (low + high), "search.low": low, "search.high": high}
-    found = identifiability(Problem(load_chain_study("two-link-tpe", changes)))
+    found = identifiability(Problem(load_study("two-link-tpe", changes)))
     assert found.resolution[:2].max() < 0.02
 
 
@@ -59,11 +59,11 @@ def test_one_push_at_the_tip_leaves_combinations_that_cannot_be_told() -> None:
     noticed.
     """
     changes = {"episode.pushes": [[0.0, 0.0, 0.05]], "episode.steps": 150, "search.coordinates": "plain"}
-    problem = Problem(load_chain_study("three-link-coast", changes))
+    problem = Problem(load_study("three-link-coast", changes))
     found = identifiability(problem)
     assert found.undetermined_names
     exact = problem.make_plant().chain.lumps.vector / problem.nominal.lumps.vector
-    rich = Problem(load_chain_study("three-link-coast")).make_objective()
+    rich = Problem(load_study("three-link-coast")).make_objective()
     poor = problem.make_objective()
     moved = exact * (1 + 0.05 * np.array([found.combinations[0].get(name, 0.0) for name in problem.names]))
     assert poor.evaluate(moved).value < 0.02 * rich.evaluate(moved).value
@@ -73,10 +73,10 @@ def test_one_push_at_the_tip_leaves_combinations_that_cannot_be_told() -> None:
 def test_resolution_is_the_range_that_the_trials_show(tmp_path: Path) -> None:
     """The range of trials as good as the best is about as wide as was foreseen, for every lump."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    create_study(store, load_chain_study("three-link-coast", {"trials": 1500, "estimate.enabled": False}), "study")
+    create_study(store, load_study("three-link-coast", {"trials": 1500, "estimate.enabled": False}), "study")
     run_study(store, "study")
     lumps = results.lumps_frame(store, "study")
-    foreseen = identifiability(Problem(load_chain_study("three-link-coast"))).resolution
+    foreseen = identifiability(Problem(load_study("three-link-coast"))).resolution
     width = ((lumps["high"] - lumps["low"]) / (2 * lumps["identified"])).to_numpy()
     assert (width < 2.5 * foreseen).all()
     assert (width > 0.1 * foreseen).all()
@@ -105,9 +105,9 @@ def test_what_the_pushes_cannot_tell_is_not_determined_by_the_best_trial(tmp_pat
     """A study may run all the same, and say so of its best trial; matched, the same pushes determine every lump."""
     changes = {"episode.pushes": [[0.0, 0.0, 0.05]], "episode.steps": 150, "search.coordinates": "plain", "trials": 60}
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    create_study(store, load_chain_study("three-link-coast", changes), "study")
+    create_study(store, load_study("three-link-coast", changes), "study")
     run_study(store, "study")
-    missed = identifiability(Problem(load_chain_study("three-link-coast", changes))).undetermined_names
+    missed = identifiability(Problem(load_study("three-link-coast", changes))).undetermined_names
     by_best_trial = results.best_trial_frame(store, "study").set_index("name")
     assert missed
     assert not by_best_trial["determined"][missed].any()
@@ -121,11 +121,11 @@ def test_estimate_is_checked_by_its_own_covariance_and_not_by_the_measure(metaid
     whichever sampler proposed the candidates.
     """
     for sampler in ("output-error", "cmaes"):
-        found = identifiability(Problem(load_chain_study("three-link-oscillation", {"sampler": sampler})))
+        found = identifiability(Problem(load_study("three-link-oscillation", {"sampler": sampler})))
         assert found.names[-1] == "inertia_3"
         assert max(found.resolution) < 1e-6
     alone = {"sampler": "cmaes", "estimate.enabled": False}
-    minimised = identifiability(Problem(load_chain_study("three-link-oscillation", alone)))
+    minimised = identifiability(Problem(load_study("three-link-oscillation", alone)))
     assert minimised.undetermined_names == ["coriolis_1_2", "coriolis_1_3", "coriolis_2_3"]
     created = metaid("study", "create", "three-link-oscillation")
     assert created.status == 0
@@ -137,7 +137,7 @@ def test_estimate_is_checked_by_its_own_covariance_and_not_by_the_measure(metaid
 
 def test_estimate_is_checked_on_the_nominal_model_whatever_the_plant_is() -> None:
     """The check of a study whose plant is its nominal model says the same, for the start speeds are the same."""
-    spec = load_chain_study("three-link", SMALL_PUSHES)
+    spec = load_study("three-link", SMALL_PUSHES)
     assert isinstance(spec.plant, PlantSettings)
     alike = spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": spec.nominal})})
     found, expected = identifiability(Problem(spec)).resolution, identifiability(Problem(alike)).resolution
@@ -146,7 +146,7 @@ def test_estimate_is_checked_on_the_nominal_model_whatever_the_plant_is() -> Non
 
 def test_noise_sets_what_the_estimate_promises() -> None:
     """On a noisy plant the promise is an interval of some tenths of a percent, wider with more noise."""
-    quiet = identifiability(Problem(load_chain_study("noisy-three-link")))
+    quiet = identifiability(Problem(load_study("noisy-three-link")))
     assert all(quiet.determined)
     assert 1e-4 < max(quiet.resolution) < 1e-2
 

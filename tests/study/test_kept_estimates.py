@@ -21,7 +21,7 @@ from metaid.plant import FaultSettings, PlantSettings
 from metaid.results import judge, read_snapshot, summary
 from metaid.results.overview import summarized
 from metaid.store import Store
-from metaid.study import create_study, load_chain_study, run_study
+from metaid.study import create_study, load_study, run_study
 from metaid.study.estimates import kept, kept_with
 
 pytestmark = pytest.mark.slow
@@ -63,7 +63,7 @@ def same_either_way(storage: Path, name: str, monkeypatch: pytest.MonkeyPatch) -
 def made(tmp_path: Path) -> Path:
     """A DB with `two`, a study of two links that has run."""
     with closing(Store(str(tmp_path / "metaid.db"), create=True)) as store:
-        create_study(store, load_chain_study("two-link-tpe", {"sampler": "output-error", "trials": 3}), "two")
+        create_study(store, load_study("two-link-tpe", {"sampler": "output-error", "trials": 3}), "two")
         run_study(store, "two")
     return tmp_path / "metaid.db"
 
@@ -91,7 +91,7 @@ def test_faults_and_noise_are_kept_with_the_estimate(
     """Those that are proposed, taken up or searched, those that speak against them, and the noise of torques."""
     faults, searched = FAULTS[named]
     changes = {"sampler": "output-error", "trials": 1, "episode.measure": "smoothed"}
-    spec = load_chain_study("two-link-tpe", changes | {f"estimate.{key}": value for key, value in searched.items()})
+    spec = load_study("two-link-tpe", changes | {f"estimate.{key}": value for key, value in searched.items()})
     assert isinstance(spec.plant, PlantSettings)
     plant = spec.plant.model_copy(update={"faults": FaultSettings.model_validate(NOISE | faults)})
     with closing(Store(str(tmp_path / "metaid.db"), create=True)) as store:

@@ -16,7 +16,7 @@ from metaid.errors import ImplausiblePlant, PlantError
 from metaid.models import Array, Chain
 from metaid.plant import FaultSettings, FaultyPlant, MujocoPlant, PlantSettings, SocketPlant, SocketSettings, Start
 from metaid.store import Store
-from metaid.study import Problem, create_study, load_chain_study, run_study, stored_spec
+from metaid.study import Problem, create_study, load_study, run_study, stored_spec
 from metaid.study.calibration import calibrate_chain
 from soak import lies
 from soak.lies import LIES, Answer, Liar, Lie, listening, replayed
@@ -84,7 +84,7 @@ def test_run_goes_on_where_a_rig_is_honest_again(liar: Liar) -> None:
     liar.arm(None, 0)
     with closing(Store("run.db")) as store:
         run_study(store, "study")
-        states = [trial.state.name for trial in store.trials("study", load_chain_study("study.toml").names)]
+        states = [trial.state.name for trial in store.trials("study", load_study("study.toml").names)]
     assert states.count("FAIL") == 2
     assert len(states) == 8
 
@@ -118,7 +118,7 @@ def test_lie_while_a_study_is_created_is_one_line_and_leaves_nothing(name: str, 
         rig.arm(LIES[name], 0)
         with closing(Store("other.db", create=True)) as store:
             with pytest.raises(PlantError, match=message):
-                create_study(store, load_chain_study("study.toml"), "study")
+                create_study(store, load_study("study.toml"), "study")
             assert store.names() == []
 
 

@@ -21,7 +21,7 @@ from metaid import results
 from metaid.episode import SensorReadings
 from metaid.plant import PlantSettings, chain_of
 from metaid.store import Store
-from metaid.study import create_study, load_chain_study, problem_of, run_study, stepping
+from metaid.study import create_study, load_study, problem_of, run_study, stepping
 from soak.lies import PLANT, Liar
 from soak.rigs import NOISE, STEPS, created
 
@@ -59,7 +59,7 @@ def matched(liar: Liar, seed: int = 0, motion: str = "stepped", **changes: Any) 
     """The lumps by the estimate from the trials on a rig, and the summary of the study."""
     with created(liar, seed, motion), closing(Store("matched.db", create=True)) as store:
         settings = {"sampler": "output-error", "trials": 5, "seed": seed, "search.low": 0.5, "search.high": 2.0}
-        create_study(store, load_chain_study("study.toml", {**settings, **changes}), "study")
+        create_study(store, load_study("study.toml", {**settings, **changes}), "study")
         run_study(store, "study")
         return results.estimate_frame(store, "study"), results.summary(store, "study")
 
@@ -108,7 +108,7 @@ def test_steps_of_the_twin_of_any_rig_that_is_accepted_err_by_a_tenth_of_its_noi
     for block in re.findall(r"^```toml\n(.*?)^```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE):
         text = block.replace("timestep = 0.002", f"timestep = {timestep}")
         (tmp_path / block.partition("\n")[0].removeprefix("# ")).write_text(text)
-    found = stepping(problem_of(load_chain_study(tmp_path / "find-rig.toml")))
+    found = stepping(problem_of(load_study(tmp_path / "find-rig.toml")))
     assert found is not None
     assert 0.0 < found.error < most
     assert found.is_precise

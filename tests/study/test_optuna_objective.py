@@ -18,7 +18,7 @@ import metaid
 from metaid import results
 from metaid.errors import StorageError, StudyError
 from metaid.store import Store
-from metaid.study import Problem, create_study, load_chain_study, run_study
+from metaid.study import Problem, create_study, load_study, run_study
 
 STUDY = "two-link-tpe"
 SAMPLERS: dict[str, Callable[[], BaseSampler]] = {
@@ -46,7 +46,7 @@ def test_sampler_of_optunas_optimizes_a_study(sampler: str) -> None:
     """A survivor is COMPLETE with the measure's value, a fall PRUNED at the step that it survived to."""
     if sampler == "gp":
         pytest.importorskip("torch", reason="Optuna's GPSampler needs torch")
-    spec = load_chain_study(STUDY, {"episode.fall_limit": 0.95, "episode.fall_margin": 1.0, "search.high": 1.3})
+    spec = load_study(STUDY, {"episode.fall_limit": 0.95, "episode.fall_margin": 1.0, "search.high": 1.3})
     study = optuna.create_study(sampler=SAMPLERS[sampler](), pruner=NopPruner())
     study.optimize(metaid.objective(spec), 12)
     assert {trial.state for trial in study.trials} == {TrialState.COMPLETE, TrialState.PRUNED}
@@ -113,7 +113,7 @@ def test_optuna_study_in_a_db_is_shown_and_run_on(tmp_path: Path) -> None:
     metaid.run(STUDY, "mine", str(path), trials=8)
     after = metaid.summary("mine", str(path))
     assert (after["trials"]["total"], after["estimate"]["trials"], after["estimate"]["by_others"]) == (8, 12, 4)
-    assert metaid.objective("mine", str(path)).spec == load_chain_study(STUDY)
+    assert metaid.objective("mine", str(path)).spec == load_study(STUDY)
 
 
 @pytest.mark.slow
@@ -123,7 +123,7 @@ def test_asked_and_told_trials_join_the_estimate_and_leave_a_resume_as_it_would_
     for name in ("alone", "shared"):
         path = tmp_path / f"{name}.db"
         with closing(Store(str(path), create=True)) as store:
-            create_study(store, load_chain_study(STUDY, {"trials": 24}), "study")
+            create_study(store, load_study(STUDY, {"trials": 24}), "study")
             run_study(store, "study", trials=8)
             alone = results.summary(store, "study")
             if name == "shared":
@@ -153,7 +153,7 @@ def test_trials_of_other_settings_and_copies_are_not_in_the_estimate(tmp_path: P
     study = optuna.create_study(study_name="mine", storage=url, sampler=RandomSampler(seed=1))
     study.optimize(metaid.objective(STUDY), 2)
     other = optuna.create_study(sampler=RandomSampler(seed=1))
-    other.optimize(metaid.objective(load_chain_study(STUDY, {"seed": 9})), 2)
+    other.optimize(metaid.objective(load_study(STUDY, {"seed": 9})), 2)
     spoiled = optuna.create_study(sampler=RandomSampler(seed=5))
     spoiled.optimize(metaid.objective(STUDY), 1)
     (bad,) = spoiled.trials

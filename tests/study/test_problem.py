@@ -12,7 +12,7 @@ import pytest
 from conftest import Finished
 
 from metaid.errors import StudyError
-from metaid.study import Problem, load_chain_study, problem_of
+from metaid.study import Problem, load_study, problem_of
 from metaid.study import chain as module
 from metaid.study.reading import read_study
 
@@ -25,7 +25,7 @@ def test_problem_pushes_nothing_before_its_episode_is_asked_for(monkeypatch: pyt
     for name in ("make_episode", "rest_noise"):
         whole = getattr(module, name)
         monkeypatch.setattr(module, name, lambda *given, n=name, w=whole: (asked.append(n), w(*given))[1])
-    problem = Problem(load_chain_study("noisy-three-link", {"seed": 77}))
+    problem = Problem(load_study("noisy-three-link", {"seed": 77}))
     assert problem.names
     asked.clear()
     problem = Problem(problem.spec)
@@ -41,13 +41,13 @@ def test_pushes_that_contradict_themselves_are_refused_when_a_study_file_is_read
     changes = {"episode.pushes": [[0.1, 0.1]]}
     assert Problem(read_study("three-link-coast", changes)).names
     with pytest.raises(StudyError, match="every push needs 3 impulses"):
-        load_chain_study("three-link-coast", changes)
+        load_study("three-link-coast", changes)
 
 
 def test_problem_of_the_same_settings_is_made_once() -> None:
     """Whoever has read them; of other settings it is another."""
-    one, other = (load_chain_study("three-link-coast", {"seed": seed}) for seed in (1, 2))
-    assert problem_of(one) is problem_of(load_chain_study("three-link-coast", {"seed": 1}))
+    one, other = (load_study("three-link-coast", {"seed": seed}) for seed in (1, 2))
+    assert problem_of(one) is problem_of(load_study("three-link-coast", {"seed": 1}))
     assert problem_of(one) is not problem_of(other)
 
 

@@ -17,7 +17,7 @@ from rig import Serve, Server
 import metaid
 from metaid.episode import run_stepwise
 from metaid.errors import AbsentPlant, StudyError
-from metaid.study import Problem, load_chain_study
+from metaid.study import Problem, load_study
 
 pytestmark = pytest.mark.slow
 
@@ -40,10 +40,10 @@ def test_plant_behind_a_socket_gives_the_trials_of_the_built_in_one(serve: Serve
     last bit, and every value is to the last bit that of the plain loop (the compiled one rounds its sums otherwise).
     """
     server = serve("--body", "mujoco", "--watchdog", "60", "--fault", "drop@700", "--fault", "late@2500")
-    study = load_chain_study(rig_files(tmp_path, server), TRIALS_ALONE)
+    study = load_study(rig_files(tmp_path, server), TRIALS_ALONE)
     found = metaid.run(study, storage=str(tmp_path / "rig.db"))
     changes = {"sampler": "cmaes", "trials": 14, "search.widen": False, **TRIALS_ALONE}  # no bound of a rig is moved
-    metaid.run(load_chain_study("two-link-tpe", changes), name="built-in", storage=str(tmp_path / "built-in.db"))
+    metaid.run(load_study("two-link-tpe", changes), name="built-in", storage=str(tmp_path / "built-in.db"))
     rig = metaid.trials("find-rig", str(tmp_path / "rig.db"))
     built_in = metaid.trials("built-in", str(tmp_path / "built-in.db"))
     assert (rig["state"] == built_in["state"]).all()
@@ -51,7 +51,7 @@ def test_plant_behind_a_socket_gives_the_trials_of_the_built_in_one(serve: Serve
     exact = [column for column in numbers if column != "value"]
     assert (rig[exact].to_numpy() == built_in[exact].to_numpy()).all()
     assert rig["value"].to_numpy() == pytest.approx(built_in["value"].to_numpy(), rel=1e-14)
-    problem = Problem(load_chain_study("two-link-tpe", changes))
+    problem = Problem(load_study("two-link-tpe", changes))
     plant, nominal = problem.make_plant(), problem.nominal.lumps
     for number in (0, 8, 13):
         record, _ = run_stepwise(plant, nominal.scaled(rig.loc[number, problem.names].to_numpy(float)), problem.episode)
@@ -109,7 +109,7 @@ def test_run_ends_where_the_rig_dies_and_goes_on_from_there(serve: Serve, tmp_pa
     """
     path, listen = str(tmp_path / "rig.db"), f"unix:{tmp_path / 'rig.sock'}"
     dying = serve("--body", "mujoco", "--watchdog", "60", "--fault=die@2500", listen=listen)
-    study = load_chain_study(rig_files(tmp_path, dying), TRIALS_ALONE)
+    study = load_study(rig_files(tmp_path, dying), TRIALS_ALONE)
     with pytest.raises(AbsentPlant, match=r"no connection to unix:.*tried 3 times"):
         metaid.run(study, storage=path)
     kept = metaid.trials("find-rig", path)
@@ -118,7 +118,7 @@ def test_run_ends_where_the_rig_dies_and_goes_on_from_there(serve: Serve, tmp_pa
     serve("--body", "mujoco", "--watchdog", "60", listen=listen)
     metaid.run(study, storage=path)
     changes = {"sampler": "cmaes", "trials": 14, "search.widen": False, **TRIALS_ALONE}
-    metaid.run(load_chain_study("two-link-tpe", changes), name="built-in", storage=path)
+    metaid.run(load_study("two-link-tpe", changes), name="built-in", storage=path)
     again, built_in = metaid.trials("find-rig", path), metaid.trials("built-in", path)
     assert (again[["gravity_1", "steps"]] == built_in[["gravity_1", "steps"]]).all(axis=None)
 
@@ -134,7 +134,7 @@ def test_setting_that_a_rig_has_no_use_for_is_refused(
 ) -> None:
     """One body, one worker; no physics but its own."""
     with pytest.raises(StudyError, match=message):
-        load_chain_study(rig_files(tmp_path, serve()), changes)
+        load_study(rig_files(tmp_path, serve()), changes)
 
 
 def test_more_workers_than_bodies_are_refused(serve: Serve, metaid: Callable[..., Finished], tmp_path: Path) -> None:
@@ -161,11 +161,11 @@ def test_link_that_runs_away_after_a_rich_push_has_fallen_on_a_rig(tmp_path: Pat
     wanted: dict[str, Any] = {"plant": str(rig), "workers": 1}
     multiples = []
     for changes in (wanted, {**wanted, "episode.pushes": "tip"}, {**wanted, "episode.fall_runaway": 2.0}, {}):
-        spec = load_chain_study("three-link-coast", {**changes, "search.coordinates": "plain"})
+        spec = load_study("three-link-coast", {**changes, "search.coordinates": "plain"})
         multiples.append(Problem(spec).episode.fall_rule.runaway)
     assert multiples == [5.0, math.inf, 2.0, math.inf]
     with pytest.raises(StudyError, match="fall_runaway"):
-        load_chain_study("three-link-coast", {"episode.fall_runaway": 1.0})
+        load_study("three-link-coast", {"episode.fall_runaway": 1.0})
 
 
 def test_study_settings_of_a_rig_keep_what_was_measured_at_it(serve: Serve, tmp_path: Path) -> None:
@@ -173,8 +173,8 @@ def test_study_settings_of_a_rig_keep_what_was_measured_at_it(serve: Serve, tmp_
     study = rig_files(tmp_path, serve("--body", "mujoco"), trials=4)
     metaid.run(study, storage=str(tmp_path / "rig.db"))
     found = metaid.load_findings("find-rig", str(tmp_path / "rig.db"))
-    built_in = Problem(load_chain_study("two-link-tpe"))
-    spec = load_chain_study("two-link-tpe", {"sampler": "cmaes"})
+    built_in = Problem(load_study("two-link-tpe"))
+    spec = load_study("two-link-tpe", {"sampler": "cmaes"})
     assert (found.problem.episode.pushes == Problem(spec).episode.pushes).all()
     assert (found.problem.robot.start_speeds == built_in.robot.start_speeds).all()
-    assert not (Problem(load_chain_study(study)).robot.start_speeds == built_in.robot.start_speeds).all()
+    assert not (Problem(load_study(study)).robot.start_speeds == built_in.robot.start_speeds).all()

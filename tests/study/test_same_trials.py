@@ -21,7 +21,7 @@ from metaid.errors import StorageError
 from metaid.files import shipped_names
 from metaid.plant import FaultSettings, MujocoPlant, PlantSettings, chain_of, load_plant
 from metaid.store import Store
-from metaid.study import ARITHMETIC_KEY, StudySpec, arithmetic, create_study, load_chain_study, run_study
+from metaid.study import ARITHMETIC_KEY, StudySpec, arithmetic, create_study, load_study, run_study
 
 pytestmark = pytest.mark.slow
 
@@ -67,7 +67,7 @@ def spec_of(plant: PlantSettings, sampler: str) -> StudySpec:
 
     With dry friction in the law MuJoCo's solver has most to do near the truth.
     """
-    spec = load_chain_study("three-link-coast", {"sampler": sampler, "trials": TRIALS, "estimate.enabled": False})
+    spec = load_study("three-link-coast", {"sampler": sampler, "trials": TRIALS, "estimate.enabled": False})
     search = spec.study.search.model_copy(update={"lumps": chain_of(plant.links).kinds})
     study = spec.study.model_copy(update={"search": search})
     nominal = tuple(

@@ -11,7 +11,7 @@ from conftest import Finished
 
 from metaid.files import shipped_names
 from metaid.store import Store
-from metaid.study import create_study, load_chain_study, load_study, question
+from metaid.study import create_study, load_study, question
 
 Metaid = Callable[..., Finished]
 LARGE = {
@@ -37,12 +37,12 @@ def test_study_too_large_to_be_computed_is_refused_with_its_size(metaid: Metaid,
 
 def test_study_of_a_stranger_that_is_too_large_is_refused_and_the_others_are_listed(metaid: Metaid) -> None:
     """`show` and `run` say what it would need; `list` has its name, and all of what is known of the other."""
-    spec = load_chain_study("noisy-three-link")
+    spec = load_study("noisy-three-link")
     episode = spec.study.episode.model_copy(update={"steps": 10_000_000})
     large = spec.model_copy(update={"study": spec.study.model_copy(update={"episode": episode})})
     with closing(Store("metaid.db", create=True)) as store:
         store.create("large", large.model_dump_json(), 3)
-        create_study(store, load_chain_study("one-link-count"), "other")
+        create_study(store, load_study("one-link-count"), "other")
     for command in (["show", "large"], ["show", "large", "--json"], ["run", "large"]):
         refused = metaid("study", *command)
         assert (refused.status, refused.err.count("\n")) == (2, 1)

@@ -21,7 +21,7 @@ from metaid import results
 from metaid.errors import StorageError, StudyError
 from metaid.plant import MujocoPlant
 from metaid.store import Store
-from metaid.study import Progress, StudySpec, create_study, load_chain_study, run_study
+from metaid.study import Progress, StudySpec, create_study, load_study, run_study
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def run(
     store: Store, name: str, changes: dict[str, Any] | None = None, study: str = "three-link-coast", **how: Any
 ) -> pd.DataFrame:
     """Creates and runs a study under `name`; its trial table."""
-    create_study(store, load_chain_study(study, changes), name)
+    create_study(store, load_study(study, changes), name)
     run_study(store, name, **how)
     return results.trials_frame(store, name)
 
@@ -82,7 +82,7 @@ def test_stopped_and_resumed_run_has_the_trials_of_an_uninterrupted_one(store: S
     """Stopped within a generation, at its end, and resumed with another number of workers."""
     changes = {"sampler": sampler, "trials": 70}
     whole = run(store, "whole", changes)
-    create_study(store, load_chain_study("three-link-coast", changes), "parts")
+    create_study(store, load_study("three-link-coast", changes), "parts")
     for trials, workers in ((13, 2), (14, 1), (40, 3), (70, 2)):
         run_study(store, "parts", trials=trials, workers=workers)
         assert len(results.trials_frame(store, "parts")) == trials
@@ -109,7 +109,7 @@ def test_search_never_asks_for_the_truth(store: Store, monkeypatch: pytest.Monke
     def refuse(_plant: MujocoPlant) -> None:
         raise AssertionError("the search looked at the truth")
 
-    create_study(store, load_chain_study("three-link-coast", {"trials": 40}), "blind")
+    create_study(store, load_study("three-link-coast", {"trials": 40}), "blind")
     with monkeypatch.context() as patch:
         patch.setattr(MujocoPlant, "true_lumps", refuse)
         run_study(store, "blind")
@@ -118,7 +118,7 @@ def test_search_never_asks_for_the_truth(store: Store, monkeypatch: pytest.Monke
 
 def test_plant_that_knows_no_truth_identifies_equally(store: Store) -> None:
     """Same trials, same identified lumps; truth and error are not known."""
-    spec = load_chain_study("three-link-coast", {"trials": 60})
+    spec = load_study("three-link-coast", {"trials": 60})
     unknown = spec.model_copy(update={"plant": spec.plant.model_copy(update={"truth_known": False})})
     for name, made_from in (("known", spec), ("unknown", unknown)):
         create_study(store, made_from, name)
@@ -145,7 +145,7 @@ def test_nominal_metric_needs_fewer_trials_than_plain_coordinates(store: Store) 
 @pytest.mark.slow
 def test_random_nominal_models_are_all_identified(store: Store) -> None:
     """Recovery from three other wrong starts, masses and inertias by 30 % and centres of mass by 15 %."""
-    spec = load_chain_study("three-link-coast", {"trials": 700})
+    spec = load_study("three-link-coast", {"trials": 700})
     for seed in range(3):
         random = np.random.default_rng(seed)
         nominal = tuple(
@@ -243,14 +243,14 @@ def test_interrupted_run_says_how_to_go_on(tmp_path: Path) -> None:
 def test_settings_that_cannot_be_used_are_refused_with_the_reason(changes: dict[str, Any], message: str) -> None:
     """What, where, and what is allowed."""
     with pytest.raises(StudyError) as refused:
-        load_chain_study("three-link-coast", changes)
+        load_study("three-link-coast", changes)
     assert message in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
 def test_specification_survives_the_study_db(store: Store) -> None:
     """What comes back from the DB is what was put in: a study needs none of its files any more."""
-    spec = load_chain_study(
+    spec = load_study(
         "three-link-coast",
         {"search.low": {"gravity_1": 0.7}, "episode.pushes": [[0.0, 0.1, 0.2]], "search.coordinates": "plain"},
     )

@@ -16,7 +16,7 @@ from optuna.trial import FrozenTrial
 import metaid
 from metaid.errors import StudyError
 from metaid.store import Store
-from metaid.study import Problem, create_study, load_chain_study, run_study
+from metaid.study import Problem, create_study, load_study, run_study
 
 pytestmark = pytest.mark.slow
 
@@ -37,7 +37,7 @@ def test_tpe_finds_random_chains(links: int, seeds: range, budget: int, tmp_path
 def test_shipped_tpe_study_finds_its_lumps(tmp_path: Path) -> None:
     """To 1 %, in a third of its trials."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    create_study(store, load_chain_study("two-link-tpe"), "study")
+    create_study(store, load_study("two-link-tpe"), "study")
     run_study(store, "study", trials=130)
     assert best_error(store, "study") < CLOSE
 
@@ -47,7 +47,7 @@ def test_nominal_metric_sampler_finds_three_links_within_400_trials(sampler: str
     """By each of five seeds, in a plain Optuna study with Optuna's usual pruner; CMA-ES, which learns nothing of pruned
     trials, in one without.
     """
-    spec = load_chain_study("three-link-coast")
+    spec = load_study("three-link-coast")
     problem = Problem(spec)
     truth = problem.open_plant().true_lumps()
     assert truth is not None
@@ -79,5 +79,5 @@ def test_nominal_metric_sampler_takes_a_name_or_the_objective() -> None:
         assert optimized.trials[0].params == objective.start
     with pytest.raises(StudyError, match="there is no nominal metric"):
         metaid.NominalMetricSampler(
-            load_chain_study("three-link-coast", {"episode.measure": "crossing", "search.coordinates": "plain"})
+            load_study("three-link-coast", {"episode.measure": "crossing", "search.coordinates": "plain"})
         )

@@ -21,7 +21,7 @@ from metaid import results
 from metaid.episode import Outcome
 from metaid.models import Array
 from metaid.store import Store
-from metaid.study import Problem, create_study, load_chain_study, run_study
+from metaid.study import Problem, create_study, load_study, run_study
 from metaid.study.evaluation import RayEvaluator, ThreadEvaluator, engines, ray_actors
 from metaid.study.evaluation.shares import LOSSES_ALLOWED
 
@@ -61,7 +61,7 @@ def node(cluster: Cluster) -> Any:
 @pytest.fixture
 def problem() -> Problem:
     """Survivors and falls."""
-    return Problem(load_chain_study("three-link-coast", CHANGES))
+    return Problem(load_study("three-link-coast", CHANGES))
 
 
 def batch_of(problem: Problem) -> Array:
@@ -134,7 +134,7 @@ def test_candidate_that_ends_its_worker_is_a_failure_and_the_search_goes_on(
     node: Any, problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A FAIL trial with its reason after bounded tries; a resumed run has the trials of an uninterrupted one."""
-    store, spec = Store(str(tmp_path / "metaid.db"), create=True), load_chain_study("three-link-coast", CHANGES)
+    store, spec = Store(str(tmp_path / "metaid.db"), create=True), load_study("three-link-coast", CHANGES)
     for name in ("sound", "failing", "whole"):
         create_study(store, spec, name)
     run_study(store, "sound")
@@ -180,7 +180,7 @@ def test_nodes_come_and_go_and_the_trials_are_the_same(
     """Fewer places than workers, the only node removed in mid-run, another added."""
     store, spec = (
         Store(str(tmp_path / "metaid.db"), create=True),
-        load_chain_study("three-link-coast", {**CHANGES, "trials": 90}),
+        load_study("three-link-coast", {**CHANGES, "trials": 90}),
     )
     for name in ("local", "ray"):
         create_study(store, spec, name)

@@ -85,8 +85,8 @@ def _base_parameters(problem: Problem, found: Identifiability) -> list[dict[str,
     """A row a base parameter, with the pushes that show it."""
     sought = problem.robot.sought
     keys = "name", "nominal", "resolution", "determined", "shown_by", "unit", "expression"
-    columns = sought.nominal.tolist(), found.resolution.tolist(), found.determined, found.shown_by or ()
-    told = zip(found.names, *columns, sought.units, sought.expressions, strict=True)
+    columns = sought.nominal.tolist(), found.resolution.tolist(), found.determined
+    told = zip(found.names, *columns, found.shown_by or (), sought.units, sought.expressions or (), strict=True)
     return [dict(zip(keys, row, strict=True)) for row in told]
 
 
