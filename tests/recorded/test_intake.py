@@ -229,6 +229,19 @@ def test_lone_wild_readings_are_replaced_by_what_their_neighbours_say(size: floa
     np.testing.assert_array_equal(record.torques[others], usual.torques[others])
 
 
+def test_reading_of_a_robot_that_stops_at_once_is_no_wild_one() -> None:
+    """As of an arm whose brakes close: torques and speeds are others after it than before."""
+    log = clean()
+    stopped = log["time"] >= 5.0
+    for column, jerk in (("speed_1", 3.0), ("torque_1", -2.0)):
+        log.loc[stopped, column] = 0.01 * log.loc[stopped, column]
+        log.loc[stopped.idxmax(), column] = jerk
+    log.loc[stopped, "angle_1"] = log["angle_1"][stopped.idxmax()]
+    record = read(log)
+    assert "wild" not in kinds(record)
+    np.testing.assert_array_equal(record.torques, log[["torque_1", "torque_2"]])
+
+
 def test_broken_sensor_is_refused() -> None:
     """One that is wild too often, and an angle that jumps farther than any joint turns."""
     for change, says in (
@@ -250,8 +263,8 @@ def test_angles_that_were_cut_at_a_full_turn_go_on() -> None:
     assert kinds(record) == ["turns"]
 
 
-def test_rest_that_rounding_hides_stands_still() -> None:
-    """Angles of a robot that waits between two motions are one number each there."""
+def test_rest_that_rounding_hides_is_known_and_its_readings_are_kept() -> None:
+    """Of a robot that waits after its motion: changed readings would make the printed error another than a user's."""
     log = clean(12.0)
     rests = (log["time"] > 4.0) & (log["time"] < 8.0)
     for column in log.columns[1:]:
@@ -260,9 +273,11 @@ def test_rest_that_rounding_hides_stands_still() -> None:
     log["angle_1"], log["angle_2"] = log["angle_1"].round(4), log["angle_2"].round(4)
     log = log[(log["time"] <= 4.0) | rests].drop(columns=["speed_1", "speed_2"])
     record = read(log)
-    middle = (record.times > 4.5) & (record.times < 7.5)
-    assert np.ptp(record.angles[middle], axis=0).max() == 0.0
-    assert "rest" in kinds(record)
+    assert record.rests is not None
+    assert record.rests[(record.times > 4.5) & (record.times < 7.5)].all()
+    assert not record.rests[record.times < 4.0].any()
+    np.testing.assert_array_equal(record.angles, log[["angle_1", "angle_2"]])
+    assert kinds(record) == ["rest"]
 
 
 def test_files_with_some_kinds_of_readings_each_are_one_log(tmp_path: Path) -> None:

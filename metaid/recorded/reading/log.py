@@ -41,6 +41,7 @@ class Record:
         speeds: of the joints (nrow x njoint), in rad/s or m/s; None where the log has none.
         torques: of the joints (nrow x njoint), in N m or N; each holds until the next row.
         repairs: what was repaired and understood of it.
+        rests: the rows (nrow) in which no joint leaves what rounding and noise make; None: in none.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Record:
     speeds: Array | None
     torques: Array
     repairs: tuple[Repair, ...] = ()
+    rests: NDArray[np.bool_] | None = None
 
     @property
     def njoint(self) -> int:
@@ -58,6 +60,13 @@ class Record:
     def period(self) -> float:
         """The usual time between two rows, in s."""
         return float(np.median(np.diff(self.times)))
+
+    def rests_at(self, times: Array) -> NDArray[np.bool_]:
+        """At which of some times (nrow), in s, the robot rests."""
+        if self.rests is None:
+            return np.zeros(len(times), dtype=np.bool_)
+        nearest = np.searchsorted(0.5 * (self.times[1:] + self.times[:-1]), times)
+        return np.asarray(self.rests[nearest], dtype=np.bool_)
 
     def with_torques(self, torques: Array) -> Record:
         """The same motion under these `torques` (nrow x njoint)."""
@@ -165,7 +174,7 @@ class Intake:
     @staticmethod
     def _record(readings: Readings, name: str) -> Record:
         torques = np.zeros_like(readings.angles) if readings.torques is None else readings.torques
-        return Record(name, readings.times, readings.angles, readings.speeds, torques, readings.repairs)
+        return Record(name, readings.times, readings.angles, readings.speeds, torques, readings.repairs, readings.rests)
 
 
 def _numbers(frame: pd.DataFrame) -> Array:

@@ -43,6 +43,7 @@ class Readings:
         speeds: (nrow x njoint), in rad/s or m/s; None where the log has none.
         torques: (nrow x njoint), in N m or N; None where the log has none.
         repairs: what was mended so far.
+        rests: the rows (nrow) in which no joint moves, once this is known.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Readings:
     speeds: Array | None
     torques: Array | None
     repairs: tuple[Repair, ...] = ()
+    rests: NDArray[np.bool_] | None = None
 
     def __len__(self) -> int:
         return len(self.times)

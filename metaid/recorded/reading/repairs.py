@@ -17,6 +17,7 @@ WILD = 12.0  # standard deviations of what neighbours leave of a reading
 SHAPE = np.array([1.0 / 6.0, -2.0 / 3.0, 1.0, -2.0 / 3.0, 1.0 / 6.0])  # what one wild reading leaves of five
 ALIKE = 0.2  # how far these may be from that shape
 ALONE = 3.0  # times all that is left nearby
+LASTS = 0.25  # of a wild reading: readings that differ by more before and after it are of a robot that stopped or hit
 BEYOND = 3.0  # times the usual large step nearby
 MOSTLY = 0.7  # of the readings nearby, others of which may be wild, too
 NEARBY = 25  # rows on either side
@@ -81,7 +82,7 @@ def _wild(read: Array) -> NDArray[np.intp]:
     rows = []
     for row in np.flatnonzero(size[2:-2] > floor) + 2:
         five = left[row - 2 : row + 3] / left[row]
-        if np.abs(five - SHAPE).max() > ALIKE:
+        if np.abs(five - SHAPE).max() > ALIKE or _lasting(read[row : row + 5]) > LASTS * size[row]:
             continue
         around = np.concatenate([size[max(row - NEARBY, 0) : row - 2], size[row + 3 : row + NEARBY]])
         usual = 1.48 * float(np.median(around))
@@ -90,6 +91,12 @@ def _wild(read: Array) -> NDArray[np.intp]:
         if size[row] > max(WILD * usual, ALONE * float(np.quantile(around, MOSTLY)), moved):
             rows.append(row + 2)
     return np.array(rows, dtype=np.intp)
+
+
+def _lasting(five: Array) -> float:
+    """By how much a column goes elsewhere over the middle one of five readings than it does on either side."""
+    before, last, _, following, after = five.tolist()
+    return abs((following - last) - (last - before) - (after - following))
 
 
 def unwrapped(readings: Readings, slides: NDArray[np.bool_]) -> Readings:
@@ -143,8 +150,8 @@ def without_repeats(readings: Readings) -> Readings:
 
 
 def rested(readings: Readings) -> Readings:
-    """The same with angles that stand still where no joint leaves what rounding and noise make for a while, so that no
-    model is fitted to these.
+    """The same with the rows known in which no joint leaves what rounding and noise make for a while: no model is
+    fitted to these.
     """
     from scipy.ndimage import maximum_filter1d, minimum_filter1d  # slow to load
 
@@ -159,15 +166,8 @@ def rested(readings: Readings) -> Readings:
     rests = (spread <= within).all(axis=1)
     if not rests.any() or rests.mean() > MOST_RESTS or not spread[rests].any():
         return readings
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], rests, [False]]).astype(int)))
-    angles = readings.angles.copy()
-    speeds = None if readings.speeds is None else readings.speeds.copy()
-    for begin, end in edges.reshape(-1, 2):
-        angles[begin:end] = np.median(angles[begin:end], axis=0)
-        if speeds is not None:
-            speeds[begin:end] = 0.0
     count = int(rests.sum())
     text = (
         f"rest: {counted(count, 'row')} in which no joint leaves the resolution and noise of its encoder are not fitted"
     )
-    return replace(readings, angles=angles, speeds=speeds).repaired("rest", count, text)
+    return replace(readings, rests=rests).repaired("rest", count, text)

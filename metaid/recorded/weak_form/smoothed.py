@@ -165,7 +165,8 @@ def _judged(record: Record, times: Array, speeds: Array) -> NDArray[np.bool_]:
     fastest = np.quantile(size, 0.99, axis=0)
     moves = ((size > REST * fastest) & (fastest > 0.0)).any(axis=1).astype(np.float64)
     reach = min(2 * max(1, round(AROUND / period)) + 1, len(times))
-    judged = np.convolve(moves, np.ones(reach), mode="same") > 0.5
+    rests = record.rests_at(times) & record.rests_at(times - AROUND) & record.rests_at(times + AROUND)
+    judged = (np.convolve(moves, np.ones(reach), mode="same") > 0.5) & ~rests
     judged &= (times > times[0] + EDGE) & (times < times[-1] - EDGE)
     for late in np.flatnonzero(np.diff(record.times) > max(GAP, 3.0 * record.period)):
         judged &= (times < record.times[late] - EDGE) | (times > record.times[late + 1] + EDGE)

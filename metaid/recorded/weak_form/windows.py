@@ -137,6 +137,7 @@ def cut_windows(record: Record, span: float, power: int, overlap: float = OVERLA
     first, last = record.times[0], record.times[-1]
     apart = (1.0 - overlap) * span
     middles = np.arange(first + 0.5 * span, last - 0.5 * span, apart)
+    middles = middles[~record.rests_at(middles)]
     most = float(np.clip(MOST[0] * (7.0 / record.njoint) ** 2, *MOST))
     if len(middles) > most:
         stride = int(np.ceil(len(middles) / most))
