@@ -202,7 +202,9 @@ def _with_friction(
         free = [term for term in COLUMNS if asked is None and term not in model.friction]
         candidates = [(term, model.with_friction((*model.friction, term), model.sliding.presliding)) for term in free]
         if not model.sliding.builds_up and (asked is None or "hysteresis" in asked):
-            candidates += [("hysteresis", model.with_friction(model.friction, size)) for size in PRESLIDING]
+            candidates += [
+                (f"hysteresis, δ = {size:g}", model.with_friction(model.friction, size)) for size in PRESLIDING
+            ]
         best: tuple[float, LinearModel] | None = None
         must = asked is not None and "hysteresis" in asked and not model.sliding.builds_up
         for what, each in candidates:

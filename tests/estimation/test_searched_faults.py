@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from watched import GRAVITY, NOISE, TIMESTEP, raised, some_torque, watched
 
-from metaid.estimation import FoundFaults, LogUnknowns, Readings, SearchedFaults, fit, searched_faults
+from metaid.estimation import FoundFaults, LogUnknowns, Readings, ReadTrial, SearchedFaults, fit, searched_faults
 from metaid.estimation.faults.searched import late
 from metaid.estimation.noisy import take_up, unmodelled_forces
+from metaid.models import Array
 from metaid.plant import FaultSettings, fault_names, true_faults
 from metaid.study.estimates import StudyEstimate
 
@@ -56,9 +58,45 @@ def test_faults_are_found_beside_the_lumps(
 def test_torques_that_come_late_are_means_of_what_is_held() -> None:
     """Whole steps move them, and parts of a step mix two; none acts before the first, and the last goes on."""
     torques = np.arange(1.0, 6.0).reshape(1, 5, 1)
-    assert late(torques, 2.0).ravel().tolist() == [0.0, 0.0, 1.0, 2.0, 3.0]
-    assert late(torques, 1.25).ravel().tolist() == [0.0, 0.75, 1.75, 2.75, 3.75]
-    assert late(torques, -1.0).ravel().tolist() == [2.0, 3.0, 4.0, 5.0, 5.0]
+    assert late(torques, 2.0)[0].ravel().tolist() == [0.0, 0.0, 1.0, 2.0, 3.0]
+    assert late(torques, 1.25)[0].ravel().tolist() == [0.0, 0.75, 1.75, 2.75, 3.75]
+    assert late(torques, -1.0)[0].ravel().tolist() == [2.0, 3.0, 4.0, 5.0, 5.0]
+
+
+@pytest.mark.parametrize("kind", ["delay", "lag"])
+def test_torque_that_changes_within_a_step_moves_a_body_as_far_as_it_does(kind: str) -> None:
+    """A free mass, integrated with 400 steps in each: torques of one size a step lead where these do."""
+    period, late_by, nstep, fine = 2e-3, 2.6e-3, 40, 400
+    sent = np.minimum(np.arange(nstep), 4.0).reshape(1, nstep, 1)
+    trial = ReadTrial(
+        period,
+        np.zeros((1, nstep + 1, 1)),
+        sent,
+        np.array([nstep]),
+        np.zeros((1, 1)),
+        None,
+        np.ones(1),
+        is_continuous=True,
+    )
+    lumps = watched(1, 1).nominal.lumps
+    searched = replace(searched_faults((kind,), LogUnknowns(lumps, GRAVITY), np.ones((1, 1))), scales=np.ones(1))
+    unknown = late_by if kind == "delay" else np.log(late_by / 2e-3)
+    steps = searched.delivered(trial, period, np.array([unknown]))[0, :, 0]
+    times = (np.arange(nstep * fine) + 0.5) * period / fine
+    if kind == "delay":
+        row = np.floor((times - late_by) / period).astype(int)
+        true = np.where(row >= 0, sent[0, np.maximum(row, 0), 0], 0.0)
+    else:
+        left = np.exp(-period / fine / late_by)
+        true = lfilter([0.5 * (1.0 - left)] * 2, [1.0, -left], np.repeat(sent[0, :, 0], fine))
+
+    def ends(torques: Array) -> Array:
+        """Where the mass is and how fast, after torques that are held for a step each."""
+        own = period * nstep / len(torques)
+        speeds = np.cumsum(torques) * own
+        return np.array([np.sum(speeds - 0.5 * torques * own) * own, speeds[-1]])
+
+    np.testing.assert_allclose(ends(steps), ends(true), rtol=1e-5)
 
 
 def test_slopes_by_faults_are_those_of_the_residuals() -> None:

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.trials import Joints
+from metaid.estimation.trials import Joints, ReadTrial
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 from metaid.plant import fault_names
@@ -107,20 +107,23 @@ class SearchedFaults:
         tilt = found.get("tilt", np.zeros(self.tilts))
         return Joints(viscous, dry, spring, offset, tilt, rotor, float(presliding[0]))
 
-    def delivered(self, torques: Array, period: float, angles: Array, unknowns: Array) -> Array:
+    def delivered(self, trial: ReadTrial, period: float, unknowns: Array) -> Array:
         """The torques that act in place of those commanded, in the order of C: for another, loops are compiled anew.
 
         Args:
-            torques: as they were commanded (npush x nstep x njoint), in N m.
+            trial: with the torques that were commanded (npush x nstep x njoint), in N m.
             period: from one to the next, in s.
-            angles: of the joints as they were read (npush x nstep + 1 x njoint), in rad.
             unknowns: where the faults are (nfault).
         """
-        found = self._by_kind(unknowns)
+        found, torques, angles = self._by_kind(unknowns), trial.torques, trial.readings
+        early = np.zeros_like(torques)
         if "delay" in found:
-            torques = late(torques, float(found["delay"][0]) / period)
+            torques, early = late(torques, float(found["delay"][0]) / period)
         if "lag" in found:
-            torques = lagging(torques, float(found["lag"][0]) / period)
+            torques, earlier = lagging(torques, float(found["lag"][0]) / period)
+            early = early + earlier
+        if trial.is_continuous:
+            torques = torques + np.diff(early, axis=1, prepend=0.0)  # Eq. 41
         if "gain" in found:
             torques = torques * np.append(1.0, found["gain"])
         if "bias" in found:
@@ -194,24 +197,28 @@ def found_faults(searched: SearchedFaults, unknowns: Array, deviations: Array) -
     return FoundFaults(searched, *found, unknowns, determined)
 
 
-def late(torques: Array, steps: float) -> Array:
+def late(torques: Array, steps: float) -> tuple[Array, Array]:
     """The `torques` (npush x nstep x njoint), in N m, each that many `steps` later, or earlier where that is negative:
-    the mean over each step of torques that are held for a step. None acts before the first.  Eq. 40.
+    the mean over each step of torques that are held for a step. None acts before the first. And how early in its step
+    each acts, the first moment about its middle (npush x nstep x njoint), in N m steps.  Eq. 40.
     """
     whole = int(np.floor(steps))
     share = steps - whole
-    return (1.0 - share) * _moved(torques, whole) + share * _moved(torques, whole + 1)
+    after, before = _moved(torques, whole), _moved(torques, whole + 1)
+    return (1.0 - share) * after + share * before, 0.5 * share * (1.0 - share) * (before - after)
 
 
-def lagging(torques: Array, lag: float) -> Array:
+def lagging(torques: Array, lag: float) -> tuple[Array, Array]:
     """What motors make of `torques` (npush x nstep x njoint), in N m, whose torque follows with a time constant of
-    `lag` steps: the mean over each step. They begin at rest.  Eq. 41.
+    `lag` steps: the mean over each step. They begin at rest. And how early in its step each acts, as `late` has it.
+    Eq. 41.
     """
     from scipy.signal import lfilter  # slow to load, and few studies need it
 
     left = float(np.exp(-1.0 / lag))
     before = lfilter([0.0, 1.0 - left], [1.0, -left], torques, axis=1)  # at the begin of each step
-    return np.asarray(torques + (before - torques) * lag * (1.0 - left), dtype=np.float64)
+    missing, mean = before - torques, lag * (1.0 - left)
+    return torques + missing * mean, missing * (lag - lag * mean - 0.5 * mean)
 
 
 def _moved(torques: Array, steps: int) -> Array:

@@ -67,7 +67,7 @@ class Loop:
         speeds = read.speeds
         if speeds is None:
             speeds = filtered_speeds(read.angles, start_speeds, self.speed_weights)
-        torques = late(law(read.angles + self.lead * speeds, speeds), self.delay)
+        torques, _ = late(law(read.angles + self.lead * speeds, speeds), self.delay)
         torques = np.ascontiguousarray(np.clip(torques, -self.torque_limits, self.torque_limits), dtype=np.float64)
         noise = np.hypot(self.noise, read.encoder_steps / np.sqrt(12.0)) if self.has_unknown_encoders else self.noise
         pushes = start_speeds, self.start_spread

@@ -147,7 +147,7 @@ class Readings(ReadingsInWindows):
         if not self.faults.names:
             return trial
         period = trial.timestep * trial.substeps
-        return replace(trial, torques=self.faults.delivered(trial.torques, period, trial.readings, faults))
+        return replace(trial, torques=self.faults.delivered(trial, period, faults))
 
     def _joints(self, faults: Array) -> Joints | None:
         """What the joints have with these unknown `faults` (nfault); None where none is searched."""
