@@ -15,7 +15,7 @@ from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 
 ROUGHLY, EXACTLY = 1e-2, 1e-10  # the last step in an unknown: on windows that are to grow, and on all of them
-MOST_ROUGH, MOST_EXACT = 30, 100  # steps
+MOST_ROUGH, MOST_EXACT, MOST_ALONE = 30, 100, 25  # steps; from where another fit ended, few are enough
 IN_THE_VALLEY = 3.0  # a misfit below this, on windows that are to grow, is not that of a wrong minimum
 NARROWER = 0.7  # of the spread about a start that no chain can have, for the next start
 DRAWS = 20
@@ -112,7 +112,8 @@ def find(comparison: Growing, start: Array | None = None, restarts: int = 3, see
     best: Descent | None = None
     iterations = starts = 0
     for point in starting_points(comparison, start, restarts, seed):
-        found = grow(comparison, np.append(point, np.zeros(comparison.extras)))
+        most = MOST_EXACT if restarts >= 0 else MOST_ALONE
+        found = grow(comparison, np.append(point, np.zeros(comparison.extras)), most)
         if found is None:
             continue
         starts += 1
@@ -145,17 +146,17 @@ def settled(comparison: Growing, point: Array) -> Array | None:
     return None if found is None else found.place.point[: len(comparison.spreads)]
 
 
-def grow(comparison: Growing, point: Array) -> Descent | None:
+def grow(comparison: Growing, point: Array, most: int = MOST_EXACT) -> Descent | None:
     """The descent from a `point`, on the shortest windows first; None where the twin cannot follow from there.
 
     From one stage to the next, windows grow by `comparison.stride`. A descent that does not explain what it was led to
     may have left the valley of the truth. So it is begun again from where the last one ended, with windows that grow by
-    half as much.
+    half as much. On all windows at once it has so many steps at `most`.
     """
     iterations, reached, stride, explained = 0, 0, comparison.stride, True
     while reached < comparison.stages:
         windows = min(reached + stride, comparison.stages) if reached else 1
-        found, valley = _descent(comparison, point, windows), explained
+        found, valley = _descent(comparison, point, windows, most), explained
         iterations += 0 if found is None else found.iterations
         explained = found is not None and misfit(found) < IN_THE_VALLEY
         if valley and not explained and reached and windows > reached + 1:
@@ -171,7 +172,7 @@ def grow(comparison: Growing, point: Array) -> Descent | None:
     return Descent(found.place, iterations, found.converged)
 
 
-def _descent(comparison: Growing, point: Array, windows: int) -> Descent | None:
+def _descent(comparison: Growing, point: Array, windows: int, most: int = MOST_EXACT) -> Descent | None:
     """That from a `point` on the first `windows` windows, roughly where these are to grow; None where the twin cannot
     follow from there.
     """
@@ -179,7 +180,7 @@ def _descent(comparison: Growing, point: Array, windows: int) -> Descent | None:
     if place is None:
         return None
     grows = windows <= comparison.rough_stages
-    tolerance, most = (ROUGHLY, MOST_ROUGH) if grows else (EXACTLY, MOST_EXACT)
+    tolerance, most = (ROUGHLY, MOST_ROUGH) if grows else (EXACTLY, most)
     return descend(comparison, place, windows, tolerance, most, comparison.ends_when_cut, comparison.least_gain)
 
 

@@ -201,6 +201,8 @@ def _of_joint(equations: Equations, columns: Sequence[Array], joint: int) -> tup
     The torque as it is logged is linear in the parameters of the robot and its payload, divided by the gain, and the
     torque of the known weight is multiplied by the same.
     """
+    from scipy.special import stdtrit  # slow to load
+
     rows = [each[:, :, joint] for each in columns]
     sent = [torques[:, :, joint] for torques in equations.torques]
     usual = float(np.sqrt(np.mean(np.concatenate([each.ravel() for each in sent]) ** 2)))
@@ -236,5 +238,6 @@ def _of_joint(equations: Equations, columns: Sequence[Array], joint: int) -> tup
     ])  # fmt: skip
     count = len(without)
     jackknife = (count - 1.0) / count * ((without - without.mean()) ** 2).sum()  # Eq. 71
+    jackknife *= (stdtrit(count - 1.0, 0.975) / DEVIATIONS) ** 2  # Student's t: of so few parts
     unit = usual / sizes[-1]
     return float(values[-1] * unit), float(np.sqrt(max(own_variance, jackknife)) * unit)

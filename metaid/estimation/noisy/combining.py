@@ -3,7 +3,8 @@
 A twin without them loses the plant, and where it is lost nothing can be told. So it is led by the readings, as if
 torques had noise of unknown size: what the model has not shows as that noise. A fault is taken up where it makes
 pushes that were left out more likely, by LEAST at least. In each round all are tried that are not taken up yet, and the
-best stays; at the end each is tried without. What no plant has, friction that drives or a spring that pushes away, is
+best stays; where one of them does not explain all, all at once are tried, for several may hide each other. At the end
+each is tried without. What no plant has, friction that drives or a spring that pushes away, is
 not tried.
 """
 
@@ -36,6 +37,7 @@ LUMP_OF = {"viscous": "damping", "dry": "coulomb", "rotor": "rotor"}  # what is 
 TWOFOLD = {"offset": "tilt", "lag": "delay"}  # what is the other, but for little, which is simpler
 OF_SEVERAL = {"offset", "rotor", "gain"}  # of one joint these are nothing, or a tilt
 LEAST = 10.0  # in the logarithm of a likelihood
+CLEARLY, PLAINLY = 3.0, 10.0  # standard deviations from none
 ROUNDS = 8  # of taking up
 
 
@@ -62,7 +64,7 @@ def combine(
     grown = [each for each in tried if each is not None]
     if not grown:
         return None
-    best, rivals = max(grown, key=lambda each: each[0].likelihood)
+    best, rivals = max(grown, key=lambda each: _worth(each[0]))
     return _fewest(combining, best, known), rivals
 
 
@@ -71,16 +73,30 @@ def _grown(combining: Combining, best: Tried | None, readings: Readings) -> tupl
     if best is None:
         return None
     rivals: list[Tried] = []
-    for _ in range(ROUNDS):
+    for number in range(ROUNDS):
         if combining.explains(best):
             break
-        enough, tried = best.likelihood + LEAST, combining.best_of(best, list(_candidates(best.kinds, readings)))
-        if not tried or not tried[0].likelihood > enough:
+        every = combining.fitted(_with_every(best.kinds, readings), best) if number == 1 else None
+        if every is not None and every.likelihood > best.likelihood + LEAST:
+            late = [] if combining.explains(every) else combining.with_cogging(every)
+            return _in_order([every, *late])[0], []
+        tried = _in_order(combining.likely(best, list(_candidates(best.kinds, readings))))
+        if not tried or not _worth(tried[0]) > _worth(best):
             tried = combining.with_cogging(best)
-        if not tried or not tried[0].likelihood > enough:
+        if not tried or not _worth(tried[0]) > _worth(best):
             break
-        best, rivals = tried[0], [each for each in tried[1:] if each.likelihood > tried[0].likelihood - LEAST]
+        best, rivals = tried[0], [each for each in tried[1:] if _worth(each) > _worth(tried[0]) - LEAST]
     return best, rivals
+
+
+def _worth(tried: Tried) -> float:
+    """The logarithm of the likelihood of the pushes that were left out, of which each fault has to earn LEAST."""
+    return tried.likelihood - LEAST * len({*tried.kinds} - {"presliding"})
+
+
+def _in_order(tried: list[Tried]) -> list[Tried]:
+    """The best first."""
+    return sorted(tried, key=_worth, reverse=True)
 
 
 def _fewest(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tried:
@@ -91,13 +107,24 @@ def _fewest(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tried:
             is_as_good = instead is not None and instead.likelihood > best.likelihood - NOTHING
             if instead is not None and is_as_good and farthest_moved(best.found, instead.found) is None:
                 best = instead
-    for kinds in (*SINGLE, *LATE):
-        if not {*kinds} <= {*best.kinds} or {*kinds} & {*known} or best.shows(kinds):
+    idle = [
+        kinds for kinds in (*SINGLE, *LATE) if {*kinds} <= {*best.kinds} - {*known} and not best.shows(kinds, CLEARLY)
+    ]
+    for kinds in (tuple(kind for own in idle for kind in own), *SINGLE, *LATE):
+        if not kinds or not {*kinds} <= {*best.kinds} or {*kinds} & {*known} or best.shows(kinds, PLAINLY):
             continue
         without = combining.fitted(tuple(kind for kind in best.kinds if kind not in kinds), best)
         if without is not None and without.likelihood > best.likelihood - LEAST:
             best = without
     return best
+
+
+def _with_every(kinds: tuple[str, ...], readings: Readings) -> tuple[str, ...]:
+    """These `kinds` with all that may be taken up beside them, of two that are nearly the same the simpler one."""
+    for single in SINGLE:
+        if single in _candidates(kinds, readings) and not {*single} & {*TWOFOLD}:
+            kinds += single
+    return kinds
 
 
 def _candidates(kinds: tuple[str, ...], readings: Readings) -> Iterator[tuple[str, ...]]:

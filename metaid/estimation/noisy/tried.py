@@ -24,7 +24,6 @@ Search = Callable[[tuple[str, ...]], SearchedFaults]  # makes faults of given ki
 LOOKED_AT = 3  # faults that are fitted wholly, of those that may be taken up
 TRIFLE = 1e-3  # of an unknown: a difference that does no harm
 NEGLIGIBLE, NOTHING = 1e-3, 3.0  # of the noise that was found, and in the logarithm of the likelihood: none is needed
-PLAINLY = 10.0  # standard deviations from none
 ROUNDS_EACH = 3  # of gains and unknowns in turn
 OUT, OF = 1, 3  # of so many pushes that one is left out
 
@@ -43,15 +42,15 @@ class Tried:
     def kinds(self) -> tuple[str, ...]:
         return self.faults.kinds
 
-    def shows(self, kinds: tuple[str, ...]) -> bool:
-        """Whether a fault of one of these `kinds` is so far from none that the fit without it is not worth trying."""
+    def shows(self, kinds: tuple[str, ...], far: float) -> bool:
+        """Whether a fault of one of these `kinds` is so many standard deviations from none."""
         found = self.found.faults
         if found is None:
             return False
         none = np.array([1.0 if name.startswith("gain") else 0.0 for name in found.searched.names])
         own = np.array([name.partition("_")[0] in kinds for name in found.searched.names])
         own &= np.array([name != "presliding" for name in found.searched.names])
-        return bool((np.abs(found.values - none) > PLAINLY * found.deviations)[own].any())
+        return bool((np.abs(found.values - none) > far * found.deviations)[own].any())
 
 
 @dataclass(frozen=True)
@@ -117,9 +116,9 @@ class Combining:
         likely, without = (kept.likelihood(tried.found.point, size * noise, PUSHES) for size in (1.0, NEGLIGIBLE))
         return without > likely - NOTHING
 
-    def best_of(self, before: Tried, candidates: list[tuple[str, ...]]) -> list[Tried]:
-        """The fits with the faults of LOOKED_AT of the `candidates` besides, best first: of those that a single step
-        from the fit `before` promises to leave least of the pushes.
+    def likely(self, before: Tried, candidates: list[tuple[str, ...]]) -> list[Tried]:
+        """The fits with the faults of LOOKED_AT of the `candidates` besides: of those that a single step from the fit
+        `before` promises to leave least of the pushes.
         """
         kept = self._led(before)
         if kept is None:
@@ -127,7 +126,7 @@ class Combining:
         left = [self._left_by(before, kept, kinds) for kinds in candidates]
         likely = [candidates[number] for number in np.argsort(left)[:LOOKED_AT] if np.isfinite(left[number])]
         tried = (self.fitted((*before.kinds, *kinds), before) for kinds in likely)
-        return sorted((each for each in tried if each is not None), key=lambda each: -each.likelihood)
+        return [each for each in tried if each is not None]
 
     def _left_by(self, before: Tried, kept: Innovations, kinds: tuple[str, ...]) -> float:
         """The cost that one Gauss-Newton step leaves with faults of these `kinds` besides, each unknown for one."""

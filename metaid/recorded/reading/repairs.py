@@ -96,7 +96,7 @@ def _wild(read: Array) -> NDArray[np.intp]:
 def _lasting(five: Array) -> float:
     """By how much a column goes elsewhere over the middle one of five readings than it does on either side."""
     before, last, _, following, after = five.tolist()
-    return abs((following - last) - (last - before) - (after - following))
+    return float(abs((following - last) - (last - before) - (after - following)))
 
 
 def unwrapped(readings: Readings, slides: NDArray[np.bool_]) -> Readings:
