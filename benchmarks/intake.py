@@ -4,10 +4,10 @@
 
 The log is of a simulated arm of three joints that swings for 20 s at 500 Hz, with 0.1 mrad of noise and encoder steps,
 1 mrad/s of noise of the speeds, and 0.5 % of the torques. Each row of the table says of three sizes what was repaired
-of the largest, or why it was refused; how many of the parameters of the clean log have a value within both 95 %
-intervals; and how far the torque of the bodies is off along the clean motion. `WRONG` marks a log that is taken though
-fewer than nine of ten values agree, or the torque is off by twice that of the clean log and by 1 % more. Angles from
-hanging are those of the shipped logs of a real double pendulum, one to three of them. `--json` has each size by itself.
+of the largest, or why it was refused, and how far the torque of the bodies is off along the clean motion. `WRONG` marks
+a log that is taken though fewer than nine of ten parameters of the clean log have a value within both 95 % intervals,
+or the torque is off by twice that of the clean log and by 1 % more. Angles from hanging are those of the shipped logs
+of a real double pendulum, one to three of them. `--json` has each size by itself, and how many parameters agree.
 """
 
 from __future__ import annotations
@@ -270,7 +270,6 @@ def by_defect(found: list[Row]) -> Iterator[dict[str, str]]:
             "sizes": ", ".join(row.size for row in sizes),
             "repaired or refused": sizes[-1].said,
             "verdict": ", ".join(dict.fromkeys(row.verdict for row in sizes)),
-            "agree": ", ".join(dict.fromkeys(row.agree for row in sizes)),
             "torque off by": ", ".join(dict.fromkeys(row.error for row in sizes)) + "".join(row.wrong for row in sizes),
         }
 

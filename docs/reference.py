@@ -63,7 +63,7 @@ def keys(settings: type[Settings], beside: type[Settings] | None = None) -> str:
 
 def key_table(rows: Iterator[str]) -> str:
     """A table of rows."""
-    return "\n".join(["| key | default | allowed | |", "| --- | --- | --- | --- |", *rows]) + "\n"
+    return "\n".join(["| key | default | allowed | |", "|---|---|---|---|", *rows]) + "\n"
 
 
 def study_keys(of_arm: bool) -> str:

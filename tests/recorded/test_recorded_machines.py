@@ -133,6 +133,14 @@ def test_fact_that_is_wrong_is_named_with_what_mends_it(spoil: Callable[[Record]
     assert facts[0].option == option.format(found.model.joints[1])
 
 
+def test_gravity_that_points_elsewhere_is_named_and_no_unit_in_its_place() -> None:
+    """Told of an arm on a floor that it hangs on a wall: hardly any torque is then as the nominal bodies need it."""
+    record, tree = arm_log(), wrong_tree(swinging_arm(), 0)
+    leaning = arm_model(replace(tree, gravity=np.array([0.0, -9.81, 0.0])))
+    found = estimate_records([record], leaning, Choices(friction=("viscous", "coulomb"), zeros=False, delay=0.0))
+    assert [fact.option for fact in facts_of([record], found)] == ["--gravity 0,0,-9.81"]
+
+
 def test_motor_that_turns_with_two_joints_is_named() -> None:
     """Where nobody said so; of an arm that has none nothing is."""
 

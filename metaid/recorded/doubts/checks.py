@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from metaid.models import Array
-from metaid.recorded.doubts.scales import joint_scales
+from metaid.recorded.doubts.scales import joint_scales, torque_scale
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.log import Record
 from metaid.recorded.weak_form.equations import Equations, Part, equations_of
@@ -129,13 +129,18 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate) -> tuple[Fact, 
     units = list(_units(check))
     if usual.max() < WRONG and not units:
         return ()
-    worth = []
+    worth, mended = [], {}
     for text, option, other in _suspected(found, check):
+        if found.scale != 1.0:  # it may be what is wrong that looks like another unit of all torques
+            other = replace(other, scale=torque_scale(other))
         is_zero = option.startswith("--zero")
         left = check.left(other, usual, is_zero)
         if improvement(left, usual, is_zero) < (SELDOM if option.startswith("--gravity") else NAMED):
             worth.append(Fact(text, option, together(left, usual)))
+            mended[option] = other
     worth.sort(key=lambda fact: fact.left)
+    if worth and units:  # of joints that are still in another unit once what tells most is mended
+        units = list(_units(replace(check, equations=mended[worth[0].option])))
     telling = [fact for fact in worth if fact.left < worth[0].left * 1.15][:2]
     return (*units, *(telling if usual.max() >= WRONG else ()))
 
