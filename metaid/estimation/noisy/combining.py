@@ -85,7 +85,8 @@ def _grown(combining: Combining, best: Tried | None, readings: Readings) -> tupl
             tried = combining.with_cogging(best)
         if not tried or not _worth(tried[0]) > _worth(best):
             break
-        best, rivals = tried[0], [each for each in tried[1:] if _worth(each) > _worth(tried[0]) - LEAST]
+        rivals = [each for each in tried[1:] if _worth(each) > _worth(tried[0]) - LEAST]
+        best = combining.settled(tried[0])
     return best, rivals
 
 
@@ -104,6 +105,7 @@ def _fewest(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tried:
     for kind, simpler in TWOFOLD.items():
         if kind in best.kinds and kind not in known:
             instead = combining.fitted(tuple(simpler if each == kind else each for each in best.kinds), best)
+            instead = None if instead is None else combining.settled(instead)
             is_as_good = instead is not None and instead.likelihood > best.likelihood - NOTHING
             if instead is not None and is_as_good and farthest_moved(best.found, instead.found) is None:
                 best = instead

@@ -91,6 +91,17 @@ class Combining:
         likelihood = left.likelihood(point, sizes, PUSHES)
         return Tried(found, faults, likelihood) if np.isfinite(likelihood) else None
 
+    def settled(self, tried: Tried) -> Tried:
+        """The same fit, gone on with until pushes that were left out become no more likely: gains and unknowns are
+        found in turn, and what is left to gain is not to be another fault's.
+        """
+        for _ in range(ROUNDS_EACH):
+            again = self.fitted(tried.kinds, tried)
+            if again is None or again.likelihood < tried.likelihood + NOTHING:
+                break
+            tried = again
+        return tried
+
     def _bounded(self, kinds: tuple[str, ...], before: Tried | None, teeth: int = 0) -> SearchedFaults:
         """Faults of these `kinds`; cogging repeats `teeth` times a turn, or as often as before, or as it is known."""
         faults = self.search(_in_order(kinds))
