@@ -27,7 +27,7 @@ class HeldOut:
     """What the pushes that are left out say of the fits to the others.
 
     Attributes:
-        misfit: root mean square of what these fits leave of the pushes left out, in units of what noise explains.
+        misfit: root mean square of what these fits leave of the pushes left out, scaled by what noise explains.
         nominal: the same of the nominal model; inf where it cannot follow.
         unknowns: of each fit (npart x nunknown).
     """
@@ -51,7 +51,7 @@ class Approximation:
     Attributes:
         held_out: what pushes that were left out say.
         widening: by how much what is not explained makes deviations larger than if all were.
-        residuals: of each trial (npush x njoint), in units of the noise; NaN where a push was not seen.
+        residuals: of each trial (npush x njoint), scaled by the noise; NaN where a push was not seen.
         joints: their names (njoint).
         own: standard deviation of each unknown (nunknown), as if the model explained all.
         shift: by how much a force that the model has not would change each (nunknown).
@@ -116,7 +116,7 @@ class Approximation:
     def not_explained(self) -> str:
         """What the model leaves of what was seen, joint by joint, in a sentence."""
         each = ", ".join(f"{name} {left:.3g}" for name, left in self.by_joint.items())
-        return f"not explained is, in units of the noise: {each}"
+        return f"residuals, scaled by the noise: {each}"
 
     def summary(self) -> dict[str, Any]:
         """As `study show --json` has it under `estimate`; None where the nominal model cannot follow."""

@@ -25,7 +25,7 @@ BISECTIONS = 40
 
 @dataclass(frozen=True)
 class Residuals:
-    """`values` (nresidual) in units of what noise or rounding explains, and their `slopes` (nresidual x nunknown).
+    """`values` (nresidual), scaled by what noise or rounding explains, and their `slopes` (nresidual x nunknown).
 
     `cost` is half the sum of squares of all `count` residuals. It may be more than that of these `values`: unknowns
     that concern one push alone are not in `slopes`, and in `values` they are already where they serve best.

@@ -61,13 +61,13 @@ class Fit:
         unknowns: z (nunknown), the changes of the nominal model that show what was seen.
         covariance: of the unknowns (nunknown x nunknown).
         cost: half the sum of squares of the residuals, with that of the prior.
-        misfit: root mean square of the residuals, in units of what noise or rounding explains.
+        misfit: root mean square of the residuals, scaled by what noise or rounding explains.
         explained_below: a misfit below this says that the model explains what was seen.
         iterations: steps of all descents.
         starts: how many descents there were, each from another point.
         converged: whether the last steps changed nothing any more.
         residuals: of each trial by push and joint (npush x njoint), root mean square over the windows.
-        extras: the unknowns that concern one push alone (nextra): start speeds in units of what pushes differ by, or
+        extras: the unknowns that concern one push alone (nextra): start speeds scaled by what pushes differ by, or
             none where these are read.
     """
 
@@ -185,7 +185,7 @@ def _descent(comparison: Growing, point: Array, windows: int, most: int = MOST_E
 
 
 def misfit(found: Descent) -> float:
-    """Root mean square of the residuals, in units of what noise or rounding explains."""
+    """Root mean square of the residuals, scaled by what noise or rounding explains."""
     residuals = found.place.residuals
     return float(np.sqrt(2.0 * residuals.cost / residuals.count))
 

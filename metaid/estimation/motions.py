@@ -60,7 +60,7 @@ class WatchedTrials:
 
 @dataclass(frozen=True, eq=False)
 class Motions(WatchedTrials):
-    """What of all trials is `compared` with the twin, in units of what rounding leaves of the largest.
+    """What of all trials is `compared` with the twin, scaled by what rounding leaves of the largest.
 
     `speed`: the signed change of joint speed from the push to the end of a window (Eq. 61). `frequency`, of a chain:
     Rice's, √(∫ q̈² dt / ∫ q̇² dt) of that joint up to there, which has no sign (Eq. 25).

@@ -37,7 +37,7 @@ class Matrices:
 
     @cached_property
     def scaled(self) -> Array:
-        """The slope in units of the nominal ones (nparam x count x size x size)."""
+        """The slope, scaled by the nominal ones, (nparam x count x size x size)."""
         return _between(np.linalg.inv(np.linalg.cholesky(self.nominal)), np.moveaxis(self.slope, -1, 0))
 
     def at(self, x: Array) -> Array:

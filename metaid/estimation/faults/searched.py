@@ -2,7 +2,7 @@
 
 The twin has the loop as it is: a torque comes late by a delay and is multiplied by the gain of its motor, links lean
 where the base is tilted or an encoder is offset, and joints have friction and springs (Eqs. 40 and 43). Each fault is
-searched in units of what it may be, so that all unknowns have steps of one size.
+scaled by its prior deviation, so that all unknowns have steps of one size.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ def eliminate(values: Array, slopes: Array, whitened: Array, count: int) -> tupl
     Args:
         values: residuals (npush x nvalue).
         slopes: their derivatives (npush x nvalue x nunknown + nextra), those by what a push alone has last.
-        whitened: that (npush x nextra), in units of its spread.
+        whitened: that (npush x nextra), scaled by its spread.
         count: of the unknowns of all pushes.
     """
     npush, nvalue, width = slopes.shape

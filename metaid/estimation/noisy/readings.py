@@ -113,7 +113,7 @@ class Readings(ReadingsInWindows):
     def _left(
         self, number: int, trial: ReadTrial, starts: Array, windows: int, log_factors: Array, joints: Joints | None
     ) -> Coefficients | None:
-        """What the twin shows less what was read, in units of the noise, and its derivatives; None where it cannot
+        """What the twin shows less what was read, scaled by the noise, and its derivatives; None where it cannot
         follow.
 
         Args:

@@ -95,7 +95,7 @@ def _predicted(readings: Readings, estimate: Found) -> tuple[float, float]:
     of it noise explains.
 
     The squares of all pushes less those of the others alone are the squared prediction errors of the pushes held out,
-    in units of what noise and the covariance of that fit make of them.
+    scaled by what noise and the covariance of that fit make of them.
     """
     try:
         kept = only_pushes(readings, ~_last(readings))

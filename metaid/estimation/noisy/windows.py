@@ -25,7 +25,7 @@ from metaid.estimation.trials import ReadTrial
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 
-# Residuals of a trial (npush x nvalue) in units of the noise, joint by joint, and their derivatives (npush x nvalue x
+# Residuals of a trial (npush x nvalue), scaled by the noise, joint by joint, and their derivatives (npush x nvalue x
 # nunknown + nextra), those by what a push alone has last; zeros where a push was not seen.
 Compared = tuple[Array, Array]
 
@@ -46,7 +46,7 @@ class ReadingsInWindows(ABC):
     @abstractmethod
     def _compare(self, number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
         """The trial of that `number` on the longest of the first `windows` windows of each push; None where the twin
-        cannot follow. `whitened` (npush x nextra) is what a push alone has, in units of its spread.
+        cannot follow. `whitened` (npush x nextra) is what a push alone has, scaled by its spread.
         """
 
     @property
@@ -113,7 +113,7 @@ class ReadingsInWindows(ABC):
         return self._eliminated(point, windows, self._compare, len(self.spreads))
 
     def by_joint(self, point: Array) -> tuple[Array, ...]:
-        """Root mean square of the residuals of each trial (npush x njoint) on the longest window seen, in units of the
+        """Root mean square of the residuals of each trial (npush x njoint) on the longest window seen, scaled by the
         noise; NaN where a push was not seen.
         """
         tables = []
