@@ -16,7 +16,19 @@ pytestmark = pytest.mark.slow
 
 PACKAGE = ROOT / "metaid"
 # From the lowest to the highest; a package imports only those before it.
-ORDER = ("errors", "files", "models", "plant", "episode", "compiled", "estimation", "paper", "search", "store")
+ORDER = (
+    "errors",
+    "files",
+    "frames",
+    "models",
+    "plant",
+    "episode",
+    "compiled",
+    "estimation",
+    "paper",
+    "search",
+    "store",
+)
 ORDER += ("study", "results", "recorded", "excitation", "show", "api", "cli")
 PACKAGES = tuple(name for name in ORDER if (PACKAGE / name).is_dir())
 SLOW = ("cmaes", "scipy.optimize", "scipy.stats")  # half of what a command took that only reads a DB

@@ -19,7 +19,8 @@ WORDS, COUNTS = ("name", "plant", "sampler", "measure", "verdict"), ("trials", "
 @json_option
 def list_studies(storage: str, shipped: bool, as_json: bool) -> None:
     """The studies of a DB, or those that metaid ships: also where there is no metaid.db here yet."""
-    from metaid.results import studies_frame, without_nan
+    from metaid.frames import json_rows
+    from metaid.results import studies_frame
     from metaid.store import DEFAULT_STORAGE
 
     if shipped or (storage == DEFAULT_STORAGE and not Path(storage).exists()):
@@ -33,7 +34,7 @@ def list_studies(storage: str, shipped: bool, as_json: bool) -> None:
         return
     with open_store(storage) as store:
         frame, others = studies_frame(store), store.other_names()
-    rows = [without_nan(row) for row in frame.to_dict("records")]
+    rows = json_rows(frame)
     if as_json:
         print_json({"studies": rows, "others": others})
         return

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -27,7 +27,9 @@ from metaid.recorded.telling.summary import summary
 from metaid.recorded.weak_form.equations import Fold
 from metaid.recorded.weak_form.linear_model import TERMS, LinearModel, model_of
 from metaid.recorded.weak_form.smoothed import Smoothed, smoothed
-from metaid.results.exporting import IdentifiedModel
+
+if TYPE_CHECKING:
+    from metaid.results.exporting import IdentifiedModel
 
 Log = str | Path | pd.DataFrame
 

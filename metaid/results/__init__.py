@@ -13,7 +13,6 @@ from metaid.results.estimates import (
     describe_trials,
 )
 from metaid.results.findings import MODEL_ERRORS, Findings, findings_of, read_findings
-from metaid.results.lump_tables import without_nan
 from metaid.results.overview import shown_rows, summary
 from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.results.sweeps import Plane, Sweep, plane, sweep
@@ -72,5 +71,4 @@ __all__ = [
     "trials_frame",
     "validate",
     "validate_law",
-    "without_nan",
 ]

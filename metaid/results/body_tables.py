@@ -12,10 +12,10 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from metaid.errors import StudyError
+from metaid.frames import json_rows
 from metaid.models import COARSEST, DEVIATIONS, Array, Chain, body_extents, known_lumps
 from metaid.models.tree import body_quantities, known_bodies
 from metaid.plant import SocketPlant
-from metaid.results.lump_tables import without_nan
 from metaid.results.snapshot import Snapshot
 from metaid.results.verdict import Verdict
 from metaid.study.estimates import ArmFound, ChainFound
@@ -98,8 +98,7 @@ def body_rows(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
         frame = bodies_table(snapshot, verdict)
     except StudyError as why:
         return {"bodies": None, "why_no_bodies": str(why)}
-    rows = frame.replace({"high": {np.inf: np.nan}}).to_dict("records")
-    return {"bodies": [without_nan(row) for row in rows], "why_no_bodies": None}
+    return {"bodies": json_rows(frame.replace({"high": {np.inf: np.nan}})), "why_no_bodies": None}
 
 
 def describe_possible_bodies(rows: list[dict[str, Any]]) -> str:

@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 
 from metaid.errors import StudyError
-from metaid.results.lump_tables import largest_error, without_nan
+from metaid.frames import json_rows
+from metaid.results.lump_tables import largest_error
 from metaid.results.snapshot import Snapshot, counted_states, read_snapshot
 from metaid.results.verdict import Verdict, judge
 from metaid.store import Store
@@ -65,7 +66,7 @@ class Comparison:
     def summary(self) -> dict[str, Any]:
         """What `metaid study compare --json` prints; None where something is not known."""
         tables = {"studies": self.studies, "lumps": self.lumps}
-        return {key: [without_nan(row) for row in table.to_dict("records")] for key, table in tables.items()}
+        return {key: json_rows(table) for key, table in tables.items()}
 
 
 def compare(store: Store, names: Sequence[str]) -> Comparison:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from metaid.frames import json_rows
 from metaid.models import DEVIATIONS
 from metaid.plant import SocketPlant, fault_names, fault_unit, true_faults
 from metaid.results.best import known_by_best
@@ -64,11 +65,6 @@ def largest_error(lumps: pd.DataFrame) -> float | None:
     return None if errors.empty or errors.isna().any() else float(errors.max())
 
 
-def without_nan(row: dict[Any, Any]) -> dict[str, Any]:
-    """A row of a frame as JSON has it: None for what is not known."""
-    return {str(key): None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()}
-
-
 def fault_table(problem: Problem, found: StudyEstimate | None, is_result: bool) -> pd.DataFrame:
     """One row a fault that was searched or taken up, see `[estimate] faults`: `name`, `unit`, `identified`, `sd`, `low`
     and `high` of the 95 % interval, `true`, `error`, which is the difference of the two, and whether it is
@@ -104,4 +100,4 @@ def fault_rows(problem: Problem, found: StudyEstimate | None, is_result: bool) -
     """The same as `study show --json` has it, under `faults`; nothing where no fault is ever searched."""
     if not problem.spec.study.estimate.faults:
         return {}
-    return {"faults": [without_nan(row) for row in fault_table(problem, found, is_result).to_dict("records")]}
+    return {"faults": json_rows(fault_table(problem, found, is_result))}

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from metaid.frames import json_rows
 from metaid.results.body_tables import body_rows
 from metaid.results.candidates import identified_law
 from metaid.results.estimates import approximation_rows
-from metaid.results.lump_tables import fault_rows, largest_error, without_nan
+from metaid.results.lump_tables import fault_rows, largest_error
 from metaid.results.snapshot import Snapshot, counted_states, read_snapshot
 from metaid.results.verdict import NUMBERS, Verdict, judge
 from metaid.store import ForeignTrial, Store
@@ -49,7 +50,7 @@ def summarized(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
             "value": best and best.outcome.value,
             **_error_of_best(snapshot, verdict),
         },
-        "lumps": [without_nan(row) for row in verdict.lumps.to_dict("records")],
+        "lumps": json_rows(verdict.lumps),
         **fault_rows(problem, found, verdict.has_result),
         "max_error": largest_error(verdict.lumps),
         "model_error": _model_error(snapshot, verdict),

@@ -92,11 +92,12 @@ def estimate(
     angle, torque and perhaps speed. `double-pendulum` is three. Exit status 3: not found.
     """
     from metaid.recorded import estimate as estimated
-    from metaid.results.exporting import SUFFIXES
 
     terms = None if friction is None else [term for term in friction.split(",") if term and friction != "none"]
     pairs = [_pair(text) for text in couples]
     for output in outputs:
+        from metaid.results.exporting import SUFFIXES  # slow to load
+
         refuse_output(output, (*SUFFIXES, *FIGURE_SUFFIXES))
         if output.suffix in FIGURE_SUFFIXES:
             figure_of(output)
@@ -123,7 +124,7 @@ def estimate(
     )
     warn(result.nominal_repairs)
     has_numbers = result.verdict.is_found or even_if_not_found
-    models = [output for output in outputs if output.suffix in SUFFIXES]
+    models = [output for output in outputs if output.suffix not in FIGURE_SUFFIXES]
     files = [_written(result, output) for output in models] if has_numbers else []
     if has_numbers:
         draw(result, [output for output in outputs if output.suffix in FIGURE_SUFFIXES])

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
+from metaid.frames import json_rows
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.log import Record
 from metaid.recorded.telling.curves import friction_curves
 from metaid.recorded.telling.judging import RecordedVerdict
 from metaid.recorded.telling.model_files import FileError
-from metaid.results import without_nan
 
 KEYS = ("name", "unit", "nominal", "value", "sd", "sd_systematic", "low", "high", "determined", "expression")
 
@@ -34,7 +34,7 @@ def summary(
         validation: what the model predicts of logs that it was not fitted to.
         files: that were written.
     """
-    rows = verdict.lumps.rename(columns={"identified": "value"}).to_dict("records")
+    rows = verdict.lumps.rename(columns={"identified": "value"})
     equations, model = found.equations, found.model
     logs = zip(records, found.zeros.tolist(), strict=True)
     return {
@@ -55,7 +55,7 @@ def summary(
         "held_out": found.held_out.summary,
         "nominal_held_out": found.nominal_held_out.summary,
         "validation": list(validation),
-        "parameters": [{key: without_nan(row)[key] for key in KEYS} for row in rows],
+        "parameters": json_rows(rows[list(KEYS)]),
         "friction": {
             "terms": list(model.terms),
             "presliding": model.sliding.presliding.tolist(),
@@ -74,7 +74,7 @@ def summary(
         },
         "delay": found.delay,
         "delay_at_bound": found.chosen.delay_at_bound,
-        "gains": None if found.gains is None else [without_nan(row) for row in found.gains.frame.to_dict("records")],
+        "gains": None if found.gains is None else json_rows(found.gains.frame),
         "scale": found.scale,
         "window": {
             "seconds": equations.span,

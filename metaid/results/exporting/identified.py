@@ -16,6 +16,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from metaid.errors import StudyError, printable
+from metaid.frames import json_rows
 from metaid.models import Array
 from metaid.models.tree import Tree
 from metaid.plant import LinkSettings
@@ -240,7 +241,7 @@ def _json(model: IdentifiedModel) -> str:
         "units": "SI",
         "gravity": model.gravity,
         "timestep": model.timestep,
-        "lumps": [_without_nan(row) for row in rows.to_dict("records")],
+        "lumps": json_rows(rows),
         "covariance": None
         if covariance is None
         else {"names": covariance.columns.tolist(), "values": covariance.to_numpy().tolist()},
@@ -251,10 +252,6 @@ def _json(model: IdentifiedModel) -> str:
 
 def _comment(lines: list[str]) -> str:
     return "".join(f"# {line}\n" for line in lines)
-
-
-def _without_nan(row: dict[Any, Any]) -> dict[str, Any]:
-    return {str(key): None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()}
 
 
 SUFFIXES: dict[str, Callable[[IdentifiedModel], str]] = {
