@@ -95,9 +95,9 @@ def estimate(
 
     terms = None if friction is None else [term for term in friction.split(",") if term and friction != "none"]
     pairs = [_pair(text) for text in couples]
-    for output in outputs:
+    if outputs:
         from metaid.results.exporting import SUFFIXES  # slow to load
-
+    for output in outputs:
         refuse_output(output, (*SUFFIXES, *FIGURE_SUFFIXES))
         if output.suffix in FIGURE_SUFFIXES:
             figure_of(output)

@@ -112,8 +112,9 @@ def _fewest(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tried:
     idle = [
         kinds for kinds in (*SINGLE, *LATE) if {*kinds} <= {*best.kinds} - {*known} and not best.shows(kinds, CLEARLY)
     ]
-    for kinds in (tuple(kind for own in idle for kind in own), *SINGLE, *LATE):
-        if not kinds or not {*kinds} <= {*best.kinds} or {*kinds} & {*known} or best.shows(kinds, PLAINLY):
+    together = [tuple(kind for own in idle for kind in own)] if len(idle) > 1 else []
+    for kinds in (*together, *SINGLE, *LATE):
+        if not {*kinds} <= {*best.kinds} or {*kinds} & {*known} or best.shows(kinds, PLAINLY):
             continue
         without = combining.fitted(tuple(kind for kind in best.kinds if kind not in kinds), best)
         if without is not None and without.likelihood > best.likelihood - LEAST:

@@ -1,5 +1,5 @@
 """What sensors do to readings, repaired where the readings themselves say how: wild ones, angles that wrap, rows that
-are there twice, and rest that rounding and noise hide.
+are there twice; and rest, which rounding and noise hide.
 """
 
 from __future__ import annotations
