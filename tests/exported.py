@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from metaid.results.exporting import Dynamics, IdentifiedModel
+from metaid.exporting import Dynamics, IdentifiedModel
 
 FULL = ("gravity", "coriolis", "inertia")
 ABOUT = dict.fromkeys(("plant", "sampler", "measure", "source", "written", "metaid"), "so")

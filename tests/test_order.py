@@ -22,6 +22,7 @@ ORDER = (
     "frames",
     "models",
     "plant",
+    "exporting",
     "episode",
     "compiled",
     "estimation",
@@ -36,6 +37,7 @@ SLOW = ("cmaes", "scipy.optimize", "scipy.stats")  # half of what a command took
 ABSENT = {
     "models": ("mujoco", "numba", "ray", "optuna", "pandas", "metaid.files"),
     "plant": ("mujoco", "numba", "ray", "optuna", "pandas"),
+    "exporting": ("mujoco", "numba", "ray", "optuna", "matplotlib", *SLOW),
     "episode": ("mujoco", "numba", "ray", "optuna", "pandas"),
     "compiled": ("ray", "optuna", "pandas"),
     "estimation": ("mujoco", "numba", "ray", "optuna", "pandas"),

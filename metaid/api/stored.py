@@ -37,7 +37,7 @@ from metaid.study import (
 if TYPE_CHECKING:
     import optuna
 
-    from metaid.results.exporting import IdentifiedModel
+    from metaid.exporting import IdentifiedModel
 
 
 def default_storage() -> str:
@@ -92,7 +92,7 @@ def run(
     spec = spec_of(study)
     with closing(Store(storage or default_storage(), create=start_from is None)) as store:
         if start_from is not None:
-            from metaid.results.exporting import started_from  # loads the solver of possible bodies
+            from metaid.results import started_from  # loads the solver of possible bodies
 
             spec = started_from(store, spec, start_from)
         name = ensure_study(store, spec, name)
@@ -277,7 +277,7 @@ def model(name: str, storage: str | None = None, even_if_not_found: bool = False
         (1000, 3, 3)
         >>> model.write("three-link.xml")
     """
-    from metaid.results.exporting import identified_model
+    from metaid.results import identified_model
 
     with closing(Store(storage or default_storage())) as store:
         return identified_model(read_snapshot(store, name), even_if_not_found)

@@ -135,8 +135,8 @@ def model(name: str, storage: str, output: Path, even_if_not_found: bool) -> Non
     have the compensation law as a function that needs nothing else, and of a chain the mass matrix.
     """
     from metaid import api
+    from metaid.exporting import SUFFIXES
     from metaid.results import RESULTS
-    from metaid.results.exporting import SUFFIXES
 
     with whole_file(output, tuple(SUFFIXES)) as partial:
         found = api.model(name, storage, even_if_not_found)

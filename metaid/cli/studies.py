@@ -100,7 +100,7 @@ def _make(
     spec = load_study(source, changes)
     with open_store(storage, create=start_from is None) as store:
         if start_from is not None:
-            from metaid.results.exporting import started_from
+            from metaid.results import started_from
 
             spec = started_from(store, spec, start_from)
         warnings = [advice(spec), None if spec.is_arm else _undetermined(spec)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +14,9 @@ from metaid.models import COARSEST, Array
 from metaid.recorded import Choices, LinearModel, Record, equations_like, estimate_records
 
 LASTS = 0.1  # s: how long a torque that no model explains lasts
-REHEARSED = 24  # logs, whose noise differs
-SHARED = 8  # logs that the errors of all parameters together count for, beside those of each
+REHEARSED = 48  # logs, whose noise differs
+THREADS = 2  # of rehearsals: BLAS and compiled loops run side by side
+SHARED = 16  # logs that the errors of all parameters together count for, beside those of each
 FRICTION = ("viscous", "coulomb")
 Torques = Callable[[Array, Array, Array], Array]  # of angles, speeds and accelerations (nrow x njoint each)
 
@@ -95,13 +97,16 @@ def forecast(model: LinearModel, nominal: Array, series: Series, seconds: float,
 
     first = recorded(torques, series, seconds, noise, 0)
     found = estimate_records([first], model, Choices(friction=FRICTION, zeros=False, delay=0.0))
-    variances, beforehand, errors = [], [], []
-    for seed in range(REHEARSED):
+
+    def rehearse(seed: int) -> tuple[Array, Array, Array]:
         equations = equations_like(found, recorded(torques, series, seconds, noise, seed))
-        solution, inverse = equations.solved[0], np.linalg.inv(equations.solved[0].precision)
-        beforehand.append(np.diag(inverse @ solution.prior @ inverse))
-        variances.append(np.diag(equations.covariance(solution.values)))
-        errors.append(solution.values - nominal)
+        solution = equations.solved[0]
+        inverse = np.linalg.inv(solution.precision)
+        of_prior = np.diag(inverse @ solution.prior @ inverse)
+        return np.diag(equations.covariance(solution.values)), of_prior, solution.values - nominal
+
+    with ThreadPoolExecutor(THREADS) as pool:
+        variances, beforehand, errors = zip(*pool.map(rehearse, range(REHEARSED)), strict=True)
     prior = np.mean(beforehand, axis=0)  # which errors do not show where the nominal robot is the truth
     usual = np.mean(variances, axis=0) - prior
     growth = np.mean(np.square(errors) / usual, axis=0)  # by errors that last longer than a covariance counts

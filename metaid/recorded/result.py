@@ -29,7 +29,7 @@ from metaid.recorded.weak_form.linear_model import TERMS, LinearModel, model_of
 from metaid.recorded.weak_form.smoothed import Smoothed, smoothed
 
 if TYPE_CHECKING:
-    from metaid.results.exporting import IdentifiedModel
+    from metaid.exporting import IdentifiedModel
 
 Log = str | Path | pd.DataFrame
 

@@ -13,6 +13,7 @@ from metaid.results.estimates import (
     describe_trials,
 )
 from metaid.results.findings import MODEL_ERRORS, Findings, findings_of, read_findings
+from metaid.results.model import identified_model, started_from
 from metaid.results.overview import shown_rows, summary
 from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.results.sweeps import Plane, Sweep, plane, sweep
@@ -54,6 +55,7 @@ __all__ = [
     "estimate_frame",
     "findings_of",
     "identified_factors",
+    "identified_model",
     "interval_name",
     "judge",
     "lumps_frame",
@@ -64,6 +66,7 @@ __all__ = [
     "read_snapshot",
     "shown_rows",
     "smooth_sinusoids",
+    "started_from",
     "studies_frame",
     "summary",
     "sweep",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from metaid.results import Comparison
 from metaid.show.figures import comparison_figure
-from metaid.show.report import PageFigure, filled_in, inline_svg
+from metaid.show.pages import PageFigure, filled_in, inline_svg
 
 
 def render_comparison(found: Comparison) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 from metaid.recorded import FileError, RecordedResult
 from metaid.show.figures.log_gallery import LogGallery
-from metaid.show.report import filled_in, page_figures
+from metaid.show.pages import filled_in, page_figures
 
 
 def render_log(found: RecordedResult, command: str = "", files: Sequence[FileError] = ()) -> str:

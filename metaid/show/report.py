@@ -1,28 +1,14 @@
-"""A study as one self-contained HTML page: nothing is fetched, every value is escaped, figures are inline SVG.
-
-Colours follow the reader's light or dark preference: matplotlib's ink becomes the page's. Each figure is there twice,
-as wide as a page and as a phone, and the style sheet shows the one that fits.
-"""
+"""A study as one self-contained HTML page."""
 
 from __future__ import annotations
 
-import io
-import platform
 import re
 import shlex
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from importlib import metadata
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
-from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.figure import Figure
 
-import metaid
 from metaid.results import (
     MODEL_ERRORS,
     Findings,
@@ -33,7 +19,8 @@ from metaid.results import (
     interval_name,
     shown_rows,
 )
-from metaid.show.figures import COLUMN, INK, PAGE, Gallery, Picture, said_in, sketch, style, with_titles
+from metaid.show.figures import COLUMN, PAGE, Gallery, sketch
+from metaid.show.pages import PageFigure, Watch, filled_in, inline_svg, page_figures
 from metaid.show.words import (
     episode_words,
     joint_rows,
@@ -46,22 +33,9 @@ from metaid.show.words import (
     study_files,
 )
 
-VERSIONS_OF = ("mujoco-core", "numba", "numpy", "cmaes", "optuna", "matplotlib")
 UNITS = {"deg": "°", "mm": "mm"}
 OF_SEARCH = {"convergence", "factors", "frequency", "boundary", "parallel", "correlation", "episode"}  # figures
-Watch = Callable[[str], None]
-NO_ERROR = 1e-9  # as a share
 WIDEST = 0.02  # of a lump's value: a wider range is reported
-
-
-@dataclass(frozen=True)
-class PageFigure:
-    """A figure ready for the page: `wide` and `narrow` SVG."""
-
-    name: str
-    caption: str
-    wide: Markup
-    narrow: Markup
 
 
 def render(found: Findings, watch: Watch = lambda what: None) -> str:
@@ -124,46 +98,6 @@ def settings(found: Findings) -> dict[str, str]:
     }
 
 
-def filled_in(template: str, **values: Any) -> str:
-    """A page made of a `template` of this package and these `values`; what they say is escaped."""
-    versions = {"metaid": metaid.__version__, "Python": platform.python_version(), **_versions()}
-    page: str = templates().get_template(template).render({"versions": versions, **values})
-    return with_contents(re.sub(r"<table.*?</table>", _labelled, page, flags=re.DOTALL))
-
-
-def with_contents(page: str) -> str:
-    """A page with a list of its sections below its header."""
-    sections = re.findall(r'<section id="([\w-]+)">\s*<h2>(.*?)</h2>', page)
-    links = " ".join(f'<a href="#{name}">{title}</a>' for name, title in sections)
-    return page.replace("</header>", f'</header>\n<nav id="contents" aria-label="Contents">{links}</nav>', 1)
-
-
-def templates() -> Environment:
-    """Those of this package, in which every value is escaped."""
-    environment = Environment(
-        loader=PackageLoader("metaid.show", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"number": number_text, "percent": percent_text, "sentence": sentence}
-    return environment
-
-
-def _labelled(table: re.Match[str]) -> str:
-    """A table whose cells say of which column they are: a phone shows them below one another."""
-    if "<thead>" not in table[0]:
-        return table[0]
-    headings = re.findall(r"<th>(.*?)</th>", table[0].partition("</thead>")[0])
-
-    def row(found: re.Match[str]) -> str:
-        names = iter(headings)
-        return re.sub("<td>", lambda _: f'<td data-label="{next(names)}">', found[0])
-
-    return re.sub(r"<tr>(<td>.*?)</tr>", row, table[0], flags=re.DOTALL)
-
-
 def plant_picture(found: Findings) -> PageFigure:
     """A sketch of the plant, or of the nominal model where the plant is not to be shown."""
     plant = found.problem.open_plant() if shows_plant(found) else found.problem.robot.nominal_plant()
@@ -181,39 +115,6 @@ def errors(found: Findings) -> list[dict[str, Any]]:
         return []
     rows = MODEL_ERRORS.items()
     return [{"name": name, "nominal": nominal[key], "identified": identified.get(key)} for key, name in rows]
-
-
-def page_figures(
-    page: Iterable[Picture], column: Iterable[Picture], watch: Watch = lambda what: None
-) -> list[PageFigure]:
-    """The same figures at the width of a `page` and of a `column`, ready for the page; `watch` is told of each."""
-    drawn: list[PageFigure] = []
-    for wide, narrow in zip(page, column, strict=True):
-        watch(f"figure {len(drawn) + 1}, {wide.name}")
-        svgs = (inline_svg(each.figure, f"{wide.name}-{name}-") for name, each in (("wide", wide), ("narrow", narrow)))
-        drawn.append(PageFigure(wide.name, wide.caption, *svgs))
-    return drawn
-
-
-def inline_svg(figure: Figure, prefix: str) -> Markup:
-    """A figure as SVG to stand in a page: no XML head, ids that begin with `prefix`, ink that the page chooses; values
-    are shown where a mark is pointed at.
-
-    The figure has its layout for good then. Else savefig would draw all of it once more, for the layout alone.
-    """
-    buffer, said = io.BytesIO(), said_in(figure)
-    with style():
-        FigureCanvasSVG(figure)  # letters are measured as SVG has them
-        if (layout := figure.get_layout_engine()) is not None:
-            layout.execute(figure)
-            figure.set_layout_engine(None)
-        figure.savefig(buffer, format="svg", facecolor="none", metadata={"Date": None})
-    text = with_titles(buffer.getvalue().decode(), said)
-    svg = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
-    svg = re.sub(r'\bid="', f'id="{prefix}', svg)
-    svg = re.sub(r'(url\(#|href="#)', rf"\g<1>{prefix}", svg)
-    # Its own output: no part of it but numbers and the study's checked names, which matplotlib has escaped.
-    return Markup(svg.replace(INK, "currentColor"))
 
 
 def estimate_texts(summary: dict[str, Any]) -> dict[str, str | None]:
@@ -287,26 +188,3 @@ def unidentified(found: Findings) -> list[dict[str, Any]]:
 def file_stem(name: str) -> str:
     """What a file may be called that is about the study of that `name`."""
     return re.sub(r"[^\w-]+", "-", name)
-
-
-def _versions() -> dict[str, str]:
-    return {package: metadata.version(package) for package in VERSIONS_OF}
-
-
-def sentence(text: str) -> str:
-    """A text that begins with a capital letter and ends with a full stop."""
-    return f"{text[:1].upper()}{text[1:]}."
-
-
-def number_text(value: float | None, form: str = ".5g") -> str:
-    """A number for the page; a dash where it is not known."""
-    return "–" if value is None else format(value, form)
-
-
-def percent_text(share: float | None) -> str:
-    """A share as a percentage of two digits for the page, however large; 0 where it is what rounding left, a dash where
-    it is not known.
-    """
-    if share is None:
-        return "–"
-    return f"{float(f'{100.0 * share:.2g}'):g}%" if abs(share) >= NO_ERROR else "0%"

@@ -14,11 +14,11 @@ from conftest import Finished
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
+from metaid.exporting import mjcf
 from metaid.files import shipped_names
 from metaid.models.tree import PARAMETERS, planar_tree
 from metaid.plant import ArmPlant, ArmStart, load_chain, load_plant
 from metaid.plant.description.reading import forces_of_lean
-from metaid.results.exporting import mjcf
 from metaid.show.scene import in_viewer
 
 Metaid = Callable[..., Finished]

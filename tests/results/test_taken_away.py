@@ -14,7 +14,7 @@ import pytest
 from conftest import Finished, matching_spec
 from exported import FULL, model_of
 
-from metaid.results.exporting import chain_dynamics
+from metaid.exporting import chain_dynamics
 from metaid.study import StudySpec
 
 pytestmark = pytest.mark.slow

@@ -14,7 +14,8 @@ from pages import ids_are_single, repeat, seen_everywhere
 
 import metaid as package
 from metaid.results import read_findings
-from metaid.show.report import render, templates
+from metaid.show.pages import templates
+from metaid.show.report import render
 from metaid.store import Store
 from metaid.study import create_study, load_study, run_study
 

@@ -96,7 +96,7 @@ def estimate(
     terms = None if friction is None else [term for term in friction.split(",") if term and friction != "none"]
     pairs = [_pair(text) for text in couples]
     if outputs:
-        from metaid.results.exporting import SUFFIXES  # slow to load
+        from metaid.exporting import SUFFIXES
     for output in outputs:
         refuse_output(output, (*SUFFIXES, *FIGURE_SUFFIXES))
         if output.suffix in FIGURE_SUFFIXES:
@@ -146,7 +146,7 @@ def estimate(
 
 def _written(result: RecordedResult, output: Path) -> FileError:
     """Writes a file and says how well it predicts, loaded again."""
-    from metaid.results.exporting import SUFFIXES
+    from metaid.exporting import SUFFIXES
 
     with whole_file(output, tuple(SUFFIXES)) as partial:
         result.model.write(partial)

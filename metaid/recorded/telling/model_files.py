@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 import metaid
+from metaid.exporting import ArmLaw, Dynamics, IdentifiedModel, couples_of, file_torques, not_in_xml
 from metaid.models import IDEAL, Array, Chain, chain_of_lumps
 from metaid.models.tree import PARAMETERS, SHARED, JointFriction, Tree
 from metaid.recorded.estimating import RecordedEstimate
@@ -20,9 +20,6 @@ from metaid.recorded.reading.log import Record
 from metaid.recorded.telling.judging import RecordedVerdict
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.smoothed import Smoothed
-
-if TYPE_CHECKING:
-    from metaid.results.exporting import Dynamics, IdentifiedModel
 
 
 @dataclass(frozen=True)
@@ -65,8 +62,6 @@ def recorded_identified_model(
         found: what the logs say.
         verdict: on it.
     """
-    from metaid.results.exporting import IdentifiedModel  # slow to load, and few logs are estimated for a file
-
     table = verdict.lumps.copy()
     table["value"] = table["identified"]
     names = table["name"].tolist()
@@ -99,8 +94,6 @@ def recorded_identified_model(
 
 
 def _dynamics(found: RecordedEstimate) -> Dynamics:
-    from metaid.results.exporting import ArmLaw, Dynamics, couples_of, not_in_xml
-
     tree, friction = found.possible.tree, friction_of(found.model, found.values)
     plain = friction_of(found.simulator_model, found.simulator.values)
     parameters = np.zeros((tree.njoint, len(PARAMETERS)))
@@ -150,8 +143,6 @@ def file_error(path: Path, name: str, found: RecordedEstimate, logs: Sequence[Sm
         logs: that are predicted.
         zeros: of their encoders (nlog x njoint), in rad.
     """
-    from metaid.results.exporting import file_torques
-
     squares, whole, rows = np.zeros(found.model.njoint), np.zeros(found.model.njoint), 0
     yardstick = Yardstick(tuple(logs), ())
     for log, (own, zero) in enumerate(zip(logs, zeros, strict=True)):

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from metaid.results import Comparison
 from metaid.show.figures.style import COLOURS, COLUMN, INK, PAGE, new_axes, say_at, style
+
+if TYPE_CHECKING:  # figures of logs do without studies
+    from metaid.results import Comparison
 
 SHARE = 0.7  # of the height of a lump, for the intervals of all studies
 

@@ -12,10 +12,10 @@ from matplotlib.ticker import MaxNLocator
 from metaid.models import DEVIATIONS, Array
 from metaid.show.figures.lumps import LEAST, draw_correlation
 from metaid.show.figures.style import COLOURS, FALL, INK, SURVIVOR, VALUES, every, new_axes, size_of, verbatim
-from metaid.study.estimates import StudyEstimate
 
 if TYPE_CHECKING:
     from metaid.estimation import Replay
+    from metaid.study.estimates import StudyEstimate
 
 NUMBERS = 4.0  # of pushes or joints beside one another, an inch of the figure
 LEAST_DIFFERENCE = 1e-3  # mrad: of less only rounding would be seen

@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from metaid.episode import Trajectory
 from metaid.errors import StorageError
 from metaid.models import Array
-from metaid.results import Findings, Plane, Sweep, plane, sweep
 from metaid.show.figures.episodes import plot_angles, plot_phase
 from metaid.show.figures.estimate import plot_covariance, plot_difference, plot_growth, plot_motion, plot_residuals
 from metaid.show.figures.landscape import plot_boundary, plot_parallel, plot_sweep
@@ -25,6 +24,7 @@ from metaid.show.figures.tracking import plot_tracking
 
 if TYPE_CHECKING:
     from metaid.estimation import Replay
+    from metaid.results import Findings, Plane, Sweep
 
 LEAST_HEIGHT = 2.3  # inches: 200 pixels of a phone
 PANELS = 12  # lumps at most in a figure of one panel each
@@ -153,11 +153,15 @@ class Gallery:
     @cached_property
     def sweeps(self) -> list[Sweep]:
         """The measure along each lump's factor, from its lower to its upper bound."""
+        from metaid.results import sweep
+
         return [sweep(self.objective, self.centre, i, self._between_bounds(i, SWEPT)) for i in range(len(self.names))]
 
     @cached_property
     def boundary(self) -> Plane | None:
         """The measure over the two lumps, between their bounds; None of a rig."""
+        from metaid.results import plane
+
         if not self.found.problem.draws_episodes:
             return None
         first, second = (self._between_bounds(i, GRID) for i in self._pair)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -10,8 +12,10 @@ from matplotlib.colors import LogNorm, Normalize
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.results import Findings, Plane, Sweep, best_rows
 from metaid.show.figures.style import FALL, INK, LINE_VALUES, MANY, SURVIVOR, new_axes
+
+if TYPE_CHECKING:  # figures of logs do without studies
+    from metaid.results import Findings, Plane, Sweep
 
 LINES = 400  # of parallel coordinates at most: half of them the best, the others evenly over the trials
 
@@ -113,6 +117,8 @@ def plot_parallel(found: Findings, axes: Axes | None = None) -> Axes:
 
     Of many trials the best are drawn, and the others evenly thinned.
     """
+    from metaid.results import best_rows
+
     axes = new_axes(axes)
     places = np.arange(len(found.names))
 

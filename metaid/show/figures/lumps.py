@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.axes import Axes
 
 from metaid.models import DEVIATIONS, Array
-from metaid.results import Findings
 from metaid.show.figures.style import INK, RANGE, SURVIVOR, every, new_axes, say_at, size_of
+
+if TYPE_CHECKING:  # figures of logs do without studies
+    from metaid.results import Findings
 
 READABLE = 8  # lumps up to which a correlation is written in its cell
 LABELS = 5.5  # names below one another, an inch of the figure

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from metaid.models import Array
-from metaid.results import Findings
 from metaid.show.figures.style import COLOURS, FALL, INK, MANY, RANGE, SURVIVOR, new_axes, say_at
+
+if TYPE_CHECKING:  # figures of logs do without studies
+    from metaid.results import Findings
 
 FEW = 60  # trials, each of which is a large mark
 

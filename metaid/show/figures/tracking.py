@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from metaid.results import Validation
 from metaid.show.figures.style import COLOURS, PAGE, new_axes, save, style, verbatim
+
+if TYPE_CHECKING:  # figures of logs do without studies
+    from metaid.results import Validation
 
 
 def plot_tracking(validation: Validation, axes: Axes | None = None) -> Axes:

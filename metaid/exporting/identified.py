@@ -16,14 +16,13 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from metaid.errors import StudyError, printable
+from metaid.exporting.dynamics import Dynamics
+from metaid.exporting.laws import Law, c_name
+from metaid.exporting.xml_files import mjcf, not_in_urdf, urdf
 from metaid.frames import json_rows
 from metaid.models import Array
 from metaid.models.tree import Tree
 from metaid.plant import LinkSettings
-from metaid.results.exporting.dynamics import Dynamics
-from metaid.results.exporting.laws import Law, c_name
-from metaid.results.exporting.xml_files import mjcf, not_in_urdf, urdf
-from metaid.results.verdict import RESULTS, Verdict
 
 _BODIES = (".toml", ".xml", ".urdf")
 _COLUMNS = ["name", "unit", "nominal", "factor", "identified", "sd", "low", "high", "determined"]
@@ -143,7 +142,7 @@ class IdentifiedModel:
     def notes(self, suffix: str) -> list[str]:
         """What to know of a file with that `suffix`, in sentences without a full stop."""
         said = list(self.about["reasons"])
-        if self.about["verdict"] not in RESULTS:
+        if self.about["verdict"] not in DID:
             said.append(f"nothing is identified: these are the values of the {self.about['source']}, and may be wrong")
         if suffix in _BODIES:
             said += self.dynamics.notes
@@ -191,12 +190,6 @@ class IdentifiedModel:
                 f"the {what}. Of all possible bodies with these {what} they are closest to the nominal ones.",
             ]
         return [printable(line) for line in (*lines, *(f"{note}." for note in self.notes(suffix)))]
-
-
-def no_model(name: str, verdict: Verdict, can_be_forced: bool) -> StudyError:
-    """Why the study of that `name` has no identified model; and how to ask for what there is, where something is."""
-    how = " (--even-if-not-found, in Python even_if_not_found=True, gives what there is)" if can_be_forced else ""
-    return verdict.refusal(name, "no identified model", how)
 
 
 def _mjcf(model: IdentifiedModel) -> str:

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from metaid.errors import usable_mujoco
+from metaid.exporting.laws import c_name
 from metaid.models import Array
 from metaid.plant import load_chain
-from metaid.results.exporting.laws import c_name
 
 COMPILERS = ("cc", "gcc", "clang")
 

@@ -11,10 +11,9 @@ import pandas as pd
 
 import metaid
 from metaid.errors import StudyError
+from metaid.exporting import Dynamics, IdentifiedModel, arm_dynamics, chain_dynamics
 from metaid.models import IDEAL, Array, Chain, Lumps, kind_of
 from metaid.models.tree import Tree
-from metaid.results.exporting.dynamics import Dynamics, arm_dynamics, chain_dynamics
-from metaid.results.exporting.identified import IdentifiedModel, no_model
 from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.results.verdict import Verdict, judge
 from metaid.store import Store
@@ -28,7 +27,7 @@ def identified_model(snapshot: Snapshot, even_if_not_found: bool = False) -> Ide
     verdict, spec, found = judge(snapshot), snapshot.spec, snapshot.estimate
     guess = None if verdict.has_result else _best_guess(snapshot, verdict)
     if not verdict.has_result and (guess is None or not even_if_not_found):
-        raise no_model(snapshot.name, verdict, can_be_forced=guess is not None)
+        raise _no_model(snapshot.name, verdict, can_be_forced=guess is not None)
     table = verdict.lumps.assign(value=verdict.values if guess is None else guess)
     about = {
         "plant": spec.plant_name,
@@ -51,6 +50,12 @@ def identified_model(snapshot: Snapshot, even_if_not_found: bool = False) -> Ide
     values = dict(zip(table["name"], table["value"].tolist(), strict=True))
     dynamics = _dynamics(snapshot.problem.nominal, snapshot.problem, values, known.tolist())
     return IdentifiedModel(snapshot.name, about, table, covariance, dynamics, spec.gravity, spec.plant.timestep)
+
+
+def _no_model(name: str, verdict: Verdict, can_be_forced: bool) -> StudyError:
+    """Why the study of that `name` has no identified model; and how to ask for what there is, where something is."""
+    how = " (--even-if-not-found, in Python even_if_not_found=True, gives what there is)" if can_be_forced else ""
+    return verdict.refusal(name, "no identified model", how)
 
 
 def started_from(store: Store, spec: StudySpec, other: str) -> StudySpec:

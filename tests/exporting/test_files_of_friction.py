@@ -14,9 +14,7 @@ from conftest import random_plant
 from exported import model_of
 from random_arm import arm_named
 
-from metaid.models import Array
-from metaid.models.tree import COLUMNS, JointFriction, Sliding, Tree, joint_mass_matrix, joint_torque
-from metaid.results.exporting import (
+from metaid.exporting import (
     ArmLaw,
     chain_dynamics,
     couples_of,
@@ -26,6 +24,8 @@ from metaid.results.exporting import (
     not_in_xml,
     urdf,
 )
+from metaid.models import Array
+from metaid.models.tree import COLUMNS, JointFriction, Sliding, Tree, joint_mass_matrix, joint_torque
 
 PUMA = arm_named("puma560")
 COUPLED = ((1, 2), (4, 5))

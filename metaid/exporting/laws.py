@@ -16,17 +16,17 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.models import FRICTION, SLIDING, Array, ChainModel
-from metaid.models.tree import PARAMETERS, JointFriction, Tree, body_torque, joint_mass_matrix
-from metaid.results.exporting.arm_law_c import ARM_C
-from metaid.results.exporting.arm_law_python import ARM_PYTHON
-from metaid.results.exporting.chain_law_texts import (
+from metaid.exporting.arm_law_c import ARM_C
+from metaid.exporting.arm_law_python import ARM_PYTHON
+from metaid.exporting.chain_law_texts import (
     CHAIN_C,
     CHAIN_MASS_MATRIX_C,
     CHAIN_MASS_MATRIX_PYTHON,
     CHAIN_PYTHON,
     END_C,
 )
+from metaid.models import FRICTION, SLIDING, Array, ChainModel
+from metaid.models.tree import PARAMETERS, JointFriction, Tree, body_torque, joint_mass_matrix
 
 Constants = Mapping[str, Array | NDArray[np.bool_] | NDArray[np.intp]]
 _ROTOR, _DAMPING, _COULOMB = (PARAMETERS.index(name) for name in ("rotor", "damping", "coulomb"))

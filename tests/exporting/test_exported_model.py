@@ -19,12 +19,12 @@ from conftest import Finished, random_plant, wrong_chain
 from exported import FULL, model_of
 from random_arm import SOME, arm_named, wrong_tree
 
+from metaid.exporting import IdentifiedModel, arm_dynamics, chain_dynamics
 from metaid.models import Array, ChainModel
 from metaid.models.law import sliding
 from metaid.models.tree import ArmPrior, Tree, joint_mass_matrix, joint_torque
 from metaid.plant import ArmSettings
 from metaid.plant.description import read_arm
-from metaid.results.exporting import IdentifiedModel, arm_dynamics, chain_dynamics
 
 TOLERANCE = 1e-9
 
