@@ -144,10 +144,13 @@ class IdentifiedModel:
         said = list(self.about["reasons"])
         if self.about["verdict"] not in DID:
             said.append(f"nothing is identified: these are the values of the {self.about['source']}, and may be wrong")
-        if suffix in _BODIES:
-            said += self.dynamics.notes
-            if suffix == ".urdf" and self.dynamics.tree is not None:
-                said += not_in_urdf(self.dynamics.tree, self.dynamics.couples)
+        return said + self.lacks(suffix)
+
+    def lacks(self, suffix: str) -> list[str]:
+        """What a file with that `suffix` cannot hold, in sentences without a full stop."""
+        said = list(self.dynamics.notes) if suffix in _BODIES else []
+        if suffix == ".urdf" and self.dynamics.tree is not None:
+            said += not_in_urdf(self.dynamics.tree, self.dynamics.couples)
         return said
 
     def write(self, path: str | Path) -> None:

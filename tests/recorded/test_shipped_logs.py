@@ -48,11 +48,21 @@ def test_name_of_shipped_logs_stands_for_all_runs(metaid: Callable[..., Finished
     assert told["held_out"]["torque"]["relative"] < 0.5 * told["nominal_held_out"]["torque"]["relative"]
 
 
+def test_command_says_what_a_file_cannot_hold_beside_its_error(metaid: Callable[..., Finished]) -> None:
+    """A URDF has no rotors, which of this pendulum makes its error four times that of the MJCF."""
+    out = metaid("estimate", "double-pendulum", "--nominal", "double-pendulum", "-o", "f.urdf", "-o", "f.xml").out
+    of_urdf, lacking, of_xml = out.splitlines()[-3:]
+    assert of_urdf.startswith("f.urdf: loaded again")
+    assert "a URDF has no inertia of rotors; add to the mass matrix: joint_2" in lacking
+    assert of_xml.startswith("f.xml: loaded again")
+
+
 def test_estimate_of_logs_does_without_what_is_slow_to_load() -> None:
-    """scipy.signal, and what that loads, takes as long as an estimate of short logs."""
+    """Each takes about as long as an estimate of short logs; so does the DB of studies."""
     code = (
-        "import sys, metaid; metaid.estimate('double-pendulum', 'double-pendulum'); "
-        "print([name for name in ('scipy.signal', 'scipy.stats', 'numba', 'matplotlib') if name in sys.modules])"
+        "import sys, metaid; metaid.estimate('double-pendulum', 'double-pendulum').model; "
+        "slow = 'scipy.signal', 'scipy.stats', 'numba', 'matplotlib', 'optuna', 'sqlalchemy'; "
+        "print([name for name in slow if name in sys.modules])"
     )
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert told.stdout.strip() == "[]"

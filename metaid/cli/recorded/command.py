@@ -139,8 +139,8 @@ def estimate(
         print_result(result, has_numbers, whole)
         for output, each in zip(models, files, strict=False):
             say(_of_file(output, each, result))
-            for note in result.model.dynamics.notes if output.suffix in (".xml", ".urdf") and whole else ():
-                say(f"  {note}")
+            for lacking in result.model.lacks(output.suffix):
+                say(f"  {lacking}")
     return 0 if result.verdict.is_found else NOT_FOUND
 
 
