@@ -15,14 +15,17 @@ import pandas as pd
 
 from metaid import results
 from metaid.api.episodes import spec_of
+from metaid.exporting import IdentifiedModel
 from metaid.results import (
     PUSHES,
     Comparison,
     Findings,
     Validation,
+    identified_model,
     judge,
     read_findings,
     read_snapshot,
+    started_from,
 )
 from metaid.store import DEFAULT_STORAGE, Store
 from metaid.study import (
@@ -36,8 +39,6 @@ from metaid.study import (
 
 if TYPE_CHECKING:
     import optuna
-
-    from metaid.exporting import IdentifiedModel
 
 
 def default_storage() -> str:
@@ -92,8 +93,6 @@ def run(
     spec = spec_of(study)
     with closing(Store(storage or default_storage(), create=start_from is None)) as store:
         if start_from is not None:
-            from metaid.results import started_from  # loads the solver of possible bodies
-
             spec = started_from(store, spec, start_from)
         name = ensure_study(store, spec, name)
         run_study(store, name, trials, workers, engine, ray_address, watch, patience, until)
@@ -277,8 +276,6 @@ def model(name: str, storage: str | None = None, even_if_not_found: bool = False
         (1000, 3, 3)
         >>> model.write("three-link.xml")
     """
-    from metaid.results import identified_model
-
     with closing(Store(storage or default_storage())) as store:
         return identified_model(read_snapshot(store, name), even_if_not_found)
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from metaid.errors import RecordError, unknown
+from metaid.exporting import IdentifiedModel
 from metaid.files import shipped_logs
 from metaid.plant import load_plant
 from metaid.recorded.choosing import Choices, usual_still
@@ -27,9 +28,6 @@ from metaid.recorded.telling.summary import summary
 from metaid.recorded.weak_form.equations import Fold
 from metaid.recorded.weak_form.linear_model import TERMS, LinearModel, model_of
 from metaid.recorded.weak_form.smoothed import Smoothed, smoothed
-
-if TYPE_CHECKING:
-    from metaid.exporting import IdentifiedModel
 
 Log = str | Path | pd.DataFrame
 

@@ -1,4 +1,4 @@
-"""What a study found: frames and JSON, all findings of a study at once, validation, and sweeps about the result.
+"""What a study found: frames and JSON, all findings of a study at once, its model, validation, and sweeps about it.
 
 Only here are results compared with the true lumps. Neither MuJoCo nor numba is loaded before something is simulated.
 """

@@ -91,12 +91,11 @@ def estimate(
     """Identify a robot from logs of its motion. Each is a run, as CSV, Parquet or a ROS bag: a time, and of each joint
     angle, torque and perhaps speed. `double-pendulum` is three. Exit status 3: not found.
     """
+    from metaid.exporting import SUFFIXES
     from metaid.recorded import estimate as estimated
 
     terms = None if friction is None else [term for term in friction.split(",") if term and friction != "none"]
     pairs = [_pair(text) for text in couples]
-    if outputs:
-        from metaid.exporting import SUFFIXES
     for output in outputs:
         refuse_output(output, (*SUFFIXES, *FIGURE_SUFFIXES))
         if output.suffix in FIGURE_SUFFIXES:
