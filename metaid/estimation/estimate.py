@@ -135,6 +135,7 @@ def fit(
     restarts: int = 3,
     seed: int = 0,
     refines: bool = False,
+    explains: bool = False,
 ) -> Any:
     """The robot that all trials of a `comparison` lead to: a `Found`.
 
@@ -146,12 +147,13 @@ def fit(
             wrong minimum.
         seed: of these points; the same seed gives the same estimate.
         refines: whether all windows are compared from the `start` on, where that is in the valley of the truth.
+        explains: whether a fit is wanted only where it explains what was seen: then what will not is given up early.
 
     Raises:
-        ValueError: the twin cannot follow the trials from any start.
+        ValueError: the twin cannot follow the trials from any start, or explains them from none though it is to.
     """
     found = refine(comparison, start) if refines and start is not None else None
-    found = found or find(comparison, begun(comparison, start), restarts, seed)
+    found = found or find(comparison, begun(comparison, start), restarts, seed, explains)
     if found is None:
         raise ValueError("no robot near the nominal one moves through any window: the nominal model is none's")
     count = len(found.names)

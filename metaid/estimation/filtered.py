@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from metaid.compiled import add_noise, compiled, correct, fused, transpose, weigh
-from metaid.estimation.flow import flow
+from metaid.estimation.flow import begin_slips, flow
 from metaid.estimation.motion import accelerate, move, set_off
 from metaid.estimation.tangent import linearise
 
@@ -50,6 +50,7 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
             timestep = timesteps[reading - 1]
             spread.pushed[:] = 0.0
             for _ in range(substeps):
+                begin_slips(work)
                 if not accelerate(reading - 1, forces, balance, work):
                     return np.nan, np.nan
                 linearise(balance, work)

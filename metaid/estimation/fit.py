@@ -15,8 +15,10 @@ from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 
 ROUGHLY, EXACTLY = 1e-2, 1e-10  # the last step in an unknown: on windows that are to grow, and on all of them
-MOST_ROUGH, MOST_EXACT, MOST_ALONE = 30, 100, 25  # steps; from where another fit ended, few are enough
+MOST_ROUGH, MOST_EXACT = 30, 100  # steps: on windows that are to grow, and on all of them
+MOST_ALONE, MOST_EXPLAINING = 25, 8  # likewise: from where another fit ended, few are enough
 IN_THE_VALLEY = 3.0  # a misfit below this, on windows that are to grow, is not that of a wrong minimum
+HOPELESS = 1.5  # of what noise explains: a misfit above this on short windows is not below it on longer ones
 NARROWER = 0.7  # of the spread about a start that no chain can have, for the next start
 DRAWS = 20
 
@@ -99,7 +101,9 @@ class Fit:
         return np.sqrt(np.diag(self.covariance))
 
 
-def find(comparison: Growing, start: Array | None = None, restarts: int = 3, seed: int = 0) -> Fit | None:
+def find(
+    comparison: Growing, start: Array | None = None, restarts: int = 3, seed: int = 0, explains: bool = False
+) -> Fit | None:
     """What all trials of a `comparison` lead to; None where the twin cannot follow them from any start.
 
     Args:
@@ -108,12 +112,13 @@ def find(comparison: Growing, start: Array | None = None, restarts: int = 3, see
         restarts: how often the fit may begin at a random point of the prior, where the misfit says that it ended in a
             wrong minimum.
         seed: of these points; the same seed gives the same estimate.
+        explains: whether a fit is wanted only where it explains what was seen: then what will not is given up early.
     """
     best: Descent | None = None
     iterations = starts = 0
     for point in starting_points(comparison, start, restarts, seed):
-        most = MOST_EXACT if restarts >= 0 else MOST_ALONE
-        found = grow(comparison, np.append(point, np.zeros(comparison.extras)), most)
+        most = MOST_EXACT if restarts >= 0 else MOST_EXPLAINING if explains else MOST_ALONE
+        found = grow(comparison, np.append(point, np.zeros(comparison.extras)), most, explains)
         if found is None:
             continue
         starts += 1
@@ -146,8 +151,9 @@ def settled(comparison: Growing, point: Array) -> Array | None:
     return None if found is None else found.place.point[: len(comparison.spreads)]
 
 
-def grow(comparison: Growing, point: Array, most: int = MOST_EXACT) -> Descent | None:
-    """The descent from a `point`, on the shortest windows first; None where the twin cannot follow from there.
+def grow(comparison: Growing, point: Array, most: int = MOST_EXACT, explains: bool = False) -> Descent | None:
+    """The descent from a `point`, on the shortest windows first; None where the twin cannot follow from there, and,
+    where it is to explain what was seen, once it is seen that it will not.
 
     From one stage to the next, windows grow by `comparison.stride`. A descent that does not explain what it was led to
     may have left the valley of the truth. So it is begun again from where the last one ended, with windows that grow by
@@ -158,6 +164,8 @@ def grow(comparison: Growing, point: Array, most: int = MOST_EXACT) -> Descent |
         windows = min(reached + stride, comparison.stages) if reached else 1
         found, valley = _descent(comparison, point, windows, most), explained
         iterations += 0 if found is None else found.iterations
+        if explains and (found is None or misfit(found) > HOPELESS * comparison.explained_below):
+            return None
         explained = found is not None and misfit(found) < IN_THE_VALLEY
         if valley and not explained and reached and windows > reached + 1:
             explained = True

@@ -29,7 +29,7 @@ def flow(step, forces, balance, derivatives, timestep, work):  # type: ignore[no
     for i in range(n):
         stages[0, i], stages[1, i] = angle[i], speed[i]
         stages[2, i] = stages[3, i] = 0.0
-    _begin_slips(work)
+    begin_slips(work)
     _hold(work)
     for stage in range(4):
         if not accelerate(step, forces, balance, work):
@@ -56,7 +56,7 @@ def flow(step, forces, balance, derivatives, timestep, work):  # type: ignore[no
 
 
 @fused
-def _begin_slips(work):  # type: ignore[no-untyped-def]
+def begin_slips(work):  # type: ignore[no-untyped-def]
     """Keeps where joints are, from which dry friction builds up."""
     for i in range(work.angle.shape[0]):
         work.slip[1, i] = work.angle[i] - (work.angle[i - 1] if i > 0 else 0.0)

@@ -82,7 +82,7 @@ class PlanarTwin:
                 shown = basis[push], steps[push], room, values[push], slopes[push]
                 followed[push] = watch_readings(*pushed, *forces, moving, right, *shown)
 
-        each = n * ((2 if led is None else 4) * n + coefficients) * columns
+        each = n * ((2 if led is None else 4) * n + coefficients) * columns * _stages(trial)
         share_out(run, npush, int(steps.sum()) * trial.substeps * each)
         return Coefficients(values, slopes) if followed.all() else None
 
@@ -107,7 +107,7 @@ class PlanarTwin:
                 own, moving = (gains[push], weights[push], states[push]), trial.timesteps[push]
                 sums[push] = lead(*pushed, forces, (moving, *settings), noise, trial.steps[push], *room, *own)
 
-        share_out(run, len(pushes), int(trial.steps[pushes].sum()) * trial.substeps * 20 * n**3)
+        share_out(run, len(pushes), int(trial.steps[pushes].sum()) * trial.substeps * 20 * n**3 * _stages(trial))
         squares, logarithm = sums.sum(axis=0)
         joint_states = np.diff(states.reshape(npush, readings, 2, n), axis=-1, prepend=0.0).reshape(states.shape)
         return Gains(gains, weights, joint_states, -0.5 * float(squares + logarithm))
@@ -116,6 +116,11 @@ class PlanarTwin:
         """What the chain moves by where there is no law."""
         own = balance(None, self.lumps, self.unknowns.gravity, joints=joints, is_continuous=trial.is_continuous)
         return own, derivatives(self.unknowns, self.lumps)
+
+
+def _stages(trial: ReadTrial) -> int:
+    """How often a step asks for accelerations: a Runge-Kutta step of a plant that moves continuously four times."""
+    return 4 if trial.is_continuous else 1
 
 
 @compiled

@@ -46,6 +46,7 @@ class Problem:
         check_settings(spec)
         self.robot: StudiedArm | StudiedChain = StudiedArm(spec) if spec.is_arm else StudiedChain(spec)
         self.low, self.high = self.robot.low, self.robot.high
+        self._remembered: dict[bytes, Any] = {}  # of its experiments
 
     @property
     def chain(self) -> StudiedChain:
@@ -261,6 +262,7 @@ class Problem:
             faults=searched_faults(wanted.searched_faults, unknowns, starts[:, 1], wanted.teeth),
             takes_up=wanted.takes_up_faults and not faults.torque_noise,
             torque_noise=np.full(len(self.spec.joints), faults.torque_noise) if faults.torque_noise else None,
+            remembered=self._remembered,
         )
 
     @property

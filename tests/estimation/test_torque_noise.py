@@ -10,6 +10,8 @@ from watched import GRAVITY, NOISE, raised, watched
 
 from metaid.estimation import ChainLaws, Experiment, LogUnknowns, Loop, Readings, ReadTrial, upright
 from metaid.estimation.noisy import Innovations, fit_with_torque_noise, unmodelled_forces
+from metaid.estimation.planar_twin import PlanarTwin
+from metaid.estimation.trials import Filtered, Gains, Joints
 from metaid.models import Lumps
 from metaid.plant import FaultSettings
 
@@ -92,6 +94,25 @@ def test_likelihood_is_that_of_all_readings_together() -> None:
     left = readings[0, :, 0] - 0.3 * timestep * np.arange(steps + 1) - later @ commanded[0, :, 0]
     expected = -0.5 * (left @ np.linalg.solve(covariance, left) + np.linalg.slogdet(covariance)[1])
     assert innovations.likelihood(np.zeros(1), np.array([torque]), 1) == pytest.approx(expected)
+
+
+def test_what_the_filter_finds_of_a_push_depends_on_no_other() -> None:
+    """Dry friction that builds up begins anew in each, whichever went before on the same thread."""
+    seen = watched(2, faults=NOISY)
+    trial = replace(seen.read_trial(raised(seen.nominal.lumps, 1.3)), is_continuous=True)
+    none, twin = np.zeros(2), PlanarTwin(LogUnknowns(seen.nominal.lumps, GRAVITY), np.zeros(5))
+    joints = Joints(none, np.full(2, 0.05 * TORQUE_NOISE), none, none, np.zeros(1), none, 1e-3)
+
+    def led(*pushes: int) -> Gains:
+        starts = upright(trial.start_speeds)
+        through = Filtered(trial, starts, np.tile(1e-2 * np.eye(4), (len(starts), 1, 1)), np.array(pushes))
+        return twin.lead(through, joints, np.full(2, TORQUE_NOISE))
+
+    together = led(0, 1, 2, 3)
+    for push in (2, 3):
+        alone = led(push)
+        assert np.isfinite(alone.likelihood)
+        assert np.array_equal(together.gains[push], alone.gains[push])
 
 
 def test_hidden_friction_is_not_taken_for_noise_of_the_torques() -> None:

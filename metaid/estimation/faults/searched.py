@@ -27,6 +27,7 @@ OF_TORQUE = {
     "bias": 0.1,
     "cogging": 0.05,
 }  # likewise, as shares of the plant's torque
+CHANGES_TORQUE = ("delay", "lag", "gain", "bias", "cogging")
 OF_INERTIA = 0.1  # likewise, of a rotor, as a share of the plant's largest inertia
 # Of what is above 0: what it is about, in its unit, and the standard deviation of its logarithm.
 ABOVE_ZERO = {"gain": (1.0, 0.3), "lag": (2e-3, 1.0), "presliding": (1e-3, 1.0)}
@@ -72,6 +73,12 @@ class SearchedFaults:
         return np.asarray(self._about > 0.0)
 
     @cached_property
+    def is_of_torque(self) -> NDArray[np.bool_]:
+        """Which faults (nfault) change the torques that are `delivered`."""
+        changing = {*CHANGES_TORQUE, *(("spring", "offset") if {"spring", "offset"} <= {*self.kinds} else ())}
+        return np.array([name.partition("_")[0] in changing for name in self.names])
+
+    @cached_property
     def _bend(self) -> Array:
         """How sharply each fault bends at 0 (nfault), in its own unknown; inf where it goes straight through."""
         kinds = (name.partition("_")[0] for name in self.names)
@@ -92,11 +99,14 @@ class SearchedFaults:
         return np.where(self._about > 0.0, self.values(unknowns) * own, own)
 
     def _by_kind(self, unknowns: Array) -> dict[str, Array]:
-        values, first, found = self.values(unknowns), 0, {}
-        for kind in self.kinds:
-            last = first + len(fault_names((kind,), self.njoint, self.tilts))
-            found[kind], first = values[first:last], last
-        return found
+        values = self.values(unknowns)
+        return {kind: values[own] for kind, own in self._places.items()}
+
+    @cached_property
+    def _places(self) -> dict[str, slice]:
+        """Where the faults of each kind stand."""
+        ends = np.cumsum([len(fault_names((kind,), self.njoint, self.tilts)) for kind in self.kinds]).tolist()
+        return {kind: slice(*own) for kind, *own in zip(self.kinds, [0, *ends], ends, strict=False)}
 
     def joints(self, unknowns: Array) -> Joints:
         """What the joints have at these `unknowns` (nfault)."""

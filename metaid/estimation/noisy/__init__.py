@@ -11,7 +11,7 @@ from metaid.estimation.noisy.held_out import hold_out
 from metaid.estimation.noisy.innovations import Innovations
 from metaid.estimation.noisy.loop import Loop
 from metaid.estimation.noisy.readings import Readings
-from metaid.estimation.noisy.taken_up import led, proposed_faults, take_up
+from metaid.estimation.noisy.taken_up import explained, led, proposed_faults, take_up
 from metaid.estimation.noisy.torque_noise import fit_with_torque_noise
 from metaid.estimation.noisy.tried import Search, led_by
 from metaid.estimation.noisy.unmodelled import unmodelled_forces
@@ -24,6 +24,7 @@ __all__ = [
     "Readings",
     "Search",
     "commanded_torques",
+    "explained",
     "filtered_speeds",
     "fit_with_torque_noise",
     "hold_out",

@@ -69,7 +69,7 @@ def squares_of(compared: ReadingsInWindows, unknowns: Array) -> tuple[float, int
     """
     point, least, seen = np.append(unknowns, np.zeros(compared.extras)), np.inf, 1
     for _ in range(ROUNDS if compared.extras else 1):
-        residuals = compared.residuals(point, compared.stages)
+        residuals = compared.residuals_alone(point)
         if residuals is None:
             break
         least, seen = min(least, 2.0 * residuals.cost), residuals.count

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from metaid.estimation.noisy.readings import Readings, started
 from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, ReadTrial
-from metaid.estimation.twins import twin_of
 from metaid.models import Array
 
 NOTHING = 1e-3  # of cost: beside noise whose size is found, too, less changes nothing
@@ -44,7 +43,7 @@ class Innovations(Readings):
     ) -> Coefficients | None:
         (chosen, steps), (_, basis) = self._longest(number, windows), self._windows[number]
         driven = Driven(trial, starts, steps, basis[chosen])
-        return twin_of(self._on_base, log_factors).drive(driven, joints, led=self.gains[number])
+        return self._twin(log_factors).drive(driven, joints, led=self.gains[number])
 
     def motion(self, number: int) -> tuple[Array, Array]:
         """As the filter has it: what noise of a torque does is seen in later readings alone. Were it in the speed of
@@ -85,4 +84,4 @@ class Innovations(Readings):
                 own = 2 * n - trial.start_spread.shape[-1]
                 begins[:, own:, own:] = trial.start_spread @ trial.start_spread.swapaxes(1, 2)
         filtered = Filtered(trial, starts, begins, pushes)
-        return twin_of(self._on_base, log_factors).lead(filtered, self._joints(faults), torque_noise)
+        return self._twin(log_factors).lead(filtered, self._joints(faults), torque_noise)

@@ -66,7 +66,7 @@ def eliminate(values: Array, slopes: Array, whitened: Array, count: int) -> tupl
     npush, nvalue, width = slopes.shape
     speeds = width - count
     if speeds == 0:
-        return values.ravel(), slopes.reshape(-1, count), np.empty((0, 1 + count))
+        return values.ravel(), slopes.reshape(values.size, count), np.empty((0, 1 + count))
     rows = np.zeros((npush, nvalue + speeds, width + 1))
     rows[:, :nvalue, :speeds], rows[:, :nvalue, speeds:-1] = slopes[..., count:], slopes[..., :count]
     rows[:, nvalue:, :speeds] = np.eye(speeds)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from metaid.estimation.noisy.polynomials import before
 from metaid.estimation.noisy.smoothed import smoothed
 from metaid.estimation.noisy.windows import Compared, ReadingsInWindows
 from metaid.estimation.trials import Coefficients, Driven, Joints, ReadTrial, Replay
+from metaid.estimation.twin import Twin
 from metaid.estimation.twins import twin_of
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
@@ -90,16 +92,18 @@ class Readings(ReadingsInWindows):
         by_faults = self._compare_faulty(number, unknowns, whitened, watched[0], windows)
         return None if by_faults is None else _with_slopes(watched, len(self.unknowns.names), by_faults)
 
+    def _compare_alone(self, number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
+        log_factors, faults = self._parted(unknowns)
+        return self._alone(log_factors)._watch(number, faults, whitened, windows)
+
     def _watch(
-        self, number: int, unknowns: Array, whitened: Array, windows: int, added: Array | None = None
+        self, number: int, unknowns: Array, whitened: Array, windows: int, acted: ReadTrial | None = None
     ) -> Compared | None:
-        """The same, without derivatives by faults. The torques `added` (npush x nstep x njoint), in N m, act beside
-        what was delivered.
+        """The same, without derivatives by faults. The torques are those of the trial as it `acted`, where that is
+        given.
         """
         log_factors, faults = self._parted(unknowns)
-        trial = self._delivered(self.trials[number], faults)
-        if added is not None:
-            trial = replace(trial, torques=trial.torques + added)
+        trial = self._delivered(self.trials[number], faults) if acted is None else acted
         starts, joints = started(trial, whitened), self._joints(faults)
         left = self._left(number, trial, starts, windows, log_factors, joints)
         if left is None:
@@ -126,12 +130,21 @@ class Readings(ReadingsInWindows):
         """
         (chosen, steps), (_, basis) = self._longest(number, windows), self._windows[number]
         driven = Driven(trial, starts, steps, basis[chosen])
-        twin = twin_of(self._on_base, log_factors).drive(driven, joints)
+        twin = self._twin(log_factors).drive(driven, joints)
         if twin is None:
             return None
         plants = np.einsum("ptk,ptj->pjk", basis[chosen], trial.readings * before(steps, trial.readings.shape[1]))
         unit = 1.0 / trial.noise[None, :, None]
         return Coefficients(unit * (twin.values - plants), unit[..., None] * twin.slopes)
+
+    def _twin(self, log_factors: Array) -> Twin:
+        """The robot with these `log_factors` (nunknown)."""
+        return twin_of(self._on_base, log_factors) if len(log_factors) else self._only_twin
+
+    @cached_property
+    def _only_twin(self) -> Twin:
+        """The robot of which nothing is unknown."""
+        return twin_of(self._on_base, np.empty(0))
 
     @property
     def _on_base(self) -> Unknowns:
@@ -165,8 +178,10 @@ class Readings(ReadingsInWindows):
         """
         log_factors, faults = self._parted(unknowns)
         slopes, alone = np.zeros((*values.shape, len(faults))), self._alone(log_factors)
+        acted = self._delivered(self.trials[number], faults)
         for column, step in enumerate(STEP * np.eye(len(faults))):
-            watched = alone._watch(number, faults + step, whitened, windows)
+            as_before = None if self.faults.is_of_torque[column] else acted
+            watched = alone._watch(number, faults + step, whitened, windows, as_before)
             if watched is None:
                 return None
             slopes[..., column] = (watched[0] - values) / STEP
@@ -180,10 +195,11 @@ class Readings(ReadingsInWindows):
         """
         log_factors, faults = self._parted(unknowns)
         largest, alone = np.abs(self.trials[number].torques).max(), self._alone(log_factors)
-        slopes = np.zeros((*values.shape, len(torques)))
+        slopes, acted = np.zeros((*values.shape, len(torques))), self._delivered(self.trials[number], faults)
         for column, torque in enumerate(torques):
             size = DIFFERENCE * largest / max(float(np.abs(torque).max()), TINY)
-            watched = alone._watch(number, faults, whitened, self.stages, size * torque)
+            more = replace(acted, torques=acted.torques + size * torque)
+            watched = alone._watch(number, faults, whitened, self.stages, more)
             if watched is None:
                 return None
             slopes[..., column] = (watched[0] - values) / size

@@ -70,7 +70,7 @@ def proposed_faults(
 def explained(readings: Readings, begin: Found) -> Found | None:
     """The fit without noise of torques, from where one with it ended; None where it does not explain the readings."""
     try:
-        found: Found = fit(readings, begin.start, -1)
+        found: Found = fit(readings, begin.start, -1, explains=True)
     except ValueError:
         return None
     return found if found.is_explained else None

@@ -108,9 +108,17 @@ class ReadingsInWindows(ABC):
         chosen = np.minimum((ends[None] <= steps[:, None]).sum(axis=1), windows) - 1
         return chosen, np.where(chosen >= 0, ends[chosen], 0)
 
+    @abstractmethod
+    def _compare_alone(self, number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
+        """The same with derivatives by what a push alone has only."""
+
     def residuals(self, point: Array, windows: int) -> Residuals | None:
         """Those of the longest of the first `windows` windows, what a push alone has eliminated push by push."""
         return self._eliminated(point, windows, self._compare, len(self.spreads))
+
+    def residuals_alone(self, point: Array) -> Residuals | None:
+        """Those on all windows where nothing is unknown but what a push alone has."""
+        return self._eliminated(point, self.stages, self._compare_alone, 0)
 
     def by_joint(self, point: Array) -> tuple[Array, ...]:
         """Root mean square of the residuals of each trial (npush x njoint) on the longest window seen, scaled by the
@@ -118,18 +126,13 @@ class ReadingsInWindows(ABC):
         """
         tables = []
         for number, (trial, (ends, _)) in enumerate(self._each):
-            values = self._values(number, *self._of_trial(number, point))
+            compared = self._compare_alone(number, *self._of_trial(number, point), self.stages)
             table = np.full(trial.torques.shape[::2], np.nan)
-            if values is not None:
+            if compared is not None:
                 seen = trial.steps >= ends[0]
-                table[seen] = np.sqrt((values.reshape(*table.shape, -1)[seen] ** 2).mean(axis=-1))
+                table[seen] = np.sqrt((compared[0].reshape(*table.shape, -1)[seen] ** 2).mean(axis=-1))
             tables.append(table)
         return tuple(tables)
-
-    def _values(self, number: int, unknowns: Array, whitened: Array) -> Array | None:
-        """What `_compare` finds on the longest windows, without derivatives."""
-        compared = self._compare(number, unknowns, whitened, self.stages)
-        return None if compared is None else compared[0]
 
     def _of_trial(self, number: int, point: Array) -> tuple[Array, Array]:
         """The unknowns (nunknown) at a `point`, and what each push of a trial has alone (npush x nextra)."""

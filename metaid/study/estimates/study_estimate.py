@@ -20,6 +20,7 @@ from metaid.study.parameters import Known, Parameters
 
 FEW_TRIALS = 3
 MOST_SHOWN = 7  # numbers of trials, from each of which an estimate is shown
+ROUNDING = 0.01  # of what noise would leave: a misfit below this is no noise
 MOST_LEFT = 0.3  # of the squares of a misfit: a force that leaves more of it is not what is missing
 
 
@@ -145,7 +146,8 @@ class StudyEstimate:
     def description(self) -> str:
         """How well the model explains what was seen, in a sentence."""
         estimate = self.estimate
-        found = f"misfit {estimate.misfit:.3g} (explained: below {estimate.explained_below:.3g})"
+        left = f"{estimate.misfit:.3g}" if estimate.misfit >= ROUNDING else f"below {ROUNDING}"
+        found = f"misfit {left} (explained: below {estimate.explained_below:.3g})"
         if self.explains:
             return f"the model explains what was seen: {found}"
         if self.taken_up is not None and not self.taken_up.holds:
