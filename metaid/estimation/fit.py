@@ -152,12 +152,17 @@ def settled(comparison: Growing, point: Array) -> Array | None:
 
 
 def grow(comparison: Growing, point: Array, most: int = MOST_EXACT, explains: bool = False) -> Descent | None:
-    """The descent from a `point`, on the shortest windows first; None where the twin cannot follow from there, and,
-    where it is to explain what was seen, once it is seen that it will not.
+    """The descent from a `point`, on the shortest windows first; None where the twin cannot follow from there.
 
     From one stage to the next, windows grow by `comparison.stride`. A descent that does not explain what it was led to
     may have left the valley of the truth. So it is begun again from where the last one ended, with windows that grow by
-    half as much. On all windows at once it has so many steps at `most`.
+    half as much.
+
+    Args:
+        comparison: what is compared with the twin.
+        point: all unknowns (nunknown + nextra) to begin with.
+        most: steps, on all windows at once.
+        explains: whether it is wanted only where it explains what was seen: None as soon as it will not.
     """
     iterations, reached, stride, explained = 0, 0, comparison.stride, True
     while reached < comparison.stages:

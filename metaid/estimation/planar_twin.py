@@ -14,7 +14,7 @@ from metaid.estimation.filtered import lead
 from metaid.estimation.log_unknowns import LogUnknowns
 from metaid.estimation.motion import watch_push
 from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, ReadTrial, WatchedTrial
-from metaid.estimation.twin import Motion, share_out
+from metaid.estimation.twin import Led, Motion, share_out
 from metaid.estimation.workspace import Balance, Derivatives, balance, derivatives, workspace
 from metaid.models import Array, Lumps
 
@@ -32,6 +32,11 @@ class PlanarTwin:
     def lumps(self) -> Lumps:
         """Of the chain."""
         return self.unknowns.lumps(self.log_factors)
+
+    @cached_property
+    def _alone(self) -> PlanarTwin:
+        """The same chain, of which nothing is unknown."""
+        return PlanarTwin(self.unknowns.alone(self.log_factors), np.empty(0))
 
     def watch(self, trial: WatchedTrial, windows: int, energies: bool = False) -> Motion:
         return self._watch(trial, np.ascontiguousarray(trial.ends[:windows]), energies)[0]
@@ -56,8 +61,7 @@ class PlanarTwin:
         return Motion(shown[1], slopes[0], shown[2], shown[3], slopes[1], slopes[2], reached), shown[0]
 
     def trace(self, trial: WatchedTrial, steps: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
-        alone = PlanarTwin(self.unknowns.alone(self.log_factors), np.empty(0))
-        motion, angles = alone._watch(trial, steps, False)
+        motion, angles = self._alone._watch(trial, steps, False)
         return angles, (steps <= trial.last[:, None]) & (np.arange(len(steps)) < motion.reached[:, None])
 
     def drive(self, driven: Driven, joints: Joints | None, led: Gains | None = None) -> Coefficients | None:
@@ -86,31 +90,38 @@ class PlanarTwin:
         share_out(run, npush, int(steps.sum()) * trial.substeps * each)
         return Coefficients(values, slopes) if followed.all() else None
 
-    def lead(self, filtered: Filtered, joints: Joints | None, torque_noise: Array) -> Gains:
+    def lead(self, filtered: Filtered, joints: Joints | None) -> Led:
         trial, starts, begins, pushes = filtered
         npush, readings, n = trial.readings.shape
         links = np.tril(np.ones((n, n)))  # absolute angles are sums of the joints'
         torques = np.eye(n) - np.eye(n, k=1)  # the torque of a joint turns its link, and the one below the other way
-        noise = (links * trial.noise**2) @ links.T, (torques * torque_noise**2) @ torques.T
-        gains, weights = np.zeros((npush, readings, 2 * n, n)), np.zeros((npush, readings, n, n))
-        states, sums = np.zeros((npush, readings, 2 * n)), np.zeros((npush, 2))
-        both = np.kron(np.eye(2), links)
+        of_reading, both = (links * trial.noise**2) @ links.T, np.kron(np.eye(2), links)
         covariances, seen = np.ascontiguousarray(both @ begins @ both.T), np.cumsum(trial.readings, axis=-1)
-        alone = PlanarTwin(self.unknowns.alone(self.log_factors), np.empty(0))
-        forces, nothing = alone._forces(trial, joints)
+        forces, nothing = self._alone._forces(trial, joints)
         settings = trial.substeps, trial.is_continuous, nothing
+        multiplications = int(trial.steps[pushes].sum()) * trial.substeps * 20 * n**3 * _stages(trial)
 
-        def run(first: int, stride: int) -> None:
-            room = workspace(n, 0, False, trial.is_continuous), spread_of(n)
-            for push in pushes[first::stride].tolist():
-                pushed = starts[push], covariances[push], trial.forces[push], seen[push]
-                own, moving = (gains[push], weights[push], states[push]), trial.timesteps[push]
-                sums[push] = lead(*pushed, forces, (moving, *settings), noise, trial.steps[push], *room, *own)
+        def led(torque_noise: Array) -> Gains:
+            noise = of_reading, (torques * torque_noise**2) @ torques.T
+            gains, weights = np.zeros((npush, readings, 2 * n, n)), np.zeros((npush, readings, n, n))
+            states, sums = np.zeros((npush, readings, 2, n)), np.zeros((npush, 2))
 
-        share_out(run, len(pushes), int(trial.steps[pushes].sum()) * trial.substeps * 20 * n**3 * _stages(trial))
-        squares, logarithm = sums.sum(axis=0)
-        joint_states = np.diff(states.reshape(npush, readings, 2, n), axis=-1, prepend=0.0).reshape(states.shape)
-        return Gains(gains, weights, joint_states, -0.5 * float(squares + logarithm))
+            def run(first: int, stride: int) -> None:
+                room = workspace(n, 0, False, trial.is_continuous), spread_of(n)
+                for push in pushes[first::stride].tolist():
+                    pushed = starts[push], covariances[push], trial.forces[push], seen[push]
+                    own, moving = (
+                        (gains[push], weights[push], states[push].reshape(readings, -1)),
+                        trial.timesteps[push],
+                    )
+                    sums[push] = lead(*pushed, forces, (moving, *settings), noise, trial.steps[push], *room, *own)
+
+            share_out(run, len(pushes), multiplications)
+            states[..., 1:] -= states[..., :-1]
+            squares, logarithm = sums.sum(axis=0)
+            return Gains(gains, weights, states.reshape(npush, readings, -1), -0.5 * float(squares + logarithm))
+
+        return led
 
     def _forces(self, trial: ReadTrial, joints: Joints | None) -> tuple[Balance, Derivatives]:
         """What the chain moves by where there is no law."""

@@ -20,7 +20,7 @@ from metaid.compiled.spatial import (
 )
 from metaid.estimation.base_unknowns import BaseUnknowns
 from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, ReadTrial, WatchedTrial
-from metaid.estimation.twin import Motion
+from metaid.estimation.twin import Led, Motion
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS, tilted_gravity
 
@@ -114,18 +114,22 @@ class SpatialTwin:
             values += np.where(steps[:, None] > 0, basis.sum(axis=1), 0.0)[:, None] * beside.offset[:, None]
         return Coefficients(values, slopes)
 
-    def lead(self, filtered: Filtered, joints: Joints | None, torque_noise: Array) -> Gains:
+    def lead(self, filtered: Filtered, joints: Joints | None) -> Led:
         trial, starts, begins, pushes = filtered
         alike = Driven(replace(trial, start_spread=None), starts, trial.steps, np.zeros((len(starts), 1, 1)))
         beside = SpatialTwin(self.unknowns.alone(self.point), np.empty(0))._beside(alike, joints)
         read = np.ascontiguousarray(trial.readings - beside.offset)
         settings = trial.steps, beside.spring, _times(trial)
         driven = DrivenPushes(beside.frames, beside.starts[0], trial.torques, read, *settings)
-        noise = np.diag(trial.noise**2), np.diag(torque_noise**2)
-        led = lead_arm(driven, beside.candidates[0], np.ascontiguousarray(begins), noise, pushes)
-        led.states[..., : trial.readings.shape[2]] += beside.offset
-        squares, logarithm = led.sums.sum(axis=0)
-        return Gains(led.gains, led.weights, led.states, -0.5 * float(squares + logarithm))
+        of_reading, begins = np.diag(trial.noise**2), np.ascontiguousarray(begins)
+
+        def led(torque_noise: Array) -> Gains:
+            found = lead_arm(driven, beside.candidates[0], begins, (of_reading, np.diag(torque_noise**2)), pushes)
+            found.states[..., : trial.readings.shape[2]] += beside.offset
+            squares, logarithm = found.sums.sum(axis=0)
+            return Gains(found.gains, found.weights, found.states, -0.5 * float(squares + logarithm))
+
+        return led
 
     def _beside(self, driven: Driven, joints: Joints | None) -> Beside:
         """The twin of a trial and those beside it, with what the `joints` have besides; None for nothing."""

@@ -115,6 +115,13 @@ class ReadTrial:
         """The torques as generalised forces in absolute angles (npush x nstep x njoint), in N m."""
         return np.ascontiguousarray(-np.diff(self.torques, axis=-1, append=0.0))
 
+    def only(self, pushes: NDArray[np.intp]) -> ReadTrial:
+        """The same with these `pushes` alone."""
+        of_pushes = ("readings", "torques", "steps", "start_speeds", "start_spread", "poses", "times")
+        known = {name: getattr(self, name) for name in of_pushes if getattr(self, name) is not None}
+        own: dict[str, Any] = {name: each[pushes] for name, each in known.items()}
+        return replace(self, **own)
+
     @property
     def extras(self) -> int:
         """How many start speeds, and coordinates, are unknown."""

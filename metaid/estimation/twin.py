@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, WatchedTrial
 from metaid.models import Array
 
+# What a filter finds, by the standard deviation of the noise of each joint's torque (njoint), in N m or N.
+Led = Callable[[Array], Gains]
+
 THREADED = 200_000  # multiplications; threads do not pay for less
 
 
@@ -64,10 +67,8 @@ class Twin(Protocol):
                 innovations.
         """
 
-    def lead(self, filtered: Filtered, joints: Joints | None, torque_noise: Array, /) -> Gains:
-        """The run of a filter through some pushes of a trial (Eq. 35), with what `joints` have beside the parameters.
-        `torque_noise` (njoint) is the standard deviation of each one's torque, in N m or N.
-        """
+    def lead(self, filtered: Filtered, joints: Joints | None, /) -> Led:
+        """A filter through some pushes of a trial (Eq. 35), with what `joints` have beside the parameters."""
 
 
 def share_out(run: Callable[[int, int], None], npush: int, multiplications: int) -> None:

@@ -106,7 +106,7 @@ def test_what_the_filter_finds_of_a_push_depends_on_no_other() -> None:
     def led(*pushes: int) -> Gains:
         starts = upright(trial.start_speeds)
         through = Filtered(trial, starts, np.tile(1e-2 * np.eye(4), (len(starts), 1, 1)), np.array(pushes))
-        return twin.lead(through, joints, np.full(2, TORQUE_NOISE))
+        return twin.lead(through, joints)(np.full(2, TORQUE_NOISE))
 
     together = led(0, 1, 2, 3)
     for push in (2, 3):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from metaid.estimation.noisy.readings import Readings, started
 from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, ReadTrial
+from metaid.estimation.twin import Led
 from metaid.models import Array
 
 NOTHING = 1e-3  # of cost: beside noise whose size is found, too, less changes nothing
@@ -58,30 +60,42 @@ class Innovations(Readings):
         """The same with the gains at a `point`, where torques of the joints have noise of these standard deviations
         (njoint), in N m; None where the twin cannot follow from there.
         """
-        gains = tuple(self._lead(number, point, torque_noise) for number in range(len(self.trials)))
+        gains = tuple(led(torque_noise) for led in self.filters(point))
         return replace(self, gains=gains) if all(np.isfinite(each.likelihood) for each in gains) else None
 
     def likelihood(self, point: Array, torque_noise: Array, pushes: int) -> float:
         """The logarithm of the likelihood of the readings of about so many `pushes`, but for a constant, at a `point`,
         where torques of the joints have noise of these standard deviations (njoint), in N m.  Eq. 37.
         """
-        each = -(-pushes // len(self.trials))
-        return sum(self._lead(number, point, torque_noise, each).likelihood for number in range(len(self.trials)))
+        return likelihood_of(self.filters(point, pushes), torque_noise)
 
-    def _lead(self, number: int, point: Array, torque_noise: Array, most: int | None = None) -> Gains:
-        """The filter's gains in a trial. Where it is said of how `most` pushes, it is for their likelihood: then their
-        start speeds are not those of the point, to which the noise of the torques has already led, but any.
+    def filters(self, point: Array, most: int | None = None) -> list[Led]:
+        """The filter of each trial at a `point`. Where it is said of about how many pushes at `most` of all trials, it
+        is for their likelihood: then their start speeds are not those of the point, to which the noise of the torques
+        has already led, but any.
         """
+        each = None if most is None else -(-most // len(self.trials))
+        return [self._filter(number, point, each) for number in range(len(self.trials))]
+
+    def _filter(self, number: int, point: Array, most: int | None) -> Led:
+        """That of a trial."""
         unknowns, whitened = self._of_trial(number, point)
         log_factors, faults = self._parted(unknowns)
-        trial = self._delivered(self.trials[number], faults)
-        starts, n = started(trial, whitened), trial.readings.shape[2]
-        begins, pushes = np.zeros((len(starts), 2 * n, 2 * n)), np.flatnonzero(trial.steps > 0)
+        trial, n = self.trials[number], len(self.trials[number].noise)
+        pushes = np.flatnonzero(trial.steps > 0)
         if most is not None:
-            pushes = pushes[:: -(-len(pushes) // most) or 1]
-            starts = started(replace(trial, start_spread=None), whitened)
-            if trial.start_spread is not None:
-                own = 2 * n - trial.start_spread.shape[-1]
-                begins[:, own:, own:] = trial.start_spread @ trial.start_spread.swapaxes(1, 2)
-        filtered = Filtered(trial, starts, begins, pushes)
-        return self._twin(log_factors).lead(filtered, self._joints(faults), torque_noise)
+            trial = trial.only(pushes[:: -(-len(pushes) // most) or 1])
+            pushes = np.arange(len(trial.steps))
+        trial = self._delivered(trial, faults)
+        starts, begins = started(trial, whitened, most is None), np.zeros((len(trial.steps), 2 * n, 2 * n))
+        if most is not None and trial.start_spread is not None:
+            own = 2 * n - trial.start_spread.shape[-1]
+            begins[:, own:, own:] = trial.start_spread @ trial.start_spread.swapaxes(1, 2)
+        return self._twin(log_factors).lead(Filtered(trial, starts, begins, pushes), self._joints(faults))
+
+
+def likelihood_of(filters: Sequence[Led], torque_noise: Array) -> float:
+    """The logarithm of the likelihood of what is filtered, but for a constant, where torques have noise of these
+    standard deviations (njoint), in N m.  Eq. 37.
+    """
+    return sum(led(torque_noise).likelihood for led in filters)

@@ -212,13 +212,13 @@ def _with_slopes(compared: Compared, count: int, further: Array) -> Compared:
     return values, np.concatenate([slopes[..., :count], further, slopes[..., count:]], axis=-1)
 
 
-def started(trial: ReadTrial, whitened: Array) -> Array:
-    """Joint coordinates and speeds at the start of each push (npush x 2 x njoint): those it was to have and L u, u
-    being `whitened` (npush x nextra).
+def started(trial: ReadTrial, whitened: Array, is_moved: bool = True) -> Array:
+    """Joint coordinates and speeds at the start of each push (npush x 2 x njoint): those it was to have and, where it
+    `is_moved`, L u, u being `whitened` (npush x nextra).
     """
     poses = np.zeros_like(trial.start_speeds) if trial.poses is None else trial.poses
     starts = np.stack([poses, trial.start_speeds], axis=1)
-    if trial.start_spread is None:
+    if trial.start_spread is None or not is_moved:
         return starts
     moved = np.einsum("pij,pj->pi", trial.start_spread, whitened)
     flat = starts.reshape(len(starts), -1)

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from metaid.estimation.estimate import Found, begun, fit
-from metaid.estimation.noisy.innovations import Innovations
+from metaid.estimation.noisy.innovations import Innovations, likelihood_of
+from metaid.estimation.twin import Led
 from metaid.models import Array
 
 MOST_ROUNDS = 6  # of gains and unknowns in turn
@@ -74,22 +75,22 @@ def likeliest_noise(
         sweeps: over all joints. Where there are several, there are as many of steps that all joints have in common
             before.
     """
-    joints = np.eye(len(torque_noise))
-    logarithms = np.log(torque_noise)
+    joints, logarithms = np.eye(len(torque_noise)), np.log(torque_noise)
+    filters = innovations.filters(point, pushes)
     for directions in (np.ones_like(joints[:1]), joints) if sweeps > 1 else (joints,):
         for _ in range(sweeps):
             before = logarithms
             for direction in directions:
-                logarithms = logarithms + _step(innovations, point, logarithms, direction, pushes) * direction
+                logarithms = logarithms + _step(filters, logarithms, direction) * direction
             if float(np.abs(logarithms - before).max()) < CLOSE:
                 break
     return np.exp(logarithms)
 
 
-def _step(innovations: Innovations, point: Array, logarithms: Array, direction: Array, pushes: int) -> float:
+def _step(filters: list[Led], logarithms: Array, direction: Array) -> float:
     """The step of the `logarithms` (njoint) of sizes in a `direction` (njoint), to the top of a parabola."""
     tried = (logarithms + step * direction for step in (-APART, 0.0, APART))
-    less, here, more = (innovations.likelihood(point, np.exp(each), pushes) + _log_prior(each) for each in tried)
+    less, here, more = (likelihood_of(filters, np.exp(each)) + _log_prior(each) for each in tried)
     slope, curvature = (more - less) / (2.0 * APART), (more - 2.0 * here + less) / APART**2
     if not np.isfinite(slope + curvature) or (slope < 0.0 and slope > -FLAT):
         return 0.0
