@@ -169,8 +169,11 @@ def grow(comparison: Growing, point: Array, most: int = MOST_EXACT, explains: bo
         windows = min(reached + stride, comparison.stages) if reached else 1
         found, valley = _descent(comparison, point, windows, most), explained
         iterations += 0 if found is None else found.iterations
-        if explains and (found is None or misfit(found) > HOPELESS * comparison.explained_below):
-            return None
+        if explains:
+            if found is None or misfit(found) > HOPELESS * comparison.explained_below:
+                return None
+            if windows == comparison.stages and not found.converged:
+                found = _descent(comparison, found.place.point, windows) or found
         explained = found is not None and misfit(found) < IN_THE_VALLEY
         if valley and not explained and reached and windows > reached + 1:
             explained = True
