@@ -33,7 +33,7 @@ from benchmarks.common import table as markdown
 from benchmarks.common import two_digits
 from metaid.models import Array
 from metaid.models.tree import model_error
-from metaid.results import judge, read_snapshot
+from metaid.results import Snapshot, judge, read_snapshot
 from metaid.store import Store
 from metaid.study import create_study, load_study, run_study
 from metaid.study.estimates import StudyEstimate
@@ -131,8 +131,8 @@ def _wrong(links: int, seed: int) -> list[dict[str, float]]:
     return nominal
 
 
-def try_bench(row: str, robot: str, timestep: float, seed: int, settings: str = "") -> Judged:
-    """Runs one study on one bench: of a chain of so many links, or of the "arm"."""
+def run_bench(row: str, robot: str, timestep: float, seed: int, settings: str = "") -> tuple[Snapshot, float]:
+    """What one study on one bench has found, of a chain of so many links, or of the "arm", and in how many s."""
     imperfections = dict(ROWS[row][1]) | {"seed": float(seed)}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -147,9 +147,14 @@ def try_bench(row: str, robot: str, timestep: float, seed: int, settings: str = 
             begin = time.perf_counter()
             create_study(store, spec, "bench")
             run_study(store, "bench")
-            verdict = judge(snapshot := read_snapshot(store, "bench"))
-            seconds = time.perf_counter() - begin
-    found = snapshot.estimate
+            return read_snapshot(store, "bench"), time.perf_counter() - begin
+
+
+def try_bench(row: str, robot: str, timestep: float, seed: int, settings: str = "") -> Judged:
+    """Runs one study on one bench and judges it."""
+    imperfections = dict(ROWS[row][1])
+    snapshot, seconds = run_bench(row, robot, timestep, seed, settings)
+    verdict, found = judge(snapshot), snapshot.estimate
     if found is None:
         return Judged(row, robot, seed, verdict.word, np.inf, np.inf, 0, 0, seconds, "")
     lumps = verdict.lumps

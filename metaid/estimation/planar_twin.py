@@ -111,7 +111,7 @@ class PlanarTwin:
                 for push in pushes[first::stride].tolist():
                     pushed = starts[push], covariances[push], trial.forces[push], seen[push]
                     own, moving = (
-                        (gains[push], weights[push], states[push].reshape(readings, -1)),
+                        (gains[push], weights[push], states[push].reshape(readings, 2 * n)),
                         trial.timesteps[push],
                     )
                     sums[push] = lead(*pushed, forces, (moving, *settings), noise, trial.steps[push], *room, *own)
@@ -119,7 +119,7 @@ class PlanarTwin:
             share_out(run, len(pushes), multiplications)
             states[..., 1:] -= states[..., :-1]
             squares, logarithm = sums.sum(axis=0)
-            return Gains(gains, weights, states.reshape(npush, readings, -1), -0.5 * float(squares + logarithm))
+            return Gains(gains, weights, states.reshape(npush, readings, 2 * n), -0.5 * float(squares + logarithm))
 
         return led
 

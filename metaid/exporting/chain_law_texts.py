@@ -1,4 +1,6 @@
-"""What the source texts of a chain's law are filled into. A word after a dollar sign is a constant of the model."""
+"""What the source texts of a chain's law are filled into. A word after a dollar sign is a constant of the model; a line
+that begins with %word is kept where the model has that, one with %!word where it has not.
+"""
 
 CHAIN_PYTHON = '''
 import math
@@ -29,6 +31,7 @@ def torque(q, qd):
 
 CHAIN_MASS_MATRIX_PYTHON = '''
 INERTIA = $inertia  # of each link, in kg m^2: the diagonal of the mass matrix in absolute angles
+%rotor ROTOR = $rotor  # of each joint, in kg m^2: what turns with its motor
 
 
 def mass_matrix(q):
@@ -38,7 +41,9 @@ def mass_matrix(q):
     links = [
         [INERTIA[i] if i == j else CORIOLIS[i][j] * math.cos(angle[i] - angle[j]) for j in range(n)] for i in range(n)
     ]
-    return [[sum(sum(row[j:]) for row in links[i:]) for j in range(n)] for i in range(n)]
+%!rotor     return [[sum(sum(row[j:]) for row in links[i:]) for j in range(n)] for i in range(n)]
+%rotor     joints = [[sum(sum(row[j:]) for row in links[i:]) for j in range(n)] for i in range(n)]
+%rotor     return [[joints[i][j] + (ROTOR[i] if i == j else 0.0) for j in range(n)] for i in range(n)]
 
 
 def inverse_dynamics(q, qd, qdd):
@@ -96,6 +101,8 @@ static inline void ${name}_mass_matrix(const double q[], double matrix[$njoint][
     static const double coriolis[N][N] = $coriolis;
     /* of each link, in kg m^2: the diagonal of the mass matrix in absolute angles */
     static const double inertia[N] = $inertia;
+%rotor     /* of each joint, in kg m^2: what turns with its motor */
+%rotor     static const double rotor[N] = $rotor;
     double angle[N];
     int i, j, k, l;
 
@@ -103,7 +110,8 @@ static inline void ${name}_mass_matrix(const double q[], double matrix[$njoint][
         angle[i] = q[i] + (i > 0 ? angle[i - 1] : 0.0);
     for (i = 0; i < N; i++)
         for (j = 0; j < N; j++) {
-            matrix[i][j] = 0.0;
+%!rotor             matrix[i][j] = 0.0;
+%rotor             matrix[i][j] = i == j ? rotor[i] : 0.0;
             for (k = i; k < N; k++)
                 for (l = j; l < N; l++)
                     matrix[i][j] += k == l ? inertia[k] : coriolis[k][l] * cos(angle[k] - angle[l]);

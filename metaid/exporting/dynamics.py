@@ -30,6 +30,7 @@ class Dynamics:
         notes: what to know of the bodies, in sentences without a full stop.
         is_chain: whether it is a planar chain, and no arm.
         couples: motors of the links that turn with the sum of two joints.
+        besides: what was found beside it and no file has, in a sentence without a full stop; none where it is empty.
     """
 
     law: Law
@@ -38,9 +39,12 @@ class Dynamics:
     notes: tuple[str, ...]
     is_chain: bool
     couples: tuple[Couple, ...] = ()
+    besides: str = ""
 
 
-def chain_dynamics(lumps: Lumps, gravity: float, nominal: Chain, known: NDArray[np.bool_]) -> Dynamics:
+def chain_dynamics(
+    lumps: Lumps, gravity: float, nominal: Chain, known: NDArray[np.bool_], rotor: Array | None = None
+) -> Dynamics:
     """That of a planar chain.
 
     Args:
@@ -48,6 +52,7 @@ def chain_dynamics(lumps: Lumps, gravity: float, nominal: Chain, known: NDArray[
         gravity: in m/s².
         nominal: the chain whose bodies those of the result are to be close to.
         known: which of the gravity, Coriolis and inertia lumps (nlump) are identified.
+        rotor: the reflected inertia of what turns with each joint (njoint), in kg m²; None for none.
     """
     kinds = ("gravity", "coriolis") if lumps.inertia is None else ("gravity", "coriolis", "inertia")
     lumps = replace(lumps, searched=kinds)
@@ -69,7 +74,9 @@ def chain_dynamics(lumps: Lumps, gravity: float, nominal: Chain, known: NDArray[
         if value < 0.0
     ]
     tree = None if found.chain is None else planar_tree(found.chain, gravity)
-    return Dynamics(ChainLaw(lumps, gravity), tree, found.chain, tuple(notes), is_chain=True)
+    if tree is not None and rotor is not None:
+        tree = replace(tree, rotor=rotor)
+    return Dynamics(ChainLaw(lumps, gravity, rotor=rotor), tree, found.chain, tuple(notes), is_chain=True)
 
 
 def arm_dynamics(prior: ArmPrior, values: Array) -> Dynamics:

@@ -148,7 +148,10 @@ class IdentifiedModel:
 
     def lacks(self, suffix: str) -> list[str]:
         """What a file with that `suffix` cannot hold, in sentences without a full stop."""
-        said = list(self.dynamics.notes) if suffix in _BODIES else []
+        said = [self.dynamics.besides] if self.dynamics.besides else []
+        said += self.dynamics.notes if suffix in _BODIES else ()
+        if suffix == ".toml" and self.dynamics.tree is not None and self.dynamics.tree.rotor.any():
+            said.append("rotors are not in a plant file")
         if suffix == ".urdf" and self.dynamics.tree is not None:
             said += not_in_urdf(self.dynamics.tree, self.dynamics.couples)
         return said

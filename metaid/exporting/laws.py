@@ -70,11 +70,19 @@ class Law(Protocol):
 
 @dataclass(frozen=True)
 class ChainLaw(ChainModel):
-    """The law of a chain's lumps.  Eqs. 5, 6 and 12."""
+    """The law of a chain's lumps.  Eqs. 5, 6 and 12.  `rotor` (njoint), in kg m²: the reflected inertia of what turns
+    with a joint, and not with a link; None for none.
+    """
+
+    rotor: Array | None = None
 
     @property
     def njoint(self) -> int:
         return self.lumps.nlink
+
+    def mass_matrix(self, angles: Array) -> Array:
+        links = super().mass_matrix(angles)
+        return links if self.rotor is None else links + np.diag(self.rotor)
 
     def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
         gained = np.einsum("...ij,...j->...i", self.mass_matrix(angles), accelerations)
@@ -88,14 +96,16 @@ class ChainLaw(ChainModel):
     def _constants(self) -> Constants:
         kinds = (*FRICTION, *(["inertia"] if self.has_inertia else []))
         parts = {kind: self.lumps.of(kind) for kind in kinds}
-        return {"gravity": self.gravity * self.lumps.gravity, "coriolis": self.lumps.coriolis, **parts}
+        rotor = np.zeros(self.njoint) if self.rotor is None else self.rotor
+        return {"gravity": self.gravity * self.lumps.gravity, "coriolis": self.lumps.coriolis, "rotor": rotor, **parts}
 
     def python(self) -> str:
-        return _python(CHAIN_PYTHON + CHAIN_MASS_MATRIX_PYTHON * self.has_inertia, self._constants)
+        constants = self._constants
+        return _python(_kept(CHAIN_PYTHON + CHAIN_MASS_MATRIX_PYTHON * self.has_inertia, constants), constants)
 
     def c(self, name: str) -> str:
-        text = CHAIN_C + CHAIN_MASS_MATRIX_C * self.has_inertia + END_C
-        return _c(text, name, self.lumps.nlink, self._constants)
+        constants, text = self._constants, CHAIN_C + CHAIN_MASS_MATRIX_C * self.has_inertia + END_C
+        return _c(_kept(text, constants), name, self.njoint, constants)
 
 
 @dataclass(frozen=True)
@@ -187,9 +197,9 @@ def c_name(name: str) -> str:
 
 
 def _kept(template: str, constants: Constants) -> str:
-    """The lines of a template that an arm with these constants needs, without the %words that say so."""
-    has = {word: bool(np.any(constants[word])) for word in ("root", "load", "offset")}
-    has |= {"dahl": bool(np.any(constants["presliding"])), "pairs": len(constants["coupled"]) > 0}
+    """The lines of a template that a robot with these constants needs, without the %words that say so."""
+    has = {word: word in constants and bool(np.any(constants[word])) for word in ("root", "load", "offset", "rotor")}
+    has |= {"dahl": bool(np.any(constants.get("presliding", 0.0))), "pairs": len(constants.get("coupled", ())) > 0}
     lines = []
     for line in template.splitlines(keepends=True):
         text, needed = line, True

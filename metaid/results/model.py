@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import singledispatch
 from typing import Any
@@ -14,10 +15,14 @@ from metaid.errors import StudyError
 from metaid.exporting import Dynamics, IdentifiedModel, arm_dynamics, chain_dynamics
 from metaid.models import IDEAL, Array, Chain, Lumps, kind_of
 from metaid.models.tree import Tree
+from metaid.plant import fault_unit
 from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.results.verdict import Verdict, judge
 from metaid.store import Store
 from metaid.study import StudySpec, with_nominal
+from metaid.study.estimates import StudyEstimate
+
+OF_FRICTION = {"damping": "viscous", "coulomb": "dry"}  # the fault that is of the same law
 
 
 def identified_model(snapshot: Snapshot, even_if_not_found: bool = False) -> IdentifiedModel:
@@ -48,7 +53,8 @@ def identified_model(snapshot: Snapshot, even_if_not_found: bool = False) -> Ide
         covariance = pd.DataFrame(found.value_covariance, index=names, columns=names)
     known = table["name"][table["identified"].notna()] if guess is None else table["name"]
     values = dict(zip(table["name"], table["value"].tolist(), strict=True))
-    dynamics = _dynamics(snapshot.problem.nominal, snapshot.problem, values, known.tolist())
+    beside = _beside(found if guess is None and verdict.source == "estimate" else None)
+    dynamics = _dynamics(snapshot.problem.nominal, snapshot.problem, values, known.tolist(), beside)
     return IdentifiedModel(snapshot.name, about, table, covariance, dynamics, spec.gravity, spec.plant.timestep)
 
 
@@ -81,8 +87,16 @@ def _best_guess(snapshot: Snapshot, verdict: Verdict) -> Array | None:
     return None if snapshot.best is None else snapshot.problem.robot.sought.scale * snapshot.best.factors
 
 
+def _beside(found: StudyEstimate | None) -> dict[str, float]:
+    """The faults by name, in their units, that were found beside lumps or base parameters."""
+    faults = None if found is None else found.estimate.faults
+    return {} if faults is None else dict(zip(faults.searched.names, faults.values.tolist(), strict=True))
+
+
 @singledispatch
-def _dynamics(nominal: Any, problem: Any, values: dict[str, float], known: list[str]) -> Dynamics:
+def _dynamics(
+    nominal: Any, problem: Any, values: dict[str, float], known: list[str], beside: dict[str, float]
+) -> Dynamics:
     """How a plant moves.
 
     Args:
@@ -90,19 +104,42 @@ def _dynamics(nominal: Any, problem: Any, values: dict[str, float], known: list[
         problem: of the study.
         values: that were identified, by name.
         known: the names of those that are not the nominal ones.
+        beside: faults that were found, by name.
     """
     raise TypeError(nominal)
 
 
 @_dynamics.register
-def _of_chain(nominal: Chain, problem: Any, values: dict[str, float], known: list[str]) -> Dynamics:
+def _of_chain(
+    nominal: Chain, problem: Any, values: dict[str, float], known: list[str], beside: dict[str, float]
+) -> Dynamics:
     lumps = _lumps_of(values, nominal.lumps_of(IDEAL))
-    return chain_dynamics(lumps, problem.spec.gravity, nominal, np.isin(lumps.names, known))
+    names = lumps.names
+
+    def of_joints(kind: str) -> Array:
+        return np.array([beside.get(f"{kind}_{joint + 1}", 0.0) for joint in range(lumps.nlink)])
+
+    damping, coulomb = (lumps.of(kind) + of_joints(fault) for kind, fault in OF_FRICTION.items())
+    rotor = of_joints("rotor") if any(name.startswith("rotor") for name in beside) else None
+    is_known = np.isin(names, known)
+    found = chain_dynamics(
+        replace(lumps, damping=damping, coulomb=coulomb), problem.spec.gravity, nominal, is_known, rotor
+    )
+    return _noting(found, beside, ("rotor", *OF_FRICTION.values()))
 
 
 @_dynamics.register
-def _of_arm(nominal: Tree, problem: Any, values: dict[str, float], known: list[str]) -> Dynamics:
-    return arm_dynamics(problem.robot.prior, np.array([values[name] for name in problem.names]))
+def _of_arm(
+    nominal: Tree, problem: Any, values: dict[str, float], known: list[str], beside: dict[str, float]
+) -> Dynamics:
+    found = arm_dynamics(problem.robot.prior, np.array([values[name] for name in problem.names]))
+    return _noting(found, beside, ())
+
+
+def _noting(found: Dynamics, beside: dict[str, float], held: tuple[str, ...]) -> Dynamics:
+    """The same with a note on what was found `beside` it and is not of a kind that it has `held`."""
+    left = [f"{name} {value:.3g} {fault_unit(name)}" for name, value in beside.items() if kind_of(name) not in held]
+    return replace(found, besides=f"found beside it, and not in it: {', '.join(left)}") if left else found
 
 
 def _lumps_of(values: dict[str, float], nominal: Lumps) -> Lumps:

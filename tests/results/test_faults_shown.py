@@ -12,7 +12,7 @@ from chain_studies import chain_study, random_chain
 
 from metaid.cli.printed import print_study
 from metaid.errors import StudyError
-from metaid.results import judge, lumps_frame, read_findings, read_snapshot, summary
+from metaid.results import identified_model, judge, lumps_frame, read_findings, read_snapshot, summary
 from metaid.results.lump_tables import fault_rows
 from metaid.show.notes import note
 from metaid.store import Store
@@ -66,6 +66,9 @@ def test_faults_stand_beside_the_lumps_wherever_a_study_is_shown(
     assert "Faults searched beside the lumps" in printed
     assert f"; delay {delay['identified']:.4g} ± " in printed
     assert "| fault | identified |" in note(read_findings(store, "chain"))
+    model = identified_model(read_snapshot(store, "chain"))
+    for suffix in (".toml", ".xml", ".urdf", ".py", ".h"):
+        assert "found beside it, and not in it: delay 0.004 s, tilt 0.01 rad" in " ".join(model.text(suffix).split())
 
 
 def test_what_the_plant_file_says_of_a_searched_fault_is_not_believed() -> None:
@@ -81,6 +84,9 @@ def test_friction_without_a_nominal_value_is_found_on_a_plant_without_other_faul
     assert shown["verdict"] == "found"
     assert shown["max_error"] < 1e-6
     assert [fault["identified"] for fault in shown["faults"]] == pytest.approx([0.02, 0.02], rel=1e-6)
+    model = identified_model(read_snapshot(store, "chain"))
+    assert model.torque([0.0, 0.0], [1.0, -2.0]) == pytest.approx([0.02, -0.04], rel=1e-3)
+    assert [link["damping"] for link in model.links] == pytest.approx([0.02, 0.02], rel=1e-3)
 
 
 def test_fault_that_is_not_explained_has_no_interval(tmp_path: Path) -> None:
