@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 
 import click
@@ -17,7 +18,11 @@ import pytest
 from conftest import Finished
 from places import ROOT
 
+from metaid import results
 from metaid.cli import app
+from metaid.plant import PlantSettings, chain_of
+from metaid.store import Store
+from soak.lies import PLANT
 
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 BLOCK = re.compile(r"(<!-- not run: [^\n]+ -->\n)?^```(\w+)\n(.*?)^```", re.DOTALL | re.MULTILINE)
@@ -123,6 +128,22 @@ def test_every_block_runs(
                     run_command(metaid, line[2:])
         elif language == "python":
             exec(compile(text, document.name, "exec"), names)
+    if document.name == "your-rig.md":
+        assert_rig_is_found_as_it_says(document.read_text(encoding="utf-8"))
+
+
+def assert_rig_is_found_as_it_says(text: str) -> None:
+    """All lumps, as near as it says, with intervals that hold the truth, which the rig's side alone knows."""
+    said = re.search(r"It finds all five lumps to ([\d.]+) %: (.*?)\.\s`output-error`", text, re.DOTALL)
+    assert said is not None
+    stated = [float(number) for number in re.findall(r"\d+\.\d+", said[2])]
+    kinds = ("gravity", "coriolis", "inertia")
+    true = chain_of(PlantSettings.model_validate(PLANT).links).lumps_of(kinds).vector_of(kinds)
+    with closing(Store("metaid.db")) as store:
+        lumps = results.lumps_frame(store, "find-rig")
+    assert ((lumps["low"] <= true) & (lumps["high"] >= true)).all()
+    assert lumps["identified"].tolist() == pytest.approx(stated, abs=5e-5)
+    assert (lumps["identified"] / true - 1.0).abs().max() < 0.01 * float(said[1])
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)

@@ -5,7 +5,6 @@ created.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -13,9 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import Finished
 from places import ROOT
-from rig import Serve
 
 from metaid import results
 from metaid.episode import SensorReadings
@@ -35,24 +32,6 @@ DOCUMENT = ROOT / "docs" / "your-rig.md"
 def within(lumps: pd.DataFrame) -> bool:
     """Whether every interval holds the truth."""
     return bool(((lumps["low"] <= TRUTH) & (lumps["high"] >= TRUTH)).all())
-
-
-def test_document_says_what_its_commands_find(serve: Serve, metaid: Callable[..., Finished], tmp_path: Path) -> None:
-    """`docs/your-rig.md`: all lumps in six trials, as near as it says, with intervals that hold the truth."""
-    text = DOCUMENT.read_text(encoding="utf-8")
-    for block in re.findall(r"^```toml\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
-        Path(block.partition("\n")[0].removeprefix("# ")).write_text(block)
-    serve("--watchdog", "60", plant=tmp_path / "arm.toml", listen="unix:rig.sock")
-    assert metaid("study", "create", "find-rig.toml").status == 0
-    assert metaid("study", "run", "find-rig", "--quiet").status == 0
-    said = re.search(r"It finds all five lumps to ([\d.]+) %: (.*?)\.\s`output-error`", text, re.DOTALL)
-    assert said is not None
-    stated = [float(number) for number in re.findall(r"\d+\.\d+", said[2])]
-    with closing(Store("metaid.db")) as store:
-        lumps = results.lumps_frame(store, "find-rig")
-    assert within(lumps)
-    assert lumps["identified"].tolist() == pytest.approx(stated, abs=5e-5)
-    assert (lumps["identified"] / TRUTH - 1.0).abs().max() < 0.01 * float(said[1])
 
 
 def matched(liar: Liar, seed: int = 0, motion: str = "stepped", **changes: Any) -> tuple[pd.DataFrame, dict[str, Any]]:
