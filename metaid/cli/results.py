@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 
 import click
@@ -124,12 +125,12 @@ MODEL_HELP = "FILE.toml, .xml (MJCF), .urdf, .py, .h or .json."
 @click.command(epilog="\b\nExample:\n  metaid study model three-link -o three-link.xml")
 @name_argument
 @storage_option
-@click.option("-o", "output", type=click.Path(path_type=Path), required=True, help=MODEL_HELP)
+@click.option("-o", "outputs", type=click.Path(path_type=Path), required=True, multiple=True, help=MODEL_HELP)
 @click.option(
     "--even-if-not-found", is_flag=True, help="Where nothing was found, write the last estimate or the best trial."
 )
-def model(name: str, storage: str, output: Path, even_if_not_found: bool) -> None:
-    """Write the identified model to a file, to use it elsewhere.
+def model(name: str, storage: str, outputs: tuple[Path, ...], even_if_not_found: bool) -> None:
+    """Write the identified model to files, to use it elsewhere.
 
     A plant file, MJCF and URDF have bodies with the identified lumps; their masses are not identified. Python and C
     have the compensation law as a function that needs nothing else, and of a chain the mass matrix.
@@ -138,9 +139,12 @@ def model(name: str, storage: str, output: Path, even_if_not_found: bool) -> Non
     from metaid.exporting import SUFFIXES
     from metaid.results import RESULTS
 
-    with whole_file(output, tuple(SUFFIXES)) as partial:
+    with contextlib.ExitStack() as files:
+        partials = [files.enter_context(whole_file(output, tuple(SUFFIXES))) for output in outputs]
         found = api.model(name, storage, even_if_not_found)
-        found.write(partial)
-    say(f"the {'identified ' * (found.about['verdict'] in RESULTS)}model of '{name}' is in {output}")
-    for note in found.notes(output.suffix):
+        for partial in partials:
+            found.write(partial)
+    what = f"the {'identified ' * (found.about['verdict'] in RESULTS)}model of '{name}'"
+    say(f"{what} is in {', '.join(map(str, outputs))}")
+    for note in dict.fromkeys(note for output in outputs for note in found.notes(output.suffix)):
         say(f"{note}.")

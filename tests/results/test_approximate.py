@@ -105,9 +105,12 @@ def test_approximate_model_is_shown_compared_listed_and_reported_as_a_result(met
 
 def test_file_of_an_approximate_model_has_the_values_of_the_estimate(metaid: Metaid, judged: Path) -> None:
     """None of them nominal; the heading says approximate, and how well pushes that were left out are predicted."""
-    for suffix in (".toml", ".json", ".py", ".h", ".xml", ".urdf"):
-        done = metaid("study", "model", "rubbing", "-o", f"m{suffix}", "--storage", str(judged))
-        assert done.status == 0
+    suffixes, storage = (".toml", ".json", ".py", ".h", ".xml", ".urdf"), ("--storage", str(judged))
+    outputs = [part for suffix in suffixes for part in ("-o", f"m{suffix}")]
+    assert metaid("study", "model", "rubbing", *outputs, "-o", "m.bad", *storage).status == 2
+    assert not list(Path().glob("m.*"))
+    assert metaid("study", "model", "rubbing", *outputs, *storage).status == 0
+    for suffix in suffixes:
         text = Path(f"m{suffix}").read_text(encoding="utf-8")
         assert "pushes that were left out have a misfit of " in text
         assert suffix == ".json" or "Verdict: approximate, by the estimate; misfit " in text
