@@ -110,11 +110,9 @@ class PlanarTwin:
                 room = workspace(n, 0, False, trial.is_continuous), spread_of(n)
                 for push in pushes[first::stride].tolist():
                     pushed = starts[push], covariances[push], trial.forces[push], seen[push]
-                    own, moving = (
-                        (gains[push], weights[push], states[push].reshape(readings, 2 * n)),
-                        trial.timesteps[push],
-                    )
-                    sums[push] = lead(*pushed, forces, (moving, *settings), noise, trial.steps[push], *room, *own)
+                    own = gains[push], weights[push], states[push].reshape(readings, 2 * n)
+                    moving = trial.timesteps[push], *settings
+                    sums[push] = lead(*pushed, forces, moving, noise, trial.steps[push], *room, *own)
 
             share_out(run, len(pushes), multiplications)
             states[..., 1:] -= states[..., :-1]

@@ -114,14 +114,13 @@ def _of_chain(
     nominal: Chain, problem: Any, values: dict[str, float], known: list[str], beside: dict[str, float]
 ) -> Dynamics:
     lumps = _lumps_of(values, nominal.lumps_of(IDEAL))
-    names = lumps.names
 
     def of_joints(kind: str) -> Array:
         return np.array([beside.get(f"{kind}_{joint + 1}", 0.0) for joint in range(lumps.nlink)])
 
     damping, coulomb = (lumps.of(kind) + of_joints(fault) for kind, fault in OF_FRICTION.items())
     rotor = of_joints("rotor") if any(name.startswith("rotor") for name in beside) else None
-    is_known = np.isin(names, known)
+    is_known = np.isin(lumps.names, known)
     found = chain_dynamics(
         replace(lumps, damping=damping, coulomb=coulomb), problem.spec.gravity, nominal, is_known, rotor
     )

@@ -14,7 +14,7 @@ from metaid.estimation import FoundFaults, LogUnknowns, Readings, ReadTrial, Sea
 from metaid.estimation.faults.searched import late
 from metaid.estimation.noisy import take_up, unmodelled_forces
 from metaid.models import Array
-from metaid.plant import FaultSettings, fault_names, true_faults
+from metaid.plant import FAULT_UNITS, FaultSettings, fault_names, true_faults
 from metaid.study.estimates import StudyEstimate
 
 NOISY: dict[str, Any] = {"angle_noise": NOISE, "speed_sensor": False}
@@ -191,3 +191,16 @@ def test_bounded_faults_are_never_negative() -> None:
     assert bounded.values(below)[0] == free.values(below)[0] == -0.1
     assert 0.0 <= bounded.values(below)[1] < 1e-6
     assert 0.0 <= bounded.deviations(below, below**2)[1] < 1e-5
+
+
+@pytest.mark.parametrize("kinds", [tuple(FAULT_UNITS), ("spring",), ("offset", "viscous")])
+def test_faults_that_change_torques_are_those_by_which_delivered_torques_change(kinds: tuple[str, ...]) -> None:
+    """Derivatives by the others are made with the torques as they are."""
+    names, random = fault_names(kinds, 2), np.random.default_rng(0)
+    faults = SearchedFaults(kinds, 2, np.full(len(names), 0.1), teeth=5)
+    readings, torques = random.normal(size=(1, 9, 2)), random.normal(size=(1, 8, 2))
+    trial = ReadTrial(TIMESTEP, readings, torques, np.array([8]), np.zeros((1, 2)), None, np.full(2, NOISE))
+    here, step, period = np.full(len(names), 0.3), 0.1 * np.eye(len(names)), 0.02
+    before = faults.delivered(trial, period, here)
+    changes = [(faults.delivered(trial, period, here + each) != before).any() for each in step]
+    assert faults.is_of_torque.tolist() == changes

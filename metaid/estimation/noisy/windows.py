@@ -49,6 +49,10 @@ class ReadingsInWindows(ABC):
         cannot follow. `whitened` (npush x nextra) is what a push alone has, scaled by its spread.
         """
 
+    @abstractmethod
+    def _compare_alone(self, number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
+        """The same, with no derivatives but those by what a push alone has."""
+
     @property
     def spreads(self) -> Array:
         """Of the unknowns (nunknown), beforehand."""
@@ -107,10 +111,6 @@ class ReadingsInWindows(ABC):
         steps, (ends, _) = self.trials[number].steps, self._windows[number]
         chosen = np.minimum((ends[None] <= steps[:, None]).sum(axis=1), windows) - 1
         return chosen, np.where(chosen >= 0, ends[chosen], 0)
-
-    @abstractmethod
-    def _compare_alone(self, number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
-        """The same with derivatives by what a push alone has only."""
 
     def residuals(self, point: Array, windows: int) -> Residuals | None:
         """Those of the longest of the first `windows` windows, what a push alone has eliminated push by push."""
