@@ -7,10 +7,8 @@ Chains and nominal models are those of benchmarks/chains.py, with friction in ev
 0.2 × U(0.5, 1.5) × √(g/l) × (I_i + m_i c_i²), so that a link alone would lose a fifth of its speed in about √(l/g), and
 dry friction of 0.05 × U(0.5, 1.5) × g m_i c_i; nominal values are true × U(0.7, 1.3).
 
-**viscous**: gravity, Coriolis and viscous friction lumps. **dry**: those and dry friction. **ignored**: the plant is
-damped, and only gravity and Coriolis lumps are searched; the errors are those of the best candidate, at a tenth, 30 %
-and all of the damping. The sampler is `cmaes`. A run ends when every lump is within 0.1 % (not where friction is
-ignored), its searcher is finished, or after 6,000 trials (10,000 at ten links).
+**viscous**: gravity, Coriolis and viscous friction lumps. **dry**: those and dry friction. The sampler is `cmaes`. A
+run ends when every lump is within 0.1 %, its searcher is finished, or after 6,000 trials (10,000 at ten links).
 """
 
 from __future__ import annotations
@@ -34,8 +32,7 @@ from metaid.study.evaluation import ThreadEvaluator
 MOST = 6000
 MOST_AT_TEN = 10_000
 DAMPED, DRY = 0.2, 0.05
-PARTS = ["viscous", "dry", "ignored"]
-SHARES = (0.1, 0.3, 1.0)  # of the damping, where it is ignored
+PARTS = ["viscous", "dry"]
 
 
 @dataclass(frozen=True)
@@ -48,7 +45,6 @@ class Searched:
     links: int
     lumps: int
     seed: int
-    share: float
     nominal_error: float
     trials_1: int | None
     trials_01: int | None
@@ -58,12 +54,12 @@ class Searched:
     factors: list[float]
 
 
-def rubbing_chain(nlink: int, seed: int, share: float = 1.0) -> tuple[Links, Links]:
-    """The true and the nominal links of a random chain with friction, `share` of the damping named above."""
+def rubbing_chain(nlink: int, seed: int) -> tuple[Links, Links]:
+    """The true and the nominal links of a random chain with the friction named above."""
     pair = random_chain(nlink, seed)
     random, true = np.random.default_rng([nlink, seed, 1]), chain_of(pair[0])
     rate = np.sqrt(9.81 / true.length.mean())
-    damping = share * DAMPED * rate * (true.inertia + true.mass * true.com**2) * random.uniform(0.5, 1.5, nlink)
+    damping = DAMPED * rate * (true.inertia + true.mass * true.com**2) * random.uniform(0.5, 1.5, nlink)
     dry = DRY * 9.81 * true.mass * true.com * random.uniform(0.5, 1.5, nlink)
     believed = random.uniform(0.7, 1.3, (2, nlink))
 
@@ -81,11 +77,11 @@ def without_dry(links: Links) -> Links:
     return tuple(link.model_copy(update={"frictionloss": 0.0}) for link in links)
 
 
-def search(part: str, seed: int, pair: tuple[Links, Links], share: float = 1.0) -> Searched:
+def search(part: str, seed: int, pair: tuple[Links, Links]) -> Searched:
     """What a search finds."""
     true, nominal = pair
     nlink = len(true)
-    kinds = {"viscous": (*IDEAL, "damping"), "dry": (*IDEAL, *FRICTION), "ignored": IDEAL}[part]
+    kinds = {"viscous": (*IDEAL, "damping"), "dry": (*IDEAL, *FRICTION)}[part]
     most = MOST_AT_TEN if nlink >= 10 else MOST
     settings: dict[str, Any] = {"plant": "chain", "nominal": "nominal", "trials": most, "seed": seed}
     study = StudySettings.model_validate({**settings, "sampler": "cmaes", "search": {"lumps": kinds}})
@@ -95,7 +91,7 @@ def search(part: str, seed: int, pair: tuple[Links, Links], share: float = 1.0) 
     searcher, trials, best, factors = problem.make_searcher(), 0, np.inf, problem.robot.start
     reached: dict[float, int] = {}
     with ThreadEvaluator(problem, 2) as evaluator:
-        while trials < most and not searcher.finished() and (part == "ignored" or 0.001 not in reached):
+        while trials < most and not searcher.finished() and 0.001 not in reached:
             batch = searcher.ask()
             outcomes = evaluator.evaluate(batch)
             for candidate, outcome in zip(batch, outcomes, strict=True):
@@ -113,7 +109,6 @@ def search(part: str, seed: int, pair: tuple[Links, Links], share: float = 1.0) 
         links=nlink,
         lumps=len(truth),
         seed=seed,
-        share=share,
         nominal_error=float(np.abs(1.0 / truth - 1.0).max()),
         trials_1=reached.get(0.01),
         trials_01=reached.get(0.001),
@@ -127,25 +122,15 @@ def search(part: str, seed: int, pair: tuple[Links, Links], share: float = 1.0) 
 def shown(runs: list[Searched]) -> list[dict[str, Any]]:
     """A row for all runs of the same kind: how many got there, and medians."""
     rows = []
-    for links, share in dict.fromkeys((run.links, run.share) for run in runs):
-        own = [r for r in runs if (r.links, r.share) == (links, share)]
+    for links in dict.fromkeys(run.links for run in runs):
+        own = [r for r in runs if r.links == links]
         row: dict[str, Any] = {"links": links, "lumps": own[0].lumps}
-        if own[0].part == "ignored":
-            gravity, coriolis = ([abs(f - 1.0) for r in own for f in _kind(r, kind)] for kind in IDEAL)
-            row |= {"damping": f"{share:.0%}", "worst gravity lump, %": f"{100 * max(gravity):.1f}"}
-            row |= {"median, %": f"{100 * median(gravity):.2f}", "worst Coriolis lump, %": f"{100 * max(coriolis):.1f}"}
-            rows.append(row | {"median of them, %": f"{100 * median(coriolis):.2f}"})
-            continue
         counts = [[getattr(r, key) for r in own if getattr(r, key) is not None] for key in ("trials_1", "trials_01")]
         for within, got in zip(("1 %", "0.1 %"), counts, strict=True):
             row[f"within {within}"] = f"{len(got)} of {len(own)}"
             row[f"trials to {within}"] = f"{median(got):,.0f}" if got else "–"
         rows.append(row | {"worst error, %": f"{100 * max(r.error for r in own):.2f}"})
     return rows
-
-
-def _kind(run: Searched, kind: str) -> list[float]:
-    return run.factors[: run.links] if kind == "gravity" else run.factors[run.links :]
 
 
 def main() -> None:
@@ -160,11 +145,10 @@ def main() -> None:
     with threadpool_limits(1):
         for part in arguments.parts:
             for links in arguments.links:
-                for share in SHARES if part == "ignored" else (1.0,):
-                    for seed in arguments.seeds:
-                        true, nominal = rubbing_chain(links, seed, share)
-                        pair = (true, nominal) if part == "dry" else (without_dry(true), without_dry(nominal))
-                        found[part].append(search(part, seed, pair, share))
+                for seed in arguments.seeds:
+                    true, nominal = rubbing_chain(links, seed)
+                    pair = (true, nominal) if part == "dry" else (without_dry(true), without_dry(nominal))
+                    found[part].append(search(part, seed, pair))
     if arguments.json:
         print(json.dumps({part: [asdict(run) for run in runs] for part, runs in found.items()}))
         return

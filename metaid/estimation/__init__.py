@@ -14,7 +14,7 @@ when one is made.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from metaid.estimation.approximation import Approximation, HeldOut, has_mass
+from metaid.estimation.approximation import Approximation, HeldOut, Prediction, has_mass
 from metaid.estimation.base_unknowns import ArmEstimate, BaseUnknowns
 from metaid.estimation.descent import FARTHEST, Residuals, descend, place_at
 from metaid.estimation.estimate import Estimate, Found, fit
@@ -59,6 +59,7 @@ __all__ = [
     "LogUnknowns",
     "Loop",
     "Motions",
+    "Prediction",
     "Proposal",
     "Quantity",
     "ReadTrial",

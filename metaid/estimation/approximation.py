@@ -23,6 +23,29 @@ BETTER = 0.5  # of the nominal model's misfit of pushes that were left out: what
 
 
 @dataclass(frozen=True)
+class Prediction:
+    """How well pushes that were held out are predicted by a fit to the others, where the estimate explains all: their
+    `misfit`, scaled by what noise and the covariance of that fit explain, which is `below` a number by noise alone.
+    """
+
+    misfit: float
+    below: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether they are predicted to the noise."""
+        return self.misfit < self.below
+
+    @property
+    def description(self) -> str:
+        """That they are not, in a sentence."""
+        return (
+            f"all is explained together, but not pushes that were held out: their misfit is {self.misfit:.3g} "
+            f"(predicted: below {self.below:.3g})"
+        )
+
+
+@dataclass(frozen=True)
 class HeldOut:
     """What the pushes that are left out say of the fits to the others.
 

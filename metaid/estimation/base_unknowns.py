@@ -4,6 +4,7 @@ say of it.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -12,7 +13,7 @@ import numpy as np
 
 from metaid.estimation.estimate import Found
 from metaid.models import DEVIATIONS, Array
-from metaid.models.tree import PARAMETERS, ArmPrior, joint_torque, random_states, torque_half_width
+from metaid.models.tree import PARAMETERS, ArmPrior, Tree, joint_torque, misplaced, random_states, torque_half_width
 
 if TYPE_CHECKING:
     from metaid.compiled.spatial import Frames
@@ -28,13 +29,14 @@ SPREAD = 0.3  # of an unknown: a descent takes steps of as much as of a chain's 
 class BaseUnknowns:
     """The unknowns z (nbase) of an arm: its base parameters are β₀ + S z, of which `prior` has β₀ and S. Where `known`
     has them all (nbase), nothing is unknown any more. Where the base `is_level`, what shows of a tilted one alone moves
-    nothing.
+    nothing. Joints are where the prior's nominal arm has them, or where the one `moved` has.
     """
 
     prior: ArmPrior
     spread: float = SPREAD
     known: Array | None = None
     is_level: bool = False
+    moved: Tree | None = None
 
     kernel: ClassVar[Literal["spatial"]] = "spatial"
     kinds: ClassVar[tuple[str, ...]] = ("damping", "coulomb", "rotor")  # these are among the base parameters
@@ -64,7 +66,7 @@ class BaseUnknowns:
         """Where the joints are."""
         from metaid.compiled.spatial import frames_of  # loads numba
 
-        return frames_of(self.prior.nominal)
+        return frames_of(self.moved or self.prior.nominal)
 
     @cached_property
     def root(self) -> Array:
@@ -104,6 +106,11 @@ class BaseUnknowns:
     def alone(self, unknowns: Array) -> BaseUnknowns:
         """The arm there, of which nothing is unknown any more."""
         return replace(self, known=unknowns)
+
+    def misplaced(self, unknowns: Array, step: float) -> Iterator[tuple[int, BaseUnknowns, float]]:
+        """The arm there with each joint a `step` beside where it is said to be; see `Unknowns`."""
+        for joint, moved, deviation in misplaced(self.prior.nominal, step):
+            yield joint, replace(self, known=unknowns, moved=moved), deviation
 
     def torques(self, speed: float) -> Array:
         """About what each joint needs (njoint), in N m, at a `speed` in rad/s."""

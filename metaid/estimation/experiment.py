@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from metaid.episode import Outcome
-from metaid.estimation.approximation import HeldOut
+from metaid.estimation.approximation import HeldOut, Prediction
 from metaid.estimation.estimate import Found, fit
 from metaid.estimation.faults import NO_FAULTS, Proposal, SearchedFaults, TakenUp, Unmodelled, searched_faults
 from metaid.estimation.laws import Laws
@@ -25,6 +25,7 @@ from metaid.estimation.noisy import (
     hold_out,
     led,
     led_by,
+    predicted,
     proposed_faults,
     take_up,
     unmodelled_forces,
@@ -176,12 +177,14 @@ class Experiment:
         return found
 
     def unmodelled(self, trials: Sequence[Any], estimate: Found) -> list[Unmodelled]:
-        """Forces that the model has not, as far as the `trials` show them beside an `estimate` of them. Without noise
-        there are none: the misfit says all.
+        """What the model has not, as far as the `trials` show it beside an `estimate` of them. Without noise there is
+        nothing to look for: the misfit says all. Where faults have been tried, no force is seen any more.
         """
-        tried = estimate.led_misfit is not None and (self.takes_up or estimate.faults is not None)
-        compared = None if tried else self._led(trials, estimate)
-        return [] if compared is None else list(unmodelled_forces(compared, estimate))
+        compared = self._led(trials, estimate)
+        found = [] if compared is None else list(unmodelled_forces(compared, estimate))
+        if estimate.led_misfit is not None and (self.takes_up or estimate.faults is not None):
+            return [replace(each, is_seen=False, is_hinted=False) if each.is_force else each for each in found]
+        return found
 
     def taken_up(self, trials: Sequence[Any], estimate: Found) -> tuple[Any, TakenUp | None]:
         """What the `trials` say with the faults that explain them, where faults are taken up, and what speaks for
@@ -206,6 +209,13 @@ class Experiment:
             return None  # none of them explains the trials; or gains of a filter that are those without it
         compared, delay = self._readings(trials), self.loop.declared_delay
         return proposed_faults(compared, estimate, self._search, self._some_torque, delay)
+
+    def predicted(self, trials: Sequence[Any], estimate: Found) -> Prediction | None:
+        """How well an `estimate` that explains the `trials` predicts some of their pushes from the others. None without
+        noise, where it explains nothing, and where no push can be left out.
+        """
+        compared = self._led(trials, estimate) if estimate.is_explained else None
+        return None if compared is None else predicted(compared, estimate)
 
     def held_out(self, trials: Sequence[Any], estimate: Found) -> HeldOut | None:
         """How well fits to some of the pushes of the `trials` predict the others, from an `estimate` on. None without

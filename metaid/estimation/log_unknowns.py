@@ -6,6 +6,7 @@ lumps and n − 1 lengths, and the logarithm of every lump is linear in theirs.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple
@@ -15,6 +16,7 @@ import numpy as np
 from metaid.estimation.descent import NOTHING
 from metaid.estimation.estimate import Estimate, lengths_of, parameters_of
 from metaid.models import Array, Lumps, lump_names
+from metaid.models.tree import MISPLACED
 
 FULL = ("gravity", "coriolis", "inertia")  # the full dynamics of a chain without friction
 
@@ -148,6 +150,14 @@ class LogUnknowns:
     def alone(self, log_factors: Array) -> LogUnknowns:
         """A chain with these `log_factors` (nunknown), of which nothing is unknown any more."""
         return LogUnknowns(self.lumps(log_factors), self.gravity, ())
+
+    def misplaced(self, log_factors: Array, step: float) -> Iterator[tuple[int, LogUnknowns, float]]:
+        """The chain there with each length that is said to be exact a `step` longer; see `Unknowns`."""
+        lumps = self.lumps(log_factors)
+        for joint in range(0 if self.lengths is None or "coriolis" not in self.kinds else self.nlink - 1):
+            lengths = self.lengths + step * np.eye(self.nlink)[joint]
+            longer = replace(lumps, coriolis=coriolis_of(lengths, lumps.gravity))
+            yield joint, LogUnknowns(longer, self.gravity, ()), MISPLACED
 
     def estimated(self, found: dict[str, Any]) -> Estimate:
         """The estimate with the fields of a `Fit` that were `found`."""

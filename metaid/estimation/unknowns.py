@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, ClassVar, Literal, Protocol
 
 from metaid.models import Array
@@ -66,6 +67,12 @@ class Unknowns(Protocol):
 
     def alone(self, point: Array, /) -> Unknowns:
         """The robot there (nunknown), of which nothing is unknown any more."""
+
+    def misplaced(self, point: Array, step: float, /) -> Iterator[tuple[int, Unknowns, float]]:
+        """Each joint, the robot there (nunknown) with that joint a `step`, in m or rad, beside where it is said to be,
+        of which nothing is unknown any more, and how far it may be from there, a standard deviation. None where
+        geometry is unknown itself.
+        """
 
     def estimated(self, found: dict[str, Any], /) -> Any:
         """The estimate with the fields of a `Fit` that were `found`, and the faults."""

@@ -232,7 +232,8 @@ def _c(model: IdentifiedModel) -> str:
 
 
 def _json(model: IdentifiedModel) -> str:
-    rows = model.lumps[[*_COLUMNS, "value", *(["expression"] if "expression" in model.lumps else [])]]
+    further = [name for name in ("sd_systematic", "expression") if name in model.lumps]
+    rows = model.lumps[[*_COLUMNS, "value", *further]]
     covariance = model.covariance
     shown = {
         "name": model.name,

@@ -51,8 +51,11 @@ def _rows(problem: Problem, wanted: Parameters, known: Known) -> pd.DataFrame:
         "error": known.values / np.where(np.abs(true) <= least, np.nan, true) - 1.0,
         "determined": known.determined,
     }
-    expressions = {} if wanted.expressions is None else {"expression": wanted.expressions}
-    return pd.DataFrame({**columns, **expressions})
+    if wanted.expressions is not None:
+        columns["expression"] = wanted.expressions
+    if known.systematic is not None:
+        columns["sd_systematic"] = known.systematic
+    return pd.DataFrame(columns)
 
 
 def largest_error(lumps: pd.DataFrame) -> float | None:

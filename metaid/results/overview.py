@@ -97,10 +97,17 @@ def _estimate(found: StudyEstimate, verdict: Verdict) -> dict[str, Any]:
         "counts": found.counts,
         "known_from": found.known_from,
         "half_width": found.half_width if found.explains else None,
+        **_predicted(found),
         **_taken_up(found),
         **approximation_rows(found, verdict.word),
         **({"by_others": found.by_others} if found.by_others else {}),
     }
+
+
+def _predicted(found: StudyEstimate) -> dict[str, float | None]:
+    """The misfit of pushes that were held out, where the estimate explains all together; nothing where none was."""
+    misfit = None if found.prediction is None else found.prediction.misfit
+    return {} if misfit is None else {"misfit_held_out": misfit if np.isfinite(misfit) else None}
 
 
 def _taken_up(found: StudyEstimate) -> dict[str, Any]:
@@ -111,7 +118,6 @@ def _taken_up(found: StudyEstimate) -> dict[str, Any]:
     shown = {
         "faults": list(taken.kinds),
         "misfit_without": taken.before if np.isfinite(taken.before) else None,
-        "misfit_held_out": taken.predicted if np.isfinite(taken.predicted) else None,
         "holds": taken.holds,
         "rivals": list(taken.rivals),
     }

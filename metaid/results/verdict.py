@@ -27,6 +27,7 @@ Source = Literal["estimate", "best trial"]
 
 RESULTS = "found", "approximate"  # the words of what has numbers to use
 NUMBERS = frozenset({"factor", "identified", "error"})  # columns of lumps that are not shown where nothing was found
+TRIFLE, MOST_NAMED = 0.01, 3  # of a lump; lumps in a sentence
 FAR = 3.0  # resolutions of the measure: the value of a minimum is not so far above zero
 
 
@@ -103,9 +104,25 @@ def judge(snapshot: Snapshot) -> Verdict:
 
 
 def _missing(problem: Problem, estimate: StudyEstimate, lumps: pd.DataFrame) -> Iterator[str]:
-    """Which of the `lumps` and faults of an `estimate` are not determined."""
+    """Which of the `lumps` and faults of an `estimate` are not determined, or hang on what was not seen."""
     for table in (lumps, fault_table(problem, estimate, is_result=True)):
         yield from missed(table, "these trials do")
+    yield from _hanging(problem, lumps)
+
+
+def _hanging(problem: Problem, lumps: pd.DataFrame) -> Iterator[str]:
+    """Which of the `lumps` what the model may lack moves farther than their intervals say, by more than a trifle."""
+    if "sd_systematic" not in lumps:
+        return
+    further, sizes = lumps["sd_systematic"].to_numpy(), problem.robot.estimated.sizes(lumps["identified"].to_numpy())
+    far = (further > lumps["sd"].to_numpy()) & (further > TRIFLE * sizes)
+    names = lumps["name"][far].tolist()
+    if names:
+        more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+        yield (
+            f"what these trials do not show of springs, friction, delays and geometry may move "
+            f"{', '.join(names[:MOST_NAMED])}{more} farther than their intervals: by sd_systematic"
+        )
 
 
 def missed(lumps: pd.DataFrame, who: str) -> Iterator[str]:
@@ -126,7 +143,7 @@ def _not_yet(snapshot: Snapshot, source: Source, reasons: tuple[str, ...], lumps
         reasons: why nothing is found.
         lumps: the table of what was to be found.
     """
-    lumps, done = lumps.copy(), len(snapshot.trials)
+    lumps, done = lumps.drop(columns="sd_systematic", errors="ignore"), len(snapshot.trials)
     lumps[["sd", "low", "high"]] = np.nan
     if not snapshot.is_finished:
         left = f"{done} of {snapshot.spec.study.trials} trials are done"

@@ -87,6 +87,7 @@ class Known:
         low: the lower end of what each may be (n).
         high: the upper end (n).
         determined: which of them are (n).
+        systematic: standard deviations that what the model may lack would add (n); None where that was not asked.
     """
 
     values: Array
@@ -94,6 +95,7 @@ class Known:
     low: Array
     high: Array
     determined: NDArray[np.bool_]
+    systematic: Array | None = None
 
     @classmethod
     def alone(cls, values: Array) -> Known:

@@ -18,7 +18,7 @@ from metaid.estimation import (
     fit,
     searched_faults,
 )
-from metaid.estimation.noisy import take_up, unmodelled_forces
+from metaid.estimation.noisy import predicted, take_up, unmodelled_forces
 from metaid.plant import FaultSettings
 
 pytestmark = pytest.mark.slow
@@ -48,16 +48,20 @@ def read_again(trial: ReadTrial, noise: float) -> ReadTrial:
     return replace(trial, readings=trial.readings + more)
 
 
-def test_fault_that_predicts_the_last_trial_holds(late: Watched) -> None:
+def test_fault_that_predicts_other_pushes_holds(late: Watched) -> None:
     """Its misfit there is that of noise, and the lumps are the true ones."""
     unknowns = LogUnknowns(late.nominal.lumps, GRAVITY)
     trials = [late.read_trial(raised(late.nominal.lumps, law)) for law in LAWS]
-    estimate, taken = taken_up(late, Readings(trials, unknowns), ("delay",))
+    readings = Readings(trials, unknowns)
+    estimate, taken = taken_up(late, readings, ("delay",))
+    assert estimate.faults is not None
+    prediction = predicted(replace(readings, faults=estimate.faults.searched), estimate)
     error = estimate.log_factors - unknowns.log_factors(late.plant.chain.lumps)
     assert taken is not None
     assert taken.holds
     assert taken.kinds == ("delay",)
-    assert 0.5 < taken.predicted < taken.predicted_below
+    assert prediction is not None
+    assert 0.5 < prediction.misfit < prediction.below
     assert (np.abs(error) < 4.0 * estimate.deviations + 1e-6).all()
 
 
@@ -72,16 +76,19 @@ def test_fault_that_a_later_trial_refutes_explains_nothing(late: Watched) -> Non
     assert taken is None or taken.after > 3.0
 
 
-def test_fault_that_does_not_predict_the_last_trial_does_not_hold(late: Watched) -> None:
-    """Though all trials together are explained with it."""
+def test_estimate_that_does_not_predict_the_last_trial_does_not_hold(late: Watched) -> None:
+    """Though all trials together are explained."""
     unknowns = LogUnknowns(late.nominal.lumps, GRAVITY)
     trials = [late.read_trial(raised(late.nominal.lumps, law)) for law in (*LAWS, 1.1, 1.4)]
     noisier = [*trials[:3], read_again(trials[3], 1.5)]
-    estimate, taken = taken_up(late, Readings(noisier, unknowns), ("delay",))
-    assert taken is not None
+    readings = Readings(noisier, unknowns)
+    estimate, _ = taken_up(late, readings, ("delay",))
     assert estimate.is_explained
-    assert not taken.holds
-    assert "but not pushes that were held out: their misfit is " in taken.description
+    assert estimate.faults is not None
+    prediction = predicted(replace(readings, faults=estimate.faults.searched), estimate)
+    assert prediction is not None
+    assert not prediction.holds
+    assert "but not pushes that were held out: their misfit is " in prediction.description
 
 
 def test_spring_that_short_trials_cannot_tell_is_not_explained_away() -> None:
@@ -107,7 +114,7 @@ def test_offsets_are_taken_up_where_lumps_would_be_elsewhere_with_a_tilt(second:
 
 def test_fault_that_was_taken_up_says_what_the_misfit_is_without_it() -> None:
     """In one sentence."""
-    taken = TakenUp(("delay", "tilt"), ("8 ms", "30 mrad"), 41.0, 1.1, 1.0, 1.3, ())
+    taken = TakenUp(("delay", "tilt"), ("8 ms", "30 mrad"), 41.0, 1.1, ())
     assert taken.holds
     assert taken.description == (
         "the study took up a delay of 8 ms and a tilt of 30 mrad: with that the misfit falls from 41 to 1.1"

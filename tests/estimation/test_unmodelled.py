@@ -59,7 +59,7 @@ def test_spring_that_short_pushes_do_not_show_is_named() -> None:
     spring = next(force for force in unmodelled_forces(readings, fit(readings, restarts=0)) if force.kind == "spring")
     assert not spring.is_seen
     assert 3.0 * spring.deviations[0] > 0.2
-    assert spring.reach[0] > np.abs(left_of(seen)[1][0]) > 0.1
+    assert np.abs(spring.reach[0]) > np.abs(left_of(seen)[1][0]) > 0.1
 
 
 def test_friction_and_late_torques_are_found() -> None:
@@ -90,6 +90,22 @@ def test_friction_that_is_searched_is_not_looked_for() -> None:
     forces = list(unmodelled_forces(readings, fit(readings, restarts=0)))
     assert [force.kind for force in forces] == ["spring", "coulomb", "delay"]
     assert not any(force.is_seen for force in forces)
+
+
+def test_length_that_is_wrong_is_found_where_it_is_said_to_be_exact() -> None:
+    """It is 5 mm off, and what it changes of the lumps is told."""
+    seen = watched(2, 3, faults=DIFFERING, longer=2.0)
+    lengths = seen.plant.chain.length + np.array([0.005, 0.0])
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY, lengths=lengths)
+    readings = readings_of(seen, unknowns)
+    estimate = fit(readings, restarts=0)
+    wrong = next(each for each in unmodelled_forces(readings, estimate) if each.kind == "geometry")
+    error = estimate.unknowns - unknowns.log_factors(seen.plant.chain.lumps)
+    assert wrong.is_seen
+    assert wrong.sizes == pytest.approx([1.0], rel=0.1), "of 5 mm"
+    assert np.abs(error + wrong.shift).max() < 0.3 * np.abs(error).max()
+    right = readings_of(seen, LogUnknowns(seen.nominal.lumps, GRAVITY, lengths=seen.plant.chain.length))
+    assert not any(force.is_hinted for force in unmodelled_forces(right, fit(right, restarts=0)))
 
 
 def test_nothing_is_looked_for_where_every_force_is_searched() -> None:

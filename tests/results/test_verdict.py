@@ -245,11 +245,22 @@ def test_intervals_hold_what_a_force_that_is_hinted_at_would_change(tmp_path: Pa
     assert ((verdict.lumps["low"] < verdict.lumps["true"]) & (verdict.lumps["true"] < verdict.lumps["high"])).all()
 
 
+def test_force_that_trials_cannot_show_is_in_the_systematic_deviation(tmp_path: Path) -> None:
+    """A spring of 0.2 N m/rad in one link: gravity is wrong by many deviations, and by few systematic ones."""
+    gravity = of_a_noisy_link(tmp_path, SHORT, trials=4, stiffness=0.2).lumps.iloc[0]
+    error = abs(gravity["identified"] - gravity["true"])
+    assert 3.0 * gravity["sd"] < error < 2.0 * gravity["sd_systematic"]
+
+
 def test_force_that_the_model_has_not_is_named_with_its_size_and_what_to_do(tmp_path: Path) -> None:
-    """A spring of 0.5 N m/rad in one link, of which the misfit says nothing: it passes for noise."""
+    """A spring of 0.5 N m/rad in one link, of which the misfit says nothing: it passes for noise. Intervals hold what
+    it would change.
+    """
     judged = of_a_noisy_link(tmp_path, SHORT, trials=29, stiffness=0.5)
-    reasons = "; ".join(judged.reasons)
-    assert judged.word == "not found"
+    reasons, gravity = "; ".join(judged.reasons), judged.lumps.iloc[0]
+    assert judged.word == "approximate"
+    assert gravity["low"] < gravity["true"] < gravity["high"]
+    assert not gravity["determined"]
     assert re.search(r"shows a force that the model has not, a spring, 0\.5\d N m/rad or one like it", reasons)
     assert "take it off" in reasons
     misfit, least = re.findall(r"misfit ([\d.]+) \(explained: below ([\d.]+)\)", reasons)[0]

@@ -14,7 +14,7 @@ from places import ROOT
 from benchmarks.bench_torque import true_torque
 from benchmarks.benches import run_bench, try_bench
 from metaid.exporting import file_torques
-from metaid.results import identified_model
+from metaid.results import identified_model, judge
 from soak.bench import Bench, Imperfections, arm_of_links, arm_of_mjcf
 from soak.bench.__main__ import example_rig
 
@@ -49,6 +49,16 @@ def test_arm_of_the_bench_moves_as_in_mujoco(tmp_path: Path) -> None:
         for torque in TORQUES:
             body.advance(torque)
     assert np.allclose(bench.states(), arm.states(), atol=1e-6)
+
+
+@pytest.mark.slow
+def test_lengths_of_a_bench_that_are_wrong_and_said_to_be_exact_are_named() -> None:
+    """By as much as 36 mm: the verdict says what they are to blame for, and no confident number is given."""
+    snapshot, _ = run_bench("encoders", "2", 0.002, 0, '[estimate]\nlengths = "exact"\nfaults = []\n')
+    verdict = judge(snapshot)
+    assert verdict.word != "found"
+    assert "shows what the model has not, wrong geometry" in verdict.reasons[-1]
+    assert "a chain may leave its lengths to the study" in verdict.reasons[-1]
 
 
 @pytest.mark.slow

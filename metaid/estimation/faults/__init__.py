@@ -6,7 +6,7 @@ estimate.faults.values
 """
 
 from metaid.estimation.faults.explaining import Proposal, TakenUp, fault_sizes, named_faults
-from metaid.estimation.faults.forces import FORCES, UNSEEN, Unmodelled
+from metaid.estimation.faults.forces import GEOMETRY, Unmodelled
 from metaid.estimation.faults.searched import (
     NO_FAULTS,
     FoundFaults,
@@ -17,9 +17,8 @@ from metaid.estimation.faults.searched import (
 )
 
 __all__ = [
-    "FORCES",
+    "GEOMETRY",
     "NO_FAULTS",
-    "UNSEEN",
     "FoundFaults",
     "Proposal",
     "SearchedFaults",

@@ -56,9 +56,6 @@ class TakenUp:
         sizes: theirs, in words.
         before: the misfit without them.
         after: the misfit with them.
-        predicted: the misfit of the pushes that were held out, by fits to the others; NaN where the faults do not
-            explain all to the noise.
-        predicted_below: a misfit below this is explained by noise.
         rivals: others that explain as much, in words, each with a lump that would be elsewhere.
     """
 
@@ -66,14 +63,12 @@ class TakenUp:
     sizes: tuple[str, ...]
     before: float
     after: float
-    predicted: float
-    predicted_below: float
     rivals: tuple[str, ...]
 
     @property
     def holds(self) -> bool:
         """Whether nothing speaks against them."""
-        return not self.rivals and not self.predicted >= self.predicted_below
+        return not self.rivals
 
     @property
     def description(self) -> str:
@@ -83,11 +78,6 @@ class TakenUp:
             others = ", or ".join(self.rivals)
             return (
                 f"several faults explain what was seen: {named}, or {others}: name in [estimate] faults what is there"
-            )
-        if not self.holds:
-            return (
-                f"with {named} all is explained together, but not pushes that were held out: their misfit is "
-                f"{self.predicted:.3g} (predicted: below {self.predicted_below:.3g})"
             )
         return f"the study took up {named}: with that the misfit falls from {self.before:.3g} to {self.after:.2g}"
 

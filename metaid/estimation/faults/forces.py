@@ -1,4 +1,4 @@
-"""A force that the model has not, and that the readings show beside an estimate, hint at, or may hide."""
+"""What a model has not, and that the readings show beside an estimate, hint at, or may hide."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from metaid.models import Array
 
 UNSEEN = 3.0  # standard deviations of a force that readings may hide
+GEOMETRY = "geometry"
 # What each is, its unit, and what to do about it.
 FORCES = {
     "spring": (
@@ -19,20 +20,26 @@ FORCES = {
     "damping": ("viscous friction", "N m s", 'search it: estimate.faults = ["viscous"]'),
     "coulomb": ("dry friction", "N m", 'search it: estimate.faults = ["dry"]'),
     "delay": ("torques that come late", "s", 'search it: estimate.faults = ["delay"]'),
+    GEOMETRY: (
+        "wrong geometry",
+        "times 5 mm and 10 mrad",
+        "measure where joints are; a chain may leave its lengths to the study: estimate.lengths",
+    ),
 }
 
 
 @dataclass(frozen=True)
 class Unmodelled:
-    """A force that the model has not.
+    """A force that the model has not, or wrong geometry.
 
     Attributes:
-        kind: "spring", "damping", "coulomb" or "delay".
+        kind: of FORCES.
         sizes: of each joint (njoint), or of all (1), in the unit of its kind.
         deviations: standard deviations of these.
         left: what share of the sum of the squared residuals it leaves.
         shift: by how much log factors (nunknown) would change.
-        reach: by how much they could (nunknown), with a force so small that the readings do not show it.
+        left_open: by how much they would with each of independent sizes (nunknown x nsize) that are as large as a
+            standard deviation of what the readings leave open.
         is_seen: whether it is there: it lowers the squares by more than noise would, and moves a lump out of its 95 %
             interval, and that by more than TRIFLE.
         is_hinted: whether it may be there: the same where noise would seldom lower the squares so far.
@@ -43,7 +50,7 @@ class Unmodelled:
     deviations: Array
     left: float
     shift: Array
-    reach: Array
+    left_open: Array
     is_seen: bool
     is_hinted: bool
 
@@ -54,6 +61,18 @@ class Unmodelled:
         largest = int(np.argmax(np.abs(self.sizes)))
         where = f" in joint {largest + 1}" if len(self.sizes) > 1 else ""
         return f"{name}{where}, {self.sizes[largest]:.2g} {unit}"
+
+    @property
+    def reach(self) -> Array:
+        """By how much unknowns could change (nunknown x nsize), each of them independent, with so little of it that the
+        readings do not show it.
+        """
+        return UNSEEN * self.left_open
+
+    @property
+    def is_force(self) -> bool:
+        """Whether it is a force, and not geometry."""
+        return self.kind != GEOMETRY
 
     @property
     def name(self) -> str:

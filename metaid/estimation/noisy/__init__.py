@@ -7,7 +7,7 @@ Where torques are noisy, `fit_with_torque_noise` compares `Innovations` instead:
 """
 
 from metaid.estimation.noisy.commanded import commanded_torques, filtered_speeds
-from metaid.estimation.noisy.held_out import hold_out
+from metaid.estimation.noisy.held_out import hold_out, predicted
 from metaid.estimation.noisy.innovations import Innovations
 from metaid.estimation.noisy.loop import Loop
 from metaid.estimation.noisy.readings import Readings
@@ -30,6 +30,7 @@ __all__ = [
     "hold_out",
     "led",
     "led_by",
+    "predicted",
     "proposed_faults",
     "take_up",
     "unmodelled_forces",

@@ -12,8 +12,12 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.approximation import HeldOut
+from metaid.estimation.approximation import HeldOut, Prediction
+from metaid.estimation.descent import place_at
+from metaid.estimation.estimate import Found, fit
 from metaid.estimation.fit import settled
+from metaid.estimation.noisy.polynomials import explained_by_noise
+from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.windows import ReadingsInWindows
 from metaid.models import Array
 
@@ -51,6 +55,41 @@ def hold_out(compared: ReadingsInWindows, point: Array, judged: ReadingsInWindow
         squares[2, part] = squares_of(left, np.zeros(count))[0]
     own, seen, nominal = squares.sum(axis=1)
     return HeldOut(float(np.sqrt(own / seen)), float(np.sqrt(nominal / seen)), np.array(fits))
+
+
+def predicted(readings: Readings, estimate: Found) -> Prediction | None:
+    """How well an `estimate` that explains all pushes predicts some of them: those of the last trial, and of the others
+    every third, which begins in the same other pose in all. None where no push can be left out.  Eq. 45.
+
+    The squares of all pushes less those of the others alone are the squared prediction errors of the pushes held out,
+    scaled by what noise and the covariance of that fit make of them.
+    """
+    try:
+        kept = only_pushes(readings, ~_other(readings))
+    except ValueError:
+        return None
+    whole = place_at(readings, estimate.point, readings.stages)
+    try:
+        found = fit(kept, estimate.start, -1)
+    except ValueError:
+        return Prediction(np.inf, explained_by_noise(0))
+    part = kept.residuals(found.point, kept.stages)
+    if whole is None or part is None:
+        return Prediction(np.inf, explained_by_noise(0))
+    count = max(whole.residuals.count - part.count, 1)
+    return Prediction(float(np.sqrt(max(2.0 * (whole.cost - found.cost), 0.0) / count)), explained_by_noise(count))
+
+
+def _other(readings: Readings) -> NDArray[np.bool_]:
+    """The pushes with another law, those of the last of several trials that show anything, and in other poses (ntrial x
+    npush).
+    """
+    pushes = np.arange(max(len(trial.steps) for trial in readings.trials))
+    out = np.tile(pushes % PARTS == 1, (len(readings.trials), 1))
+    shown = [number for number, trial in enumerate(readings.trials) if trial.steps.any()]
+    if len(shown) > 1:
+        out[shown[-1]] = True
+    return out
 
 
 def only_pushes(compared: Compared, pushes: NDArray[np.bool_]) -> Compared:

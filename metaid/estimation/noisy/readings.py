@@ -39,9 +39,12 @@ class Readings(ReadingsInWindows):
         """Of the log factors and the faults (nunknown), beforehand."""
         return np.append(super().spreads, np.ones(len(self.faults.names)))
 
-    def residuals_with(self, point: Array, torques: Sequence[Array]) -> Residuals | None:
+    def residuals_with(
+        self, point: Array, torques: Sequence[Array], moved: Sequence[Unknowns] = ()
+    ) -> Residuals | None:
         """Those on all windows with further joint `torques` of each trial (ntorque x npush x nstep x njoint), in N m,
-        whose sizes are unknowns, too, behind the others.
+        whose sizes are unknowns, too, behind the others. Behind those is how far the robot is on the way to each of the
+        `moved` ones, of which nothing is unknown.
         """
 
         def _compared(number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
@@ -49,9 +52,12 @@ class Readings(ReadingsInWindows):
             if compared is None:
                 return None
             further = self._compare_driven(number, unknowns, whitened, compared[0], torques[number])
-            return None if further is None else _with_slopes(compared, len(unknowns), further)
+            beside = self._compare_moved(number, unknowns, whitened, compared[0], moved)
+            if further is None or beside is None:
+                return None
+            return _with_slopes(compared, len(unknowns), np.concatenate([further, beside], axis=-1))
 
-        return self._eliminated(point, self.stages, _compared, len(self.spreads) + len(torques[0]))
+        return self._eliminated(point, self.stages, _compared, len(self.spreads) + len(torques[0]) + len(moved))
 
     @property
     def is_led(self) -> bool:
@@ -204,6 +210,20 @@ class Readings(ReadingsInWindows):
                 return None
             slopes[..., column] = (watched[0] - values) / size
         return slopes
+
+    def _compare_moved(
+        self, number: int, unknowns: Array, whitened: Array, values: Array, moved: Sequence[Unknowns]
+    ) -> Array | None:
+        """What the `values` of a trial on its longest windows change by (npush x nvalue x nmoved) with each robot that
+        is `moved`. None where its twin cannot follow.
+        """
+        faults, changes = self._parted(unknowns)[1], np.zeros((*values.shape, len(moved)))
+        for column, robot in enumerate(moved):
+            watched = replace(self, unknowns=robot)._watch(number, faults, whitened, self.stages)
+            if watched is None:
+                return None
+            changes[..., column] = watched[0] - values
+        return changes
 
 
 def _with_slopes(compared: Compared, count: int, further: Array) -> Compared:

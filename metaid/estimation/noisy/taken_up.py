@@ -7,13 +7,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from metaid.estimation.estimate import Found, fit
 from metaid.estimation.faults import Proposal, TakenUp, fault_sizes, named_faults
 from metaid.estimation.noisy.combining import combine
-from metaid.estimation.noisy.held_out import only_pushes, squares_of
-from metaid.estimation.noisy.polynomials import explained_by_noise
+from metaid.estimation.noisy.held_out import squares_of
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.torque_noise import fit_with_torque_noise
 from metaid.estimation.noisy.tried import Search, Tried, farthest_moved, led_by
@@ -44,8 +42,7 @@ def take_up(readings: Readings, estimate: Found, search: Search, torque_noise: A
     assert found.faults is not None
     rivals = tuple(each for each in (_rival(tried, other) for other in others) if each)
     sizes = fault_sizes(kinds, found.faults)
-    predicted = _predicted(faulty, found) if found.is_explained else (np.nan, found.explained_below)
-    return found, TakenUp(kinds, sizes, _without(readings, estimate), found.misfit, *predicted, rivals)
+    return found, TakenUp(kinds, sizes, _without(readings, estimate), found.misfit, rivals)
 
 
 def proposed_faults(
@@ -88,33 +85,6 @@ def led(readings: Readings, begin: Found) -> Found | None:
     squares, seen = squares_of(readings, found.start)
     left = float(np.sqrt(squares / seen)), readings.explained_below, readings.by_joint(found.point)
     return replace(found, led_misfit=found.misfit, misfit=left[0], explained_below=left[1], residuals=left[2])
-
-
-def _predicted(readings: Readings, estimate: Found) -> tuple[float, float]:
-    """The misfit of pushes that are held out, by what the others say of the same unknowns and how surely, and how much
-    of it noise explains.
-
-    The squares of all pushes less those of the others alone are the squared prediction errors of the pushes held out,
-    scaled by what noise and the covariance of that fit make of them.
-    """
-    try:
-        kept = only_pushes(readings, ~_last(readings))
-        found = fit(kept, estimate.start, -1)
-    except ValueError:
-        return np.inf, explained_by_noise(0)
-    whole, part = (each.residuals(at.point, each.stages) for each, at in ((readings, estimate), (kept, found)))
-    if whole is None or part is None:
-        return np.inf, explained_by_noise(0)
-    count = max(whole.count - part.count, 1)
-    return float(np.sqrt(max(2.0 * (estimate.cost - found.cost), 0.0) / count)), explained_by_noise(count)
-
-
-def _last(readings: Readings) -> NDArray[np.bool_]:
-    """The pushes of the last trial that shows anything (ntrial x npush); of one trial alone every second."""
-    shown = [number for number, trial in enumerate(readings.trials) if trial.steps.any()]
-    out = np.zeros((len(readings.trials), max(len(trial.steps) for trial in readings.trials)), dtype=np.bool_)
-    out[shown[-1], 1 if len(shown) == 1 else 0 :: 2 if len(shown) == 1 else 1] = True
-    return out
 
 
 def _without(readings: Readings, estimate: Found) -> float:

@@ -1,9 +1,9 @@
-"""A force that the model has not, looked for in what an estimate leaves of the readings.
+"""What a model has not, a force or the true geometry, looked for in what an estimate leaves of the readings.
 
-Wrong lumps can make up for a spring or for friction so well that the misfit hardly says so. So the torque that each
-such force would add is taken for one unknown more a joint. Where that lowers the sum of squares by far more than noise
-would, the force is there, or something like it (Eq. 38). Where the readings cannot tell the force from a lump, the lump
-is known only if there is no such force.
+Wrong lumps can make up for a spring, for friction or for a joint that is elsewhere so well that the misfit hardly says
+so. So the torque that each such force would add is taken for one unknown more a joint, and where each joint is for six.
+Where that lowers the sum of squares by far more than noise would, it is there, or something like it (Eq. 38). What the
+readings do not tell from a lump makes the lump less certain than they say.
 """
 
 from __future__ import annotations
@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from metaid.estimation.estimate import Found
-from metaid.estimation.faults import FORCES, UNSEEN, Unmodelled
+from metaid.estimation.faults import GEOMETRY, Unmodelled
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.trials import ReadTrial
 from metaid.models import DEVIATIONS, SLIDING, Array
@@ -25,47 +26,70 @@ TRIFLE = 1e-3  # of a lump: a force that moves none by more does no harm
 RANK = 1e-12  # of the largest singular value; a smaller one is rounding
 # A filter is linear about the twin that it leads, and what it leaves out looks like joints that push by a little.
 RESISTING = ("damping", "coulomb")
+SHIFT = 1e-5  # m or rad, for the derivative by where a joint is
 FORCE_OF = {"viscous": "damping", "dry": "coulomb"}  # the force that a fault is, where it has another name
 
 
 def unmodelled_forces(readings: Readings, estimate: Found) -> Iterator[Unmodelled]:
-    """What each kind of force would be, beside unknowns that may change with it.  Eq. 38.
+    """What each kind of force would be, and how joints would lie, beside unknowns that may change with it.  Eq. 38.
 
-    Forces that are among the unknowns, as lumps or as faults, are not looked for.
+    What is among the unknowns, as lumps or as faults, is not looked for.
     """
     known = {*readings.unknowns.kinds, *(FORCE_OF.get(kind, kind) for kind in readings.faults.kinds)}
-    kinds = [kind for kind in FORCES if kind not in known]
-    if not kinds:
-        return
     torques = [_torques(trial, *readings.motion(number)) for number, trial in enumerate(readings.trials)]
-    columns = [np.concatenate([each[kind] for kind in kinds]) for each in torques]
-    residuals = readings.residuals_with(estimate.point, columns)
+    joints = {kind: np.arange(len(each)) for kind, each in torques[0].items() if kind not in known}
+    columns = [
+        np.concatenate([np.empty((0, *each.torques.shape)), *(own[kind] for kind in joints)])
+        for each, own in zip(readings.trials, torques, strict=True)
+    ]
+    places = list(readings.unknowns.misplaced(estimate.unknowns, SHIFT))
+    if places:
+        joints[GEOMETRY] = np.array([joint for joint, _, _ in places])
+    if not joints:
+        return
+    residuals = readings.residuals_with(estimate.point, columns, [moved for _, moved, _ in places])
     if residuals is None:
         return
     lumps, count = len(estimate.names), len(readings.spreads)
-    prior = np.zeros((count, residuals.slopes.shape[1]))
-    prior[:, :count] = np.diag(1.0 / readings.spreads)
-    slopes = np.vstack([residuals.slopes, prior])
-    values = np.append(residuals.values, estimate.point[:count] / readings.spreads)
-    before, _, alone = least_squares(slopes[:, :count], values)
+    spreads = np.append(readings.spreads, np.full(len(columns[0]), np.inf))
+    spreads = np.append(spreads, [deviation / SHIFT for _, _, deviation in places])
+    slopes = np.vstack([residuals.slopes, np.diag(1.0 / spreads)])
+    values = np.concatenate(
+        [residuals.values, estimate.point[:count] / readings.spreads, np.zeros(len(spreads) - count)]
+    )
+    before, _, _ = least_squares(slopes[:, :count], values)
     first = count
-    for kind in kinds:
-        last = first + len(torques[0][kind])
+    for kind, own in joints.items():
+        last = first + len(own)
         after, step, covariance = least_squares(np.column_stack([slopes[:, :count], slopes[:, first:last]]), values)
-        more = np.maximum(np.diag(covariance)[:lumps] - np.diag(alone)[:lumps], 0.0)
+        deviations = np.sqrt(np.diag(covariance)[count:])
         resists = not (readings.is_led and kind in RESISTING and bool((step[count:] <= 0.0).all()))
         matters = resists and bool((np.abs(step[:lumps]) > DEVIATIONS * estimate.deviations + TRIFLE).any())
         yield Unmodelled(
             kind=kind,
-            sizes=step[count:],
-            deviations=np.sqrt(np.diag(covariance)[count:]),
+            sizes=step[count:] if kind != GEOMETRY else _far(own, step[count:] / spreads[first:last]),
+            deviations=deviations if kind != GEOMETRY else _far(own, deviations / spreads[first:last]),
             left=after / before,
             shift=step[:lumps],
-            reach=UNSEEN * np.sqrt(more),
+            left_open=_left_open(covariance, lumps, count),
             is_seen=matters and before - after > by_chance(last - first),
             is_hinted=matters and before - after > _seldom(last - first),
         )
         first = last
+
+
+def _far(joints: NDArray[np.int64], steps: Array) -> Array:
+    """How far each joint is from its place (njoint), in deviations, by those of its `joints` along each way (nway)."""
+    return np.sqrt(np.bincount(joints, steps**2))
+
+
+def _left_open(covariance: Array, lumps: int, count: int) -> Array:
+    """By how much the first `lumps` unknowns would change with each of independent sizes of a force (lumps x nsize), by
+    the `covariance` of `count` unknowns and these sizes: A Aᵀ is what they add to that of the unknowns.
+    """
+    variances, axes = np.linalg.eigh(covariance[count:, count:])
+    kept = variances > RANK * variances[-1]
+    return np.asarray(covariance[:lumps, count:] @ axes[:, kept] / np.sqrt(variances[kept]))
 
 
 def by_chance(count: int) -> float:

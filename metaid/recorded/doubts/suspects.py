@@ -8,12 +8,12 @@ the deviations (Eq. 71); what the logs show of it is named.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from metaid.models import Array
-from metaid.models.tree import PARAMETERS, ArmPrior, Tree, body_torque
+from metaid.models.tree import PARAMETERS, ArmPrior, Tree, body_torque, misplaced
 from metaid.recorded.weak_form.equations import Equations, Part
 from metaid.recorded.weak_form.linear_model import RIGID
 from metaid.recorded.weak_form.normal import eliminated_covariance
@@ -25,7 +25,6 @@ THINNED = 4  # nodes: what is suspected need not be known as exactly as what is 
 BENDS = 10.0  # times the speed below which dry friction is a share of its whole: there friction bends
 SCALE = 0.1  # how much the torques of a joint may be larger than they are said to be, a standard deviation
 MISSING = {"viscous": "viscous friction", "coulomb": "dry friction", "offset": "a constant torque"}
-MISPLACED, TURNED = 0.005, 0.01  # m, rad: how far a joint may be from where it is said to be, a standard deviation
 OFF = 0.01  # rad: how far an encoder may be off that nobody has asked about
 
 
@@ -176,20 +175,9 @@ def _misplaced(equations: Equations, prior: ArmPrior, bodies: Array) -> Suspect:
     columns: list[list[Array]] = [[] for _ in windows]
     joints, deviations = [], []
 
-    def add(moved: Tree) -> None:
+    for joint, moved, deviation in misplaced(tree, SHIFT):
         for own, before, after in zip(columns, usual, needed(moved), strict=True):
             own.append((after - before) / SHIFT)
-
-    for joint in range(tree.njoint):
-        for axis in range(3):
-            place = tree.position.copy()
-            place[joint, axis] += SHIFT
-            add(replace(tree, position=place))
-            turn = np.zeros((3, 3))
-            turn[(axis + 2) % 3, (axis + 1) % 3], turn[(axis + 1) % 3, (axis + 2) % 3] = SHIFT, -SHIFT
-            rotation = tree.rotation.copy()
-            rotation[joint] = rotation[joint] @ (np.eye(3) + turn)
-            add(replace(tree, rotation=rotation))
-            joints += [joint, joint]
-            deviations += [MISPLACED, TURNED]
+        joints.append(joint)
+        deviations.append(deviation)
     return Suspect("another place", [np.stack(own, axis=-1) for own in columns], tuple(joints), np.array(deviations))

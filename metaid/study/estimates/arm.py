@@ -49,8 +49,7 @@ class ArmFound(StudyEstimate):
         return f"{base.names[moved]} would be {abs(changes[moved]):.2g} {base.units[moved]} {way}"
 
     def beyond(self, reach: Array) -> list[str]:
-        # What unknowns may be off by has no signs.
-        changes = np.abs(self.estimate.searched.root) @ reach
+        changes = np.linalg.norm(self.estimate.searched.root @ reach, axis=1)
         names = self.estimate.searched.prior.base.names
         return [name for name, far in zip(names, changes > COARSEST * self._scales, strict=True) if far]
 
@@ -99,4 +98,5 @@ class ArmFound(StudyEstimate):
     def known(self, wanted: Parameters) -> Known:
         values, deviations = self.values, self.deviations
         reach, determined = DEVIATIONS * deviations, deviations <= COARSEST * wanted.sizes(values)
-        return Known(values, deviations, values - reach, values + reach, determined)
+        systematic = self.systematic(self.estimate.searched.root)
+        return Known(values, deviations, values - reach, values + reach, determined, systematic)

@@ -69,7 +69,8 @@ class ChainFound(StudyEstimate):
         return f"{self.estimate.names[moved]} would be {abs(by):.2g} % {'larger' if by > 0.0 else 'smaller'}"
 
     def beyond(self, reach: Array) -> list[str]:
-        return [name for name, each in zip(self.estimate.names, reach, strict=True) if each > COARSEST]
+        far = np.linalg.norm(reach, axis=1)
+        return [name for name, each in zip(self.estimate.names, far, strict=True) if each > COARSEST]
 
     @property
     def usual(self) -> str:
@@ -118,7 +119,11 @@ class ChainFound(StudyEstimate):
         values, deviations = self.values, self.lump_deviations
         if (extent := self.estimate.extent) is None:
             reach = np.exp(DEVIATIONS * deviations)
-            return Known(values, values * deviations, values / reach, values * reach, deviations <= COARSEST)
+            share = self.systematic(self.estimate.design)
+            systematic = None if share is None else values * share
+            return Known(
+                values, values * deviations, values / reach, values * reach, deviations <= COARSEST, systematic
+            )
         low, high = np.exp(extent) * wanted.nominal
         return Known(values, np.full(len(values), np.nan), low, high, high - low <= 2.0 * COARSEST * values)
 

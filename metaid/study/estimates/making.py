@@ -71,16 +71,20 @@ def estimate_of(experiment: Any, trials: tuple[Any, ...], is_probed: bool, by_ot
     if estimate is None:
         return None
     estimate, taken_up = experiment.taken_up(trials, estimate)
-    searching, left = experiment.searching(estimate), not estimate.is_explained
+    searching = experiment.searching(estimate)
+    forces, prediction = searching.unmodelled(trials, estimate), searching.predicted(trials, estimate)
+    is_predicted = prediction is None or prediction.holds
+    left = not estimate.is_explained or not is_predicted or any(each.is_seen for each in forces)
     found = FOUND[type(estimate)](
         estimate,
         len(trials),
         lambda: (experiment, trials),
         by_others,
         taken_up,
-        tuple(searching.unmodelled(trials, estimate)),
+        tuple(forces),
+        prediction,
         searching.held_out(trials, estimate) if left and not experiment.counts else None,
-        experiment.proposed(trials, estimate) if left else None,
+        None if estimate.is_explained else experiment.proposed(trials, estimate),
     )
     return replace(found, known_from=_known_from(found, searching, trials, probed if leads_on else None))
 

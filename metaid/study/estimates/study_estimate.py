@@ -6,7 +6,7 @@ trials, is made of the trials when it is asked for.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from metaid.estimation import Approximation, HeldOut, Proposal, Replay, TakenUp, Unmodelled
+from metaid.estimation import Approximation, HeldOut, Prediction, Proposal, Replay, TakenUp, Unmodelled
 from metaid.models import Array
 from metaid.study.parameters import Known, Parameters
 
@@ -35,8 +35,10 @@ class StudyEstimate:
         by_others: how many of the last of them are not metaid's own.
         taken_up: what speaks for faults that were taken up; None where none were.
         forces: that the model has not, as far as the trials show them.
-        held_out: how well fits to some pushes predict the others; None where the estimate explains what was seen to
-            the noise, and where no push can be left out.
+        prediction: how well pushes that were held out are predicted where the estimate explains what was seen; None
+            where no push can be left out.
+        held_out: how well fits to some pushes predict the others; None where the estimate explains and predicts what
+            was seen to the noise, and where no push can be left out.
         proposal: faults that would explain what the estimate does not, were they searched; None where none does.
         known_from: how many of the first trials were enough to know every lump; None where it took too many, and
             where counts are compared, which every trial adds to.
@@ -48,6 +50,7 @@ class StudyEstimate:
     by_others: int = 0
     taken_up: TakenUp | None = None
     forces: tuple[Unmodelled, ...] = ()
+    prediction: Prediction | None = None
     held_out: HeldOut | None = None
     proposal: Proposal | None = None
     known_from: int | None = None
@@ -77,13 +80,13 @@ class StudyEstimate:
 
     @property
     def unmodelled(self) -> Unmodelled | None:
-        """The force that the model has not and that the trials show best; None where they show none."""
-        return min((each for each in self.forces if each.is_seen), key=lambda each: each.left, default=None)
+        """What the model has not and the trials show best; None where they show nothing."""
+        return _clearest(each for each in self.forces if each.is_seen)
 
     @cached_property
     def hinted(self) -> Unmodelled | None:
-        """The force that the model has not and that the trials hint at best, though noise may look like it."""
-        return min((each for each in self.forces if each.is_hinted), key=lambda each: each.left, default=None)
+        """What the model has not and the trials hint at best, though noise may look like it."""
+        return _clearest(each for each in self.forces if each.is_hinted)
 
     @cached_property
     def approximation(self) -> Approximation | None:
@@ -103,7 +106,9 @@ class StudyEstimate:
         raise NotImplementedError
 
     def beyond(self, reach: Array) -> list[str]:
-        """The names of what is not determined where the unknowns may be off by `reach` (nunknown)."""
+        """The names of what is not determined where the unknowns may be off by each of several independent changes,
+        which are the columns of `reach` (nunknown x n).
+        """
         raise NotImplementedError
 
     @property
@@ -114,7 +119,7 @@ class StudyEstimate:
     @property
     def provisos(self) -> list[str]:
         """What must not be there for the numbers to be right, for the trials could not tell: sentences that name it."""
-        hidden = ((force, self.beyond(force.reach)) for force in self.forces)
+        hidden = ((force, self.beyond(force.reach)) for force in self.forces if force.is_force)
         said = [
             f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} right only without {force.name}: "
             f"these trials do not show {force.unseen}; push harder, or longer"
@@ -131,10 +136,11 @@ class StudyEstimate:
 
     @property
     def explains(self) -> bool:
-        """Whether the model explains what was seen, no force that it has not is seen, nothing speaks against faults
-        that were taken up, and none that was found is one that no plant has.
+        """Whether the model explains what was seen, predicts what was held out, shows nothing that it has not, nothing
+        speaks against faults that were taken up, and none that was found is one that no plant has.
         """
         holds = self.taken_up is None or self.taken_up.holds
+        holds = holds and (self.prediction is None or self.prediction.holds)
         return holds and self.estimate.is_explained and not self.impossible and self.unmodelled is None
 
     @property
@@ -150,6 +156,9 @@ class StudyEstimate:
         found = f"misfit {left} (explained: below {estimate.explained_below:.3g})"
         if self.explains:
             return f"the model explains what was seen: {found}"
+        force = self.unmodelled
+        if force is not None and not force.is_force and force.left <= MOST_LEFT:
+            return self._lacking(force, found)
         if self.taken_up is not None and not self.taken_up.holds:
             return f"{self.taken_up.description}; {found}"
         if self.taken_up is not None and estimate.torque_noise is not None:
@@ -162,11 +171,17 @@ class StudyEstimate:
             )
         if self.proposal is not None:
             return f"the model does not explain what was seen, but {self.proposal.description}; {found}"
-        force = self.unmodelled
+        if force is None and self.prediction is not None and not self.prediction.holds:
+            return f"{self.prediction.description}; {found}"
         if force is None or (force.left > MOST_LEFT and not estimate.is_explained):
             return f"the model does not explain what was seen, be it for {self.usual}: {found}"
+        return self._lacking(force, found)
+
+    def _lacking(self, force: Unmodelled, found: str) -> str:
+        """What the motion shows that the model has not, what that would change, and what was `found`, in a sentence."""
+        what = "a force that the model has not" if force.is_force else "what the model has not"
         return (
-            f"the motion shows a force that the model has not, {force.description} or one like it: with it "
+            f"the motion shows {what}, {force.description} or one like it: with it "
             f"{self.shift_in_words(force.shift)} ({force.advice}); {found}"
         )
 
@@ -201,6 +216,15 @@ class StudyEstimate:
         """
         raise NotImplementedError
 
+    def systematic(self, design: Array) -> Array | None:
+        """Standard deviations (n) that what the model may lack adds to numbers that change with the unknowns by a
+        `design` (n x nunknown); None where nothing was looked for.  Eq. 38.
+        """
+        if not self.forces:
+            return None
+        left_open = np.concatenate([each.left_open for each in self.forces], axis=1)
+        return np.asarray(self.widening * np.linalg.norm(design @ left_open, axis=1))
+
     share_of = "all lumps"  # what `shares` are of
 
     def shares(self, early: Any, true: Array | None) -> tuple[Array, Array | None]:
@@ -233,6 +257,11 @@ class StudyEstimate:
             number = worst_shown(self.estimate.residuals, self.explains)
         replay: Replay = experiment.replay(trials, self.estimate, number)
         return replay
+
+
+def _clearest(forces: Iterable[Unmodelled]) -> Unmodelled | None:
+    """What leaves least; geometry, which has many unknowns to do so with, where it leaves half of what forces do."""
+    return min(forces, key=lambda each: each.left if each.is_force else 2.0 * each.left, default=None)
 
 
 def worst_shown(residuals: Sequence[Array], explains: bool) -> int:

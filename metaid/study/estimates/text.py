@@ -20,6 +20,7 @@ from metaid.estimation import (
     Estimate,
     FoundFaults,
     HeldOut,
+    Prediction,
     Proposal,
     SearchedFaults,
     TakenUp,
@@ -30,7 +31,7 @@ from metaid.study.estimates.arm import ArmFound
 from metaid.study.estimates.chain import ChainFound
 
 _CLASSES: tuple[type, ...] = (ChainFound, Estimate, Lumps, FoundFaults, SearchedFaults, TakenUp, Proposal)
-_CLASSES += Unmodelled, HeldOut, ArmFound, ArmEstimate
+_CLASSES += Unmodelled, HeldOut, Prediction, ArmFound, ArmEstimate
 KEPT = {one.__name__: one for one in _CLASSES}
 LARGEST = 500_000_000  # bytes of JSON: a text that claims more was not written by metaid
 

@@ -1,0 +1,28 @@
+"""An arm of which a joint is not where it is said to be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from metaid.models.tree.tree import Tree
+
+MISPLACED, TURNED = 0.005, 0.01  # m, rad: how far a joint may be from where it is said to be, a standard deviation
+
+
+def misplaced(tree: Tree, step: float) -> Iterator[tuple[int, Tree, float]]:
+    """Each joint, the arm with that joint beside its place or turned by a `step`, in m or rad, along or about one of
+    three axes, and how much of that there may be, a standard deviation.
+    """
+    for joint in range(tree.njoint):
+        for axis in range(3):
+            place = tree.position.copy()
+            place[joint, axis] += step
+            yield joint, replace(tree, position=place), MISPLACED
+            turn = np.zeros((3, 3))
+            turn[(axis + 2) % 3, (axis + 1) % 3], turn[(axis + 1) % 3, (axis + 2) % 3] = step, -step
+            rotation = tree.rotation.copy()
+            rotation[joint] = rotation[joint] @ (np.eye(3) + turn)
+            yield joint, replace(tree, rotation=rotation), TURNED
