@@ -57,6 +57,7 @@ ROWS: dict[str, tuple[str, Mapping[str, Any]]] = {
     "delay": ("a delay of 3 ms that jitters by 10 %", ENCODER | {"delay": 0.003, "delay_jitter": 0.1}),
     "lag": ("a torque lag of 3 ms", ENCODER | {"torque_lag": 0.003}),
     "ticks": ("ticks that jitter by 0.1 ms, and time stamps", ENCODER | {"tick_jitter": 1e-4, "tells_time": 1.0}),
+    "limits": ("torques cut off at 2 and 0.5 N m", ENCODER | {"torque_limit": (2.0, 0.5)}),
     "rotors": ("rotors, 0.0057 kg m² each", ENCODER | {"rotors": (0.0057, 0.0057)}),
     "friction": ("dry friction with stiction, 0.16 and 0.12 N m", ENCODER | {"dry": (0.16, 0.12)}),
     "tenth": ("a tenth of it", ENCODER | {"dry": (0.016, 0.012)}),

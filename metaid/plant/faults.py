@@ -74,7 +74,13 @@ class FaultSettings(Settings):
 
     def without(self, searched: Sequence[str]) -> FaultSettings:
         """The same but for faults that are `searched`, by the kinds of `metaid.plant.unknown_faults`: these are off."""
-        keys = {"delay": "delay", "tilt": "tilt", "offset": "encoder_offset", "gain": "torque_gain"}
+        keys = {
+            "delay": "delay",
+            "tilt": "tilt",
+            "offset": "encoder_offset",
+            "gain": "torque_gain",
+            "limit": "torque_limit",
+        }
         off = {key: type(self).model_fields[key].default for kind, key in keys.items() if kind in searched}
         return self.model_copy(update=off)
 

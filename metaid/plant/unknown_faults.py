@@ -7,7 +7,7 @@ a torque that each motor adds, whatever it is told. `cogging`: what it adds by i
 a turn, by a and b. `rotor`: the reflected inertia of what turns with each joint from
 the second on; that of the first is one with its link. `gain`: the torque of each motor from the second on, as a
 multiple of what was commanded, where that of the first is taken for 1. A common factor of all motors shows nowhere: all
-lumps times the same would move alike.
+lumps times the same would move alike. `limit`: the largest torque of each motor.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ FAULT_UNITS = {
     "cogging": "N m",
     "rotor": "kg m²",
     "gain": "1",
+    "limit": "N m",
 }
 OF_PLANT = ("delay", "lag", "tilt", "presliding")  # the others are of each joint
 FROM_SECOND = ("rotor", "gain")  # of joints from the second on
@@ -73,6 +74,7 @@ def true_faults(plant: MujocoPlant | ArmPlant, kinds: Sequence[str]) -> Array:
         "bias": np.zeros(n),
         "cogging": np.zeros(2 * n),
         "rotor": np.zeros(n - 1),
+        "limit": np.where(np.isfinite(limits := faults.torque_limits(n)), limits, np.nan),
         **plant.hidden_forces,
     }
     values = np.concatenate([np.empty(0), *(np.asarray(true[kind], dtype=np.float64) for kind in kinds)])

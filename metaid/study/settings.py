@@ -33,7 +33,19 @@ Impulse = Annotated[float, Field(ge=-1e6, le=1e6)]
 Factors = Factor | dict[str, Factor]
 Share = Annotated[float, Field(gt=0, le=10)]
 FaultKind = Literal[
-    "delay", "lag", "tilt", "offset", "viscous", "dry", "presliding", "spring", "bias", "cogging", "rotor", "gain"
+    "delay",
+    "lag",
+    "tilt",
+    "offset",
+    "viscous",
+    "dry",
+    "presliding",
+    "spring",
+    "bias",
+    "cogging",
+    "rotor",
+    "gain",
+    "limit",
 ]
 
 

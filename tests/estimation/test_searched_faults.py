@@ -197,7 +197,7 @@ def test_bounded_faults_are_never_negative() -> None:
 def test_faults_that_change_torques_are_those_by_which_delivered_torques_change(kinds: tuple[str, ...]) -> None:
     """Derivatives by the others are made with the torques as they are."""
     names, random = fault_names(kinds, 2), np.random.default_rng(0)
-    faults = SearchedFaults(kinds, 2, np.full(len(names), 0.1), teeth=5)
+    faults = SearchedFaults(kinds, 2, np.full(len(names), 0.1), teeth=5, limits=np.full(2, 0.5))
     readings, torques = random.normal(size=(1, 9, 2)), random.normal(size=(1, 8, 2))
     trial = ReadTrial(TIMESTEP, readings, torques, np.array([8]), np.zeros((1, 2)), None, np.full(2, NOISE))
     here, step, period = np.full(len(names), 0.3), 0.1 * np.eye(len(names)), 0.02

@@ -93,6 +93,15 @@ def test_cogging_of_a_bench_is_found_by_default() -> None:
 
 
 @pytest.mark.slow
+def test_limits_of_the_torques_of_a_bench_are_found_by_default() -> None:
+    """Nobody has said them, and the bench cuts off what it is commanded."""
+    judged = try_bench("limits", "2", 0.002, 0)
+    assert judged.verdict == "found"
+    assert judged.worst < 1e-3
+    assert json.loads(judged.taken_up) == pytest.approx({"limit_1": 2.0, "limit_2": 0.5}, rel=1e-3)
+
+
+@pytest.mark.slow
 def test_bench_whose_delay_jitters_is_approximate_and_within_its_intervals() -> None:
     """The twin has a delay that does not."""
     judged = try_bench("delay", "2", 0.002, 0)

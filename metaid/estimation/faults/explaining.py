@@ -23,6 +23,7 @@ NAMES = {
     "cogging": "cogging of up to",
     "rotor": "rotors of up to",
     "gain": "gains of the motors of",
+    "limit": "motors that give at most",
 }
 IN_THOUSANDTHS = {"s": "ms", "rad": "mrad"}
 
@@ -97,6 +98,8 @@ def _size(kind: str, found: FoundFaults, declared: float) -> str:
     if kind == "cogging":
         amplitude = float(np.hypot(*np.reshape(own, (2, -1))).max())
         return f"{amplitude:.2g} N m, {found.searched.teeth} times a turn"
+    if kind == "limit":
+        return f"{min(own):.3g} N m"
     if unit == "1":
         return f"{value:.3g}"
     return f"{1e3 * value:.2g} {IN_THOUSANDTHS[unit]}" if unit in IN_THOUSANDTHS else f"{value:.2g} {unit}"

@@ -1,13 +1,13 @@
 """Faults of the plant as unknowns of the fit, beside the lumps.
 
-The twin has the loop as it is: a torque comes late by a delay and is multiplied by the gain of its motor, links lean
+The twin has the loop as it is: a torque is cut off, comes late and is multiplied by the gain of its motor, links lean
 where the base is tilted or an encoder is offset, and joints have friction and springs (Eqs. 40 and 43). Each fault is
 scaled by its prior deviation, so that all unknowns have steps of one size.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -27,10 +27,12 @@ OF_TORQUE = {
     "bias": 0.1,
     "cogging": 0.05,
 }  # likewise, as shares of the plant's torque
-CHANGES_TORQUE = ("delay", "lag", "gain", "bias", "cogging")
+CHANGES_TORQUE = ("delay", "lag", "gain", "bias", "cogging", "limit")
 OF_INERTIA = 0.1  # likewise, of a rotor, as a share of the plant's largest inertia
 # Of what is above 0: what it is about, in its unit, and the standard deviation of its logarithm.
 ABOVE_ZERO = {"gain": (1.0, 0.3), "lag": (2e-3, 1.0), "presliding": (1e-3, 1.0)}
+OF_LIMIT = 0.3  # the standard deviation of the logarithm of a limit
+LIMIT = 0.5  # of the torque that a joint needs: what a limit is about that nobody has seen
 NEVER_NEGATIVE = (
     "viscous",
     "dry",
@@ -47,7 +49,7 @@ class SearchedFaults:
     """Faults of some `kinds` of a plant with `njoint` joints, see `metaid.plant.unknown_faults`. `scales` (nfault): the
     standard deviation of each beforehand, in its unit; of what is ABOVE_ZERO, of its logarithm. `tilts`: about how many
     axes the base may be tilted. `is_bounded`: whether what is NEVER_NEGATIVE cannot be found below 0. `teeth`: how many
-    times a turn cogging repeats.
+    times a turn cogging repeats. `limits`: what the limit of each motor is about (njoint), in N m; of none without.
     """
 
     kinds: tuple[str, ...]
@@ -56,6 +58,7 @@ class SearchedFaults:
     tilts: int = 1
     is_bounded: bool = False
     teeth: int = 0
+    limits: Array = field(default_factory=lambda: np.empty(0))
 
     @cached_property
     def names(self) -> list[str]:
@@ -65,7 +68,10 @@ class SearchedFaults:
     @cached_property
     def _about(self) -> Array:
         """What each fault that is ABOVE_ZERO is about (nfault); 0 for the others."""
-        return np.array([ABOVE_ZERO.get(name.partition("_")[0], (0.0, 0.0))[0] for name in self.names])
+        about = np.array([ABOVE_ZERO.get(name.partition("_")[0], (0.0, 0.0))[0] for name in self.names])
+        if "limit" in self.kinds:
+            about[self._places["limit"]] = self.limits
+        return about
 
     @property
     def is_above_zero(self) -> NDArray[np.bool_]:
@@ -126,6 +132,9 @@ class SearchedFaults:
             unknowns: where the faults are (nfault).
         """
         found, torques, angles = self._by_kind(unknowns), trial.torques, trial.readings
+        if "limit" in found:
+            limits = found["limit"] / np.append(1.0, found.get("gain", np.ones(self.njoint - 1)))
+            torques = np.clip(torques, -limits, limits)
         early = np.zeros_like(torques)
         if "delay" in found:
             torques, early = late(torques, float(found["delay"][0]) / period)
@@ -183,7 +192,8 @@ def searched_faults(kinds: tuple[str, ...], robot: Unknowns, start_speeds: Array
         teeth: how many times a turn cogging repeats; 0 where that is not known.
     """
     speed = float(np.abs(start_speeds).max())
-    torque = float(robot.torques(speed).max())
+    torques = np.asarray(robot.torques(speed))
+    torque = float(torques.max())
     scales = {
         "delay": TURN / speed,
         "tilt": LEAN,
@@ -193,11 +203,12 @@ def searched_faults(kinds: tuple[str, ...], robot: Unknowns, start_speeds: Array
         "spring": OF_TORQUE["spring"] * torque,
         "bias": OF_TORQUE["bias"] * torque,
         "cogging": OF_TORQUE["cogging"] * torque,
+        "limit": OF_LIMIT,
         "rotor": OF_INERTIA * float(robot.inertia.max()),
         **{kind: spread for kind, (_, spread) in ABOVE_ZERO.items()},
     }
     each = [scales[name.partition("_")[0]] for name in fault_names(kinds, robot.njoint, robot.tilts)]
-    return SearchedFaults(kinds, robot.njoint, np.array(each), robot.tilts, teeth=teeth)
+    return SearchedFaults(kinds, robot.njoint, np.array(each), robot.tilts, teeth=teeth, limits=LIMIT * torques)
 
 
 def found_faults(searched: SearchedFaults, unknowns: Array, deviations: Array) -> FoundFaults:

@@ -29,7 +29,9 @@ SINGLE: tuple[tuple[str, ...], ...] = (
     ("bias",),
     ("rotor",),
     ("gain",),
+    ("limit",),
 )
+SCANNED = (("limit",),)  # begins where it shows
 LATE = (("cogging",),)  # how often it repeats is seen where little else is left
 # What is tried as one, too: without the other each may stand for both.
 TOGETHER = (("viscous", "dry", "presliding"), ("spring", "bias"))
@@ -125,7 +127,7 @@ def _fewest(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tried:
 def _with_every(kinds: tuple[str, ...], readings: Readings) -> tuple[str, ...]:
     """These `kinds` with all that may be taken up beside them, of two that are nearly the same the simpler one."""
     for single in SINGLE:
-        if single in _candidates(kinds, readings) and not {*single} & {*TWOFOLD}:
+        if single in _candidates(kinds, readings) and single not in SCANNED and not {*single} & {*TWOFOLD}:
             kinds += single
     return kinds
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,21 +12,32 @@ from numpy.typing import NDArray
 from metaid.estimation.descent import place_at, triangle
 from metaid.estimation.estimate import Found
 from metaid.estimation.faults import SearchedFaults
-from metaid.estimation.noisy.cogging import teeth_shown
 from metaid.estimation.noisy.held_out import only_pushes
 from metaid.estimation.noisy.innovations import Innovations
 from metaid.estimation.noisy.readings import Readings
+from metaid.estimation.noisy.scanned import limits_shown, teeth_shown
 from metaid.estimation.noisy.torque_noise import PUSHES, fit_with_torque_noise, likeliest_noise
 from metaid.models import DEVIATIONS, Array
 from metaid.plant import FAULT_UNITS
 
 Search = Callable[[tuple[str, ...]], SearchedFaults]  # makes faults of given kinds unknown
 
+NONE = {"gain": 1.0, "limit": np.inf}  # what is none of a fault, where that is not 0
 LOOKED_AT = 3  # faults that are fitted wholly, of those that may be taken up
 TRIFLE = 1e-3  # of an unknown: a difference that does no harm
 NEGLIGIBLE, NOTHING = 1e-3, 3.0  # of the noise that was found, and in the logarithm of the likelihood: none is needed
 ROUNDS_EACH = 3  # of gains and unknowns in turn
 OUT, OF = 1, 3  # of so many pushes that one is left out
+
+
+class Scanned(NamedTuple):
+    """How many times a turn cogging repeats, and what limits of the motors are about (njoint), in N m, by a scan."""
+
+    teeth: int = 0
+    limits: Array | None = None
+
+
+NOT_SCANNED = Scanned()
 
 
 @dataclass(frozen=True)
@@ -47,7 +59,7 @@ class Tried:
         found = self.found.faults
         if found is None:
             return False
-        none = np.array([1.0 if name.startswith("gain") else 0.0 for name in found.searched.names])
+        none = np.array([NONE.get(name.partition("_")[0], 0.0) for name in found.searched.names])
         own = np.array([name.partition("_")[0] in kinds for name in found.searched.names])
         own &= np.array([name != "presliding" for name in found.searched.names])
         return bool((np.abs(found.values - none) > far * found.deviations)[own].any())
@@ -65,7 +77,7 @@ class Combining:
     torque_noise: Array
 
     def fitted(
-        self, kinds: tuple[str, ...], before: Tried | None, start: Array | None = None, teeth: int = 0
+        self, kinds: tuple[str, ...], before: Tried | None, start: Array | None = None, scanned: Scanned = NOT_SCANNED
     ) -> Tried | None:
         """The fit with faults of these `kinds`, from where the one `before` ended, or a `start`; None where the twin
         cannot follow.
@@ -74,9 +86,9 @@ class Combining:
             kinds: of the faults.
             before: the fit that it begins from; None for a `start`.
             start: the unknowns (nunknown) that it begins from; None for the nominal model.
-            teeth: how many times a turn cogging repeats; 0 for as often as before.
+            scanned: where faults begin that show nothing elsewhere; by default where they were before.
         """
-        faults, noise = self._bounded(kinds, before, teeth), self.torque_noise
+        faults, noise = self._bounded(kinds, before, scanned), self.torque_noise
         if before is not None:
             assert before.found.torque_noise is not None
             start, noise = begin_with(before.found, faults), before.found.torque_noise
@@ -102,17 +114,20 @@ class Combining:
             tried = again
         return tried
 
-    def _bounded(self, kinds: tuple[str, ...], before: Tried | None, teeth: int = 0) -> SearchedFaults:
-        """Faults of these `kinds`; cogging repeats `teeth` times a turn, or as often as before, or as it is known."""
+    def _bounded(self, kinds: tuple[str, ...], before: Tried | None, scanned: Scanned = NOT_SCANNED) -> SearchedFaults:
+        """Faults of these `kinds`, which begin where they were `scanned`, or before, or where they are known."""
         faults = self.search(_in_order(kinds))
-        known = faults.teeth or teeth or (0 if before is None else before.faults.teeth)
-        return replace(faults, is_bounded=True, teeth=known)
+        teeth = faults.teeth or scanned.teeth or (0 if before is None else before.faults.teeth)
+        limits = scanned.limits
+        if limits is None:
+            limits = before.faults.limits if before is not None and "limit" in before.kinds else faults.limits
+        return replace(faults, is_bounded=True, teeth=teeth, limits=limits)
 
     def with_cogging(self, before: Tried) -> list[Tried]:
         """The fit with cogging besides, if there is one."""
         kept = None if "cogging" in before.kinds else self._led(before)
         teeth = 0 if kept is None else self.search(("cogging",)).teeth or teeth_shown(kept, before.found.point)
-        tried = self.fitted((*before.kinds, "cogging"), before, teeth=teeth) if teeth else None
+        tried = self.fitted((*before.kinds, "cogging"), before, scanned=Scanned(teeth=teeth)) if teeth else None
         return [] if tried is None else [tried]
 
     def _led(self, before: Tried) -> Innovations | None:
@@ -134,14 +149,19 @@ class Combining:
         kept = self._led(before)
         if kept is None:
             return []
-        left = [self._left_by(before, kept, kinds) for kinds in candidates]
+        limits = limits_shown(kept, before.found.point) if ("limit",) in candidates else None
+        candidates, scanned = (
+            [kinds for kinds in candidates if kinds != ("limit",) or limits is not None],
+            Scanned(limits=limits),
+        )
+        left = [self._left_by(before, kept, kinds, scanned) for kinds in candidates]
         likely = [candidates[number] for number in np.argsort(left)[:LOOKED_AT] if np.isfinite(left[number])]
-        tried = (self.fitted((*before.kinds, *kinds), before) for kinds in likely)
+        tried = (self.fitted((*before.kinds, *kinds), before, scanned=scanned) for kinds in likely)
         return [each for each in tried if each is not None]
 
-    def _left_by(self, before: Tried, kept: Innovations, kinds: tuple[str, ...]) -> float:
+    def _left_by(self, before: Tried, kept: Innovations, kinds: tuple[str, ...], scanned: Scanned) -> float:
         """The cost that one Gauss-Newton step leaves with faults of these `kinds` besides, each unknown for one."""
-        faults = self._bounded((*before.kinds, *kinds), before)
+        faults = self._bounded((*before.kinds, *kinds), before, scanned)
         faulty = replace(kept, faults=faults)
         extras = before.found.extras if faulty.extras else np.empty(0)
         place = place_at(faulty, np.concatenate([begin_with(before.found, faults), extras]), faulty.stages)
