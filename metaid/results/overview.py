@@ -118,7 +118,6 @@ def _taken_up(found: StudyEstimate) -> dict[str, Any]:
     shown = {
         "faults": list(taken.kinds),
         "misfit_without": taken.before if np.isfinite(taken.before) else None,
-        "holds": taken.holds,
         "rivals": list(taken.rivals),
     }
     return {"taken_up": shown}

@@ -58,8 +58,7 @@ def test_fault_that_predicts_other_pushes_holds(late: Watched) -> None:
     prediction = predicted(replace(readings, faults=estimate.faults.searched), estimate)
     error = estimate.log_factors - unknowns.log_factors(late.plant.chain.lumps)
     assert taken is not None
-    assert taken.holds
-    assert taken.kinds == ("delay",)
+    assert (taken.kinds, taken.rivals) == (("delay",), ())
     assert prediction is not None
     assert 0.5 < prediction.misfit < prediction.below
     assert (np.abs(error) < 4.0 * estimate.deviations + 1e-6).all()
@@ -109,15 +108,23 @@ def test_offsets_are_taken_up_where_lumps_would_be_elsewhere_with_a_tilt(second:
     trials = [seen.read_trial(raised(seen.nominal.lumps, law)) for law in LAWS]
     _, taken = taken_up(seen, Readings(trials, LogUnknowns(seen.nominal.lumps, GRAVITY)), ("tilt",))
     assert taken is not None
-    assert (taken.kinds, taken.holds) == ((kind,), True), taken.description
+    assert (taken.kinds, taken.rivals) == ((kind,), ()), taken.description
 
 
 def test_fault_that_was_taken_up_says_what_the_misfit_is_without_it() -> None:
     """In one sentence."""
-    taken = TakenUp(("delay", "tilt"), ("8 ms", "30 mrad"), 41.0, 1.1, ())
-    assert taken.holds
+    taken = TakenUp(("delay", "tilt"), ("8 ms", "30 mrad"), 41.0, 1.1, (), np.zeros((0, 5)))
     assert taken.description == (
         "the study took up a delay of 8 ms and a tilt of 30 mrad: with that the misfit falls from 41 to 1.1"
+    )
+
+
+def test_fault_that_explains_as_much_is_named() -> None:
+    """With what to do about it."""
+    taken = TakenUp(("tilt",), ("10 mrad",), 26.0, 0.7, ("encoder offsets of up to 75 mrad",), np.zeros((1, 5)))
+    assert taken.description == (
+        "the study took up a tilt of 10 mrad: with that the misfit falls from 26 to 0.7, as it does with encoder "
+        "offsets of up to 75 mrad: intervals hold both, so name in [estimate] faults what is there"
     )
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +15,11 @@ from pandas.testing import assert_frame_equal
 
 import metaid as package
 from metaid.errors import StudyError
-from metaid.results import validate_law
+from metaid.estimation import TakenUp
+from metaid.results import read_snapshot, validate_law
 from metaid.store import Store
 from metaid.study import Problem, create_study, load_study, run_study
+from metaid.study.estimates import ChainFound
 from metaid.study.estimates.making import first_enough
 
 pytestmark = pytest.mark.slow
@@ -161,6 +165,17 @@ def test_study_without_an_estimate_says_why_in_one_line(metaid: Metaid, why: str
     with pytest.raises(StudyError, match="study 'without' has no estimate: ") as refused:
         _ = package.study("without").estimate
     assert str(refused.value).endswith(why)
+
+
+def test_intervals_hold_what_another_explanation_would_change(estimated: Path) -> None:
+    """As of a tilt that was taken up where offsets of the encoders do as well, with each unknown 2 % larger."""
+    with closing(Store(str(estimated))) as store:
+        found = read_snapshot(store, "matched").estimate
+    assert isinstance(found, ChainFound)
+    shifts = np.full((1, len(found.estimate.unknowns)), 0.02)
+    both = replace(found, taken_up=TakenUp(("tilt",), ("10 mrad",), 26.0, 0.7, ("encoder offsets",), shifts))
+    assert (found.lump_deviations < 1e-3).all()
+    assert both.lump_deviations.min() == pytest.approx(0.02, rel=0.01)
 
 
 def test_study_without_a_trial_says_nothing_of_an_estimate(metaid: Metaid) -> None:

@@ -122,7 +122,7 @@ def test_fault_that_explains_the_trials_is_taken_up(tmp_path: Path) -> None:
     assert shown["reasons"][0].startswith("the study took up a delay of 8 ms: with that the misfit falls from ")
     assert taken["faults"] == ["delay"]
     assert taken["misfit_without"] > 10.0 * shown["misfit"]
-    assert taken["holds"]
+    assert not taken["rivals"]
     assert lumps_frame(store, "chain").attrs["faults"] == shown["faults"]
 
 
@@ -140,7 +140,7 @@ def test_no_fault_is_taken_up_where_none_is_needed(tmp_path: Path) -> None:
     [
         ({"estimate.faults": ["tilt", "offset"]}, "move alike .allowed: tilt, or offset"),
         ({"estimate.faults": ["delay", "delay"]}, "names a fault twice .allowed: each once"),
-        ({"estimate.faults": ["late"]}, "'delay', 'lag', 'tilt', .* or 'gain'"),
+        ({"estimate.faults": ["late"]}, "'delay', 'lag', 'tilt', .* or 'limit'"),
         ({"estimate.faults": ["delay"], "estimate.enabled": False}, "only an estimate finds them"),
         ({"estimate.faults": ["delay"], "estimate.compare": "count"}, "counts do not show them"),
         (

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from metaid.estimation.faults.searched import FoundFaults
+from metaid.models import Array
 from metaid.plant import FAULT_UNITS
 
 NAMES = {
@@ -58,6 +59,7 @@ class TakenUp:
         before: the misfit without them.
         after: the misfit with them.
         rivals: others that explain as much, in words, each with a lump that would be elsewhere.
+        shifts: by how much unknowns would change with each of them (nrival x nunknown).
     """
 
     kinds: tuple[str, ...]
@@ -65,22 +67,19 @@ class TakenUp:
     before: float
     after: float
     rivals: tuple[str, ...]
-
-    @property
-    def holds(self) -> bool:
-        """Whether nothing speaks against them."""
-        return not self.rivals
+    shifts: Array
 
     @property
     def description(self) -> str:
-        """What was taken up and why, or why not, in a sentence."""
+        """What was taken up and why, and what else would do, in a sentence."""
         named = named_faults(self.kinds, self.sizes)
-        if self.rivals:
-            others = ", or ".join(self.rivals)
-            return (
-                f"several faults explain what was seen: {named}, or {others}: name in [estimate] faults what is there"
-            )
-        return f"the study took up {named}: with that the misfit falls from {self.before:.3g} to {self.after:.2g}"
+        fall = f"the study took up {named}: with that the misfit falls from {self.before:.3g} to {self.after:.2g}"
+        if not self.rivals:
+            return fall
+        return (
+            f"{fall}, as it does with {', or '.join(self.rivals)}: intervals hold both, so name in [estimate] faults "
+            "what is there"
+        )
 
 
 def fault_sizes(kinds: Sequence[str], found: FoundFaults, declared: float = 0.0) -> tuple[str, ...]:

@@ -67,7 +67,15 @@ def combine(
     if not grown:
         return None
     best, rivals = max(grown, key=lambda each: _worth(each[0]))
-    return _fewest(combining, best, known), rivals
+    return _fewest(combining, best, known), list(_as_good(combining, best, rivals))
+
+
+def _as_good(combining: Combining, best: Tried, rivals: list[Tried]) -> Iterator[Tried]:
+    """Those `rivals` of the `best` fit that do as well once they have settled, too, and explain as much."""
+    is_explained = bool(rivals) and combining.explains(best)
+    for rival in map(combining.settled, rivals):
+        if _worth(rival) > _worth(best) - LEAST and not (is_explained and not combining.explains(rival)):
+            yield rival
 
 
 def _grown(combining: Combining, best: Tried | None, readings: Readings) -> tuple[Tried, list[Tried]] | None:

@@ -40,9 +40,10 @@ def take_up(readings: Readings, estimate: Found, search: Search, torque_noise: A
     if found is None or not kinds:
         return found or estimate, None
     assert found.faults is not None
-    rivals = tuple(each for each in (_rival(tried, other) for other in others) if each)
+    rivals = {words: shift for words, shift in (_rival(tried, other) for other in others) if words}
+    shifts = np.array([*rivals.values()]).reshape(len(rivals), len(found.unknowns))
     sizes = fault_sizes(kinds, found.faults)
-    return found, TakenUp(kinds, sizes, _without(readings, estimate), found.misfit, rivals)
+    return found, TakenUp(kinds, sizes, _without(readings, estimate), found.misfit, tuple(rivals), shifts)
 
 
 def proposed_faults(
@@ -97,13 +98,11 @@ def _without(readings: Readings, estimate: Found) -> float:
         return np.inf
 
 
-def _rival(best: Tried, other: Tried) -> str:
-    """What speaks for an `other` explanation than the `best`, in words; nothing where it has the same lumps."""
-    moved = farthest_moved(best.found, other.found)
-    if moved is None or other.found.faults is None:
-        return ""
-    by = 100.0 * float(np.expm1(other.found.unknowns[moved] - best.found.unknowns[moved]))
-    named = named_faults(other.kinds, fault_sizes(other.kinds, other.found.faults))
-    return (
-        f"{named}, with which {best.found.names[moved]} would be {abs(by):.2g} % {'larger' if by > 0.0 else 'smaller'}"
-    )
+def _rival(best: Tried, other: Tried) -> tuple[str, Array]:
+    """An `other` explanation than the `best`, in words, nothing where it has the same lumps, and by how much unknowns
+    change with it (nunknown).
+    """
+    shift = other.found.unknowns - best.found.unknowns
+    if farthest_moved(best.found, other.found) is None or other.found.faults is None:
+        return "", shift
+    return named_faults(other.kinds, fault_sizes(other.kinds, other.found.faults)), shift

@@ -24,8 +24,8 @@ class ArmFound(StudyEstimate):
         """Standard deviation of each base parameter (nbase), in its unit."""
         if self.approximation is not None:
             return self.approximation.deviations
-        own = self.estimate.value_deviations
-        return own if self.hinted is None else np.hypot(own, self._changes(self.hinted.shift))
+        own, changes = self.estimate.value_deviations, np.linalg.norm(self._changes(self.shifts), axis=0)
+        return np.asarray(np.hypot(own, changes), dtype=np.float64)
 
     @property
     def covariance(self) -> Array:
@@ -54,7 +54,7 @@ class ArmFound(StudyEstimate):
         return [name for name, far in zip(names, changes > COARSEST * self._scales, strict=True) if far]
 
     def _approximated(self, held_out: HeldOut) -> Approximation:
-        estimate, force = self.estimate, self.hinted
+        estimate = self.estimate
         count = len(estimate.unknowns)
         return Approximation(
             replace(held_out, unknowns=estimate.searched.values(held_out.unknowns[:, :count])),
@@ -62,7 +62,7 @@ class ArmFound(StudyEstimate):
             estimate.residuals,
             estimate.searched.joints,
             estimate.value_deviations,
-            np.zeros(count) if force is None else self._changes(force.shift),
+            np.linalg.norm(self._changes(self.shifts), axis=0),
             COARSEST * self._scales,
             not self.impossible and possible_bodies(estimate.searched.prior, estimate.values) is not None,
         )
@@ -74,8 +74,8 @@ class ArmFound(StudyEstimate):
         return np.maximum(np.abs(self.estimate.values), beforehand)
 
     def _changes(self, shift: Array) -> Array:
-        """Of the base parameters (nbase), with a `shift` of the unknowns (nbase)."""
-        return np.asarray(self.estimate.searched.root @ shift, dtype=np.float64)
+        """Of the base parameters (... x nbase), with a `shift` of the unknowns (... x nbase)."""
+        return np.asarray(shift @ self.estimate.searched.root.T, dtype=np.float64)
 
     @property
     def values(self) -> Array:

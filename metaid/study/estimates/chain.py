@@ -25,9 +25,10 @@ class ChainFound(StudyEstimate):
         trials hint at, and where the estimate does not explain them what the misfit and repetition say.
         """
         own = np.sqrt(np.diag(self.lump_covariance))
-        if self.approximation is not None or self.hinted is None:
+        if self.approximation is not None:
             return own
-        return np.hypot(own, self.estimate.design @ self.hinted.shift)
+        changes = np.linalg.norm(self.shifts @ self.estimate.design.T, axis=0)
+        return np.asarray(np.hypot(own, changes), dtype=np.float64)
 
     @property
     def covariance(self) -> Array:
@@ -47,10 +48,10 @@ class ChainFound(StudyEstimate):
     @property
     def half_width(self) -> float:
         """Half the widest of intervals that hold all unknown lumps at once, as a share of its lump.  Eq. 32."""
-        return self.estimate.half_width if self.hinted is None else half_width(self.lump_deviations)
+        return half_width(self.lump_deviations) if len(self.shifts) else self.estimate.half_width
 
     def _approximated(self, held_out: HeldOut) -> Approximation:
-        estimate, force = self.estimate, self.hinted
+        estimate = self.estimate
         count = len(estimate.names)
         return Approximation(
             replace(held_out, unknowns=held_out.unknowns[:, :count]),
@@ -58,7 +59,7 @@ class ChainFound(StudyEstimate):
             estimate.residuals,
             tuple(f"joint {i + 1}" for i in range(estimate.lumps.nlink)),
             estimate.deviations,
-            np.zeros(count) if force is None else force.shift,
+            np.linalg.norm(self.shifts, axis=0),
             np.full(count, COARSEST),
             not self.impossible and has_mass(estimate.lumps),
         )

@@ -88,6 +88,15 @@ class StudyEstimate:
         """What the model has not and the trials hint at best, though noise may look like it."""
         return _clearest(each for each in self.forces if each.is_hinted)
 
+    @property
+    def shifts(self) -> Array:
+        """By how much unknowns would change (n x nunknown) with what the trials hint at, and with other faults that
+        explain as much as those that were taken up: intervals hold each.
+        """
+        found = [] if self.hinted is None else [self.hinted.shift[None]]
+        found += [] if self.taken_up is None else [self.taken_up.shifts]
+        return np.concatenate([np.zeros((0, len(self.estimate.unknowns))), *found])
+
     @cached_property
     def approximation(self) -> Approximation | None:
         """What the estimate is worth where it does not explain what was seen to the noise, number by number; None where
@@ -136,11 +145,10 @@ class StudyEstimate:
 
     @property
     def explains(self) -> bool:
-        """Whether the model explains what was seen, predicts what was held out, shows nothing that it has not, nothing
-        speaks against faults that were taken up, and none that was found is one that no plant has.
+        """Whether the model explains what was seen, predicts what was held out and shows nothing that it has not, and
+        no fault that was found is one that no plant has.
         """
-        holds = self.taken_up is None or self.taken_up.holds
-        holds = holds and (self.prediction is None or self.prediction.holds)
+        holds = self.prediction is None or self.prediction.holds
         return holds and self.estimate.is_explained and not self.impossible and self.unmodelled is None
 
     @property
@@ -159,8 +167,6 @@ class StudyEstimate:
         force = self.unmodelled
         if force is not None and not force.is_force and force.left <= MOST_LEFT:
             return self._lacking(force, found)
-        if self.taken_up is not None and not self.taken_up.holds:
-            return f"{self.taken_up.description}; {found}"
         if self.taken_up is not None and estimate.torque_noise is not None:
             rest = f"what is left is taken for noise of the torques of up to {estimate.torque_noise.max():.2g} N m"
             return f"{self.taken_up.description}; {rest}; {found}"
