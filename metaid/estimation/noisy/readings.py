@@ -102,14 +102,10 @@ class Readings(ReadingsInWindows):
         log_factors, faults = self._parted(unknowns)
         return self._alone(log_factors)._watch(number, faults, whitened, windows)
 
-    def _watch(
-        self, number: int, unknowns: Array, whitened: Array, windows: int, acted: ReadTrial | None = None
-    ) -> Compared | None:
-        """The same, without derivatives by faults. The torques are those of the trial as it `acted`, where that is
-        given.
-        """
+    def _watch(self, number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
+        """The same, without derivatives by faults."""
         log_factors, faults = self._parted(unknowns)
-        trial = self._delivered(self.trials[number], faults) if acted is None else acted
+        trial = self._delivered(self.trials[number], faults)
         starts, joints = started(trial, whitened), self._joints(faults)
         left = self._left(number, trial, starts, windows, log_factors, joints)
         if left is None:
@@ -119,6 +115,17 @@ class Readings(ReadingsInWindows):
         if trial.start_spread is not None:
             slopes[..., count:] = slopes[..., count:] @ trial.start_spread
         return left.values.reshape(npush, -1), slopes
+
+    def _shown(
+        self, number: int, faults: Array, whitened: Array, windows: int, acted: ReadTrial | None = None
+    ) -> Array | None:
+        """What a robot of which nothing is unknown shows in a trial (npush x nvalue), with these unknown `faults`
+        (nfault) and, where that is given, with the torques that `acted`. None where its twin cannot follow.
+        """
+        trial = self._delivered(self.trials[number], faults) if acted is None else acted
+        starts, bare = started(trial, whitened), replace(trial, start_spread=None)
+        left = self._left(number, bare, starts, windows, np.empty(0), self._joints(faults))
+        return None if left is None else left.values.reshape(len(starts), -1)
 
     def _left(
         self, number: int, trial: ReadTrial, starts: Array, windows: int, log_factors: Array, joints: Joints | None
@@ -187,10 +194,10 @@ class Readings(ReadingsInWindows):
         acted = self._delivered(self.trials[number], faults)
         for column, step in enumerate(STEP * np.eye(len(faults))):
             as_before = None if self.faults.is_of_torque[column] else acted
-            watched = alone._watch(number, faults + step, whitened, windows, as_before)
-            if watched is None:
+            shown = alone._shown(number, faults + step, whitened, windows, as_before)
+            if shown is None:
                 return None
-            slopes[..., column] = (watched[0] - values) / STEP
+            slopes[..., column] = (shown - values) / STEP
         return slopes
 
     def _compare_driven(
@@ -205,10 +212,10 @@ class Readings(ReadingsInWindows):
         for column, torque in enumerate(torques):
             size = DIFFERENCE * largest / max(float(np.abs(torque).max()), TINY)
             more = replace(acted, torques=acted.torques + size * torque)
-            watched = alone._watch(number, faults, whitened, self.stages, more)
-            if watched is None:
+            shown = alone._shown(number, faults, whitened, self.stages, more)
+            if shown is None:
                 return None
-            slopes[..., column] = (watched[0] - values) / size
+            slopes[..., column] = (shown - values) / size
         return slopes
 
     def _compare_moved(
@@ -219,10 +226,10 @@ class Readings(ReadingsInWindows):
         """
         faults, changes = self._parted(unknowns)[1], np.zeros((*values.shape, len(moved)))
         for column, robot in enumerate(moved):
-            watched = replace(self, unknowns=robot)._watch(number, faults, whitened, self.stages)
-            if watched is None:
+            shown = replace(self, unknowns=robot)._shown(number, faults, whitened, self.stages)
+            if shown is None:
                 return None
-            changes[..., column] = watched[0] - values
+            changes[..., column] = shown - values
         return changes
 
 
