@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import mujoco
@@ -27,8 +28,10 @@ def nominal_of(tree: Tree) -> Tree:
     return replace(tree, mass=1.1 * tree.mass, com=0.95 * tree.com, inertia=1.1 * tree.inertia)
 
 
-def pushed(tree: Tree, kinds: tuple[str, ...], seed: int = 0) -> ReadTrial:
-    """What sensors of MuJoCo's arm read that has faults of these `kinds`, under torques that no law makes."""
+def pushed(tree: Tree, kinds: tuple[str, ...], seed: int = 0, limits: Array | float = np.inf) -> ReadTrial:
+    """What sensors of MuJoCo's arm read that has faults of these `kinds`, under torques that no law makes and that are
+    cut off at `limits` (njoint), in N m.
+    """
     random, n = np.random.default_rng(seed), tree.njoint
     model = arm_model(tree, TIMESTEP)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT)
@@ -56,11 +59,22 @@ def pushed(tree: Tree, kinds: tuple[str, ...], seed: int = 0) -> ReadTrial:
         for step in range(STEPS + 1):
             readings[push, step] = data.qpos + offset
             if step < STEPS:
-                data.qfrc_applied[:] = torques[push, step - late] if step >= late else 0.0
+                commanded = torques[push, step - late] if step >= late else np.zeros(n)
+                data.qfrc_applied[:] = np.clip(commanded, -limits, limits)
                 mujoco.mj_step(model, data)
     noisy = readings + NOISE * random.standard_normal(readings.shape)
     steps = np.full(PUSHES, STEPS)
     return ReadTrial(TIMESTEP, noisy, torques, steps, speeds, None, np.full(n, NOISE), poses=poses + offset)
+
+
+def search_of(searched: BaseUnknowns, trial: ReadTrial) -> Callable[[tuple[str, ...]], SearchedFaults]:
+    """Makes faults unknown that the arm of a trial may have."""
+    return lambda kinds: searched_faults(kinds, searched, trial.start_speeds)
+
+
+def some_noise(searched: BaseUnknowns, trial: ReadTrial) -> Array:
+    """What noise of the torques may be, in N m: a share of what each joint needs (njoint)."""
+    return 0.03 * searched.torques(float(np.abs(trial.start_speeds).max()))
 
 
 def searched_of(searched: BaseUnknowns, kinds: tuple[str, ...], trial: ReadTrial) -> Array:
@@ -83,6 +97,21 @@ def test_faults_of_an_arm_are_found_with_its_base_parameters(kinds: tuple[str, .
     assert np.abs(searched_of(searched, kinds, trial)).max() < 4.0
 
 
+def test_torques_at_which_motors_cut_off_are_found() -> None:
+    """Within four deviations: each gives seven tenths of the most that it is told to."""
+    tree = random_arm(3, 2, friction=False)
+    limits = 0.7 * np.abs(pushed(tree, ()).torques).max(axis=(0, 1))
+    searched, trial = BaseUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, (), limits=limits)
+    plain = fit(Readings([trial], searched), restarts=0)
+    assert not plain.is_explained
+    found, taken = take_up(Readings([trial], searched), plain, search_of(searched, trial), some_noise(searched, trial))
+    assert found.is_explained
+    assert found.faults is not None
+    assert taken is not None
+    assert taken.kinds == ("limit",)
+    assert np.abs((found.faults.values - limits) / found.faults.deviations).max() < 4.0
+
+
 def test_arm_without_faults_needs_none() -> None:
     """Its base parameters lie within five deviations each."""
     tree = random_arm(3, 2, friction=False)
@@ -99,12 +128,7 @@ def test_fault_that_explains_an_arm_is_proposed() -> None:
     searched, trial = BaseUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, ("delay",))
     readings = Readings([trial], searched)
     plain = fit(readings, restarts=0)
-    noise = 0.03 * searched.torques(float(np.abs(trial.start_speeds).max()))
-
-    def search(kinds: tuple[str, ...]) -> SearchedFaults:
-        return searched_faults(kinds, searched, trial.start_speeds)
-
-    found, _ = take_up(readings, plain, search, noise)
+    found, _ = take_up(readings, plain, search_of(searched, trial), some_noise(searched, trial))
     assert found.is_explained
     assert found.faults is not None
     assert found.faults.searched.kinds == ("delay",)
