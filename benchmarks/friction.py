@@ -51,7 +51,6 @@ class Searched:
     trials: int
     error: float
     median_error: float
-    factors: list[float]
 
 
 def rubbing_chain(nlink: int, seed: int) -> tuple[Links, Links]:
@@ -115,7 +114,6 @@ def search(part: str, seed: int, pair: tuple[Links, Links]) -> Searched:
         trials=trials,
         error=float(errors.max()),
         median_error=float(np.median(errors)),
-        factors=(factors / truth).tolist(),
     )
 
 

@@ -6,7 +6,6 @@ the plants are benches that share no code with metaid, half of the robots are ar
 
 from __future__ import annotations
 
-import math
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -21,7 +20,7 @@ import pandas as pd
 
 from benchmarks.bench_truth import true_arm, true_base, true_chain, true_lumps
 from metaid.errors import MetaidError
-from metaid.models import DEVIATIONS, Array
+from metaid.models import Array
 from metaid.results import judge, read_snapshot
 from metaid.store import Store
 from metaid.study import create_study, load_study, run_study
@@ -84,10 +83,9 @@ def _of_bench(case: Case, found: StudyEstimate, names: list[str], folder: Path) 
 
 
 def far_lumps(lumps: pd.DataFrame) -> Iterator[str]:
-    """The lumps of a table that lie further from the truth than interval, systematic deviation and SLACK allow."""
+    """The lumps of a table that lie further from the truth than their interval and SLACK allow."""
     for lump in lumps[lumps["determined"]].to_dict("records"):
         half_width, true = 0.5 * (lump["high"] - lump["low"]), lump["true"]
-        half_width = math.hypot(half_width, DEVIATIONS * lump.get("sd_systematic", 0.0))
         off = abs(lump["identified"] - true)
         if not off <= HALF_WIDTHS * half_width + SLACK * abs(true) + ROUNDING:
             yield f"{lump['name']} {lump['identified']:.5g} ± {half_width:.2g} where {true:.5g} is true"

@@ -77,7 +77,7 @@ class Approximation:
         residuals: of each trial (npush x njoint), scaled by the noise; NaN where a push was not seen.
         joints: their names (njoint).
         own: standard deviation of each unknown (nunknown), as if the model explained all.
-        shift: by how much a force that the model has not would change each (nunknown).
+        shift: by how much a force that the model has not, or another explanation, would change each (nunknown).
         coarsest: what a standard deviation of each (nunknown) is at most where it is determined.
         is_possible: whether a plant can have what was found.
     """

@@ -10,7 +10,7 @@ from metaid.models.tree.base import BaseParameters, base_parameters, random_stat
 from metaid.models.tree.bodies import PossibleBodies, nominal_pseudo_inertias, possible_bodies, pseudo_inertia
 from metaid.models.tree.joint_friction import COLUMNS, SHARED, JointFriction, Sliding, friction_torque
 from metaid.models.tree.known_bodies import KnownBodies, body_quantities, known_bodies
-from metaid.models.tree.misplaced import MISPLACED, TURNED, misplaced
+from metaid.models.tree.misplaced import MISPLACED, misplaced
 from metaid.models.tree.model_error import ModelError, difference, model_error, torque_half_width
 from metaid.models.tree.planar import planar_chain, planar_tree
 from metaid.models.tree.regressor import body_torque, joint_mass_matrix, joint_torque, torque_regressor
@@ -21,7 +21,6 @@ __all__ = [
     "MISPLACED",
     "PARAMETERS",
     "SHARED",
-    "TURNED",
     "ArmPrior",
     "BaseParameters",
     "JointFriction",
