@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from metaid.models import Array, Chain
-from metaid.models.tree import Tree
+from metaid.models.tree import ArmPrior, Tree
 from metaid.plant import ArmPlant, PlantSettings, chain_of, load_plant
-from metaid.study.estimates import StudyEstimate
 
 
 def told_unit(has: Mapping[str, Any]) -> float:
@@ -46,7 +45,6 @@ def true_lumps(chain: Chain, names: Sequence[str], has: Mapping[str, Any]) -> Ar
     return np.asarray(chain.lumps_of(kinds).vector_of(kinds) / told_unit(has), dtype=np.float64)
 
 
-def true_base(tree: Tree, found: StudyEstimate, has: Mapping[str, Any]) -> Array:
-    """The base parameters (nbase) of what was `found`, in the same units."""
-    base = found.estimate.searched.prior.base
-    return np.asarray(base.of(tree.parameters) / told_unit(has), dtype=np.float64)
+def true_base(tree: Tree, prior: ArmPrior, has: Mapping[str, Any]) -> Array:
+    """The base parameters (nbase) that a `prior` is of, in the same units."""
+    return np.asarray(prior.base.of(tree.parameters) / told_unit(has), dtype=np.float64)

@@ -31,6 +31,7 @@ import pandas as pd
 from benchmarks.bench_truth import told_unit, true_arm, true_base, true_chain, true_lumps
 from benchmarks.common import table as markdown
 from benchmarks.common import two_digits
+from metaid.estimation import ArmEstimate
 from metaid.models import Array
 from metaid.models.tree import model_error
 from metaid.results import Snapshot, judge, read_snapshot
@@ -175,9 +176,10 @@ def _of_chain(found: StudyEstimate, lumps: pd.DataFrame, imperfections: Mapping[
 
 
 def _of_arm(found: StudyEstimate, lumps: pd.DataFrame, imperfections: Mapping[str, Any]) -> Told:
+    assert isinstance(found.estimate, ArmEstimate)
     tree, prior = true_arm(ARM_FILE, imperfections), found.estimate.searched.prior
     law = prior.parameters_at(found.estimate.values) * told_unit(imperfections)
-    return true_base(tree, found, imperfections), model_error(tree, law).largest
+    return true_base(tree, prior, imperfections), model_error(tree, law).largest
 
 
 def table(judged: list[Judged]) -> str:

@@ -92,7 +92,7 @@ def stand(named: str, nlink: int, seed: int) -> Stood:
     truth = snapshot.problem.robot.true_values(snapshot.problem.robot.estimated)
     error, taken_up = np.inf, list[str]()
     if found is not None:
-        off = np.log(found.values / truth)
+        off = np.log(found.estimate.values / truth)
         error = float(np.abs(np.expm1(off)).max())
         taken_up = list(found.estimate.faults.searched.kinds) if found.estimate.faults else []
     motion = sum(trial.outcome.steps for trial in trials) * spec.timestep

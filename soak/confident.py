@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from itertools import count
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -24,7 +25,6 @@ from metaid.models import Array
 from metaid.results import judge, read_snapshot
 from metaid.store import Store
 from metaid.study import create_study, load_study, run_study
-from metaid.study.estimates import StudyEstimate
 from soak.bench.serving import bench
 from soak.common import SoakResult, soaked
 from soak.random_studies import Case, draw, write
@@ -66,19 +66,19 @@ def try_case(number: int, tells_why: bool = False) -> Judged:
             verdict = judge(snapshot := read_snapshot(store, case.name))
         except MetaidError as refusal:
             return Judged(case, None, str(refusal))
-        lumps, found = verdict.lumps, snapshot.estimate
-        if case.bench is not None and found is not None:
-            lumps = lumps.assign(true=_of_bench(case, found, list(lumps["name"]), folder))
+        lumps = verdict.lumps
+        if case.bench is not None and snapshot.estimate is not None:
+            lumps = lumps.assign(true=_of_bench(case, snapshot.problem.robot, list(lumps["name"]), folder))
     far = tuple(far_lumps(lumps)) if verdict.is_found else ()
     missed = case.well_posed and not verdict.is_found
     return Judged(case, verdict.word, "; ".join(verdict.reasons) if missed or tells_why else "", far)
 
 
-def _of_bench(case: Case, found: StudyEstimate, names: list[str], folder: Path) -> Array:
-    """The true lumps or base parameters of a bench."""
+def _of_bench(case: Case, robot: Any, names: list[str], folder: Path) -> Array:
+    """The true lumps or base parameters of a bench, by the `robot` of a study."""
     has = case.bench or {}
     if case.arm is not None:
-        return true_base(true_arm(folder / "arm.xml", has), found, has)
+        return true_base(true_arm(folder / "arm.xml", has), robot.prior, has)
     return true_lumps(true_chain(case.links, has), names, has)
 
 

@@ -12,7 +12,7 @@ from benchmarks.rivals.conditions import Condition
 from benchmarks.rivals.judging import Found
 from metaid.compiled import Objective
 from metaid.episode import Outcome
-from metaid.estimation import Experiment, ReadTrial
+from metaid.estimation import Estimate, Experiment, ReadTrial
 from metaid.models import Array, Lumps, compensation_basis
 from metaid.results import identified_factors
 from metaid.search import make_searcher
@@ -139,6 +139,7 @@ def output_error(true: Links, nominal: Links, condition: Condition, seconds: flo
     found = estimate_of(experiment, trials, is_probed=True)
     if found is None:
         return rig.found(rig.problem.nominal.lumps, rig.problem.nominal.inertia_lumps, tried, "not found")
+    assert isinstance(found.estimate, Estimate)
     lumps = found.estimate.lumps
     return rig.found(lumps, lumps.of("inertia"), tried, "found" if found.explains else "not found")
 

@@ -14,7 +14,7 @@ when one is made.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from metaid.estimation.approximation import Approximation, HeldOut, Prediction, has_mass
+from metaid.estimation.approximation import Approximation, HeldOut, Prediction
 from metaid.estimation.base_unknowns import ArmEstimate, BaseUnknowns
 from metaid.estimation.descent import FARTHEST, Residuals, descend, place_at
 from metaid.estimation.estimate import Estimate, Found, fit
@@ -78,7 +78,6 @@ __all__ = [
     "descend",
     "filtered_speeds",
     "fit",
-    "has_mass",
     "place_at",
     "searched_faults",
     "starting_points",

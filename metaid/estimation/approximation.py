@@ -14,11 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from metaid.models import DEVIATIONS, Array, Lumps, mass_matrix
+from metaid.models import DEVIATIONS, Array
 
 MOST = 0.5  # of the unknowns: on so many parts of the pushes agree to a tenth
 PROBABILITY = 0.975  # below the upper end of a 95 % interval
-POSES = 64  # at which a mass matrix is looked at
 BETTER = 0.5  # of the nominal model's misfit of pushes that were left out: what is approximate has no more
 
 
@@ -147,11 +146,3 @@ class Approximation:
         nominal = held.nominal if np.isfinite(held.nominal) else None
         shown = {"misfit": held.misfit, "nominal_misfit": nominal, "parts": len(held.unknowns)}
         return {"held_out": shown, "misfit_by_joint": self.by_joint}
-
-
-def has_mass(lumps: Lumps) -> bool:
-    """Whether the mass matrix of a chain is positive definite, at random poses in which links are parallel."""
-    if lumps.inertia is None:
-        return True
-    poses: Array = np.pi * np.random.default_rng(0).integers(0, 2, (POSES, lumps.nlink)).astype(np.float64)
-    return bool((np.linalg.eigvalsh(mass_matrix(lumps, lumps.inertia, poses)) > 0.0).all())

@@ -12,8 +12,17 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 
 from metaid.estimation.estimate import Found
-from metaid.models import DEVIATIONS, Array
-from metaid.models.tree import PARAMETERS, ArmPrior, Tree, joint_torque, misplaced, random_states, torque_half_width
+from metaid.models import COARSEST, DEVIATIONS, Array
+from metaid.models.tree import (
+    PARAMETERS,
+    ArmPrior,
+    Tree,
+    joint_torque,
+    misplaced,
+    possible_bodies,
+    random_states,
+    torque_half_width,
+)
 
 if TYPE_CHECKING:
     from metaid.compiled.spatial import Frames
@@ -139,6 +148,13 @@ class ArmEstimate(Found):
 
     searched: BaseUnknowns
 
+    lacks = "springs, play, torques that come late or are cut off, or wrong frames"
+    share_of = "what was not known"
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        return self.searched.joints
+
     @property
     def values(self) -> Array:
         """The base parameters (nbase)."""
@@ -149,34 +165,46 @@ class ArmEstimate(Found):
         """The most probable parameters of every joint and its link (njoint x 13): the law that is to be sent next."""
         return self.searched.parameters(self.unknowns)
 
-    @cached_property
-    def value_covariance(self) -> Array:
-        """Of the base parameters (nbase x nbase)."""
-        return np.asarray(self.searched.root @ self.covariance @ self.searched.root.T, dtype=np.float64)
+    @property
+    def to_numbers(self) -> Array:
+        return self.searched.root
 
     @property
-    def half_width(self) -> float:
-        """Half the widest interval that holds the torque of each joint, as a share of it; see `torque_half_width`."""
-        return self.half_width_with(self.value_covariance)
+    def to_values(self) -> Array:
+        return np.eye(len(self.unknowns))
+
+    @property
+    def beforehand(self) -> Array:
+        """Standard deviation of each base parameter (nbase), beforehand."""
+        return np.sqrt(np.diag(self.searched.prior.covariance))
+
+    @property
+    def sizes(self) -> Array:
+        """What changes of each base parameter (nbase) are large or small beside."""
+        return np.maximum(np.abs(self.values), self.beforehand)
+
+    @property
+    def coarsest(self) -> Array:
+        return np.asarray(COARSEST * self.sizes, dtype=np.float64)
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether there are bodies that have what was found."""
+        return possible_bodies(self.searched.prior, self.values) is not None
+
+    def interval_with(self, deviations: Array, count: float = DEVIATIONS) -> tuple[Array, Array]:
+        return self.values - count * deviations, self.values + count * deviations
 
     def half_width_with(self, covariance: Array) -> float:
-        """The same with a `covariance` of the base parameters (nbase x nbase)."""
+        """Half the widest interval that holds the torque of each joint, as a share of it; see `torque_half_width`."""
         prior = self.searched.prior
         return torque_half_width(prior.nominal, prior.base, self.values, covariance)
 
-    @property
-    def value_deviations(self) -> Array:
-        """Standard deviation of each base parameter (nbase), in its unit."""
-        return np.sqrt(np.diag(self.value_covariance))
+    def shares(self, true: Array | None) -> tuple[Array, Array | None]:
+        errors = None if true is None else np.abs(self.values - true) / self.beforehand
+        return self.value_deviations / self.beforehand, errors
 
-    @property
-    def left_unknown(self) -> Array:
-        """Which share of what was not known beforehand of each base parameter the trials left unknown (nbase): 1 where
-        they tell nothing.
-        """
-        return self.value_deviations / np.sqrt(np.diag(self.searched.prior.covariance))
-
-    def interval(self, deviations: float = DEVIATIONS) -> tuple[Array, Array]:
-        """Least and largest base parameters (nbase) within so many standard `deviations`: 95 % of them by default."""
-        reach = deviations * self.value_deviations
-        return self.values - reach, self.values + reach
+    def in_words(self, changes: Array) -> str:
+        base, moved = self.searched.prior.base, int(np.argmax(np.abs(changes) / self.sizes))
+        way = "larger" if changes[moved] > 0.0 else "smaller"
+        return f"{base.names[moved]} would be {abs(changes[moved]):.2g} {base.units[moved]} {way}"

@@ -1,16 +1,17 @@
-"""What all trials of a study say of a robot: the `Estimate` of a chain, and what it shares with that of an arm."""
+"""What all trials of a study say of a robot: what every estimate has, and the `Estimate` of a chain."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from functools import cached_property
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from metaid.estimation.faults import FoundFaults, SearchedFaults, found_faults
 from metaid.estimation.fit import Fit, Growing, find, refine
-from metaid.models import DEVIATIONS, Array, Lumps, half_width
+from metaid.models import COARSEST, DEVIATIONS, Array, Lumps, half_width, mass_matrix
 
 
 class Comparison(Growing, Protocol):
@@ -21,9 +22,13 @@ class Comparison(Growing, Protocol):
         """The faults that are unknown beside them."""
 
 
+POSES = 64  # at which a mass matrix is looked at
+
+
 @dataclass(frozen=True, kw_only=True)
 class Found(Fit):
-    """What all trials say of a robot.
+    """What all trials say of a robot: numbers by their `names`, and values that follow from these. Those of a chain are
+    its parameters, with log factors, and its lumps; those of an arm are its base parameters, both.
 
     Attributes:
         faults: that were searched beside what is unknown of it; None where none were.
@@ -31,11 +36,97 @@ class Found(Fit):
             where none was looked for.
         led_misfit: the misfit of the twin that the readings lead, where noise of the torques stands for what the model
             has not, and `misfit` is that of the twin without it; None elsewhere.
+        extent: least and largest log factor (2 x nvalue) of the models that show exactly the counts that were seen;
+            None where no counts were compared, or no model shows them. Half of it is 1.96 times the deviation.
+        counts: how many counts were compared, of which the misfit is the number that differs; None where none were.
     """
 
     faults: FoundFaults | None = None
     torque_noise: Array | None = None
     led_misfit: float | None = None
+    extent: Array | None = None
+    counts: int | None = None
+
+    lacks: ClassVar[str]  # what such models often lack, in words
+    share_of: ClassVar[str]  # what `shares` are of
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """What the joints are called (njoint)."""
+        raise NotImplementedError
+
+    @property
+    def to_numbers(self) -> Array:
+        """How what the `names` name changes with the unknowns (nname x nunknown)."""
+        raise NotImplementedError
+
+    @property
+    def to_values(self) -> Array:
+        """How the values change with what the `names` name (nvalue x nname)."""
+        raise NotImplementedError
+
+    @property
+    def values(self) -> Array:
+        """(nvalue), in SI units."""
+        raise NotImplementedError
+
+    @property
+    def coarsest(self) -> Array:
+        """What a standard deviation of what the `names` name (nname) is at most where that is determined."""
+        raise NotImplementedError
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether a plant can have what was found."""
+        raise NotImplementedError
+
+    def interval_with(self, deviations: Array, count: float = DEVIATIONS) -> tuple[Array, Array]:
+        """Least and largest values (nvalue) within so many times standard `deviations` (nvalue): 95 % of them by
+        default.
+        """
+        raise NotImplementedError
+
+    def half_width_with(self, covariance: Array) -> float:
+        """Half the widest of intervals that hold all that is wanted at once, as a share of it, with a `covariance` of
+        the values (nvalue x nvalue).
+        """
+        raise NotImplementedError
+
+    def shares(self, true: Array | None) -> tuple[Array, Array | None]:
+        """Standard deviations (nvalue) and, where what is `true` (nvalue) is known, errors, as shares of each lump; of
+        an arm of how wrong each base parameter may have been beforehand.
+        """
+        raise NotImplementedError
+
+    def in_words(self, changes: Array) -> str:
+        """What `changes` of what the `names` name (nname) change most, and by how much: `gravity_1 would be 3 %
+        larger`.
+        """
+        raise NotImplementedError
+
+    @property
+    def number_covariance(self) -> Array:
+        """Of what the `names` name (nname x nname)."""
+        return np.asarray(self.to_numbers @ self.covariance @ self.to_numbers.T, dtype=np.float64)
+
+    @cached_property
+    def value_covariance(self) -> Array:
+        """Of the values (nvalue x nvalue)."""
+        return np.asarray(self.to_values @ self.number_covariance @ self.to_values.T, dtype=np.float64)
+
+    @property
+    def value_deviations(self) -> Array:
+        """Standard deviation of each value (nvalue), in its unit."""
+        return np.sqrt(np.diag(self.value_covariance))
+
+    @property
+    def half_width(self) -> float:
+        """Half the widest of intervals that hold all that is wanted at once, as a share of it."""
+        return self.half_width_with(self.value_covariance)
+
+    def interval(self, count: float = DEVIATIONS) -> tuple[Array, Array]:
+        """Least and largest values (nvalue) within so many standard deviations: 95 % of them by default."""
+        return self.interval_with(self.value_deviations, count)
 
     @property
     def widening(self) -> float:
@@ -64,16 +155,18 @@ class Estimate(Found):
         lumps: the chain's lumps; those that were known are the nominal's.
         lump_names: of those that follow from the unknowns (nlump).
         design: how the logarithms of these follow from z (nlump x nunknown).
-        extent: least and largest log factor (2 x nlump) of the models that show exactly the counts that were seen;
-            None where no counts were compared, or no model shows them. Half of it is 1.96 times the deviation.
-        counts: how many counts were compared, of which the misfit is the number that differs; None where none were.
     """
 
     lumps: Lumps
     lump_names: tuple[str, ...]
     design: Array
-    extent: Array | None = None
-    counts: int | None = None
+
+    lacks = "friction, play, torques that come late or are cut off, or wrong lengths"
+    share_of = "all lumps"
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        return tuple(f"joint {i + 1}" for i in range(self.lumps.nlink))
 
     @property
     def log_factors(self) -> Array:
@@ -86,32 +179,53 @@ class Estimate(Found):
         return parameters_of(self.names, self.lumps)
 
     @property
-    def lump_covariance(self) -> Array:
-        """Of the log factors of the lumps (nlump x nlump)."""
-        return np.asarray(self.design @ self.covariance @ self.design.T, dtype=np.float64)
+    def to_numbers(self) -> Array:
+        return np.eye(len(self.unknowns))
 
     @property
-    def lump_deviations(self) -> Array:
-        """The standard deviation of each lump (nlump), as a share of it."""
-        return np.sqrt(np.diag(self.lump_covariance))
+    def to_values(self) -> Array:
+        return np.asarray(self.values[:, None] * self.design, dtype=np.float64)
 
     @property
-    def half_width(self) -> float:
-        """Half the widest of intervals that hold all unknown lumps at once, as a share of its lump.  Eq. 32.
+    def values(self) -> Array:
+        """The lumps that follow from the unknowns (nlump)."""
+        return self.lumps.vector_of(tuple(dict.fromkeys(name.partition("_")[0] for name in self.lump_names)))
 
-        All models that count the same are within an extent at once.
-        """
+    @property
+    def coarsest(self) -> Array:
+        return np.full(len(self.unknowns), COARSEST)
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether the mass matrix is positive definite, at random poses in which links are parallel."""
+        lumps = self.lumps
+        if lumps.inertia is None:
+            return True
+        poses: Array = np.pi * np.random.default_rng(0).integers(0, 2, (POSES, lumps.nlink)).astype(np.float64)
+        return bool((np.linalg.eigvalsh(mass_matrix(lumps, lumps.inertia, poses)) > 0.0).all())
+
+    def interval_with(self, deviations: Array, count: float = DEVIATIONS) -> tuple[Array, Array]:
+        """Eq. 27; where counts are compared the `extent`."""
+        values = self.values
+        if self.extent is not None:
+            low, high = values * np.exp(self.extent - self.design @ self.log_factors)
+            return low, high
+        reach = np.exp(count * deviations / values)
+        return values / reach, values * reach
+
+    def half_width_with(self, covariance: Array) -> float:
+        """Eq. 32. All models that count the same are within an extent at once."""
         if self.extent is not None:
             return float(np.sinh(0.5 * (self.extent[1] - self.extent[0]).max()))
-        return half_width(self.lump_deviations)
+        return half_width(np.sqrt(np.diag(covariance)) / self.values)
 
-    def interval(self, deviations: float = DEVIATIONS) -> tuple[Array, Array]:
-        """Least and largest factor (nlump) of each lump within so many standard `deviations`: 95 % of them by default.
+    def shares(self, true: Array | None) -> tuple[Array, Array | None]:
+        return self.value_deviations / self.values, None if true is None else np.abs(self.values / true - 1.0)
 
-        Eq. 27.
-        """
-        reach, log_factors = deviations * self.lump_deviations, self.design @ self.log_factors
-        return np.exp(log_factors - reach), np.exp(log_factors + reach)
+    def in_words(self, changes: Array) -> str:
+        moved = int(np.argmax(np.abs(changes)))
+        by = 100.0 * float(np.expm1(changes[moved]))
+        return f"{self.names[moved]} would be {abs(by):.2g} % {'larger' if by > 0.0 else 'smaller'}"
 
 
 def parameters_of(names: Sequence[str], lumps: Lumps) -> Array:

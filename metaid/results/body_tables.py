@@ -12,13 +12,13 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from metaid.errors import StudyError
+from metaid.estimation import ArmEstimate, Estimate
 from metaid.frames import json_rows
 from metaid.models import COARSEST, DEVIATIONS, Array, Chain, body_extents, known_lumps
 from metaid.models.tree import body_quantities, known_bodies
 from metaid.plant import SocketPlant
 from metaid.results.snapshot import Snapshot
 from metaid.results.verdict import Verdict
-from metaid.study.estimates import ArmFound, ChainFound
 
 
 def bodies_table(snapshot: Snapshot, verdict: Verdict) -> pd.DataFrame:
@@ -36,24 +36,26 @@ def bodies_table(snapshot: Snapshot, verdict: Verdict) -> pd.DataFrame:
     if snapshot.estimate is None or verdict.source != "estimate":
         raise StudyError("no bodies: the lumps are those of the best trial, without intervals (allowed: an estimate)")
     with threadpool_limits(1):
-        columns = _bodies(snapshot.estimate, snapshot.problem)
+        columns = _bodies(snapshot.estimate.estimate, snapshot.estimate.covariance, snapshot.problem)
     if columns is None:
         raise StudyError("no bodies: no possible body has the lumps of the estimate: are the lengths right?")
     return pd.DataFrame(columns)
 
 
 @singledispatch
-def _bodies(found: Any, problem: Any) -> dict[str, Any] | None:
-    """The columns of the table, by what was `found` in a study; None where there is no such body."""
-    raise TypeError(found)
+def _bodies(estimate: Any, covariance: Array, problem: Any) -> dict[str, Any] | None:
+    """The columns of the table, by the `estimate` of a study, with the `covariance` of its numbers; None where there is
+    no such body.
+    """
+    raise TypeError(estimate)
 
 
 @_bodies.register
-def _of_chain(found: ChainFound, problem: Any) -> dict[str, Any] | None:
-    estimate, nominal, plant = found.estimate, problem.nominal, problem.open_plant()
+def _of_chain(estimate: Estimate, covariance: Array, problem: Any) -> dict[str, Any] | None:
+    nominal, plant = problem.nominal, problem.open_plant()
     is_given = problem.spec.study.estimate.lengths == "exact" or "coriolis" not in problem.robot.estimated_kinds
     length = nominal.length if is_given else None
-    lumps = known_lumps(estimate.names, estimate.parameters, found.covariance, DEVIATIONS, length)
+    lumps = known_lumps(estimate.names, estimate.parameters, covariance, DEVIATIONS, length)
     extents = body_extents(lumps)
     if extents is None:
         return None
@@ -74,8 +76,8 @@ def _of_chain(found: ChainFound, problem: Any) -> dict[str, Any] | None:
 
 
 @_bodies.register
-def _of_arm(found: ArmFound, problem: Any) -> dict[str, Any] | None:
-    bodies, truth = known_bodies(problem.robot.prior, found.values, found.covariance), problem.robot.truth
+def _of_arm(estimate: ArmEstimate, covariance: Array, problem: Any) -> dict[str, Any] | None:
+    bodies, truth = known_bodies(problem.robot.prior, estimate.values, covariance), problem.robot.truth
     if bodies is None:
         return None
     reach = DEVIATIONS * bodies.deviations

@@ -31,7 +31,7 @@ def estimate_table(problem: Problem, found: StudyEstimate | None, is_result: boo
     wanted = problem.robot.estimated
     if found is None:
         return _rows(problem, wanted, Known.alone(np.full(len(wanted.names), np.nan)))
-    return _rows(problem, wanted, found.known(wanted) if is_result else Known.alone(found.values))
+    return _rows(problem, wanted, found.known(wanted) if is_result else Known.alone(found.estimate.values))
 
 
 def _rows(problem: Problem, wanted: Parameters, known: Known) -> pd.DataFrame:

@@ -48,7 +48,7 @@ def identified_model(snapshot: Snapshot, even_if_not_found: bool = False) -> Ide
         "metaid": metaid.__version__,
     }
     covariance = None
-    if guess is None and verdict.source == "estimate" and found is not None and found.value_covariance is not None:
+    if guess is None and verdict.source == "estimate" and found is not None and found.estimate.counts is None:
         names = table["name"].tolist()
         covariance = pd.DataFrame(found.value_covariance, index=names, columns=names)
     known = table["name"][table["identified"].notna()] if guess is None else table["name"]
@@ -83,7 +83,7 @@ def _best_guess(snapshot: Snapshot, verdict: Verdict) -> Array | None:
     best trial; None where there is neither.
     """
     if verdict.source == "estimate":
-        return None if snapshot.estimate is None else snapshot.estimate.values
+        return None if snapshot.estimate is None else snapshot.estimate.estimate.values
     return None if snapshot.best is None else snapshot.problem.robot.sought.scale * snapshot.best.factors
 
 

@@ -94,7 +94,7 @@ def _estimate(found: StudyEstimate, verdict: Verdict) -> dict[str, Any]:
         "explains": found.explains,
         "description": found.description,
         "trials": found.trials,
-        "counts": found.counts,
+        "counts": found.estimate.counts,
         "known_from": found.known_from,
         "half_width": found.half_width if found.explains else None,
         **_predicted(found),

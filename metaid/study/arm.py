@@ -194,11 +194,6 @@ class StudiedArm:
         """The candidates of a rehearsal: one trial under the law of the nominal arm."""
         return [self.prior.values]
 
-    def deviations_of(self, estimate: Any) -> Array:
-        """Standard deviations (nbase) of the base parameters of an `estimate`, in their units."""
-        deviations: Array = estimate.value_deviations
-        return deviations
-
     @property
     def shown_by(self) -> tuple[str, ...]:
         """By which pushes each base parameter is shown: coasts, or springs alone."""

@@ -249,11 +249,6 @@ class StudiedChain:
         laws[len(OVER_COMPENSATED) : -1, :nlink] = random.uniform(*OVER_COMPENSATED, laws[2:-1, :nlink].shape)
         return laws[:-1] if self.spec.study.estimate.compare == "count" else laws
 
-    def deviations_of(self, estimate: Any) -> Array:
-        """Standard deviations (n) of the lumps of an `estimate`, as shares of them."""
-        deviations: Array = estimate.lump_deviations
-        return deviations
-
     shown_by = None  # by which pushes each lump is shown: by all
 
     # What results are told by.

@@ -130,9 +130,10 @@ def _from_estimate(problem: Problem) -> Identifiability:
         trials = [experiment.trial(each, objective.evaluate(each, number)) for number, each in enumerate(candidates)]
         estimate = experiment.estimate([trial for trial in trials if trial is not None])
     count = len(wanted.names)
+    deviations = np.full(count, np.inf) if estimate is None else estimate.value_deviations / wanted.scale
     return Identifiability(
         names=wanted.names,
-        resolution=np.full(count, np.inf) if estimate is None else DEVIATIONS * robot.deviations_of(estimate),
+        resolution=DEVIATIONS * deviations,
         low=np.zeros(count),
         high=np.full(count, np.inf),
         scale=1.0 if wanted.deviations is None else DEVIATIONS * wanted.deviations,

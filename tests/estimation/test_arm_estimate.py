@@ -182,7 +182,7 @@ def test_noisy_readings_tell_base_parameters_within_their_intervals() -> None:
     assert again.iterations == 0, "two hundredths of a standard deviation are not worth a step"
     low, high = estimate.interval()
     np.testing.assert_allclose(high - low, 2.0 * 1.96 * estimate.value_deviations)
-    assert 0.0 < estimate.left_unknown.min() < estimate.left_unknown.max() < 0.1
+    assert 0.0 < estimate.shares(None)[0].min() < estimate.shares(None)[0].max() < 0.1
 
 
 @pytest.mark.slow

@@ -51,7 +51,7 @@ def test_intervals_cover_where_torques_are_noisy() -> None:
     for seed in range(8):
         innovations, true = innovations_of(2, seed)
         low, high = fit_with_torque_noise(innovations, None, np.full(2, TORQUE_NOISE)).interval()
-        lumps = np.exp(innovations.unknowns.design @ true)
+        lumps = innovations.unknowns.lumps(true).vector_of(innovations.unknowns.kinds)
         inside += ((low < lumps) & (lumps < high)).tolist()
     assert np.mean(inside) >= 0.85
 

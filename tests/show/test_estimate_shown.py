@@ -149,9 +149,8 @@ def test_deviation_shrinks_with_every_trial_and_ends_at_the_estimate(estimated: 
     findings = package.load_findings("searched", str(estimated))
     found = findings.estimate
     assert found is not None
-    truth = findings.problem.open_plant().true_lumps()
-    assert truth is not None
-    axes = figures.plot_growth(found, truth.vector_of(found.kinds), Figure().subplots())
+    robot = findings.problem.robot
+    axes = figures.plot_growth(found, robot.true_values(robot.estimated), Figure().subplots())
     deviations, errors = axes.get_lines()
     assert len(deviations.get_xdata()) <= 7
     assert deviations.get_xdata()[-1] == found.trials == 32

@@ -16,14 +16,14 @@ from metaid.models import Array
 from metaid.results import read_snapshot
 from metaid.store import Store
 from metaid.study import create_study, load_study, run_study
-from metaid.study.estimates import ArmFound
+from metaid.study.estimates import StudyEstimate
 
 SENSORS = {"angle_noise": 1e-4, "speed_sensor": False}
 
 
 def found_with(
     folder: Path, searched: tuple[str, ...] | str, seed: int = 0, trials: int = 1, **faults: object
-) -> tuple[ArmFound, Array]:
+) -> tuple[StudyEstimate, Array]:
     """What so many trials on a plant with these faults say, and how many deviations each base parameter is off."""
     wanted = searched if isinstance(searched, str) else list(searched)
     spec = spec_of(**{"trials": trials, "seed": seed, "estimate.faults": wanted})
@@ -31,7 +31,7 @@ def found_with(
     store = Store(str(folder / f"arm-{seed}.db"), create=True)
     run_study(store, create_study(store, spec.model_copy(update={"plant": plant}), "arm"))
     found = read_snapshot(store, "arm").estimate
-    assert isinstance(found, ArmFound)
+    assert found is not None
     true = found.estimate.searched.prior.base.of(spec.plant.arm.tree.parameters)
     return found, np.asarray((found.estimate.values - true) / found.deviations)
 
@@ -71,7 +71,7 @@ def test_what_a_level_base_hides_stays_unknown(tmp_path: Path) -> None:
     a study that takes up faults leaves them as they were.
     """
     found, _ = found_with(tmp_path, "proposed", delay=2, angle_noise=0.0, speed_sensor=True)
-    names, known = found.estimate.searched.prior.base.names, found.estimate.left_unknown
+    names, (known, _) = found.estimate.names, found.estimate.shares(None)
     hidden = [name in ("m1x", "m1y") for name in names]
     assert sum(hidden) == 2
     assert found.estimate.faults is not None

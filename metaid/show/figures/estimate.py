@@ -99,10 +99,10 @@ def plot_residuals(found: StudyEstimate, axes: Axes | None = None) -> Axes:
 
 def plot_covariance(found: StudyEstimate, axes: Axes | None = None) -> Axes:
     """Correlation of the unknowns by the covariance of the estimate."""
-    names, covariance = found.correlated
+    covariance = found.covariance
     deviations = np.sqrt(np.diag(covariance))
     matrix = covariance / np.outer(deviations, deviations)
-    return draw_correlation(matrix, names, "correlation by the estimate", new_axes(axes))
+    return draw_correlation(matrix, list(found.estimate.names), "correlation by the estimate", new_axes(axes))
 
 
 def plot_growth(found: StudyEstimate, true: Array | None, axes: Axes | None = None) -> Axes:
@@ -115,7 +115,7 @@ def plot_growth(found: StudyEstimate, true: Array | None, axes: Axes | None = No
     """
     axes = new_axes(axes)
     counts, estimates = found.growth
-    deviations, errors = zip(*(found.shares(each, true) for each in estimates), strict=True)
+    deviations, errors = zip(*(each.shares(true) for each in estimates), strict=True)
     largest = [100.0 * each.max() for each in deviations]
     axes.plot(counts, largest, "o-", color=SURVIVOR, markersize=3, label="standard deviation")
     if true is not None:
@@ -124,7 +124,7 @@ def plot_growth(found: StudyEstimate, true: Array | None, axes: Axes | None = No
     axes.set_yscale("log")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("trials")
-    axes.set_ylabel(f"largest of {found.share_of}, %")
+    axes.set_ylabel(f"largest of {found.estimate.share_of}, %")
     axes.grid(True)
     axes.legend(loc="best")
     return axes

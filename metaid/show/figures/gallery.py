@@ -103,7 +103,7 @@ class Gallery:
             ("estimate-motion", estimate is not None and not problem.robot.slides.all(), self._motion),
             ("estimate-residuals", estimate is not None, self._residuals),
             ("estimate-correlation", explains, self._covariance),
-            ("estimate-trials", explains and estimate is not None and estimate.counts is None, self._growth),
+            ("estimate-trials", explains and estimate is not None and estimate.estimate.counts is None, self._growth),
             ("episode", episodes, self._episode),
         ]
         return {name: make for name, is_drawn, make in makers if is_drawn}
@@ -304,13 +304,13 @@ class Gallery:
             "By how much the twin's motion differs from what was seen, by push and joint over all trials of the "
             "estimate, scaled by what noise or rounding explains."
         )
-        if self.found.estimate.counts is not None:
+        if self.found.estimate.estimate.counts is not None:
             caption = "By how much the twin's counts of half periods differ from the plant's, by push and joint."
         return Picture("estimate-residuals", caption, figure)
 
     def _covariance(self, width: float) -> Picture:
         assert self.found.estimate is not None
-        figure = square(width, len(self.found.estimate.correlated[0]))
+        figure = square(width, len(self.found.estimate.estimate.names))
         plot_covariance(self.found.estimate, figure.subplots())
         noun = self.found.sought.noun
         caption = (

@@ -10,14 +10,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from metaid.episode import QUANTITIES, Outcome
-from metaid.estimation import ArmEstimate, Estimate
 from metaid.store import ForeignTrial, Trial
-from metaid.study.estimates.arm import ArmFound
-from metaid.study.estimates.chain import ChainFound
 from metaid.study.estimates.study_estimate import StudyEstimate
 from metaid.study.problem import MOST_TRIALS, Problem
 
-FOUND: dict[type, type[StudyEstimate]] = {Estimate: ChainFound, ArmEstimate: ArmFound}
 FIRST_TRIALS = 12  # of which it is looked for how early the estimate was there
 CLOSE = 1e-3  # of what an unknown is a multiple of: so near its last value an estimate was there
 
@@ -75,7 +71,7 @@ def estimate_of(experiment: Any, trials: tuple[Any, ...], is_probed: bool, by_ot
     forces, prediction = searching.unmodelled(trials, estimate), searching.predicted(trials, estimate)
     is_predicted = prediction is None or prediction.holds
     left = not estimate.is_explained or not is_predicted or any(each.is_seen for each in forces)
-    found = FOUND[type(estimate)](
+    found = StudyEstimate(
         estimate,
         len(trials),
         lambda: (experiment, trials),

@@ -7,15 +7,15 @@ trials, is made of the trials when it is asked for.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from metaid.estimation import Approximation, HeldOut, Prediction, Proposal, Replay, TakenUp, Unmodelled
-from metaid.models import Array
+from metaid.estimation import Approximation, Found, HeldOut, Prediction, Proposal, Replay, TakenUp, Unmodelled
+from metaid.models import COARSEST, Array
 from metaid.study.parameters import Known, Parameters
 
 FEW_TRIALS = 3
@@ -44,7 +44,7 @@ class StudyEstimate:
             where counts are compared, which every trial adds to.
     """
 
-    estimate: Any
+    estimate: Found
     trials: int
     seen: Callable[[], tuple[Any, tuple[Any, ...]]] = field(compare=False, repr=False)
     by_others: int = 0
@@ -102,23 +102,58 @@ class StudyEstimate:
         """What the estimate is worth where it does not explain what was seen to the noise, number by number; None where
         it does, where something else speaks against it, and where no push can be left out.
         """
-        return None if self.held_out is None else self._approximated(self.held_out)
+        if self.held_out is None:
+            return None
+        estimate = self.estimate
+        numbers = self.held_out.unknowns[:, : len(estimate.unknowns)] @ estimate.to_numbers.T
+        return Approximation(
+            replace(self.held_out, unknowns=numbers),
+            estimate.widening,
+            estimate.residuals,
+            estimate.joints,
+            np.sqrt(np.diag(estimate.number_covariance)),
+            np.linalg.norm(self._changes, axis=0),
+            estimate.coarsest,
+            not self.impossible and estimate.is_possible,
+        )
 
-    def _approximated(self, held_out: HeldOut) -> Approximation:
-        """What the estimate is worth by what pushes that were `held_out` say."""
-        raise NotImplementedError
+    @property
+    def _changes(self) -> Array:
+        """By how much what the estimate's `names` name (n x nname) would change with the `shifts`."""
+        return np.asarray(self.shifts @ self.estimate.to_numbers.T, dtype=np.float64)
 
-    def shift_in_words(self, shift: Array) -> str:
-        """What a `shift` of the unknowns (nunknown) would change most, and by how much: `gravity_1 would be 3 %
-        larger`.
+    @cached_property
+    def covariance(self) -> Array:
+        """Of what the estimate's `names` name (nname x nname). It holds what a force would change that the trials hint
+        at; where the estimate is approximate it is as wide as its intervals are.
         """
-        raise NotImplementedError
+        own = self.estimate.number_covariance
+        if self.approximation is None:
+            return np.asarray(own + self._changes.T @ self._changes, dtype=np.float64)
+        wider = self.approximation.deviations / self.approximation.own
+        return np.asarray(own * np.outer(wider, wider), dtype=np.float64)
 
-    def beyond(self, reach: Array) -> list[str]:
+    @cached_property
+    def value_covariance(self) -> Array:
+        """Of the values (nvalue x nvalue), in SI units."""
+        by_numbers = self.estimate.to_values
+        return np.asarray(by_numbers @ self.covariance @ by_numbers.T, dtype=np.float64)
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviation of each value (nvalue), in its unit."""
+        return np.sqrt(np.diag(self.value_covariance))
+
+    def _shift_in_words(self, shift: Array) -> str:
+        """What a `shift` of the unknowns (nunknown) would change most, and by how much."""
+        return self.estimate.in_words(self.estimate.to_numbers @ shift)
+
+    def _beyond(self, reach: Array) -> list[str]:
         """The names of what is not determined where the unknowns may be off by each of several independent changes,
         which are the columns of `reach` (nunknown x n).
         """
-        raise NotImplementedError
+        far = np.linalg.norm(self.estimate.to_numbers @ reach, axis=1) > self.estimate.coarsest
+        return [name for name, is_far in zip(self.estimate.names, far, strict=True) if is_far]
 
     @property
     def reasons(self) -> list[str]:
@@ -128,7 +163,7 @@ class StudyEstimate:
     @property
     def provisos(self) -> list[str]:
         """What must not be there for the numbers to be right, for the trials could not tell: sentences that name it."""
-        hidden = ((force, self.beyond(force.reach)) for force in self.forces if force.is_force)
+        hidden = ((force, self._beyond(force.reach)) for force in self.forces if force.is_force)
         said = [
             f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} right only without {force.name}: "
             f"these trials do not show {force.unseen}; push harder, or longer"
@@ -136,7 +171,7 @@ class StudyEstimate:
             if names
         ]
         if self.hinted is not None:
-            moved = self.shift_in_words(self.hinted.shift)
+            moved = self._shift_in_words(self.hinted.shift)
             said.append(
                 f"the trials hint at {self.hinted.description}, with which {moved}, so intervals hold that, too "
                 f"({self.hinted.advice})"
@@ -160,6 +195,8 @@ class StudyEstimate:
     def description(self) -> str:
         """How well the model explains what was seen, in a sentence."""
         estimate = self.estimate
+        if estimate.counts is not None:
+            return _describe_counts(estimate.misfit, estimate.explained_below, estimate.counts)
         left = f"{estimate.misfit:.3g}" if estimate.misfit >= ROUNDING else f"below {ROUNDING}"
         found = f"misfit {left} (explained: below {estimate.explained_below:.3g})"
         if self.explains:
@@ -180,7 +217,7 @@ class StudyEstimate:
         if force is None and self.prediction is not None and not self.prediction.holds:
             return f"{self.prediction.description}; {found}"
         if force is None or (force.left > MOST_LEFT and not estimate.is_explained):
-            return f"the model does not explain what was seen, be it for {self.usual}: {found}"
+            return f"the model does not explain what was seen, be it for {estimate.lacks}: {found}"
         return self._lacking(force, found)
 
     def _lacking(self, force: Unmodelled, found: str) -> str:
@@ -188,39 +225,26 @@ class StudyEstimate:
         what = "a force that the model has not" if force.is_force else "what the model has not"
         return (
             f"the motion shows {what}, {force.description} or one like it: with it "
-            f"{self.shift_in_words(force.shift)} ({force.advice}); {found}"
+            f"{self._shift_in_words(force.shift)} ({force.advice}); {found}"
         )
 
     @property
     def half_width(self) -> float:
         """Half the widest of intervals that hold all that is wanted at once, as a share of it."""
-        raise NotImplementedError
-
-    @property
-    def usual(self) -> str:
-        """What such models often lack, in words."""
-        raise NotImplementedError
-
-    @property
-    def counts(self) -> int | None:
-        """How many counts were compared; None where none were."""
-        return None
-
-    @property
-    def values(self) -> Array:
-        """Of the parameters that the estimate is of (n), in SI units."""
-        raise NotImplementedError
-
-    @property
-    def value_covariance(self) -> Array | None:
-        """Of these (n x n); None where there is none."""
-        raise NotImplementedError
+        return self.estimate.half_width_with(self.value_covariance)
 
     def known(self, wanted: Parameters) -> Known:
         """What is known of the parameters that are `wanted`. One is determined that is known to a tenth of what it is;
         of an arm also to a tenth of what it may have been wrong by beforehand.
         """
-        raise NotImplementedError
+        estimate, values, deviations = self.estimate, self.estimate.values, self.deviations
+        low, high = estimate.interval_with(deviations)
+        if estimate.extent is not None:
+            nothing = np.full(len(values), np.nan)
+            return Known(values, nothing, low, high, high - low <= 2.0 * COARSEST * values)
+        determined = deviations <= COARSEST * wanted.sizes(values)
+        systematic = self.systematic(estimate.to_values @ estimate.to_numbers)
+        return Known(values, deviations, low, high, determined, systematic)
 
     def systematic(self, design: Array) -> Array | None:
         """Standard deviations (n) that what the model may lack adds to numbers that change with the unknowns by a
@@ -231,28 +255,15 @@ class StudyEstimate:
         left_open = np.concatenate([each.left_open for each in self.forces], axis=1)
         return np.asarray(self.widening * np.linalg.norm(design @ left_open, axis=1))
 
-    share_of = "all lumps"  # what `shares` are of
-
-    def shares(self, early: Any, true: Array | None) -> tuple[Array, Array | None]:
-        """Standard deviations of an `early` estimate (n) and, where what is `true` (n) is known, its errors (n), as
-        shares of each lump; of an arm of how wrong each base parameter may have been beforehand.
-        """
-        raise NotImplementedError
-
-    @property
-    def correlated(self) -> tuple[list[str], Array]:
-        """Names (n) and a covariance (n x n) of what hangs together."""
-        raise NotImplementedError
-
     @property
     def widening(self) -> float:
         """By how much the misfit makes standard deviations larger than if the model explained all."""
-        return float(self.estimate.widening)
+        return self.estimate.widening
 
     @property
     def interval_name(self) -> str:
         """What `low` to `high` is."""
-        return interval_name(None)
+        return interval_name(self.estimate.counts)
 
     def replay(self, number: int | None = None) -> Replay:
         """One of the trials as the plant showed it and as the twin at the estimate moves. `number` is that of its table
@@ -268,6 +279,13 @@ class StudyEstimate:
 def _clearest(forces: Iterable[Unmodelled]) -> Unmodelled | None:
     """What leaves least; geometry, which has many unknowns to do so with, where it leaves half of what forces do."""
     return min(forces, key=lambda each: each.left if each.is_force else 2.0 * each.left, default=None)
+
+
+def _describe_counts(misfit: float, explained_below: float, counts: int) -> str:
+    """What it means that so many of all `counts` differ, in a sentence."""
+    if misfit < explained_below:
+        return f"the model counts what was counted: all {counts:,} counts of half periods are the same"
+    return f"no model was found that counts what was counted: in the best, {misfit:,.0f} of {counts:,} counts differ"
 
 
 def worst_shown(residuals: Sequence[Array], explains: bool) -> int:

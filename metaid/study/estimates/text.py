@@ -27,11 +27,19 @@ from metaid.estimation import (
     Unmodelled,
 )
 from metaid.models import Lumps
-from metaid.study.estimates.arm import ArmFound
-from metaid.study.estimates.chain import ChainFound
+from metaid.study.estimates.study_estimate import StudyEstimate
 
-_CLASSES: tuple[type, ...] = (ChainFound, Estimate, Lumps, FoundFaults, SearchedFaults, TakenUp, Proposal)
-_CLASSES += Unmodelled, HeldOut, Prediction, ArmFound, ArmEstimate
+_CLASSES: tuple[type, ...] = (
+    StudyEstimate,
+    Estimate,
+    ArmEstimate,
+    Lumps,
+    FoundFaults,
+    SearchedFaults,
+    TakenUp,
+    Proposal,
+)
+_CLASSES += Unmodelled, HeldOut, Prediction
 KEPT = {one.__name__: one for one in _CLASSES}
 LARGEST = 500_000_000  # bytes of JSON: a text that claims more was not written by metaid
 
