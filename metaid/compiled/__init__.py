@@ -7,10 +7,21 @@ from metaid.compiled.arm_push import ArmPush, law_of, push_arm
 from metaid.compiled.decorator import compiled, fused
 from metaid.compiled.fastest import agrees_with_stepwise, fastest_loop
 from metaid.compiled.faulty_loop import FaultyLoop
-from metaid.compiled.kalman import Spread, add_noise, correct, spread_of, transpose, weigh
+from metaid.compiled.kalman import (
+    Run,
+    Spread,
+    correct,
+    keep_step,
+    likelihood_about,
+    run_of,
+    spread_of,
+    weigh,
+    widen,
+)
 from metaid.compiled.loop import CompiledLoop
 from metaid.compiled.objective import Objective
 from metaid.compiled.quiet import quiet_mujoco
+from metaid.compiled.sharing import share_out
 from metaid.compiled.stages import DirectStep, MujocoStep, fastest_step, mujoco_step
 from metaid.compiled.validation_loops import coasting_steps, track_compiled
 
@@ -21,8 +32,8 @@ __all__ = [
     "FaultyLoop",
     "MujocoStep",
     "Objective",
+    "Run",
     "Spread",
-    "add_noise",
     "agrees_with_stepwise",
     "coasting_steps",
     "compiled",
@@ -30,12 +41,16 @@ __all__ = [
     "fastest_loop",
     "fastest_step",
     "fused",
+    "keep_step",
     "law_of",
+    "likelihood_about",
     "mujoco_step",
     "push_arm",
     "quiet_mujoco",
+    "run_of",
+    "share_out",
     "spread_of",
     "track_compiled",
-    "transpose",
     "weigh",
+    "widen",
 ]

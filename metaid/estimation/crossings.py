@@ -14,12 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.compiled import compiled
+from metaid.compiled import compiled, share_out
 from metaid.estimation.log_unknowns import LogUnknowns
 from metaid.estimation.motion import accelerate, move, set_off
 from metaid.estimation.tangent import force_by_unknowns, linearise, move_tangent
 from metaid.estimation.trials import WatchedTrial
-from metaid.estimation.twin import share_out
 from metaid.estimation.workspace import balance, derivatives, workspace
 from metaid.models import Array
 

@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from metaid.compiled import add_noise, compiled, correct, fused, transpose, weigh
+from metaid.compiled import compiled, correct, fused, keep_step, weigh, widen
 from metaid.estimation.flow import begin_slips, flow
 from metaid.estimation.motion import accelerate, move, set_off
 from metaid.estimation.tangent import linearise
 
 
 @compiled
-def lead(start, begin, forces, readings, balance, settings, noise, steps, work, spread, gains, weights, states):  # type: ignore[no-untyped-def]
+def lead(start, begin, forces, readings, balance, settings, noise, steps, work, spread, run):  # type: ignore[no-untyped-def]
     """Runs one push as the filter does (Eq. 35), and fills in its gains. Returns the sum of the squares of the whitened
     innovations and the logarithm of the determinants of their covariances; NaN where the twin cannot
     follow.
@@ -33,9 +33,7 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
         noise: covariances of a reading, in rad², and of Q, in (N m)² (njoint x njoint each).
         steps: for how many the push is followed.
         spread: see `Spread`.
-        gains: (nstep + 1 x 2 njoint x njoint), filled in.
-        weights: L⁻¹ with L Lᵀ the covariance of an innovation (nstep + 1 x njoint x njoint), in 1/rad, filled in.
-        states: absolute angles, in rad, before speeds, in rad/s, after each reading (nstep + 1 x 2 njoint), filled in.
+        run: a push of a `Run`, of absolute angles, in rad, and their speeds, in rad/s, filled in.
     """
     timesteps, substeps, is_continuous, nothing = settings
     of_reading, of_force = noise
@@ -49,14 +47,15 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
         if reading > 0:
             timestep = timesteps[reading - 1]
             spread.pushed[:] = 0.0
+            for i in range(2 * n):
+                for j in range(2 * n):
+                    spread.step[i, j] = 1.0 if i == j else 0.0
             for _ in range(substeps):
                 begin_slips(work)
                 if not accelerate(reading - 1, forces, balance, work):
                     return np.nan, np.nan
                 linearise(balance, work)
-                _carry(spread.state, timestep, spread, work)
-                transpose(spread)
-                _carry(spread.state, timestep, spread, work)
+                _carry(spread.step, timestep, spread, work)
                 _carry(spread.pushed, timestep, spread, work)
                 for i in range(n):
                     for j in range(n):
@@ -67,11 +66,13 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
                         return np.nan, np.nan
                 elif not move(timestep, work):
                     return np.nan, np.nan
-            add_noise(of_force, spread)
+            widen(of_force, spread)
+            keep_step(reading, spread, run)
         logarithm += weigh(of_reading, spread)
-        squares += correct(readings[reading], spread, work.angle, work.speed, gains[reading], weights[reading])
+        own = run.gains[reading], run.weights[reading], run.missed[reading]
+        squares += correct(readings[reading], spread, work.angle, work.speed, own)
         for i in range(n):
-            states[reading, i], states[reading, n + i] = work.angle[i], work.speed[i]
+            run.states[reading, i], run.states[reading, n + i] = work.angle[i], work.speed[i]
     return squares, logarithm
 
 

@@ -8,13 +8,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.compiled import compiled, spread_of
+from metaid.compiled import Run, compiled, run_of, share_out, spread_of
 from metaid.estimation.driven import watch_readings
 from metaid.estimation.filtered import lead
 from metaid.estimation.log_unknowns import LogUnknowns
 from metaid.estimation.motion import watch_push
 from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, ReadTrial, WatchedTrial
-from metaid.estimation.twin import Led, Motion, share_out
+from metaid.estimation.twin import Filter, Motion
 from metaid.estimation.workspace import Balance, Derivatives, balance, derivatives, workspace
 from metaid.models import Array, Lumps
 
@@ -90,7 +90,7 @@ class PlanarTwin:
         share_out(run, npush, int(steps.sum()) * trial.substeps * each)
         return Coefficients(values, slopes) if followed.all() else None
 
-    def lead(self, filtered: Filtered, joints: Joints | None) -> Led:
+    def lead(self, filtered: Filtered, joints: Joints | None) -> Filter:
         trial, starts, begins, pushes = filtered
         npush, readings, n = trial.readings.shape
         links = np.tril(np.ones((n, n)))  # absolute angles are sums of the joints'
@@ -101,25 +101,24 @@ class PlanarTwin:
         settings = trial.substeps, trial.is_continuous, nothing
         multiplications = int(trial.steps[pushes].sum()) * trial.substeps * 20 * n**3 * _stages(trial)
 
-        def led(torque_noise: Array) -> Gains:
-            noise = of_reading, (torques * torque_noise**2) @ torques.T
-            gains, weights = np.zeros((npush, readings, 2 * n, n)), np.zeros((npush, readings, n, n))
-            states, sums = np.zeros((npush, readings, 2, n)), np.zeros((npush, 2))
+        def run(noise: tuple[Array, Array], is_kept: bool) -> Run:
+            found = run_of(npush, readings, n, is_kept)
 
-            def run(first: int, stride: int) -> None:
+            def share(first: int, stride: int) -> None:
                 room = workspace(n, 0, False, trial.is_continuous), spread_of(n)
                 for push in pushes[first::stride].tolist():
                     pushed = starts[push], covariances[push], trial.forces[push], seen[push]
-                    own = gains[push], weights[push], states[push].reshape(readings, 2 * n)
-                    moving = trial.timesteps[push], *settings
-                    sums[push] = lead(*pushed, forces, moving, noise, trial.steps[push], *room, *own)
+                    moving, own = (trial.timesteps[push], *settings), Run(*(each[push] for each in found))
+                    found.sums[push] = lead(*pushed, forces, moving, noise, trial.steps[push], *room, own)
 
-            share_out(run, len(pushes), multiplications)
-            states[..., 1:] -= states[..., :-1]
-            squares, logarithm = sums.sum(axis=0)
-            return Gains(gains, weights, states.reshape(npush, readings, 2 * n), -0.5 * float(squares + logarithm))
+            share_out(share, len(pushes), multiplications)
+            return found
 
-        return led
+        def joint_states(states: Array) -> Array:
+            absolute = states.reshape(npush, readings, 2, n)
+            return np.diff(absolute, axis=-1, prepend=0.0).reshape(states.shape)
+
+        return Filter(run, of_reading, torques, covariances, trial.steps, pushes, joint_states)
 
     def _forces(self, trial: ReadTrial, joints: Joints | None) -> tuple[Balance, Derivatives]:
         """What the chain moves by where there is no law."""

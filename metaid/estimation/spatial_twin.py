@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from metaid.compiled import Run
 from metaid.compiled.spatial import (
     DrivenPushes,
     Followed,
@@ -20,7 +21,7 @@ from metaid.compiled.spatial import (
 )
 from metaid.estimation.base_unknowns import BaseUnknowns
 from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, ReadTrial, WatchedTrial
-from metaid.estimation.twin import Led, Motion
+from metaid.estimation.twin import Filter, Motion
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS, tilted_gravity
 
@@ -29,7 +30,6 @@ DAMPING, COULOMB = PARAMETERS.index("damping"), PARAMETERS.index("coulomb")
 # Differences to one side cost half of those to both. What they are wrong by, a STEP's share of the curvature, is less
 # than a step of the descent needs to be right by.
 STEP = 1e-7
-THREADS = 2
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class SpatialTwin:
         """Twins under the law of a trial, to the `wanted` (npush) of the `ends` of windows, in steps."""
         stiffness = np.full(len(trial.starts), trial.stiffness)
         windows, frames = (np.ascontiguousarray(ends), wanted), self.unknowns.frames
-        return follow_laws(frames, trial.law, candidates, (trial.starts, stiffness), windows, trial.timestep, THREADS)
+        return follow_laws(frames, trial.law, candidates, (trial.starts, stiffness), windows, trial.timestep)
 
     def drive(self, driven: Driven, joints: Joints | None, led: Gains | None = None) -> Coefficients | None:
         trial, _, steps, basis = driven
@@ -95,13 +95,13 @@ class SpatialTwin:
         if led is None:
             seen = basis, np.arange(len(steps)), steps
             followed = follow_torques(
-                beside.frames, beside.candidates, beside.starts, trial.torques, seen, times, THREADS, beside.spring
+                beside.frames, beside.candidates, beside.starts, trial.torques, seen, times, beside.spring
             )
         else:
             read = trial.readings - beside.offset
             pushes = DrivenPushes(beside.frames, beside.starts, trial.torques, read, steps, beside.spring, times)
             gains = led.gains, led.weights
-            followed = follow_readings(pushes, beside.candidates, gains, np.ascontiguousarray(basis), THREADS)
+            followed = follow_readings(pushes, beside.candidates, gains, np.ascontiguousarray(basis))
         if not followed.arrived[:, steps > 0].all():
             return None
         shown = followed.values.swapaxes(2, 3)
@@ -114,22 +114,20 @@ class SpatialTwin:
             values += np.where(steps[:, None] > 0, basis.sum(axis=1), 0.0)[:, None] * beside.offset[:, None]
         return Coefficients(values, slopes)
 
-    def lead(self, filtered: Filtered, joints: Joints | None) -> Led:
+    def lead(self, filtered: Filtered, joints: Joints | None) -> Filter:
         trial, starts, begins, pushes = filtered
         alike = Driven(replace(trial, start_spread=None), starts, trial.steps, np.zeros((len(starts), 1, 1)))
         beside = SpatialTwin(self.unknowns.alone(self.point), np.empty(0))._beside(alike, joints)
         read = np.ascontiguousarray(trial.readings - beside.offset)
         settings = trial.steps, beside.spring, _times(trial)
         driven = DrivenPushes(beside.frames, beside.starts[0], trial.torques, read, *settings)
-        of_reading, begins = np.diag(trial.noise**2), np.ascontiguousarray(begins)
+        begins, offset = np.ascontiguousarray(begins), np.append(beside.offset, np.zeros_like(beside.offset))
 
-        def led(torque_noise: Array) -> Gains:
-            found = lead_arm(driven, beside.candidates[0], begins, (of_reading, np.diag(torque_noise**2)), pushes)
-            found.states[..., : trial.readings.shape[2]] += beside.offset
-            squares, logarithm = found.sums.sum(axis=0)
-            return Gains(found.gains, found.weights, found.states, -0.5 * float(squares + logarithm))
+        def run(noise: tuple[Array, Array], is_kept: bool) -> Run:
+            return lead_arm(driven, beside.candidates[0], begins, noise, pushes, is_kept)
 
-        return led
+        forces, of_reading = np.eye(len(beside.offset)), np.diag(trial.noise**2)
+        return Filter(run, of_reading, forces, begins, trial.steps, pushes, lambda states: states + offset)
 
     def _beside(self, driven: Driven, joints: Joints | None) -> Beside:
         """The twin of a trial and those beside it, with what the `joints` have besides; None for nothing."""

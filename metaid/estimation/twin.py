@@ -1,24 +1,17 @@
-"""The simulated twin of a robot, as what is compared sees it; and the threads that its pushes share."""
+"""The simulated twin of a robot, as what is compared sees it."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from metaid.compiled import Run, likelihood_about
 from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, WatchedTrial
 from metaid.models import Array
-
-# What a filter finds, by the standard deviation of the noise of each joint's torque (njoint), in N m or N.
-Led = Callable[[Array], Gains]
-
-THREADED = 200_000  # multiplications; threads do not pay for less
 
 
 @dataclass(frozen=True)
@@ -44,6 +37,47 @@ class Motion:
     reached: NDArray[np.int64]
 
 
+@dataclass(frozen=True)
+class Filter:
+    """A filter through some pushes of a trial, in whichever coordinates the twin has.
+
+    Attributes:
+        run: through all of them, by the covariances of a reading and of the forces of a step, and by whether its steps
+            are kept.
+        of_reading: the first of these (njoint x njoint).
+        forces: of the torques (njoint x njoint).
+        begins: covariance of the states at the starts (npush x 2 njoint x 2 njoint).
+        steps: for how many each push is followed (npush).
+        pushes: their numbers.
+        joints: coordinates and speeds of joints, by states.
+    """
+
+    run: Callable[[tuple[Array, Array], bool], Run]
+    of_reading: Array
+    forces: Array
+    begins: Array
+    steps: NDArray[np.int64]
+    pushes: NDArray[np.intp]
+    joints: Callable[[Array], Array]
+
+    def gains(self, torque_noise: Array) -> Gains:
+        """Where the noise of each joint's torque has these standard deviations (njoint), in N m or N."""
+        found = self.run(self._noise(torque_noise), False)
+        return Gains(found.gains, found.weights, self.joints(found.states), -0.5 * float(found.sums.sum()))
+
+    def likelihood_about(self, torque_noise: Array) -> Callable[[Array], float]:
+        """The logarithm of the likelihood of what is filtered, but for a constant, by standard deviations near these
+        (njoint), in N m or N: all by steps that are linearised along one run.  Eq. 37.
+        """
+        run = self.run(self._noise(torque_noise), True)
+        if not np.isfinite(run.sums).all():
+            return lambda _: float("nan")
+        return lambda other: likelihood_about(run, self.begins, self._noise(other), self.steps, self.pushes)
+
+    def _noise(self, torque_noise: Array) -> tuple[Array, Array]:
+        return self.of_reading, np.ascontiguousarray((self.forces * torque_noise**2) @ self.forces.T)
+
+
 class Twin(Protocol):
     """A robot with some unknowns, simulated. The derivatives of what it shows are by these."""
 
@@ -67,30 +101,5 @@ class Twin(Protocol):
                 innovations.
         """
 
-    def lead(self, filtered: Filtered, joints: Joints | None, /) -> Led:
+    def lead(self, filtered: Filtered, joints: Joints | None, /) -> Filter:
         """A filter through some pushes of a trial (Eq. 35), with what `joints` have beside the parameters."""
-
-
-def share_out(run: Callable[[int, int], None], npush: int, multiplications: int) -> None:
-    """Runs every `stride`-th push from each of `stride` firsts on a thread of its own, if that many multiplications
-    are worth it.
-    """
-    threads = min(threads_at_hand(), npush) if multiplications > THREADED else 1
-    waiting = [_pool().submit(run, first, threads) for first in range(1, threads)]
-    run(0, threads)
-    for one in waiting:
-        one.result()
-
-
-def threads_at_hand() -> int:
-    """As many threads as the process may use processors."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-@cache
-def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(max(threads_at_hand() - 1, 1), thread_name_prefix="twin")
-
-
-if hasattr(os, "register_at_fork"):  # a forked process has the pool and none of its threads: it would wait for ever
-    os.register_at_fork(after_in_child=_pool.cache_clear)

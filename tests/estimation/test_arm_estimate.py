@@ -25,6 +25,7 @@ from metaid.estimation import (
     WatchedTrial,
     fit,
 )
+from metaid.estimation.noisy import Innovations
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, Tree
 from metaid.plant import ArmPlant, ArmSettings, ArmStart, FaultSettings, slope_weights
@@ -183,6 +184,20 @@ def test_noisy_readings_tell_base_parameters_within_their_intervals() -> None:
     low, high = estimate.interval()
     np.testing.assert_allclose(high - low, 2.0 * 1.96 * estimate.value_deviations)
     assert 0.0 < estimate.shares(None)[0].min() < estimate.shares(None)[0].max() < 0.1
+
+
+def test_likelihood_of_other_torque_noise_follows_from_one_run() -> None:
+    """That of the filter is the same where it is, and nearly the same with one joint's noise half as large again."""
+    tree = random_arm(3, 2)
+    searched = BaseUnknowns(ArmPrior(tree))
+    trial = read(plant_of(tree, NOISE), searched, tree.parameters, episode_of(tree, 9), 0)
+    innovations = Innovations([trial], searched)
+    (one,), sizes = innovations.filters(np.zeros(len(innovations.spreads) + innovations.extras), 9), np.full(3, 0.1)
+    likelihood, other = one.likelihood_about(sizes), np.array([0.15, 0.07, 0.1])
+    assert likelihood(sizes) == pytest.approx(one.gains(sizes).likelihood, abs=1e-6)
+    lost = one.gains(sizes).likelihood - one.gains(other).likelihood
+    assert abs(lost) > 1.0
+    assert likelihood(sizes) - likelihood(other) == pytest.approx(lost, rel=1e-2)
 
 
 @pytest.mark.slow

@@ -96,6 +96,18 @@ def test_likelihood_is_that_of_all_readings_together() -> None:
     assert innovations.likelihood(np.zeros(1), np.array([torque]), 1) == pytest.approx(expected)
 
 
+def test_likelihood_of_other_sizes_follows_from_one_run() -> None:
+    """That of the filter is the same where it is, and nearly the same with one joint's noise half as large again."""
+    innovations, true = innovations_of(2, 1)
+    (one, *_), sizes = innovations.filters(np.append(true, np.zeros(innovations.extras)), 48), np.full(2, TORQUE_NOISE)
+    likelihood = one.likelihood_about(sizes)
+    assert likelihood(sizes) == pytest.approx(one.gains(sizes).likelihood, abs=1e-6)
+    other = sizes * [1.5, 0.7]
+    lost = one.gains(sizes).likelihood - one.gains(other).likelihood
+    assert lost > 1.0
+    assert likelihood(sizes) - likelihood(other) == pytest.approx(lost, rel=1e-2)
+
+
 def test_what_the_filter_finds_of_a_push_depends_on_no_other() -> None:
     """Dry friction that builds up begins anew in each, whichever went before on the same thread."""
     seen = watched(2, faults=NOISY)
@@ -106,7 +118,7 @@ def test_what_the_filter_finds_of_a_push_depends_on_no_other() -> None:
     def led(*pushes: int) -> Gains:
         starts = upright(trial.start_speeds)
         through = Filtered(trial, starts, np.tile(1e-2 * np.eye(4), (len(starts), 1, 1)), np.array(pushes))
-        return twin.lead(through, joints)(np.full(2, TORQUE_NOISE))
+        return twin.lead(through, joints).gains(np.full(2, TORQUE_NOISE))
 
     together = led(0, 1, 2, 3)
     for push in (2, 3):

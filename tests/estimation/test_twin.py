@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from watched import GRAVITY, raised, watched
 
-from metaid.estimation import LogUnknowns, twin
+from metaid.compiled import share_out, sharing
+from metaid.estimation import LogUnknowns
 from metaid.estimation.planar_twin import PlanarTwin
-from metaid.estimation.twin import Motion, share_out
+from metaid.estimation.twin import Motion
 from metaid.models import Array
 
 ALL = ("gravity", "coriolis", "damping", "coulomb", "inertia")
@@ -81,7 +82,7 @@ def test_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     trial, unknowns = seen.trial(seen.nominal.lumps), LogUnknowns(seen.nominal.lumps, GRAVITY)
     motions = []
     for threads in (1, 2):
-        monkeypatch.setattr(twin, "threads_at_hand", lambda threads=threads: threads)
+        monkeypatch.setattr(sharing, "threads_at_hand", lambda threads=threads: threads)
         motions.append(PlanarTwin(unknowns, np.zeros(len(unknowns.names))).watch(trial, len(trial.ends)))
     assert np.array_equal(motions[0].speeds, motions[1].speeds)
     assert np.array_equal(motions[0].speed_slopes, motions[1].speed_slopes)

@@ -7,7 +7,7 @@
 from metaid.compiled.spatial.arm_loop import ArmLoop, commanded_arm_torques
 from metaid.compiled.spatial.arm_validation import arm_coasting_steps, track_arm
 from metaid.compiled.spatial.dynamics import Frames, frames_of
-from metaid.compiled.spatial.filters import DrivenPushes, Led, follow_readings, lead_arm
+from metaid.compiled.spatial.filters import DrivenPushes, follow_readings, lead_arm
 from metaid.compiled.spatial.twins import Followed, Times, follow_laws, follow_torques
 
 __all__ = [
@@ -15,7 +15,6 @@ __all__ = [
     "DrivenPushes",
     "Followed",
     "Frames",
-    "Led",
     "Times",
     "arm_coasting_steps",
     "commanded_arm_torques",

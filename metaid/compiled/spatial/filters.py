@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.compiled.decorator import compiled
-from metaid.compiled.kalman import add_noise, correct, spread_of, weigh
+from metaid.compiled.kalman import Run, correct, keep_step, run_of, spread_of, weigh, widen
 from metaid.compiled.spatial.dynamics import Frames, new_space
 from metaid.compiled.spatial.friction import new_motion
 from metaid.compiled.spatial.twins import Followed, Times, move_on, set_off, shared
@@ -44,22 +44,14 @@ class DrivenPushes(NamedTuple):
     times: Times
 
 
-class Led(NamedTuple):
-    """What a filter has, at each reading of each push: gains (npush x nstep + 1 x 2 njoint x njoint); weights L⁻¹, L Lᵀ
-    being the covariance of an innovation (npush x nstep + 1 x njoint x njoint); the state after it, coordinates before
-    speeds (npush x nstep + 1 x 2 njoint). And of each push the squares of its whitened innovations and the logarithms
-    of the determinants of their covariances, summed up (npush x 2); NaN where the twin cannot follow.
-    """
-
-    gains: Array
-    weights: Array
-    states: Array
-    sums: Array
-
-
 def lead_arm(
-    pushes: DrivenPushes, parameters: Array, begins: Array, noise: tuple[Array, Array], chosen: NDArray[np.intp]
-) -> Led:
+    pushes: DrivenPushes,
+    parameters: Array,
+    begins: Array,
+    noise: tuple[Array, Array],
+    chosen: NDArray[np.intp],
+    is_kept: bool = False,
+) -> Run:
     """The filter's run through pushes.  Eq. 35.
 
     Args:
@@ -68,20 +60,20 @@ def lead_arm(
         begins: covariance of coordinates and speeds at the starts (npush x 2 njoint x 2 njoint).
         noise: covariances of a reading and of the torques that are held for a step (njoint x njoint each).
         chosen: which pushes it runs through.
+        is_kept: whether its steps are kept.
     """
     npush, nreading, n = pushes.readings.shape
-    gains, weights = np.zeros((npush, nreading, 2 * n, n)), np.zeros((npush, nreading, n, n))
-    led = Led(gains, weights, np.zeros((npush, nreading, 2 * n)), np.zeros((npush, 2)))
-    work = new_motion(n), new_motion(n), new_space(n), np.zeros((4, n)), np.zeros((3, 2 * n, 2 * n))
-    values, spread = np.array(parameters, order="C"), spread_of(n)
+    run = run_of(npush, nreading, n, is_kept)
+    work, spread = (new_motion(n), new_motion(n), new_space(n), np.zeros((4, n))), spread_of(n)
+    values = np.array(parameters, order="C")
     for push in chosen.tolist():
         settings = pushes.spring, pushes.times.timesteps[push], pushes.times.substeps, pushes.times.is_continuous
         pushed = pushes.starts[push], begins[push], pushes.torques[push], pushes.readings[push]
-        own = gains[push], weights[push], led.states[push]
-        led.sums[push] = _lead_push(
+        own = Run(*(each[push] for each in run))
+        run.sums[push] = _lead_push(
             pushes.frames, values, pushed, settings, noise, pushes.steps[push], work, spread, own
         )
-    return led
+    return run
 
 
 def follow_readings(
@@ -89,7 +81,6 @@ def follow_readings(
     candidates: Array,
     led: tuple[Array, Array],
     basis: Array,
-    threads: int = 2,
 ) -> Followed:
     """Coefficients of the whitened innovations (ncandidate x npush x ncoefficient x njoint) of twins that are led by
     readings with given gains and weights.  Eq. 36.
@@ -99,24 +90,22 @@ def follow_readings(
         candidates: parameters of the twins (ncandidate x njoint x 13).
         led: gains and weights of the filter, as `Led` has them.
         basis: polynomials at every reading of each push (npush x nstep + 1 x ncoefficient).
-        threads: that share the candidates.
     """
     shape = len(candidates), len(pushes.torques), basis.shape[2], pushes.torques.shape[2]
 
     def share(*rest: Any) -> None:
         _follow_readings(pushes, candidates, led, basis, *rest)
 
-    return shared(share, shape, threads)
+    return shared(share, shape, int(pushes.steps.sum()) * pushes.times.substeps)
 
 
 @compiled
-def _lead_push(frames, parameters, pushed, settings, noise, steps, work, spread, led):  # type: ignore[no-untyped-def]
+def _lead_push(frames, parameters, pushed, settings, noise, steps, work, spread, run):  # type: ignore[no-untyped-def]
     """One push; its two sums."""
     start, begin, torques, readings = pushed
     spring, timesteps, substeps, is_continuous = settings
     of_reading, of_torque = noise
-    motion, other, space, vectors, matrices = work
-    gains, weights, states = led
+    motion, other, space, vectors = work
     n = start.shape[1]
     if not set_off(frames, parameters, start, motion, space):
         return np.nan, np.nan
@@ -135,23 +124,24 @@ def _lead_push(frames, parameters, pushed, settings, noise, steps, work, spread,
             if not move_on(frames, parameters, torques[reading - 1], spring, moving, motion, space):
                 return np.nan, np.nan
             step = before, torques[reading - 1], vectors[3], (spring, moving)
-            if not _linearise(frames, parameters, step, motion, other, space, matrices, spread.pushed):
+            if not _linearise(frames, parameters, step, motion, other, space, spread):
                 return np.nan, np.nan
-            _carry(matrices, spread.state)
-            add_noise(of_torque, spread)
+            widen(of_torque, spread)
+            keep_step(reading, spread, run)
         logarithm += weigh(of_reading, spread)
-        seen, gain, weight = readings[reading], gains[reading], weights[reading]
-        squares += correct(seen, spread, motion.position, motion.speed, gain, weight)
+        own = run.gains[reading], run.weights[reading], run.missed[reading]
+        squares += correct(readings[reading], spread, motion.position, motion.speed, own)
         for i in range(n):
-            states[reading, i], states[reading, n + i] = motion.position[i], motion.speed[i]
+            run.states[reading, i], run.states[reading, n + i] = motion.position[i], motion.speed[i]
     return squares, logarithm
 
 
 @compiled
-def _linearise(frames, parameters, step, motion, other, space, matrices, pushed):  # type: ignore[no-untyped-def]
-    """Fills in what a step makes of the state before it (the first of the `matrices`, 2n x 2n) and of its torque
-    (`pushed`, 2n x n), by differences; whether a twin beside could follow. `motion` is the state after it.
+def _linearise(frames, parameters, step, motion, other, space, spread):  # type: ignore[no-untyped-def]
+    """Fills in what a step makes of the state before it and of its torque, by differences; whether a twin beside could
+    follow. `motion` is the state after it.
     """
+    moved, pushed = spread.step, spread.pushed
     before, torque, changed, (spring, times) = step
     n = torque.shape[0]
     for column in range(3 * n):
@@ -171,29 +161,10 @@ def _linearise(frames, parameters, step, motion, other, space, matrices, pushed)
         for i in range(n):
             by_position, by_speed = other.position[i] - motion.position[i], other.speed[i] - motion.speed[i]
             if column < 2 * n:
-                matrices[0, i, column], matrices[0, n + i, column] = by_position / size, by_speed / size
+                moved[i, column], moved[n + i, column] = by_position / size, by_speed / size
             else:
                 pushed[i, column - 2 * n], pushed[n + i, column - 2 * n] = by_position / size, by_speed / size
     return True
-
-
-@compiled
-def _carry(matrices, state):  # type: ignore[no-untyped-def]
-    """A P Aᵀ in place of the covariance P (2n x 2n), A being the first of the `matrices`."""
-    slopes, carried = matrices[0], matrices[1]
-    size = state.shape[0]
-    for r in range(size):
-        for c in range(size):
-            total = 0.0
-            for k in range(size):
-                total += slopes[r, k] * state[k, c]
-            carried[r, c] = total
-    for r in range(size):
-        for c in range(size):
-            total = 0.0
-            for k in range(size):
-                total += carried[r, k] * slopes[c, k]
-            state[r, c] = total
 
 
 @compiled

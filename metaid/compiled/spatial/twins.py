@@ -6,7 +6,6 @@ All candidates of a call have the same pushes, and are shared among threads. A t
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.compiled.decorator import compiled
+from metaid.compiled.sharing import share_out
 from metaid.compiled.spatial.dynamics import Frames, fill_law, fill_mass_matrix, joint_torques, move_links, new_space
 from metaid.compiled.spatial.friction import (
     accelerate_freely,
@@ -23,6 +23,7 @@ from metaid.compiled.spatial.friction import (
 )
 from metaid.models import Array
 
+MULTIPLICATIONS = 500  # of a step, for each joint
 TOO_FAST = 1e3  # rad/s or m/s: no arm that is simulated gets there
 
 
@@ -54,7 +55,6 @@ def follow_laws(
     pushes: tuple[Array, Array],
     windows: tuple[NDArray[np.int64], NDArray[np.int64]],
     timestep: float,
-    threads: int = 2,
 ) -> Followed:
     """Joint speeds at the ends of windows (ncandidate x npush x nwindow x njoint) of twins under the law that was sent.
 
@@ -65,14 +65,13 @@ def follow_laws(
         pushes: joint coordinates and speeds at the starts (npush x 2 x njoint), and k (npush), in 1/s².
         windows: the steps at which they end (nwindow), and how many of them are wanted of each push (npush).
         timestep: in s.
-        threads: that share the candidates.
     """
     shape = len(candidates), len(pushes[0]), len(windows[0]), law.shape[0]
 
     def share(*rest: Any) -> None:
         _follow_law(frames, law, candidates, pushes, windows, timestep, *rest)
 
-    return shared(share, shape, threads)
+    return shared(share, shape, len(pushes[0]) * int(windows[0][-1]))
 
 
 def follow_torques(
@@ -82,7 +81,6 @@ def follow_torques(
     torques: Array,
     seen: tuple[Array, NDArray[np.int64], NDArray[np.int64]],
     times: Times,
-    threads: int = 2,
     spring: Array | None = None,
 ) -> Followed:
     """Coefficients of the joint coordinates (ncandidate x npush x ncoefficient x njoint) of twins that are driven by
@@ -96,7 +94,6 @@ def follow_torques(
         seen: polynomials at every reading (nbasis x nstep + 1 x ncoefficient), which of them is for each push (npush),
             and for how many steps it is followed (npush).
         times: how the twins move between two readings.
-        threads: that share the candidates.
         spring: stiffness of springs in the joints (njoint), in N m/rad or N/m; None for none.
     """
     pulled = np.zeros(torques.shape[2]) if spring is None else spring
@@ -105,20 +102,20 @@ def follow_torques(
     def share(*rest: Any) -> None:
         _follow_torque(frames, candidates, starts, torques, pulled, seen, times, *rest)
 
-    return shared(share, shape, threads)
+    return shared(share, shape, int(seen[2].sum()) * times.substeps)
 
 
-def shared(fill: Callable[..., None], shape: tuple[int, int, int, int], threads: int) -> Followed:
-    """What `fill` fills in, on that many threads, each with a share of the candidates: values of this `shape`."""
+def shared(fill: Callable[..., None], shape: tuple[int, int, int, int], steps: int) -> Followed:
+    """What `fill` fills in, values of this `shape`: on several threads, each with a share of the candidates, where all
+    `steps` of one are worth it.
+    """
     values, arrived = np.zeros(shape), np.zeros(shape[:2], dtype=np.bool_)
-    threads = min(threads, shape[0])
 
-    def run(first: int) -> None:
+    def run(first: int, stride: int) -> None:
         work = np.zeros((shape[3], 13)), new_motion(shape[3]), new_space(shape[3])
-        fill((first, threads), work, values, arrived)
+        fill((first, stride), work, values, arrived)
 
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(run, range(threads)))
+    share_out(run, shape[0], shape[0] * steps * MULTIPLICATIONS * shape[3])
     return Followed(values, arrived)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 
 from metaid.estimation.noisy.readings import Readings, started
 from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, ReadTrial
-from metaid.estimation.twin import Led
+from metaid.estimation.twin import Filter
 from metaid.models import Array
 
 NOTHING = 1e-3  # of cost: beside noise whose size is found, too, less changes nothing
@@ -60,16 +59,16 @@ class Innovations(Readings):
         """The same with the gains at a `point`, where torques of the joints have noise of these standard deviations
         (njoint), in N m; None where the twin cannot follow from there.
         """
-        gains = tuple(led(torque_noise) for led in self.filters(point))
+        gains = tuple(each.gains(torque_noise) for each in self.filters(point))
         return replace(self, gains=gains) if all(np.isfinite(each.likelihood) for each in gains) else None
 
     def likelihood(self, point: Array, torque_noise: Array, pushes: int) -> float:
         """The logarithm of the likelihood of the readings of about so many `pushes`, but for a constant, at a `point`,
         where torques of the joints have noise of these standard deviations (njoint), in N m.  Eq. 37.
         """
-        return likelihood_of(self.filters(point, pushes), torque_noise)
+        return sum(each.gains(torque_noise).likelihood for each in self.filters(point, pushes))
 
-    def filters(self, point: Array, most: int | None = None) -> list[Led]:
+    def filters(self, point: Array, most: int | None = None) -> list[Filter]:
         """The filter of each trial at a `point`. Where it is said of about how many pushes at `most` of all trials, it
         is for their likelihood: then their start speeds are not those of the point, to which the noise of the torques
         has already led, but any.
@@ -77,7 +76,7 @@ class Innovations(Readings):
         each = None if most is None else -(-most // len(self.trials))
         return [self._filter(number, point, each) for number in range(len(self.trials))]
 
-    def _filter(self, number: int, point: Array, most: int | None) -> Led:
+    def _filter(self, number: int, point: Array, most: int | None) -> Filter:
         """That of a trial."""
         unknowns, whitened = self._of_trial(number, point)
         log_factors, faults = self._parted(unknowns)
@@ -92,10 +91,3 @@ class Innovations(Readings):
             own = 2 * n - trial.start_spread.shape[-1]
             begins[:, own:, own:] = trial.start_spread @ trial.start_spread.swapaxes(1, 2)
         return self._twin(log_factors).lead(Filtered(trial, starts, begins, pushes), self._joints(faults))
-
-
-def likelihood_of(filters: Sequence[Led], torque_noise: Array) -> float:
-    """The logarithm of the likelihood of what is filtered, but for a constant, where torques have noise of these
-    standard deviations (njoint), in N m.  Eq. 37.
-    """
-    return sum(led(torque_noise).likelihood for led in filters)

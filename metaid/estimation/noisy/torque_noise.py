@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from metaid.estimation.estimate import Found, begun, fit
-from metaid.estimation.noisy.innovations import Innovations, likelihood_of
-from metaid.estimation.twin import Led
+from metaid.estimation.noisy.innovations import Innovations
 from metaid.models import Array
 
 MOST_ROUNDS = 6  # of gains and unknowns in turn
@@ -17,7 +17,10 @@ APART, FARTHEST = 0.05, 1.5  # in the logarithm of a size: for its derivatives, 
 MOST_SWEEPS, CLOSE = 8, 0.02  # of the search for the sizes, and the step that ends it
 ALIKE = 0.3  # standard deviation of the logarithm of a joint's size about their mean, beforehand
 ROUGH_PUSHES, PUSHES = 12, 48  # whose readings tell the sizes: in the first round, and after it
+ROOM = 30_000_000  # numbers that linearised steps of pushes take, at most
 FLAT = 0.5  # of the logarithm of the likelihood by that of a size: noise so small that it tells nothing
+
+Likelihood = Callable[[Array], float]  # its logarithm, by the sizes (njoint)
 
 
 def fit_with_torque_noise(
@@ -76,21 +79,25 @@ def likeliest_noise(
             before.
     """
     joints, logarithms = np.eye(len(torque_noise)), np.log(torque_noise)
-    filters = innovations.filters(point, pushes)
+    numbers = max(trial.torques.shape[1] for trial in innovations.trials) * 6 * len(torque_noise) ** 2
+    filters = innovations.filters(point, max(min(pushes, ROOM // numbers), 1))
     for directions in (np.ones_like(joints[:1]), joints) if sweeps > 1 else (joints,):
         for _ in range(sweeps):
             before = logarithms
+            parts = [each.likelihood_about(np.exp(logarithms)) for each in filters]
             for direction in directions:
-                logarithms = logarithms + _step(filters, logarithms, direction) * direction
+                logarithms = logarithms + _step(parts, logarithms, direction) * direction
             if float(np.abs(logarithms - before).max()) < CLOSE:
                 break
     return np.exp(logarithms)
 
 
-def _step(filters: list[Led], logarithms: Array, direction: Array) -> float:
-    """The step of the `logarithms` (njoint) of sizes in a `direction` (njoint), to the top of a parabola."""
+def _step(parts: list[Likelihood], logarithms: Array, direction: Array) -> float:
+    """The step of the `logarithms` (njoint) of sizes in a `direction` (njoint), to the top of a parabola, by what the
+    `parts` of the readings say.
+    """
     tried = (logarithms + step * direction for step in (-APART, 0.0, APART))
-    less, here, more = (likelihood_of(filters, np.exp(each)) + _log_prior(each) for each in tried)
+    less, here, more = (sum(part(np.exp(each)) for part in parts) + _log_prior(each) for each in tried)
     slope, curvature = (more - less) / (2.0 * APART), (more - 2.0 * here + less) / APART**2
     if not np.isfinite(slope + curvature) or (slope < 0.0 and slope > -FLAT):
         return 0.0
