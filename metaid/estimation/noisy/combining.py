@@ -60,7 +60,7 @@ def combine(
     if combining is None:
         return None
     taken_up = () if estimate.faults is None else estimate.faults.searched.kinds
-    tried = [_grown(combining, combining.fitted(known, None), readings)]
+    tried = [_grown(combining, next(iter(_in_order(combining.beginnings(known))), None), readings)]
     if taken_up != known and not (tried[0] is not None and combining.explains(tried[0][0])):
         tried.append(_grown(combining, combining.fitted(taken_up, None, estimate.start), readings))
     grown = [each for each in tried if each is not None]

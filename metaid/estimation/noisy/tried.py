@@ -103,6 +103,19 @@ class Combining:
         likelihood = left.likelihood(point, sizes, PUSHES)
         return Tried(found, faults, likelihood) if np.isfinite(likelihood) else None
 
+    def beginnings(self, kinds: tuple[str, ...]) -> list[Tried]:
+        """The fits with faults of these `kinds` from the nominal model, where the twin can follow: without and with
+        limits of the motors, where these show there. Without them the first may lose the plant for good.
+        """
+        kept = replace(self.kept, faults=self._bounded(kinds, None))
+        nominal = np.zeros(len(kept.spreads) + kept.extras)
+        led = None if "limit" in kinds else kept.led(nominal, self.torque_noise)
+        limits = None if led is None else limits_shown(led, nominal)
+        tried = [self.fitted(kinds, None)]
+        if limits is not None:
+            tried.append(self.fitted((*kinds, "limit"), None, scanned=Scanned(limits=limits)))
+        return [each for each in tried if each is not None]
+
     def settled(self, tried: Tried) -> Tried:
         """The same fit, gone on with until pushes that were left out become no more likely: gains and unknowns are
         found in turn, and what is left to gain is not to be another fault's.
