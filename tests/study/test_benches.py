@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from places import ROOT
 
+from benchmarks import benches
 from benchmarks.bench_torque import true_torque
 from benchmarks.benches import run_bench, try_bench
 from metaid.exporting import file_torques
@@ -99,6 +100,17 @@ def test_limits_of_the_torques_of_a_bench_are_found_by_default() -> None:
     assert judged.verdict == "found"
     assert judged.worst < 1e-3
     assert json.loads(judged.taken_up) == pytest.approx({"limit_1": 2.0, "limit_2": 0.5}, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_limits_so_low_that_the_nominal_model_loses_the_plant_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From one trial, in which most of what is commanded is cut off."""
+    monkeypatch.setitem(benches.ROWS, "low", ("", benches.ENCODER | {"torque_limit": (1.2, 0.3)}))
+    monkeypatch.setattr(benches, "TRIALS", 1)
+    judged = benches.try_bench("low", "2", 0.002, 2)
+    assert judged.verdict == "found"
+    assert judged.worst < 1e-3
+    assert judged.held == judged.lumps
 
 
 @pytest.mark.slow
