@@ -57,7 +57,14 @@ class Run(NamedTuple):
 
 
 def run_of(npush: int, nreading: int, n: int, is_kept: bool) -> Run:
-    """Room for that of so many pushes and readings of n joints; whether steps are to be kept."""
+    """Room for a run.
+
+    Args:
+        npush: how many pushes there are.
+        nreading: how many readings of each.
+        n: how many joints.
+        is_kept: whether steps are to be kept.
+    """
     seen, nstep = (npush, nreading), (nreading - 1) * is_kept
     shapes = (*seen, 2 * n, n), (*seen, n, n), (*seen, 2 * n), (*seen, n), (npush, 2)
     return Run(*map(np.zeros, (*shapes, (npush, nstep, 2 * n, 2 * n), (npush, nstep, 2 * n, n))))

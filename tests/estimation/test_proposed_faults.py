@@ -43,9 +43,16 @@ def test_faults_that_explain_the_misfit_are_proposed(
     assert re.search(said, proposal.description)
 
 
-def test_fault_that_does_not_explain_the_misfit_is_not_proposed() -> None:
-    """A torque limit that cuts off half of what is asked is none of those that can be searched."""
-    seen = watched(1, 5, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False, torque_limit=1.0))
+@pytest.mark.parametrize(
+    ("faults", "kinds"),
+    [({"torque_limit": 1.0}, ("limit",)), ({"torque_noise": 0.5}, None)],
+    ids=["cut off", "noisy"],
+)
+def test_of_one_link_what_explains_the_misfit_is_proposed_and_nothing_else(
+    faults: dict[str, Any], kinds: tuple[str, ...] | None
+) -> None:
+    """Torques that are cut off at half of what is asked are, and no fault is where they are noisy."""
+    seen = watched(1, 5, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False, **faults))
     unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
     readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns)
 
@@ -54,4 +61,5 @@ def test_fault_that_does_not_explain_the_misfit_is_not_proposed() -> None:
 
     estimate = fit(readings, restarts=0)
     assert not estimate.is_explained
-    assert proposed_faults(readings, estimate, search, some_torque(seen), 0.0) is None
+    proposal = proposed_faults(readings, estimate, search, some_torque(seen), 0.0)
+    assert (None if proposal is None else proposal.kinds) == kinds
