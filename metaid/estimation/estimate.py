@@ -112,7 +112,11 @@ class Found(Fit):
     @cached_property
     def value_covariance(self) -> Array:
         """Of the values (nvalue x nvalue)."""
-        return np.asarray(self.to_values @ self.number_covariance @ self.to_values.T, dtype=np.float64)
+        return self.of_values(self.number_covariance)
+
+    def of_values(self, covariance: Array) -> Array:
+        """Covariance of the values (nvalue x nvalue), by a `covariance` of what the `names` name (nname x nname)."""
+        return np.asarray(self.to_values @ covariance @ self.to_values.T, dtype=np.float64)
 
     @property
     def value_deviations(self) -> Array:

@@ -50,7 +50,7 @@ def lead_arm(
     begins: Array,
     noise: tuple[Array, Array],
     chosen: NDArray[np.intp],
-    is_kept: bool = False,
+    is_kept: bool,
 ) -> Run:
     """The filter's run through pushes.  Eq. 35.
 

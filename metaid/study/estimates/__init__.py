@@ -1,7 +1,6 @@
 """What all trials of a study say together, as it is kept with the study: see `kept`.
 
-`StudyEstimate` is that of any robot. Neither MuJoCo nor numba
-is loaded where it is read.
+`StudyEstimate` is that of any robot. Neither MuJoCo nor numba is loaded where it is read.
 """
 
 from metaid.study.estimates.kept import estimate_from, keep_estimate, kept_with

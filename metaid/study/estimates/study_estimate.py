@@ -136,8 +136,7 @@ class StudyEstimate:
     @cached_property
     def value_covariance(self) -> Array:
         """Of the values (nvalue x nvalue), in SI units."""
-        by_numbers = self.estimate.to_values
-        return np.asarray(by_numbers @ self.covariance @ by_numbers.T, dtype=np.float64)
+        return self.estimate.of_values(self.covariance)
 
     @property
     def deviations(self) -> Array:
