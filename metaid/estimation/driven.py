@@ -46,9 +46,10 @@ def watch_readings(start, forces, balance, derivatives, settings, led, basis, st
                 continue
             if not accelerate(reading - 1, forces, balance, work):
                 return False
-            linearise(balance, work)
-            force_by_unknowns(derivatives, work)
-            move_tangent(timestep, 0.0, False, work)
+            if work.moved.shape[1] > 0:
+                linearise(balance, work)
+                force_by_unknowns(derivatives, work)
+                move_tangent(timestep, 0.0, False, work)
             if not move(timestep, work):
                 return False
         if readings.shape[0] > 0:

@@ -34,10 +34,11 @@ def flow(step, forces, balance, derivatives, timestep, work):  # type: ignore[no
     for stage in range(4):
         if not accelerate(step, forces, balance, work):
             return False
-        linearise(balance, work)
-        force_by_unknowns(derivatives, work)
-        _force_by_slips(balance, work)
-        accelerate_tangent(work)
+        if work.moved.shape[1] > 0:
+            linearise(balance, work)
+            force_by_unknowns(derivatives, work)
+            _force_by_slips(balance, work)
+            accelerate_tangent(work)
         weight = timestep / 6.0 if stage == 0 or stage == 3 else timestep / 3.0
         ahead = 0.0 if stage == 3 else timestep if stage == 2 else 0.5 * timestep
         for i in range(n):
