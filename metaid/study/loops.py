@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 QUIETEST = 1e-9  # rad: so far a twin agrees with a sensor that has no noise
 QUIETEST_RIG = 1e-4  # rad: the least noise that readings of a rig are taken to have, that of an encoder of 14 bits
-SUBSTEPS = 2  # of the twin of a rig that moves continuously, in each timestep of it
+LONGEST_STEP = 3e-3  # s, of the twin of a rig that moves continuously: `study check` says what its steps are wrong by
 
 
 def loop_of_rig(
@@ -36,7 +37,7 @@ def loop_of_rig(
     from metaid.estimation import Loop  # loads numba, which most readers of a study do without
 
     is_continuous = rig.motion == "continuous"
-    substeps = SUBSTEPS if is_continuous else 1
+    substeps = math.ceil(rig.timestep / LONGEST_STEP) if is_continuous else 1
     noise = np.zeros(rig.joints) if angle_noise is None else np.array(angle_noise)
     return Loop(
         timestep=rig.timestep / substeps,
