@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from metaid.compiled import Run
 from metaid.compiled.spatial import (
+    EULER,
+    MIDPOINT,
+    RUNGE_KUTTA,
     DrivenPushes,
     Followed,
     Frames,
@@ -49,6 +52,21 @@ class Beside:
     starts: Array
     spring: Array
     offset: Array
+
+    @property
+    def first(self) -> Beside:
+        """The twin alone."""
+        return replace(self, candidates=self.candidates[:1], starts=self.starts[:1])
+
+    def follow(self, driven: Driven, times: Times, led: Gains | None) -> Followed:
+        """What all of them show in a trial, led by its readings where there are gains."""
+        trial, _, steps, basis = driven
+        if led is None:
+            seen = basis, np.arange(len(steps)), steps
+            return follow_torques(self.frames, self.candidates, self.starts, trial.torques, seen, times, self.spring)
+        read = trial.readings - self.offset
+        pushes = DrivenPushes(self.frames, self.starts, trial.torques, read, steps, self.spring, times)
+        return follow_readings(pushes, self.candidates, (led.gains, led.weights), np.ascontiguousarray(basis))
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,24 +110,18 @@ class SpatialTwin:
     def drive(self, driven: Driven, joints: Joints | None, led: Gains | None = None) -> Coefficients | None:
         trial, _, steps, basis = driven
         beside, times = self._beside(driven, joints), _times(trial)
-        if led is None:
-            seen = basis, np.arange(len(steps)), steps
-            followed = follow_torques(
-                beside.frames, beside.candidates, beside.starts, trial.torques, seen, times, beside.spring
-            )
-        else:
-            read = trial.readings - beside.offset
-            pushes = DrivenPushes(beside.frames, beside.starts, trial.torques, read, steps, beside.spring, times)
-            gains = led.gains, led.weights
-            followed = follow_readings(pushes, beside.candidates, gains, np.ascontiguousarray(basis))
-        if not followed.arrived[:, steps > 0].all():
+        is_apart = times.order == RUNGE_KUTTA and len(beside.candidates) > 1
+        # How far twins are from each other, steps of a lower order tell as well, in half of the time.
+        followed = beside.follow(driven, times._replace(order=MIDPOINT) if is_apart else times, led)
+        own = beside.first.follow(driven, times, led) if is_apart else followed
+        if not (followed.arrived & own.arrived)[:, steps > 0].all():
             return None
         shown = followed.values.swapaxes(2, 3)
         slopes = np.ascontiguousarray(np.moveaxis((shown[1:] - shown[0]) / STEP, 0, -1))
         if (count := len(self.point)) and self.unknowns.is_level:
             # Differences have rounding where nothing moves, which on exact sensors would pass for knowledge.
             slopes[..., count - self.unknowns.prior.hidden_level : count] = 0.0
-        values = np.where((steps > 0)[:, None, None], shown[0], 0.0)
+        values = np.where((steps > 0)[:, None, None], own.values[0].swapaxes(1, 2), 0.0)
         if led is None:
             values += np.where(steps[:, None] > 0, basis.sum(axis=1), 0.0)[:, None] * beside.offset[:, None]
         return Coefficients(values, slopes)
@@ -151,4 +163,4 @@ class SpatialTwin:
 
 def _times(trial: ReadTrial) -> Times:
     """How the twins of a trial move between two readings."""
-    return Times(trial.timesteps, trial.substeps, trial.is_continuous)
+    return Times(trial.timesteps, trial.substeps, RUNGE_KUTTA if trial.is_continuous else EULER)

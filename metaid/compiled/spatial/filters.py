@@ -67,7 +67,7 @@ def lead_arm(
     work, spread = (new_motion(n), new_motion(n), new_space(n), np.zeros((4, n))), spread_of(n)
     values = np.array(parameters, order="C")
     for push in chosen.tolist():
-        settings = pushes.spring, pushes.times.timesteps[push], pushes.times.substeps, pushes.times.is_continuous
+        settings = pushes.spring, pushes.times.timesteps[push], pushes.times.substeps, pushes.times.order
         pushed = pushes.starts[push], begins[push], pushes.torques[push], pushes.readings[push]
         own = Run(*(each[push] for each in run))
         run.sums[push] = _lead_push(
@@ -103,7 +103,7 @@ def follow_readings(
 def _lead_push(frames, parameters, pushed, settings, noise, steps, work, spread, run):  # type: ignore[no-untyped-def]
     """One push; its two sums."""
     start, begin, torques, readings = pushed
-    spring, timesteps, substeps, is_continuous = settings
+    spring, timesteps, substeps, order = settings
     of_reading, of_torque = noise
     motion, other, space, vectors = work
     n = start.shape[1]
@@ -120,7 +120,7 @@ def _lead_push(frames, parameters, pushed, settings, noise, steps, work, spread,
             before = vectors[0], vectors[1], vectors[2]
             for i in range(n):
                 before[0][i], before[1][i], before[2][i] = motion.position[i], motion.speed[i], motion.side[i]
-            moving = timesteps[reading - 1], substeps, is_continuous
+            moving = timesteps[reading - 1], substeps, order
             if not move_on(frames, parameters, torques[reading - 1], spring, moving, motion, space):
                 return np.nan, np.nan
             step = before, torques[reading - 1], vectors[3], (spring, moving)
@@ -172,7 +172,7 @@ def _follow_readings(pushes, candidates, led, basis, share, work, coefficients, 
     """Runs a `share` of the candidates: the first, and the stride from one to the next."""
     frames, starts, torques, readings, steps, spring, times = pushes
     (gains, weights), (first, stride), (_, motion, space) = led, share, work
-    timesteps, substeps, is_continuous = times
+    timesteps, substeps, order = times
     for candidate in range(first, candidates.shape[0], stride):
         parameters = candidates[candidate]
         for push in range(torques.shape[0]):
@@ -183,7 +183,7 @@ def _follow_readings(pushes, candidates, led, basis, share, work, coefficients, 
                 _set_right(*own, motion, filled)
                 if step == steps[push]:
                     break
-                moving = timesteps[push, step], substeps, is_continuous
+                moving = timesteps[push, step], substeps, order
                 follows = move_on(frames, parameters, torques[push, step], spring, moving, motion, space)
                 step += 1
             arrived[candidate, push] = follows

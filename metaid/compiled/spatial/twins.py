@@ -24,18 +24,19 @@ from metaid.compiled.spatial.friction import (
 from metaid.models import Array
 
 MULTIPLICATIONS = 500  # of a step, for each joint
+EULER, MIDPOINT, RUNGE_KUTTA = 1, 2, 4  # orders of steps, and how often they ask for accelerations
 TOO_FAST = 1e3  # rad/s or m/s: no arm that is simulated gets there
 
 
 class Times(NamedTuple):
     """How a twin moves from one reading to the next: its `timesteps` (npush x nstep) in s, and how many of these there
-    are in a step; and whether the plant moves continuously, as a real one does, and not by such steps of Euler's, as a
-    simulated one.
+    are in a step; and of which `order` its steps are: EULER's, as a simulated plant takes, or those of a plant that
+    moves continuously, MIDPOINT's or RUNGE_KUTTA's.
     """
 
     timesteps: Array
     substeps: int = 1
-    is_continuous: bool = False
+    order: int = EULER
 
 
 @dataclass(frozen=True)
@@ -149,7 +150,7 @@ def _follow_law(frames, law, candidates, pushes, windows, timestep, share, work,
 def _follow_torque(frames, candidates, starts, torques, spring, seen, times, share, work, coefficients, arrived):  # type: ignore[no-untyped-def]
     """The same, driven."""
     (basis, chosen, steps), (first, stride), (_, motion, space) = seen, share, work
-    timesteps, substeps, is_continuous = times
+    timesteps, substeps, order = times
     for candidate in range(first, candidates.shape[0], stride):
         parameters = candidates[candidate]
         for push in range(torques.shape[0]):
@@ -158,7 +159,7 @@ def _follow_torque(frames, candidates, starts, torques, spring, seen, times, sha
             if steps[push] > 0:
                 _add_reading(polynomials[0], motion, filled)
             while follows and step < steps[push]:
-                moving = timesteps[push, step], substeps, is_continuous
+                moving = timesteps[push, step], substeps, order
                 follows = move_on(frames, parameters, torques[push, step], spring, moving, motion, space)
                 step += 1
                 _add_reading(polynomials[step], motion, filled)
@@ -174,14 +175,14 @@ def move_on(frames, parameters, torque, spring, times, motion, space):  # type: 
         parameters: of the twin (njoint x 13).
         torque: that is held (njoint), in N m or N.
         spring: stiffness of springs in the joints (njoint), in N m/rad or N/m.
-        times: the timestep in s; how many there are to the next reading; whether the arm moves continuously.
+        times: the timestep in s; how many there are to the next reading; the order of its steps.
         motion: that moves on.
         space: of the dynamics.
     """
-    timestep, substeps, is_continuous = times
+    timestep, substeps, order = times
     for _ in range(substeps):
-        if is_continuous:
-            follows = flow(frames, parameters, torque, spring, timestep, motion, space)
+        if order > EULER:
+            follows = flow(frames, parameters, torque, spring, (timestep, order), motion, space)
         else:
             push_by_torque(frames, parameters, torque, spring, motion, space)
             follows = advance(frames, parameters, timestep, motion, space)
@@ -255,8 +256,8 @@ def accelerate(frames, parameters, motion, space):  # type: ignore[no-untyped-de
 
 
 @compiled
-def flow(frames, parameters, torque, spring, timestep, motion, space):  # type: ignore[no-untyped-def]
-    """One step of the fourth-order Runge-Kutta method, as an arm moves that is not simulated; whether the twin could.
+def flow(frames, parameters, torque, spring, step, motion, space):  # type: ignore[no-untyped-def]
+    """One step of an arm that moves continuously, by the Runge-Kutta method of that order; whether the twin could.
 
     Eq. 46.
 
@@ -265,26 +266,30 @@ def flow(frames, parameters, torque, spring, timestep, motion, space):  # type: 
         parameters: of the twin (njoint x 13).
         torque: that is held (njoint), in N m or N.
         spring: stiffness of springs in the joints (njoint), in N m/rad or N/m.
-        timestep: in s.
+        step: the timestep in s, and the order, which is the number of stages.
         motion: that moves on.
         space: of the dynamics.
     """
+    timestep, order = step
     position, speed, stages = motion.position, motion.speed, motion.stages
     n = position.shape[0]
     for i in range(n):
         stages[0, i], stages[1, i] = position[i], speed[i]
         stages[2, i] = stages[3, i] = 0.0
-    for stage in range(4):
+    for stage in range(order):
         push_by_torque(frames, parameters, torque, spring, motion, space)
         if not accelerate(frames, parameters, motion, space):
             return False
-        weight = timestep / 6.0 if stage == 0 or stage == 3 else timestep / 3.0
-        ahead = timestep if stage == 2 else 0.5 * timestep
+        if order == MIDPOINT:
+            weight, ahead = timestep * stage, 0.5 * timestep
+        else:
+            weight = timestep / 6.0 if stage == 0 or stage == 3 else timestep / 3.0
+            ahead = timestep if stage == 2 else 0.5 * timestep
         for i in range(n):
             rate, change = speed[i], motion.beyond[i]
             stages[2, i] += weight * rate
             stages[3, i] += weight * change
-            if stage < 3:
+            if stage < order - 1:
                 position[i], speed[i] = stages[0, i] + ahead * rate, stages[1, i] + ahead * change
     for i in range(n):
         position[i], speed[i] = stages[0, i] + stages[2, i], stages[1, i] + stages[3, i]
