@@ -1,6 +1,7 @@
 """A planar chain's own equations of motion in a few scalar loops, for rigs that are simulated many times over.
 
-The step is MuJoCo's: semi-implicit Euler with the torque of its beginning.
+A step is MuJoCo's, semi-implicit Euler with the torque of its beginning, or one of the classical Runge-Kutta method of
+a rig that moves continuously while its torque is held.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from metaid.compiled import compiled
+from metaid.compiled.law import turn_to_angles
 from metaid.models import Array, Chain
 
 
@@ -40,13 +42,58 @@ def analytic_step(chain: Chain, gravity: float, timestep: float) -> AnalyticStep
 
 
 @compiled
+def place(chain, links, tilt):  # type: ignore[no-untyped-def]
+    """Turns the `links` to where an `AnalyticStep` is, on a base that leans by a `tilt` in rad."""
+    angle, speed = tilt, 0.0
+    for i in range(links.shape[0]):
+        angle += chain.qpos[i]
+        speed += chain.qvel[i]
+        links[i].angle = angle
+        links[i].speed = speed
+    turn_to_angles(links, 0.0)
+
+
+@compiled
 def advance_analytically(chain, links):  # type: ignore[no-untyped-def]
-    """One timestep of an `AnalyticStep`, given its `links`' speeds, cosines and sines.
+    """One timestep of Euler's of an `AnalyticStep`, given its `links`' speeds, cosines and sines."""
+    accelerate_analytically(chain, links)
+    below = 0.0
+    for i in range(links.shape[0]):
+        chain.qvel[i] += chain.timestep * (chain.acceleration[i] - below)
+        chain.qpos[i] += chain.timestep * chain.qvel[i]
+        below = chain.acceleration[i]
+
+
+@compiled
+def flow_analytically(chain, links, tilt, stages):  # type: ignore[no-untyped-def]
+    """One timestep of Runge and Kutta's of an `AnalyticStep`; `stages` (4 x njoint) is working space."""
+    n, timestep = links.shape[0], chain.timestep
+    for i in range(n):
+        stages[0, i], stages[1, i] = chain.qpos[i], chain.qvel[i]
+        stages[2, i] = stages[3, i] = 0.0
+    for stage in range(4):
+        place(chain, links, tilt)
+        accelerate_analytically(chain, links)
+        weight = timestep / 6.0 if stage == 0 or stage == 3 else timestep / 3.0
+        ahead, below = timestep if stage == 2 else 0.5 * timestep, 0.0
+        for i in range(n):
+            rate, change = chain.qvel[i], chain.acceleration[i] - below
+            below = chain.acceleration[i]
+            stages[2, i] += weight * rate
+            stages[3, i] += weight * change
+            chain.qpos[i], chain.qvel[i] = stages[0, i] + ahead * rate, stages[1, i] + ahead * change
+    for i in range(n):
+        chain.qpos[i], chain.qvel[i] = stages[0, i] + stages[2, i], stages[1, i] + stages[3, i]
+
+
+@compiled
+def accelerate_analytically(chain, links):  # type: ignore[no-untyped-def]
+    """Fills in absolute accelerations, given the `links`' speeds, cosines and sines.
 
     Solves M φ̈ = Q − Σ_j a_ij sin(φ_i − φ_j) φ̇_j² + g μ_i sin φ_i (Eq. 4), Q the joint torques less viscous friction
     and springs, by M = L D Lᵀ: the factors of M take the place of its lower half.
     """
-    qpos, qvel, torque, gravity, coriolis, inertia, damping, stiffness, mass, acceleration, timestep = chain
+    qpos, qvel, torque, gravity, coriolis, inertia, damping, stiffness, mass, acceleration, _ = chain
     n = qpos.shape[0]
     for i in range(n):
         cosine, sine = links[i].cosine, links[i].sine
@@ -69,8 +116,3 @@ def advance_analytically(chain, links):  # type: ignore[no-untyped-def]
         acceleration[i] /= mass[i, i]
         for k in range(i + 1, n):
             acceleration[i] -= mass[k, i] * acceleration[k]
-    below = 0.0
-    for i in range(n):
-        qvel[i] += timestep * (acceleration[i] - below)
-        qpos[i] += timestep * qvel[i]
-        below = acceleration[i]

@@ -122,18 +122,18 @@ def _is_worth_it(condition: str, method: str, links: int, seed: int, budget: int
     return True
 
 
-def measure(named: str, nlink: int, seed: int) -> Cell:
-    """One run."""
+def measure(named: str, nlink: int, seed: int, on_bench: bool = False) -> Cell:
+    """One run, of a chain that MuJoCo's steps simulate or `on_bench`."""
     condition, method, text = named.split(" / ")
-    budget, subject = int(text), subject_of(condition, nlink, seed)
+    budget, subject = int(text), subject_of(condition, nlink, seed, on_bench)
     began = time.process_time()
     try:
         if method in PUSHED:
             results = [subject.pushed(method, float(budget))]
         else:
             by_drives = method in DRIVEN
-            longest = budget if by_drives else 60 if nlink in ARMS else max(BUDGETS)
-            log = recorded(condition, nlink, seed, longest, by_drives).first(float(budget))
+            longest = budget if by_drives else 60 if nlink in ARMS or on_bench else max(BUDGETS)
+            log = recorded(condition, nlink, seed, longest, by_drives, on_bench).first(float(budget))
             began = time.process_time()
             results = _found(log, (LOGGED | DRIVEN)[method])
     except (MetaidError, np.linalg.LinAlgError) as problem:
@@ -145,15 +145,15 @@ def measure(named: str, nlink: int, seed: int) -> Cell:
     return Cell(condition, method, nlink, seed, budget, errors, *took, first.verdict)
 
 
-def measure_all(runs: Sequence[Run]) -> list[Cell]:
+def measure_all(runs: Sequence[Run], on_bench: bool = False) -> list[Cell]:
     """Several runs, one after the other."""
-    return [measure(*run) for run in runs]
+    return [measure(*run, on_bench) for run in runs]
 
 
 @lru_cache(maxsize=1)
-def recorded(condition: str, nlink: int, seed: int, seconds: int, by_drives: bool) -> Log:
+def recorded(condition: str, nlink: int, seed: int, seconds: int, by_drives: bool, on_bench: bool) -> Log:
     """The rig along exciting trajectories; see `logs.record`."""
-    return subject_of(condition, nlink, seed).record(float(seconds), by_drives)
+    return subject_of(condition, nlink, seed, on_bench).record(float(seconds), by_drives)
 
 
 def _found(log: Log, method: Callable[[Log], list[Array]]) -> list[Found]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from benchmarks.by_torque import inverse_dynamics_regressor
 from benchmarks.chains import Links
+from benchmarks.rivals.benched import follow_on_bench
 from benchmarks.rivals.conditions import Condition
 from benchmarks.rivals.excitation import Limits, exciting
 from benchmarks.rivals.models import ChainModel, Model
@@ -62,7 +63,13 @@ class Log:
 
 
 def record(
-    true: Links, nominal: Links, condition: Condition, seconds: float, seed: int, by_drives: bool = False
+    true: Links,
+    nominal: Links,
+    condition: Condition,
+    seconds: float,
+    seed: int,
+    by_drives: bool = False,
+    on_bench: bool = False,
 ) -> Log:
     """A chain along exciting trajectories: forward the torques of the nominal model along them, and a feedback.
 
@@ -74,9 +81,10 @@ def record(
         seed: of the trajectories and of all noise.
         by_drives: whether each joint has a position servo of its own, with gains that stay the same and a tachometer
             without noise; else the feedback has the nominal mass matrix, and no other sensors than the condition has.
+        on_bench: whether the rig is that of `benched`, which shares no code with metaid.
     """
     for attempt in ATTEMPTS:
-        log = _recorded(true, nominal, condition, seconds, attempt, seed, by_drives)
+        log = _recorded(true, nominal, condition, seconds, attempt, seed, by_drives, on_bench)
         if len(log.seen.torques) == len(log.servo.angles):
             break
     return log
@@ -90,11 +98,13 @@ def _recorded(
     attempt: tuple[float, bool],
     seed: int,
     by_drives: bool,
+    on_bench: bool,
 ) -> Log:
     """The same, in one of the ATTEMPTS, up to where control was lost."""
     (share, balances), plant, believed = attempt, condition.plant(true), chain_of(nominal)
     timestep, gravity, n = plant.timestep, plant.gravity, believed.nlink
-    model, natural = ChainModel(believed, gravity, timestep, condition.searched), natural_time(believed, gravity)
+    model = ChainModel(believed, gravity, timestep, condition.searched, is_continuous=on_bench)
+    natural = natural_time(believed, gravity)
 
     def rows(angles: Array, speeds: Array, accelerations: Array) -> Array:
         return inverse_dynamics_regressor(angles, speeds, accelerations, gravity) * model.believed
@@ -112,8 +122,11 @@ def _recorded(
         gravity_stiffness(believed, desired.angles, gravity) * (balances and not by_drives),
     )
     faults = condition.settings
-    noise = draw(faults, np.random.default_rng([seed, n, 1]), 1, len(desired.angles), n)
     weights = NO_FILTER if faults.speed_sensor or by_drives else slope_weights(timestep)
+    if on_bench:
+        seen = follow_on_bench(true, condition, servo, weights, seed)
+        return Log(model, natural, timestep, servo, weights, seen, condition)
+    noise = draw(faults, np.random.default_rng([seed, n, 1]), 1, len(desired.angles), n)
     wrong = faults.delay, float(faults.tilts(1)[0]), faults.encoder_offsets(n)
     sensors = Sensors(noise.angles[0], noise.torques[0], weights, *wrong)
     lumps = chain_of(plant.links).lumps_of(("gravity", "coriolis", "damping"))

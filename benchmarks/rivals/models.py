@@ -108,13 +108,15 @@ class Columns:
 @dataclass(frozen=True)
 class ChainModel:
     """A planar chain, of which the `nominal` one is believed, with `gravity` in m/s² and the `timestep` in s. Its
-    parameters are those of `Columns`; "friction" and "tilt" may be `searched`.
+    parameters are those of `Columns`; "friction" and "tilt" may be `searched`. It moves in MuJoCo's steps, as a
+    simulated rig does, or `is_continuous`, as a bench.
     """
 
     nominal: Chain
     gravity: float
     timestep: float
     searched: tuple[str, ...] = ()
+    is_continuous: bool = False
 
     @property
     def njoint(self) -> int:
@@ -161,7 +163,8 @@ class ChainModel:
         columns = self.columns(parameters)
         if not np.all(columns.inertia > 0.0):
             return None
-        return follow(columns.chain, self.gravity, self.timestep, servo, sensors.tilted(columns.tilt))
+        rest = servo, sensors.tilted(columns.tilt), self.is_continuous
+        return follow(columns.chain, self.gravity, self.timestep, *rest)
 
     def point(self, parameters: Array) -> Array:
         """Log factors of the nominal lumps, 0 where one is not above 0; then friction and tilt."""

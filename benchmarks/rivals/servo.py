@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.rivals.chain_step import AnalyticStep, advance_analytically
+from benchmarks.rivals.chain_step import AnalyticStep, advance_analytically, flow_analytically, place
 from metaid.compiled import compiled
-from metaid.compiled.law import LINK, turn_to_angles
+from metaid.compiled.law import LINK
 from metaid.models import Array, Lumps
 
 NO_FILTER = np.empty(0)
@@ -88,7 +88,9 @@ def ideal(steps: int, njoint: int, delay: int = 0, weights: Array = NO_FILTER) -
     return Sensors(np.zeros((steps + 1, njoint)), np.zeros((steps, njoint)), weights, delay)
 
 
-def follow(lumps: Lumps, gravity: float, timestep: float, servo: Servo, sensors: Sensors) -> Followed:
+def follow(
+    lumps: Lumps, gravity: float, timestep: float, servo: Servo, sensors: Sensors, is_continuous: bool = False
+) -> Followed:
     """A chain along a trajectory that begins, as it is read, where the servo's does, with its speeds.
 
     Args:
@@ -97,6 +99,7 @@ def follow(lumps: Lumps, gravity: float, timestep: float, servo: Servo, sensors:
         timestep: in s, between two torques, too.
         servo: what drives it.
         sensors: what it sees of it.
+        is_continuous: whether it moves continuously, and not in MuJoCo's steps.
     """
     n = servo.angles.shape[1]
     zero = np.zeros(n)
@@ -104,7 +107,8 @@ def follow(lumps: Lumps, gravity: float, timestep: float, servo: Servo, sensors:
     resisting = np.ascontiguousarray(lumps.of("inertia")), np.ascontiguousarray(lumps.of("damping")), zero.copy()
     begun = servo.angles[0] - sensors.offset, servo.speeds[0].copy(), zero.copy()
     chain = AnalyticStep(*begun, *weights, *resisting, np.zeros((n, n)), zero, timestep)
-    return recorded(servo, lambda *read: _follow(chain, np.zeros(n, LINK), servo.driven, sensors.seen, *read))
+    space = np.zeros(n, LINK), np.zeros((4 * is_continuous, n))
+    return recorded(servo, lambda *read: _follow(chain, *space, servo.driven, sensors.seen, *read))
 
 
 def recorded(servo: Servo, run: Callable[[Array, Array, Array], int]) -> Followed:
@@ -150,7 +154,7 @@ def read_and_command(step, qpos, qvel, driven, seen, angles, speeds, torques):  
 
 
 @compiled
-def _follow(chain, links, driven, seen, angles, speeds, torques):  # type: ignore[no-untyped-def]
+def _follow(chain, links, stages, driven, seen, angles, speeds, torques):  # type: ignore[no-untyped-def]
     """Fills `angles`, `speeds` (nstep + 1 x njoint) and `torques` (nstep x njoint); returns the steps before it was
     lost.
     """
@@ -161,13 +165,11 @@ def _follow(chain, links, driven, seen, angles, speeds, torques):  # type: ignor
             return step
         if step == steps:
             break
-        angle, speed = tilt, 0.0
         for i in range(n):
             chain.torque[i] = torque_noise[step, i] + (torques[step - delay, i] if step >= delay else 0.0)
-            angle += chain.qpos[i]
-            speed += chain.qvel[i]
-            links[i].angle = angle
-            links[i].speed = speed
-        turn_to_angles(links, 0.0)
-        advance_analytically(chain, links)
+        if stages.shape[0] > 0:
+            flow_analytically(chain, links, tilt, stages)
+        else:
+            place(chain, links, tilt)
+            advance_analytically(chain, links)
     return steps

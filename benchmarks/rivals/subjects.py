@@ -10,6 +10,7 @@ import numpy as np
 
 from benchmarks.chains import Links, random_chain
 from benchmarks.rivals.arm_model import ArmModel, misplaced, record_arm
+from benchmarks.rivals.benched import output_error_on_bench
 from benchmarks.rivals.conditions import CONDITIONS, SHIFT, TURN, Condition
 from benchmarks.rivals.judging import Error, Found, judge_arm, judge_chain
 from benchmarks.rivals.logs import Log, record
@@ -48,11 +49,12 @@ class Subject(Protocol):
 
 @dataclass(frozen=True)
 class ChainSubject:
-    """The chain of so many `links` that a `seed` means."""
+    """The chain of so many `links` that a `seed` means, simulated by MuJoCo's steps or `on_bench`."""
 
     condition: Condition
     links: int
     seed: int
+    on_bench: bool = False
 
     @cached_property
     def _links(self) -> tuple[Links, Links]:
@@ -65,9 +67,11 @@ class ChainSubject:
         return self.links * (self.links + 1) // 2 + self.links
 
     def record(self, seconds: float, by_drives: bool) -> Log:
-        return record(*self._links, self.condition, seconds, self.seed, by_drives)
+        return record(*self._links, self.condition, seconds, self.seed, by_drives, self.on_bench)
 
     def pushed(self, method: str, seconds: float) -> Found:
+        if self.on_bench:
+            return output_error_on_bench(*self._links, self.condition, seconds, self.seed)
         find = {"metaid output-error": output_error, "metaid cmaes": best_trial}[method]
         return find(*self._links, self.condition, seconds, self.seed)
 
@@ -112,7 +116,8 @@ class ArmSubject:
         return judge_arm(np.asarray(parameters), self.plant.tree, self.prior)
 
 
-def subject_of(condition: str, links: int, seed: int) -> Subject:
+def subject_of(condition: str, links: int, seed: int, on_bench: bool = False) -> Subject:
     """The rig that is meant."""
-    kind = ArmSubject if links in ARMS else ChainSubject
-    return kind(CONDITIONS[condition], links, seed)
+    if links in ARMS:
+        return ArmSubject(CONDITIONS[condition], links, seed)
+    return ChainSubject(CONDITIONS[condition], links, seed, on_bench)

@@ -43,7 +43,7 @@ class Bench:
         n = len(self.arm.masses)
         pose, speeds = (np.zeros(n), self._struck(np.array(asked[0]))) if len(asked) == 1 else np.array(asked)
         scatter = 1.0 + self.has.start_speeds * self.random.standard_normal(n)
-        angles = pose + self.has.start_angles * self.random.standard_normal(n)
+        angles = pose - self.has.encoder_offset + self.has.start_angles * self.random.standard_normal(n)
         self.state = np.array([angles, speeds * scatter, np.zeros(n), np.zeros(n)])
         self.shown, self.time = self.state[1].copy(), 0.0
         self.commands = [(-np.inf, np.zeros(n))]
@@ -62,7 +62,8 @@ class Bench:
         return self.time if self.has.tells_time else None
 
     def states(self) -> tuple[list[float], list[float]]:
-        angles = self.state[0] + self.has.angle_noise * self.random.standard_normal(len(self.state[0]))
+        noise = self.has.angle_noise * self.random.standard_normal(len(self.state[0]))
+        angles = self.state[0] + self.has.encoder_offset + noise
         if self.has.encoder_step > 0.0:
             angles = self.has.encoder_step * np.round(angles / self.has.encoder_step)
         return angles.tolist(), (self.shown if self.has.speed_filter > 0.0 else self.state[1]).tolist()
@@ -70,6 +71,8 @@ class Bench:
     def advance(self, torque: list[float]) -> None:
         late = self.has.delay * max(1.0 + self.has.delay_jitter * float(self.random.standard_normal()), 0.0)
         wanted = np.clip(self.gains * np.array(torque), -self.limits, self.limits)
+        if self.has.torque_noise > 0.0:
+            wanted += self.has.torque_noise * self.random.standard_normal(len(wanted))
         self.commands = sorted([*self.commands, (self.time + late, wanted)], key=lambda command: command[0])
         length = self.timestep
         if self.has.tick_jitter > 0.0:

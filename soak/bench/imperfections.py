@@ -17,12 +17,14 @@ class Imperfections:
     Attributes:
         encoder_step: resolution of the angles, in rad.
         angle_noise: standard deviation of a reading, in rad.
+        encoder_offset: by which each angle is read too large, in rad.
         speed_filter: time constant of the speeds that are shown, in s.
         tick_jitter: standard deviation of a tick's length, in s.
         tells_time: whether readings carry the time.
         delay: by which torques are late, in s.
         delay_jitter: standard deviation of it, as a share of it.
         torque_lag: time constant of the drives, in s.
+        torque_noise: standard deviation of what each drive adds to each torque, in N m.
         torque_limit: of each drive, in N m; 0 for none.
         gains: what each drive delivers beyond what it is told, as a share of it.
         rotors: reflected inertia, in kg m².
@@ -40,12 +42,14 @@ class Imperfections:
 
     encoder_step: float = 0.0
     angle_noise: float = 0.0
+    encoder_offset: float = 0.0
     speed_filter: float = 0.0
     tick_jitter: float = 0.0
     tells_time: float = 0.0
     delay: float = 0.0
     delay_jitter: float = 0.0
     torque_lag: float = 0.0
+    torque_noise: float = 0.0
     torque_limit: Each = ()
     gains: Each = ()
     rotors: Each = ()
