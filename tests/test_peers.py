@@ -27,6 +27,7 @@ from benchmarks.rivals.servo import Sensors, follow
 from benchmarks.rivals.subjects import GRAVITY, ArmSubject, subject_of
 from metaid.models import Array
 from metaid.plant import ArmStart, FaultyPlant, MujocoPlant, PlantSettings, Start, chain_of, draw, slope_weights
+from soak.bench import Bench, Imperfections, arm_of_links
 
 pytestmark = pytest.mark.slow
 
@@ -90,6 +91,36 @@ def test_metaid_is_exact_without_a_torque() -> None:
     assert_found(found.parameters, 1e-6)
     assert found.seconds <= 5.0
     assert found.verdict == "found"
+
+
+@pytest.mark.parametrize("method", ["weighted", "DIDIM", "closed-loop output error"])
+def test_on_a_bench_with_perfect_sensors_rivals_are_as_exact_as_filters_allow(method: str) -> None:
+    """All lumps to 0.2 %; without a filter, to 1e-5: the rival's own twin moves continuously, too."""
+    log = record(TRUE, NOMINAL, CONDITIONS["none"], 5.0, seed=0, on_bench=True)
+    for found in LOGGED[method](log):
+        assert_found(found, 1e-5 if method.startswith("closed") else 2e-3)
+
+
+def test_metaid_is_exact_on_a_bench_whose_encoders_are_offset() -> None:
+    """All lumps to 0.1 % in five seconds, with 0.1 mrad of noise; and it says that it has found them."""
+    cell = measure(key("kinematics, searched", OURS, 5), 2, 0, on_bench=True)
+    assert cell.errors[0]["worst_lump"] < 1e-3
+    assert cell.motion <= 5.0
+    assert cell.verdict == "found"
+
+
+def test_bench_adds_to_angles_and_torques_what_it_is_told() -> None:
+    """An offset is read where nothing else is, and noise of the torques moves what no torque does."""
+    links, seen = {"links": [{"length": 0.4, "mass": 1.0}]}, []
+    for noise in (0.0, 0.3):
+        bench = Bench(arm_of_links(links), TIMESTEP, Imperfections(encoder_offset=0.01, torque_noise=noise), True)
+        bench.push([0.0])
+        assert bench.states()[0] == pytest.approx([0.0])
+        bench.advance([0.0])
+        seen.append(bench.states()[1][0])
+    hanging_over = 0.01 * -GRAVITY * 0.2 / (0.4**2 / 12 + 0.2**2) * TIMESTEP
+    assert seen[0] == pytest.approx(hanging_over, rel=1e-3)
+    assert abs(seen[1] - seen[0]) > 1e-4
 
 
 def test_metaid_finds_lumps_beside_what_is_searched() -> None:
