@@ -18,6 +18,7 @@ from metaid.models.tree import (
     ArmPrior,
     Tree,
     joint_torque,
+    last_link_turned,
     misplaced,
     possible_bodies,
     random_states,
@@ -120,6 +121,14 @@ class BaseUnknowns:
         """The arm there with each joint a `step` beside where it is said to be; see `Unknowns`."""
         for joint, moved, deviation in misplaced(self.prior.nominal, step):
             yield joint, replace(self, known=unknowns, moved=moved), deviation
+
+    def hides_offset(self, unknowns: Array) -> Array | None:
+        """See `Unknowns`: an arm whose last link is turned as far moves alike."""
+        tree = self.prior.nominal
+        if tree.slides[-1]:
+            return None
+        change = self.prior.base.of(last_link_turned(tree, self.parameters(unknowns)))
+        return np.asarray(np.linalg.lstsq(self.root, change, rcond=None)[0], dtype=np.float64)
 
     def torques(self, speed: float) -> Array:
         """About what each joint needs (njoint), in N m, at a `speed` in rad/s."""

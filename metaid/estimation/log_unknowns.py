@@ -159,6 +159,9 @@ class LogUnknowns:
             longer = replace(lumps, coriolis=coriolis_of(lengths, lumps.gravity))
             yield joint, LogUnknowns(longer, self.gravity, ()), MISPLACED
 
+    def hides_offset(self, log_factors: Array) -> None:
+        """Every offset of a chain shows: its centres of mass are on its links."""
+
     def estimated(self, found: dict[str, Any]) -> Estimate:
         """The estimate with the fields of a `Fit` that were `found`."""
         log_factors = found["unknowns"]

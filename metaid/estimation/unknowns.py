@@ -74,5 +74,10 @@ class Unknowns(Protocol):
         geometry is unknown itself.
         """
 
+    def hides_offset(self, point: Array, /) -> Array | None:
+        """By how much the unknowns there (nunknown) change per rad that the encoder of the last joint reads too much,
+        if nothing is to move otherwise; None where some offset shows.
+        """
+
     def estimated(self, found: dict[str, Any], /) -> Any:
         """The estimate with the fields of a `Fit` that were `found`, and the faults."""

@@ -80,6 +80,19 @@ def test_what_a_level_base_hides_stays_unknown(tmp_path: Path) -> None:
     assert known[~np.array(hidden)].max() < 1e-3
 
 
+def test_offset_of_the_last_encoder_stays_unknown_even_on_exact_sensors(tmp_path: Path) -> None:
+    """An arm whose last link is turned as far moves alike: what turns with it is as unknown, and intervals hold it."""
+    wrong = {"angle_noise": 0.0, "speed_sensor": True, "encoder_offset": (0.0, 0.02, -0.03)}
+    found, off = found_with(tmp_path, ("offset",), **wrong)
+    assert found.explains
+    assert np.abs(off).max() < 4.0
+    faults = found.estimate.faults
+    assert faults is not None
+    known = dict(zip(faults.searched.names, faults.deviations.tolist(), strict=True))
+    assert known["offset_2"] < 1e-4
+    assert known["offset_3"] > 0.03
+
+
 def test_faults_of_an_arm_stand_beside_its_base_parameters(tmp_path: Path, metaid: Callable[..., Finished]) -> None:
     """In the table with the truth, in the verdict and in the report."""
     found_with(tmp_path, ("delay", "tilt"), delay=2, tilt=(0.02, -0.03))

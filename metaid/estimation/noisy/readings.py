@@ -96,7 +96,25 @@ class Readings(ReadingsInWindows):
         if watched is None or not self.faults.names:
             return watched
         by_faults = self._compare_faulty(number, unknowns, whitened, watched[0], windows)
-        return None if by_faults is None else _with_slopes(watched, len(self.unknowns.names), by_faults)
+        if by_faults is None:
+            return None
+        values, slopes = _with_slopes(watched, len(self.unknowns.names), by_faults)
+        if (hidden := self._hidden(unknowns)) is not None:
+            slopes[..., : len(hidden)] -= (slopes[..., : len(hidden)] @ hidden)[..., None] * hidden
+        return values, slopes
+
+    def _hidden(self, unknowns: Array) -> Array | None:
+        """The direction (nunknown) in which robot and faults move without anything that shows, of length 1. Rounding of
+        differences along it, exact sensors would take for knowledge. None where there is none.
+        """
+        if "offset" not in self.faults.kinds:
+            return None
+        robot = self.unknowns.hides_offset(self._parted(unknowns)[0])
+        if robot is None:
+            return None
+        last = self.faults.names.index(f"offset_{self.unknowns.njoint}")
+        hidden = np.append(robot, np.eye(len(self.faults.names))[last] / self.faults.scales)
+        return np.asarray(hidden / np.linalg.norm(hidden), dtype=np.float64)
 
     def _compare_alone(self, number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
         log_factors, faults = self._parted(unknowns)

@@ -10,7 +10,7 @@ from metaid.models.tree.base import BaseParameters, base_parameters, random_stat
 from metaid.models.tree.bodies import PossibleBodies, nominal_pseudo_inertias, possible_bodies, pseudo_inertia
 from metaid.models.tree.joint_friction import COLUMNS, SHARED, JointFriction, Sliding, friction_torque
 from metaid.models.tree.known_bodies import KnownBodies, body_quantities, known_bodies
-from metaid.models.tree.misplaced import MISPLACED, misplaced
+from metaid.models.tree.misplaced import MISPLACED, last_link_turned, misplaced
 from metaid.models.tree.model_error import ModelError, difference, model_error, torque_half_width
 from metaid.models.tree.planar import planar_chain, planar_tree
 from metaid.models.tree.regressor import body_torque, joint_mass_matrix, joint_torque, torque_regressor
@@ -38,6 +38,7 @@ __all__ = [
     "joint_mass_matrix",
     "joint_torque",
     "known_bodies",
+    "last_link_turned",
     "misplaced",
     "model_error",
     "nominal_pseudo_inertias",

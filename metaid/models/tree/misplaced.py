@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from metaid.models.lumps import Array
+from metaid.models.tree.regressor import MOMENTS
 from metaid.models.tree.tree import Tree
 
 MISPLACED, TURNED = 0.005, 0.01  # m, rad: how far a joint may be from where it is said to be, a standard deviation
@@ -26,3 +28,16 @@ def misplaced(tree: Tree, step: float) -> Iterator[tuple[int, Tree, float]]:
             rotation = tree.rotation.copy()
             rotation[joint] = rotation[joint] @ (np.eye(3) + turn)
             yield joint, replace(tree, rotation=rotation), TURNED
+
+
+def last_link_turned(tree: Tree, parameters: Array) -> Array:
+    """How parameters (njoint x 13) change per rad that the last link is turned about the axis of its joint. A slide
+    turns nothing.
+    """
+    changes = np.zeros_like(parameters)
+    if not tree.slides[-1]:
+        across = np.cross(tree.axis[-1], np.eye(3), axisb=0, axisc=0)
+        inertia = across @ (MOMENTS @ parameters[-1, 4:10])
+        changes[-1, 1:4] = across @ parameters[-1, 1:4]
+        changes[-1, 4:10] = (inertia + inertia.T)[np.triu_indices(3)]
+    return changes
