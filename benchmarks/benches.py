@@ -74,6 +74,7 @@ ROWS: dict[str, tuple[str, Mapping[str, Any]]] = {
 }
 EVERYTHING = {key: value for _, has in ROWS.values() for key, value in has.items()} | {"dry": (0.16, 0.12)}
 ROWS["all"] = ("all of it, as a real bench has", EVERYTHING)
+ROWS["rough"] = ("noise of 0.1 N m on every torque", ENCODER | {"torque_noise": 0.1})
 
 
 @dataclass(frozen=True)

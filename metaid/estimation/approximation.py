@@ -19,6 +19,7 @@ from metaid.models import DEVIATIONS, Array
 MOST = 0.5  # of the unknowns: on so many parts of the pushes agree to a tenth
 PROBABILITY = 0.975  # below the upper end of a 95 % interval
 BETTER = 0.5  # of the nominal model's misfit of pushes that were left out: what is approximate has no more
+SURE = 10.0  # in the logarithm of a likelihood: what is as much more likely is so by more than chance
 
 
 @dataclass(frozen=True)
@@ -52,11 +53,22 @@ class HeldOut:
         misfit: root mean square of what these fits leave of the pushes left out, scaled by what noise explains.
         nominal: the same of the nominal model; inf where it cannot follow.
         unknowns: of each fit (npart x nunknown).
+        likelier: where noise of the torques explains what the model leaves, how much more likely the fits make the
+            pushes of each part (npart) than the nominal model with such noise does, in the logarithm; else None.
     """
 
     misfit: float
     nominal: float
     unknowns: Array
+    likelier: Array | None = None
+
+    @property
+    def is_better(self) -> bool:
+        """Whether the fits predict far better than the nominal model: by half of the misfit; or, as noise of the
+        torques moves any twin away, by the likelihood of all parts.
+        """
+        is_likelier = self.likelier is not None and bool(self.likelier.sum() > SURE)
+        return self.misfit <= BETTER * self.nominal or is_likelier
 
     @property
     def deviations(self) -> Array:
@@ -114,7 +126,7 @@ class Approximation:
         held = self.held_out
         if not self.is_possible:
             return "no plant has the model that fits best: its mass matrix is not positive definite, or no bodies are"
-        if not held.misfit <= BETTER * held.nominal:
+        if not held.is_better:
             return f"{self.predicted}: it is not approximate, which takes half of that"
         agreed, all_of_them = int((self.deviations <= self.coarsest).sum()), len(self.own)
         if not agreed >= MOST * all_of_them:
@@ -126,7 +138,10 @@ class Approximation:
         """How well pushes that were left out are predicted, in a sentence."""
         held, nominal = self.held_out.misfit, self.held_out.nominal
         by_nominal = f"{nominal:.4g} by the nominal model" if np.isfinite(nominal) else "the nominal model follows none"
-        return f"pushes that were left out have a misfit of {held:.4g} by fits to the others, {by_nominal}"
+        left = f"pushes that were left out have a misfit of {held:.4g} by fits to the others, {by_nominal}"
+        if (likelier := self.held_out.likelier) is None:
+            return left
+        return f"{left}; with noise of the torques they are exp({likelier.sum():.3g}) times as likely by those fits"
 
     @property
     def by_joint(self) -> dict[str, float]:
@@ -145,4 +160,6 @@ class Approximation:
         held = self.held_out
         nominal = held.nominal if np.isfinite(held.nominal) else None
         shown = {"misfit": held.misfit, "nominal_misfit": nominal, "parts": len(held.unknowns)}
+        if held.likelier is not None:
+            shown["log_likelihood_ratio"] = float(held.likelier.sum())
         return {"held_out": shown, "misfit_by_joint": self.by_joint}

@@ -35,6 +35,7 @@ from metaid.models import Array
 
 PROBES = {"speed": 1, "both": 1, "frequency": 2}  # trials that show much, by what is compared
 RESTARTS = 3  # of a fit that explains nothing, from elsewhere
+NEARLY = 1.25  # times what is explained: what noise of the torques leaves so little of, it stands for
 SOME = 0.03  # of what the joints need: noise of torques that stands for what the model has not, to begin with
 AGREED = 1e-6  # of what an unknown may be beforehand: two estimates that are so near each other are the same
 STILL_SHRINKS = 0.95  # of the widest interval before: a trial that leaves more of it is worth no other
@@ -106,12 +107,42 @@ class Experiment:
         """The candidate whose law an `estimate` has."""
         return self.laws.candidate(estimate)
 
-    def is_to_probe(self, trials: int, is_settled: bool) -> bool:
-        """Whether the law after so many `trials` is another than that of the estimate: where intervals have stopped
-        shrinking, for one that coasts shows no more. Where torques are noisy, every other law is: one that coasts shows
-        gravity lumps alone, and one that swings the others.
+    def is_to_probe(
+        self, trials: Sequence[Any], were_probes: Sequence[bool], estimate: Found, is_settled: bool
+    ) -> bool:
+        """See `Matching.is_to_probe`. Without noise it is where intervals have stopped shrinking, for a law that coasts
+        shows no more. Where torques are noisy, every other law is: one that coasts shows gravity lumps alone, and one
+        that swings the others. With other noise it is where that, as far as `trials` of either kind have told, leaves
+        the smaller determinant of the covariance.
+
+        Args:
+            trials: that the estimate is of.
+            were_probes: which of them had other laws.
+            estimate: that explains them.
+            is_settled: whether the last trial narrowed its intervals no more.
         """
-        return is_settled if self.torque_noise is None else trials % 2 == 1
+        if self.loop is None:
+            return is_settled
+        if self.torque_noise is not None:
+            return len(trials) % 2 == 1
+        told, probes = self._information(trials, estimate), np.asarray(were_probes)
+        if told is None or probes.all() or not probes.any():
+            return is_settled
+        known = told.sum(axis=0)
+        by_probe, by_estimate = (np.linalg.slogdet(known + told[kind].mean(axis=0))[1] for kind in (probes, ~probes))
+        return bool(by_probe > by_estimate)
+
+    def _information(self, trials: Sequence[Any], estimate: Found) -> Array | None:
+        """What each of the `trials` tells about what is unknown of all, faults too (ntrial x nunknown x nunknown), JᵀJ
+        scaled by the prior, which has its share, at their `estimate`; None where the twin cannot follow.
+        """
+        compared = self.searching(estimate)._readings(trials)
+        residuals = compared.residuals(estimate.point, compared.stages)
+        if residuals is None:
+            return None
+        jacobian = residuals.slopes.reshape(len(trials), -1, len(compared.spreads)) * compared.spreads
+        told = jacobian.swapaxes(1, 2) @ jacobian + np.eye(len(compared.spreads)) / len(trials)
+        return np.asarray(told, dtype=np.float64)
 
     def is_coasting(self, value: float) -> bool:
         """Whether a trial with this `value` of the measure coasts. Noise hides how well one does: then its intervals
@@ -224,8 +255,10 @@ class Experiment:
         fitted = self._led(trials, estimate)
         if fitted is None:
             return None
-        judged = self._readings(trials) if estimate.led_misfit is not None else None
-        return hold_out(fitted, estimate.point, judged)
+        if estimate.led_misfit is None:
+            return hold_out(fitted, estimate.point)
+        is_noise = estimate.led_misfit < NEARLY * estimate.explained_below
+        return hold_out(fitted, estimate.point, self._readings(trials), estimate.torque_noise if is_noise else None)
 
     def replay(self, trials: Sequence[Any], estimate: Found, number: int) -> Replay:
         """What was seen of one of the `trials` that an `estimate` is made of, and what the twin at the estimate shows

@@ -3,10 +3,11 @@
 A simulated twin is fitted to the motion of every push of every trial so far (`metaid.estimation`), so a handful of
 trials is enough where a minimiser, which keeps one number of each, needs hundreds. The first law over-compensates:
 under it nothing falls, the mass matrix shows, and squares have their signs. A law near the truth shows no mass matrix,
-for nothing accelerates. So where intervals have stopped shrinking and trials are to go on until they are narrow, laws
-over-compensate again. An estimate that does not explain what was seen is never sent, and another is made only once
-there is half as much again to explain. On a noisy plant trials go on until the intervals stop shrinking, on any plant
-until a trial's motion is not kept for the estimate any more.
+for nothing accelerates. So laws over-compensate again where that tells more: on a noisy plant by what trials of either
+kind have told, elsewhere where intervals have stopped shrinking and trials are to go on until they are narrow. An
+estimate that does not explain what was seen is never sent, and another is made only once there is half as much again to
+explain. On a noisy plant trials go on until the intervals stop shrinking, on any plant until a trial's motion is not
+kept for the estimate any more.
 """
 
 from __future__ import annotations
@@ -54,7 +55,16 @@ class Matching(Protocol):
     @property
     def probes(self) -> int: ...
     def probe(self, start: Array, random: np.random.Generator | None, /) -> Array: ...
-    def is_to_probe(self, trials: int, is_settled: bool, /) -> bool: ...
+    def is_to_probe(self, trials: Any, were_probes: Sequence[bool], estimate: Any, is_settled: bool, /) -> bool:
+        """Whether the next law is another than that of the estimate.
+
+        Args:
+            trials: that the estimate is of.
+            were_probes: which of them had other laws.
+            estimate: that explains them.
+            is_settled: whether the last trial narrowed its intervals no more.
+        """
+
     def trial(self, factors: Array, outcome: Outcome, /) -> Any: ...
     def estimate(self, trials: Any, start: Any = None, /, thorough: bool = True) -> Any: ...
     def factors(self, estimate: Any, /) -> Array: ...
@@ -84,8 +94,9 @@ class OutputError:
         self._experiment = experiment
         self._random = np.random.default_rng(seed)
         self._probes = options.probes or experiment.probes
-        self._next = self._probe(None)
+        self._next, self._is_probe = self._probe(None), True
         self._trials: list[Any] = []
+        self._were_probes: list[bool] = []
         self._estimate: Matched | None = None
         self._matched = 0  # trials that the last estimate is of
         self._coasts = self._settled = self._spent = False
@@ -106,6 +117,7 @@ class OutputError:
         trial = self._experiment.trial(self._next, outcome)
         if trial is not None:
             self._trials.append(trial)
+            self._were_probes.append(self._is_probe)
         self._spent = trial is None and outcome.failure is None
         if self._trial_count >= self._probes and self._is_due:
             before, at_estimate = self._estimate, self._is_explained
@@ -116,11 +128,14 @@ class OutputError:
                 self._settled = self._settled or self._experiment.is_settled(before, self._estimate)
         if self._estimate is not None and self._is_explained:
             factors = self._experiment.factors(self._estimate)
-            if self._experiment.is_to_probe(self._trial_count, self._settled):
+            self._is_probe = self._experiment.is_to_probe(
+                self._trials, self._were_probes, self._estimate, self._settled
+            )
+            if self._is_probe:
                 factors = self._experiment.probe(factors, self._random)
             self._next = np.clip(factors, self._coordinates.low, self._coordinates.high)
         else:
-            self._next = self._probe(self._random)
+            self._next, self._is_probe = self._probe(self._random), True
 
     @property
     def _is_explained(self) -> bool:

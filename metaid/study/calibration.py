@@ -107,19 +107,21 @@ def calibrate_arm(plant: SocketPlant, nominal: Tree, starts: Sequence[ArmStart])
 
 def _noise(rest: Array) -> Array:
     """The standard deviation of angles in rad and of speeds in rad/s (2 x njoint) about a slow drift, from readings at
-    rest (nreading x 2 x njoint).
+    rest (nreading x 2 x njoint). A rig that noise of its torques moves drifts otherwise in each part of them.
     """
-    drifts = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, len(rest)), DRIFT))[0]
-    flat = rest.reshape(len(rest), -1)
-    left = flat - drifts @ (drifts.T @ flat)
+    drifts = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, FEWEST_READINGS), DRIFT))[0]
+    parts = rest[: len(rest) // FEWEST_READINGS * FEWEST_READINGS].reshape(-1, FEWEST_READINGS, rest[0].size)
+    left = parts - drifts @ (drifts.T @ parts)
     # A reading that never changes has no noise; what the projection leaves of it is rounding.
-    left[:, (flat == flat[0]).all(axis=0)] = 0.0
-    deviations: Array = np.sqrt((left**2).sum(axis=0) / (len(rest) - DRIFT))
+    left[..., (parts == parts[0, 0]).all(axis=(0, 1))] = 0.0
+    freedom = len(parts) * (FEWEST_READINGS - DRIFT)
+    deviations: Array = np.sqrt((left**2).sum(axis=(0, 1)) / freedom)
     return deviations.reshape(rest.shape[1:])
 
 
 def _held(plant: SocketPlant, start: Start | ArmStart, count: int, torque: Callable[[Array, Array], Array]) -> Array:
-    """So many readings (nreading x 2 x njoint), joint coordinates and speeds, of a rig at rest that a law holds.
+    """So many readings (nreading x 2 x njoint), joint coordinates and speeds, of a rig at rest that a law holds; fewer
+    of a chain that noise of its torques lets fall.
 
     Args:
         plant: the rig.
@@ -128,7 +130,7 @@ def _held(plant: SocketPlant, start: Start | ArmStart, count: int, torque: Calla
         torque: the law, of joint coordinates and speeds (njoint each).
 
     Raises:
-        PlantError: a chain does not stand upright.
+        PlantError: a chain does not stand upright for FEWEST_READINGS.
     """
     seen: list[tuple[Array, Array]] = []
     try:
@@ -136,6 +138,8 @@ def _held(plant: SocketPlant, start: Start | ArmStart, count: int, torque: Calla
         for _ in range(count):
             angles, speeds = plant.states()
             if isinstance(start, Start) and not (np.abs(angles) <= UPRIGHT).all():
+                if len(seen) >= FEWEST_READINGS:
+                    break
                 raise PlantError(
                     f"plant {plant.name}: it does not stand when it is not pushed: joint angles {angles.tolist()} rad "
                     f"at tick {len(seen)} (allowed: within {UPRIGHT:g} rad of the upright)"

@@ -12,6 +12,7 @@ from pandas.testing import assert_frame_equal
 
 from metaid import results
 from metaid.episode import SensorReadings
+from metaid.estimation import Experiment
 from metaid.results import judge, read_snapshot
 from metaid.store import Store
 from metaid.study import Problem, SearchSettings, StudySpec, create_study, run_study
@@ -214,3 +215,18 @@ def test_noisy_pushes_are_longer_and_stronger_the_fewer_links_there_are(nlink: i
     assert ours.episode.pushes == pytest.approx(horizons * other.episode.pushes, rel=1e-9)
     assert ours.episode.fall_rule.limit == pytest.approx(horizons * other.episode.fall_rule.limit)
     assert other.episode.readings_steps == other.episode.steps
+
+
+def test_laws_over_compensate_again_where_that_tells_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A law near the truth shows next to nothing of inertia: four trials know it far better as if all but the first
+    had such laws.
+    """
+    deviations = []
+    for only_estimates in (False, True):
+        if only_estimates:
+            monkeypatch.setattr(Experiment, "is_to_probe", lambda *_: False)
+        store = Store(str(tmp_path / f"{only_estimates}.db"), create=True)
+        found = shown(store, spec_of(5, 0, {**NOISE, "push_noise": 0.02}, trials=4))
+        assert found["verdict"] == "found"
+        deviations.append([lump["sd"] / lump["identified"] for lump in found["lumps"] if "inertia" in lump["name"]])
+    assert max(deviations[0]) < 0.6 * max(deviations[1])

@@ -121,3 +121,13 @@ def test_bench_whose_delay_jitters_is_approximate_and_within_its_intervals() -> 
     assert judged.worst < 0.02
     assert judged.held == judged.lumps
     assert json.loads(judged.taken_up)["delay"] == pytest.approx(0.003, rel=0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("links", ["2", "3"])
+def test_bench_whose_torques_are_rough_is_approximate_and_within_its_intervals(links: str) -> None:
+    """Their noise throws any twin far off, and lets three links fall that nobody pushes."""
+    judged = try_bench("rough", links, 0.002, 0)
+    assert judged.verdict == "approximate"
+    assert judged.worst < 0.02
+    assert judged.held == judged.lumps

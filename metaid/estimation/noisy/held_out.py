@@ -16,8 +16,10 @@ from metaid.estimation.approximation import HeldOut, Prediction
 from metaid.estimation.descent import place_at
 from metaid.estimation.estimate import Found, fit
 from metaid.estimation.fit import settled
+from metaid.estimation.noisy.innovations import Innovations
 from metaid.estimation.noisy.polynomials import explained_by_noise
 from metaid.estimation.noisy.readings import Readings
+from metaid.estimation.noisy.torque_noise import PUSHES, likeliest_noise
 from metaid.estimation.noisy.windows import ReadingsInWindows
 from metaid.models import Array
 
@@ -27,20 +29,23 @@ ROUNDS = 4  # Gauss-Newton steps of what concerns a push alone
 Compared = TypeVar("Compared", bound=ReadingsInWindows)
 
 
-def hold_out(compared: ReadingsInWindows, point: Array, judged: ReadingsInWindows | None = None) -> HeldOut | None:
+def hold_out(
+    compared: ReadingsInWindows, point: Array, judged: ReadingsInWindows | None = None, noise: Array | None = None
+) -> HeldOut | None:
     """What pushes that are left out say of an estimate; None where there are too few, or no fit to the others.
 
     Args:
         compared: the readings of all pushes.
         point: all unknowns of the estimate (nunknown + nextra), from which the fits begin.
         judged: by which pushes that are left out are predicted, where that is another comparison of them.
+        noise: of the torques (njoint), in N m, where it explains what the estimate leaves; then likelihoods judge, too.
     """
     judged = compared if judged is None else judged
     pushes, count = max(len(trial.steps) for trial in compared.trials), len(compared.spreads)
     parts = min(PARTS, pushes)
     if parts < 2:
         return None
-    fits, squares = [], np.zeros((3, parts))
+    fits, squares, likelier = [], np.zeros((3, parts)), np.zeros(parts)
     for part in range(parts):
         is_out = np.arange(pushes) % parts == part
         try:
@@ -53,8 +58,23 @@ def hold_out(compared: ReadingsInWindows, point: Array, judged: ReadingsInWindow
         fits.append(unknowns)
         squares[:2, part] = squares_of(left, unknowns)
         squares[2, part] = squares_of(left, np.zeros(count))[0]
+        if noise is not None and isinstance(compared, Innovations):
+            likelier[part] = _likelier(only_pushes(compared, is_out), unknowns, noise)
     own, seen, nominal = squares.sum(axis=1)
-    return HeldOut(float(np.sqrt(own / seen)), float(np.sqrt(nominal / seen)), np.array(fits))
+    misfits = float(np.sqrt(own / seen)), float(np.sqrt(nominal / seen))
+    return HeldOut(*misfits, np.array(fits), None if noise is None else likelier)
+
+
+def _likelier(left: Innovations, unknowns: Array, noise: Array) -> float:
+    """How much more likely these `unknowns` (nunknown) make the readings that are `left` than the nominal model does,
+    in the logarithm, with that size of the `noise` (njoint), in N m, that suits either best.
+    """
+    both = []
+    for each in (unknowns, np.zeros_like(unknowns)):
+        point = np.append(each, np.zeros(left.extras))
+        both.append(left.likelihood(point, likeliest_noise(left, point, noise, PUSHES), PUSHES))
+    own, nominal = both
+    return own - nominal if np.isfinite(nominal) else np.inf
 
 
 def predicted(readings: Readings, estimate: Found) -> Prediction | None:

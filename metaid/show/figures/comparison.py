@@ -41,6 +41,7 @@ def plot_comparison(found: Comparison, axes: Axes | None = None) -> Axes:
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.margins(x=0.08)
+    axes.locator_params(axis="x", nbins=5)
     axes.set_xlabel(f"deviation from {'the truth' if found.knows_truth else 'the first study'}, %", loc="left")
     axes.grid(True, axis="x")
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(len(found.names), 3))
