@@ -46,6 +46,7 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
     for reading in range(steps + 1):
         if reading > 0:
             timestep = timesteps[reading - 1]
+            moved = (0.5 if is_continuous else 1.0) * timestep * timestep  # by a force that is held for a step
             spread.pushed[:] = 0.0
             for i in range(2 * n):
                 for j in range(2 * n):
@@ -60,7 +61,7 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
                 for i in range(n):
                     for j in range(n):
                         spread.pushed[n + i, j] += timestep * work.solved[i, j]
-                        spread.pushed[i, j] += timestep * timestep * work.solved[i, j]
+                        spread.pushed[i, j] += moved * work.solved[i, j]
                 if is_continuous:
                     if not flow(reading - 1, forces, balance, nothing, timestep, work):
                         return np.nan, np.nan

@@ -223,8 +223,9 @@ def start_spread(pushed: PushedSettings) -> Array | None:
     npush, n = speeds.shape
     covariance = np.tile(np.diag(of_speeds**2), (npush, 1, 1))
     if pushed.push_noise:
-        each = speeds[:, :, None] * np.eye(n)
-        share = pushed.push_noise * np.concatenate([_per_share(np.array(pushed.impulses), speeds), each], axis=-1)
+        by_impulses, each = _per_share(np.array(pushed.impulses), speeds), speeds[:, :, None] * np.eye(n)
+        each *= np.linalg.norm(by_impulses) / np.linalg.norm(speeds)  # either alone may be all of it
+        share = pushed.push_noise * np.concatenate([by_impulses, each], axis=-1)
         covariance += (1.0 + 1.0 / REPEATS) * share @ share.transpose(0, 2, 1)
     values, vectors = np.linalg.eigh(covariance)
     roots: Array = vectors * np.sqrt(np.maximum(values, 0.0))[:, None]
