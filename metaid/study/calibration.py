@@ -221,12 +221,7 @@ def start_spread(pushed: PushedSettings) -> Array | None:
     if not (pushed.push_noise or of_angles.any() or of_speeds.any()):
         return None
     npush, n = speeds.shape
-    covariance = np.tile(np.diag(of_speeds**2), (npush, 1, 1))
-    if pushed.push_noise:
-        by_impulses, each = _per_share(np.array(pushed.impulses), speeds), speeds[:, :, None] * np.eye(n)
-        each *= np.linalg.norm(by_impulses) / np.linalg.norm(speeds)  # either alone may be all of it
-        share = pushed.push_noise * np.concatenate([by_impulses, each], axis=-1)
-        covariance += (1.0 + 1.0 / REPEATS) * share @ share.transpose(0, 2, 1)
+    covariance = np.diag(of_speeds**2) + (1.0 + 1.0 / REPEATS) * _differing(pushed)
     values, vectors = np.linalg.eigh(covariance)
     roots: Array = vectors * np.sqrt(np.maximum(values, 0.0))[:, None]
     if not of_angles.any():
@@ -234,6 +229,20 @@ def start_spread(pushed: PushedSettings) -> Array | None:
     both = np.zeros((npush, 2 * n, 2 * n))
     both[:, :n, :n], both[:, n:, n:] = np.diag(of_angles), roots
     return both
+
+
+def _differing(pushed: PushedSettings) -> Array:
+    """Covariance of the joint speeds (npush x njoint x njoint), in rad²/s², right after each push from one time to the
+    next. Impulses differ, or the speeds that they give: either alone may be all of it.
+    """
+    speeds = np.array(pushed.speeds)
+    each = speeds[:, :, None] * np.eye(speeds.shape[1])
+    if not pushed.push_noise:
+        return 0.0 * each
+    by_impulses = _per_share(np.array(pushed.impulses), speeds)
+    each *= np.linalg.norm(by_impulses) / np.linalg.norm(speeds)
+    share = pushed.push_noise * np.concatenate([by_impulses, each], axis=-1)
+    return np.asarray(share @ share.transpose(0, 2, 1))
 
 
 def calibration_of(pushed: PushedSettings, nominal: Chain, gravity: float, repeats: int) -> Calibration:
@@ -248,8 +257,7 @@ def calibration_of(pushed: PushedSettings, nominal: Chain, gravity: float, repea
     from scipy.special import stdtrit  # slow to load, and only rigs need it
 
     start_speeds, speed_noise = np.array(pushed.speeds), np.array(pushed.speed_noise)
-    share = pushed.push_noise * _per_share(np.array(pushed.impulses), start_speeds)
-    variance = (1.0 + 1.0 / REPEATS) * ((share**2).sum(axis=-1) + speed_noise**2)
+    variance = (1.0 + 1.0 / REPEATS) * (np.diagonal(_differing(pushed), axis1=1, axis2=2) + speed_noise**2)
     freedom = (REPEATS - 1) * len(start_speeds) // repeats
     deviations = float(stdtrit(freedom, 1.0 - CHANCE / 2.0))  # few repeats tell the spread but roughly
     least = LEAST_TOLERANCE * np.abs(start_speeds).max(axis=1, keepdims=True)
