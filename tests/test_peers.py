@@ -116,7 +116,6 @@ def test_pushes_of_a_bench_whose_speeds_scatter_are_not_refused() -> None:
     assert cell.errors[0]["worst_lump"] < 2e-3
 
 
-
 def test_bench_adds_to_angles_and_torques_what_it_is_told() -> None:
     """An offset is read where nothing else is, and noise of the torques moves what no torque does."""
     links, seen = {"links": [{"length": 0.4, "mass": 1.0}]}, []
