@@ -127,21 +127,20 @@ class Experiment:
         told, probes = self._information(trials, estimate), np.asarray(were_probes)
         if told is None or probes.all() or not probes.any():
             return is_settled
-        known = told.sum(axis=0)
+        known = told.sum(axis=0) + np.eye(told.shape[-1])
         by_probe, by_estimate = (np.linalg.slogdet(known + told[kind].mean(axis=0))[1] for kind in (probes, ~probes))
         return bool(by_probe > by_estimate)
 
     def _information(self, trials: Sequence[Any], estimate: Found) -> Array | None:
         """What each of the `trials` tells about what is unknown of all, faults too (ntrial x nunknown x nunknown), JᵀJ
-        scaled by the prior, which has its share, at their `estimate`; None where the twin cannot follow.
+        scaled by the prior, at their `estimate`; None where the twin cannot follow.
         """
         compared = self.searching(estimate)._readings(trials)
         residuals = compared.residuals(estimate.point, compared.stages)
         if residuals is None:
             return None
         jacobian = residuals.slopes.reshape(len(trials), -1, len(compared.spreads)) * compared.spreads
-        told = jacobian.swapaxes(1, 2) @ jacobian + np.eye(len(compared.spreads)) / len(trials)
-        return np.asarray(told, dtype=np.float64)
+        return np.asarray(jacobian.swapaxes(1, 2) @ jacobian, dtype=np.float64)
 
     def is_coasting(self, value: float) -> bool:
         """Whether a trial with this `value` of the measure coasts. Noise hides how well one does: then its intervals

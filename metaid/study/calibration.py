@@ -21,7 +21,7 @@ from metaid.study.spec import PushedSettings
 REPEATS = 4  # of each push in a calibration; a power of two, so that the mean of equal speeds is one of them
 RESTING = 2.0  # natural times for which a chain stands at rest
 FEWEST_READINGS, MOST_READINGS = 20, 200  # at rest
-DRIFT = 4  # coefficients of what a rig at rest may drift by; what is left is noise
+DRIFT = 4  # coefficients of what a rig at rest may drift by in FEWEST_READINGS; what is left is noise
 UPRIGHT = 0.5  # rad from the upright in which every joint of a chain at rest must be
 AWAY = 0.3  # rad or m, and a share of the fastest joint: how far from what an arm was asked a push may begin
 LARGEST_IMPULSE = 1e4  # N s; a rig that needs more has not answered to its trial pushes
