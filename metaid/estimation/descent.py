@@ -59,6 +59,11 @@ class Fitted(Protocol):
         concern one push alone. None where the twin cannot follow.
         """
 
+    def least_cost(self, point: Array, windows: int) -> float:
+        """What these residuals cost at least, by less work than they take: inf where the twin cannot follow, 0 where
+        nothing less tells it.
+        """
+
 
 @dataclass(frozen=True)
 class Place:
@@ -78,11 +83,15 @@ class Descent:
     converged: bool
 
 
-def place_at(fitted: Fitted, point: Array, windows: int) -> Place | None:
-    """The place at a `point`, or None where it is too far from the prior's mean or the twin cannot follow."""
+def place_at(fitted: Fitted, point: Array, windows: int, below: float = np.inf) -> Place | None:
+    """The place at a `point`, or None where it is too far from the prior's mean, the twin cannot follow, or its cost is
+    plainly not `below` one.
+    """
     spreads = fitted.spreads
     prior = point[: len(spreads)] / spreads
     if not float(np.abs(prior).max()) <= FARTHEST:
+        return None
+    if below < np.inf and not fitted.least_cost(point, windows) + 0.5 * float(prior @ prior) < below:
         return None
     residuals = fitted.residuals(point, windows)
     if residuals is None or not np.isfinite(residuals.cost):
@@ -135,7 +144,7 @@ def descend(
             if gain < max(least_gain, NEGLIGIBLE_SHARE * place.cost) or is_short:
                 return Descent(place, iteration, True)
             following = place.residuals.following @ np.append(1.0, step)
-            new = place_at(fitted, place.point + np.concatenate([step, following]), windows)
+            new = place_at(fitted, place.point + np.concatenate([step, following]), windows, place.cost)
             share = -1.0 if new is None else (place.cost - new.cost) / gain
             if new is not None and share > 0.0:
                 break

@@ -97,6 +97,10 @@ class Motions(WatchedTrials):
         """A misfit below this is rounding."""
         return EXPLAINED
 
+    def least_cost(self, point: Array, windows: int) -> float:
+        """0: the speeds are most of the work."""
+        return 0.0
+
     def residuals(self, point: Array, windows: int) -> Residuals | None:
         """Those of the first `windows` windows, or None where the twin did not get through them. While these are to
         grow, a share of the pushes is enough.

@@ -38,6 +38,10 @@ class PlanarTwin:
         """The same chain, of which nothing is unknown."""
         return PlanarTwin(self.unknowns.alone(self.log_factors), np.empty(0))
 
+    @property
+    def has_rough_steps(self) -> bool:
+        return False
+
     def watch(self, trial: WatchedTrial, windows: int, energies: bool = False) -> Motion:
         return self._watch(trial, np.ascontiguousarray(trial.ends[:windows]), energies)[0]
 
@@ -65,7 +69,7 @@ class PlanarTwin:
         return angles, (steps <= trial.last[:, None]) & (np.arange(len(steps)) < motion.reached[:, None])
 
     def drive(self, driven: Driven, joints: Joints | None, led: Gains | None = None) -> Coefficients | None:
-        trial, starts, steps, basis = driven
+        trial, starts, steps, basis, _ = driven
         (npush, _, n), coefficients = starts.shape, basis.shape[2]
         extra = 0 if trial.start_spread is None else trial.start_spread.shape[-1]
         columns = len(self.log_factors) + extra

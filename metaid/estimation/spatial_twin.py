@@ -60,7 +60,7 @@ class Beside:
 
     def follow(self, driven: Driven, times: Times, led: Gains | None) -> Followed:
         """What all of them show in a trial, led by its readings where there are gains."""
-        trial, _, steps, basis = driven
+        trial, _, steps, basis, _ = driven
         if led is None:
             seen = basis, np.arange(len(steps)), steps
             return follow_torques(self.frames, self.candidates, self.starts, trial.torques, seen, times, self.spring)
@@ -81,6 +81,10 @@ class SpatialTwin:
         """Parameters of the twin and of those beside it (1 + nunknown x njoint x 13)."""
         beside = self.point + STEP * np.eye(len(self.point))
         return self.unknowns.parameters(np.vstack([self.point, beside]))
+
+    @property
+    def has_rough_steps(self) -> bool:
+        return True
 
     def watch(self, trial: WatchedTrial, windows: int, energies: bool = False) -> Motion:
         if energies:
@@ -108,11 +112,11 @@ class SpatialTwin:
         return follow_laws(frames, trial.law, candidates, (trial.starts, stiffness), windows, trial.timestep)
 
     def drive(self, driven: Driven, joints: Joints | None, led: Gains | None = None) -> Coefficients | None:
-        trial, _, steps, basis = driven
+        trial, _, steps, basis, is_rough = driven
         beside, times = self._beside(driven, joints), _times(trial)
-        is_apart = times.order == RUNGE_KUTTA and len(beside.candidates) > 1
-        # How far twins are from each other, steps of a lower order tell as well, in half of the time.
-        followed = beside.follow(driven, times._replace(order=MIDPOINT) if is_apart else times, led)
+        rough = times._replace(order=min(times.order, MIDPOINT))  # in half of the time
+        is_apart = times != rough and not is_rough and len(beside.candidates) > 1
+        followed = beside.follow(driven, rough if is_apart or is_rough else times, led)
         own = beside.first.follow(driven, times, led) if is_apart else followed
         if not (followed.arrived & own.arrived)[:, steps > 0].all():
             return None

@@ -136,12 +136,14 @@ class Driven(NamedTuple):
         starts: joint coordinates and speeds (npush x 2 x njoint) right after each push.
         steps: how many steps (npush) of each push to follow.
         basis: the polynomials (npush x nstep + 1 x ncoefficient) that each push is seen in.
+        is_rough: whether steps of a lower order do: how far twins are from each other, these tell as well.
     """
 
     trial: ReadTrial
     starts: Array
     steps: NDArray[np.int64]
     basis: Array
+    is_rough: bool = False
 
 
 class Filtered(NamedTuple):

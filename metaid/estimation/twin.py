@@ -81,6 +81,10 @@ class Filter:
 class Twin(Protocol):
     """A robot with some unknowns, simulated. The derivatives of what it shows are by these."""
 
+    @property
+    def has_rough_steps(self) -> bool:
+        """Whether it takes steps of a lower order where these do."""
+
     def watch(self, trial: WatchedTrial, windows: int, /, energies: bool = False) -> Motion:
         """The first so many `windows` of each push of a trial, under the same law; with `energies` and their
         derivatives, where it has them.

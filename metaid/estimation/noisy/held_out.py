@@ -30,7 +30,7 @@ Compared = TypeVar("Compared", bound=ReadingsInWindows)
 
 
 def hold_out(
-    compared: ReadingsInWindows, point: Array, judged: ReadingsInWindows | None = None, noise: Array | None = None
+    compared: Readings, point: Array, judged: Readings | None = None, noise: Array | None = None
 ) -> HeldOut | None:
     """What pushes that are left out say of an estimate; None where there are too few, or no fit to the others.
 

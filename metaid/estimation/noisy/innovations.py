@@ -40,10 +40,17 @@ class Innovations(Readings):
         return super()._longest(number, super().stages)
 
     def _left(
-        self, number: int, trial: ReadTrial, starts: Array, windows: int, log_factors: Array, joints: Joints | None
+        self,
+        number: int,
+        trial: ReadTrial,
+        starts: Array,
+        windows: int,
+        log_factors: Array,
+        joints: Joints | None,
+        is_rough: bool = False,
     ) -> Coefficients | None:
         (chosen, steps), (_, basis) = self._longest(number, windows), self._windows[number]
-        driven = Driven(trial, starts, steps, basis[chosen])
+        driven = Driven(trial, starts, steps, basis[chosen], is_rough)
         return self._twin(log_factors).drive(driven, joints, led=self.gains[number])
 
     def motion(self, number: int) -> tuple[Array, Array]:

@@ -59,6 +59,18 @@ class Readings(ReadingsInWindows):
 
         return self._eliminated(point, self.stages, _compared, len(self.spreads) + len(torques[0]) + len(moved))
 
+    def least_cost(self, point: Array, windows: int) -> float:
+        """All of it, by the twin without derivatives."""
+        cost = 0.0
+        for number in range(len(self.trials)):
+            unknowns, whitened = self._of_trial(number, point)
+            log_factors, faults = self._parted(unknowns)
+            values = self._alone(log_factors)._shown(number, faults, whitened, windows)
+            if values is None:
+                return np.inf
+            cost += 0.5 * float((values**2).sum() + (whitened**2).sum())
+        return cost
+
     @property
     def is_led(self) -> bool:
         """Whether the readings set the twin right."""
@@ -135,18 +147,46 @@ class Readings(ReadingsInWindows):
         return left.values.reshape(npush, -1), slopes
 
     def _shown(
-        self, number: int, faults: Array, whitened: Array, windows: int, acted: ReadTrial | None = None
+        self,
+        number: int,
+        faults: Array,
+        whitened: Array,
+        windows: int,
+        acted: ReadTrial | None = None,
+        is_rough: bool = False,
     ) -> Array | None:
-        """What a robot of which nothing is unknown shows in a trial (npush x nvalue), with these unknown `faults`
-        (nfault) and, where that is given, with the torques that `acted`. None where its twin cannot follow.
+        """What a robot of which nothing is unknown shows in a trial (npush x nvalue), or None: its twin cannot follow.
+
+        Args:
+            number: of the trial.
+            faults: the unknown ones (nfault).
+            whitened: what each push has alone (npush x nextra).
+            windows: of which the longest is watched.
+            acted: the trial with the torques that acted; None for those that the faults make of what was commanded.
+            is_rough: whether it is to be compared with what others show as roughly.
         """
         trial = self._delivered(self.trials[number], faults) if acted is None else acted
         starts, bare = started(trial, whitened), replace(trial, start_spread=None)
-        left = self._left(number, bare, starts, windows, np.empty(0), self._joints(faults))
+        left = self._left(number, bare, starts, windows, np.empty(0), self._joints(faults), is_rough)
         return None if left is None else left.values.reshape(len(starts), -1)
 
+    def _shown_roughly(
+        self, number: int, faults: Array, whitened: Array, windows: int, acted: ReadTrial, values: Array
+    ) -> Array | None:
+        """The same, to be compared with what others show as roughly; the `values` where a twin has no rough steps."""
+        if not (acted.is_continuous and self._only_twin.has_rough_steps):
+            return values
+        return self._shown(number, faults, whitened, windows, acted, is_rough=True)
+
     def _left(
-        self, number: int, trial: ReadTrial, starts: Array, windows: int, log_factors: Array, joints: Joints | None
+        self,
+        number: int,
+        trial: ReadTrial,
+        starts: Array,
+        windows: int,
+        log_factors: Array,
+        joints: Joints | None,
+        is_rough: bool = False,
     ) -> Coefficients | None:
         """What the twin shows less what was read, scaled by the noise, and its derivatives; None where it cannot
         follow.
@@ -158,9 +198,10 @@ class Readings(ReadingsInWindows):
             windows: of which the longest is watched.
             log_factors: the unknowns (nlump).
             joints: what they have beside the lumps; None for nothing.
+            is_rough: whether steps of a lower order do.
         """
         (chosen, steps), (_, basis) = self._longest(number, windows), self._windows[number]
-        driven = Driven(trial, starts, steps, basis[chosen])
+        driven = Driven(trial, starts, steps, basis[chosen], is_rough)
         twin = self._twin(log_factors).drive(driven, joints)
         if twin is None:
             return None
@@ -210,12 +251,13 @@ class Readings(ReadingsInWindows):
         log_factors, faults = self._parted(unknowns)
         slopes, alone = np.zeros((*values.shape, len(faults))), self._alone(log_factors)
         acted = self._delivered(self.trials[number], faults)
+        here = alone._shown_roughly(number, faults, whitened, windows, acted, values)
         for column, step in enumerate(STEP * np.eye(len(faults))):
             as_before = None if self.faults.is_of_torque[column] else acted
-            shown = alone._shown(number, faults + step, whitened, windows, as_before)
-            if shown is None:
+            shown = alone._shown(number, faults + step, whitened, windows, as_before, is_rough=True)
+            if here is None or shown is None:
                 return None
-            slopes[..., column] = (shown - values) / STEP
+            slopes[..., column] = (shown - here) / STEP
         return slopes
 
     def _compare_driven(
@@ -227,13 +269,14 @@ class Readings(ReadingsInWindows):
         log_factors, faults = self._parted(unknowns)
         largest, alone = np.abs(self.trials[number].torques).max(), self._alone(log_factors)
         slopes, acted = np.zeros((*values.shape, len(torques))), self._delivered(self.trials[number], faults)
+        here = alone._shown_roughly(number, faults, whitened, self.stages, acted, values)
         for column, torque in enumerate(torques):
             size = DIFFERENCE * largest / max(float(np.abs(torque).max()), TINY)
             more = replace(acted, torques=acted.torques + size * torque)
-            shown = alone._shown(number, faults, whitened, self.stages, more)
-            if shown is None:
+            shown = alone._shown(number, faults, whitened, self.stages, more, is_rough=True)
+            if here is None or shown is None:
                 return None
-            slopes[..., column] = (shown - values) / size
+            slopes[..., column] = (shown - here) / size
         return slopes
 
     def _compare_moved(
