@@ -72,6 +72,7 @@ ROWS: dict[str, tuple[str, Mapping[str, Any]]] = {
         ENCODER | {"delay": 0.003, "tilt": 0.01, "viscous": (0.02, 0.01)},
     ),
 }
+OF_ARM: Mapping[str, Any] = {"torque_limit": (2.0, 7.0)}  # what a pendulum's shoulder gives, no arm stands with
 EVERYTHING = {key: value for _, has in ROWS.values() for key, value in has.items()} | {"dry": (0.16, 0.12)}
 ROWS["all"] = ("all of it, as a real bench has", EVERYTHING)
 ROWS["rough"] = ("noise of 0.1 N m on every torque", ENCODER | {"torque_noise": 0.1})
@@ -93,6 +94,12 @@ class Judged:
     lumps: int
     seconds: float
     taken_up: str
+
+
+def imperfections_of(row: str, robot: str) -> dict[str, Any]:
+    """What the bench of a `row` has, of a `robot`: an arm in the size that suits it."""
+    has = dict(ROWS[row][1])
+    return has if robot != ARM else has | {key: value for key, value in OF_ARM.items() if key in has}
 
 
 def true_links(links: int) -> list[dict[str, float]]:
@@ -136,7 +143,7 @@ def _wrong(links: int, seed: int) -> list[dict[str, float]]:
 
 def run_bench(row: str, robot: str, timestep: float, seed: int, settings: str = "") -> tuple[Snapshot, float]:
     """What one study on one bench has found, of a chain of so many links, or of the "arm", and in how many s."""
-    imperfections = dict(ROWS[row][1]) | {"seed": float(seed)}
+    imperfections = imperfections_of(row, robot) | {"seed": float(seed)}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         plant = ARM_FILE if robot == ARM else folder / "bench-links.toml"
@@ -155,7 +162,7 @@ def run_bench(row: str, robot: str, timestep: float, seed: int, settings: str = 
 
 def try_bench(row: str, robot: str, timestep: float, seed: int, settings: str = "") -> Judged:
     """Runs one study on one bench and judges it."""
-    imperfections = dict(ROWS[row][1])
+    imperfections = imperfections_of(row, robot)
     snapshot, seconds = run_bench(row, robot, timestep, seed, settings)
     verdict, found = judge(snapshot), snapshot.estimate
     if found is None:

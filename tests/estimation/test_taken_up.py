@@ -64,6 +64,19 @@ def test_fault_that_predicts_other_pushes_holds(late: Watched) -> None:
     assert (np.abs(error) < 4.0 * estimate.deviations + 1e-6).all()
 
 
+def test_cost_without_derivatives_is_that_of_the_residuals(late: Watched) -> None:
+    """At the nominal model and elsewhere: a descent that asks for it first steps as if it did not."""
+    unknowns = LogUnknowns(late.nominal.lumps, GRAVITY)
+    trials = [late.read_trial(raised(late.nominal.lumps, law)) for law in LAWS]
+    readings = Readings(trials, unknowns, faults=searched_faults(("delay", "tilt"), unknowns, late.starts))
+    point = np.zeros(len(readings.spreads) + readings.extras)
+    for each in (point, point + 0.02):
+        for windows in (1, readings.stages):
+            residuals = readings.residuals(each, windows)
+            assert residuals is not None
+            assert readings.least_cost(each, windows) == pytest.approx(residuals.cost, rel=1e-9)
+
+
 def test_fault_that_a_later_trial_refutes_explains_nothing(late: Watched) -> None:
     """Where torques of the second trial were cut, it may predict better than none, and is no finding."""
     unknowns = LogUnknowns(late.nominal.lumps, GRAVITY)
@@ -109,6 +122,19 @@ def test_offsets_are_taken_up_where_lumps_would_be_elsewhere_with_a_tilt(second:
     _, taken = taken_up(seen, Readings(trials, LogUnknowns(seen.nominal.lumps, GRAVITY)), ("tilt",))
     assert taken is not None
     assert (taken.kinds, taken.rivals) == ((kind,), ()), taken.description
+
+
+def test_limit_of_one_motor_is_found_wherever_it_lies() -> None:
+    """A joint that falls is commanded ever more: of that its motor gives a thirtieth, and the others all."""
+    faults = FaultSettings(angle_noise=NOISE, speed_sensor=False, torque_limit=(1000.0, 0.3, 1000.0))
+    seen = watched(3, 1, faults=faults)
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
+    trials = [seen.read_trial(raised(seen.nominal.lumps, law)) for law in LAWS]
+    estimate, taken = taken_up(seen, Readings(trials, unknowns))
+    assert taken is not None
+    assert taken.kinds == ("limit",)
+    assert estimate.is_explained
+    assert np.abs(estimate.log_factors - unknowns.log_factors(seen.plant.chain.lumps)).max() < 1e-3
 
 
 def test_fault_that_was_taken_up_says_what_the_misfit_is_without_it() -> None:

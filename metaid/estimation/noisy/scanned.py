@@ -4,7 +4,8 @@ turn cogging repeats, and at what torque motors cut off.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,8 +15,10 @@ from metaid.estimation.trials import ReadTrial
 from metaid.models import Array
 
 FEWEST, MOST = 3, 40  # times a turn; of fewer gravity, a tilt and a spring have as much
-LEVELS = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2)  # of the largest torque that was commanded: where it may be cut off
+# Of the largest torque that was commanded: where it may be cut off. A joint that falls is commanded ever more.
+LEVELS = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02)
 HELD = 0.5  # of what is beyond a limit: a joint that lacks less of it has none
+ROUNDS = 4  # through the joints: what is beyond the limit of one may look like what is beyond another's
 
 
 def teeth_shown(led: Innovations, point: Array) -> int:
@@ -26,14 +29,17 @@ def teeth_shown(led: Innovations, point: Array) -> int:
         led: of all trials, with gains.
         point: the unknowns, with what concerns a push alone behind them.
     """
-    left = _left_by_each(led, point, [_waves(trial) for trial in led.trials], 2 * led.unknowns.njoint)
-    return FEWEST + int(np.argmin([each for each, _ in left[1:]])) if left else 0
+    scan, each = _scan(led, point, [_waves(trial) for trial in led.trials]), 2 * led.unknowns.njoint
+    if scan is None:
+        return 0
+    left = [scan.left_by(range(first, first + each))[0] for first in range(0, scan.count, each)]
+    return FEWEST + left.index(min(left))
 
 
 def limits_shown(led: Innovations, point: Array) -> Array | None:
-    """What the motors give at most (njoint), in N m, by the level that leaves least of the innovations, the same share
-    of what was commanded in each joint; where a joint has none, the largest that was commanded. None where all have
-    none, or the twin cannot follow.
+    """What the motors give at most (njoint), in N m: of each joint the level that leaves least of the innovations
+    beside those of the others, found one joint after the other; where a joint has none, the largest torque that was
+    commanded. None where all have none, or the twin cannot follow.
 
     Args:
         led: of all trials, with gains.
@@ -41,32 +47,69 @@ def limits_shown(led: Innovations, point: Array) -> Array | None:
     """
     n = led.unknowns.njoint
     most = np.max([np.abs(trial.torques).max(axis=(0, 1)) for trial in led.trials], axis=0)
-    left = _left_by_each(led, point, [_beyond(trial, most) for trial in led.trials], n)
-    if not left:
+    scan = _scan(led, point, [_beyond(trial, most) for trial in led.trials])
+    if scan is None:
         return None
-    best = 1 + int(np.argmin([each for each, _ in left[1:]]))
-    is_cut = left[best][1] > HELD
-    if not is_cut.any() or left[0][0] - left[best][0] < by_chance(n):
+    levels: dict[int, int] = {}
+    for _ in range(ROUNDS):
+        before = dict(levels)
+        for joint in range(n):
+            _set_level(scan, levels, joint, n)
+        if levels == before:
+            break
+    if not levels:
         return None
-    return np.asarray(np.where(is_cut, LEVELS[best - 1], 1.0) * most)
+    return np.array([most[joint] * (LEVELS[levels[joint]] if joint in levels else 1.0) for joint in range(n)])
 
 
-def _left_by_each(led: Innovations, point: Array, columns: Sequence[Array], each: int) -> list[tuple[float, Array]]:
-    """The sum of squares that is left without further torques, and with every `each` of the `columns` (ncolumn x npush
-    x nstep x njoint of each trial), with their sizes (each); nothing where the twin cannot follow.
+def _set_level(scan: Scan, levels: dict[int, int], joint: int, n: int) -> None:
+    """Changes the level of a `joint` to the one that leaves least beside the `levels` of the others; to none where that
+    leaves as much but for chance, or lacks less of what is beyond it.
+    """
+    levels.pop(joint, None)
+    others = [level * n + other for other, level in levels.items()]
+    without = scan.left_by(others)[0]
+    tried = [scan.left_by([*others, level * n + joint]) for level in range(len(LEVELS))]
+    best = min(range(len(tried)), key=lambda level: tried[level][0])
+    left, sizes = tried[best]
+    if sizes[-1] > HELD and without - left > by_chance(1):
+        levels[joint] = best
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Innovations of all trials and how they change with the unknowns (`nunknown`), of which the priors are known, and
+    with `count` further torques, as one triangular system: values + slopes @ step.
+    """
+
+    slopes: Array
+    values: Array
+    nunknown: int
+
+    @property
+    def count(self) -> int:
+        return int(self.slopes.shape[1]) - self.nunknown
+
+    def left_by(self, torques: Iterable[int]) -> tuple[float, Array]:
+        """The sum of squares that is left with the further `torques` of these numbers, and their sizes."""
+        chosen = [*range(self.nunknown), *(self.nunknown + number for number in torques)]
+        left, step, _ = least_squares(self.slopes[:, chosen], self.values)
+        return left, step[self.nunknown :]
+
+
+def _scan(led: Innovations, point: Array, columns: Sequence[Array]) -> Scan | None:
+    """Further torques, the `columns` (ncolumn x npush x nstep x njoint of each trial); None where the twin cannot
+    follow.
     """
     residuals = led.residuals_with(point, columns)
     if residuals is None:
-        return []
+        return None
     count = len(led.spreads)
     prior = np.diag(np.append(1.0 / led.spreads, np.zeros(len(columns[0]))))[:count]
     slopes = np.vstack([residuals.slopes, prior])
     values = np.append(residuals.values, point[:count] / led.spreads)
-    found = [(least_squares(slopes[:, :count], values)[0], np.empty(0))]
-    for first in range(count, slopes.shape[1], each):
-        left, step, _ = least_squares(np.column_stack([slopes[:, :count], slopes[:, first : first + each]]), values)
-        found.append((left, step[count:]))
-    return found
+    triangular = np.asarray(np.linalg.qr(np.column_stack([slopes, values]), mode="r"))
+    return Scan(triangular[:, :-1], triangular[:, -1], count)
 
 
 def _waves(trial: ReadTrial) -> Array:
