@@ -13,7 +13,7 @@ from conftest import Finished
 
 from metaid.errors import StudyError
 from metaid.models import Array
-from metaid.results import read_snapshot
+from metaid.results import judge, read_snapshot
 from metaid.store import Store
 from metaid.study import create_study, load_study, run_study
 from metaid.study.estimates import StudyEstimate
@@ -157,3 +157,48 @@ def test_what_an_arm_cannot_have_is_refused(changes: dict[str, object], said: st
     """In one line, before anything is run."""
     with pytest.raises(StudyError, match=said):
         load_study("spatial-three-link", changes)
+
+
+HANGING = """<mujoco>
+<compiler angle="radian"/>
+<worldbody>
+<body pos="0 0 0.4">
+<joint name="side" axis="0 1 0" range="-2.4 2.4" armature="0.03" damping="0.15"/>
+<inertial pos="-0.005 -0.005 0.14" mass="1" fullinertia="0.011 0.011 0.002 0.0001 0.0005 -0.0002"/>
+<body pos="0.036 -0.026 0.4">
+<joint name="across" axis="1 0 0" range="-2.4 2.4" armature="0.036" damping="0.08"/>
+<inertial pos="-0.014 -0.001 0.08" mass="2.4" fullinertia="0.02 0.019 0.004 0.0006 0.0001 0.0017"/>
+</body></body>
+</worldbody>
+</mujoco>
+"""
+OFF = 'mjcf = "hanging.xml"\n\n[faults]\nangle_noise = 1e-4\nspeed_sensor = false\nencoder_offset = 0.01\n'
+PROPOSED = """plant = "off.toml"
+trials = 1
+[estimate]
+faults = "proposed"
+[nominal]
+plant = "hanging.xml"
+seed = 142
+"""
+
+
+def test_intervals_hold_a_last_encoder_that_is_off_as_the_others_may_be(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A tilt explains as much as an offset of a first joint that is level. Where that is there, the last encoder may be
+    off, too, which no motion shows.
+    """
+    monkeypatch.chdir(tmp_path)
+    for name, text in (("hanging.xml", HANGING), ("off.toml", OFF), ("proposed.toml", PROPOSED)):
+        Path(name).write_text(text)
+    store = Store("off.db", create=True)
+    run_study(store, create_study(store, load_study("proposed.toml"), "off"))
+    found = (snapshot := read_snapshot(store, "off")).estimate
+    assert found is not None
+    assert found.taken_up is not None
+    assert found.taken_up.kinds == ("tilt",)
+    lumps = judge(snapshot).lumps
+    assert ((lumps["low"] <= lumps["true"]) & (lumps["true"] <= lumps["high"])).sum() >= len(lumps) - 1
+    turned = lumps.set_index("name").loc["m2y"]
+    assert turned["low"] < turned["true"] < turned["high"]

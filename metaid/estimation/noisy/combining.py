@@ -67,7 +67,21 @@ def combine(
     if not grown:
         return None
     best, rivals = max(grown, key=lambda each: _worth(each[0]))
-    return _fewest(combining, best, known), list(_as_good(combining, best, rivals))
+    fewest = _fewest(combining, best, known)
+    return fewest, [*_as_good(combining, best, rivals), *_off(combining, fewest, rivals, readings)]
+
+
+def _off(combining: Combining, best: Tried, rivals: list[Tried], readings: Readings) -> Iterator[Tried]:
+    """The `best` fit with offsets in place of a tilt that the study took up, if it does as well, and is none of the
+    `rivals` yet. Of an arm's last encoder no motion shows the offset.
+    """
+    is_among = any("offset" in rival.kinds for rival in rivals)
+    if "tilt" not in {*best.kinds} - {*readings.faults.kinds} or is_among or readings.unknowns.njoint < 2:
+        return
+    if readings.unknowns.hides_offset(best.found.unknowns) is not None:
+        instead = combining.fitted(tuple("offset" if each == "tilt" else each for each in best.kinds), best)
+        if instead is not None:
+            yield from _as_good(combining, best, [instead])
 
 
 def _as_good(combining: Combining, best: Tried, rivals: list[Tried]) -> Iterator[Tried]:
