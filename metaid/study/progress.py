@@ -81,7 +81,8 @@ class Run:
                 self.best = trial
         self._outcomes += [trial.outcome for trial in trials]
         if self._batch is not None and len(self._outcomes) == len(self._batch):
-            self._searcher.tell(self._outcomes)
+            if self.number < self.total:  # a search that asks no more need not match the last trials: the estimate does
+                self._searcher.tell(self._outcomes)
             self._batch, self._outcomes = None, []
             self.generation += 1
             self._widen_bounds()

@@ -59,7 +59,7 @@ class TakenUp:
         before: the misfit without them.
         after: the misfit with them.
         rivals: others that explain as much, in words, each with a lump that would be elsewhere.
-        shifts: by how much unknowns would change with each of them (nrival x nunknown).
+        shifts: by how much unknowns would change with each of them, and with what they hide (n x nunknown).
     """
 
     kinds: tuple[str, ...]

@@ -18,11 +18,13 @@ NOTHING = 1e-3  # of cost: beside noise whose size is found, too, less changes n
 @dataclass(frozen=True, eq=False)
 class Innovations(Readings):
     """The innovations of all `trials`, whitened, in the polynomials of Eq. 33, by a filter with given `gains` of each.
+    A step of a fit that promises less than `least_gain` of cost is not made.
 
     A twin that is led by its readings does not lose the plant, so windows need not grow: the longest is the first.
     """
 
     gains: tuple[Gains, ...] = field(default=(), kw_only=True)
+    least_gain: float = field(default=NOTHING, kw_only=True)
 
     @property
     def stages(self) -> int:
@@ -31,10 +33,6 @@ class Innovations(Readings):
     @property
     def is_led(self) -> bool:
         return True
-
-    @property
-    def least_gain(self) -> float:
-        return NOTHING
 
     def _longest(self, number: int, windows: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return super()._longest(number, super().stages)

@@ -40,8 +40,8 @@ def take_up(readings: Readings, estimate: Found, search: Search, torque_noise: A
     if found is None or not kinds:
         return found or estimate, None
     assert found.faults is not None
-    rivals = {words: shift for words, shift in (_rival(tried, other, readings) for other in others) if words}
-    shifts = np.array([*rivals.values()]).reshape(len(rivals), len(found.unknowns))
+    rivals = {words: shifts for words, shifts in (_rival(tried, other, readings) for other in others) if words}
+    shifts = np.concatenate([np.empty((0, len(found.unknowns))), *rivals.values()])
     sizes = fault_sizes(kinds, found.faults)
     return found, TakenUp(kinds, sizes, _without(readings, estimate), found.misfit, tuple(rivals), shifts)
 
@@ -100,23 +100,23 @@ def _without(readings: Readings, estimate: Found) -> float:
 
 def _rival(best: Tried, other: Tried, readings: Readings) -> tuple[str, Array]:
     """An `other` explanation than the `best`, in words, nothing where it has the same lumps, and by how much unknowns
-    change with it (nunknown).
+    change with it (n x nunknown).
     """
-    shift, hidden = other.found.unknowns - best.found.unknowns, _hidden(other, readings)
+    shift, hidden = (other.found.unknowns - best.found.unknowns)[None], _hidden(other, readings)
     faults, is_alike = other.found.faults, farthest_moved(best.found, other.found) is None
-    if faults is None or (is_alike and hidden is None):
+    if faults is None or (is_alike and not len(hidden)):
         return "", shift
-    return named_faults(other.kinds, fault_sizes(other.kinds, faults)), shift if hidden is None else shift + hidden
+    return named_faults(other.kinds, fault_sizes(other.kinds, faults)), np.concatenate([shift, hidden])
 
 
-def _hidden(tried: Tried, readings: Readings) -> Array | None:
-    """By how much unknowns change (nunknown) where the last encoder, whose offset no motion shows, is off by as much as
-    the others are in a fit; None where these are not, or where it changes nothing.
+def _hidden(tried: Tried, readings: Readings) -> Array:
+    """By how much unknowns change (1 x nunknown) where the last encoder, whose offset no motion shows, is off by as
+    much as the others are in a fit; none (0 x nunknown) where these are not, or where it changes nothing.
     """
-    faults = tried.found.faults
+    faults, none = tried.found.faults, np.empty((0, len(tried.found.unknowns)))
     if faults is None or "offset" not in tried.kinds or readings.unknowns.njoint < 2:
-        return None
+        return none
     direction = readings.unknowns.hides_offset(tried.found.unknowns)
     names, values = faults.searched.names, np.abs(faults.values)
     others = [values[names.index(f"offset_{joint}")] for joint in range(1, readings.unknowns.njoint)]
-    return None if direction is None else max(others) * direction
+    return none if direction is None else max(others) * direction[None]

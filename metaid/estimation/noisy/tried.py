@@ -27,6 +27,7 @@ LOOKED_AT = 3  # faults that are fitted wholly, of those that may be taken up
 TRIFLE = 1e-3  # of an unknown: a difference that does no harm
 NEGLIGIBLE, NOTHING = 1e-3, 3.0  # of the noise that was found, and in the logarithm of the likelihood: none is needed
 ROUNDS_EACH = 3  # of gains and unknowns in turn
+ENOUGH = 0.2  # of cost: a step of a fit that is tried and promises less moves no likelihood by as much as a fault earns
 OUT, OF = 1, 3  # of so many pushes that one is left out
 
 
@@ -186,7 +187,7 @@ class Combining:
 
 def combining_of(readings: Readings, search: Search, torque_noise: Array) -> Combining | None:
     """The pushes in two parts; None where there are too few."""
-    led = led_by(readings)
+    led = replace(led_by(readings), least_gain=ENOUGH)
     is_out = left_out(readings)
     try:
         return Combining(only_pushes(led, ~is_out), only_pushes(led, is_out), search, torque_noise)
