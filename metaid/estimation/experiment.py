@@ -37,6 +37,7 @@ PROBES = {"speed": 1, "both": 1, "frequency": 2}  # trials that show much, by wh
 RESTARTS = 3  # of a fit that explains nothing, from elsewhere
 SOME = 0.03  # of what the joints need: noise of torques that stands for what the model has not, to begin with
 AGREED = 1e-6  # of what an unknown may be beforehand: two estimates that are so near each other are the same
+LINEARISED = 1.1  # of what noise explains: so much a filter may leave, whose covariances are linearised
 STILL_SHRINKS = 0.95  # of the widest interval before: a trial that leaves more of it is worth no other
 
 SeenTrial = WatchedTrial | ReadTrial
@@ -255,7 +256,7 @@ class Experiment:
             return None
         if estimate.led_misfit is None:
             return hold_out(fitted, estimate.point)
-        is_noise = estimate.led_misfit < estimate.explained_below
+        is_noise = estimate.led_misfit < LINEARISED * estimate.explained_below
         return hold_out(fitted, estimate.point, self._readings(trials), estimate.torque_noise if is_noise else None)
 
     def replay(self, trials: Sequence[Any], estimate: Found, number: int) -> Replay:

@@ -26,6 +26,8 @@ UPRIGHT = 0.5  # rad from the upright in which every joint of a chain at rest mu
 AWAY = 0.3  # rad or m, and a share of the fastest joint: how far from what an arm was asked a push may begin
 LARGEST_IMPULSE = 1e4  # N s; a rig that needs more has not answered to its trial pushes
 LARGEST_SPREAD = 0.2  # of an impulse: what a push may differ by from one time to the next
+RESTLESS = 2.0  # of the variance right after pushes: a joint whose speed has more of it at rest is moved there
+LEAST_SQUARE = 1e-12  # rad²/s²: pushes that give less give nothing
 LEAST_TOLERANCE = 0.02  # of the fastest joint of a push: what it may differ by where the calibration showed less
 CHANCE = 1e-5  # that an honest push is refused
 
@@ -56,6 +58,7 @@ def calibrate_chain(plant: SocketPlant, nominal: Chain, pushes: Array, repeats: 
     angle_noise, speed_noise = _noise(_held(plant, still, count, law.torque))
     angles, joint_speeds = np.moveaxis(_begun(plant, [Start.upright(push) for push in different]), 2, 0)
     speeds = joint_speeds.mean(axis=0)
+    differing = np.sqrt(joint_speeds.var(axis=0, ddof=1).mean(axis=0))
     noise = _push_noise(joint_speeds - speeds, _per_share(different, speeds), speed_noise)
     if not noise <= LARGEST_SPREAD:
         raise PlantError(
@@ -68,7 +71,7 @@ def calibrate_chain(plant: SocketPlant, nominal: Chain, pushes: Array, repeats: 
         speeds=np.tile(speeds, (repeats, 1)).tolist(),
         push_noise=noise,
         angle_spread=np.sqrt(np.maximum((angles**2).mean(axis=(0, 1)) - angle_noise**2, 0.0)).tolist(),
-        speed_spread=np.sqrt(speed_noise**2 / REPEATS).tolist(),
+        speed_spread=np.sqrt(np.minimum(speed_noise, differing) ** 2 / REPEATS).tolist(),
         angle_noise=angle_noise.tolist(),
         speed_noise=speed_noise.tolist(),
     )
@@ -199,15 +202,19 @@ def _per_share(impulses: Array, start_speeds: Array) -> Array:
 
 
 def _push_noise(deviations: Array, per_share: Array, speed_noise: Array) -> float:
-    """By which share of itself an impulse differs from one time to the next, as a standard deviation.
+    """By which share of itself an impulse differs from one time to the next, as a standard deviation. Joints that noise
+    of torques moves at rest, which moves nothing right after a push, do not tell.
 
     Args:
         deviations: of joint speeds from their means (nrepeat x npush x njoint), in rad/s.
         per_share: what all of each impulse gives the joints (npush x njoint x nimpulse), in rad/s.
         speed_noise: standard deviation of a speed reading (njoint), in rad/s.
     """
-    variance = (deviations**2).sum() / (len(deviations) - 1) - len(per_share) * (speed_noise**2).sum()
-    return float(np.sqrt(max(variance, 0.0) / (per_share**2).sum()))
+    variance = (deviations**2).sum(axis=(0, 1)) / (len(deviations) - 1)
+    read = len(per_share) * speed_noise**2
+    tells = read <= RESTLESS * variance
+    share = (variance - read)[tells].sum() / max((per_share[:, tells] ** 2).sum(), LEAST_SQUARE)
+    return float(np.sqrt(max(share, 0.0)))
 
 
 def start_spread(pushed: PushedSettings) -> Array | None:

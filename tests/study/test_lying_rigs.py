@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from metaid.store import Store
 from metaid.study import Problem, create_study, load_study, run_study, stored_spec
 from metaid.study.calibration import calibrate_chain
 from soak import lies
+from soak.bench.serving import bench
 from soak.lies import LIES, Answer, Liar, Lie, listening, replayed
 from soak.rigs import HONEST_TRIALS, NOISE, PUSHES_A_TRIAL, STEPS, broken, created, told
 
@@ -199,6 +201,20 @@ def test_calibration_measures_noise_and_spread() -> None:
             plant.close()
         assert pushed.angle_noise == pytest.approx([noise] * 2, rel=0.2)
         assert pushed.push_noise == pytest.approx(spread, rel=0.5)
+
+
+def test_how_pushes_differ_is_measured_though_torques_are_rough(tmp_path: Path) -> None:
+    """Noise of the torques moves lighter links at rest more than their pushes differ, and not yet right after these."""
+    lengths = (0.5, 0.3, 0.3, 0.25, 0.2)
+    (tmp_path / "links.toml").write_text("".join(f"[[links]]\nlength = {each}\nmass = 0.7\n" for each in lengths))
+    links = [{"length": each, "mass": 0.8} for each in lengths]
+    nominal = MujocoPlant("nominal", PlantSettings.model_validate({"links": links}))
+    with bench(tmp_path / "links.toml", 0.002, torque_noise=0.3, start_speeds=0.02) as address:
+        plant = SocketPlant("rig", SocketSettings(socket=address, joints=5, step_timeout=60.0))
+        pushed = calibrate_chain(plant, nominal.chain, rich_pushes(nominal, 8, 2.0, seed=1), 1)
+        plant.close()
+    assert pushed.speed_noise[4] > 0.1
+    assert pushed.push_noise == pytest.approx(0.02, rel=0.5)
 
 
 def test_pushes_that_cannot_be_repeated_are_refused_when_a_study_is_created() -> None:
