@@ -106,6 +106,9 @@ def _force(step, forces, balance, work):  # type: ignore[no-untyped-def]
         joint_angle = angle[i] - (angle[i - 1] if i > 0 else 0.0)
         share = min(max(joint_speed * (1.0 / SLIDING), -1.0), 1.0)
         friction = balance.damping[i] * joint_speed + balance.coulomb[i] * share + balance.spring[i] * joint_angle
+        if balance.cogging[2, i] != 0.0:
+            phase = balance.cogging[2, i] * joint_angle
+            friction += balance.cogging[0, i] * np.cos(phase) + balance.cogging[1, i] * np.sin(phase)  # Eq. 42
         if balance.dry[i] != 0.0:
             friction -= slipping(i, joint_angle, joint_speed, balance, work)
         force[i] = friction - carried - balance.gravity[i] * sine[i] - stiffness * balance.law_inertia[i] * angle[i]

@@ -43,14 +43,14 @@ class Beside:
         frames: of the arm, as it stands.
         candidates: parameters of the twins (ncandidate x njoint x 13).
         starts: true joint coordinates and speeds at the starts (ncandidate x npush x 2 x njoint).
-        spring: stiffness of springs in the joints (njoint), in N m/rad or N/m.
+        by_angle: what acts by the coordinate of a joint (4 x njoint): springs and cogging.
         offset: what encoders read at 0 (njoint), in rad or m.
     """
 
     frames: Frames
     candidates: Array
     starts: Array
-    spring: Array
+    by_angle: Array
     offset: Array
 
     @property
@@ -63,9 +63,9 @@ class Beside:
         trial, _, steps, basis, _ = driven
         if led is None:
             seen = basis, np.arange(len(steps)), steps
-            return follow_torques(self.frames, self.candidates, self.starts, trial.torques, seen, times, self.spring)
+            return follow_torques(self.frames, self.candidates, self.starts, trial.torques, seen, times, self.by_angle)
         read = trial.readings - self.offset
-        pushes = DrivenPushes(self.frames, self.starts, trial.torques, read, steps, self.spring, times)
+        pushes = DrivenPushes(self.frames, self.starts, trial.torques, read, steps, self.by_angle, times)
         return follow_readings(pushes, self.candidates, (led.gains, led.weights), np.ascontiguousarray(basis))
 
 
@@ -135,7 +135,7 @@ class SpatialTwin:
         alike = Driven(replace(trial, start_spread=None), starts, trial.steps, np.zeros((len(starts), 1, 1)))
         beside = SpatialTwin(self.unknowns.alone(self.point), np.empty(0))._beside(alike, joints)
         read = np.ascontiguousarray(trial.readings - beside.offset)
-        settings = trial.steps, beside.spring, _times(trial)
+        settings = trial.steps, beside.by_angle, _times(trial)
         driven = DrivenPushes(beside.frames, beside.starts[0], trial.torques, read, *settings)
         begins, offset = np.ascontiguousarray(begins), np.append(beside.offset, np.zeros_like(beside.offset))
 
@@ -154,15 +154,15 @@ class SpatialTwin:
         further = STEP * np.eye(extra, 2 * n, 2 * n - extra)
         moved = np.concatenate([np.zeros((1 + len(self.point), 2 * n)), further]).reshape(-1, 1, 2, n)
         candidates = np.concatenate([self._candidates, np.repeat(self._candidates[:1], extra, axis=0)])
-        frames, spring, offset = self.unknowns.frames, np.zeros(n), np.zeros(n)
+        frames, by_angle, offset = self.unknowns.frames, np.zeros((4, n)), np.zeros(n)
         if joints is not None:
             candidates[..., DAMPING] += joints.viscous
             candidates[..., COULOMB] += joints.dry
             frames = frames._replace(gravity=tilted_gravity(frames.gravity, joints.tilt))
-            spring, offset = joints.spring, joints.offset
+            by_angle, offset = np.vstack([joints.spring, joints.cogging]), joints.offset
         starts = np.ascontiguousarray(states + moved)
         starts[:, :, 0] -= offset
-        return Beside(frames, candidates, starts, spring, offset)
+        return Beside(frames, candidates, starts, by_angle, offset)
 
 
 def _times(trial: ReadTrial) -> Times:

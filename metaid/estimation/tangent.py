@@ -67,13 +67,19 @@ def _slopes_of_forces(balance, work):  # type: ignore[no-untyped-def]
 
 @fused
 def _slopes_of_joints(balance, work):  # type: ignore[no-untyped-def]
-    """Adds to H what friction in joint i does to link i, and the other way to link i − 1; to G what a spring does."""
+    """Adds to H what friction in joint i does to link i, and the other way to link i − 1; to G what springs and
+    cogging do.
+    """
     speed, solved = work.speed, work.solved
     n = speed.shape[0]
     for i in range(n):
         joint_speed = speed[i] - (speed[i - 1] if i > 0 else 0.0)
         slope, spring = balance.damping[i], balance.spring[i]
         slope += balance.coulomb[i] / SLIDING if abs(joint_speed) < SLIDING else 0.0
+        if balance.cogging[2, i] != 0.0:
+            phase = balance.cogging[2, i] * (work.angle[i] - (work.angle[i - 1] if i > 0 else 0.0))
+            by_phase = balance.cogging[1, i] * np.cos(phase) - balance.cogging[0, i] * np.sin(phase)
+            spring += balance.cogging[2, i] * by_phase
         if balance.dry[i] != 0.0:
             spring -= balance.dry[i] * builds_up(i, joint_speed, balance, work)
         solved[i, 2 * n + i] += slope

@@ -196,7 +196,8 @@ class Joints(NamedTuple):
     is at rest where the joint is straight. `offset` (njoint), in rad: what an encoder reads there. `tilt`, in rad: of
     the base, one angle in the plane of a chain, two of an arm about horizontal axes. `rotor` (njoint), in kg m²: the
     reflected inertia of what turns with a joint, from the second on. `presliding`, in rad: over which dry friction
-    builds up where the plant moves continuously.
+    builds up where the plant moves continuously. `cogging` (3 x njoint): amplitudes of the cosine and of the sine, in
+    N m, and how many times a turn it repeats, 0 where there is none.
     """
 
     viscous: Array
@@ -206,6 +207,7 @@ class Joints(NamedTuple):
     tilt: Array
     rotor: Array
     presliding: float
+    cogging: Array
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,10 @@ class Balance(NamedTuple):
     `gravity` (n) times g, in N m, `coriolis` (n x n), `damping` and `coulomb` (n) are the law's lumps less the
     chain's. `spring` (n) is minus the stiffness of a spring in each joint, in N m/rad, and `lean` (n) the true absolute
     angle, in rad, of each link whose angle is read as 0. `dry` (n) is dry friction in N m that builds up over
-    `presliding` rad, in steps of Runge and Kutta alone. `mass_coriolis` (n x n) and `mass_inertia` (n) are the chain's
-    own, with the inertia of its rotors; `rotor` (n), in kg m², is what that of joint i takes off between links i − 1
-    and i. `law_coriolis` and `law_inertia` are the law's, which ask for q̈ = −`stiffness` q.
+    `presliding` rad, in steps of Runge and Kutta alone. `cogging` (3 x n) is that of `Joints`. `mass_coriolis` (n x n)
+    and `mass_inertia` (n) are the chain's own, with the inertia of its rotors; `rotor` (n), in kg m², is what that of
+    joint i takes off between links i − 1 and i. `law_coriolis` and `law_inertia` are the law's, which ask for
+    q̈ = −`stiffness` q.
     """
 
     gravity: Array
@@ -33,6 +34,7 @@ class Balance(NamedTuple):
     lean: Array
     dry: Array
     presliding: float
+    cogging: Array
     mass_coriolis: Array
     mass_inertia: Array
     rotor: Array
@@ -109,7 +111,7 @@ def balance(
     """
     if joints is None:
         none = np.zeros(lumps.nlink)
-        joints = Joints(none, none, none, none, np.zeros(1), none, 0.0)
+        joints = Joints(none, none, none, none, np.zeros(1), none, 0.0, np.zeros((3, lumps.nlink)))
     if law is None:
         law = Lumps(np.zeros(lumps.nlink), np.zeros((lumps.nlink, lumps.nlink)))
     return Balance(
@@ -121,6 +123,7 @@ def balance(
         lean=joints.tilt[0] - np.cumsum(joints.offset),  # what reads too much leans the other way.  Eq. 43
         dry=(1.0 if is_continuous else 0.0) * joints.dry,
         presliding=joints.presliding,
+        cogging=np.array(joints.cogging),
         mass_coriolis=np.array(lumps.coriolis),
         mass_inertia=lumps.of("inertia") + joints.rotor + np.append(joints.rotor[1:], 0.0),
         rotor=np.array(joints.rotor),

@@ -101,10 +101,10 @@ def test_torque_that_changes_within_a_step_moves_a_body_as_far_as_it_does(kind: 
 
 def test_slopes_by_faults_are_those_of_the_residuals() -> None:
     """Away from the truth, for every kind, against central differences of the residuals themselves."""
-    kinds = ("delay", "offset", "viscous", "dry", "spring", "gain")
+    kinds = ("delay", "offset", "viscous", "dry", "spring", "cogging", "gain")
     seen = watched(2, 3, faults=FaultSettings(**NOISY))
     unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
-    searched = searched_faults(kinds, unknowns, seen.starts)
+    searched = searched_faults(kinds, unknowns, seen.starts, teeth=14)
     readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, faults=searched)
     random = np.random.default_rng(0)
     point, direction = (0.1 * random.standard_normal(len(readings.spreads)) for _ in range(2))

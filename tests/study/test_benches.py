@@ -84,10 +84,13 @@ def test_rotor_of_a_bench_is_found_by_default_and_handed_over(tmp_path: Path) ->
 
 @pytest.mark.slow
 def test_cogging_of_a_bench_is_found_by_default() -> None:
-    """With how often it repeats in a turn: the bench adds 0.03 N m times sin (14 q + 1) in each joint."""
-    judged = try_bench("cogging", "2", 0.002, 0)
+    """With how often it repeats in a turn: the bench adds 0.03 N m times sin (14 q + 1) in each joint. It acts by where
+    a joint is, not by where an encoder has it: intervals hold.
+    """
+    judged = try_bench("cogging", "2", 0.002, 4)
     assert judged.verdict == "found"
-    assert judged.worst < 2e-3
+    assert judged.worst < 1e-5
+    assert judged.held == judged.lumps
     true = {"cos": 0.03 * np.sin(1.0), "sin": 0.03 * np.cos(1.0)}
     wanted = {f"cogging_{part}_{joint}": value for part, value in true.items() for joint in (1, 2)}
     assert json.loads(judged.taken_up) == pytest.approx(wanted, rel=0.02)

@@ -31,7 +31,7 @@ class DrivenPushes(NamedTuple):
         torques: that act (npush x nstep x njoint), in N m or N.
         readings: joint coordinates (npush x nstep + 1 x njoint), in rad or m.
         steps: for how many each push is followed (npush).
-        spring: stiffness of springs in the joints (njoint), in N m/rad or N/m.
+        by_angle: what acts by the coordinate of a joint (4 x njoint), see `twins.push_by_torque`.
         times: how twins move between two readings.
     """
 
@@ -40,7 +40,7 @@ class DrivenPushes(NamedTuple):
     torques: Array
     readings: Array
     steps: NDArray[np.int64]
-    spring: Array
+    by_angle: Array
     times: Times
 
 
@@ -67,7 +67,7 @@ def lead_arm(
     work, spread = (new_motion(n), new_motion(n), new_space(n), np.zeros((4, n))), spread_of(n)
     values = np.array(parameters, order="C")
     for push in chosen.tolist():
-        settings = pushes.spring, pushes.times.timesteps[push], pushes.times.substeps, pushes.times.order
+        settings = pushes.by_angle, pushes.times.timesteps[push], pushes.times.substeps, pushes.times.order
         pushed = pushes.starts[push], begins[push], pushes.torques[push], pushes.readings[push]
         own = Run(*(each[push] for each in run))
         run.sums[push] = _lead_push(
@@ -103,7 +103,7 @@ def follow_readings(
 def _lead_push(frames, parameters, pushed, settings, noise, steps, work, spread, run):  # type: ignore[no-untyped-def]
     """One push; its two sums."""
     start, begin, torques, readings = pushed
-    spring, timesteps, substeps, order = settings
+    by_angle, timesteps, substeps, order = settings
     of_reading, of_torque = noise
     motion, other, space, vectors = work
     n = start.shape[1]
@@ -121,9 +121,9 @@ def _lead_push(frames, parameters, pushed, settings, noise, steps, work, spread,
             for i in range(n):
                 before[0][i], before[1][i], before[2][i] = motion.position[i], motion.speed[i], motion.side[i]
             moving = timesteps[reading - 1], substeps, order
-            if not move_on(frames, parameters, torques[reading - 1], spring, moving, motion, space):
+            if not move_on(frames, parameters, torques[reading - 1], by_angle, moving, motion, space):
                 return np.nan, np.nan
-            step = before, torques[reading - 1], vectors[3], (spring, moving)
+            step = before, torques[reading - 1], vectors[3], (by_angle, moving)
             if not _linearise(frames, parameters, step, motion, other, space, spread):
                 return np.nan, np.nan
             widen(of_torque, spread)
@@ -142,7 +142,7 @@ def _linearise(frames, parameters, step, motion, other, space, spread):  # type:
     follow. `motion` is the state after it.
     """
     moved, pushed = spread.step, spread.pushed
-    before, torque, changed, (spring, times) = step
+    before, torque, changed, (by_angle, times) = step
     n = torque.shape[0]
     for column in range(3 * n):
         for i in range(n):
@@ -156,7 +156,7 @@ def _linearise(frames, parameters, step, motion, other, space, spread):  # type:
         else:
             size = TORQUE_STEP
             changed[column - 2 * n] += size
-        if not move_on(frames, parameters, changed, spring, times, other, space):
+        if not move_on(frames, parameters, changed, by_angle, times, other, space):
             return False
         for i in range(n):
             by_position, by_speed = other.position[i] - motion.position[i], other.speed[i] - motion.speed[i]
@@ -170,7 +170,7 @@ def _linearise(frames, parameters, step, motion, other, space, spread):  # type:
 @compiled
 def _follow_readings(pushes, candidates, led, basis, share, work, coefficients, arrived):  # type: ignore[no-untyped-def]
     """Runs a `share` of the candidates: the first, and the stride from one to the next."""
-    frames, starts, torques, readings, steps, spring, times = pushes
+    frames, starts, torques, readings, steps, by_angle, times = pushes
     (gains, weights), (first, stride), (_, motion, space) = led, share, work
     timesteps, substeps, order = times
     for candidate in range(first, candidates.shape[0], stride):
@@ -184,7 +184,7 @@ def _follow_readings(pushes, candidates, led, basis, share, work, coefficients, 
                 if step == steps[push]:
                     break
                 moving = timesteps[push, step], substeps, order
-                follows = move_on(frames, parameters, torques[push, step], spring, moving, motion, space)
+                follows = move_on(frames, parameters, torques[push, step], by_angle, moving, motion, space)
                 step += 1
             arrived[candidate, push] = follows
 

@@ -82,7 +82,7 @@ def follow_torques(
     torques: Array,
     seen: tuple[Array, NDArray[np.int64], NDArray[np.int64]],
     times: Times,
-    spring: Array | None = None,
+    by_angle: Array | None = None,
 ) -> Followed:
     """Coefficients of the joint coordinates (ncandidate x npush x ncoefficient x njoint) of twins that are driven by
     the torques that were commanded.  Eq. 33.
@@ -95,9 +95,9 @@ def follow_torques(
         seen: polynomials at every reading (nbasis x nstep + 1 x ncoefficient), which of them is for each push (npush),
             and for how many steps it is followed (npush).
         times: how the twins move between two readings.
-        spring: stiffness of springs in the joints (njoint), in N m/rad or N/m; None for none.
+        by_angle: what acts by the coordinate of a joint (4 x njoint), see `push_by_torque`; None for nothing.
     """
-    pulled = np.zeros(torques.shape[2]) if spring is None else spring
+    pulled = np.zeros((4, torques.shape[2])) if by_angle is None else by_angle
     shape = len(candidates), len(torques), seen[0].shape[2], torques.shape[2]
 
     def share(*rest: Any) -> None:
@@ -147,7 +147,7 @@ def _follow_law(frames, law, candidates, pushes, windows, timestep, share, work,
 
 
 @compiled
-def _follow_torque(frames, candidates, starts, torques, spring, seen, times, share, work, coefficients, arrived):  # type: ignore[no-untyped-def]
+def _follow_torque(frames, candidates, starts, torques, by_angle, seen, times, share, work, coefficients, arrived):  # type: ignore[no-untyped-def]
     """The same, driven."""
     (basis, chosen, steps), (first, stride), (_, motion, space) = seen, share, work
     timesteps, substeps, order = times
@@ -160,21 +160,21 @@ def _follow_torque(frames, candidates, starts, torques, spring, seen, times, sha
                 _add_reading(polynomials[0], motion, filled)
             while follows and step < steps[push]:
                 moving = timesteps[push, step], substeps, order
-                follows = move_on(frames, parameters, torques[push, step], spring, moving, motion, space)
+                follows = move_on(frames, parameters, torques[push, step], by_angle, moving, motion, space)
                 step += 1
                 _add_reading(polynomials[step], motion, filled)
             arrived[candidate, push] = follows
 
 
 @compiled
-def move_on(frames, parameters, torque, spring, times, motion, space):  # type: ignore[no-untyped-def]
+def move_on(frames, parameters, torque, by_angle, times, motion, space):  # type: ignore[no-untyped-def]
     """From one reading to the next; whether the twin could.
 
     Args:
         frames: of the arm.
         parameters: of the twin (njoint x 13).
         torque: that is held (njoint), in N m or N.
-        spring: stiffness of springs in the joints (njoint), in N m/rad or N/m.
+        by_angle: what acts by the coordinate of a joint (4 x njoint), see `push_by_torque`.
         times: the timestep in s; how many there are to the next reading; the order of its steps.
         motion: that moves on.
         space: of the dynamics.
@@ -182,9 +182,9 @@ def move_on(frames, parameters, torque, spring, times, motion, space):  # type: 
     timestep, substeps, order = times
     for _ in range(substeps):
         if order > EULER:
-            follows = flow(frames, parameters, torque, spring, (timestep, order), motion, space)
+            follows = flow(frames, parameters, torque, by_angle, (timestep, order), motion, space)
         else:
-            push_by_torque(frames, parameters, torque, spring, motion, space)
+            push_by_torque(frames, parameters, torque, by_angle, motion, space)
             follows = advance(frames, parameters, timestep, motion, space)
         if not follows:
             return False
@@ -220,14 +220,15 @@ def set_off(frames, parameters, start, motion, space):  # type: ignore[no-untype
 
 
 @compiled
-def push_by_torque(frames, parameters, torque, spring, motion, space):  # type: ignore[no-untyped-def]
+def push_by_torque(frames, parameters, torque, by_angle, motion, space):  # type: ignore[no-untyped-def]
     """The force that a torque leaves beside the bias, dry friction apart.
 
     Args:
         frames: of the arm.
         parameters: of the twin (njoint x 13).
         torque: that acts (njoint), in N m or N.
-        spring: stiffness of springs in the joints (njoint), in N m/rad or N/m.
+        by_angle: what acts by the coordinate of a joint (4 x njoint): the stiffness of a spring, in N m/rad or N/m;
+            cogging's amplitudes of the cosine and of the sine, in N m, and how many times a turn it repeats.  Eq. 42.
         motion: whose force is filled in.
         space: of the dynamics.
     """
@@ -235,7 +236,10 @@ def push_by_torque(frames, parameters, torque, spring, motion, space):  # type: 
     move_links(frames, motion.position, motion.speed, motion.zero, space)
     joint_torques(frames, parameters, space, force)
     for i in range(force.shape[0]):
-        force[i] = torque[i] - force[i] - parameters[i, 11] * motion.speed[i] - spring[i] * motion.position[i]
+        force[i] = torque[i] - force[i] - parameters[i, 11] * motion.speed[i] - by_angle[0, i] * motion.position[i]
+        if by_angle[3, i] != 0.0:
+            phase = by_angle[3, i] * motion.position[i]
+            force[i] += by_angle[1, i] * np.cos(phase) + by_angle[2, i] * np.sin(phase)
 
 
 @compiled
@@ -256,7 +260,7 @@ def accelerate(frames, parameters, motion, space):  # type: ignore[no-untyped-de
 
 
 @compiled
-def flow(frames, parameters, torque, spring, step, motion, space):  # type: ignore[no-untyped-def]
+def flow(frames, parameters, torque, by_angle, step, motion, space):  # type: ignore[no-untyped-def]
     """One step of an arm that moves continuously, by the Runge-Kutta method of that order; whether the twin could.
 
     Eq. 46.
@@ -265,7 +269,7 @@ def flow(frames, parameters, torque, spring, step, motion, space):  # type: igno
         frames: of the arm.
         parameters: of the twin (njoint x 13).
         torque: that is held (njoint), in N m or N.
-        spring: stiffness of springs in the joints (njoint), in N m/rad or N/m.
+        by_angle: what acts by the coordinate of a joint (4 x njoint), see `push_by_torque`.
         step: the timestep in s, and the order, which is the number of stages.
         motion: that moves on.
         space: of the dynamics.
@@ -277,7 +281,7 @@ def flow(frames, parameters, torque, spring, step, motion, space):  # type: igno
         stages[0, i], stages[1, i] = position[i], speed[i]
         stages[2, i] = stages[3, i] = 0.0
     for stage in range(order):
-        push_by_torque(frames, parameters, torque, spring, motion, space)
+        push_by_torque(frames, parameters, torque, by_angle, motion, space)
         if not accelerate(frames, parameters, motion, space):
             return False
         if order == MIDPOINT:

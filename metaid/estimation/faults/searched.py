@@ -27,7 +27,7 @@ OF_TORQUE = {
     "bias": 0.1,
     "cogging": 0.05,
 }  # likewise, as shares of the plant's torque
-CHANGES_TORQUE = ("delay", "lag", "gain", "bias", "cogging", "limit")
+CHANGES_TORQUE = ("delay", "lag", "gain", "bias", "limit")
 OF_INERTIA = 0.1  # likewise, of a rotor, as a share of the plant's largest inertia
 # Of what is above 0: what it is about, in its unit, and the standard deviation of its logarithm.
 ABOVE_ZERO = {"gain": (1.0, 0.3), "lag": (2e-3, 1.0), "presliding": (1e-3, 1.0)}
@@ -121,7 +121,10 @@ class SearchedFaults:
         rotor = np.append(0.0, found.get("rotor", nothing[1:]))
         presliding = found.get("presliding", np.array([ABOVE_ZERO["presliding"][0]]))
         tilt = found.get("tilt", np.zeros(self.tilts))
-        return Joints(viscous, dry, spring, offset, tilt, rotor, float(presliding[0]))
+        cogging = np.zeros((3, self.njoint))
+        if "cogging" in found:
+            cogging[:2], cogging[2] = found["cogging"].reshape(2, self.njoint), self.teeth
+        return Joints(viscous, dry, spring, offset, tilt, rotor, float(presliding[0]), cogging)
 
     def delivered(self, trial: ReadTrial, period: float, unknowns: Array) -> Array:
         """The torques that act in place of those commanded, in the order of C: for another, loops are compiled anew.
@@ -131,7 +134,7 @@ class SearchedFaults:
             period: from one to the next, in s.
             unknowns: where the faults are (nfault).
         """
-        found, torques, angles = self._by_kind(unknowns), trial.torques, trial.readings
+        found, torques = self._by_kind(unknowns), trial.torques
         if "limit" in found:
             limits = found["limit"] / np.append(1.0, found.get("gain", np.ones(self.njoint - 1)))
             torques = np.clip(torques, -limits, limits)
@@ -147,10 +150,6 @@ class SearchedFaults:
             torques = torques * np.append(1.0, found["gain"])
         if "bias" in found:
             torques = torques + found["bias"]
-        if "cogging" in found:
-            cosine, sine = found["cogging"].reshape(2, self.njoint)
-            phases = self.teeth * 0.5 * (angles[:, 1:] + angles[:, :-1])  # Eq. 42
-            torques = torques + cosine * np.cos(phases) + sine * np.sin(phases)
         if "spring" in found and "offset" in found:
             torques = torques + found["spring"] * found["offset"]  # a spring is at rest where its joint is straight
         return np.ascontiguousarray(torques)
