@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.estimation.noisy.readings import Readings, started
-from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, ReadTrial
+from metaid.estimation.trials import Filtered, Gains
 from metaid.estimation.twin import Filter
 from metaid.models import Array
 
@@ -37,19 +37,8 @@ class Innovations(Readings):
     def _longest(self, number: int, windows: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return super()._longest(number, super().stages)
 
-    def _left(
-        self,
-        number: int,
-        trial: ReadTrial,
-        starts: Array,
-        windows: int,
-        log_factors: Array,
-        joints: Joints | None,
-        is_rough: bool = False,
-    ) -> Coefficients | None:
-        (chosen, steps), (_, basis) = self._longest(number, windows), self._windows[number]
-        driven = Driven(trial, starts, steps, basis[chosen], is_rough)
-        return self._twin(log_factors).drive(driven, joints, led=self.gains[number])
+    def _gains(self, number: int) -> Gains | None:
+        return self.gains[number]
 
     def motion(self, number: int) -> tuple[Array, Array]:
         """As the filter has it: what noise of a torque does is seen in later readings alone. Were it in the speed of

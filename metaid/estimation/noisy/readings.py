@@ -15,7 +15,7 @@ from metaid.estimation.faults import NO_FAULTS, SearchedFaults
 from metaid.estimation.noisy.polynomials import before
 from metaid.estimation.noisy.smoothed import smoothed
 from metaid.estimation.noisy.windows import Compared, ReadingsInWindows
-from metaid.estimation.trials import Coefficients, Driven, Joints, ReadTrial, Replay
+from metaid.estimation.trials import Coefficients, Driven, Gains, Joints, ReadTrial, Replay
 from metaid.estimation.twin import Twin
 from metaid.estimation.twins import twin_of
 from metaid.estimation.unknowns import Unknowns
@@ -188,8 +188,8 @@ class Readings(ReadingsInWindows):
         joints: Joints | None,
         is_rough: bool = False,
     ) -> Coefficients | None:
-        """What the twin shows less what was read, scaled by the noise, and its derivatives; None where it cannot
-        follow.
+        """What the twin shows less what was read, scaled by the noise, and its derivatives; where it is led by what was
+        read, its whitened innovations. None where it cannot follow.
 
         Args:
             number: of the trial.
@@ -202,12 +202,17 @@ class Readings(ReadingsInWindows):
         """
         (chosen, steps), (_, basis) = self._longest(number, windows), self._windows[number]
         driven = Driven(trial, starts, steps, basis[chosen], is_rough)
-        twin = self._twin(log_factors).drive(driven, joints)
-        if twin is None:
-            return None
+        led = self._gains(number)
+        twin = self._twin(log_factors).drive(driven, joints, led=led)
+        if twin is None or led is not None:
+            return twin
         plants = np.einsum("ptk,ptj->pjk", basis[chosen], trial.readings * before(steps, trial.readings.shape[1]))
         unit = 1.0 / trial.noise[None, :, None]
         return Coefficients(unit * (twin.values - plants), unit[..., None] * twin.slopes)
+
+    def _gains(self, number: int) -> Gains | None:
+        """Of the filter that leads the twin through a trial; None where nothing does."""
+        return None
 
     def _twin(self, log_factors: Array) -> Twin:
         """The robot with these `log_factors` (nunknown)."""
