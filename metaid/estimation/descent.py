@@ -84,8 +84,14 @@ class Descent:
 
 
 def place_at(fitted: Fitted, point: Array, windows: int, below: float = np.inf) -> Place | None:
-    """The place at a `point`, or None where it is too far from the prior's mean, the twin cannot follow, or its cost is
-    plainly not `below` one.
+    """The place at a point, or None where it is too far from the prior's mean, the twin cannot follow, or its cost is
+    plainly not below one.
+
+    Args:
+        fitted: what is fitted.
+        point: all unknowns (nunknown + nextra).
+        windows: how many windows of each push are compared, from the shortest on.
+        below: a cost; by default any will do.
     """
     spreads = fitted.spreads
     prior = point[: len(spreads)] / spreads
