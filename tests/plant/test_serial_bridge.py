@@ -31,9 +31,9 @@ class Board(threading.Thread):
 
     def __init__(self) -> None:
         super().__init__(daemon=True)
-        self.end, other = os.openpty()
-        tty.setraw(other)
-        self.port = os.ttyname(other)
+        self.end, self.other = os.openpty()
+        tty.setraw(self.other)
+        self.port = os.ttyname(self.other)
         self.told: list[str] = []
         self.amperes = [0.0, 0.0]
         self.silent = False
@@ -51,6 +51,12 @@ class Board(threading.Thread):
                 self.told.append(line.decode())
                 if answer := self.answer(*line.decode().split()):
                     os.write(self.end, answer.encode() + b"\n")
+
+    def close(self) -> None:
+        """Hangs up, and waits for the thread: else it reads on, what the next board is told behind the same number."""
+        os.close(self.other)
+        self.join(60.0)
+        os.close(self.end)
 
     def answer(self, word: str, *numbers: str) -> str:
         """As the firmware of docs/microcontroller.md."""
@@ -79,7 +85,7 @@ def board() -> Iterator[Board]:
     board = Board()
     board.start()
     yield board
-    os.close(board.end)
+    board.close()
 
 
 @pytest.fixture
