@@ -38,8 +38,9 @@ def teeth_shown(led: Innovations, point: Array) -> int:
 
 def limits_shown(led: Innovations, point: Array) -> Array | None:
     """What the motors give at most (njoint), in N m: of each joint the level that leaves least of the innovations
-    beside those of the others, found one joint after the other; where a joint has none, the largest torque that was
-    commanded. None where all have none, or the twin cannot follow.
+    beside those of the others, found one joint after the other from none on, and from the level that leaves least as
+    that of all; where a joint has none, the largest torque that was commanded. None where all have none, or the twin
+    cannot follow.
 
     Args:
         led: of all trials, with gains.
@@ -50,16 +51,24 @@ def limits_shown(led: Innovations, point: Array) -> Array | None:
     scan = _scan(led, point, [_beyond(trial, most) for trial in led.trials])
     if scan is None:
         return None
-    levels: dict[int, int] = {}
-    for _ in range(ROUNDS):
-        before = dict(levels)
-        for joint in range(n):
-            _set_level(scan, levels, joint, n)
-        if levels == before:
-            break
+    alike = [dict.fromkeys(range(n), level) for level in range(len(LEVELS))]
+    begun: list[dict[int, int]] = [{}, min(alike, key=lambda levels: scan.left_by(_numbers(levels, n))[0])]
+    for levels in begun:
+        for _ in range(ROUNDS):
+            before = dict(levels)
+            for joint in range(n):
+                _set_level(scan, levels, joint, n)
+            if levels == before:
+                break
+    levels = min(begun, key=lambda levels: scan.left_by(_numbers(levels, n))[0])
     if not levels:
         return None
     return np.array([most[joint] * (LEVELS[levels[joint]] if joint in levels else 1.0) for joint in range(n)])
+
+
+def _numbers(levels: dict[int, int], n: int) -> list[int]:
+    """Of the torques that lack beyond these `levels` of `n` joints."""
+    return [level * n + joint for joint, level in levels.items()]
 
 
 def _set_level(scan: Scan, levels: dict[int, int], joint: int, n: int) -> None:
@@ -67,7 +76,7 @@ def _set_level(scan: Scan, levels: dict[int, int], joint: int, n: int) -> None:
     leaves as much but for chance, or lacks less of what is beyond it.
     """
     levels.pop(joint, None)
-    others = [level * n + other for other, level in levels.items()]
+    others = _numbers(levels, n)
     without = scan.left_by(others)[0]
     tried = [scan.left_by([*others, level * n + joint]) for level in range(len(LEVELS))]
     best = min(range(len(tried)), key=lambda level: tried[level][0])
