@@ -104,10 +104,11 @@ def _force(step, forces, balance, work):  # type: ignore[no-untyped-def]
     for i in range(n - 1, -1, -1):
         joint_speed = speed[i] - (speed[i - 1] if i > 0 else 0.0)
         joint_angle = angle[i] - (angle[i - 1] if i > 0 else 0.0)
+        bent = joint_angle - balance.straight[i]
         share = min(max(joint_speed * (1.0 / SLIDING), -1.0), 1.0)
-        friction = balance.damping[i] * joint_speed + balance.coulomb[i] * share + balance.spring[i] * joint_angle
+        friction = balance.damping[i] * joint_speed + balance.coulomb[i] * share + balance.spring[i] * bent
         if balance.cogging[2, i] != 0.0:
-            phase = balance.cogging[2, i] * joint_angle
+            phase = balance.cogging[2, i] * bent
             friction += balance.cogging[0, i] * np.cos(phase) + balance.cogging[1, i] * np.sin(phase)  # Eq. 42
         if balance.dry[i] != 0.0:
             friction -= slipping(i, joint_angle, joint_speed, balance, work)

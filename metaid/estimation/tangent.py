@@ -77,7 +77,8 @@ def _slopes_of_joints(balance, work):  # type: ignore[no-untyped-def]
         slope, spring = balance.damping[i], balance.spring[i]
         slope += balance.coulomb[i] / SLIDING if abs(joint_speed) < SLIDING else 0.0
         if balance.cogging[2, i] != 0.0:
-            phase = balance.cogging[2, i] * (work.angle[i] - (work.angle[i - 1] if i > 0 else 0.0))
+            joint_angle = work.angle[i] - (work.angle[i - 1] if i > 0 else 0.0)
+            phase = balance.cogging[2, i] * (joint_angle - balance.straight[i])
             by_phase = balance.cogging[1, i] * np.cos(phase) - balance.cogging[0, i] * np.sin(phase)
             spring += balance.cogging[2, i] * by_phase
         if balance.dry[i] != 0.0:

@@ -19,11 +19,11 @@ class Balance(NamedTuple):
 
     `gravity` (n) times g, in N m, `coriolis` (n x n), `damping` and `coulomb` (n) are the law's lumps less the
     chain's. `spring` (n) is minus the stiffness of a spring in each joint, in N m/rad, and `lean` (n) the true absolute
-    angle, in rad, of each link whose angle is read as 0. `dry` (n) is dry friction in N m that builds up over
-    `presliding` rad, in steps of Runge and Kutta alone. `cogging` (3 x n) is that of `Joints`. `mass_coriolis` (n x n)
-    and `mass_inertia` (n) are the chain's own, with the inertia of its rotors; `rotor` (n), in kg m², is what that of
-    joint i takes off between links i − 1 and i. `law_coriolis` and `law_inertia` are the law's, which ask for
-    q̈ = −`stiffness` q.
+    angle, in rad, of each link whose angle is read as 0. `straight` (n) is what each joint reads, in rad, where it is
+    straight. `dry` (n) is dry friction in N m that builds up over `presliding` rad, in steps of Runge and Kutta alone.
+    `cogging` (3 x n) is that of `Joints`. `mass_coriolis` (n x n) and `mass_inertia` (n) are the chain's own, with the
+    inertia of its rotors; `rotor` (n), in kg m², is what that of joint i takes off between links i − 1 and i.
+    `law_coriolis` and `law_inertia` are the law's, which ask for q̈ = −`stiffness` q.
     """
 
     gravity: Array
@@ -32,6 +32,7 @@ class Balance(NamedTuple):
     coulomb: Array
     spring: Array
     lean: Array
+    straight: Array
     dry: Array
     presliding: float
     cogging: Array
@@ -121,6 +122,7 @@ def balance(
         coulomb=law.of("coulomb") - lumps.of("coulomb") - (0.0 if is_continuous else 1.0) * joints.dry,
         spring=0.0 - joints.spring,
         lean=joints.tilt[0] - np.cumsum(joints.offset),  # what reads too much leans the other way.  Eq. 43
+        straight=np.array(joints.offset),
         dry=(1.0 if is_continuous else 0.0) * joints.dry,
         presliding=joints.presliding,
         cogging=np.array(joints.cogging),

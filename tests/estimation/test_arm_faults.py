@@ -87,7 +87,9 @@ def searched_of(searched: BaseUnknowns, kinds: tuple[str, ...], trial: ReadTrial
     return np.asarray((found.values - true) / found.deviations)
 
 
-@pytest.mark.parametrize("kinds", [("delay",), ("tilt",), ("offset",), ("spring",), ("delay", "tilt")])
+@pytest.mark.parametrize(
+    "kinds", [("delay",), ("tilt",), ("offset",), ("spring",), ("delay", "tilt"), ("offset", "spring")]
+)
 def test_faults_of_an_arm_are_found_with_its_base_parameters(kinds: tuple[str, ...]) -> None:
     """Within four deviations; without them the model does not explain what was read."""
     tree = random_arm(3, 2, friction=False)

@@ -81,8 +81,7 @@ class SearchedFaults:
     @cached_property
     def is_of_torque(self) -> NDArray[np.bool_]:
         """Which faults (nfault) change the torques that are `delivered`."""
-        changing = {*CHANGES_TORQUE, *(("spring", "offset") if {"spring", "offset"} <= {*self.kinds} else ())}
-        return np.array([name.partition("_")[0] in changing for name in self.names])
+        return np.array([name.partition("_")[0] in CHANGES_TORQUE for name in self.names])
 
     @cached_property
     def _bend(self) -> Array:
@@ -150,8 +149,6 @@ class SearchedFaults:
             torques = torques * np.append(1.0, found["gain"])
         if "bias" in found:
             torques = torques + found["bias"]
-        if "spring" in found and "offset" in found:
-            torques = torques + found["spring"] * found["offset"]  # a spring is at rest where its joint is straight
         return np.ascontiguousarray(torques)
 
 
