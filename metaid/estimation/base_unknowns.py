@@ -50,6 +50,7 @@ class BaseUnknowns:
 
     kernel: ClassVar[Literal["spatial"]] = "spatial"
     kinds: ClassVar[tuple[str, ...]] = ("damping", "coulomb", "rotor")  # these are among the base parameters
+    builds_up: ClassVar[bool] = True
     tilts: ClassVar[int] = 2  # a base turns about two horizontal axes
     leads_on: ClassVar[bool] = True
     ends_when_cut: ClassVar[bool] = False  # near a singular mass matrix steps are cut, and lead to a wrong minimum

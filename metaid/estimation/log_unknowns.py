@@ -55,6 +55,7 @@ class LogUnknowns:
 
     kernel: ClassVar[Literal["planar"]] = "planar"
     tilts: ClassVar[int] = 1  # a base turns in the plane
+    builds_up: ClassVar[bool] = False
     leads_on: ClassVar[bool] = False
     ends_when_cut: ClassVar[bool] = True  # longer windows lead a chain on
     least_gain: ClassVar[float] = NOTHING  # what rounding leaves

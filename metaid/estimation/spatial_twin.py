@@ -23,7 +23,7 @@ from metaid.compiled.spatial import (
     lead_arm,
 )
 from metaid.estimation.base_unknowns import BaseUnknowns
-from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, ReadTrial, WatchedTrial
+from metaid.estimation.trials import PRESLIDING, Coefficients, Driven, Filtered, Gains, Joints, ReadTrial, WatchedTrial
 from metaid.estimation.twin import Filter, Motion
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS, tilted_gravity
@@ -43,7 +43,8 @@ class Beside:
         frames: of the arm, as it stands.
         candidates: parameters of the twins (ncandidate x njoint x 13).
         starts: true joint coordinates and speeds at the starts (ncandidate x npush x 2 x njoint).
-        by_angle: what acts by the coordinate of a joint (4 x njoint): springs and cogging.
+        by_angle: what acts by the coordinate of a joint (5 x njoint): springs, cogging, and dry friction where it
+            builds up.
         offset: what encoders read at 0 (njoint), in rad or m.
     """
 
@@ -154,12 +155,14 @@ class SpatialTwin:
         further = STEP * np.eye(extra, 2 * n, 2 * n - extra)
         moved = np.concatenate([np.zeros((1 + len(self.point), 2 * n)), further]).reshape(-1, 1, 2, n)
         candidates = np.concatenate([self._candidates, np.repeat(self._candidates[:1], extra, axis=0)])
-        frames, by_angle, offset = self.unknowns.frames, np.zeros((4, n)), np.zeros(n)
+        frames, by_angle, offset = self.unknowns.frames, np.zeros((5, n)), np.zeros(n)
+        presliding = PRESLIDING if joints is None else joints.presliding
         if joints is not None:
             candidates[..., DAMPING] += joints.viscous
             candidates[..., COULOMB] += joints.dry
             frames = frames._replace(gravity=tilted_gravity(frames.gravity, joints.tilt))
-            by_angle, offset = np.vstack([joints.spring, joints.cogging]), joints.offset
+            by_angle[:4], offset = np.vstack([joints.spring, joints.cogging]), joints.offset
+        by_angle[4] = presliding if trial.is_continuous else 0.0
         starts = np.ascontiguousarray(states + moved)
         starts[:, :, 0] -= offset
         return Beside(frames, candidates, starts, by_angle, offset)

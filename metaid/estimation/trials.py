@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from metaid.episode import Windows
 from metaid.models import Array
 
+PRESLIDING = 1e-3  # rad or m, over which dry friction builds up where nothing else is known of it
+
 
 @dataclass(frozen=True, eq=False)
 class WatchedTrial:

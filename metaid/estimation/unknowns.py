@@ -14,6 +14,7 @@ class Unknowns(Protocol):
 
     Attributes:
         tilts: about how many axes the base may be tilted.
+        builds_up: whether their dry friction builds up over an angle where the plant moves continuously.
         leads_on: whether all trials lead on in a step or two from where the first of them led.
         ends_when_cut: whether a descent ends with a short step though it was cut, for longer windows may lead on.
         least_gain: of the cost of noisy readings; a step that promises less is not made.
@@ -22,6 +23,7 @@ class Unknowns(Protocol):
     """
 
     tilts: ClassVar[int]
+    builds_up: ClassVar[bool]
     leads_on: ClassVar[bool]
     ends_when_cut: ClassVar[bool]
     least_gain: ClassVar[float]

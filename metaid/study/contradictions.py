@@ -19,7 +19,7 @@ MOST_MEMORY = 8 * 2**30  # bytes
 AT_ONCE = 32  # trials of a generation whose angles are kept until their measure is known
 SAMPLED = 40  # times after each push at which the nominal model is looked at (`search/sensitivity.py`)
 NUMBER = 8  # bytes
-OF_JOINTS = ("viscous", "dry", "presliding", "rotor")  # faults that are among the base parameters of an arm
+OF_JOINTS = ("viscous", "dry", "rotor")  # faults that are among the base parameters of an arm
 HIGH = 2.0  # upper bound of a factor by default
 ROUGH_HIGH = 8.0  # the same of gravity lumps where torques are noisy, for there laws over-compensate much
 
@@ -62,6 +62,8 @@ def _wrong_faults(estimate: EstimateSettings, spec: StudySpec) -> str | None:
             "friction and rotors of an arm's joints are among its base parameters, and always searched "
             f"(allowed: {', '.join(kind for kind in FAULT_UNITS if kind not in OF_JOINTS)})"
         )
+    if not spec.is_arm and "presliding" in searched and "dry" not in searched:
+        return "presliding is of dry friction (allowed: with 'dry')"
     if not spec.is_arm and {"tilt", "offset"} <= searched:
         return (
             "a tilt of the base and an offset of the first encoder move alike (allowed: tilt, or offset, which "

@@ -233,8 +233,6 @@ class EstimateSettings(PriorSettings, LumpEstimateSettings):
             return faults
         if len(set(faults)) < len(faults):
             raise ValueError("names a fault twice (allowed: each once)")
-        if "presliding" in faults and "dry" not in faults:
-            raise ValueError("presliding is of dry friction (allowed: with 'dry')")
         return tuple(kind for kind in FAULT_UNITS if kind in faults)
 
 

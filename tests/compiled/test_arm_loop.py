@@ -10,7 +10,15 @@ import pytest
 from random_arm import random_arm
 
 from metaid.compiled import agrees_with_stepwise
-from metaid.compiled.spatial import ArmLoop, Times, commanded_arm_torques, follow_laws, follow_torques, frames_of
+from metaid.compiled.spatial import (
+    RUNGE_KUTTA,
+    ArmLoop,
+    Times,
+    commanded_arm_torques,
+    follow_laws,
+    follow_torques,
+    frames_of,
+)
 from metaid.compiled.spatial.vectors import cosine_and_sine
 from metaid.compiled.stages import agrees_with_mj_step
 from metaid.episode import MEASURES, Episode, FallRule, Record, arm_episode, run_stepwise, same_record, window_ends
@@ -192,6 +200,26 @@ def test_driven_twin_shows_what_the_sensors_read() -> None:
     assert twin.arrived.all()
     difference = twin.values[0] - readings
     assert 0.8e-4 < difference.std() < 1.2e-4
+
+
+def test_dry_friction_of_an_arm_that_moves_continuously_builds_up_over_a_way() -> None:
+    """A joint gives way to a torque that does not break it loose, and half-way back once that is gone, as Dahl's law
+    has it in closed form, where the torque changes slowly.
+    """
+    over, dry, share, steps = 2e-3, 0.8, 0.6, 4000
+    given = np.array([dry]), np.array([8.0])
+    tree = replace(random_arm(1, 3), gravity=np.zeros(3), rotor=np.ones(1), coulomb=given[0], damping=given[1])
+    ramp = 1.0 - np.abs(np.arange(2 * steps) / steps - 1.0)
+    torques = share * dry * ramp[None, :, None]
+    by_angle = np.vstack([np.zeros((4, 1)), [[over]]])
+    at_ends = np.eye(2 * steps + 1)[None][..., [steps, 2 * steps]]
+    seen = at_ends, np.zeros(1, dtype=np.int64), np.full(1, 2 * steps)
+    times = Times(np.full((1, 2 * steps), 2e-3), order=RUNGE_KUTTA)
+    twin = follow_torques(
+        frames_of(tree), tree.parameters[None], np.zeros((1, 1, 2, 1)), torques, seen, times, by_angle
+    )
+    bent = -over * np.log(1.0 - share)
+    np.testing.assert_allclose(twin.values[0, 0, :, 0], [bent, bent - over * np.log(1.0 + share)], rtol=0.02)
 
 
 def test_twin_without_a_mass_matrix_is_refused() -> None:

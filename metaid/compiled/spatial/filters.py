@@ -31,7 +31,7 @@ class DrivenPushes(NamedTuple):
         torques: that act (npush x nstep x njoint), in N m or N.
         readings: joint coordinates (npush x nstep + 1 x njoint), in rad or m.
         steps: for how many each push is followed (npush).
-        by_angle: what acts by the coordinate of a joint (4 x njoint), see `twins.push_by_torque`.
+        by_angle: what acts by the coordinate of a joint (5 x njoint), see `twins.push_by_torque`.
         times: how twins move between two readings.
     """
 
@@ -64,7 +64,7 @@ def lead_arm(
     """
     npush, nreading, n = pushes.readings.shape
     run = run_of(npush, nreading, n, is_kept)
-    work, spread = (new_motion(n), new_motion(n), new_space(n), np.zeros((4, n))), spread_of(n)
+    work, spread = (new_motion(n), new_motion(n), new_space(n), np.zeros((5, n))), spread_of(n)
     values = np.array(parameters, order="C")
     for push in chosen.tolist():
         settings = pushes.by_angle, pushes.times.timesteps[push], pushes.times.substeps, pushes.times.order
@@ -117,13 +117,14 @@ def _lead_push(frames, parameters, pushed, settings, noise, steps, work, spread,
     squares, logarithm = 0.0, 0.0
     for reading in range(steps + 1):
         if reading > 0:
-            before = vectors[0], vectors[1], vectors[2]
+            before = vectors[0], vectors[1], vectors[2], vectors[3]
             for i in range(n):
-                before[0][i], before[1][i], before[2][i] = motion.position[i], motion.speed[i], motion.side[i]
+                before[0][i], before[1][i] = motion.position[i], motion.speed[i]
+                before[2][i], before[3][i] = motion.side[i], motion.slip[0, i]
             moving = timesteps[reading - 1], substeps, order
             if not move_on(frames, parameters, torques[reading - 1], by_angle, moving, motion, space):
                 return np.nan, np.nan
-            step = before, torques[reading - 1], vectors[3], (by_angle, moving)
+            step = before, torques[reading - 1], vectors[4], (by_angle, moving)
             if not _linearise(frames, parameters, step, motion, other, space, spread):
                 return np.nan, np.nan
             widen(of_torque, spread)
@@ -146,7 +147,8 @@ def _linearise(frames, parameters, step, motion, other, space, spread):  # type:
     n = torque.shape[0]
     for column in range(3 * n):
         for i in range(n):
-            other.position[i], other.speed[i], other.side[i] = before[0][i], before[1][i], before[2][i]
+            other.position[i], other.speed[i] = before[0][i], before[1][i]
+            other.side[i], other.slip[0, i] = before[2][i], before[3][i]
             changed[i] = torque[i]
         size = STATE_STEP
         if column < n:

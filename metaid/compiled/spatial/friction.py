@@ -1,4 +1,4 @@
-"""Accelerations of an arm with dry friction, as MuJoCo has it.
+"""Accelerations of an arm with dry friction: as MuJoCo has it, or by Dahl's law, as machines do.
 
 MuJoCo holds a joint by a constraint that is a little soft: f = −clip(D (q̈ + B q̇), −c, c). B and D follow from its
 usual `solref` and `solimp`, D from the mass matrix at q = 0 too. Each joint therefore slides one way, slides the other
@@ -24,7 +24,8 @@ MOST = 60
 class Motion(NamedTuple):
     """State and working space of a twin (njoint each): coordinates, speeds, the acceleration that the law asks for and
     that which the arm has beyond it, the force that makes the latter; of dry friction the softness of its constraint
-    1/D, the side that each joint slides to (0: it sticks); zeros; and four rows (4 x njoint) for the stages of a step.
+    1/D, the side that each joint slides to (0: it sticks); zeros; four rows (4 x njoint) for the stages of a step; and
+    of dry friction that builds up (2 x njoint) its share of all of it, and the coordinate, where the step began.
     """
 
     position: Array
@@ -37,11 +38,12 @@ class Motion(NamedTuple):
     held: Array
     zero: Array
     stages: Array
+    slip: Array
 
 
 def new_motion(njoint: int) -> Motion:
     """Working space for an arm with so many joints."""
-    parts: list[Array] = [*np.zeros((9, njoint)), np.zeros((4, njoint))]
+    parts: list[Array] = [*np.zeros((9, njoint)), np.zeros((4, njoint)), np.zeros((2, njoint))]
     return Motion(*parts)
 
 
@@ -118,3 +120,26 @@ def accelerate_with_friction(parameters, motion, space):  # type: ignore[no-unty
         if settled:
             break
     return True
+
+
+@compiled
+def slipped(joint, presliding, motion):  # type: ignore[no-untyped-def]
+    """The share of its dry friction that a joint has, −1 to 1, by Dahl's law from where the step began (Eq. 67), if it
+    builds up over `presliding`, in rad or m.
+    """
+    moved = motion.position[joint] - motion.slip[1, joint]
+    goal = np.sign(moved) if moved != 0.0 else np.sign(motion.speed[joint])
+    return goal + (motion.slip[0, joint] - goal) * np.exp(-abs(moved) / presliding)
+
+
+@compiled
+def slip_back(parameters, presliding, motion):  # type: ignore[no-untyped-def]
+    """Takes dry friction that builds up over `presliding` (njoint), in rad or m, from the force.
+
+    Args:
+        parameters: of the twin (njoint x 13).
+        presliding: of each joint.
+        motion: with the force, and where the step began.
+    """
+    for i in range(motion.force.shape[0]):
+        motion.force[i] -= parameters[i, 12] * slipped(i, presliding[i], motion)

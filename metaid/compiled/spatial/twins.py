@@ -19,6 +19,8 @@ from metaid.compiled.spatial.friction import (
     accelerate_freely,
     accelerate_with_friction,
     new_motion,
+    slip_back,
+    slipped,
     soften,
 )
 from metaid.models import Array
@@ -95,9 +97,9 @@ def follow_torques(
         seen: polynomials at every reading (nbasis x nstep + 1 x ncoefficient), which of them is for each push (npush),
             and for how many steps it is followed (npush).
         times: how the twins move between two readings.
-        by_angle: what acts by the coordinate of a joint (4 x njoint), see `push_by_torque`; None for nothing.
+        by_angle: what acts by the coordinate of a joint (5 x njoint), see `push_by_torque`; None for nothing.
     """
-    pulled = np.zeros((4, torques.shape[2])) if by_angle is None else by_angle
+    pulled = np.zeros((5, torques.shape[2])) if by_angle is None else by_angle
     shape = len(candidates), len(torques), seen[0].shape[2], torques.shape[2]
 
     def share(*rest: Any) -> None:
@@ -174,7 +176,7 @@ def move_on(frames, parameters, torque, by_angle, times, motion, space):  # type
         frames: of the arm.
         parameters: of the twin (njoint x 13).
         torque: that is held (njoint), in N m or N.
-        by_angle: what acts by the coordinate of a joint (4 x njoint), see `push_by_torque`.
+        by_angle: what acts by the coordinate of a joint (5 x njoint), see `push_by_torque`.
         times: the timestep in s; how many there are to the next reading; the order of its steps.
         motion: that moves on.
         space: of the dynamics.
@@ -214,7 +216,7 @@ def set_off(frames, parameters, start, motion, space):  # type: ignore[no-untype
     for i in range(motion.position.shape[0]):
         motion.position[i], motion.speed[i] = start[0, i], start[1, i]
         motion.pull[i] = 0.0
-        motion.side[i] = np.sign(start[1, i])
+        motion.side[i] = motion.slip[0, i] = np.sign(start[1, i])
         is_dry = is_dry or parameters[i, 12] != 0.0
     return not is_dry or soften(frames, parameters, motion, space)
 
@@ -227,8 +229,9 @@ def push_by_torque(frames, parameters, torque, by_angle, motion, space):  # type
         frames: of the arm.
         parameters: of the twin (njoint x 13).
         torque: that acts (njoint), in N m or N.
-        by_angle: what acts by the coordinate of a joint (4 x njoint): the stiffness of a spring, in N m/rad or N/m;
-            cogging's amplitudes of the cosine and of the sine, in N m, and how many times a turn it repeats.  Eq. 42.
+        by_angle: what acts by the coordinate of a joint (5 x njoint): the stiffness of a spring, in N m/rad or N/m;
+            cogging's amplitudes of the cosine and of the sine, in N m, and how many times a turn it repeats (Eq. 42);
+            over what way dry friction builds up, in rad or m: 0 where it is a constraint, as MuJoCo has it.
         motion: whose force is filled in.
         space: of the dynamics.
     """
@@ -269,7 +272,7 @@ def flow(frames, parameters, torque, by_angle, step, motion, space):  # type: ig
         frames: of the arm.
         parameters: of the twin (njoint x 13).
         torque: that is held (njoint), in N m or N.
-        by_angle: what acts by the coordinate of a joint (4 x njoint), see `push_by_torque`.
+        by_angle: what acts by the coordinate of a joint (5 x njoint), see `push_by_torque`.
         step: the timestep in s, and the order, which is the number of stages.
         motion: that moves on.
         space: of the dynamics.
@@ -280,9 +283,16 @@ def flow(frames, parameters, torque, by_angle, step, motion, space):  # type: ig
     for i in range(n):
         stages[0, i], stages[1, i] = position[i], speed[i]
         stages[2, i] = stages[3, i] = 0.0
+        motion.slip[1, i] = position[i]
     for stage in range(order):
         push_by_torque(frames, parameters, torque, by_angle, motion, space)
-        if not accelerate(frames, parameters, motion, space):
+        if by_angle[4, 0] > 0.0:
+            slip_back(parameters, by_angle[4], motion)
+            fill_mass_matrix(frames, parameters, space)
+            follows = accelerate_freely(motion, space)
+        else:
+            follows = accelerate(frames, parameters, motion, space)
+        if not follows:
             return False
         if order == MIDPOINT:
             weight, ahead = timestep * stage, 0.5 * timestep
@@ -299,6 +309,8 @@ def flow(frames, parameters, torque, by_angle, step, motion, space):  # type: ig
         position[i], speed[i] = stages[0, i] + stages[2, i], stages[1, i] + stages[3, i]
         if not abs(speed[i]) <= TOO_FAST:
             return False
+        if by_angle[4, i] > 0.0:
+            motion.slip[0, i] = slipped(i, by_angle[4, i], motion)
     return True
 
 

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.trials import Joints, ReadTrial
+from metaid.estimation.trials import PRESLIDING, Joints, ReadTrial
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 from metaid.plant import fault_names
@@ -30,7 +30,7 @@ OF_TORQUE = {
 CHANGES_TORQUE = ("delay", "lag", "gain", "bias", "limit")
 OF_INERTIA = 0.1  # likewise, of a rotor, as a share of the plant's largest inertia
 # Of what is above 0: what it is about, in its unit, and the standard deviation of its logarithm.
-ABOVE_ZERO = {"gain": (1.0, 0.3), "lag": (2e-3, 1.0), "presliding": (1e-3, 1.0)}
+ABOVE_ZERO = {"gain": (1.0, 0.3), "lag": (2e-3, 1.0), "presliding": (PRESLIDING, 1.0)}
 OF_LIMIT = 0.3  # the standard deviation of the logarithm of a limit
 LIMIT = 0.5  # of the torque that a joint needs: what a limit is about that nobody has seen
 NEVER_NEGATIVE = (
@@ -118,7 +118,7 @@ class SearchedFaults:
         found, nothing = self._by_kind(unknowns), np.zeros(self.njoint)
         viscous, dry, spring, offset = (found.get(kind, nothing) for kind in ("viscous", "dry", "spring", "offset"))
         rotor = np.append(0.0, found.get("rotor", nothing[1:]))
-        presliding = found.get("presliding", np.array([ABOVE_ZERO["presliding"][0]]))
+        presliding = found.get("presliding", np.array([PRESLIDING]))
         tilt = found.get("tilt", np.zeros(self.tilts))
         cogging = np.zeros((3, self.njoint))
         if "cogging" in found:

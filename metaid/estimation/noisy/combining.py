@@ -17,7 +17,7 @@ from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.tried import NOTHING, Combining, Search, Tried, combining_of, farthest_moved
 from metaid.models import Array
 
-# What goes as one: the angle over which friction builds up is nothing without friction.
+# What goes as one: the angle over which friction builds up is nothing without friction. An arm has that by itself.
 SINGLE: tuple[tuple[str, ...], ...] = (
     ("delay",),
     ("lag",),
@@ -25,6 +25,7 @@ SINGLE: tuple[tuple[str, ...], ...] = (
     ("offset",),
     ("viscous",),
     ("dry", "presliding"),
+    ("presliding",),
     ("spring",),
     ("bias",),
     ("rotor",),
@@ -116,7 +117,8 @@ def _grown(combining: Combining, best: Tried | None, readings: Readings) -> tupl
 
 def _worth(tried: Tried) -> float:
     """The logarithm of the likelihood of the pushes that were left out, of which each fault has to earn LEAST."""
-    return tried.likelihood - LEAST * len({*tried.kinds} - {"presliding"})
+    free = {"presliding"} if "dry" in tried.kinds else set()
+    return tried.likelihood - LEAST * len({*tried.kinds} - free)
 
 
 def _in_order(tried: list[Tried]) -> list[Tried]:
@@ -163,5 +165,7 @@ def _candidates(kinds: tuple[str, ...], readings: Readings) -> Iterator[tuple[st
         return not searched & {kind, LUMP_OF.get(kind, kind)} and not twofold and (several or kind not in OF_SEVERAL)
 
     for more in (*SINGLE, *TOGETHER):
+        if more == ("presliding",) and not readings.unknowns.builds_up:
+            continue
         if all(is_open(kind) for kind in more):
             yield more
