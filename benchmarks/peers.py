@@ -36,7 +36,6 @@ from benchmarks.rivals.comparing import ALONE, BUDGETS, DRIVES, METHODS, OPEN, S
 from benchmarks.rivals.conditions import CONDITIONS
 from benchmarks.rivals.kept import KEPT, KEPT_OF_BENCH, differences, read_cells, write_cells
 from benchmarks.rivals.picture import save
-from benchmarks.rivals.subjects import ARMS
 
 LINKS = (2, 3, 5, 6, 7)
 SHOWN = 3  # links, in the picture, with all BUDGETS
@@ -68,7 +67,6 @@ def main() -> None:
     budgets = {links: given.budgets or (BUDGETS if links == SHOWN else FEWER) for links in given.links}
     on_bench = given.on == "bench"
     if on_bench:
-        budgets = {links: each for links, each in budgets.items() if links not in ARMS}
         given.methods = [method for method in given.methods if method not in NOT_ON_BENCH]
     runs, kept = wanted(given.part, given.methods, budgets, given.seeds), KEPT_OF_BENCH if on_bench else KEPT
     if given.again:

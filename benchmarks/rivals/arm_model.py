@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from benchmarks.rivals.benched import Benched, follow_on_bench
 from benchmarks.rivals.conditions import Condition
 from benchmarks.rivals.excitation import Limits, exciting
 from benchmarks.rivals.logs import Log
@@ -76,7 +77,9 @@ class ArmModel:
         return np.asarray(self.arm_prior.values + self.arm_prior.root @ point)
 
 
-def record_arm(true: Tree, model: ArmModel, condition: Condition, seconds: float, seed: int) -> Log:
+def record_arm(
+    true: Tree, model: ArmModel, condition: Condition, seconds: float, seed: int, benched: Benched | None = None
+) -> Log:
     """An arm along exciting trajectories, under a servo in each joint as its maker has tuned it: its gains are the true
     inertias of the joints. Forward are sent the torques of the nominal model.
 
@@ -86,6 +89,7 @@ def record_arm(true: Tree, model: ArmModel, condition: Condition, seconds: float
         condition: what is wrong with it.
         seconds: of motion.
         seed: of the trajectories and of all noise.
+        benched: the arm on a bench that shares no code with metaid, where it stands there.
     """
     nominal, timestep, n = model.arm_prior.nominal, model.timestep, true.njoint
     scale = np.sqrt(np.diag(model.arm_prior.covariance))
@@ -108,6 +112,8 @@ def record_arm(true: Tree, model: ArmModel, condition: Condition, seconds: float
     faults, random = condition.settings, np.random.default_rng([seed, n, 1])
     noise = faults.angle_noise * random.standard_normal((steps + 1, n))
     weights = NO_FILTER if faults.speed_sensor else slope_weights(timestep)
+    if benched is not None:
+        return Log(model, NATURAL, timestep, servo, weights, follow_on_bench(benched, servo, weights, seed), condition)
     sensors = Sensors(noise, np.zeros((steps, n)), weights)
     seen = follow_arm(frames_of(true), np.ascontiguousarray(true.parameters), timestep, servo, sensors)
     return Log(model, NATURAL, timestep, servo, weights, seen, condition)

@@ -1,50 +1,132 @@
-"""A chain of which no plant of metaid's is made: the bench of `soak.bench`, along a trajectory and pushed."""
+"""A chain or an arm of which no plant of metaid's is made: the bench of `soak.bench`, along a trajectory and pushed."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.arm_rigs import HORIZON
 from benchmarks.chains import Links
 from benchmarks.rivals.conditions import CONDITIONS, TIMESTEP, Condition
 from benchmarks.rivals.judging import Found
-from benchmarks.rivals.pushed import SEARCHED, Rig
+from benchmarks.rivals.pushed import SEARCHED, Rig, trials_of
 from benchmarks.rivals.servo import Followed, Sensors, Servo, read_and_command, recorded
-from metaid.estimation import ReadTrial
+from metaid.errors import StudyError
+from metaid.estimation import ArmEstimate, ReadTrial
+from metaid.exporting.xml_files import mjcf
 from metaid.models import Array
+from metaid.models.tree import ArmPrior
+from metaid.plant import ArmPlant
 from metaid.results import Snapshot, judge, read_snapshot
 from metaid.store import Store
 from metaid.study import create_study, load_study, run_study
-from soak.bench import Bench, Imperfections, arm_of_links
+from soak.bench import Arm, Bench, Imperfections, arm_of_links, arm_of_mjcf
 from soak.bench.serving import bench
 
 RATE = 4000.0  # Hz, of the bench's Runge-Kutta steps: they are wrong by 1e-10 of a turn
 NUMBERS = "length", "mass", "com", "inertia"
 
 
-def follow_on_bench(true: Links, condition: Condition, servo: Servo, weights: Array, seed: int) -> Followed:
-    """A chain along a trajectory that begins, as it is read, where the servo's does, with its speeds.
+@dataclass(frozen=True)
+class Benched:
+    """What stands on a bench, and what a study of it is told.
+
+    Attributes:
+        arm: its links and joints.
+        is_planar: whether it is a chain, pushed at its tips.
+        has: imperfections of the bench, by name.
+        write: writes the files of the robot and of its nominal model into a folder; gives the first one's path, and
+            what a study file says of the second.
+        pushes_in: how many trials there are in so many seconds of motion, and what a study file says of the pushes.
+        prior: of an arm, whose base parameters are told.
+    """
+
+    arm: Arm
+    is_planar: bool
+    has: dict[str, Any]
+    write: Callable[[Path], tuple[Path, str]]
+    pushes_in: Callable[[float], tuple[int, str]]
+    prior: ArmPrior | None = None
+
+    @property
+    def njoint(self) -> int:
+        return len(self.arm.masses)
+
+
+def chain_on_bench(true: Links, nominal: Links, condition: Condition, seed: int) -> Benched:
+    """A chain.
 
     Args:
         true: its links.
+        nominal: links that are believed.
         condition: what is wrong with it.
+        seed: of its study.
+    """
+
+    def pushes_in(seconds: float) -> tuple[int, str]:
+        study = Rig(true, nominal, CONDITIONS["fine"], "output-error", seconds, seed).spec.study
+        return study.trials, f"count = {study.episode.count}"
+
+    def write(folder: Path) -> tuple[Path, str]:
+        (folder / "links.toml").write_text(_toml("links", true))
+        return folder / "links.toml", _toml("nominal.links", nominal)
+
+    arm, n = arm_of_links({"links": [_numbers(link) for link in true]}), len(true)
+    friction = {"viscous": (condition.friction,) * n}
+    offset = float(condition.settings.encoder_offsets(n)[0])
+    return Benched(arm, True, _imperfections(condition) | friction | {"encoder_offset": offset}, write, pushes_in)
+
+
+def arm_on_bench(plant: ArmPlant, prior: ArmPrior, condition: Condition) -> Benched:
+    """An arm that ships, with its friction; dry friction is by bristles, no larger at rest.
+
+    Args:
+        plant: as it ships.
+        prior: what is believed of it.
+        condition: what is wrong with it.
+    """
+    assert plant.settings.mjcf is not None
+    file, home = Path(plant.settings.mjcf), plant.settings.home
+
+    def pushes_in(seconds: float) -> tuple[int, str]:
+        pushes = max(round(seconds / HORIZON), 1)
+        trials = trials_of(pushes, plant.njoint)
+        count = pushes // trials
+        return trials, f"coasts = {count - count // 3}\nsprings = {count // 3}"  # one on springs for two that coast
+
+    def write(folder: Path) -> tuple[Path, str]:
+        (folder / "nominal.xml").write_text(mjcf(prior.nominal, "nominal", plant.timestep, ()))
+        places = ", ".join(f"{joint} = {angle!r}" for joint, angle in home.items())
+        (folder / "nominal.toml").write_text(f'mjcf = "nominal.xml"\nhome = {{ {places} }}\n')
+        return file, '[nominal]\nplant = "nominal.toml"\n'
+
+    friction = {"viscous": tuple(plant.tree.damping.tolist()), "dry": tuple(plant.tree.coulomb.tolist())}
+    has = _imperfections(condition) | friction | {"stiction": 1.0}
+    return Benched(arm_of_mjcf(file), False, has, write, pushes_in, prior)
+
+
+def follow_on_bench(benched: Benched, servo: Servo, weights: Array, seed: int) -> Followed:
+    """It along a trajectory that begins, as it is read, where the servo's does, with its speeds.
+
+    Args:
+        benched: what moves.
         servo: what drives it.
         weights: that make speeds of angles; see `Sensors`.
         seed: of all noise.
     """
-    n, links = len(true), {"links": [_numbers(link) for link in true]}
-    has = Imperfections(**_imperfections(condition, n), rate=RATE, seed=seed)
-    body = Bench(arm_of_links(links), TIMESTEP, has, is_planar=True)
-    steps = len(servo.angles)
+    has = Imperfections(**benched.has, rate=RATE, seed=seed)
+    body = Bench(benched.arm, TIMESTEP, has, benched.is_planar)
+    steps, n = len(servo.angles), benched.njoint
     seen = Sensors(np.zeros((steps + 1, n)), np.zeros((steps, n)), weights).seen
 
     def run(angles: Array, speeds: Array, torques: Array) -> int:
-        body.push([0.0] * n)
+        body.push(*([0.0] * n for _ in body.needs))
         body.state[0], body.state[1] = servo.angles[0] - has.encoder_offset, servo.speeds[0]
         for step in range(steps + 1):
             read = np.array(body.states()[0])
@@ -57,62 +139,62 @@ def follow_on_bench(true: Links, condition: Condition, servo: Servo, weights: Ar
     return recorded(servo, run)
 
 
-def output_error_on_bench(true: Links, nominal: Links, condition: Condition, seconds: float, seed: int) -> Found:
+def output_error_on_bench(benched: Benched, condition: Condition, seconds: float, seed: int) -> Found:
     """What a study finds by pushes, all by default but for what is searched, and what its verdict is.
 
     Args:
-        true: links of the bench.
-        nominal: links that are believed.
+        benched: what is pushed.
         condition: what is wrong with it.
         seconds: of motion, without what is measured when the study is created.
         seed: of the study, and of all chance.
     """
-    pushed = Rig(true, nominal, CONDITIONS["fine"], "output-error", seconds, seed).spec.study  # for so much time
-    trials, pushes = pushed.trials, pushed.episode.count
+    trials, pushes = benched.pushes_in(seconds)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "links.toml").write_text(_toml("links", true))
+        plant, nominal = benched.write(folder)
         chance = {"start_speeds": condition.settings.push_noise, "rate": RATE, "seed": float(seed)}
         with (
-            bench(folder / "links.toml", TIMESTEP, **_imperfections(condition, len(true)), **chance) as address,
+            bench(plant, TIMESTEP, **benched.has, **chance) as address,
             closing(Store(f"{folder}/metaid.db", create=True)) as store,
         ):
-            rig = f'socket = "{address}"\njoints = {len(true)}\ntimestep = {TIMESTEP}\nstep_timeout = 60.0\n'
+            rig = f'socket = "{address}"\njoints = {benched.njoint}\ntimestep = {TIMESTEP}\nstep_timeout = 60.0\n'
             (folder / "rig.toml").write_text(rig)
             faults = [SEARCHED[each] for each in condition.searched]
-            settings = f"[episode]\ncount = {pushes}\n" + (f"[estimate]\nfaults = {faults!r}\n" if faults else "")
+            settings = f"[episode]\n{pushes}\n" + (f"[estimate]\nfaults = {faults!r}\n" if faults else "")
             head = f'plant = "rig.toml"\nsampler = "output-error"\ntrials = {trials}\nseed = {seed}\n'
-            (folder / "study.toml").write_text(head + settings + _toml("nominal.links", nominal))
+            (folder / "study.toml").write_text(head + settings + nominal)
             create_study(store, load_study(str(folder / "study.toml")), "study")
             run_study(store, "study")
-            return _found(read_snapshot(store, "study"))
+            return _found(read_snapshot(store, "study"), benched.prior)
 
 
-def _found(snapshot: Snapshot) -> Found:
-    """What a study has found, and what its motion took."""
-    problem, verdict = snapshot.problem, judge(snapshot)
+def _found(snapshot: Snapshot, prior: ArmPrior | None) -> Found:
+    """What a study has found, of an arm in the base parameters of a `prior`, and what its motion took."""
+    problem, verdict, experiment = snapshot.problem, judge(snapshot), snapshot.problem.experiment()
+    if snapshot.estimate is None or experiment is None:
+        raise StudyError(f"the study has no estimate: {verdict.word}")
     trials = [each for each in snapshot.trials if each.outcome.readings is not None]
-    experiment = problem.experiment()
-    assert experiment is not None
     seen = [experiment.trial(each.factors, each.outcome) for each in trials]
     read = [each for each in seen if isinstance(each, ReadTrial)]
     seconds = problem.timestep * float(sum(each.outcome.steps for each in snapshot.trials))
     torque = max((float(np.abs(each.torques).max()) for each in read), default=0.0)
     moved = max((float(np.ptp(each.readings, axis=(0, 1)).max()) for each in read), default=0.0)
-    lumps = verdict.lumps if snapshot.estimate is None else snapshot.estimate.estimate.values
-    return Found(np.asarray(lumps, dtype=np.float64), seconds, torque, moved, verdict.word)
+    estimate = snapshot.estimate.estimate
+    values = np.asarray(estimate.values, dtype=np.float64)
+    if prior is not None:
+        assert isinstance(estimate, ArmEstimate)
+        values = prior.base.of(estimate.searched.prior.parameters_at(values))
+    return Found(values, seconds, torque, moved, verdict.word)
 
 
-def _imperfections(condition: Condition, n: int) -> dict[str, Any]:
-    """What is wrong with the bench, but for how pushes differ."""
+def _imperfections(condition: Condition) -> dict[str, Any]:
+    """What is wrong with the bench, but for friction, encoder offsets, and how pushes differ."""
     faults = condition.settings
     return {
         "angle_noise": faults.angle_noise,
-        "encoder_offset": float(faults.encoder_offsets(n)[0]),
         "torque_noise": faults.torque_noise,
         "delay": faults.delay * TIMESTEP,
         "tilt": float(faults.tilts(1)[0]),
-        "viscous": (condition.friction,) * n,
     }
 
 

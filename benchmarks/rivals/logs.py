@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.by_torque import inverse_dynamics_regressor
 from benchmarks.chains import Links
-from benchmarks.rivals.benched import follow_on_bench
+from benchmarks.rivals.benched import chain_on_bench, follow_on_bench
 from benchmarks.rivals.conditions import Condition
 from benchmarks.rivals.excitation import Limits, exciting
 from benchmarks.rivals.models import ChainModel, Model
@@ -124,7 +124,7 @@ def _recorded(
     faults = condition.settings
     weights = NO_FILTER if faults.speed_sensor or by_drives else slope_weights(timestep)
     if on_bench:
-        seen = follow_on_bench(true, condition, servo, weights, seed)
+        seen = follow_on_bench(chain_on_bench(true, nominal, condition, seed), servo, weights, seed)
         return Log(model, natural, timestep, servo, weights, seen, condition)
     noise = draw(faults, np.random.default_rng([seed, n, 1]), 1, len(desired.angles), n)
     wrong = faults.delay, float(faults.tilts(1)[0]), faults.encoder_offsets(n)

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.chains import Links, random_chain
 from benchmarks.rivals.arm_model import ArmModel, misplaced, record_arm
-from benchmarks.rivals.benched import output_error_on_bench
+from benchmarks.rivals.benched import Benched, arm_on_bench, chain_on_bench, output_error_on_bench
 from benchmarks.rivals.conditions import CONDITIONS, SHIFT, TURN, Condition
 from benchmarks.rivals.judging import Error, Found, judge_arm, judge_chain
 from benchmarks.rivals.logs import Log, record
@@ -71,7 +71,8 @@ class ChainSubject:
 
     def pushed(self, method: str, seconds: float) -> Found:
         if self.on_bench:
-            return output_error_on_bench(*self._links, self.condition, seconds, self.seed)
+            benched = chain_on_bench(*self._links, self.condition, self.seed)
+            return output_error_on_bench(benched, self.condition, seconds, self.seed)
         find = {"metaid output-error": output_error, "metaid cmaes": best_trial}[method]
         return find(*self._links, self.condition, seconds, self.seed)
 
@@ -82,11 +83,12 @@ class ChainSubject:
 
 @dataclass(frozen=True)
 class ArmSubject:
-    """An arm with so many `joints`, whose nominal model a `seed` draws."""
+    """An arm with so many `joints`, whose nominal model a `seed` draws, simulated by MuJoCo's steps or `on_bench`."""
 
     condition: Condition
     joints: int
     seed: int
+    on_bench: bool = False
 
     @cached_property
     def plant(self) -> ArmPlant:
@@ -107,9 +109,16 @@ class ArmSubject:
 
     def record(self, seconds: float, by_drives: bool) -> Log:
         model = ArmModel(self.prior, self.plant.timestep)
-        return record_arm(self.plant.tree, model, self.condition, seconds, self.seed)
+        return record_arm(self.plant.tree, model, self.condition, seconds, self.seed, self._benched)
+
+    @property
+    def _benched(self) -> Benched | None:
+        return arm_on_bench(self.plant, self.prior, self.condition) if self.on_bench else None
 
     def pushed(self, method: str, seconds: float) -> Found:
+        benched = self._benched
+        if benched is not None:
+            return output_error_on_bench(benched, self.condition, seconds, self.seed)
         return output_error_of_arm(self.plant, self.prior, self.condition, seconds, self.seed)
 
     def judge(self, parameters: Array) -> Error:
@@ -119,5 +128,5 @@ class ArmSubject:
 def subject_of(condition: str, links: int, seed: int, on_bench: bool = False) -> Subject:
     """The rig that is meant."""
     if links in ARMS:
-        return ArmSubject(CONDITIONS[condition], links, seed)
+        return ArmSubject(CONDITIONS[condition], links, seed, on_bench)
     return ChainSubject(CONDITIONS[condition], links, seed, on_bench)
