@@ -16,7 +16,7 @@ from metaid.compiled.decorator import compiled
 from metaid.compiled.kalman import Run, correct, keep_step, run_of, spread_of, weigh, widen
 from metaid.compiled.spatial.dynamics import Frames, new_space
 from metaid.compiled.spatial.friction import new_motion
-from metaid.compiled.spatial.twins import Followed, Times, move_on, set_off, shared
+from metaid.compiled.spatial.twins import MIDPOINT, Followed, Times, move_on, set_off, shared
 from metaid.models import Array
 
 STATE_STEP, TORQUE_STEP = 1e-7, 1e-4  # rad or m and rad/s or m/s, and N m or N: for differences
@@ -64,7 +64,7 @@ def lead_arm(
     """
     npush, nreading, n = pushes.readings.shape
     run = run_of(npush, nreading, n, is_kept)
-    work, spread = (new_motion(n), new_motion(n), new_space(n), np.zeros((5, n))), spread_of(n)
+    work, spread = (new_motion(n), new_motion(n), new_space(n), np.zeros((7, n))), spread_of(n)
     values = np.array(parameters, order="C")
     for push in chosen.tolist():
         settings = pushes.by_angle, pushes.times.timesteps[push], pushes.times.substeps, pushes.times.order
@@ -124,8 +124,8 @@ def _lead_push(frames, parameters, pushed, settings, noise, steps, work, spread,
             moving = timesteps[reading - 1], substeps, order
             if not move_on(frames, parameters, torques[reading - 1], by_angle, moving, motion, space):
                 return np.nan, np.nan
-            step = before, torques[reading - 1], vectors[4], (by_angle, moving)
-            if not _linearise(frames, parameters, step, motion, other, space, spread):
+            step = before, torques[reading - 1], (vectors[4], vectors[5], vectors[6]), (by_angle, moving)
+            if not _linearise(frames, parameters, step, other, space, spread):
                 return np.nan, np.nan
             widen(of_torque, spread)
             keep_step(reading, spread, run)
@@ -138,33 +138,37 @@ def _lead_push(frames, parameters, pushed, settings, noise, steps, work, spread,
 
 
 @compiled
-def _linearise(frames, parameters, step, motion, other, space, spread):  # type: ignore[no-untyped-def]
+def _linearise(frames, parameters, step, other, space, spread):  # type: ignore[no-untyped-def]
     """Fills in what a step makes of the state before it and of its torque, by differences; whether a twin beside could
-    follow. `motion` is the state after it.
+    follow. Midpoint steps serve, and take half of the time.
     """
     moved, pushed = spread.step, spread.pushed
-    before, torque, changed, (by_angle, times) = step
+    before, torque, (changed, position, speed), (by_angle, times) = step
+    timestep, substeps, order = times
+    rough = timestep, substeps, min(order, MIDPOINT)
     n = torque.shape[0]
-    for column in range(3 * n):
+    for column in range(-1, 3 * n):
         for i in range(n):
             other.position[i], other.speed[i] = before[0][i], before[1][i]
             other.side[i], other.slip[0, i] = before[2][i], before[3][i]
             changed[i] = torque[i]
         size = STATE_STEP
-        if column < n:
+        if 0 <= column < n:
             other.position[column] += size
-        elif column < 2 * n:
+        elif n <= column < 2 * n:
             other.speed[column - n] += size
-        else:
+        elif column >= 0:
             size = TORQUE_STEP
             changed[column - 2 * n] += size
-        if not move_on(frames, parameters, changed, by_angle, times, other, space):
+        if not move_on(frames, parameters, changed, by_angle, rough, other, space):
             return False
         for i in range(n):
-            by_position, by_speed = other.position[i] - motion.position[i], other.speed[i] - motion.speed[i]
-            if column < 2 * n:
+            if column < 0:
+                position[i], speed[i] = other.position[i], other.speed[i]
+            by_position, by_speed = other.position[i] - position[i], other.speed[i] - speed[i]
+            if 0 <= column < 2 * n:
                 moved[i, column], moved[n + i, column] = by_position / size, by_speed / size
-            else:
+            elif column >= 0:
                 pushed[i, column - 2 * n], pushed[n + i, column - 2 * n] = by_position / size, by_speed / size
     return True
 
