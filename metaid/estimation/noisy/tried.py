@@ -29,6 +29,7 @@ NEGLIGIBLE, NOTHING = 1e-3, 3.0  # of the noise that was found, and in the logar
 ROUNDS_EACH = 3  # of gains and unknowns in turn
 ENOUGH = 0.2  # of cost: a step of a fit that is tried and promises less moves no likelihood by as much as a fault earns
 OUT, OF = 1, 3  # of so many pushes that one is left out
+MOST_WORK = 1_500_000  # readings of joints, times unknowns, that a fit with faults is tried on
 
 
 class Scanned(NamedTuple):
@@ -188,9 +189,11 @@ class Combining:
 def combining_of(readings: Readings, search: Search, torque_noise: Array) -> Combining | None:
     """The pushes in two parts; None where there are too few."""
     led = replace(led_by(readings), least_gain=ENOUGH)
-    is_out = left_out(readings)
+    is_tried, is_out = parts_of(readings)
     try:
-        return Combining(only_pushes(led, ~is_out), only_pushes(led, is_out), search, torque_noise)
+        return Combining(
+            only_pushes(led, is_tried & ~is_out), only_pushes(led, is_tried & is_out), search, torque_noise
+        )
     except ValueError:
         return None
 
@@ -204,10 +207,15 @@ def farthest_moved(one: Found, other: Found) -> int | None:
     return int(np.argmax(beyond)) if beyond.max() > 1.0 else None
 
 
-def left_out(readings: Readings) -> NDArray[np.bool_]:
-    """Which pushes of each trial are left out (ntrial x npush): others in each, so that none is without its like."""
-    pushes = np.arange(max(len(trial.steps) for trial in readings.trials))
-    return np.asarray((pushes + np.arange(len(readings.trials))[:, None]) % OF == OUT)
+def parts_of(readings: Readings) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which pushes of each trial (ntrial x npush) are tried, all of them unless that takes long, and which are left
+    out: others in each, so that none is without its like.
+    """
+    pushes, trials = np.arange(max(len(trial.steps) for trial in readings.trials)), np.arange(len(readings.trials))
+    work = sum(int(trial.steps.sum()) for trial in readings.trials) * readings.unknowns.njoint * len(readings.spreads)
+    stride = -(-work // MOST_WORK)
+    is_tried = (pushes + trials[:, None]) % stride == 0
+    return is_tried, np.asarray((pushes // stride + trials[:, None]) % OF == OUT)
 
 
 def led_by(readings: Readings) -> Innovations:
