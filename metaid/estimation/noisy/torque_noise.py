@@ -15,7 +15,7 @@ MOST_ROUNDS = 6  # of gains and unknowns in turn
 SETTLED = 0.05  # standard deviations, by which unknowns change in the last round
 APART, FARTHEST = 0.05, 1.5  # in the logarithm of a size: for its derivatives, and the longest step
 MOST_SWEEPS, CLOSE = 8, 0.02  # of the search for the sizes, and the step that ends it
-ALIKE = 0.3  # standard deviation of the logarithm of a joint's size about their mean, beforehand
+ALIKE = 1.0  # standard deviation of the logarithm of the acceleration that a joint's noise is, about their mean
 ROUGH_PUSHES, PUSHES = 12, 48  # whose readings tell the sizes: in the first round, and after it
 ROOM = 30_000_000  # numbers that linearised steps of pushes take, at most
 FLAT = 0.5  # of the logarithm of the likelihood by that of a size: noise so small that it tells nothing
@@ -29,7 +29,8 @@ def fit_with_torque_noise(
     """The robot that all trials lead to where noise of the torques moves it, too, and the size of that noise.
 
     Gains and weights of the filter follow from the robot, and the robot from what the filter leaves. So they are found
-    in turn. In each round gains are given, so its estimate is one of least squares.
+    in turn, until the readings become no more likely: where joints stick, smaller gains may lose a push. In each round
+    gains are given, so its estimate is one of least squares.
 
     Args:
         innovations: of all trials, without gains.
@@ -42,21 +43,24 @@ def fit_with_torque_noise(
         ValueError: the twin cannot follow the trials.
     """
     count, begin, sizes = len(innovations.spreads), begun(innovations, start), torque_noise
-    found: Found | None = None
-    point = np.append(np.zeros(count) if begin is None else begin, np.zeros(innovations.extras))
+    best: Found | None = None
+    point, most_likely = np.append(np.zeros(count) if begin is None else begin, np.zeros(innovations.extras)), -np.inf
     for _ in range(rounds):
-        if found is None:
+        if best is None:
             sizes = likeliest_noise(innovations, point, sizes, ROUGH_PUSHES)
         sizes = likeliest_noise(innovations, point, sizes, PUSHES, 1)
         led = innovations.led(point, sizes)
         if led is None:
             raise ValueError("the twin cannot follow the readings")
-        before, found = found, replace(fit(led, point[:count], -1), torque_noise=sizes)
+        before, found = best, replace(fit(led, point[:count], -1), torque_noise=sizes)
         point = found.point
-        if before is not None and _is_settled(before, found):
+        likelihood = innovations.likelihood(point, sizes, PUSHES)
+        if best is None or likelihood > most_likely:
+            best, most_likely = found, likelihood
+        if before is not None and (best is before or _is_settled(before, found)):
             break
-    assert found is not None, "there is a round"
-    return found
+    assert best is not None, "there is a round"
+    return best
 
 
 def _is_settled(before: Found, after: Found) -> bool:
@@ -79,6 +83,7 @@ def likeliest_noise(
             before.
     """
     joints, logarithms = np.eye(len(torque_noise)), np.log(torque_noise)
+    needed = np.log(innovations.unknowns.inertia)
     numbers = max(trial.torques.shape[1] for trial in innovations.trials) * 6 * len(torque_noise) ** 2
     filters = innovations.filters(point, max(min(pushes, ROOM // numbers), 1))
     for directions in (np.ones_like(joints[:1]), joints) if sweeps > 1 else (joints,):
@@ -86,18 +91,23 @@ def likeliest_noise(
             before = logarithms
             parts = [each.likelihood_about(np.exp(logarithms)) for each in filters]
             for direction in directions:
-                logarithms = logarithms + _step(parts, logarithms, direction) * direction
+                logarithms = logarithms + _step(parts, logarithms, direction, needed) * direction
             if float(np.abs(logarithms - before).max()) < CLOSE:
                 break
     return np.exp(logarithms)
 
 
-def _step(parts: list[Likelihood], logarithms: Array, direction: Array) -> float:
-    """The step of the `logarithms` (njoint) of sizes in a `direction` (njoint), to the top of a parabola, by what the
-    `parts` of the readings say.
+def _step(parts: list[Likelihood], logarithms: Array, direction: Array, needed: Array) -> float:
+    """The step to the top of a parabola.
+
+    Args:
+        parts: what the readings say.
+        logarithms: of the sizes (njoint).
+        direction: in which they change (njoint).
+        needed: logarithms of what each joint needs for an acceleration (njoint).
     """
     tried = (logarithms + step * direction for step in (-APART, 0.0, APART))
-    less, here, more = (sum(part(np.exp(each)) for part in parts) + _log_prior(each) for each in tried)
+    less, here, more = (sum(part(np.exp(each)) for part in parts) + _log_prior(each - needed) for each in tried)
     slope, curvature = (more - less) / (2.0 * APART), (more - 2.0 * here + less) / APART**2
     if not np.isfinite(slope + curvature) or (slope < 0.0 and slope > -FLAT):
         return 0.0
@@ -107,5 +117,5 @@ def _step(parts: list[Likelihood], logarithms: Array, direction: Array) -> float
 
 
 def _log_prior(logarithms: Array) -> float:
-    """The logarithm of how likely the `logarithms` (njoint) of sizes are beforehand: drives of a plant are alike."""
+    """The logarithm of how likely `logarithms` (njoint) of accelerations are beforehand: drives suit their joints."""
     return -0.5 * float(((logarithms - logarithms.mean()) ** 2).sum()) / ALIKE**2
