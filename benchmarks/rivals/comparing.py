@@ -132,7 +132,7 @@ def measure(named: str, nlink: int, seed: int, on_bench: bool = False) -> Cell:
             results = [subject.pushed(method, float(budget))]
         else:
             by_drives = method in DRIVEN
-            longest = budget if by_drives else 60 if nlink in ARMS or on_bench else max(BUDGETS)
+            longest = budget if by_drives else max(60, budget) if nlink in ARMS or on_bench else max(BUDGETS)
             log = recorded(condition, nlink, seed, longest, by_drives, on_bench).first(float(budget))
             began = time.process_time()
             results = _found(log, (LOGGED | DRIVEN)[method])
