@@ -14,26 +14,32 @@ from benchmarks.rivals.logs import Log
 from benchmarks.rivals.models import Motion
 from benchmarks.rivals.servo import NO_FILTER, Followed, Sensors, Servo, read_and_command, recorded
 from metaid.compiled import compiled
-from metaid.compiled.spatial import Frames, frames_of
+from metaid.compiled.spatial import RUNGE_KUTTA, Frames, frames_of
 from metaid.compiled.spatial.dynamics import fill_mass_matrix, joint_torques, move_links, new_space
 from metaid.compiled.spatial.friction import accelerate_freely, accelerate_with_friction, new_motion, soften
+from metaid.compiled.spatial.twins import move_on
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS, ArmPrior, Tree, joint_mass_matrix, joint_torque, torque_regressor
 from metaid.plant import slope_weights
 
+PRESLIDING = 1e-3  # rad, over which dry friction of an arm that moves continuously builds up
 SPEED = 3.0  # rad/s of every joint at most, which is what metaid's pushes have
 SWING, SHARE = 1.5, 0.4  # rad from the middle of a joint's range, and at most that share of the range
 BANDWIDTH, NATURAL = 20.0, 0.2  # of the servo, in rad/s; of filters, in s
+ON_BENCH = 0.5  # of the bandwidth: with all of it a PA-10 that moves continuously swings
 REVERSAL, WHOLLY = 0.2, 0.99  # rad/s, below which a joint reverses; of the time of a filter that it slides to one side
 COULOMB = PARAMETERS.index("coulomb")
 
 
 @dataclass(frozen=True)
 class ArmModel:
-    """An arm, of which there is a `arm_prior`, with the `timestep` in s. Its parameters are base parameters (nbase)."""
+    """An arm, of which there is a `arm_prior`, with the `timestep` in s, that moves in MuJoCo's steps or is continuous.
+    Its parameters are base parameters (nbase).
+    """
 
     arm_prior: ArmPrior
     timestep: float
+    is_continuous: bool = False
 
     @property
     def njoint(self) -> int:
@@ -66,7 +72,7 @@ class ArmModel:
 
     def follow(self, parameters: Array, servo: Servo, sensors: Sensors) -> Followed | None:
         whole = np.ascontiguousarray(self.arm_prior.parameters_at(parameters))
-        return follow_arm(self.frames, whole, self.timestep, servo, sensors)
+        return follow_arm(self.frames, whole, self.timestep, servo, sensors, self.is_continuous)
 
     def point(self, parameters: Array) -> Array:
         """What is independent of each other and of standard deviation 1 in what is believed."""
@@ -106,7 +112,7 @@ def record_arm(
         desired.speeds,
         joint_torque(nominal, desired.angles, desired.speeds, desired.accelerations),
         np.ascontiguousarray(np.broadcast_to(np.diag(inertias), (steps, n, n))),
-        BANDWIDTH,
+        BANDWIDTH if benched is None else ON_BENCH * BANDWIDTH,
         np.zeros((steps, n, n)),
     )
     faults, random = condition.settings, np.random.default_rng([seed, n, 1])
@@ -146,7 +152,9 @@ def _rotation(vector: Array) -> Array:
     return np.asarray(np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * skew @ skew)
 
 
-def follow_arm(frames: Frames, parameters: Array, timestep: float, servo: Servo, sensors: Sensors) -> Followed:
+def follow_arm(
+    frames: Frames, parameters: Array, timestep: float, servo: Servo, sensors: Sensors, is_continuous: bool = False
+) -> Followed:
     """An arm along a trajectory that begins where the servo's does, with its speeds.
 
     Args:
@@ -155,12 +163,14 @@ def follow_arm(frames: Frames, parameters: Array, timestep: float, servo: Servo,
         timestep: in s.
         servo: what drives it.
         sensors: what it sees of it.
+        is_continuous: whether it moves continuously, with dry friction that builds up over PRESLIDING.
     """
     n = len(parameters)
-    motion, space = new_motion(n), new_space(n)
+    motion, space, by_angle = new_motion(n), new_space(n), np.zeros((5, n))
     motion.position[:], motion.speed[:] = servo.angles[0] - sensors.offset, servo.speeds[0]
-    motion.side[:] = np.sign(motion.speed)
-    arm = frames, parameters, timestep, motion, space
+    motion.side[:] = motion.slip[0] = np.sign(motion.speed)
+    by_angle[4] = PRESLIDING * is_continuous
+    arm = frames, parameters, timestep, by_angle, motion, space
     return recorded(servo, lambda *read: _follow_arm(arm, servo.driven, sensors.seen, *read))
 
 
@@ -169,12 +179,12 @@ def _follow_arm(arm, driven, seen, angles, speeds, torques):  # type: ignore[no-
     """Fills `angles`, `speeds` (nstep + 1 x njoint) and `torques` (nstep x njoint); returns the steps before it was
     lost.
     """
-    frames, parameters, timestep, motion, space = arm
+    frames, parameters, timestep, by_angle, motion, space = arm
     _, torque_noise, _, delay, _ = seen
     steps, n = torques.shape
     is_dry = False
     for i in range(n):
-        is_dry = is_dry or parameters[i, 12] != 0.0
+        is_dry = is_dry or (parameters[i, 12] != 0.0 and by_angle[4, i] == 0.0)
     if is_dry and not soften(frames, parameters, motion, space):
         return 0
     for step in range(steps + 1):
@@ -182,6 +192,13 @@ def _follow_arm(arm, driven, seen, angles, speeds, torques):  # type: ignore[no-
             return step
         if step == steps:
             break
+        if by_angle[4, 0] > 0.0:
+            held = motion.held
+            for i in range(n):
+                held[i] = torque_noise[step, i] + (torques[step - delay, i] if step >= delay else 0.0)
+            if not move_on(frames, parameters, held, by_angle, (timestep, 1, RUNGE_KUTTA), motion, space):
+                return step
+            continue
         force = motion.force
         move_links(frames, motion.position, motion.speed, motion.zero, space)
         joint_torques(frames, parameters, space, force)

@@ -29,7 +29,8 @@ from metaid.study import create_study, load_study, run_study
 from soak.bench import Arm, Bench, Imperfections, arm_of_links, arm_of_mjcf
 from soak.bench.serving import bench
 
-RATE = 4000.0  # Hz, of the bench's Runge-Kutta steps: they are wrong by 1e-10 of a turn
+# Hz, of the bench's Runge-Kutta steps: those of a chain are wrong by 1e-10 of a turn; bristles of friction need more.
+RATE, RATE_OF_BRISTLES = 4000.0, 20000.0
 NUMBERS = "length", "mass", "com", "inertia"
 
 
@@ -80,7 +81,8 @@ def chain_on_bench(true: Links, nominal: Links, condition: Condition, seed: int)
     arm, n = arm_of_links({"links": [_numbers(link) for link in true]}), len(true)
     friction = {"viscous": (condition.friction,) * n}
     offset = float(condition.settings.encoder_offsets(n)[0])
-    return Benched(arm, True, _imperfections(condition) | friction | {"encoder_offset": offset}, write, pushes_in)
+    has = _imperfections(condition) | friction | {"encoder_offset": offset, "rate": RATE}
+    return Benched(arm, True, has, write, pushes_in)
 
 
 def arm_on_bench(plant: ArmPlant, prior: ArmPrior, condition: Condition) -> Benched:
@@ -107,7 +109,7 @@ def arm_on_bench(plant: ArmPlant, prior: ArmPrior, condition: Condition) -> Benc
         return file, '[nominal]\nplant = "nominal.toml"\n'
 
     friction = {"viscous": tuple(plant.tree.damping.tolist()), "dry": tuple(plant.tree.coulomb.tolist())}
-    has = _imperfections(condition) | friction | {"stiction": 1.0}
+    has = _imperfections(condition) | friction | {"stiction": 1.0, "rate": RATE_OF_BRISTLES}
     return Benched(arm_of_mjcf(file), False, has, write, pushes_in, prior)
 
 
@@ -120,7 +122,7 @@ def follow_on_bench(benched: Benched, servo: Servo, weights: Array, seed: int) -
         weights: that make speeds of angles; see `Sensors`.
         seed: of all noise.
     """
-    has = Imperfections(**benched.has, rate=RATE, seed=seed)
+    has = Imperfections(**benched.has, seed=seed)
     body = Bench(benched.arm, TIMESTEP, has, benched.is_planar)
     steps, n = len(servo.angles), benched.njoint
     seen = Sensors(np.zeros((steps + 1, n)), np.zeros((steps, n)), weights).seen
@@ -152,7 +154,7 @@ def output_error_on_bench(benched: Benched, condition: Condition, seconds: float
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         plant, nominal = benched.write(folder)
-        chance = {"start_speeds": condition.settings.push_noise, "rate": RATE, "seed": float(seed)}
+        chance = {"start_speeds": condition.settings.push_noise, "seed": float(seed)}
         with (
             bench(plant, TIMESTEP, **benched.has, **chance) as address,
             closing(Store(f"{folder}/metaid.db", create=True)) as store,

@@ -108,7 +108,7 @@ class ArmSubject:
         return len(self.prior.values)
 
     def record(self, seconds: float, by_drives: bool) -> Log:
-        model = ArmModel(self.prior, self.plant.timestep)
+        model = ArmModel(self.prior, self.plant.timestep, self.on_bench)
         return record_arm(self.plant.tree, model, self.condition, seconds, self.seed, self._benched)
 
     @property
