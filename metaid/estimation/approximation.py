@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from metaid.models import DEVIATIONS, Array
+from metaid.models import COARSEST, DEVIATIONS, Array
 
-MOST = 0.5  # of the unknowns: on so many parts of the pushes agree to a tenth
+MOST = 0.5  # of the numbers, or of the joint torques of an arm: on so many parts of the pushes agree to a tenth
 PROBABILITY = 0.975  # below the upper end of a 95 % interval
 BETTER = 0.5  # of the nominal model's misfit of pushes that were left out: what is approximate has no more
 SURE = 10.0  # in the logarithm of a likelihood: what is as much more likely is so by more than chance
@@ -73,9 +73,14 @@ class HeldOut:
     @property
     def deviations(self) -> Array:
         """Standard deviation of each unknown (nunknown) by repetition: the jackknife over the parts."""
-        count = len(self.unknowns)
-        scatter = ((self.unknowns - self.unknowns.mean(axis=0)) ** 2).sum(axis=0)
-        return np.asarray(np.sqrt((count - 1) / count * scatter), dtype=np.float64)
+        return jackknife(self.unknowns)
+
+
+def jackknife(fits: Array) -> Array:
+    """Standard deviations (...) of what fits without a part each (npart x ...) say."""
+    count = len(fits)
+    scatter = ((fits - fits.mean(axis=0)) ** 2).sum(axis=0)
+    return np.asarray(np.sqrt((count - 1) / count * scatter), dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -90,6 +95,7 @@ class Approximation:
         own: standard deviation of each unknown (nunknown), as if the model explained all.
         shift: by how much a force that the model has not, or another explanation, would change each (nunknown).
         coarsest: what a standard deviation of each (nunknown) is at most where it is determined.
+        torques: of an arm, by the fits to the parts (npart x nstate x njoint), in N m; None of a chain.
         is_possible: whether a plant can have what was found.
     """
 
@@ -100,6 +106,7 @@ class Approximation:
     own: Array
     shift: Array
     coarsest: Array
+    torques: Array | None
     is_possible: bool
 
     @cached_property
@@ -108,12 +115,26 @@ class Approximation:
 
         Eq. 39.
         """
+        repeated = self._reach * self.held_out.deviations[: len(self.own)]
+        return np.asarray(np.sqrt((self.widening * self.own) ** 2 + repeated**2 + self.shift**2))
+
+    @property
+    def _reach(self) -> float:
+        """Of how many times a deviation by repetition DEVIATIONS reach as far as 95 % intervals."""
         from scipy.special import stdtrit  # which a command that only reads a DB mostly does without
 
-        parts = len(self.held_out.unknowns)
-        reach = float(stdtrit(parts - 1, PROBABILITY)) / DEVIATIONS  # Student's
-        repeated = reach * self.held_out.deviations[: len(self.own)]
-        return np.asarray(np.sqrt((self.widening * self.own) ** 2 + repeated**2 + self.shift**2))
+        return float(stdtrit(len(self.held_out.unknowns) - 1, PROBABILITY)) / DEVIATIONS  # Student's
+
+    @cached_property
+    def agreed(self) -> tuple[int, int, str]:
+        """On how many numbers the parts agree to a tenth, of how many, and what these are: of an arm joint torques, for
+        many base parameters move next to nothing.
+        """
+        if self.torques is None:
+            return int((self.deviations <= self.coarsest).sum()), len(self.own), "numbers"
+        needed, unsure = ((each**2).mean(axis=0) for each in (self.torques.mean(axis=0), jackknife(self.torques)))
+        known = self._reach * np.sqrt(unsure) <= COARSEST * np.sqrt(needed)
+        return int(known.sum()), len(known), "joint torques"
 
     @property
     def holds(self) -> bool:
@@ -128,9 +149,9 @@ class Approximation:
             return "no plant has the model that fits best: its mass matrix is not positive definite, or no bodies are"
         if not held.is_better:
             return f"{self.predicted}: it is not approximate, which takes half of that"
-        agreed, all_of_them = int((self.deviations <= self.coarsest).sum()), len(self.own)
+        agreed, all_of_them, what = self.agreed
         if not agreed >= MOST * all_of_them:
-            return f"{self.predicted}, but parts of the pushes agree to a tenth on {agreed} of {all_of_them} numbers"
+            return f"{self.predicted}, but parts of the pushes agree to a tenth on {agreed} of {all_of_them} {what}"
         return ""
 
     @property

@@ -23,6 +23,7 @@ from metaid.models.tree import (
     possible_bodies,
     random_states,
     torque_half_width,
+    torque_rows,
 )
 
 if TYPE_CHECKING:
@@ -196,6 +197,10 @@ class ArmEstimate(Found):
     @property
     def coarsest(self) -> Array:
         return np.asarray(COARSEST * self.sizes, dtype=np.float64)
+
+    def torques(self, numbers: Array) -> Array:
+        prior = self.searched.prior
+        return np.moveaxis(torque_rows(prior.nominal, prior.base) @ (prior.values + numbers).T, -1, 0)
 
     @property
     def is_possible(self) -> bool:

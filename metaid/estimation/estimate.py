@@ -80,6 +80,12 @@ class Found(Fit):
         """Whether a plant can have what was found."""
         raise NotImplementedError
 
+    def torques(self, numbers: Array) -> Array | None:
+        """The joint torques of an arm in random states (n x nstate x njoint) where what the `names` name
+        changes by `numbers` (n x nname); None of a chain, whose lumps tell as much.
+        """
+        return None
+
     def interval_with(self, deviations: Array, count: float = DEVIATIONS) -> tuple[Array, Array]:
         """Least and largest values (nvalue) within so many times standard `deviations` (nvalue): 95 % of them by
         default.

@@ -66,12 +66,16 @@ def torque_half_width(tree: Tree, base: BaseParameters, values: Array, covarianc
         values: of these (nbase).
         covariance: of the `values` (nbase x nbase).
     """
-    states = random_states(tree, STATES, np.random.default_rng(HELD_OUT))
-    regressor = torque_regressor(tree, *states)
-    rows = regressor.reshape(*regressor.shape[:2], -1)[..., base.columns]
+    rows = torque_rows(tree, base)
     needed = ((rows @ values) ** 2).mean(axis=0)
     unsure = np.einsum("sjb,bc,sjc->j", rows, covariance, rows) / len(rows)
     return deviations_at_once(tree.njoint) * float(np.sqrt((unsure / needed).max()))
+
+
+def torque_rows(tree: Tree, base: BaseParameters) -> Array:
+    """What the joint torques are by the base parameters (nstate x njoint x nbase), in random states of an arm."""
+    regressor = torque_regressor(tree, *random_states(tree, STATES, np.random.default_rng(HELD_OUT)))
+    return np.asarray(regressor.reshape(*regressor.shape[:2], -1)[..., base.columns])
 
 
 def _loading(*torques: Array) -> Array:

@@ -114,6 +114,7 @@ class StudyEstimate:
             np.sqrt(np.diag(estimate.number_covariance)),
             np.linalg.norm(self._changes, axis=0),
             estimate.coarsest,
+            estimate.torques(numbers),
             not self.impossible and estimate.is_possible,
         )
 
