@@ -231,7 +231,7 @@ def push_by_torque(frames, parameters, torque, by_angle, motion, space):  # type
         torque: that acts (njoint), in N m or N.
         by_angle: what acts by the coordinate of a joint (5 x njoint): the stiffness of a spring, in N m/rad or N/m;
             cogging's amplitudes of the cosine and of the sine, in N m, and how many times a turn it repeats (Eq. 42);
-            over what way dry friction builds up, in rad or m: 0 where it is a constraint, as MuJoCo has it.
+            over what way dry friction builds up, in rad or m, 0 where it is a constraint, as MuJoCo has it.
         motion: whose force is filled in.
         space: of the dynamics.
     """
