@@ -18,6 +18,7 @@ from metaid.compiled.kalman import (
     weigh,
     widen,
 )
+from metaid.compiled.law import dahl
 from metaid.compiled.loop import CompiledLoop
 from metaid.compiled.objective import Objective
 from metaid.compiled.quiet import quiet_mujoco
@@ -38,6 +39,7 @@ __all__ = [
     "coasting_steps",
     "compiled",
     "correct",
+    "dahl",
     "fastest_loop",
     "fastest_step",
     "fused",

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from metaid.compiled import compiled
+from metaid.compiled import compiled, dahl
 from metaid.estimation.tangent import force_by_unknowns, linearise, move_tangent
 from metaid.models import SLIDING
 
@@ -134,9 +134,7 @@ def slipping(joint, joint_angle, joint_speed, balance, work):  # type: ignore[no
         joint_speed: in rad/s.
         balance, work: see `workspace`.
     """
-    moved = joint_angle - work.slip[1, joint]
-    goal = np.sign(moved) if moved != 0.0 else np.sign(joint_speed)
-    share = goal + (work.slip[0, joint] - goal) * np.exp(-abs(moved) / balance.presliding)
+    share = dahl(work.slip[0, joint], joint_angle - work.slip[1, joint], joint_speed, balance.presliding)
     work.slip[2, joint] = share
     return balance.dry[joint] * share
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from metaid.compiled.decorator import compiled
+from metaid.compiled.law import dahl
 from metaid.compiled.spatial.dynamics import factorise, fill_mass_matrix, move_links, solve
 from metaid.models import Array
 
@@ -128,8 +129,7 @@ def slipped(joint, presliding, motion):  # type: ignore[no-untyped-def]
     builds up over `presliding`, in rad or m.
     """
     moved = motion.position[joint] - motion.slip[1, joint]
-    goal = np.sign(moved) if moved != 0.0 else np.sign(motion.speed[joint])
-    return goal + (motion.slip[0, joint] - goal) * np.exp(-abs(moved) / presliding)
+    return dahl(motion.slip[0, joint], moved, motion.speed[joint], presliding)
 
 
 @compiled
