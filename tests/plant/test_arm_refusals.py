@@ -34,7 +34,6 @@ REFUSED = {
         {"joint": "damping='0.1 0.2'"},
         "joint 'shoulder' has viscous friction that is no multiple of its speed",
     ),
-    "friction that drives": ({"joint": "damping='-0.1'"}, "joint 'shoulder' has damping -0.1 (allowed: 0 or more)"),
     "weightless": (
         {"upper": "gravcomp='1'"},
         "body 'upper' is relieved of its weight by gravcomp (allowed: gravcomp 0)",

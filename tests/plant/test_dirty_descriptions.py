@@ -116,6 +116,33 @@ def test_an_mjcf_is_repaired_as_a_urdf_is(tmp_path: Path) -> None:
     assert "'arm' (principal moments 0.01 0.02 0.05 kg m²)" in arm.repairs[0]
 
 
+def test_of_what_stands_twice_in_a_urdf_the_first_counts_and_it_is_said(tmp_path: Path) -> None:
+    """As for ROS; shapes may be several."""
+    shape = "<collision><geometry><sphere radius='0.01'/></geometry></collision>"
+    clean = robot().replace('<link name="base"/>', f'<link name="base">{2 * shape}</link>')
+    origin = '<origin xyz="0.3 0 0"/>'
+    text = clean.replace(origin, origin + '<origin xyz="7 0 0"/>').replace('<mass value="1"/>', 2 * '<mass value="1"/>')
+    assert text.count("origin") == clean.count("origin") + 1
+    dirty = read(tmp_path, text, joints=ARM)
+    assert dirty.repairs == (
+        "arm.xml: link 'fore', inertial: <mass> stands there 2 times: the first is taken",
+        "arm.xml: joint 'elbow': <origin> stands there 2 times: the first is taken",
+    )
+    np.testing.assert_array_equal(dirty.tree.position, read(tmp_path, clean, joints=ARM).tree.position)
+
+
+@pytest.mark.parametrize("key", ["damping", "friction"])
+def test_friction_that_drives_is_none_and_it_is_said(tmp_path: Path, key: str) -> None:
+    """Least squares often find some, which people then write into their URDF."""
+    text = robot().replace('<axis xyz="0 1 0"/>', f'<axis xyz="0 1 0"/><dynamics {key}="-0.4"/>')
+    arm = read(tmp_path, text, joints=ARM)
+    (said,) = arm.repairs
+    assert said.startswith("arm.xml: joint 'shoulder' has")
+    assert said.endswith("-0.4, which no joint has: 0 is taken")
+    assert not arm.tree.damping.any()
+    assert not arm.tree.coulomb.any()
+
+
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [

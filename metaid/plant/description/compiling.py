@@ -6,14 +6,14 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 from xml.etree import ElementTree
 
 from metaid.errors import PlantError, usable_mujoco
 from metaid.plant.asked import SCHEME, refuse_absurd_sizes
-from metaid.plant.description.repairing import Repair, repair_inertias
+from metaid.plant.description.repairing import Repair, repair_inertias, repair_joints, repair_repetition
 
 with usable_mujoco():
     import mujoco
@@ -25,7 +25,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class Compiled:
-    """The `model` of a whole file, the meshes that cannot be loaded (`lost`), and the inertias that were impossible."""
+    """The `model` of a whole file, the meshes that cannot be loaded (`lost`), and what was impossible."""
 
     model: mujoco.MjModel
     lost: tuple[str, ...] = ()
@@ -34,7 +34,7 @@ class Compiled:
 
 def compile_file(path: Path, is_urdf: bool) -> Compiled:
     """The compiled whole of an MJCF or URDF. Meshes that cannot be loaded are left out where only shapes are lost.
-    Textures that cannot be loaded are left out, too. Impossible inertias are repaired.
+    Textures that cannot be loaded are left out, too. What is impossible is repaired.
 
     Args:
         path: of the file.
@@ -50,7 +50,7 @@ def compile_file(path: Path, is_urdf: bool) -> Compiled:
     refuse_absurd_sizes(path)
     _refuse_xacro(path)
     with gathered_warnings() as warned:
-        spec = _attempt(path, "read", lambda: mujoco.MjSpec.from_file(str(path)))
+        spec, repeated = _attempt(path, "read", lambda: _read(path, is_urdf))
         if any("NaN" in warning for warning in warned):
             raise PlantError(f"{path}: a number in it is NaN (allowed: finite numbers)")
         _attempt(path, "read", lambda: _prepare(spec, path, is_urdf))
@@ -59,7 +59,19 @@ def compile_file(path: Path, is_urdf: bool) -> Compiled:
         compiled.model.names.decode()
     except UnicodeDecodeError:
         raise PlantError(f"{path}: a name in it is not UTF-8 (allowed: names that are)") from None
-    return compiled
+    return replace(compiled, repairs=(*repeated, *compiled.repairs, *repair_joints(compiled.model)))
+
+
+def _read(path: Path, is_urdf: bool) -> tuple[mujoco.MjSpec, tuple[Repair, ...]]:
+    """The file as it is, or without what stands twice in a URDF, and what that was."""
+    if is_urdf:
+        with suppress(ElementTree.ParseError, ValueError, LookupError):  # MuJoCo says so, or is less strict
+            root = ElementTree.parse(path).getroot()
+            if repeated := repair_repetition(root):
+                spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+                spec.modelfiledir = str(path.resolve().parent)
+                return spec, repeated
+    return mujoco.MjSpec.from_file(str(path)), ()
 
 
 def _prepare(spec: mujoco.MjSpec, path: Path, is_urdf: bool) -> None:

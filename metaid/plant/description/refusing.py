@@ -132,10 +132,6 @@ def _of_joints(whole: Whole) -> Iterator[tuple[str, str]]:
             yield f"joint '{name}' has a spring, stiffness {model.jnt_stiffness[joint]:g}", "no stiffness"
         if model.dof_dampingpoly[degree].any():
             yield f"joint '{name}' has viscous friction that is no multiple of its speed", "one number as damping"
-        for key in ("armature", "damping", "frictionloss"):
-            value = getattr(model, f"dof_{key}")[degree]
-            if value < 0.0:
-                yield f"joint '{name}' has {key} {value:g}", "0 or more"
 
 
 def _of_the_whole(model: mujoco.MjModel) -> Iterator[tuple[str, str]]:

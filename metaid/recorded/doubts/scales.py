@@ -10,6 +10,7 @@ from metaid.recorded.weak_form.equations import Equations
 KNOWN = 4.0  # deviations from nothing: a factor that is less sure is not known
 FAR = 2.0  # a factor of all torques that is farther from 1 is taken for another unit
 CORRELATED = 6.0  # rows that say as much as one, for errors last
+FELT = 1e-3  # of what the bodies need in the strongest joint: less is lost in what else a joint's sensor shows
 BESIDE = ("viscous", "coulomb", "offset")
 
 
@@ -18,15 +19,15 @@ def joint_scales(equations: Equations) -> Array:
     model = equations.model
     scales = np.full(model.njoint, np.nan)
     rows = equations.solved[1]
-    for joint in range(model.njoint):
+    needed = sum(((each[..., : model.nbody] @ model.nominal) ** 2).sum(axis=(0, 1)) for each in rows)
+    is_felt = needed > FELT**2 * np.max(needed)
+    for joint in np.flatnonzero(is_felt & ~model.untrusted).tolist():
         own = np.concatenate([each[:, :, joint].reshape(-1, each.shape[-1]) for each in rows])
         sent = np.concatenate([torques[:, :, joint].ravel() for torques in equations.torques])
         columns = [own[:, : model.nbody] @ model.nominal]
         columns += [own[:, model.column(term, joint)] for term in BESIDE if term in model.friction]
         stacked = np.stack(columns, axis=1)
         size = np.sqrt((stacked**2).sum(axis=0))
-        if not size[0] > 0.0 or model.untrusted[joint]:
-            continue
         unit = stacked / np.where(size > 0.0, size, 1.0)
         inverse = np.linalg.pinv(unit.T @ unit, rcond=1e-10, hermitian=True)
         solved = inverse @ (unit.T @ sent)
