@@ -7,7 +7,9 @@ trial 0, so that a curve has no noise of its own.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise, product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +19,8 @@ from metaid.models import Array
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective
+
+STRIDE = 5  # of the points of a plane that are looked at whatever others are like
 
 
 @dataclass(frozen=True)
@@ -31,11 +35,11 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Plane:
-    """Factors of two lumps, `first` (n) and `second` (m), and the `values` (m x n) over them, NaN where it fell."""
+    """Factors of two lumps, `first` (n) and `second` (m), and where it `fell` over them (m x n)."""
 
     first: Array
     second: Array
-    values: Array
+    fell: NDArray[np.bool_]
 
 
 def sweep(objective: Objective, centre: Array, lump: int, factors: Array) -> Sweep:
@@ -55,18 +59,33 @@ def sweep(objective: Objective, centre: Array, lump: int, factors: Array) -> Swe
 
 
 def plane(objective: Objective, centre: Array, lumps: tuple[int, int], first: Array, second: Array) -> Plane:
-    """Evaluates candidates that differ in two lumps.
+    """Where candidates fall that differ in two lumps. Where the corners of a cell of STRIDE points a side fare alike,
+    all within are taken to; elsewhere each is evaluated.
 
     Args:
         objective: of the study.
         centre: factors of all lumps (nlump), which the others keep.
         lumps: the indices of the two that differ.
         first: factors of the first (n).
-        second: factors of the second (m); all pairs are evaluated.
+        second: factors of the second (m).
     """
-    rows = []
-    for factor in second:
-        here = centre.copy()
-        here[lumps[1]] = factor
-        rows.append(sweep(objective, here, lumps[0], first).values)
-    return Plane(first, second, np.array(rows))
+    fell = np.zeros((len(second), len(first)), dtype=np.bool_)
+    is_known = np.zeros_like(fell)
+
+    def look(rows: Sequence[int], columns: Sequence[int]) -> None:
+        for row, column in product(rows, columns):
+            if not is_known[row, column]:
+                candidate = centre.copy()
+                candidate[list(lumps)] = first[column], second[row]
+                fell[row, column], is_known[row, column] = objective.evaluate(candidate).fell, True
+
+    edges = [sorted({*range(0, len(factors), STRIDE), len(factors) - 1}) for factors in (second, first)]
+    look(*edges)
+    for (top, bottom), (left, right) in product(*map(pairwise, edges)):
+        corners = fell[np.ix_((top, bottom), (left, right))]
+        if corners.any() == corners.all():
+            cell = np.s_[top : bottom + 1, left : right + 1]
+            fell[cell] = np.where(is_known[cell], fell[cell], corners.any())
+        else:
+            look(range(top, bottom + 1), range(left, right + 1))
+    return Plane(first, second, fell)

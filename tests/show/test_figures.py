@@ -107,11 +107,20 @@ def test_boundary_has_the_truth_on_the_edge_of_falling(boundary: Findings, axes:
     around = plane(boundary.objective(), true * 1.001, (0, 1), *grids)
     figures.plot_boundary(boundary, "gravity_1", "gravity_2", axes, around)
     assert line(axes, "truth").get_xdata()[0] == true[0]
-    fell = np.isnan(around.values)
+    fell = around.fell
     assert fell[:, grids[0] < true[0] - 0.02].all()
     assert not fell[np.ix_(grids[1] > true[1] + 0.02, grids[0] > true[0] + 0.02)].any()
     assert np.array_equal(line(axes, "fall").get_xdata(), boundary.falls["gravity_1"])
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("factor of gravity_1", "factor of gravity_2")
+
+
+def test_plane_is_where_each_candidate_falls_also_where_none_was_evaluated(boundary: Findings) -> None:
+    """Row by row as the sweeps have it."""
+    true, objective, factors = boundary.true_factors, boundary.objective(), np.linspace(0.8, 1.2, 13)
+    assert true is not None
+    rows = [sweep(objective, np.array([true[0], each, *true[2:]]), 0, factors).fell for each in factors]
+    assert np.array_equal(plane(objective, true, (0, 1), factors, factors).fell, rows)
+    assert 0.1 < np.mean(rows) < 0.9
 
 
 def test_sweep_is_the_papers_first_table_as_a_curve(counted: Findings, axes: Axes) -> None:

@@ -31,7 +31,7 @@ PANELS = 12  # lumps at most in a figure of one panel each
 FEWEST = 2  # trials at least for a line over them; and a lump for the correlation of their factors
 PUSHES = 6  # pushes at most in a figure of two panels each
 LINE = 0.14  # inches, of a base parameter
-SWEPT, GRID = 61, 31  # factors along a line, and along each side of a plane
+SWEPT, GRID = 61, 36  # factors along a line, and along each side of a plane
 WIDTHS = {"page": PAGE, "column": COLUMN}  # inches
 
 
@@ -159,7 +159,7 @@ class Gallery:
 
     @cached_property
     def boundary(self) -> Plane | None:
-        """The measure over the two lumps, between their bounds; None of a rig."""
+        """Where candidates fall over the two lumps, between their bounds; None of a rig."""
         from metaid.results import plane
 
         if not self.found.problem.draws_episodes:

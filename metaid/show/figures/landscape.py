@@ -39,7 +39,7 @@ def plot_boundary(
     axes = new_axes(axes)
     one, two = found.index(first), found.index(second)
     if boundary is not None:
-        fell = np.isnan(boundary.values).astype(float)
+        fell = boundary.fell.astype(float)
         axes.contourf(boundary.first, boundary.second, fell, levels=[0.5, 1.5], colors=[FALL], alpha=0.15)
         if fell.any() and not fell.all():
             axes.contour(boundary.first, boundary.second, fell, levels=[0.5], colors=[FALL], linewidths=1.2)
