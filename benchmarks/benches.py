@@ -97,9 +97,24 @@ class Judged:
 
 
 def imperfections_of(row: str, robot: str) -> dict[str, Any]:
-    """What the bench of a `row` has, of a `robot`: an arm in the size that suits it."""
+    """What the bench of a `row` has, of a `robot`: torques are cut off at what suits an arm, and where more links hang
+    on the joints at the same share of what holds them level.
+    """
     has = dict(ROWS[row][1])
-    return has if robot != ARM else has | {key: value for key, value in OF_ARM.items() if key in has}
+    if robot == ARM:
+        return has | {key: value for key, value in OF_ARM.items() if key in has}
+    if "torque_limit" in has:
+        shares = level_torques(int(robot))[:2] / level_torques(2)
+        has["torque_limit"] = tuple((np.array(has["torque_limit"]) * shares).tolist())
+    return has
+
+
+def level_torques(links: int) -> Array:
+    """What holds so many links level in the first two joints (2), in N m."""
+    length, mass, com, _ = np.array([list(link.values()) for link in true_links(links)]).T
+    places = np.cumsum(length) - length
+    weights = [mass[joint:] @ (places[joint:] + com[joint:] - places[joint]) for joint in range(2)]
+    return 9.81 * np.array(weights)
 
 
 def true_links(links: int) -> list[dict[str, float]]:

@@ -1,13 +1,10 @@
-"""A chain's equations of motion, linear in its lumps, and least squares by recorded torques."""
+"""A chain's equations of motion, linear in its lumps."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.chains import Links
-from benchmarks.recording import Recording
 from metaid.models import Array
-from metaid.plant import chain_of
 
 
 def inverse_dynamics_regressor(angles: Array, speeds: Array, accelerations: Array, gravity: float) -> Array:
@@ -29,16 +26,3 @@ def inverse_dynamics_regressor(angles: Array, speeds: Array, accelerations: Arra
     force[:, links, n + len(first) + links] = second_rate
     torque: Array = np.cumsum(force[:, ::-1], axis=1)[:, ::-1]
     return torque
-
-
-def least_squares(seen: Recording, nominal: Links, gravity: float) -> tuple[Array, Array]:
-    """Gravity and Coriolis lumps (nlump), and inertia lumps (nlink), that explain the torques best.  The nominal model
-    only scales the columns.
-    """
-    believed = chain_of(nominal)
-    scale = np.append(believed.lumps.vector, believed.inertia_lumps)
-    n = believed.nlink
-    angles, speeds, accelerations = (signal.reshape(-1, n) for signal in (seen.angles, seen.speeds, seen.accelerations))
-    regressor = inverse_dynamics_regressor(angles, speeds, accelerations, gravity).reshape(-1, len(scale)) * scale
-    solution = np.linalg.lstsq(regressor, seen.torques.ravel())[0] * scale
-    return solution[:-n], solution[-n:]

@@ -7,10 +7,7 @@ from dataclasses import dataclass
 from scipy.signal import savgol_filter
 
 from metaid.models import Array
-from metaid.results import BANDWIDTH
 
-SWING, PERIODS = 1.5, (4.0, 12.0)  # of the recorded motion: rad, natural times
-TIGHTNESS = 2.0 * BANDWIDTH  # of its feedback, in rad per natural time
 # The best of the spans and motions that were tried on these chains, so that the noisy rows are not a strawman:
 FILTER_SPAN, FILTER_ORDER = 1.5, 5  # of the derivatives' filter, in natural times, and of its polynomial
 

@@ -55,7 +55,7 @@ from soak.notebooks import same  # noqa: E402
 
 IMAGES = ROOT / "docs" / "images"
 SAID = IMAGES / "said.json"
-OF_BENCHMARKS = ("peers.png", "robustness.png", "samplers.png", "scaling.png")
+OF_BENCHMARKS = ("peers.png", "samplers.png", "scaling.png")
 DISTANCE = 0.02  # share of the pixels that differ by more than a quarter of black to white
 VARYING = ("live.svg",)  # with a rate and a time that are left: words alone are compared
 

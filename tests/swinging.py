@@ -12,11 +12,17 @@ from metaid.plant import ArmPlant, load_plant
 from metaid.recorded import Record
 
 
-def swinging(seconds: float, rows: int, njoint: int, seed: int) -> tuple[Array, Array, Array, Array]:
-    """Times (nrow), and coordinates, speeds and accelerations (nrow x njoint) of sums of sinusoids."""
+def swinging(
+    seconds: float, rows: int, njoint: int, seed: int, period: float | None = None
+) -> tuple[Array, Array, Array, Array]:
+    """Times (nrow), and coordinates, speeds and accelerations (nrow x njoint) of sums of sinusoids; those that recur
+    after a `period`, in s.
+    """
     random = np.random.default_rng(seed)
     times = np.linspace(0.0, seconds, rows)
     pulse = random.uniform(2.0, 9.0, (3, njoint))
+    if period is not None:
+        pulse = 2.0 * np.pi / period * np.ceil(pulse * period / (2.0 * np.pi))
     phase = random.uniform(0.0, 2.0 * np.pi, (3, njoint))
     angle = times[:, None, None] * pulse + phase
     size = random.uniform(0.2, 0.5, (3, njoint))
@@ -34,13 +40,15 @@ def log_of(
     noise: float = 0.0,
     extra: Callable[[Array], Array] | None = None,
     seconds: float = 6.0,
+    seed: int = 3,
+    period: float | None = None,
 ) -> Record:
     """The log of an arm that swings; its torques act `late` s after they are logged, as an exact model says, and
     `extra` ones that follow from speeds (nrow x njoint).
     """
     fine, rows = 4, round(500 * seconds)
-    times, *_ = swinging(seconds, rows + 1, tree.njoint, seed=3)
-    every, coordinates, speeds, accelerations = swinging(seconds, rows * fine + 1, tree.njoint, seed=3)
+    times, *_ = swinging(seconds, rows + 1, tree.njoint, seed, period)
+    every, coordinates, speeds, accelerations = swinging(seconds, rows * fine + 1, tree.njoint, seed, period)
     torques = joint_torque(tree, coordinates, speeds, accelerations)
     torques += 0.0 if extra is None else extra(speeds)
     shifted = times[:, None] + late + times[1] * (np.arange(fine) + 0.5) / fine  # a torque holds until the next

@@ -16,9 +16,10 @@ import numpy as np
 from metaid.errors import RecordError
 from metaid.models import Array
 from metaid.models.tree import COLUMNS
-from metaid.recorded.held_out import Yardstick, folds_of
+from metaid.recorded.held_out import Yardstick
 from metaid.recorded.reading.log import Record
 from metaid.recorded.weak_form.equations import Equations, equations_of
+from metaid.recorded.weak_form.folds import folds_of
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.smoothed import CUTOFFS, Smoothed
 
@@ -93,7 +94,8 @@ class _Search:
                 f"(allowed: more motion, or fewer terms of friction)"
             )
         first = next(iter(self._by_windows.values()))
-        self.yardstick = Yardstick(tuple(logs), folds_of(logs, first))
+        self.yardstick = Yardstick(tuple(logs), folds_of(logs, first.middles))
+        self._by_windows = {key: replace(each, folds=self.yardstick.folds) for key, each in self._by_windows.items()}
         self.tried: list[tuple[str, float]] = []
 
     def equations(self, windows: tuple[float, int], like: Equations) -> Equations:
@@ -295,11 +297,12 @@ def with_cutoff(
             break
     if equations is None:
         return tuple(logs)
-    equations = replace(equations, zeros=zeros)
+    folds = folds_of(logs, equations.middles)
+    equations = replace(equations, zeros=zeros, folds=folds)
     errors = {}
     for cutoff in CUTOFFS:
         filtered = tuple(replace(own, cutoff=cutoff) for own in logs)
-        errors[cutoff] = Yardstick(filtered, folds_of(filtered, equations)).held_out(equations).relative
+        errors[cutoff] = Yardstick(filtered, folds).held_out(equations).relative
     best = min(errors.values())
     highest = next(cutoff for cutoff, error in errors.items() if error <= NEARLY * best)
     return tuple(replace(own, cutoff=highest) for own in logs)

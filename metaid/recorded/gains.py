@@ -19,8 +19,9 @@ from metaid.models import COARSEST, DEVIATIONS, Array
 from metaid.models.tree import Tree, torque_regressor
 from metaid.recorded.reading.log import Record
 from metaid.recorded.weak_form.equations import Equations, Part, equations_of
+from metaid.recorded.weak_form.folds import THIRDS
 from metaid.recorded.weak_form.linear_model import LinearModel
-from metaid.recorded.weak_form.normal import FLAT, FOLDS_A_LOG, eliminated_covariance
+from metaid.recorded.weak_form.normal import FLAT, eliminated_covariance
 from metaid.recorded.weak_form.smoothed import Smoothed
 
 FRICTION = ("viscous", "coulomb", "root", "offset")
@@ -217,7 +218,7 @@ def _of_joint(equations: Equations, columns: Sequence[Array], joint: int) -> tup
     blocks = [
         (own[which], torques[which])
         for own, torques in zip(scaled, sent, strict=True)
-        for which in np.array_split(np.arange(len(own)), FOLDS_A_LOG)
+        for which in np.array_split(np.arange(len(own)), THIRDS)
     ]
     grams = np.array([np.einsum("wap,waq->pq", own, own) for own, _ in blocks])
     moments = np.array([np.einsum("wap,wa->p", own, torques) for own, torques in blocks])

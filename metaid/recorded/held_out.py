@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from metaid.models import Array
 from metaid.recorded.motion import AHEAD, Begun, simulated, starts_of
-from metaid.recorded.weak_form.equations import Equations, Fold, Solution
+from metaid.recorded.weak_form.equations import Equations, Solution
+from metaid.recorded.weak_form.folds import Fold
 from metaid.recorded.weak_form.linear_model import LinearModel
-from metaid.recorded.weak_form.normal import ZERO, block_edges
+from metaid.recorded.weak_form.normal import ZERO
 from metaid.recorded.weak_form.smoothed import Smoothed
 
-MOST_FOLDS = 8  # logs are held out in so many groups at most
-WHOLE = 3  # so many logs or more: whole ones are held out
 MOST_STARTS = 60  # of simulations a fold
 ZERO_STEPS = 3  # of Newton's, for the zeros of a log that was held out
 
@@ -152,7 +151,7 @@ class Yardstick:
     def rows_of(self, fold: Fold, log: int, second_half: bool) -> NDArray[np.bool_]:
         """Which rows of a log (nrow) a fold judges: with unknown zeros the second half of it alone."""
         own = self.logs[log]
-        inside = own.judged & (own.times >= fold.begin) & (own.times < fold.end)
+        inside = own.judged & fold.rows(log, own.times)
         if second_half and fold.third is None:
             inside &= own.times >= _middle(own)
         return inside
@@ -189,7 +188,7 @@ class Yardstick:
         """What predicts each fold from the others, whose joints are weighed as those of all are: quick, while something
         is chosen.
         """
-        return [equations.without(fold) for fold in self.folds]
+        return [equations.without(number) for number in range(len(self.folds))]
 
     def held_out(self, equations: Equations) -> HeldOut:
         """How well the torques of each fold are predicted by these."""
@@ -339,18 +338,3 @@ def _middle(own: Smoothed) -> float:
     """When half of the judged rows have passed, in s."""
     times = own.times[own.judged]
     return float(times[len(times) // 2]) if len(times) else float(own.times[len(own.times) // 2])
-
-
-def folds_of(logs: Sequence[Smoothed], equations: Equations) -> tuple[Fold, ...]:
-    """What is held out: whole logs where there are WHOLE or more, else thirds of each."""
-    nlog = len(logs)
-    if nlog >= WHOLE:
-        groups = np.array_split(np.arange(nlog), min(nlog, MOST_FOLDS))
-        return tuple(Fold(tuple(group.tolist())) for group in groups)
-    folds = []
-    for part in equations.parts:
-        middles = part.windows.middles
-        edges = [float(middles[begin]) for begin, _ in block_edges(len(middles))[2::2]]
-        for third, (begin, end) in enumerate(zip([-np.inf, *edges], [*edges, np.inf], strict=True)):
-            folds.append(Fold((part.log,), third, begin, end))
-    return tuple(folds)

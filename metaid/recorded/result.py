@@ -25,7 +25,7 @@ from metaid.recorded.telling.judging import RecordedVerdict, judge_records
 from metaid.recorded.telling.left_out import LeftOut, left_out, predicted_parts
 from metaid.recorded.telling.model_files import FileError, file_error, recorded_identified_model
 from metaid.recorded.telling.summary import summary
-from metaid.recorded.weak_form.equations import Fold
+from metaid.recorded.weak_form.folds import Fold, Span
 from metaid.recorded.weak_form.linear_model import TERMS, LinearModel, model_of
 from metaid.recorded.weak_form.smoothed import Smoothed, smoothed
 
@@ -242,7 +242,7 @@ def _smoothed(found: RecordedEstimate, record: Record) -> Smoothed:
 
 def _validated(found: RecordedEstimate, own: Smoothed) -> HeldOut:
     """How well a log is predicted that nothing was fitted to, its zeros from its first half."""
-    yardstick = Yardstick((own,), (Fold((0,)),))
+    yardstick = Yardstick((own,), (Fold((Span(0),)),))
     solution = replace(found.equations.solved[0], values=found.values, zeros=np.zeros((1, found.model.njoint)))
     return yardstick.judged(found.equations, [solution], True)
 

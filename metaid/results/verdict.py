@@ -93,14 +93,21 @@ def judge(snapshot: Snapshot) -> Verdict:
             return Verdict("found", source, tuple(missing), lumps)
     worth = estimate.approximation if estimate is not None and snapshot.is_finished else None
     if estimate is None or worth is None:
-        return _not_yet(snapshot, source, against, lumps)
+        return _not_yet(snapshot, source, (*_fallen_at_once(snapshot), *against), lumps)
     if not worth.holds:
-        return _not_yet(snapshot, source, (*against, worth.why_not), lumps)
+        return _not_yet(snapshot, source, (*_fallen_at_once(snapshot), *against, worth.why_not), lumps)
     lumps = estimate_table(problem, estimate, is_result=True)
     missing = _missing(problem, estimate, lumps)
     return Verdict(
         "approximate", "estimate", (worth.predicted, worth.not_explained, *missing, estimate.description), lumps
     )
+
+
+def _fallen_at_once(snapshot: Snapshot) -> Iterator[str]:
+    """Why trials show little: where no push but the first was survived, or begun, in any."""
+    read = [trial.outcome.readings for trial in snapshot.trials]
+    if snapshot.problem.is_matching and read and all(each is not None and not each.counts[1:].any() for each in read):
+        yield f"every trial fell in its first push: {snapshot.problem.robot.gentler}"
 
 
 def _missing(problem: Problem, estimate: StudyEstimate, lumps: pd.DataFrame) -> Iterator[str]:

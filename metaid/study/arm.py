@@ -34,7 +34,8 @@ class StudiedArm:
     window_budget = 8_000_000  # bytes a study
     most_windows = most_readings = 8  # trials that keep them where the sampler does without the estimate
     draws_candidates = False  # for a picture: bounds are too far away for what is between them
-    faint, all_fell = "push more, or faster", "a push fell in every trial: begin nearer, or slower"
+    faint, gentler = "push more, or faster", "begin nearer, or slower, or let motors give more"
+    all_fell = "a push fell in every trial: begin nearer, or slower"
     far_off = "; with dry friction, or noise, no law comes so near"
     measure = MEASURES["kinetic"]
 

@@ -47,7 +47,8 @@ class StudiedChain:
     window_budget = 4_000_000  # bytes a study
     most_windows, most_readings = 32, 12  # trials that keep them where the sampler does without the estimate
     draws_candidates = True  # a picture of candidates within the bounds shows something
-    faint, all_fell, far_off = "push more, or harder", "no trial survived: raise search.high, or start higher", ""
+    faint, gentler = "push more, or harder", "push less (episode.peak_speed), or let motors give more"
+    all_fell, far_off = "no trial survived: raise search.high, or start higher", ""
 
     def __init__(self, spec: StudySpec) -> None:
         self.spec = spec

@@ -265,3 +265,14 @@ def test_force_that_the_model_has_not_is_named_with_its_size_and_what_to_do(tmp_
     assert "take it off" in reasons
     misfit, least = re.findall(r"misfit ([\d.]+) \(explained: below ([\d.]+)\)", reasons)[0]
     assert float(misfit) < float(least)
+
+
+def test_trials_that_all_fall_in_their_first_push_say_so_and_what_to_do(tmp_path: Path) -> None:
+    """Motors that hold no link: nothing after the first push is ever seen."""
+    faults = {"angle_noise": 1e-3, "speed_sensor": False, "torque_limit": 0.01}
+    with closing(Store(str(tmp_path / "metaid.db"), create=True)) as store:
+        create_study(store, chain_study(random_chain(3, 1), faults, trials=3), "study")
+        run_study(store, "study")
+        verdict = judge(read_snapshot(store, "study"))
+    assert verdict.word == "not found"
+    assert verdict.reasons[0].startswith("every trial fell in its first push: push less (episode.peak_speed)")

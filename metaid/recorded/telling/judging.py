@@ -71,9 +71,10 @@ def predicted(found: RecordedEstimate) -> str:
     """How well what was left out is predicted, beside the nominal bodies, in a sentence without a full stop."""
     held, nominal = found.held_out, found.nominal_held_out
     what = "whole logs" if held.by == "logs" else "parts"
+    where = " wherever their motion recurs" if any(fold.recurs for fold in found.chosen.yardstick.folds) else ""
     return (
-        f"torques of {what} that were left out are predicted to {held.relative:.2%} of what they are, by the nominal "
-        f"bodies with fitted friction to {nominal.relative:.2%}"
+        f"torques of {what} that were left out{where} are predicted to {held.relative:.2%} of what they are, by the "
+        f"nominal bodies with fitted friction to {nominal.relative:.2%}"
     )
 
 

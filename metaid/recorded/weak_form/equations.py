@@ -15,12 +15,11 @@ import numpy as np
 
 from metaid.models import Array
 from metaid.recorded.reading.log import Record
+from metaid.recorded.weak_form.folds import THIRDS, Fold
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.normal import (
-    FOLDS_A_LOG,
     Blocks,
     beside_zeros,
-    block_edges,
     eliminated,
     eliminated_covariance,
     prior_of,
@@ -141,16 +140,6 @@ class Solution:
 
 
 @dataclass(frozen=True)
-class Fold:
-    """What is held out: `logs` whole, or of one log a `third`, from 0 on, which is from `begin` to `end` in s."""
-
-    logs: tuple[int, ...]
-    third: int | None = None
-    begin: float = -np.inf
-    end: float = np.inf
-
-
-@dataclass(frozen=True)
 class Equations:
     """The equations of all windows of one length.
 
@@ -161,6 +150,7 @@ class Equations:
         delay: by which torques act later than they are logged, in s.
         scale: of the nominal bodies: by which all torques of the logs differ from theirs.
         nlog: how many logs there are, those included that have no part.
+        folds: what is held out in turn.
     """
 
     parts: tuple[Part, ...]
@@ -169,6 +159,7 @@ class Equations:
     delay: float = 0.0
     scale: float = 1.0
     nlog: int = 1
+    folds: tuple[Fold, ...] = ()
 
     @cached_property
     def torques(self) -> list[Array]:
@@ -178,6 +169,11 @@ class Equations:
     @property
     def nwindow(self) -> int:
         return sum(len(part.windows) for part in self.parts)
+
+    @property
+    def middles(self) -> list[Array]:
+        """When the windows of each log are half over (nwindow), in s."""
+        return [part.windows.middles for part in self.parts]
 
     @property
     def span(self) -> float:
@@ -229,16 +225,10 @@ class Equations:
         unknown = UNTRUSTED * largest**2 * np.diag(self.model.untrusted.astype(float))
         return np.where(known, covariance, unknown)
 
-    def without(self, fold: Fold) -> Solution:
-        """The solution without a fold, by the columns and weights of all."""
+    def without(self, fold: int) -> Solution:
+        """The solution without the fold of this number, by the columns and weights of all."""
         solution, _, blocks = self.solved
-        if fold.third is None:
-            kept = np.flatnonzero(~np.isin(blocks.logs, fold.logs))
-        else:
-            first = int(np.flatnonzero(np.isin(blocks.logs, fold.logs))[0]) + 2 * fold.third
-            kept = np.setdiff1d(np.arange(len(blocks.logs)), [first - 1, first, first + 1])
-        fewer = Blocks(blocks.grams[kept], blocks.moments[kept], blocks.logs[kept])
-        nominal = self._prior_mean
+        fewer, nominal = blocks.without(fold), self._prior_mean
         values, changes, precision = eliminated(fewer, nominal, solution.prior, solution.zeros, self.zeros)
         return replace(solution, values=values, precision=precision, zeros=solution.zeros + changes)
 
@@ -246,11 +236,11 @@ class Equations:
         """The equations of the windows that share no time with a fold."""
         parts = []
         for part in self.parts:
-            if part.log not in fold.logs:
+            shared = fold.shared(part.log, part.windows)
+            if not shared.any():
                 parts.append(part)
-            elif fold.third is not None:
-                kept = ~part.windows.overlapping(fold.begin, fold.end)
-                parts.append(Part(part.log, part.record, part.windows.only(kept), part.smoothed))
+            elif not shared.all():
+                parts.append(Part(part.log, part.record, part.windows.only(~shared), part.smoothed))
         return replace(self, parts=tuple(parts))
 
     @property
@@ -270,16 +260,18 @@ class Equations:
         return np.concatenate([rows, columns], axis=-1)
 
     def _blocks(self, rows: list[Array], weight: Array, zeros: Array) -> Blocks:
-        grams, moments, logs = [], [], []
+        grams, moments, logs, shared = [], [], [], []
         root = np.linalg.cholesky(weight).T
         for part, own, torques in zip(self.parts, rows, self.torques, strict=True):
-            for begin, end in block_edges(len(own)):
-                flat = (root @ own[begin:end]).reshape(-1, own.shape[-1])
-                sent = (torques[begin:end] @ root.T).ravel()
+            folds = np.array([fold.shared(part.log, part.windows) for fold in self.folds]).reshape(-1, len(own)).T
+            kinds, of_kind = np.unique(folds, axis=0, return_inverse=True)
+            for number, kind in enumerate(kinds):
+                flat = (root @ own[of_kind == number]).reshape(-1, own.shape[-1])
                 grams.append(flat.T @ flat)
-                moments.append(flat.T @ sent)
+                moments.append(flat.T @ (torques[of_kind == number] @ root.T).ravel())
                 logs.append(part.log)
-        return Blocks(np.array(grams), np.array(moments), np.array(logs))
+                shared.append(kind)
+        return Blocks(np.array(grams), np.array(moments), np.array(logs), np.array(shared))
 
     def _left(self, rows: list[Array], values: Array, changes: Array) -> Array:
         """What is left of the averaged torques (nrow x njoint)."""
@@ -329,7 +321,7 @@ def equations_of(
     parts = []
     for log, (record, own) in enumerate(zip(records, smoothed, strict=True)):
         windows = cut_windows(record, span, power)
-        if windows is None or len(windows) < FOLDS_A_LOG:
+        if windows is None or len(windows) < THIRDS:
             return None
         parts.append(Part(log, record, windows, own))
     equations = Equations(tuple(parts), model, False, nlog=len(parts))

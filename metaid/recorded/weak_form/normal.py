@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,6 @@ from metaid.recorded.weak_form.linear_model import LinearModel
 FLAT = 100.0  # how many times its torque a joint's friction may be beforehand: no prior at all
 UNCERTAIN = 1e-6  # of a prior's deviations, that all combinations of them have at least
 ZERO = 0.05  # rad: a standard deviation of the zero of an encoder beforehand
-FOLDS_A_LOG = 3  # parts of a log that are held out in turn
 
 
 @dataclass(frozen=True)
@@ -29,22 +27,18 @@ class Blocks:
         grams: (nblock x nparam + njoint x nparam + njoint).
         moments: (nblock x nparam + njoint).
         logs: of which log each block is (nblock).
+        shared: whether a block's windows share time with what each fold holds out (nblock x nfold).
     """
 
     grams: Array
     moments: Array
     logs: NDArray[np.intp]
+    shared: NDArray[np.bool_]
 
-
-def block_edges(nwindow: int) -> list[tuple[int, int]]:
-    """From and to of the blocks of a log's windows, and between each two of them the window that shares time with both
-    (2 FOLDS_A_LOG − 1).
-    """
-    edges = np.linspace(0, nwindow, FOLDS_A_LOG + 1).astype(int).tolist()
-    blocks = [(edges[0], edges[1])]
-    for begin, end in pairwise(edges[1:]):
-        blocks += [(begin, begin + 1), (begin + 1, end)]
-    return blocks
+    def without(self, fold: int) -> Blocks:
+        """Those that share no time with a fold."""
+        kept = ~self.shared[:, fold]
+        return Blocks(self.grams[kept], self.moments[kept], self.logs[kept], self.shared[kept])
 
 
 def eliminated(blocks: Blocks, nominal: Array, prior: Array, zeros: Array, are_unknown: bool) -> tuple[Array, ...]:

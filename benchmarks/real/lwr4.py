@@ -1,0 +1,92 @@
+"""A KUKA LWR4+: two runs of one motion of 25 s and one of another, with sensors of the joints' torques.
+
+The URDF has an `<origin>` twice, so MuJoCo alone refuses it. Where the logs are not there, but what Git LFS has in
+their places, nothing is measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+
+import metaid
+from benchmarks.real.judging import Log, Missed
+from benchmarks.real.lines import Line, Table
+from benchmarks.real.printed import printed_and_measured, printed_line
+from benchmarks.real.torques import (
+    CLASSIC,
+    STILL,
+    YARDSTICK,
+    file_error,
+    nominal_error,
+    read_test,
+    recipes,
+    rivals,
+    row_of,
+)
+from benchmarks.real.urdf import bare_urdf
+from metaid.plant import ArmPlant, load_plant
+from metaid.recorded import arm_model
+
+REPOSITORY = "FloBaRoID"  # of kjyv, LGPL-3
+URDF, LOGS = "model/kuka_lwr4.urdf", "data/KUKA/HW/measurements_{}.npz"
+NJOINT, LEAST = 7, 10_000  # bytes of a log
+MOST_BESIDE, LEAST_OF_MEASURED = 1.0, 0.6
+
+
+def read_log(path: Path) -> Log:
+    """Angles, speeds and torques, and when they were read by the clock of a computer."""
+    kept = np.load(path)
+    times = kept["times"] - kept["times"][0]
+    return Log(path.stem, times, kept["positions"], kept["torques"], kept["velocities"])
+
+
+def once(urdf: Path) -> mujoco.MjModel:
+    """A URDF without an origin that stands a second time in a joint."""
+    tree = ElementTree.parse(urdf)
+    for joint in tree.iter("joint"):
+        for origin in joint.findall("origin")[1:]:
+            joint.remove(origin)
+    return mujoco.MjModel.from_xml_string(ElementTree.tostring(tree.getroot(), encoding="unicode"))
+
+
+def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
+    """Tables and lines; model files are written to a `place`."""
+    paths = [folder / LOGS.format(number) for number in (1, 2, 3)]
+    if min(path.stat().st_size for path in paths) < LEAST:
+        return
+    logs, plain, arm = (
+        [read_log(path) for path in paths],
+        once(bare_urdf(folder / URDF, place)),
+        load_plant(folder / URDF),
+    )
+    assert isinstance(arm, ArmPlant)
+    classic = arm_model(arm.tree, CLASSIC).with_still(np.full(NJOINT, STILL))
+    printed = []
+    for learned, others in (([0, 1], [2]), ([2], [0, 1])):
+        runs, tests = [logs[number] for number in learned], [read_test(logs[number]) for number in others]
+        result = metaid.estimate([run.frame for run in runs], folder / URDF)
+        found: dict[str, Missed] = {}
+        for ending in (".py", ".xml"):
+            path = place / f"lwr4{ending}"
+            result.model.write(path)
+            found[f"metaid, {ending}"] = file_error(path, tests)
+            printed.append({"learned of": learned} | printed_and_measured(result, path, runs))
+        found["URDF and fitted friction"] = nominal_error(plain, [read_test(run) for run in runs], tests)
+        how, found["least squares, the best filter and weights"] = rivals({"": classic}, runs, tests)[""]
+        found |= recipes(classic, runs, tests)
+        best = found["least squares, the best filter and weights"].relative
+        ours, said = found["metaid, .py"].relative, result.summary["held_out"]["torque"]["relative"]
+        names = [" and ".join(str(number + 1) for number in each) for each in (learned, others)]
+        title = f"LWR4+, torque at {YARDSTICK} Hz, from log {names[0]} to {names[1]}: {result.verdict.word}, said"
+        yield Table(f"{title} {said:.1%}; {how}", [row_of(name, each) for name, each in found.items()])
+        yield Line(f"LWR4+: .py beside tuned least squares, log {names[0]}", ours / best, MOST_BESIDE)
+        yield Line(
+            f"LWR4+: error that is said beside it, log {names[0]}", said / ours, LEAST_OF_MEASURED, at_least=True
+        )
+    yield Table("LWR4+, errors that are printed", printed)
+    yield printed_line("LWR4+", printed)
