@@ -131,6 +131,28 @@ def test_of_what_stands_twice_in_a_urdf_the_first_counts_and_it_is_said(tmp_path
     np.testing.assert_array_equal(dirty.tree.position, read(tmp_path, clean, joints=ARM).tree.position)
 
 
+def test_what_drake_reads_is_read(tmp_path: Path) -> None:
+    """A namespace of its own, a `world` that is not declared, and one that is, whose inertia is no body's."""
+    clean = read(tmp_path, robot(), joints=ARM).tree
+    weld = '<joint name="weld" type="fixed"><parent link="world"/><child link="base"/></joint>'
+    world = f'<link name="world"><inertial><mass value="1"/>{INERTIA.format(0.01, 0.0, 0.0)}</inertial></link>'
+    own = '<robot xmlns="https://drake.mit.edu" name="dirty">'
+    for text in (weld, world + weld):
+        arm = read(tmp_path, robot().replace('<robot name="dirty">', own + text), joints=ARM)
+        assert arm.repairs == ()
+        np.testing.assert_allclose(arm.tree.parameters, clean.parameters, atol=1e-12)
+
+
+def test_a_link_on_which_a_joint_hangs_and_that_is_not_there_is_said(tmp_path: Path) -> None:
+    """It is taken for the base."""
+    arm = read(
+        tmp_path,
+        robot().replace('<parent link="base"/><child link="upper"/>', '<parent link="stand"/><child link="upper"/>'),
+        joints=ARM,
+    )
+    assert arm.repairs == ("arm.xml: link 'stand', on which a joint hangs, is not there: an empty one is taken",)
+
+
 @pytest.mark.parametrize("key", ["damping", "friction"])
 def test_friction_that_drives_is_none_and_it_is_said(tmp_path: Path, key: str) -> None:
     """Least squares often find some, which people then write into their URDF."""

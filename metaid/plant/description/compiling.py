@@ -13,7 +13,8 @@ from xml.etree import ElementTree
 
 from metaid.errors import PlantError, usable_mujoco
 from metaid.plant.asked import SCHEME, refuse_absurd_sizes
-from metaid.plant.description.repairing import Repair, repair_inertias, repair_joints, repair_repetition
+from metaid.plant.description.mending import mend_urdf
+from metaid.plant.description.repairing import Repair, repair_inertias, repair_joints
 
 with usable_mujoco():
     import mujoco
@@ -63,14 +64,16 @@ def compile_file(path: Path, is_urdf: bool) -> Compiled:
 
 
 def _read(path: Path, is_urdf: bool) -> tuple[mujoco.MjSpec, tuple[Repair, ...]]:
-    """The file as it is, or without what stands twice in a URDF, and what that was."""
+    """The file as it is, or a URDF such as MuJoCo reads it, and what was mended in it."""
     if is_urdf:
         with suppress(ElementTree.ParseError, ValueError, LookupError):  # MuJoCo says so, or is less strict
             root = ElementTree.parse(path).getroot()
-            if repeated := repair_repetition(root):
-                spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+            before = ElementTree.tostring(root)
+            mended = mend_urdf(root)
+            if (text := ElementTree.tostring(root)) != before:
+                spec = mujoco.MjSpec.from_string(text.decode())
                 spec.modelfiledir = str(path.resolve().parent)
-                return spec, repeated
+                return spec, mended
     return mujoco.MjSpec.from_file(str(path)), ()
 
 
@@ -126,7 +129,7 @@ def _root(path: Path, kind: str) -> str:
             raise PlantError(f"{path}: not a file (allowed: the path of an {kind} file)")
         with path.open("rb") as file:
             for _, element in ElementTree.iterparse(file, events=("start",)):
-                return str(element.tag)
+                return str(element.tag).rpartition("}")[2]
     except OSError as problem:
         raise PlantError(f"{path}: {problem.strerror} (allowed: the path of an {kind} file)") from None
     except (ElementTree.ParseError, ValueError) as problem:

@@ -1,11 +1,9 @@
-"""What files of robots have and no robot can have, made what it can: inertias, friction, elements that stand twice."""
+"""What files of robots have and no robot can have, made what it can: inertias, friction, rotors."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from xml.etree import ElementTree
 
 import numpy as np
 
@@ -21,7 +19,6 @@ SMALL = 1e-3  # m: its radius of gyration
 LEAST = 1e-3  # of the sum of the second moments, that a repaired body has along each axis at least
 ROUNDING = 1e-9  # of it: a body that is as thin as this can be
 DENSITY = 2700.0  # kg/m³, aluminium: of the ball whose inertia a link gets that has none
-SEVERAL = {"link": ("visual", "collision")}  # that may stand more than once in an element of a URDF
 _UPPER = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # of a full inertia in MuJoCo's order
 
 
@@ -46,7 +43,8 @@ def repair_inertias(spec: mujoco.MjSpec, is_said: Callable[[mujoco.MjsBody], boo
         spec: of the file.
         is_said: whether a body's mass and inertia are what the file says, and do not follow from shapes.
     """
-    made = []
+    made, base = [], spec.worldbody
+    base.explicitinertial, base.mass, base.inertia, base.fullinertia = False, 0.0, np.zeros(3), np.full(6, np.nan)
     for body in list(spec.bodies)[1:]:
         if is_said(body):
             text = _possible(body) or (_with_some(body) if body.joints else "")
@@ -64,20 +62,6 @@ def repair_joints(model: mujoco.MjModel) -> tuple[Repair, ...]:
             name = model.joint(int(model.dof_jntid[degree])).name
             made.append(Repair(f"joint '{name}' has {key} {values[degree]:g}, which no joint has: 0 is taken", (name,)))
             values[degree] = 0.0
-    return tuple(made)
-
-
-def repair_repetition(root: ElementTree.Element) -> tuple[Repair, ...]:
-    """Takes away what stands again within a link or joint of a URDF: the first counts, as for ROS; what was changed."""
-    made = []
-    for part in (each for kind in ("link", "joint") for each in root.iterfind(kind)):
-        for element in list(part.iter()):
-            for tag, count in Counter(child.tag for child in element).items():
-                if count > 1 and tag not in SEVERAL.get(element.tag, ()):
-                    for child in element.findall(tag)[1:]:
-                        element.remove(child)
-                    where = f"{part.tag} '{part.get('name')}'" + ("" if element is part else f", {element.tag}")
-                    made.append(Repair(f"{where}: <{tag}> stands there {count} times: the first is taken", ("",)))
     return tuple(made)
 
 
