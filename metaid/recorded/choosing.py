@@ -1,8 +1,8 @@
 """What is chosen by the error on parts that were left out: windows, terms of friction, zeros, and the delay.
 
-One yardstick serves for all choices: the torque of what was left out, through the same filter (Eq. 73), and of planar
-chains, which move freely, the angles at the end of short simulations. A term is taken up where it lowers the error by
-WORTH, never by its own significance alone.  Eq. 72.
+One yardstick serves for all choices: the torque of what was left out, through the same filter (Eq. 73), and of
+pendulums, which move freely, the angles at the end of short simulations. A term is taken up where it lowers the error
+by WORTH, never by its own significance alone.  Eq. 72.
 """
 
 from __future__ import annotations
@@ -109,14 +109,15 @@ class _Search:
 
     def errors(self, candidates: Sequence[Equations]) -> list[tuple[float, Array]]:
         """Of each of several equations that of what is left out, and that of each joint's torque (njoint)."""
-        is_chain, unsolved = candidates[0].model.is_chain, (float("inf"), np.full(candidates[0].model.njoint, np.inf))
+        model = candidates[0].model
+        swings, unsolved = model.is_pendulum, (float("inf"), np.full(model.njoint, np.inf))
         solved = {}
         for number, each in enumerate(candidates):
             with suppress(np.linalg.LinAlgError):
                 solved[number] = each, self.yardstick.solutions(each)
-        held = self.yardstick.all_judged(list(solved.values()), with_motion=is_chain, most=STARTS)
+        held = self.yardstick.all_judged(list(solved.values()), with_motion=swings, most=STARTS)
         found = {
-            number: (each.motion if is_chain and len(each.motions) else each.relative, each.by_joint)
+            number: (each.motion if swings and len(each.motions) else each.relative, each.by_joint)
             for number, each in zip(solved, held, strict=True)
         }
         return [found.get(number, unsolved) for number in range(len(candidates))]

@@ -31,8 +31,8 @@ from metaid.recorded.weak_form.normal import ZERO, Blocks, beside_zeros
 from metaid.recorded.weak_form.possible import Possible, PossibleModel
 from metaid.recorded.weak_form.smoothed import Smoothed, smoothed
 
-FEW_STARTS = 10  # of simulations a fold, of an arm
-MANY_STARTS = 60  # of a chain
+FEW_STARTS = 10  # of simulations a fold, of an arm in space
+MANY_STARTS = 60  # of a pendulum
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def estimate_records(
         still = next(record for record, own in zip(records, logs, strict=True) if not own.judged.any())
         raise RecordError(f"{still.name}: too short, or no joint moves (allowed: some seconds of motion)")
     model = model.with_still(usual_still(logs))
-    logs = with_cutoff(records, logs, model, model.is_chain and choices.zeros is not False)
+    logs = with_cutoff(records, logs, model, model.is_pendulum and choices.zeros is not False)
     plain = _plain(records, logs, model)
     scale = 1.0 if plain is None or gains else torque_scale(plain)
     chosen = choose(records, logs, model, choices, scale)
@@ -137,7 +137,7 @@ def estimate_records(
     yardstick = chosen.yardstick
     apart = [equations.apart_from(fold) for fold in yardstick.folds]
     solutions = [bodies.refined(each.solved[0]) for each in apart]
-    starts = MANY_STARTS if model.is_chain else FEW_STARTS
+    starts = MANY_STARTS if model.is_pendulum else FEW_STARTS
     held_out = yardstick.judged(equations, solutions, True, starts)
     simulator, simulator_model, simulator_held = _for_simulators(equations, logs, yardstick)
     repeated = np.array([each.values for each in solutions])

@@ -247,7 +247,7 @@ class Yardstick:
                 zeros = solution.zeros[log]
                 if equations.zeros and fold.third is None:
                     zeros = self.zeros_of(model, solution.values, log, delay)
-                rows = self.rows_of(fold, log, equations.zeros or model.is_chain)
+                rows = self.rows_of(fold, log, equations.zeros or model.is_pendulum)
                 sent = self.sent(log, delay)[rows]
                 left = sent - self.predicted(model, solution.values, log, zeros)[rows]
                 squares, whole = (model.trusted_alone((each**2).sum(axis=0)) for each in (left, sent))

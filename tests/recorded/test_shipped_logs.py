@@ -48,6 +48,28 @@ def test_name_of_shipped_logs_stands_for_all_runs(metaid: Callable[..., Finished
     assert told["held_out"]["torque"]["relative"] < 0.5 * told["nominal_held_out"]["torque"]["relative"]
 
 
+def test_urdf_of_the_builders_predicts_as_well_as_links(metaid: Callable[..., Finished], tmp_path: Path) -> None:
+    """Its inertias are twice too large, for theirs are about the joints; nothing but the nominal bodies is blamed."""
+    inertial = """<inertial><origin xyz="0 0 {0}"/><mass value="{1}"/>
+      <inertia ixx="{2}" iyy="{2}" izz="{2}" ixy="0" ixz="0" iyz="0"/></inertial>"""
+    joint = '<joint name="{0}" type="continuous"><parent link="{1}"/><child link="{2}"/><origin xyz="0 0 {3}"/>'
+    path = tmp_path / "theirs.urdf"
+    path.write_text(f"""<robot name="theirs">
+      <joint name="weld" type="fixed"><parent link="world"/><child link="base"/></joint><link name="base"/>
+      <link name="one">{inertial.format(0.275, 0.608, 0.05472)}</link>
+      <link name="two">{inertial.format(0.166, 0.63, 0.02522)}</link>
+      {joint.format("shoulder", "base", "one", 0.0)}<axis xyz="0 1 0"/></joint>
+      {joint.format("elbow", "one", "two", 0.3)}<axis xyz="0 1 0"/></joint></robot>""")
+    by_links, by_urdf = (
+        json.loads(metaid("estimate", "double-pendulum", "--nominal", nominal, "--json").out)
+        for nominal in ("double-pendulum", str(path))
+    )
+    assert by_urdf["verdict"] == "approximate"
+    assert not any("--" in reason for reason in by_urdf["reasons"])
+    errors = [each["held_out"]["torque"]["relative"] for each in (by_urdf, by_links)]
+    assert errors[0] < 1.1 * errors[1]
+
+
 def test_command_says_what_a_file_cannot_hold_beside_its_error(metaid: Callable[..., Finished]) -> None:
     """A URDF has no rotors, which of this pendulum makes its error four times that of the MJCF."""
     out = metaid("estimate", "double-pendulum", "--nominal", "double-pendulum", "-o", "f.urdf", "-o", "f.xml").out

@@ -9,9 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from metaid.models.chain import Chain
+from metaid.models.lumps import Array
 from metaid.models.tree.tree import Tree
 
 ALIKE = 1e-9  # relative: what rounding leaves of a frame that an MJCF was read into
+ROUGHLY = 1e-3  # rad: as frames of a drawing are
 
 
 def planar_tree(chain: Chain, gravity: float) -> Tree:
@@ -38,20 +40,30 @@ def planar_tree(chain: Chain, gravity: float) -> Tree:
     )
 
 
+def is_pendulum(tree: Tree, far: float = ROUGHLY) -> bool:
+    """Whether all joints are hinges about parallel horizontal axes, to so `far` in rad, and gravity acts."""
+    axes, weight = _axes(tree), float(np.linalg.norm(tree.gravity))
+    is_level = weight > 0.0 and abs(float(axes[0] @ tree.gravity)) <= far * weight
+    return is_level and not tree.slides.any() and bool(np.abs(np.cross(axes, axes[0])).max() <= far)
+
+
+def _axes(tree: Tree) -> Array:
+    """Those of the joints (njoint x 3) in the frame of the base, where all joints are at 0."""
+    turned, axes = np.eye(3), np.zeros((tree.njoint, 3))
+    for i, (rotation, axis) in enumerate(zip(tree.rotation, tree.axis, strict=True)):
+        turned = turned @ rotation
+        axes[i] = turned @ axis
+    return axes
+
+
 def planar_chain(tree: Tree) -> Chain | None:
     """The chain whose lumps an arm has; None where it is no planar chain. Where its joints are 0 does not matter.
 
     All joints are hinges about parallel horizontal axes, without rotors, and each centre of mass is on the line from
     its joint to the next. The length of the last link is in no lump: it is taken to end at its centre of mass.
     """
-    turned, axes = np.eye(3), np.zeros((tree.njoint, 3))
-    for i, (rotation, axis) in enumerate(zip(tree.rotation, tree.axis, strict=True)):
-        turned = turned @ rotation
-        axes[i] = turned @ axis
-    weight = float(np.linalg.norm(tree.gravity))
-    is_planar = weight > 0.0 and abs(float(axes[0] @ tree.gravity)) <= ALIKE * weight
-    is_planar &= bool(np.abs(axes - axes[0]).max() <= ALIKE) and not tree.slides.any() and not tree.rotor.any()
-    if not is_planar:
+    axes = _axes(tree)
+    if not is_pendulum(tree, ALIKE) or tree.rotor.any() or (axes @ axes[0] < 0.0).any():
         return None
     across = np.eye(3) - tree.axis[:, :, None] * tree.axis[:, None, :]  # out of the plane nothing shows
     com = np.einsum("nij,nj->ni", across, tree.com)

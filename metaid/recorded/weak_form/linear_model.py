@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from metaid.models.tree import (
     Sliding,
     Tree,
     friction_torque,
+    is_pendulum,
     torque_regressor,
 )
 from metaid.plant import MujocoPlant, SimulatedPlant
@@ -84,6 +86,11 @@ class LinearModel:
     @property
     def is_chain(self) -> bool:
         return self.chain is not None
+
+    @cached_property
+    def is_pendulum(self) -> bool:
+        """Whether it turns about parallel horizontal axes, as a chain does and an arm may."""
+        return self.prior is None or is_pendulum(self.prior.nominal)
 
     @property
     def terms(self) -> tuple[str, ...]:
