@@ -98,6 +98,18 @@ def test_columns_are_understood_as_people_spell_them(how: str) -> None:
     assert kinds(record) == ["columns"]
 
 
+def test_columns_of_one_joint_need_no_number() -> None:
+    """As a bench of one joint writes them; of two joints nobody knows whose they are."""
+    log = clean()[["time", "angle_1", "speed_1", "torque_1"]]
+    bare = log.set_axis(["time", "position", "velocity", "torque"], axis=1)
+    (usual,), (record,) = (intake(("shoulder",)).read(each) for each in (log, bare))
+    for kind in ("angles", "speeds", "torques"):
+        np.testing.assert_array_equal(getattr(record, kind), getattr(usual, kind))
+    assert [each.text for each in record.repairs] == ["position is the angle; velocity is the speed"]
+    with pytest.raises(RecordError, match="no column 'angle_1' among time, position, velocity, torque"):
+        read(bare)
+
+
 def test_map_says_what_a_column_is() -> None:
     """A name that means nothing by itself; a wrong one is refused with what is allowed."""
     log = clean().rename(columns={"torque_1": "pwm a", "torque_2": "pwm b"})

@@ -1,7 +1,8 @@
 """Which column of a log is what: by its name as people spell it, or as the user says.
 
 Understood are a word for a kind (`angle`, `pos`, `q`; `speed`, `vel`, `dq`; `torque`, `effort`, `tau`) beside a joint's
-name or number, before or after it: `angle_1`, `q1`, `/joint_states/elbow/position`, `actual_q_0`.
+name or number, before or after it: `angle_1`, `q1`, `/joint_states/elbow/position`, `actual_q_0`. One joint alone needs
+neither.
 """
 
 from __future__ import annotations
@@ -135,9 +136,9 @@ def _meaning(column: str, name: str, joints: Sequence[str]) -> _Meant | None:
     if joint is not None:
         return _Meant(column, KIND_OF[kinds[0]], joint, None, wished)
     words = {each for each in rest if not each.isdigit()} - {kinds[0]} - PLAIN - WISHED
-    if words or not numbers:
+    if words or not (numbers or len(joints) == 1):
         return None
-    return _Meant(column, KIND_OF[kinds[0]], None, numbers[-1], wished)
+    return _Meant(column, KIND_OF[kinds[0]], None, numbers[-1] if numbers else 1, wished)
 
 
 def _joint_in(tokens: list[str], joints: Sequence[str]) -> tuple[int | None, list[str]]:
@@ -217,7 +218,7 @@ def _notes(
     numbers = [str(i + 1) for i in range(len(joints))]
     said = []
     for kind, own in found.kinds.items():
-        usual = [[f"{kind}_{name}" for name in each] for each in (numbers, joints)]
+        usual = [[kind], *([f"{kind}_{name}" for name in each] for each in (numbers, joints))]
         if own and [names[column] for column in own] not in usual:
             said.append(f"{own[0]} to {own[-1]} are {kind}s" if len(own) > 1 else f"{own[0]} is the {kind}")
     if found.times and names[found.times[0]] != "time":
