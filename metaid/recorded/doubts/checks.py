@@ -232,9 +232,11 @@ def _units(check: _Check) -> Iterator[Fact]:
     the others.
     """
     equations = check.equations
-    names, scales = equations.model.joints, np.abs(joint_scales(equations))
-    known = scales[np.isfinite(scales)]
-    middle = float(np.median(known)) if len(known) > 2 else equations.scale
+    names, signed = equations.model.joints, joint_scales(equations)
+    known = signed[np.isfinite(signed)]
+    # A joint that needs the other sign than most is wrong in another way than by its unit.
+    scales = np.where(signed * np.median(known) > 0.0, np.abs(signed), np.nan) if len(known) else signed
+    middle = float(np.median(np.abs(known))) if len(known) > 2 else equations.scale
     for joint, scale in enumerate(scales.tolist()):
         if equations.model.untrusted[joint]:
             continue

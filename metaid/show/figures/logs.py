@@ -130,11 +130,14 @@ def _over_time(parts: Sequence[LeftOut], joint: int, axes: Axes) -> tuple[Array,
     measured: list[Array] = []
     predicted: list[Array] = []
     for part in parts:
-        rows = np.flatnonzero(part.judged)
-        if not len(rows):
+        every = np.flatnonzero(part.judged)
+        if not len(every):
             continue
         period = float(part.times[1] - part.times[0])
         kept = max(round(SHOWN / len(parts) / period), 2)
+        rows = max(
+            np.split(every, np.flatnonzero(np.diff(every) > kept) + 1), key=len
+        )  # of spans far apart the longest
         first = max((len(rows) - kept) // 2, 0)
         rows = np.arange(rows[first], min(rows[first] + kept, rows[-1] + 1))
         if begun:
