@@ -203,10 +203,10 @@ def best_of_random(
     for _, shape, series in ranked:
         if problem.is_clear(series) and problem.is_allowed(series):
             return shape, series
-    why, often = problem.refused.most_common(1)[0] if problem.refused else ("none keeps its limits", count)
+    why = problem.refused.most_common(1)[0][0] if problem.refused else "none keeps its limits"
     raise PlantError(
-        f"no motion was found that keeps its limits: in {often} of {count} draws {why} (allowed: wider limits, "
-        "another home)"
+        f"no motion was found that keeps its limits among {count}: most often {why} (allowed: wider limits, another "
+        "home, or shapes that are not larger than the links)"
     )
 
 

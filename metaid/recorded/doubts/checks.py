@@ -126,7 +126,7 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate) -> tuple[Fact, 
         return ()
     check = _Check(equations, found.fastest)
     usual = check.left(equations)
-    units = list(_units(check))
+    units = _units(check)
     if usual.max() < WRONG and not units:
         return ()
     worth, mended = [], {}
@@ -139,10 +139,14 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate) -> tuple[Fact, 
             worth.append(Fact(text, option, together(left, usual)))
             mended[option] = other
     worth.sort(key=lambda fact: fact.left)
-    if worth and units:  # of joints that are still in another unit once what tells most is mended
-        units = list(_units(replace(check, equations=mended[worth[0].option])))
+    if worth and units:
+        factors = np.array([units[joint][0] if joint in units else 1.0 for joint in range(len(usual))])
+        if together(check.left(check.with_torques(factors)), usual) <= worth[0].left:
+            worth = []  # which another unit makes seem so
+        else:  # of joints that are still in another unit once what tells most is mended
+            units = _units(replace(check, equations=mended[worth[0].option]))
     telling = [fact for fact in worth if fact.left < worth[0].left * 1.15][:2]
-    return (*units, *(telling if usual.max() >= WRONG else ()))
+    return (*(fact for _, fact in units.values()), *(telling if usual.max() >= WRONG else ()))
 
 
 def _thinned(records: Sequence[Record], logs: Sequence[Smoothed], found: RecordedEstimate) -> Equations | None:
@@ -227,10 +231,11 @@ def _suspected(found: RecordedEstimate, check: _Check) -> Iterator[tuple[str, st
             )
 
 
-def _units(check: _Check) -> Iterator[Fact]:
-    """Joints whose torques are so many times what the nominal bodies need that they are in another unit than those of
-    the others.
+def _units(check: _Check) -> dict[int, tuple[float, Fact]]:
+    """Joints, from 0 on, whose torques are so many times what the nominal bodies need that they are in another unit
+    than those of the others, each with the factor that mends it.
     """
+    units: dict[int, tuple[float, Fact]] = {}
     equations = check.equations
     names, signed = equations.model.joints, joint_scales(equations)
     known = signed[np.isfinite(signed)]
@@ -247,7 +252,8 @@ def _units(check: _Check) -> Iterator[Fact]:
         unit = {0.001: "mN m", 1000.0: "kN m"}.get(factor, "a motor current or another unit")
         option = f"--scale {names[joint]}={factor:.3g}"
         text = f"the torque of joint {names[joint]} is {ratio:.3g} times what the others' scale would make it: {unit}?"
-        yield Fact(f"{text} {option}", option, 0.0)
+        units[joint] = factor, Fact(f"{text} {option}", option, 0.0)
+    return units
 
 
 def _beyond_friction(equations: Equations, joint: int) -> float:
