@@ -26,7 +26,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class Compiled:
-    """The `model` of a whole file, the meshes that cannot be loaded (`lost`), and what was impossible."""
+    """The `model` of a whole file, the meshes that cannot be loaded (`lost`), and what was mended."""
 
     model: mujoco.MjModel
     lost: tuple[str, ...] = ()
@@ -51,7 +51,7 @@ def compile_file(path: Path, is_urdf: bool) -> Compiled:
     refuse_absurd_sizes(path)
     _refuse_xacro(path)
     with gathered_warnings() as warned:
-        spec, repeated = _attempt(path, "read", lambda: _read(path, is_urdf))
+        spec, mended = _attempt(path, "read", lambda: _read(path, is_urdf))
         if any("NaN" in warning for warning in warned):
             raise PlantError(f"{path}: a number in it is NaN (allowed: finite numbers)")
         _attempt(path, "read", lambda: _prepare(spec, path, is_urdf))
@@ -60,7 +60,7 @@ def compile_file(path: Path, is_urdf: bool) -> Compiled:
         compiled.model.names.decode()
     except UnicodeDecodeError:
         raise PlantError(f"{path}: a name in it is not UTF-8 (allowed: names that are)") from None
-    return replace(compiled, repairs=(*repeated, *compiled.repairs, *repair_joints(compiled.model)))
+    return replace(compiled, repairs=(*mended, *compiled.repairs, *repair_joints(compiled.model)))
 
 
 def _read(path: Path, is_urdf: bool) -> tuple[mujoco.MjSpec, tuple[Repair, ...]]:

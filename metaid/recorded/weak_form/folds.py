@@ -22,7 +22,7 @@ WHOLE = 3  # so many logs or more: whole ones are held out
 THIRDS = 3  # parts of a log's motion that are held out in turn
 LOOKED_AT = 1500  # states that are looked for elsewhere
 SAME = 0.03  # of what coordinates and speeds usually are, root mean square: a state so near is the same
-PASSES = 1.0  # s: within it a state is near those of the same passage
+PASSAGE = 1.0  # s: within it a state is near those of the same passage
 MOSTLY = 0.5  # of the states: so many recur where a motion is repeated
 SHORT = 0.5  # s: a shorter part belongs to the one before it
 LONG = 1.0  # s: parts are no shorter in the mean, or paths cross and no motion recurs
@@ -104,7 +104,7 @@ def _recurring(logs: Sequence[Smoothed], usual: tuple[Fold, ...]) -> tuple[Fold,
     recurs, first = np.zeros(len(looked_at), dtype=np.bool_), np.zeros(len(looked_at), dtype=np.intp)
     for number, (row, others) in enumerate(zip(looked_at.tolist(), near, strict=True)):
         elsewhere = [
-            other for other in others if owners[other] != owners[row] or abs(times[other] - times[row]) > PASSES
+            other for other in others if owners[other] != owners[row] or abs(times[other] - times[row]) > PASSAGE
         ]
         recurs[number] = any((held[:, row] & ~held[:, other]).any() for other in elsewhere)
         first[number] = min([row, *elsewhere])
