@@ -10,6 +10,7 @@ Where torques are noisy, the readings set the twin right, and its whitened innov
 from __future__ import annotations
 
 from metaid.compiled import compiled, fused
+from metaid.estimation.beside import force_beside
 from metaid.estimation.flow import flow
 from metaid.estimation.motion import accelerate, move, set_off
 from metaid.estimation.tangent import force_by_unknowns, linearise, move_tangent
@@ -49,6 +50,7 @@ def watch_readings(start, forces, balance, derivatives, settings, led, basis, st
             if work.moved.shape[1] > 0:
                 linearise(balance, work)
                 force_by_unknowns(derivatives, work)
+                force_beside(reading - 1, balance, derivatives.beside, work)
                 move_tangent(timestep, 0.0, False, work)
             if not move(timestep, work):
                 return False

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from metaid.compiled import compiled, fused
+from metaid.estimation.beside import force_beside, slip_beside
 from metaid.estimation.motion import accelerate, slipping
 from metaid.estimation.tangent import accelerate_tangent, builds_up, force_by_unknowns, linearise
 
@@ -38,6 +39,7 @@ def flow(step, forces, balance, derivatives, timestep, work):  # type: ignore[no
             linearise(balance, work)
             force_by_unknowns(derivatives, work)
             _force_by_slips(balance, work)
+            force_beside(step, balance, derivatives.beside, work)
             accelerate_tangent(work)
         weight = timestep / 6.0 if stage == 0 or stage == 3 else timestep / 3.0
         ahead = 0.0 if stage == 3 else timestep if stage == 2 else 0.5 * timestep
@@ -52,7 +54,7 @@ def flow(step, forces, balance, derivatives, timestep, work):  # type: ignore[no
         if not abs(speed[i]) * timestep <= 1.0:
             return False
     _add_all(work)
-    _end_slips(balance, work)
+    _end_slips(balance, derivatives.beside, work)
     return True
 
 
@@ -92,11 +94,9 @@ def _slip_slopes(joint, balance, work):  # type: ignore[no-untyped-def]
 
 
 @fused
-def _end_slips(balance, work):  # type: ignore[no-untyped-def]
+def _end_slips(balance, beside, work):  # type: ignore[no-untyped-def]
     """The share of dry friction after the step, and its derivatives."""
-    for i in range(work.angle.shape[0]):
-        if balance.dry[i] == 0.0:
-            continue
+    for i in range(work.angle.shape[0] if balance.presliding > 0.0 else 0):
         below, turning = (work.angle[i - 1], work.speed[i - 1]) if i > 0 else (0.0, 0.0)
         slipping(i, work.angle[i] - below, work.speed[i] - turning, balance, work)
         by_share, by_angle = _slip_slopes(i, balance, work)
@@ -107,6 +107,8 @@ def _end_slips(balance, work):  # type: ignore[no-untyped-def]
             own_below, held_below = work.moved[i - 1], work.held[i - 1]
             for p in range(slipped.shape[0]):
                 slipped[p] -= by_angle * (own_below[p] - held_below[p])
+        if beside.by_kind.shape[2] > 0:
+            slip_beside(i, balance, beside, work)
         work.slip[0, i] = work.slip[2, i]
 
 

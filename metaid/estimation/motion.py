@@ -110,7 +110,7 @@ def _force(step, forces, balance, work):  # type: ignore[no-untyped-def]
         if balance.cogging[2, i] != 0.0:
             phase = balance.cogging[2, i] * bent
             friction += balance.cogging[0, i] * np.cos(phase) + balance.cogging[1, i] * np.sin(phase)  # Eq. 42
-        if balance.dry[i] != 0.0:
+        if balance.presliding > 0.0:
             friction -= slipping(i, joint_angle, joint_speed, balance, work)
         force[i] = friction - carried - balance.gravity[i] * sine[i] - stiffness * balance.law_inertia[i] * angle[i]
         carried = friction

@@ -13,7 +13,17 @@ from metaid.estimation.driven import watch_readings
 from metaid.estimation.filtered import lead
 from metaid.estimation.log_unknowns import LogUnknowns
 from metaid.estimation.motion import watch_push
-from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, ReadTrial, WatchedTrial
+from metaid.estimation.trials import (
+    NOTHING_FURTHER,
+    Coefficients,
+    Driven,
+    Filtered,
+    Further,
+    Gains,
+    Joints,
+    ReadTrial,
+    WatchedTrial,
+)
 from metaid.estimation.twin import Filter, Motion
 from metaid.estimation.workspace import Balance, Derivatives, balance, derivatives, workspace
 from metaid.models import Array, Lumps
@@ -37,10 +47,6 @@ class PlanarTwin:
     def _alone(self) -> PlanarTwin:
         """The same chain, of which nothing is unknown."""
         return PlanarTwin(self.unknowns.alone(self.log_factors), np.empty(0))
-
-    @property
-    def has_rough_steps(self) -> bool:
-        return False
 
     def watch(self, trial: WatchedTrial, windows: int, energies: bool = False) -> Motion:
         return self._watch(trial, np.ascontiguousarray(trial.ends[:windows]), energies)[0]
@@ -69,14 +75,15 @@ class PlanarTwin:
         return angles, (steps <= trial.last[:, None]) & (np.arange(len(steps)) < motion.reached[:, None])
 
     def drive(self, driven: Driven, joints: Joints | None, led: Gains | None = None) -> Coefficients | None:
-        trial, starts, steps, basis, _ = driven
+        trial, starts, steps, basis, further = driven
         (npush, _, n), coefficients = starts.shape, basis.shape[2]
         extra = 0 if trial.start_spread is None else trial.start_spread.shape[-1]
-        columns = len(self.log_factors) + extra
+        own = len(self.log_factors) + further.size
+        columns = own + extra
         values, slopes = np.empty((npush, n, coefficients)), np.empty((npush, n, coefficients, columns))
         followed = np.zeros(npush, dtype=np.bool_)
-        forces = self._forces(trial, joints)
-        settings = len(self.log_factors), extra, trial.substeps, trial.is_continuous
+        forces, by = self._forces(trial, joints, further)
+        settings = own, extra, trial.substeps, trial.is_continuous
         readings = np.cumsum(trial.readings, axis=-1) if led is not None else np.empty((npush, 0, n))
         gains = (
             (np.empty((npush, 0, 2 * n, n)), np.empty((npush, 0, n, n))) if led is None else (led.gains, led.weights)
@@ -88,7 +95,8 @@ class PlanarTwin:
                 pushed, moving = (starts[push], trial.forces[push]), (trial.timesteps[push], *settings)
                 right = readings[push], gains[0][push], gains[1][push]
                 shown = basis[push], steps[push], room, values[push], slopes[push]
-                followed[push] = watch_readings(*pushed, *forces, moving, right, *shown)
+                slopes_of = by._replace(beside=by.beside._replace(torques=further.torques_of(push, n)))
+                followed[push] = watch_readings(*pushed, forces, slopes_of, moving, right, *shown)
 
         each = n * ((2 if led is None else 4) * n + coefficients) * columns * _stages(trial)
         share_out(run, npush, int(steps.sum()) * trial.substeps * each)
@@ -124,10 +132,13 @@ class PlanarTwin:
 
         return Filter(run, of_reading, torques, covariances, trial.steps, pushes, joint_states)
 
-    def _forces(self, trial: ReadTrial, joints: Joints | None) -> tuple[Balance, Derivatives]:
-        """What the chain moves by where there is no law."""
-        own = balance(None, self.lumps, self.unknowns.gravity, joints=joints, is_continuous=trial.is_continuous)
-        return own, derivatives(self.unknowns, self.lumps)
+    def _forces(
+        self, trial: ReadTrial, joints: Joints | None, further: Further = NOTHING_FURTHER
+    ) -> tuple[Balance, Derivatives]:
+        """What the chain moves by where there is no law, with its derivatives, also by what is `further` unknown."""
+        rubs, gravity = further.joints is not None and bool(further.joints.dry.any()), self.unknowns.gravity
+        own = balance(None, self.lumps, gravity, joints=joints, is_continuous=trial.is_continuous, rubs=rubs)
+        return own, derivatives(self.unknowns, self.lumps, further)
 
 
 def _stages(trial: ReadTrial) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -23,7 +24,17 @@ from metaid.compiled.spatial import (
     lead_arm,
 )
 from metaid.estimation.base_unknowns import BaseUnknowns
-from metaid.estimation.trials import PRESLIDING, Coefficients, Driven, Filtered, Gains, Joints, ReadTrial, WatchedTrial
+from metaid.estimation.trials import (
+    NOTHING_FURTHER,
+    PRESLIDING,
+    Coefficients,
+    Driven,
+    Filtered,
+    Gains,
+    Joints,
+    ReadTrial,
+    WatchedTrial,
+)
 from metaid.estimation.twin import Filter, Motion
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS, tilted_gravity
@@ -33,6 +44,8 @@ DAMPING, COULOMB = PARAMETERS.index("damping"), PARAMETERS.index("coulomb")
 # Differences to one side cost half of those to both. What they are wrong by, a STEP's share of the curvature, is less
 # than a step of the descent needs to be right by.
 STEP = 1e-7
+BESIDE = 1e-6  # the same of what is unknown beside the parameters; of a torque, as a share of the largest commanded
+TINY = 1e-12  # no torque, in N m
 
 
 @dataclass(frozen=True)
@@ -83,10 +96,6 @@ class SpatialTwin:
         beside = self.point + STEP * np.eye(len(self.point))
         return self.unknowns.parameters(np.vstack([self.point, beside]))
 
-    @property
-    def has_rough_steps(self) -> bool:
-        return True
-
     def watch(self, trial: WatchedTrial, windows: int, energies: bool = False) -> Motion:
         if energies:
             raise ValueError("the twin of an arm shows no energies")
@@ -113,17 +122,23 @@ class SpatialTwin:
         return follow_laws(frames, trial.law, candidates, (trial.starts, stiffness), windows, trial.timestep)
 
     def drive(self, driven: Driven, joints: Joints | None, led: Gains | None = None) -> Coefficients | None:
-        trial, _, steps, basis, is_rough = driven
+        trial, _, steps, basis, further = driven
         beside, times = self._beside(driven, joints), _times(trial)
         rough = times._replace(order=min(times.order, MIDPOINT))  # in half of the time
-        is_apart = times != rough and not is_rough and len(beside.candidates) > 1
-        followed = beside.follow(driven, rough if is_apart or is_rough else times, led)
+        is_apart = times != rough and len(beside.candidates) + further.size > 1
+        followed = beside.follow(driven, rough if is_apart else times, led)
         own = beside.first.follow(driven, times, led) if is_apart else followed
         if not (followed.arrived & own.arrived)[:, steps > 0].all():
             return None
-        shown = followed.values.swapaxes(2, 3)
-        slopes = np.ascontiguousarray(np.moveaxis((shown[1:] - shown[0]) / STEP, 0, -1))
-        if (count := len(self.point)) and self.unknowns.is_level:
+        shown, count = followed.values.swapaxes(2, 3), len(self.point)
+        slopes = np.moveaxis((shown[1:] - shown[0]) / STEP, 0, -1)
+        if further.size:
+            moved = self._moved(driven, joints, rough, led, shown[0])
+            if moved is None:
+                return None
+            slopes = np.concatenate([slopes[..., :count], moved, slopes[..., count:]], axis=-1)
+        slopes = np.ascontiguousarray(slopes)
+        if count and self.unknowns.is_level:
             # Differences have rounding where nothing moves, which on exact sensors would pass for knowledge.
             slopes[..., count - self.unknowns.prior.hidden_level : count] = 0.0
         values = np.where((steps > 0)[:, None, None], own.values[0].swapaxes(1, 2), 0.0)
@@ -131,10 +146,33 @@ class SpatialTwin:
             values += np.where(steps[:, None] > 0, basis.sum(axis=1), 0.0)[:, None] * beside.offset[:, None]
         return Coefficients(values, slopes)
 
+    def _moved(
+        self, driven: Driven, joints: Joints | None, times: Times, led: Gains | None, shown: Array
+    ) -> Array | None:
+        """What the coefficients that are `shown` (npush x njoint x ncoefficient) change by with what is further unknown
+        (npush x njoint x ncoefficient x nfurther); None where a twin does not arrive.
+        """
+        slopes, alone = np.zeros((*shown.shape, driven.further.size)), SpatialTwin(self._alone, np.empty(0))
+        for column, (beside, own, step) in enumerate(_each_beside(driven, joints)):
+            found = alone._beside(beside, own).follow(beside, times, led)
+            if not found.arrived[:, driven.steps > 0].all():
+                return None
+            slopes[..., column] = (found.values[0].swapaxes(1, 2) - shown) / step
+        if led is None and driven.further.joints is not None:  # coefficients of what encoders read
+            first, seen = driven.further.size - len(driven.further.joints.offset), driven.steps[:, None] > 0
+            read = np.where(seen, driven.basis.sum(axis=1), 0.0)
+            slopes[..., first:] += np.einsum("pk,cj->pjkc", read, driven.further.joints.offset)
+        return slopes
+
+    @cached_property
+    def _alone(self) -> BaseUnknowns:
+        """The same arm, of which nothing is unknown."""
+        return self.unknowns.alone(self.point)
+
     def lead(self, filtered: Filtered, joints: Joints | None) -> Filter:
         trial, starts, begins, pushes = filtered
         alike = Driven(replace(trial, start_spread=None), starts, trial.steps, np.zeros((len(starts), 1, 1)))
-        beside = SpatialTwin(self.unknowns.alone(self.point), np.empty(0))._beside(alike, joints)
+        beside = SpatialTwin(self._alone, np.empty(0))._beside(alike, joints)
         read = np.ascontiguousarray(trial.readings - beside.offset)
         settings = trial.steps, beside.by_angle, _times(trial)
         driven = DrivenPushes(beside.frames, beside.starts[0], trial.torques, read, *settings)
@@ -156,7 +194,7 @@ class SpatialTwin:
         moved = np.concatenate([np.zeros((1 + len(self.point), 2 * n)), further]).reshape(-1, 1, 2, n)
         candidates = np.concatenate([self._candidates, np.repeat(self._candidates[:1], extra, axis=0)])
         frames, by_angle, offset = self.unknowns.frames, np.zeros((5, n)), np.zeros(n)
-        presliding = PRESLIDING if joints is None else joints.presliding
+        presliding = PRESLIDING if joints is None else float(joints.presliding[0])
         if joints is not None:
             candidates[..., DAMPING] += joints.viscous
             candidates[..., COULOMB] += joints.dry
@@ -166,6 +204,22 @@ class SpatialTwin:
         starts = np.ascontiguousarray(states + moved)
         starts[:, :, 0] -= offset
         return Beside(frames, candidates, starts, by_angle, offset)
+
+
+def _each_beside(driven: Driven, joints: Joints | None) -> Iterator[tuple[Driven, Joints | None, float]]:
+    """What is `driven` with a little of each that is further unknown, with what the `joints` have then, and how much of
+    it that is.
+    """
+    trial, further = replace(driven.trial, start_spread=None), driven.further
+    largest = float(np.abs(trial.torques).max())
+    for torques in further.torques:
+        step = BESIDE * largest / max(float(np.abs(torques).max()), TINY)
+        more = replace(trial, torques=trial.torques + step * torques)
+        yield driven._replace(trial=more, further=NOTHING_FURTHER), joints, step
+    if further.joints is not None and joints is not None:
+        alike = driven._replace(trial=trial, further=NOTHING_FURTHER)
+        for each in zip(*further.joints, strict=True):
+            yield alike, Joints(*(own + BESIDE * more for own, more in zip(joints, each, strict=True))), BESIDE
 
 
 def _times(trial: ReadTrial) -> Times:

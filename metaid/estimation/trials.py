@@ -130,6 +130,27 @@ class ReadTrial:
         return 0 if self.start_spread is None else len(self.start_spread) * self.start_spread.shape[-1]
 
 
+class Further(NamedTuple):
+    """What is unknown beside a robot's parameters: `torques` (ntorque x npush x nstep x njoint), in N m or N, that act
+    for one of each of the first; and what `joints` have for one of each of the others, the first axis; None for none.
+    """
+
+    torques: Array
+    joints: Joints | None
+
+    @property
+    def size(self) -> int:
+        """How many unknowns these are."""
+        return len(self.torques) + (0 if self.joints is None else len(self.joints.viscous))
+
+    def torques_of(self, push: int, njoint: int) -> Array:
+        """Those of one push (ntorque x nstep x njoint)."""
+        return self.torques[:, push] if len(self.torques) else np.empty((0, 0, njoint))
+
+
+NOTHING_FURTHER = Further(np.empty((0, 0, 0, 0)), None)
+
+
 class Driven(NamedTuple):
     """A trial, as far as a twin is to show it.
 
@@ -138,14 +159,14 @@ class Driven(NamedTuple):
         starts: joint coordinates and speeds (npush x 2 x njoint) right after each push.
         steps: how many steps (npush) of each push to follow.
         basis: the polynomials (npush x nstep + 1 x ncoefficient) that each push is seen in.
-        is_rough: whether steps of a lower order do: how far twins are from each other, these tell as well.
+        further: what is unknown beside the robot.
     """
 
     trial: ReadTrial
     starts: Array
     steps: NDArray[np.int64]
     basis: Array
-    is_rough: bool = False
+    further: Further = NOTHING_FURTHER
 
 
 class Filtered(NamedTuple):
@@ -166,7 +187,7 @@ class Filtered(NamedTuple):
 
 class Coefficients(NamedTuple):
     """Of the twin's angles in polynomials: `values` (npush x njoint x ncoefficient), in rad or m, and their `slopes`
-    (npush x njoint x ncoefficient x nunknown, and more by what is unknown of the starts).
+    (npush x njoint x ncoefficient x nunknown, and more by what is further unknown, and of the starts).
     """
 
     values: Array
@@ -197,7 +218,7 @@ class Joints(NamedTuple):
     `viscous` in N m s, `dry` in N m and `spring` in N m/rad (njoint each): friction, and the stiffness of a spring that
     is at rest where the joint is straight. `offset` (njoint), in rad: what an encoder reads there. `tilt`, in rad: of
     the base, one angle in the plane of a chain, two of an arm about horizontal axes. `rotor` (njoint), in kg m²: the
-    reflected inertia of what turns with a joint, from the second on. `presliding`, in rad: over which dry friction
+    reflected inertia of what turns with a joint, from the second on. `presliding` (1), in rad: over which dry friction
     builds up where the plant moves continuously. `cogging` (3 x njoint): amplitudes of the cosine and of the sine, in
     N m, and how many times a turn it repeats, 0 where there is none.
     """
@@ -208,7 +229,7 @@ class Joints(NamedTuple):
     offset: Array
     tilt: Array
     rotor: Array
-    presliding: float
+    presliding: Array
     cogging: Array
 
 

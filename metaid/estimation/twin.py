@@ -79,11 +79,9 @@ class Filter:
 
 
 class Twin(Protocol):
-    """A robot with some unknowns, simulated. The derivatives of what it shows are by these."""
-
-    @property
-    def has_rough_steps(self) -> bool:
-        """Whether it takes steps of a lower order where these do."""
+    """A robot with some unknowns, simulated. The derivatives of what it shows are by these, by what is further unknown
+    of a trial, and by what is of its starts, in this order.
+    """
 
     def watch(self, trial: WatchedTrial, windows: int, /, energies: bool = False) -> Motion:
         """The first so many `windows` of each push of a trial, under the same law; with `energies` and their

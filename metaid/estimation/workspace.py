@@ -7,23 +7,25 @@ from typing import NamedTuple
 import numpy as np
 
 from metaid.estimation.log_unknowns import Columns, LogUnknowns
-from metaid.estimation.trials import Joints
+from metaid.estimation.trials import NOTHING_FURTHER, Further, Joints
 from metaid.models import Array, Lumps
 
 BLOCK = 4  # rows and columns that are multiplied at once, held in registers
 LANES = 8  # numbers in one instruction, at most
+# What joints have that is unknown, in this order: of dry friction also the way over which it builds up.
+KINDS = ("viscous", "dry", "spring", "cosine", "sine", "rotor", "straight", "lean", "presliding")
 
 
 class Balance(NamedTuple):
     """What the motion of Eq. 22 follows from, for n links.
 
-    `gravity` (n) times g, in N m, `coriolis` (n x n), `damping` and `coulomb` (n) are the law's lumps less the
-    chain's. `spring` (n) is minus the stiffness of a spring in each joint, in N m/rad, and `lean` (n) the true absolute
-    angle, in rad, of each link whose angle is read as 0. `straight` (n) is what each joint reads, in rad, where it is
-    straight. `dry` (n) is dry friction in N m that builds up over `presliding` rad, in steps of Runge and Kutta alone.
-    `cogging` (3 x n) is that of `Joints`. `mass_coriolis` (n x n) and `mass_inertia` (n) are the chain's own, with the
-    inertia of its rotors; `rotor` (n), in kg m², is what that of joint i takes off between links i − 1 and i.
-    `law_coriolis` and `law_inertia` are the law's, which ask for q̈ = −`stiffness` q.
+    `gravity` (n) times g, in N m, `coriolis` (n x n), `damping` and `coulomb` (n) are the law's lumps less the chain's.
+    `spring` (n) is minus the stiffness of a spring in each joint, in N m/rad, and `lean` (n) the true absolute angle,
+    in rad, of each link whose angle is read as 0. `straight` (n) is what each joint reads, in rad, where it is
+    straight. `dry` (n) is dry friction in N m that builds up over `presliding` rad, in steps of Runge and Kutta alone;
+    none does where that is 0. `cogging` (3 x n) is that of `Joints`. `mass_coriolis` (n x n) and `mass_inertia` (n) are
+    the chain's own, with the inertia of its rotors; `rotor` (n), in kg m², is what that of joint i takes off between
+    links i − 1 and i. `law_coriolis` and `law_inertia` are the law's, which ask for q̈ = −`stiffness` q.
     """
 
     gravity: Array
@@ -44,9 +46,21 @@ class Balance(NamedTuple):
     stiffness: float
 
 
+class Beside(NamedTuple):
+    """What each unknown beside the lumps has, for n links: `torques` (ntorque x nstep x n) of a push, in N m, those of
+    the first of them; `by_kind` (n x KINDS x nother) and `lean` (n x nother) those of the others: how much of each kind
+    a joint has, and the true absolute angle of a link. The first has the column `first`.
+    """
+
+    torques: Array
+    by_kind: Array
+    lean: Array
+    first: int
+
+
 class Derivatives(NamedTuple):
-    """The derivative of each lump by the log factor of what it is a multiple of, `gravity` times g; and the `columns`
-    of these.
+    """The derivative of each lump by the log factor of what it is a multiple of, `gravity` times g; the `columns` of
+    these; and what is unknown `beside` them.
     """
 
     gravity: Array
@@ -55,6 +69,7 @@ class Derivatives(NamedTuple):
     damping: Array
     coulomb: Array
     columns: Columns
+    beside: Beside
 
 
 class Workspace(NamedTuple):
@@ -67,7 +82,7 @@ class Workspace(NamedTuple):
     `stages` (4 x n): of a Runge-Kutta step the state before it, angles and speeds, and what it adds to them; `held` and
     `added` (2 n x p): the same of the derivatives. `slip` (3 x n): of dry friction that builds up, its share of all of
     it before the step, where the joint was then, in rad, and the share now; `slipped` (n x p): derivatives of the
-    first.
+    first. `units` (KINDS) and `turning` (p): of one joint, see `beside`.
     """
 
     angle: Array
@@ -90,6 +105,8 @@ class Workspace(NamedTuple):
     added: Array
     slip: Array
     slipped: Array
+    units: Array
+    turning: Array
 
 
 def balance(
@@ -99,6 +116,7 @@ def balance(
     stiffness: float = 0.0,
     joints: Joints | None = None,
     is_continuous: bool = False,
+    rubs: bool = False,
 ) -> Balance:
     """What the motion of a chain under a law follows from.
 
@@ -109,10 +127,11 @@ def balance(
         stiffness: of the law, in 1/s².
         joints: what they have beside the lumps; None for nothing.
         is_continuous: whether the twin takes Runge-Kutta steps.
+        rubs: whether dry friction of the joints builds up in these, if there is none yet.
     """
     if joints is None:
         none = np.zeros(lumps.nlink)
-        joints = Joints(none, none, none, none, np.zeros(1), none, 0.0, np.zeros((3, lumps.nlink)))
+        joints = Joints(none, none, none, none, np.zeros(1), none, np.zeros(1), np.zeros((3, lumps.nlink)))
     if law is None:
         law = Lumps(np.zeros(lumps.nlink), np.zeros((lumps.nlink, lumps.nlink)))
     return Balance(
@@ -124,7 +143,7 @@ def balance(
         lean=joints.tilt[0] - np.cumsum(joints.offset),  # what reads too much leans the other way.  Eq. 43
         straight=np.array(joints.offset),
         dry=(1.0 if is_continuous else 0.0) * joints.dry,
-        presliding=joints.presliding,
+        presliding=float(joints.presliding[0]) if is_continuous and (rubs or bool(joints.dry.any())) else 0.0,
         cogging=np.array(joints.cogging),
         mass_coriolis=np.array(lumps.coriolis),
         mass_inertia=lumps.of("inertia") + joints.rotor + np.append(joints.rotor[1:], 0.0),
@@ -135,9 +154,9 @@ def balance(
     )
 
 
-def derivatives(unknowns: LogUnknowns, lumps: Lumps) -> Derivatives:
+def derivatives(unknowns: LogUnknowns, lumps: Lumps, further: Further = NOTHING_FURTHER) -> Derivatives:
     """Those of the `lumps` by the `unknowns`: of what is a multiple of a parameter, by the logarithm of that, it is
-    itself.
+    itself. And those by what is `further` unknown, whose torques are those of the first push.
     """
     return Derivatives(
         gravity=unknowns.gravity * lumps.gravity,
@@ -146,7 +165,21 @@ def derivatives(unknowns: LogUnknowns, lumps: Lumps) -> Derivatives:
         damping=np.array(lumps.of("damping")),
         coulomb=np.array(lumps.of("coulomb")),
         columns=unknowns.columns,
+        beside=_beside(further, lumps.nlink, len(unknowns.names)),
     )
+
+
+def _beside(further: Further, nlink: int, first: int) -> Beside:
+    """What is `further` unknown, from the column `first` on."""
+    joints = further.joints
+    if joints is None:
+        return Beside(further.torques_of(0, nlink), np.zeros((nlink, len(KINDS), 0)), np.zeros((nlink, 0)), first)
+    lean = joints.tilt[:, :1] - np.cumsum(joints.offset, axis=-1)  # Eq. 43
+    presliding = np.repeat(joints.presliding, nlink, axis=1)
+    kinds = joints.viscous, joints.dry, joints.spring, *joints.cogging.swapaxes(0, 1)[:2], joints.rotor, joints.offset
+    each = np.array([*kinds, np.diff(lean, axis=-1, prepend=0.0), presliding])
+    by_kind = np.ascontiguousarray(each.transpose(2, 0, 1))
+    return Beside(further.torques_of(0, nlink), by_kind, np.ascontiguousarray(lean.T), first)
 
 
 def workspace(nlink: int, nunknown: int, energies: bool, is_continuous: bool = False) -> Workspace:
@@ -182,6 +215,8 @@ def workspace(nlink: int, nunknown: int, energies: bool, is_continuous: bool = F
         np.zeros((inner, columns * is_continuous)),
         np.zeros((3, nlink)),
         np.zeros((nlink, columns * is_continuous)),
+        np.zeros(len(KINDS)),
+        np.zeros(columns),
     )
 
 

@@ -12,7 +12,7 @@ from watched import GRAVITY, NOISE, TIMESTEP, raised, some_torque, watched
 
 from metaid.estimation import FoundFaults, LogUnknowns, Readings, ReadTrial, SearchedFaults, fit, searched_faults
 from metaid.estimation.faults.searched import late
-from metaid.estimation.noisy import take_up, unmodelled_forces
+from metaid.estimation.noisy import Innovations, take_up, unmodelled_forces
 from metaid.models import Array
 from metaid.plant import FAULT_UNITS, FaultSettings, fault_names, true_faults
 from metaid.study.estimates import StudyEstimate
@@ -99,22 +99,31 @@ def test_torque_that_changes_within_a_step_moves_a_body_as_far_as_it_does(kind: 
     np.testing.assert_allclose(ends(steps), ends(true), rtol=1e-5)
 
 
-def test_slopes_by_faults_are_those_of_the_residuals() -> None:
-    """Away from the truth, for every kind, against central differences of the residuals themselves."""
-    kinds = ("delay", "offset", "viscous", "dry", "spring", "cogging", "gain")
+@pytest.mark.parametrize("is_led", [False, True])
+@pytest.mark.parametrize("is_continuous", [False, True])
+@pytest.mark.parametrize("kinds", [tuple(kind for kind in FAULT_UNITS if kind != "tilt"), ("tilt", "viscous")])
+def test_slopes_by_faults_are_those_of_the_residuals(kinds: tuple[str, ...], is_continuous: bool, is_led: bool) -> None:
+    """Away from the truth, for every kind, against central differences of the residuals themselves, whether a filter
+    leads the twin or none.
+    """
     seen = watched(2, 3, faults=FaultSettings(**NOISY))
     unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
     searched = searched_faults(kinds, unknowns, seen.starts, teeth=14)
-    readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns, faults=searched)
+    trial = replace(seen.read_trial(raised(seen.nominal.lumps, 1.5)), is_continuous=is_continuous)
+    readings: Readings | None = Readings([trial], unknowns, faults=searched)
     random = np.random.default_rng(0)
-    point, direction = (0.1 * random.standard_normal(len(readings.spreads)) for _ in range(2))
+    point = 0.1 * random.standard_normal(len(readings.spreads))
+    if is_led:
+        readings = Innovations([trial], unknowns, faults=searched).led(point, some_torque(seen))
+        assert readings is not None
     here = readings.residuals(point, readings.stages)
-    ahead, behind = (readings.residuals(point + side * direction, readings.stages) for side in (1e-5, -1e-5))
     assert here is not None
-    assert ahead is not None
-    assert behind is not None
-    slope = (ahead.values - behind.values) / 2e-5
-    assert here.slopes @ direction == pytest.approx(slope, rel=1e-3, abs=1e-3 * float(np.abs(slope).max()))
+    for direction, own in zip(np.eye(len(point)), here.slopes.T, strict=True):
+        ahead, behind = (readings.residuals(point + side * direction, readings.stages) for side in (1e-5, -1e-5))
+        assert ahead is not None
+        assert behind is not None
+        slope = (ahead.values - behind.values) / 2e-5
+        assert own == pytest.approx(slope, rel=1e-3, abs=1e-3 * float(np.abs(slope).max()))
 
 
 def test_fault_that_is_searched_is_no_force_that_the_model_has_not() -> None:

@@ -113,7 +113,9 @@ def test_what_the_filter_finds_of_a_push_depends_on_no_other() -> None:
     seen = watched(2, faults=NOISY)
     trial = replace(seen.read_trial(raised(seen.nominal.lumps, 1.3)), is_continuous=True)
     none, twin = np.zeros(2), PlanarTwin(LogUnknowns(seen.nominal.lumps, GRAVITY), np.zeros(5))
-    joints = Joints(none, np.full(2, 0.05 * TORQUE_NOISE), none, none, np.zeros(1), none, 1e-3, np.zeros((3, 2)))
+    joints = Joints(
+        none, np.full(2, 0.05 * TORQUE_NOISE), none, none, np.zeros(1), none, np.array([1e-3]), np.zeros((3, 2))
+    )
 
     def led(*pushes: int) -> Gains:
         starts = upright(trial.start_speeds)

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.trials import PRESLIDING, Joints, ReadTrial
+from metaid.estimation.trials import PRESLIDING, Further, Joints, ReadTrial
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 from metaid.plant import fault_names
@@ -41,6 +41,7 @@ NEVER_NEGATIVE = (
 )  # friction resists, and a spring holds what is at rest
 BEND = 1e-3  # of what may be: so close to 0 is a fault that cannot be below it
 BELOW, TRIFLE = 3.0, 1e-3  # standard deviations, and a share of what may be: a fault farther below 0 is none
+STEP = 1e-6  # in an unknown, for what the torques and a fault change by with it
 DETERMINED = 0.3  # of the prior deviation of a fault: a deviation below this tells something of it
 
 
@@ -80,8 +81,8 @@ class SearchedFaults:
 
     @cached_property
     def is_of_torque(self) -> NDArray[np.bool_]:
-        """Which faults (nfault) change the torques that are `delivered`."""
-        return np.array([name.partition("_")[0] in CHANGES_TORQUE for name in self.names])
+        """Which faults (nfault) change the torques that are `delivered`; the others change the joints."""
+        return np.array([name.partition("_")[0] in CHANGES_TORQUE for name in self.names], dtype=np.bool_)
 
     @cached_property
     def _bend(self) -> Array:
@@ -115,15 +116,41 @@ class SearchedFaults:
 
     def joints(self, unknowns: Array) -> Joints:
         """What the joints have at these `unknowns` (nfault)."""
-        found, nothing = self._by_kind(unknowns), np.zeros(self.njoint)
-        viscous, dry, spring, offset = (found.get(kind, nothing) for kind in ("viscous", "dry", "spring", "offset"))
-        rotor = np.append(0.0, found.get("rotor", nothing[1:]))
-        presliding = found.get("presliding", np.array([PRESLIDING]))
-        tilt = found.get("tilt", np.zeros(self.tilts))
-        cogging = np.zeros((3, self.njoint))
-        if "cogging" in found:
-            cogging[:2], cogging[2] = found["cogging"].reshape(2, self.njoint), self.teeth
-        return Joints(viscous, dry, spring, offset, tilt, rotor, float(presliding[0]), cogging)
+        found = self._joints(self.values(unknowns))
+        found.cogging[2] = self.teeth if "cogging" in self.kinds else 0.0
+        return found if "presliding" in self.kinds else found._replace(presliding=np.array([PRESLIDING]))
+
+    def _joints(self, values: Array) -> Joints:
+        """What the joints have by the faults of these `values` (... x nfault); how often cogging repeats is none."""
+
+        def of(kind: str, count: int) -> Array:
+            nothing = np.zeros((*values.shape[:-1], count))
+            return values[..., self._places[kind]] if kind in self.kinds else nothing
+
+        n = self.njoint
+        viscous, dry, spring, offset = (of(kind, n) for kind in ("viscous", "dry", "spring", "offset"))
+        rotor = np.concatenate([np.zeros((*values.shape[:-1], 1)), of("rotor", n - 1)], axis=-1)
+        cogging = np.zeros((*values.shape[:-1], 3, n))
+        cogging[..., :2, :] = of("cogging", 2 * n).reshape(*values.shape[:-1], 2, n)
+        return Joints(viscous, dry, spring, offset, of("tilt", self.tilts), rotor, of("presliding", 1), cogging)
+
+    def further(self, trial: ReadTrial, period: float, unknowns: Array, acted: Array) -> Further:
+        """What the torques and the joints change by with each of the `unknowns` (nfault), those of torques first.
+
+        Args:
+            trial: with the torques that were commanded.
+            period: from one to the next, in s.
+            unknowns: where the faults are.
+            acted: the torques that are `delivered` there.
+        """
+        steps = STEP * np.eye(len(unknowns))[self.is_of_torque]
+        torques = [(self.delivered(trial, period, unknowns + step) - acted) / STEP for step in steps]
+        slopes = (self.values(unknowns + STEP) - self.values(unknowns)) / STEP
+        others = np.diag(slopes)[~self.is_of_torque]
+        return Further(
+            np.array(torques).reshape(-1, *acted.shape),
+            self._joints(others) if len(others) else None,
+        )
 
     def delivered(self, trial: ReadTrial, period: float, unknowns: Array) -> Array:
         """The torques that act in place of those commanded, in the order of C: for another, loops are compiled anew.

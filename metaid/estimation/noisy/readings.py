@@ -9,21 +9,29 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from metaid.estimation.descent import Residuals
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults
 from metaid.estimation.noisy.polynomials import before
 from metaid.estimation.noisy.smoothed import smoothed
 from metaid.estimation.noisy.windows import Compared, ReadingsInWindows
-from metaid.estimation.trials import Coefficients, Driven, Gains, Joints, ReadTrial, Replay
+from metaid.estimation.trials import (
+    NOTHING_FURTHER,
+    Coefficients,
+    Driven,
+    Further,
+    Gains,
+    Joints,
+    ReadTrial,
+    Replay,
+)
 from metaid.estimation.twin import Twin
 from metaid.estimation.twins import twin_of
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 
 DRAWN = 100  # readings of a push that a replay keeps
-DIFFERENCE, TINY = 1e-3, 1e-12  # of a further torque, as a share of the largest commanded; and no torque, in N m
-STEP = 1e-6  # in an unknown fault, for the derivative by it
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,14 +56,13 @@ class Readings(ReadingsInWindows):
         """
 
         def _compared(number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
-            compared = self._compare(number, unknowns, whitened, windows)
-            if compared is None:
+            compared = self._watch(number, unknowns, whitened, windows, True, torques[number])
+            beside = None if compared is None else self._compare_moved(number, unknowns, whitened, compared[0], moved)
+            if compared is None or beside is None:
                 return None
-            further = self._compare_driven(number, unknowns, whitened, compared[0], torques[number])
-            beside = self._compare_moved(number, unknowns, whitened, compared[0], moved)
-            if further is None or beside is None:
-                return None
-            return _with_slopes(compared, len(unknowns), np.concatenate([further, beside], axis=-1))
+            values, slopes = compared
+            count = len(unknowns) + len(torques[number])
+            return values, np.concatenate([slopes[..., :count], beside, slopes[..., count:]], axis=-1)
 
         return self._eliminated(point, self.stages, _compared, len(self.spreads) + len(torques[0]) + len(moved))
 
@@ -104,16 +111,11 @@ class Readings(ReadingsInWindows):
 
     def _compare(self, number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
         """What a trial shows; derivatives by the `whitened` start speeds are the last."""
-        watched = self._watch(number, unknowns, whitened, windows)
-        if watched is None or not self.faults.names:
-            return watched
-        by_faults = self._compare_faulty(number, unknowns, whitened, watched[0], windows)
-        if by_faults is None:
-            return None
-        values, slopes = _with_slopes(watched, len(self.unknowns.names), by_faults)
-        if (hidden := self._hidden(unknowns)) is not None:
-            slopes[..., : len(hidden)] -= (slopes[..., : len(hidden)] @ hidden)[..., None] * hidden
-        return values, slopes
+        watched = self._watch(number, unknowns, whitened, windows, True)
+        if watched is not None and (hidden := self._hidden(unknowns)) is not None:
+            own = watched[1][..., : len(hidden)]
+            own -= (own @ hidden)[..., None] * hidden
+        return watched
 
     def _hidden(self, unknowns: Array) -> Array | None:
         """The direction (nunknown) in which robot and faults move without anything that shows, of length 1. Rounding of
@@ -132,29 +134,51 @@ class Readings(ReadingsInWindows):
         log_factors, faults = self._parted(unknowns)
         return self._alone(log_factors)._watch(number, faults, whitened, windows)
 
-    def _watch(self, number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
-        """The same, without derivatives by faults."""
+    def _watch(
+        self,
+        number: int,
+        unknowns: Array,
+        whitened: Array,
+        windows: int,
+        by_faults: bool = False,
+        torques: Array | None = None,
+    ) -> Compared | None:
+        """What a trial shows, with derivatives `by_faults`, too, and by the sizes of further `torques` (ntorque x npush
+        x nstep x njoint) behind these.
+        """
         log_factors, faults = self._parted(unknowns)
         trial = self._delivered(self.trials[number], faults)
+        further, columns = NOTHING_FURTHER, np.empty(0, dtype=np.intp)
+        if by_faults:
+            further, columns = self._further(number, faults, trial.torques, torques)
         starts, joints = started(trial, whitened), self._joints(faults)
-        left = self._left(number, trial, starts, windows, log_factors, joints)
+        left = self._left(number, trial, starts, windows, log_factors, joints, further)
         if left is None:
             return None
         npush, count = len(starts), len(log_factors)
         slopes = left.slopes.reshape(npush, left.values[0].size, -1)
         if trial.start_spread is not None:
-            slopes[..., count:] = slopes[..., count:] @ trial.start_spread
+            slopes[..., count + further.size :] = slopes[..., count + further.size :] @ trial.start_spread
+        slopes[..., count : count + further.size] = slopes[..., count + columns]
         return left.values.reshape(npush, -1), slopes
 
-    def _shown(
-        self,
-        number: int,
-        faults: Array,
-        whitened: Array,
-        windows: int,
-        acted: ReadTrial | None = None,
-        is_rough: bool = False,
-    ) -> Array | None:
+    def _further(
+        self, number: int, faults: Array, acted: Array, torques: Array | None
+    ) -> tuple[Further, NDArray[np.intp]]:
+        """What the `faults` and the sizes of further `torques` change in a trial, of which torques `acted`, and where
+        of each in turn it stands.
+        """
+        further, trial = NOTHING_FURTHER, self.trials[number]
+        if len(faults):
+            further = self.faults.further(trial, trial.timestep * trial.substeps, faults, acted)
+        is_of_torque = self.faults.is_of_torque
+        more = 0 if torques is None else len(torques)
+        if torques is not None:
+            further = further._replace(torques=np.concatenate([further.torques.reshape(-1, *acted.shape), torques]))
+        first = np.flatnonzero(np.append(is_of_torque, np.ones(more, dtype=np.bool_)))
+        return further, np.argsort(np.concatenate([first, np.flatnonzero(~is_of_torque)]))
+
+    def _shown(self, number: int, faults: Array, whitened: Array, windows: int) -> Array | None:
         """What a robot of which nothing is unknown shows in a trial (npush x nvalue), or None: its twin cannot follow.
 
         Args:
@@ -162,21 +186,11 @@ class Readings(ReadingsInWindows):
             faults: the unknown ones (nfault).
             whitened: what each push has alone (npush x nextra).
             windows: of which the longest is watched.
-            acted: the trial with the torques that acted; None for those that the faults make of what was commanded.
-            is_rough: whether it is to be compared with what others show as roughly.
         """
-        trial = self._delivered(self.trials[number], faults) if acted is None else acted
+        trial = self._delivered(self.trials[number], faults)
         starts, bare = started(trial, whitened), replace(trial, start_spread=None)
-        left = self._left(number, bare, starts, windows, np.empty(0), self._joints(faults), is_rough)
+        left = self._left(number, bare, starts, windows, np.empty(0), self._joints(faults))
         return None if left is None else left.values.reshape(len(starts), -1)
-
-    def _shown_roughly(
-        self, number: int, faults: Array, whitened: Array, windows: int, acted: ReadTrial, values: Array
-    ) -> Array | None:
-        """The same, to be compared with what others show as roughly; the `values` where a twin has no rough steps."""
-        if not (acted.is_continuous and self._only_twin.has_rough_steps):
-            return values
-        return self._shown(number, faults, whitened, windows, acted, is_rough=True)
 
     def _left(
         self,
@@ -186,7 +200,7 @@ class Readings(ReadingsInWindows):
         windows: int,
         log_factors: Array,
         joints: Joints | None,
-        is_rough: bool = False,
+        further: Further = NOTHING_FURTHER,
     ) -> Coefficients | None:
         """What the twin shows less what was read, scaled by the noise, and its derivatives; where it is led by what was
         read, its whitened innovations. None where it cannot follow.
@@ -198,10 +212,10 @@ class Readings(ReadingsInWindows):
             windows: of which the longest is watched.
             log_factors: the unknowns (nlump).
             joints: what they have beside the lumps; None for nothing.
-            is_rough: whether steps of a lower order do.
+            further: what is unknown beside them.
         """
         (chosen, steps), (_, basis) = self._longest(number, windows), self._windows[number]
-        driven = Driven(trial, starts, steps, basis[chosen], is_rough)
+        driven = Driven(trial, starts, steps, basis[chosen], further)
         led = self._gains(number)
         twin = self._twin(log_factors).drive(driven, joints, led=led)
         if twin is None or led is not None:
@@ -247,43 +261,6 @@ class Readings(ReadingsInWindows):
         """The same with the robot of these `log_factors` (nunknown), of which nothing is unknown any more."""
         return replace(self, unknowns=self.unknowns.alone(log_factors))
 
-    def _compare_faulty(
-        self, number: int, unknowns: Array, whitened: Array, values: Array, windows: int
-    ) -> Array | None:
-        """The derivatives (npush x nvalue x nfault) of the `values` of a trial by the faults that are searched, by
-        differences. None where the twin cannot follow.
-        """
-        log_factors, faults = self._parted(unknowns)
-        slopes, alone = np.zeros((*values.shape, len(faults))), self._alone(log_factors)
-        acted = self._delivered(self.trials[number], faults)
-        here = alone._shown_roughly(number, faults, whitened, windows, acted, values)
-        for column, step in enumerate(STEP * np.eye(len(faults))):
-            as_before = None if self.faults.is_of_torque[column] else acted
-            shown = alone._shown(number, faults + step, whitened, windows, as_before, is_rough=True)
-            if here is None or shown is None:
-                return None
-            slopes[..., column] = (shown - here) / STEP
-        return slopes
-
-    def _compare_driven(
-        self, number: int, unknowns: Array, whitened: Array, values: Array, torques: Array
-    ) -> Array | None:
-        """The derivatives (npush x nvalue x ntorque) of the `values` of a trial on its longest windows by the sizes of
-        further `torques` (ntorque x npush x nstep x njoint), by differences. None where the twin cannot follow.
-        """
-        log_factors, faults = self._parted(unknowns)
-        largest, alone = np.abs(self.trials[number].torques).max(), self._alone(log_factors)
-        slopes, acted = np.zeros((*values.shape, len(torques))), self._delivered(self.trials[number], faults)
-        here = alone._shown_roughly(number, faults, whitened, self.stages, acted, values)
-        for column, torque in enumerate(torques):
-            size = DIFFERENCE * largest / max(float(np.abs(torque).max()), TINY)
-            more = replace(acted, torques=acted.torques + size * torque)
-            shown = alone._shown(number, faults, whitened, self.stages, more, is_rough=True)
-            if here is None or shown is None:
-                return None
-            slopes[..., column] = (shown - here) / size
-        return slopes
-
     def _compare_moved(
         self, number: int, unknowns: Array, whitened: Array, values: Array, moved: Sequence[Unknowns]
     ) -> Array | None:
@@ -297,12 +274,6 @@ class Readings(ReadingsInWindows):
                 return None
             changes[..., column] = shown - values
         return changes
-
-
-def _with_slopes(compared: Compared, count: int, further: Array) -> Compared:
-    """What was `compared`, with `further` derivatives (npush x nvalue x nfurther) behind the first `count`."""
-    values, slopes = compared
-    return values, np.concatenate([slopes[..., :count], further, slopes[..., count:]], axis=-1)
 
 
 def started(trial: ReadTrial, whitened: Array, is_moved: bool = True) -> Array:
