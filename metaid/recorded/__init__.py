@@ -6,6 +6,7 @@ the equations of motion, over bodies that can be, with windows and terms chosen 
 out. `judge_records` says whether the result can be used.
 """
 
+from metaid.recorded.absolute import Absolute, absolute_of
 from metaid.recorded.choosing import Choices
 from metaid.recorded.doubts.checks import Fact, facts_of
 from metaid.recorded.estimating import RecordedEstimate, equations_like, estimate_records
@@ -21,6 +22,7 @@ from metaid.recorded.weak_form.linear_model import TERMS, LinearModel, arm_model
 
 __all__ = [
     "TERMS",
+    "Absolute",
     "Choices",
     "Fact",
     "FileError",
@@ -37,6 +39,7 @@ __all__ = [
     "RecordedEstimate",
     "RecordedResult",
     "RecordedVerdict",
+    "absolute_of",
     "arm_model",
     "chain_model",
     "drive_gains",

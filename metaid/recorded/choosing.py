@@ -281,7 +281,7 @@ def likely_delay(present: Equations) -> tuple[float, bool]:
 
 
 def with_cutoff(
-    records: Sequence[Record], logs: Sequence[Smoothed], model: LinearModel, zeros: bool
+    records: Sequence[Record], logs: Sequence[Smoothed], model: LinearModel, zeros: bool, scale: float
 ) -> tuple[Smoothed, ...]:
     """The logs with the highest cut-off of the torques' filter at which what is left out is predicted nearly as well as
     with any: above it there is noise of the angles, differentiated twice, and no motion that a model could explain.
@@ -291,6 +291,7 @@ def with_cutoff(
         logs: the same on their grids.
         model: what is unknown.
         zeros: whether those of the encoders are unknown.
+        scale: of all torques.
     """
     for span, power in sorted(WINDOWS, reverse=True):
         equations = equations_of(records, logs, model.with_friction(BASE), span, power)
@@ -299,7 +300,7 @@ def with_cutoff(
     if equations is None:
         return tuple(logs)
     folds = folds_of(logs, equations.middles)
-    equations = replace(equations, zeros=zeros, folds=folds)
+    equations = replace(equations, zeros=zeros, scale=scale, folds=folds)
     errors = {}
     for cutoff in CUTOFFS:
         filtered = tuple(replace(own, cutoff=cutoff) for own in logs)

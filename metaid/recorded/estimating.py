@@ -126,9 +126,9 @@ def estimate_records(
         still = next(record for record, own in zip(records, logs, strict=True) if not own.judged.any())
         raise RecordError(f"{still.name}: too short, or no joint moves (allowed: some seconds of motion)")
     model = model.with_still(usual_still(logs))
-    logs = with_cutoff(records, logs, model, model.is_pendulum and choices.zeros is not False)
     plain = _plain(records, logs, model)
     scale = 1.0 if plain is None or gains else torque_scale(plain)
+    logs = with_cutoff(records, logs, model, model.is_pendulum and choices.zeros is not False, scale)
     chosen = choose(records, logs, model, choices, scale)
     equations = chosen.equations
     bodies = Possible(equations.model, equations.scale, fastest(logs))

@@ -15,6 +15,7 @@ from metaid.errors import RecordError, unknown
 from metaid.exporting import IdentifiedModel
 from metaid.files import shipped_logs
 from metaid.plant import load_plant
+from metaid.recorded.absolute import absolute_of
 from metaid.recorded.choosing import Choices, usual_still
 from metaid.recorded.doubts.checks import Fact, facts_of
 from metaid.recorded.estimating import RecordedEstimate, estimate_records
@@ -120,6 +121,7 @@ def estimate(
     columns: Mapping[str, str] | None = None,
     topic: str | None = None,
     untrusted: Sequence[str] = (),
+    absolute: Sequence[str] = (),
 ) -> RecordedResult:
     """What logs say of a robot: its `verdict` with the frame of `lumps`, its `summary`, and its `model` to write.
 
@@ -145,6 +147,7 @@ def estimate(
         columns: what columns of the logs mean that are not understood: `{"encoder a": "angle_1"}`.
         topic: of joint states in bags that have several.
         untrusted: joints that move, but whose torques are not used.
+        absolute: joints whose angles are of the link against the base; `elbow:motor` where its torque is, too.
 
     Raises:
         RecordError: a log cannot be used, or does not fit the robot.
@@ -162,6 +165,8 @@ def estimate(
                 raise RecordError(f"friction: {unknown('term', term, TERMS)}")
         choices = replace(choices, friction=tuple(friction))
     model = model_of(plant, coupled=tuple(_joints(pair, plant.njoint) for pair in coupled), gravity=gravity)
+    measured = absolute_of(model, absolute)
+    model = model.with_coupled(tuple(dict.fromkeys((*model.sliding.coupled, *measured.coupled))))
     model = model.with_untrusted(_chosen("untrusted", untrusted, model))
     many = [log for log in _with_shipped(logs) if not any(_is_same(log, each.log) for each in payloads)]
     if not many:
@@ -181,7 +186,8 @@ def estimate(
                 )
             found = tuple(_compensated(record, compensated) for record in found)
         return tuple(
-            replace(record, angles=record.angles + offsets, torques=record.torques * factors) for record in found
+            measured.record(replace(record, angles=record.angles + offsets, torques=record.torques * factors))
+            for record in found
         )
 
     held_out = _with_shipped(validate)
@@ -193,7 +199,7 @@ def estimate(
         if gains is not None:
             records, others = (tuple(_multiplied(each, gains) for each in every) for every in (records, others))
         found = estimate_records(records, model, choices, gains)
-        facts = facts_of(records, found)
+        facts = facts_of(records, found, measured)
         verdict = judge_records(records, found, [fact.text for fact in facts])
         validation = tuple(
             (own, other.name, _validated(found, own)) for other in others if (own := _smoothed(found, other))

@@ -29,6 +29,7 @@ MODEL_HELP = "Write .xml .urdf .py .h .toml .json, or torque.pdf."
 NOMINAL_HELP = "A plant's name or file, an MJCF or URDF."
 PAYLOAD_HELP = "A log with this weight, which tells drives' gains."
 FRICTION_HELP = "Of viscous,coulomb,root,offset,load,hysteresis."
+ABSOLUTE_HELP = "Read against the base; JOINT:motor: torque, too."
 NOT_FOUND = 3  # exit status
 
 
@@ -47,6 +48,7 @@ NOT_FOUND = 3  # exit status
 @click.option("--joints", metavar="A,B,…", help="Of an MJCF or URDF those that move.")
 @click.option("--friction", metavar="TERMS", help=FRICTION_HELP)
 @click.option("--couple", "couples", metavar="I,J", multiple=True, help="Two joints whose motors are coupled.")
+@click.option("--absolute", metavar="JOINT", multiple=True, help=ABSOLUTE_HELP)
 @click.option("--map", "columns", metavar="OWN=OURS", multiple=True, help="What a column is: pwm=torque_1.")
 @click.option("--topic", metavar="NAME", help="Of joint states in a bag that has several.")
 @click.option("--untrusted", metavar="A,B", help="Joints that move, but whose torques are not used.")
@@ -72,6 +74,7 @@ def estimate(
     joints: str | None,
     friction: str | None,
     couples: tuple[str, ...],
+    absolute: tuple[str, ...],
     columns: tuple[str, ...],
     topic: str | None,
     untrusted: str | None,
@@ -111,6 +114,7 @@ def estimate(
         law=law,
         friction=terms,
         coupled=pairs,
+        absolute=absolute,
         scale=numbers(scale, "--scale"),
         zero=numbers(zero, "--zero"),
         gravity=None if gravity is None else _vector(gravity),

@@ -12,7 +12,7 @@ from metaid.models.tree.joint_friction import COLUMNS, SHARED, JointFriction, Sl
 from metaid.models.tree.known_bodies import KnownBodies, body_quantities, known_bodies
 from metaid.models.tree.misplaced import MISPLACED, last_link_turned, misplaced
 from metaid.models.tree.model_error import ModelError, difference, model_error, torque_half_width, torque_rows
-from metaid.models.tree.planar import is_pendulum, planar_chain, planar_tree
+from metaid.models.tree.planar import is_pendulum, planar_chain, planar_tree, turning
 from metaid.models.tree.regressor import body_torque, joint_mass_matrix, joint_torque, torque_regressor
 from metaid.models.tree.tree import PARAMETERS, Tree, tilted_gravity
 
@@ -53,4 +53,5 @@ __all__ = [
     "torque_half_width",
     "torque_regressor",
     "torque_rows",
+    "turning",
 ]

@@ -47,6 +47,18 @@ def is_pendulum(tree: Tree, far: float = ROUGHLY) -> bool:
     return is_level and not tree.slides.any() and bool(np.abs(np.cross(axes, axes[0])).max() <= far)
 
 
+def turning(tree: Tree) -> Array:
+    """By which each joint turns its link against what carries the first of the hinges with parallel axes, one behind
+    the other, of which it is the last: a sum of their coordinates (njoint x njoint), −1 where an axis is turned about.
+    """
+    axes, found = _axes(tree), np.eye(tree.njoint)
+    for joint in range(1, tree.njoint):
+        same = float(axes[joint] @ axes[joint - 1])
+        if abs(same) > 1.0 - ROUGHLY**2 and not tree.slides[[joint - 1, joint]].any():
+            found[joint, :joint] = np.sign(same) * found[joint - 1, :joint]
+    return found
+
+
 def _axes(tree: Tree) -> Array:
     """Those of the joints (njoint x 3) in the frame of the base, where all joints are at 0."""
     turned, axes = np.eye(3), np.zeros((tree.njoint, 3))

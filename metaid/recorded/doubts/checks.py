@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from metaid.models import Array
+from metaid.recorded.absolute import MOTOR, Absolute, absolute_joints, absolute_of
 from metaid.recorded.doubts.scales import joint_scales, torque_scale
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.log import Record
@@ -49,6 +50,7 @@ class _Check:
 
     equations: Equations
     fastest: Array
+    measured: Absolute
 
     def left(self, equations: Equations, usual: Array | None = None, of_a_zero: bool = False) -> Array:
         """The share of its torque that a possible model leaves unexplained in each joint (njoint); that of the free
@@ -72,20 +74,34 @@ class _Check:
         return np.asarray(np.sqrt(missed / np.maximum(whole, 1e-300)), dtype=np.float64)
 
     def with_torques(self, factors: Array) -> Equations:
-        parts = [replace(part, record=part.record.with_torques(part.record.torques * factors)) for part in self._parts]
+        """The same with logged torques that are multiplied (njoint)."""
+        parts = []
+        for part in self._parts:
+            torques = self.measured.torques_of_joints(self.measured.logged_torques(part.record.torques) * factors)
+            parts.append(replace(part, record=part.record.with_torques(torques)))
         return replace(self.equations, parts=tuple(parts))
 
     def with_angles(self, offsets: Array) -> Equations:
-        """The same with angles that are shifted (njoint)."""
-        parts = [
-            Part(
-                part.log,
-                part.record,
-                replace(part.windows, coordinates=part.windows.coordinates + offsets),
-                part.smoothed,
+        """The same with logged angles that are shifted (njoint)."""
+        parts = []
+        for part in self._parts:
+            moved = part.windows.coordinates + self.measured.of_joints(offsets)
+            parts.append(Part(part.log, part.record, replace(part.windows, coordinates=moved), part.smoothed))
+        return replace(self.equations, parts=tuple(parts))
+
+    def with_measured(self, other: Absolute) -> Equations:
+        """The same of logs that measure the robot in an `other` way, motors that stand on the base with no friction of
+        their own: more unknowns would speak for them.
+        """
+        parts, before = [], self.measured
+        for part in self._parts:
+            own = part.windows
+            coordinates, speeds, accelerations = (
+                other.of_joints(before.logged(each)) for each in (own.coordinates, own.speeds, own.accelerations)
             )
-            for part in self._parts
-        ]
+            windows = replace(own, coordinates=coordinates, speeds=speeds, accelerations=accelerations)
+            torques = other.torques_of_joints(before.logged_torques(part.record.torques))
+            parts.append(Part(part.log, part.record.with_torques(torques), windows, part.smoothed))
         return replace(self.equations, parts=tuple(parts))
 
     def with_model(self, model: LinearModel) -> Equations:
@@ -112,8 +128,14 @@ def improvement(left: Array, usual: Array, of_a_zero: bool) -> float:
     return min(share, float(np.where(usual >= WRONG, left / np.maximum(usual, WRONG), 1.0).min()))
 
 
-def facts_of(records: Sequence[Record], found: RecordedEstimate) -> tuple[Fact, ...]:
-    """What looks wrong in logs, the most telling first; of one joint one thing."""
+def facts_of(records: Sequence[Record], found: RecordedEstimate, measured: Absolute | None = None) -> tuple[Fact, ...]:
+    """What looks wrong in logs, the most telling first; of one joint one thing.
+
+    Args:
+        records: the logs, with what joints have of them.
+        found: what they say.
+        measured: how they measure the robot; by default its joints.
+    """
     dead = [
         f"every torque of joint {name} is 0"
         for joint, name in enumerate(found.model.joints)
@@ -124,7 +146,7 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate) -> tuple[Fact, 
     equations = _thinned(records, found.logs, found)
     if equations is None:
         return ()
-    check = _Check(equations, found.fastest)
+    check = _Check(equations, found.fastest, absolute_of(found.model) if measured is None else measured)
     usual = check.left(equations)
     units = _units(check)
     if usual.max() < WRONG and not units:
@@ -206,6 +228,7 @@ def _suspected(found: RecordedEstimate, check: _Check) -> Iterator[tuple[str, st
                 option,
                 check.with_angles(shift * one[joint]),
             )
+    yield from _read_against_the_base(check)
     for joint in range(1, n):
         pair = (joint - 1, joint)
         if pair not in model.sliding.coupled and not model.slides[list(pair)].any():
@@ -228,6 +251,20 @@ def _suspected(found: RecordedEstimate, check: _Check) -> Iterator[tuple[str, st
                 f"gravity points elsewhere in the frame of the base: {option}",
                 option,
                 check.with_model(other.with_still(model.sliding.still)),
+            )
+
+
+def _read_against_the_base(check: _Check) -> Iterator[tuple[str, str, Equations]]:
+    """The same of joints whose angles may be those of a link against the base: each of them, and all."""
+    behind = absolute_joints(check.equations.model) if check.measured.is_plain else []
+    for several in (*((name,) for name in behind), *([tuple(behind)] if len(behind) > 1 else [])):
+        for how, where in (("", ""), (MOTOR, ", where its motor stands")):
+            own = [f"{name}{how}" for name in several]
+            option = " ".join(f"--absolute {each}" for each in own)
+            yield (
+                f"the angle of joint {' and '.join(several)} is read against the base{where}: {option}",
+                option,
+                check.with_measured(absolute_of(check.equations.model, own)),
             )
 
 

@@ -5,36 +5,62 @@ from __future__ import annotations
 import numpy as np
 
 from metaid.models import Array
-from metaid.recorded.weak_form.equations import Equations
+from metaid.recorded.weak_form.equations import Equations, Part
+from metaid.recorded.weak_form.linear_model import LinearModel
 
 KNOWN = 4.0  # deviations from nothing: a factor that is less sure is not known
 FAR = 2.0  # a factor of all torques that is farther from 1 is taken for another unit
 CORRELATED = 6.0  # rows that say as much as one, for errors last
 EXPLAINS = 0.5  # of what friction leaves of a joint's torque, squared: bodies that explain less tell no factor
 BESIDE = ("viscous", "coulomb", "offset")
+THINNED = 4  # nodes of a window: a factor need not be known as exactly as what is found
 
 
 def joint_scales(equations: Equations) -> Array:
-    """The factor of each joint (njoint), beside friction that is fitted; NaN where the joint does not tell."""
-    model = equations.model
-    scales = np.full(model.njoint, np.nan)
-    rows = equations.solved[1]
+    """The factor of each joint (njoint), beside friction that is fitted; NaN where the joint does not tell.
+
+    A rough model may have inertias that are farther off than any unit. Where what a joint carries and what it moves ask
+    for other factors, that of what it carries counts.
+    """
+    model, scales = equations.model, np.full(equations.model.njoint, np.nan)
+    solution, rows, _ = equations.solved
+    carried = [_carried(part, model, solution.zeros[part.log]) for part in equations.parts]
     for joint in np.flatnonzero(~model.untrusted).tolist():
         own = np.concatenate([each[:, :, joint].reshape(-1, each.shape[-1]) for each in rows])
         sent = np.concatenate([torques[:, :, joint].ravel() for torques in equations.torques])
-        columns = [own[:, : model.nbody] @ model.nominal]
-        columns += [own[:, model.column(term, joint)] for term in BESIDE if term in model.friction]
-        stacked = np.stack(columns, axis=1)
-        rubbing = stacked[:, 1:] @ np.linalg.lstsq(stacked[:, 1:], sent, rcond=1e-10)[0]
-        size = np.sqrt((stacked**2).sum(axis=0))
-        unit = stacked / np.where(size > 0.0, size, 1.0)
-        inverse = np.linalg.pinv(unit.T @ unit, rcond=1e-10, hermitian=True)
-        solved = inverse @ (unit.T @ sent)
-        left, by_friction = (float(((sent - each) ** 2).sum()) for each in (unit @ solved, rubbing))
-        variance = left / max(len(sent) / CORRELATED - unit.shape[1], 1.0) * inverse[0, 0]
-        if left < (1.0 - EXPLAINS) * by_friction and abs(solved[0]) > KNOWN * np.sqrt(variance):
-            scales[joint] = solved[0] / size[0]
+        beside = own[:, [model.column(term, joint) for term in BESIDE if term in model.friction]]
+        needed = own[:, : model.nbody] @ model.nominal
+        weight = np.concatenate([each[:, :, joint].ravel() for each in carried])
+        whole, (by_weight, by_motion) = (
+            _factors(np.column_stack(bodies), beside, sent) for bodies in ([needed], [weight, needed - weight])
+        )
+        agree = 1.0 / FAR <= by_motion / by_weight <= FAR
+        scales[joint] = by_weight if np.isfinite(by_weight) and not agree else whole[0]
     return scales
+
+
+def _carried(part: Part, model: LinearModel, zeros: Array) -> Array:
+    """The averaged torque that holds the nominal bodies (nwindow x ntest x njoint), in N m or N."""
+    windows = part.windows.thinned(THINNED)
+    still = np.zeros_like(windows.speeds)
+    return windows.averaged(model.bodies(windows.coordinates + zeros, still, still) @ model.nominal)
+
+
+def _factors(bodies: Array, beside: Array, sent: Array) -> Array:
+    """By how much the torques of `bodies` (nrow x nbody) are to be multiplied, `beside` friction (nrow x nterm), to
+    make what was `sent` (nrow); NaN where that is not known, or bodies explain little.
+    """
+    stacked = np.column_stack([bodies, beside])
+    rubbing = beside @ np.linalg.lstsq(beside, sent, rcond=1e-10)[0]
+    size = np.sqrt((stacked**2).sum(axis=0))
+    unit = stacked / np.where(size > 0.0, size, 1.0)
+    inverse = np.linalg.pinv(unit.T @ unit, rcond=1e-10, hermitian=True)
+    solved = inverse @ (unit.T @ sent)
+    left, by_friction = (float(((sent - each) ** 2).sum()) for each in (unit @ solved, rubbing))
+    variances = left / max(len(sent) / CORRELATED - unit.shape[1], 1.0) * np.diag(inverse)
+    first = slice(bodies.shape[1])
+    is_known = (np.abs(solved) > KNOWN * np.sqrt(variances))[first] & (left < (1.0 - EXPLAINS) * by_friction)
+    return np.where(is_known & (size[first] > 0.0), solved[first] / np.maximum(size[first], 1e-300), np.nan)
 
 
 def torque_scale(equations: Equations) -> float:

@@ -25,6 +25,7 @@ from metaid.models.tree import (
     friction_torque,
     is_pendulum,
     torque_regressor,
+    turning,
 )
 from metaid.plant import MujocoPlant, SimulatedPlant
 
@@ -91,6 +92,13 @@ class LinearModel:
     def is_pendulum(self) -> bool:
         """Whether it turns about parallel horizontal axes, as a chain does and an arm may."""
         return self.prior is None or is_pendulum(self.prior.nominal)
+
+    @cached_property
+    def turning(self) -> Array:
+        """By which coordinates (njoint x njoint) each joint's link turns against the base: its own, and those of hinges
+        with parallel axes right before it.
+        """
+        return np.tril(np.ones((self.njoint, self.njoint))) if self.prior is None else turning(self.prior.nominal)
 
     @property
     def terms(self) -> tuple[str, ...]:
