@@ -305,3 +305,12 @@ def test_files_with_some_kinds_of_readings_each_are_one_log(tmp_path: Path) -> N
     np.testing.assert_array_equal(one.torques, other.torques)
     with pytest.raises(RecordError, match="799 rows"):
         every_run(intake(), [angles, torques.drop(columns="time")[:799]])
+
+
+def test_column_that_says_radians_may_turn_many_times() -> None:
+    """As that of a motor; one that says no unit may not."""
+    log = clean().assign(angle_1=lambda frame: 60.0 * frame["angle_1"], speed_1=lambda frame: 60.0 * frame["speed_1"])
+    with pytest.raises(RecordError, match="looks like degrees"):
+        read(log)
+    said = log.rename(columns={"angle_1": "Angle 1 (rad)", "speed_1": "Speed 1 (rad/sec)"})
+    np.testing.assert_allclose(read(said).angles[:, 0], log["angle_1"])

@@ -88,3 +88,14 @@ def test_estimate_of_logs_does_without_what_is_slow_to_load() -> None:
     )
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert told.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("names", ["ab", "abc"])
+def test_error_of_every_log_to_validate_is_printed(metaid: Callable[..., Finished], names: str) -> None:
+    """As a column of the table of joints, or in a table of their own where they are many."""
+    for name, run in zip(names, RUNS, strict=False):
+        Path(f"{name}.csv").write_text(run.read_text())
+    others = [text for name in names for text in ("--validate", f"{name}.csv")]
+    out = metaid("estimate", str(RUNS[0]), "--nominal", "double-pendulum", *others).out
+    assert all(f"{name}.csv" in out for name in names)
+    assert ("logs that nothing was fitted to" in out) == (len(names) > 2)

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from metaid.recorded import RecordedResult
 
 FEW = 12  # parameters that a screen has
+AS_COLUMNS = 2  # logs to validate; more have a table of their own
 REASONS = 5  # sentences: what is predicted, and four on what is not explained
 
 
@@ -45,6 +46,7 @@ def _print_held_out(shown: dict[str, Any], result: RecordedResult) -> None:
     held, nominal = shown["held_out"], shown["nominal_held_out"]
     motion = held["motion"]
     seconds = motion["seconds"]
+    beside = shown["validation"] if len(shown["validation"]) <= AS_COLUMNS else []
     rows = []
     for i, (joint, before) in enumerate(zip(held["torque"]["joints"], nominal["torque"]["joints"], strict=True)):
         cells = [
@@ -56,9 +58,9 @@ def _print_held_out(shown: dict[str, Any], result: RecordedResult) -> None:
             f"{1e3 * motion['angle'][i]:.3g}" if motion["angle"][i] is not None else "",
             f"{1e3 * motion['constant_speed'][i]:.3g}" if motion["constant_speed"][i] is not None else "",
         ]
-        rows.append(cells + [f"{each['torque']['joints'][i]['relative']:.1%}" for each in shown["validation"][:2]])
+        rows.append(cells + [f"{each['torque']['joints'][i]['relative']:.1%}" for each in beside])
     columns = ["joint", "error", "N m", "of", "nominal", f"mrad {seconds:g} s", "still going"]
-    columns += [each["path"] for each in shown["validation"][:2]]
+    columns += [each["path"] for each in beside]
     logs, window, read = shown["logs"], shown["window"], shown["friction"]
     note = (
         f"{len(logs)} log{'s' if len(logs) > 1 else ''}, {sum(log['rows'] for log in logs)} rows in "
@@ -69,6 +71,17 @@ def _print_held_out(shown: dict[str, Any], result: RecordedResult) -> None:
     )
     title = f"{shown['name']}: {shown['plant']}, what was left out"
     print_table(title, columns, rows, note, dispensable=["still going", "of", "nominal"])
+    if len(shown["validation"]) > AS_COLUMNS:
+        _print_validation(shown["validation"])
+
+
+def _print_validation(logs: list[dict[str, Any]]) -> None:
+    rows = []
+    for each in logs:
+        torque = each["torque"]
+        worst = max(torque["joints"], key=lambda joint: joint["relative"] if joint["of"] else -1.0)
+        rows.append([each["path"], f"{torque['relative']:.1%}", worst["name"], f"{worst['relative']:.1%}"])
+    print_table("logs that nothing was fitted to", ["log", "error", "worst joint", "its error"], rows)
 
 
 def _print_parameters(shown: dict[str, Any], whole: bool) -> None:

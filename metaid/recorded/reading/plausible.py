@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +17,7 @@ CALM = 0.05  # of a joint's fastest speed: below it the ratio of two speeds says
 ABOVE_NOISE = 5.0  # standard deviations
 FAR_FROM_ONE = 1.5  # between a speed and the change of its angle
 DEGREES = 180.0 / np.pi
+RADIANS = re.compile(r"\brad(ians?)?\b", re.IGNORECASE)  # in a column's own name
 
 
 def refuse_few_rows(readings: Readings) -> None:
@@ -42,7 +45,8 @@ def refuse_implausible(readings: Readings, slides: NDArray[np.bool_], needs_torq
 
 
 def _refuse_degrees(readings: Readings, slides: NDArray[np.bool_]) -> None:
-    widest = np.where(slides, 0.0, np.abs(readings.angles).max(axis=0))
+    is_said = np.array([RADIANS.search(name) is not None for name in readings.names["angle"]])
+    widest = np.where(slides | is_said, 0.0, np.abs(readings.angles).max(axis=0))
     joint = int(widest.argmax())
     if widest[joint] > MANY_TURNS:
         raise RecordError(
