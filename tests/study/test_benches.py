@@ -134,3 +134,15 @@ def test_bench_whose_torques_are_rough_is_approximate_and_within_its_intervals(l
     assert judged.verdict == "approximate"
     assert judged.worst < 0.02
     assert judged.held == judged.lumps
+
+
+@pytest.mark.slow
+def test_bench_with_everything_on_is_approximate_and_within_its_intervals() -> None:
+    """At 1 kHz. The inertia of a rotor is nearly that of a link, so that without the rotor links seem certain that are
+    wrong by a third.
+    """
+    judged = try_bench("all", "2", 0.001, 2)
+    assert judged.verdict == "approximate"
+    assert judged.worst < 0.05
+    assert judged.held == judged.lumps
+    assert "rotor_2" in judged.taken_up

@@ -127,7 +127,9 @@ def _in_order(tried: list[Tried]) -> list[Tried]:
 
 
 def _fewest(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tried:
-    """The `best` fit without the faults that it does as well without, or with simpler ones; `known` ones stay."""
+    """The `best` fit without the faults that it does as well without, or with simpler ones; `known` ones stay. One that
+    lumps hang on by more than both fits are sure of, as on a rotor, is left out only where nothing speaks for it.
+    """
     for kind, simpler in TWOFOLD.items():
         if kind in best.kinds and kind not in known:
             instead = combining.fitted(tuple(simpler if each == kind else each for each in best.kinds), best)
@@ -143,7 +145,10 @@ def _fewest(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tried:
         if not {*kinds} <= {*best.kinds} or {*kinds} & {*known} or best.shows(kinds, PLAINLY):
             continue
         without = combining.fitted(tuple(kind for kind in best.kinds if kind not in kinds), best)
-        if without is not None and without.likelihood > best.likelihood - LEAST:
+        if without is None or without.likelihood <= best.likelihood - LEAST:
+            continue
+        hangs = farthest_moved(best.found, without.found) is not None
+        if not hangs or without.likelihood > best.likelihood - NOTHING:
             best = without
     return best
 
