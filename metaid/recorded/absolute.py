@@ -43,6 +43,11 @@ class Absolute:
         """Whether a log has the angles and the torques of joints."""
         return not self.notes
 
+    @property
+    def is_driven_by_joints(self) -> bool:
+        """Whether each logged torque is that of a joint."""
+        return bool((self.motors == np.eye(len(self.motors))).all())
+
     def record(self, record: Record) -> Record:
         """What the joints have of a log."""
         if self.is_plain:
@@ -88,7 +93,8 @@ def absolute_of(model: LinearModel, named: Sequence[str] = ()) -> Absolute:
     for each in named:
         name = each.removesuffix(MOTOR)
         if name not in allowed:
-            raise RecordError(f"absolute: {unknown('joint', name, allowed)}, and perhaps {MOTOR}")
+            there = absolute_joints(model)
+            raise RecordError(f"absolute: {unknown('joint', each, (*there, *(other + MOTOR for other in there)))}")
         joint = allowed.index(name) % model.njoint
         turning = model.turning[joint]
         if np.count_nonzero(turning) < 2:

@@ -15,7 +15,7 @@ from metaid.errors import RecordError, unknown
 from metaid.exporting import IdentifiedModel
 from metaid.files import shipped_logs
 from metaid.plant import load_plant
-from metaid.recorded.absolute import absolute_of
+from metaid.recorded.absolute import Absolute, absolute_of
 from metaid.recorded.choosing import Choices, usual_still
 from metaid.recorded.doubts.checks import Fact, facts_of
 from metaid.recorded.estimating import RecordedEstimate, estimate_records
@@ -171,6 +171,7 @@ def estimate(
     many = [log for log in _with_shipped(logs) if not any(_is_same(log, each.log) for each in payloads)]
     if not many:
         raise RecordError(f"no log{' without a payload' if payloads else ''} (allowed: one or more)")
+    _refuse_beside(measured, {"law": law is not None, "payload": bool(payloads), "untrusted": bool(untrusted)})
     factors = _by_joint("scale", scale or {}, model, 1.0)
     offsets = _by_joint("zero", zero or {}, model, 0.0)
 
@@ -205,6 +206,14 @@ def estimate(
             (own, other.name, _validated(found, own)) for other in others if (own := _smoothed(found, other))
         )
     return RecordedResult(plant.name, records, found, verdict, facts, validation, plant.repairs)
+
+
+def _refuse_beside(measured: Absolute, given: Mapping[str, bool]) -> None:
+    """Raises RecordError where what was `given` is of joints, and logs are `measured` otherwise."""
+    for name, is_given in given.items():
+        if is_given and not (measured.is_plain if name == "law" else measured.is_driven_by_joints):
+            what = "absolute" if name == "law" else "a motor that stands on the base"
+            raise RecordError(f"{name}: beside {what} (allowed: one of the two)")
 
 
 def _compensated(record: Record, plant: Any) -> Record:

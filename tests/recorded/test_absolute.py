@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import mujoco
 import numpy as np
 import pandas as pd
@@ -87,7 +89,11 @@ def test_motors_on_the_base_do_the_work_of_joints(parallel: tuple[mujoco.MjModel
 
 @pytest.mark.parametrize(
     ("named", "message"),
-    [("hip", "turn, shoulder, elbow"), ("shoulder", r"parallel axis \(allowed: elbow, wrist\)"), ("1", "joint 1")],
+    [
+        ("hip", "elbow, wrist, elbow:motor, wrist:motor"),
+        ("shoulder", r"parallel axis \(allowed: elbow, wrist\)"),
+        ("1", "joint 1"),
+    ],
 )
 def test_joint_that_no_log_measures_so_is_refused(
     parallel: tuple[mujoco.MjModel, LinearModel], named: str, message: str
@@ -112,3 +118,18 @@ def test_log_in_raw_units_is_identified_with_inertias_that_nobody_knows(unit: fl
     assert found.estimate.scale == pytest.approx(unit, rel=0.3)
     assert found.verdict.word == plain.verdict.word == "approximate"
     assert found.estimate.held_out.relative == pytest.approx(plain.estimate.held_out.relative, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("absolute", "given", "message"),
+    [
+        ("2", {"law": "double-pendulum"}, "law: beside absolute"),
+        ("2:motor", {"untrusted": ["2"]}, "untrusted: beside a motor that stands on the base"),
+    ],
+)
+def test_what_is_of_joints_is_refused_beside_torques_that_are_not(
+    absolute: str, given: dict[str, Any], message: str
+) -> None:
+    """In a line that says what is allowed."""
+    with pytest.raises(RecordError, match=rf"{message} \(allowed: one of the two\)"):
+        metaid.estimate("double-pendulum", "double-pendulum", absolute=[absolute], **given)
