@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import mujoco
@@ -133,3 +134,28 @@ def test_what_is_of_joints_is_refused_beside_torques_that_are_not(
     """In a line that says what is allowed."""
     with pytest.raises(RecordError, match=rf"{message} \(allowed: one of the two\)"):
         metaid.estimate("double-pendulum", "double-pendulum", absolute=[absolute], **given)
+
+
+TOGETHER: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
+    "--absolute 2 --zero all=3.1416": lambda log: log.assign(
+        angle_1=log["angle_1"] + np.pi, angle_2=log["angle_1"] + log["angle_2"] + np.pi
+    ),
+    "--absolute 2 --scale 2=-1": lambda log: log.assign(
+        angle_2=log["angle_1"] + log["angle_2"], torque_2=-log["torque_2"]
+    ),
+    "--scale all=-1 --zero 1=3.1416": lambda log: log.assign(
+        angle_1=log["angle_1"] + np.pi, torque_1=-log["torque_1"], torque_2=-log["torque_2"]
+    ),
+    "--absolute 2": lambda log: log.assign(
+        angle_2=log["angle_1"] + log["angle_2"], torque_1=400.0 * log["torque_1"], torque_2=400.0 * log["torque_2"]
+    ),
+}
+
+
+@pytest.mark.parametrize("options", TOGETHER)
+def test_two_things_that_are_wrong_at_once_are_named_at_once(options: str) -> None:
+    """As where angles are read against the base and from hanging; beside another unit, which is found, the other."""
+    found = metaid.estimate([TOGETHER[options](log) for log in logs()], "double-pendulum")
+    assert found.verdict.word == "not found"
+    named = found.facts[0].option.removeprefix("--").split(" --")
+    assert {*named} == {*options.removeprefix("--").split(" --")}

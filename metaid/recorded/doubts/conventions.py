@@ -1,0 +1,183 @@
+"""What a log may have wrong, and the equations that it would make: conventions that people have.
+
+Torques with a turned sign, an encoder whose zero is off by a quarter turn, angles that are read against the base,
+motors that turn with two joints and nobody said so, a base that hangs or leans.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from metaid.models import Array
+from metaid.recorded.absolute import MOTOR, Absolute, absolute_joints, absolute_of
+from metaid.recorded.doubts.scales import torque_scale
+from metaid.recorded.weak_form.equations import Equations, Part
+from metaid.recorded.weak_form.linear_model import LinearModel, arm_model
+from metaid.recorded.weak_form.possible import Possible
+
+NAMED = 0.75  # of the torque that the model leaves unexplained: a fact that leaves less is named
+WRONG = 0.08  # of the torque, that must be unexplained for a fact to be looked for
+QUARTERS = (0.5 * np.pi, -0.5 * np.pi, np.pi)
+
+
+@dataclass(frozen=True)
+class Check:
+    """Windows of the logs that a fact is tried on: their `equations`, the speed of each joint that it hardly exceeds
+    (njoint), and how the logs measured the robot.
+    """
+
+    equations: Equations
+    fastest: Array
+    measured: Absolute
+
+    @property
+    def free(self) -> Array:
+        """The share of its torque that the free fit leaves unexplained in each joint (njoint)."""
+        return self._unexplained(self.equations.solved[0].values)
+
+    def left(self, usual: Array | None = None, of_a_zero: bool = False) -> Array:
+        """The same of a possible model; of the free fit, which leaves less, where this is not far below the `usual`
+        (njoint).
+        """
+        free = self.free
+        if usual is not None and improvement(free, usual, of_a_zero) >= NAMED:
+            return free
+        solution = self.equations.solved[0]
+        possible = Possible(self.equations.model, self.equations.scale, self.fastest)
+        return self._unexplained(possible.closest(solution.values, solution.precision).values)
+
+    def _unexplained(self, values: Array) -> Array:
+        model, rows = self.equations.model, self.equations.solved[1]
+        missed, whole = np.zeros(model.njoint), np.zeros(model.njoint)
+        for own, torques in zip(rows, self.equations.torques, strict=True):
+            left = torques - own[..., : len(values)] @ values
+            missed += model.trusted_alone((left**2).sum(axis=(0, 1)))
+            whole += model.trusted_alone((torques**2).sum(axis=(0, 1)))
+        return np.asarray(np.sqrt(missed / np.maximum(whole, 1e-300)), dtype=np.float64)
+
+    def with_scale(self) -> Check:
+        """The same with the scale of all torques that the equations ask for."""
+        return replace(self, equations=replace(self.equations, scale=torque_scale(self.equations)))
+
+    def with_torques(self, factors: Array) -> Check:
+        """The same with logged torques that are multiplied (njoint)."""
+        own = self.measured
+        torques = [
+            own.torques_of_joints(own.logged_torques(part.record.torques) * factors) for part in self.equations.parts
+        ]
+        parts = zip(self.equations.parts, torques, strict=True)
+        return self._with([replace(part, record=part.record.with_torques(each)) for part, each in parts])
+
+    def with_angles(self, offsets: Array) -> Check:
+        """The same with logged angles that are shifted (njoint)."""
+        parts = []
+        for part in self.equations.parts:
+            moved = part.windows.coordinates + self.measured.of_joints(offsets)
+            parts.append(Part(part.log, part.record, replace(part.windows, coordinates=moved), part.smoothed))
+        return self._with(parts)
+
+    def with_measured(self, other: Absolute) -> Check:
+        """The same of logs that measure the robot in an `other` way, motors that stand on the base with no friction of
+        their own: more unknowns would speak for them.
+        """
+        parts, before = [], self.measured
+        for part in self.equations.parts:
+            own = part.windows
+            coordinates, speeds, accelerations = (
+                other.of_joints(before.logged(each)) for each in (own.coordinates, own.speeds, own.accelerations)
+            )
+            windows = replace(own, coordinates=coordinates, speeds=speeds, accelerations=accelerations)
+            torques = other.torques_of_joints(before.logged_torques(part.record.torques))
+            parts.append(Part(part.log, part.record.with_torques(torques), windows, part.smoothed))
+        return replace(self._with(parts), measured=other)
+
+    def with_model(self, model: LinearModel) -> Check:
+        """The same of another robot."""
+        parts = [Part(part.log, part.record, part.windows, part.smoothed) for part in self.equations.parts]
+        return replace(self, equations=replace(self.equations, parts=tuple(parts), model=model))
+
+    def _with(self, parts: Sequence[Part]) -> Check:
+        return replace(self, equations=replace(self.equations, parts=tuple(parts)))
+
+
+class Suspected(NamedTuple):
+    """Something that may be wrong, in words, the `option` that mends it, and the `check` of logs that are mended."""
+
+    text: str
+    option: str
+    check: Check
+
+    @property
+    def of(self) -> str:
+        """What it is of: two that are of the same are one."""
+        kind, _, rest = self.option.partition(" ")
+        return kind if kind in ("--gravity", "--absolute") else f"{kind} {rest.partition('=')[0]}"
+
+
+def together(left: Array, usual: Array) -> float:
+    """What is left unexplained (njoint) as a share of the usual, of all joints together."""
+    return float(np.linalg.norm(left) / max(float(np.linalg.norm(usual)), 1e-300))
+
+
+def improvement(left: Array, usual: Array, of_a_zero: bool) -> float:
+    """The same; of a wrong zero, which adds no unknowns, that of the joint that gains most, if all together do not
+    lose.
+    """
+    share = together(left, usual)
+    if not of_a_zero or share > 1.0:
+        return share
+    return min(share, float(np.where(usual >= WRONG, left / np.maximum(usual, WRONG), 1.0).min()))
+
+
+def suspected(check: Check) -> Iterator[Suspected]:
+    """All that may be wrong in logs."""
+    model = check.equations.model
+    n, names = model.njoint, model.joints
+    one = np.eye(n)
+    for joint in range(n):
+        text = f"the torque of joint {names[joint]} has the opposite sign"
+        yield Suspected(text, f"--scale {names[joint]}=-1", check.with_torques(1.0 - 2.0 * one[joint]))
+    if n > 1:
+        text = "the torques of all joints have the opposite sign"
+        yield Suspected(text, "--scale all=-1", check.with_torques(-np.ones(n)))
+    for joint in range(n):
+        for shift in QUARTERS if not model.slides[joint] else ():
+            text = f"the zero of joint {names[joint]} is off by {np.degrees(shift):.0f}°"
+            yield Suspected(text, f"--zero {names[joint]}={shift:.4f}", check.with_angles(shift * one[joint]))
+    for shift in QUARTERS if n > 1 and not model.slides.any() else ():
+        text = f"the zeros of all joints are off by {np.degrees(shift):.0f}°"
+        yield Suspected(text, f"--zero all={shift:.4f}", check.with_angles(shift * np.ones(n)))
+    yield from _read_against_the_base(check)
+    for joint in range(1, n):
+        pair = (joint - 1, joint)
+        if pair not in model.sliding.coupled and not model.slides[list(pair)].any():
+            text = f"a motor turns with joints {names[joint - 1]} and {names[joint]} together"
+            coupled = model.with_coupled((*model.sliding.coupled, pair))
+            yield Suspected(text, f"--couple {joint},{joint + 1}", check.with_model(coupled))
+    if model.prior is not None:
+        tree = model.prior.nominal
+        size = float(np.linalg.norm(tree.gravity)) or 9.81
+        for axis in (*np.eye(3), *-np.eye(3)):
+            direction = size * axis
+            if np.allclose(direction, tree.gravity):
+                continue
+            other = arm_model(replace(tree, gravity=direction), model.friction, model.sliding.coupled)
+            option = "--gravity " + ",".join(f"{each + 0.0:g}" for each in direction)
+            text = "gravity points elsewhere in the frame of the base"
+            yield Suspected(text, option, check.with_model(other.with_still(model.sliding.still)))
+
+
+def _read_against_the_base(check: Check) -> Iterator[Suspected]:
+    """The same of joints whose angles may be those of a link against the base: each of them, and all."""
+    model = check.equations.model
+    behind = absolute_joints(model) if check.measured.is_plain else []
+    for several in (*((name,) for name in behind), *([tuple(behind)] if len(behind) > 1 else [])):
+        for how, where in (("", ""), (MOTOR, ", where its motor stands")):
+            own = [f"{name}{how}" for name in several]
+            text = f"the angle of joint {' and '.join(several)} is read against the base{where}"
+            option = " ".join(f"--absolute {each}" for each in own)
+            yield Suspected(text, option, check.with_measured(absolute_of(model, own)))
