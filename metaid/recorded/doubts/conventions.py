@@ -148,7 +148,7 @@ def suspected(check: Check) -> Iterator[Suspected]:
         for shift in QUARTERS if not model.slides[joint] else ():
             text = f"the zero of joint {names[joint]} is off by {np.degrees(shift):.0f}°"
             yield Suspected(text, f"--zero {names[joint]}={shift:.4f}", check.with_angles(shift * one[joint]))
-    for shift in QUARTERS if n > 1 and not model.slides.any() else ():
+    for shift in QUARTERS if n > 1 and model.is_pendulum else ():
         text = f"the zeros of all joints are off by {np.degrees(shift):.0f}°"
         yield Suspected(text, f"--zero all={shift:.4f}", check.with_angles(shift * np.ones(n)))
     yield from _read_against_the_base(check)
