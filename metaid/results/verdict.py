@@ -128,7 +128,7 @@ def _hanging(problem: Problem, lumps: pd.DataFrame) -> Iterator[str]:
         more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
         yield (
             f"what these trials do not show of springs, friction, delays and geometry may move "
-            f"{', '.join(names[:MOST_NAMED])}{more} farther than their intervals: by sd_systematic"
+            f"{', '.join(names[:MOST_NAMED])}{more} farther than intervals say: by sd_systematic"
         )
 
 
