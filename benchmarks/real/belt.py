@@ -16,20 +16,10 @@ import mujoco
 import numpy as np
 
 import metaid
-from benchmarks.real.judging import Log, Missed
+from benchmarks.real.judging import Log
 from benchmarks.real.lines import Line, Table
-from benchmarks.real.printed import printed_and_measured, printed_line
-from benchmarks.real.torques import (
-    CLASSIC,
-    STILL,
-    YARDSTICK,
-    file_error,
-    nominal_error,
-    read_test,
-    recipes,
-    rivals,
-    row_of,
-)
+from benchmarks.real.printed import printed_line
+from benchmarks.real.torques import CLASSIC, STILL, compared
 from metaid.plant import ArmPlant, load_plant
 from metaid.recorded import arm_model
 
@@ -41,7 +31,6 @@ BELIEVED = """<mujoco><worldbody><body pos="0 0 1"><inertial pos="0.144 0 0" mas
 <joint name="joint1" axis="0 -1 0"/><body pos="0.327 0 0"><inertial pos="0.1 0 0" mass="0.19"
 diaginertia="{1} {1} {1}"/><joint name="joint2" axis="0 -1 0"/></body></body></worldbody></mujoco>"""
 ROUGH, WRITTEN = (1.0, 1.0), (0.012, 0.0009)  # kg m²
-MOST_BESIDE, LEAST_OF_MEASURED = 1.0, 0.6
 
 
 def read_log(path: Path) -> Log:
@@ -72,30 +61,17 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
     logs, arm = [read_log(path) for path in paths], load_plant(nominal["rough"])
     assert isinstance(arm, ArmPlant)
     classic = arm_model(arm.tree, CLASSIC, coupled=((0, 1),)).with_still(np.full(2, STILL))
+    bodies = {f"{name} bodies": mujoco.MjModel.from_xml_path(str(path)) for name, path in nominal.items()}
     printed, joints = [], [of_joints(log) for log in logs]
     for other, run in enumerate(RUNS):
         learned = [number for number in range(len(RUNS)) if number != other]
-        runs, tests = [joints[number] for number in learned], [read_test(joints[other])]
-        result = metaid.estimate(
-            [logs[number].frame for number in learned], nominal["rough"], absolute=["joint2:motor"]
-        )
-        found: dict[str, Missed] = {}
-        for ending in (".py", ".xml"):
-            path = place / f"belt{ending}"
-            result.model.write(path)
-            found[f"metaid, {ending}"] = file_error(path, tests)
-            printed.append({"learned without": run} | printed_and_measured(result, path, runs))
-        own = [read_test(each) for each in runs]
-        for name, path in nominal.items():
-            bodies = mujoco.MjModel.from_xml_path(str(path))
-            found[f"{name} bodies, fitted friction"] = nominal_error(bodies, own, tests)
-        how, found["least squares, the best filter and weights"] = rivals({"": classic}, runs, tests)[""]
-        found |= recipes(classic, runs, tests)
-        best = found["least squares, the best filter and weights"].relative
-        ours, said = found["metaid, .py"].relative, result.summary["held_out"]["torque"]["relative"]
-        title = f"Belt, torque at {YARDSTICK} Hz of the {run} run, from the others: {result.verdict.word}, said"
-        yield Table(f"{title} {said:.1%}; {how}", [row_of(name, each) for name, each in found.items()])
-        yield Line(f"Belt: .py beside tuned least squares, {run} run", ours / best, MOST_BESIDE)
-        yield Line(f"Belt: error that is said beside it, {run} run", said / ours, LEAST_OF_MEASURED, at_least=True)
+        frames = [logs[number].frame for number in learned]
+        result = metaid.estimate(frames, nominal["rough"], absolute=["joint2:motor"])
+        seen = [joints[number] for number in learned], [joints[other]]
+        for each in compared("Belt", f"of the {run} run", result, place, bodies, classic, seen):
+            if isinstance(each, dict):
+                printed.append(each)
+            else:
+                yield each
     yield Table("Belt, errors that are printed", printed)
     yield printed_line("Belt", printed)

@@ -14,20 +14,10 @@ import mujoco
 import numpy as np
 
 import metaid
-from benchmarks.real.judging import Log, Missed
+from benchmarks.real.judging import Log
 from benchmarks.real.lines import Line, Table
-from benchmarks.real.printed import printed_and_measured, printed_line
-from benchmarks.real.torques import (
-    CLASSIC,
-    STILL,
-    YARDSTICK,
-    file_error,
-    nominal_error,
-    read_test,
-    recipes,
-    rivals,
-    row_of,
-)
+from benchmarks.real.printed import printed_line
+from benchmarks.real.torques import CLASSIC, STILL, compared
 from benchmarks.real.urdf import bare_urdf
 from metaid.plant import ArmPlant, load_plant
 from metaid.recorded import arm_model
@@ -35,7 +25,6 @@ from metaid.recorded import arm_model
 REPOSITORY = "FloBaRoID"  # of kjyv, LGPL-3
 URDF, LOGS = "model/kuka_lwr4.urdf", "data/KUKA/HW/measurements_{}.npz"
 NJOINT, LEAST = 7, 10_000  # bytes of a log
-MOST_BESIDE, LEAST_OF_MEASURED = 1.0, 0.6
 
 
 def read_log(path: Path) -> Log:
@@ -68,25 +57,14 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
     classic = arm_model(arm.tree, CLASSIC).with_still(np.full(NJOINT, STILL))
     printed = []
     for learned, others in (([0, 1], [2]), ([2], [0, 1])):
-        runs, tests = [logs[number] for number in learned], [read_test(logs[number]) for number in others]
+        runs, tests = ([logs[number] for number in each] for each in (learned, others))
         result = metaid.estimate([run.frame for run in runs], folder / URDF)
-        found: dict[str, Missed] = {}
-        for ending in (".py", ".xml"):
-            path = place / f"lwr4{ending}"
-            result.model.write(path)
-            found[f"metaid, {ending}"] = file_error(path, tests)
-            printed.append({"learned of": learned} | printed_and_measured(result, path, runs))
-        found["URDF and fitted friction"] = nominal_error(plain, [read_test(run) for run in runs], tests)
-        how, found["least squares, the best filter and weights"] = rivals({"": classic}, runs, tests)[""]
-        found |= recipes(classic, runs, tests)
-        best = found["least squares, the best filter and weights"].relative
-        ours, said = found["metaid, .py"].relative, result.summary["held_out"]["torque"]["relative"]
         names = [" and ".join(str(number + 1) for number in each) for each in (learned, others)]
-        title = f"LWR4+, torque at {YARDSTICK} Hz, from log {names[0]} to {names[1]}: {result.verdict.word}, said"
-        yield Table(f"{title} {said:.1%}; {how}", [row_of(name, each) for name, each in found.items()])
-        yield Line(f"LWR4+: .py beside tuned least squares, log {names[0]}", ours / best, MOST_BESIDE)
-        yield Line(
-            f"LWR4+: error that is said beside it, log {names[0]}", said / ours, LEAST_OF_MEASURED, at_least=True
-        )
+        run, bodies = f"from log {names[0]} to {names[1]}", {"URDF": plain}
+        for each in compared("LWR4+", run, result, place, bodies, classic, (runs, tests)):
+            if isinstance(each, dict):
+                printed.append(each)
+            else:
+                yield each
     yield Table("LWR4+, errors that are printed", printed)
     yield printed_line("LWR4+", printed)

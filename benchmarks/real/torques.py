@@ -6,7 +6,7 @@ have any size.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,14 +26,19 @@ from benchmarks.real.judging import (
     mujoco_torques,
 )
 from benchmarks.real.least_squares import WEIGHTS, prepared, recipe, tuned
-from benchmarks.real.printed import judged_rows
+from benchmarks.real.lines import Line, Table
+from benchmarks.real.printed import judged_rows, printed_and_measured
 from metaid.models import Array
 from metaid.recorded import LinearModel
 
 YARDSTICK = 7.5  # Hz
 CUTOFFS = (3.0, 5.0, 7.5, 10.0, 20.0)  # Hz
 CLASSIC = ("viscous", "coulomb", "offset")
+MOST_BESIDE, LEAST_OF_MEASURED = 1.0, 0.6
 STILL = 0.02  # rad/s, below which dry friction is a share of its whole
+
+
+Logs = tuple[Sequence[Log], Sequence[Log]]
 
 
 @dataclass(frozen=True)
@@ -106,6 +111,39 @@ def rivals(
         errors = {name: missed(each) for name, each in pairs.items()}
         best[terms] = min(errors.items(), key=lambda each: each[1].relative)
     return best
+
+
+def compared(
+    machine: str, run: str, result: Any, place: Path, bodies: Mapping[str, Any], classic: LinearModel, logs: Logs
+) -> Iterator[Table | Line | dict[str, Any]]:
+    """How well a result of metaid's predicts logs that it has not seen, beside nominal bodies with fitted friction and
+    least squares: a table, lines, and of each file the error that it printed.
+
+    Args:
+        machine: its name.
+        run: what was learned or left out.
+        result: of metaid's.
+        place: where its files are written.
+        bodies: nominal ones, by what they are called.
+        classic: the terms of least squares.
+        logs: that are learned, and those that are predicted, of joints.
+    """
+    runs, tests = logs[0], [read_test(log) for log in logs[1]]
+    found: dict[str, Missed] = {}
+    for ending in (".py", ".xml"):
+        path = place / f"{machine}{ending}"
+        result.model.write(path)
+        found[f"metaid, {ending}"] = file_error(path, tests)
+        yield {"run": run} | printed_and_measured(result, path, runs)
+    for name, model in bodies.items():
+        found[f"{name} and fitted friction"] = nominal_error(model, [read_test(log) for log in runs], tests)
+    how, least = rivals({"": classic}, runs, tests)[""]
+    found |= {"least squares, the best filter and weights": least} | recipes(classic, runs, tests)
+    ours, said = found["metaid, .py"].relative, result.summary["held_out"]["torque"]["relative"]
+    title = f"{machine}, torque at {YARDSTICK} Hz, {run}: {result.verdict.word}, said {said:.1%}; {how}"
+    yield Table(title, [row_of(name, each) for name, each in found.items()])
+    yield Line(f"{machine}: .py beside tuned least squares, {run}", ours / least.relative, MOST_BESIDE)
+    yield Line(f"{machine}: error that is said beside it, {run}", said / ours, LEAST_OF_MEASURED, at_least=True)
 
 
 def row_of(name: str, found: Missed) -> dict[str, str]:

@@ -147,10 +147,8 @@ class SearchedFaults:
         torques = [(self.delivered(trial, period, unknowns + step) - acted) / STEP for step in steps]
         slopes = (self.values(unknowns + STEP) - self.values(unknowns)) / STEP
         others = np.diag(slopes)[~self.is_of_torque]
-        return Further(
-            np.array(torques).reshape(-1, *acted.shape),
-            self._joints(others) if len(others) else None,
-        )
+        joints = self._joints(others) if len(others) else None
+        return Further(np.array(torques).reshape(-1, *acted.shape), joints)
 
     def delivered(self, trial: ReadTrial, period: float, unknowns: Array) -> Array:
         """The torques that act in place of those commanded, in the order of C: for another, loops are compiled anew.

@@ -29,7 +29,7 @@ from metaid.recorded.weak_form.equations import Equations, Part, equations_of
 from metaid.recorded.weak_form.smoothed import Smoothed
 
 MOST = 80  # windows of a check, of all logs
-SELDOM = 0.5  # as NAMED of zeros and of gravity, which many other faults look like
+SELDOM = 0.5  # as NAMED of gravity, which many other faults look like
 LOST = 0.3  # of the torque: where less is unexplained, the unit is known, and no two things are wrong at once
 BOTH = 0.7  # of what one leaves: as NAMED of two at once, for there are many pairs
 FIRST, TRIED = 12, 16  # facts of which others are tried beside, and pairs that are tried on a possible model
