@@ -14,10 +14,14 @@ from benchmarks.rivals.logs import Log
 from benchmarks.rivals.models import Motion
 from benchmarks.rivals.servo import NO_FILTER, Followed, Sensors, Servo, read_and_command, recorded
 from metaid.compiled import compiled
-from metaid.compiled.spatial import RUNGE_KUTTA, Frames, frames_of
-from metaid.compiled.spatial.dynamics import fill_mass_matrix, joint_torques, move_links, new_space
-from metaid.compiled.spatial.friction import accelerate_freely, accelerate_with_friction, new_motion, soften
-from metaid.compiled.spatial.twins import move_on
+from metaid.compiled.spatial import frames_of
+from metaid.estimation.trials import NOTHING_FURTHER
+from metaid.estimation.twin.flow import flow
+from metaid.estimation.twin.kernels import accelerate
+from metaid.estimation.twin.spatial import softness_of
+from metaid.estimation.twin.spatial_motion import spatial_balance, spatial_derivatives, spatial_workspace
+from metaid.estimation.twin.state import move, set_off
+from metaid.estimation.twin.workspace import no_joints
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS, ArmPrior, Tree, joint_mass_matrix, joint_torque, torque_regressor
 from metaid.plant import slope_weights
@@ -54,11 +58,6 @@ class ArmModel:
         whitening = np.linalg.pinv(self.arm_prior.root)
         return np.column_stack([whitening, whitening @ self.arm_prior.values])
 
-    @cached_property
-    def frames(self) -> Frames:
-        """Where the joints are believed to be."""
-        return frames_of(self.arm_prior.nominal)
-
     def regressor(self, motion: Motion) -> Array:
         every = torque_regressor(self.arm_prior.nominal, motion.angles, motion.speeds, motion.accelerations)
         joints = np.arange(self.njoint)
@@ -71,8 +70,8 @@ class ArmModel:
         return slides.astype(np.float64)
 
     def follow(self, parameters: Array, servo: Servo, sensors: Sensors) -> Followed | None:
-        whole = np.ascontiguousarray(self.arm_prior.parameters_at(parameters))
-        return follow_arm(self.frames, whole, self.timestep, servo, sensors, self.is_continuous)
+        whole = self.arm_prior.parameters_at(parameters)
+        return follow_arm(self.arm_prior.nominal, whole, self.timestep, servo, sensors, self.is_continuous)
 
     def point(self, parameters: Array) -> Array:
         """What is independent of each other and of standard deviation 1 in what is believed."""
@@ -121,7 +120,7 @@ def record_arm(
     if benched is not None:
         return Log(model, NATURAL, timestep, servo, weights, follow_on_bench(benched, servo, weights, seed), condition)
     sensors = Sensors(noise, np.zeros((steps, n)), weights)
-    seen = follow_arm(frames_of(true), np.ascontiguousarray(true.parameters), timestep, servo, sensors)
+    seen = follow_arm(true, true.parameters, timestep, servo, sensors)
     return Log(model, NATURAL, timestep, servo, weights, seen, condition)
 
 
@@ -153,63 +152,48 @@ def _rotation(vector: Array) -> Array:
 
 
 def follow_arm(
-    frames: Frames, parameters: Array, timestep: float, servo: Servo, sensors: Sensors, is_continuous: bool = False
+    tree: Tree, parameters: Array, timestep: float, servo: Servo, sensors: Sensors, is_continuous: bool = False
 ) -> Followed:
     """An arm along a trajectory that begins where the servo's does, with its speeds.
 
     Args:
-        frames: where its joints are.
-        parameters: of its joints and links (njoint x 13).
+        tree: where its joints are.
+        parameters: of them and of its links (njoint x 13).
         timestep: in s.
         servo: what drives it.
         sensors: what it sees of it.
         is_continuous: whether it moves continuously, with dry friction that builds up over PRESLIDING.
     """
-    n = len(parameters)
-    motion, space, by_angle = new_motion(n), new_space(n), np.zeros((5, n))
-    motion.position[:], motion.speed[:] = servo.angles[0] - sensors.offset, servo.speeds[0]
-    motion.side[:] = motion.slip[0] = np.sign(motion.speed)
-    by_angle[4] = PRESLIDING * is_continuous
-    arm = frames, parameters, timestep, by_angle, motion, space
-    return recorded(servo, lambda *read: _follow_arm(arm, servo.driven, sensors.seen, *read))
+    n = tree.njoint
+    joints = no_joints(n, 2)._replace(presliding=np.array([PRESLIDING]))
+    softness = softness_of(tree, parameters)[0] if parameters[:, COULOMB].any() and not is_continuous else None
+    balance = spatial_balance(frames_of(tree), parameters, None, softness, joints, is_continuous)
+    nothing = spatial_derivatives(np.empty(0, dtype=np.intp), np.empty((0, 0)), NOTHING_FURTHER, n)
+    start = np.array([servo.angles[0] - sensors.offset, servo.speeds[0]])
+    arm = balance, nothing, spatial_workspace(n, 0, is_continuous=is_continuous), np.zeros((1, n))
+    settings = start, timestep, is_continuous
+    return recorded(servo, lambda *read: _follow_arm(arm, settings, servo.driven, sensors.seen, *read))
 
 
 @compiled
-def _follow_arm(arm, driven, seen, angles, speeds, torques):  # type: ignore[no-untyped-def]
+def _follow_arm(arm, settings, driven, seen, angles, speeds, torques):  # type: ignore[no-untyped-def]
     """Fills `angles`, `speeds` (nstep + 1 x njoint) and `torques` (nstep x njoint); returns the steps before it was
     lost.
     """
-    frames, parameters, timestep, by_angle, motion, space = arm
+    (balance, nothing, work, held), (start, timestep, is_continuous) = arm, settings
     _, torque_noise, _, delay, _ = seen
     steps, n = torques.shape
-    is_dry = False
-    for i in range(n):
-        is_dry = is_dry or (parameters[i, 12] != 0.0 and by_angle[4, i] == 0.0)
-    if is_dry and not soften(frames, parameters, motion, space):
-        return 0
+    set_off(start, 0, 0, work)
     for step in range(steps + 1):
-        if not read_and_command(step, motion.position, motion.speed, driven, seen, angles, speeds, torques):
+        if not read_and_command(step, work.angle, work.speed, driven, seen, angles, speeds, torques):
             return step
         if step == steps:
             break
-        if by_angle[4, 0] > 0.0:
-            held = motion.held
-            for i in range(n):
-                held[i] = torque_noise[step, i] + (torques[step - delay, i] if step >= delay else 0.0)
-            if not move_on(frames, parameters, held, by_angle, (timestep, 1, RUNGE_KUTTA), motion, space):
+        for i in range(n):
+            held[0, i] = torque_noise[step, i] + (torques[step - delay, i] if step >= delay else 0.0)
+        if is_continuous:
+            if not flow(0, held, balance, nothing, timestep, work):
                 return step
-            continue
-        force = motion.force
-        move_links(frames, motion.position, motion.speed, motion.zero, space)
-        joint_torques(frames, parameters, space, force)
-        for i in range(n):
-            sent = torques[step - delay, i] if step >= delay else 0.0
-            force[i] = sent + torque_noise[step, i] - force[i] - parameters[i, 11] * motion.speed[i]
-        fill_mass_matrix(frames, parameters, space)
-        moves = accelerate_with_friction(parameters, motion, space) if is_dry else accelerate_freely(motion, space)
-        if not moves:
+        elif not (accelerate(0, held, balance, work) and move(timestep, work)):
             return step
-        for i in range(n):
-            motion.speed[i] += timestep * motion.beyond[i]
-            motion.position[i] += timestep * motion.speed[i]
     return steps

@@ -24,6 +24,7 @@ from metaid.compiled.objective import Objective
 from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.sharing import share_out
 from metaid.compiled.stages import DirectStep, MujocoStep, fastest_step, mujoco_step
+from metaid.compiled.undocumented import class_of
 from metaid.compiled.validation_loops import coasting_steps, track_compiled
 
 __all__ = [
@@ -36,6 +37,7 @@ __all__ = [
     "Run",
     "Spread",
     "agrees_with_stepwise",
+    "class_of",
     "coasting_steps",
     "compiled",
     "correct",

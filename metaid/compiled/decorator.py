@@ -40,7 +40,7 @@ if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
 KEPT = 4  # folders in one place: those that were used last; two working copies or environments may take turns
 
 _OWN = Path(__file__).resolve().parent
-_INLINED = (_OWN, _OWN.parent / "models")
+_INLINED = (_OWN, _OWN / "spatial", _OWN.parent / "models")
 _PREFIX = "machine-code-"
 
 _options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "forceinline": True, **WITHOUT_REFERENCE_COUNTS}

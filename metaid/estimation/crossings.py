@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from metaid.compiled import compiled, share_out
 from metaid.estimation.log_unknowns import LogUnknowns
-from metaid.estimation.motion import accelerate, move, set_off
-from metaid.estimation.tangent import force_by_unknowns, linearise, move_tangent
 from metaid.estimation.trials import WatchedTrial
-from metaid.estimation.workspace import balance, derivatives, workspace
+from metaid.estimation.twin.planar_motion import accelerate, planar_balance, planar_derivatives, planar_workspace
+from metaid.estimation.twin.planar_slopes import force_by_unknowns, linearise
+from metaid.estimation.twin.state import move, set_off
+from metaid.estimation.twin.tangent import move_tangent
 from metaid.models import Array
 
 MISS, TOP = 0, 1  # rows of `touches`
@@ -69,14 +70,14 @@ def count_crossings(
     nunknown = len(log_factors) * slopes
     ends = np.ascontiguousarray(trial.ends[:windows])
     forces = (
-        balance(trial.law, lumps, unknowns.gravity, float(np.max(trial.stiffness))),
-        derivatives(unknowns, lumps),
+        planar_balance(trial.law, lumps, unknowns.gravity, float(np.max(trial.stiffness))),
+        planar_derivatives(unknowns, lumps),
     )
     settled = NO_FORCES, *forces, trial.timestep, ends
     shown, reached = _counters(npush, windows, n, nunknown), np.zeros(npush, dtype=np.int64)
 
     def run(first: int, stride: int) -> None:
-        own = workspace(n, nunknown, False), _crossing(n, nunknown)
+        own = planar_workspace(n, nunknown), _crossing(n, nunknown)
         _count_pushes(first, stride, trial.starts, *settled, *own, shown, reached)
 
     share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * max(nunknown, 1))

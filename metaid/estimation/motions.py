@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from metaid.estimation.descent import NOTHING, Residuals
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults
 from metaid.estimation.trials import Replay, WatchedTrial
-from metaid.estimation.twin import Motion
-from metaid.estimation.twins import twin_of
+from metaid.estimation.twin import Motion, twin_of
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 

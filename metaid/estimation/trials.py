@@ -112,11 +112,6 @@ class ReadTrial:
         seen = np.arange(nstep) < self.steps[:, None]
         return np.where(seen, np.diff(self.times[:, : nstep + 1], axis=1) / self.substeps, self.timestep)
 
-    @cached_property
-    def forces(self) -> Array:
-        """The torques as generalised forces in absolute angles (npush x nstep x njoint), in N m."""
-        return np.ascontiguousarray(-np.diff(self.torques, axis=-1, append=0.0))
-
     def only(self, pushes: NDArray[np.intp]) -> ReadTrial:
         """The same with these `pushes` alone."""
         of_pushes = ("readings", "torques", "steps", "start_speeds", "start_spread", "poses", "times")

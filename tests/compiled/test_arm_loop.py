@@ -10,19 +10,15 @@ import pytest
 from random_arm import random_arm
 
 from metaid.compiled import agrees_with_stepwise
-from metaid.compiled.spatial import (
-    RUNGE_KUTTA,
-    ArmLoop,
-    Times,
-    commanded_arm_torques,
-    follow_laws,
-    follow_torques,
-    frames_of,
-)
+from metaid.compiled.spatial import ArmLoop, commanded_arm_torques, frames_of
 from metaid.compiled.spatial.vectors import cosine_and_sine
 from metaid.compiled.stages import agrees_with_mj_step
 from metaid.episode import MEASURES, Episode, FallRule, Record, arm_episode, run_stepwise, same_record, window_ends
-from metaid.models.tree import Tree, joint_torque
+from metaid.estimation import BaseUnknowns, ReadTrial, WatchedTrial
+from metaid.estimation.trials import Driven
+from metaid.estimation.twin import Twin, twin_of
+from metaid.estimation.twin.workspace import no_joints
+from metaid.models.tree import ArmPrior, Tree, joint_torque
 from metaid.plant import ArmPlant, ArmSettings, ArmStart, FaultSettings, FaultyPlant, slope_weights
 from metaid.plant.description import arm_model
 
@@ -54,6 +50,12 @@ def hertz(record: Record, episode: Episode) -> float:
 def wrong(tree: Tree) -> Tree:
     """A candidate that is not the arm."""
     return replace(tree, mass=1.2 * tree.mass, coulomb=0.5 * tree.coulomb, rotor=0.8 * tree.rotor)
+
+
+def at(tree: Tree) -> Twin:
+    """The twin that is this arm."""
+    unknowns = BaseUnknowns(ArmPrior(tree))
+    return twin_of(unknowns, np.zeros(len(unknowns.names))).alone
 
 
 ARMS = [random_arm(4, 1, friction=False), random_arm(4, 2), random_arm(3, 3, (1,)), random_arm(3, 4, (0,), False)]
@@ -171,13 +173,14 @@ def test_twin_with_the_truth_moves_as_mujoco_does(tree: Tree) -> None:
     episode, law = episode_of(tree, steps=100), wrong(tree)
     episode = replace(episode, pushes=0.2 * episode.pushes, fall_rule=FallRule(runaway=100.0))
     record = ArmLoop(plant_of(tree), episode).run(law.parameters)
-    truth = np.stack([tree.parameters, 1.1 * tree.parameters])
-    windows = record.windows.ends, record.windows.seen
-    followed = follow_laws(frames_of(tree), law.parameters, truth, (episode.states, episode.springs), windows, 0.002)
-    assert followed.arrived.all()
+    trial = WatchedTrial(law.parameters, 0.002, episode.states, record.windows, episode.springs)
+    twin, other = (
+        at(tree.with_parameters(factor * tree.parameters)).watch(trial, len(trial.ends)) for factor in (1.0, 1.1)
+    )
+    assert (twin.reached == record.windows.seen).all()
     scale = np.abs(record.windows.speeds).max()
-    np.testing.assert_allclose(followed.values[0], record.windows.speeds, atol=1e-11 * scale)
-    assert np.abs(followed.values[1] - record.windows.speeds).max() > 1e-4 * scale
+    np.testing.assert_allclose(twin.speeds, record.windows.speeds, atol=1e-11 * scale)
+    assert np.abs(other.speeds - record.windows.speeds).max() > 1e-4 * scale
 
 
 def test_driven_twin_shows_what_the_sensors_read() -> None:
@@ -193,12 +196,12 @@ def test_driven_twin_shows_what_the_sensors_read() -> None:
     torques = commanded_arm_torques(frames_of(tree), law.parameters, episode, readings, speeds)
     pull = -episode.springs[:, None] * (readings[:, 20] - episode.states[:, 0])
     np.testing.assert_allclose(torques[:, 20], joint_torque(law, readings[:, 20], speeds[:, 20], pull), rtol=1e-9)
-    basis = np.eye(STEPS + 1)[None]  # each coefficient is the angle at one reading
-    seen = basis, np.zeros(episode.npush, dtype=np.int64), np.full(episode.npush, STEPS)
-    times = Times(np.full(torques.shape[:2], 0.002))
-    twin = follow_torques(frames_of(tree), tree.parameters[None], episode.states[None], torques, seen, times)
-    assert twin.arrived.all()
-    difference = twin.values[0] - readings
+    starts, seen = episode.states, np.full(episode.npush, STEPS)
+    trial = ReadTrial(0.002, readings, torques, seen, starts[:, 1], None, np.full(tree.njoint, 1e-4))
+    basis = np.tile(np.eye(STEPS + 1), (episode.npush, 1, 1))  # each coefficient is the angle at one reading
+    twin = at(tree).drive(Driven(trial, starts, seen, basis), None)
+    assert twin is not None
+    difference = twin.values.swapaxes(1, 2) - readings
     assert 0.8e-4 < difference.std() < 1.2e-4
 
 
@@ -211,27 +214,25 @@ def test_dry_friction_of_an_arm_that_moves_continuously_builds_up_over_a_way() -
     tree = replace(random_arm(1, 3), gravity=np.zeros(3), rotor=np.ones(1), coulomb=given[0], damping=given[1])
     ramp = 1.0 - np.abs(np.arange(2 * steps) / steps - 1.0)
     torques = share * dry * ramp[None, :, None]
-    by_angle = np.vstack([np.zeros((4, 1)), [[over]]])
     at_ends = np.eye(2 * steps + 1)[None][..., [steps, 2 * steps]]
-    seen = at_ends, np.zeros(1, dtype=np.int64), np.full(1, 2 * steps)
-    times = Times(np.full((1, 2 * steps), 2e-3), order=RUNGE_KUTTA)
-    twin = follow_torques(
-        frames_of(tree), tree.parameters[None], np.zeros((1, 1, 2, 1)), torques, seen, times, by_angle
-    )
+    seen, still = np.full(1, 2 * steps), np.zeros((1, 2 * steps + 1, 1))
+    trial = ReadTrial(2e-3, still, torques, seen, np.zeros((1, 1)), None, np.ones(1), is_continuous=True)
+    joints = no_joints(1, 2)._replace(presliding=np.array([over]))
+    twin = at(tree).drive(Driven(trial, np.zeros((1, 2, 1)), seen, at_ends), joints)
+    assert twin is not None
     bent = -over * np.log(1.0 - share)
-    np.testing.assert_allclose(twin.values[0, 0, :, 0], [bent, bent - over * np.log(1.0 + share)], rtol=0.02)
+    np.testing.assert_allclose(twin.values[0, 0], [bent, bent - over * np.log(1.0 + share)], rtol=0.02)
 
 
 def test_twin_without_a_mass_matrix_is_refused() -> None:
     """A candidate whose mass matrix is not positive definite does not arrive."""
     tree = ARMS[0]
     episode = episode_of(tree)
-    candidates = np.stack([tree.parameters, -tree.parameters])
-    windows = np.array(episode.window_ends), np.full(4, len(episode.window_ends))
-    pushes = episode.states, episode.springs
-    followed = follow_laws(frames_of(tree), tree.parameters, candidates, pushes, windows, 0.002)
-    assert followed.arrived[0].all()
-    assert not followed.arrived[1].any()
+    record = ArmLoop(plant_of(tree), episode).run(tree.parameters)
+    assert record.windows is not None
+    trial = WatchedTrial(tree.parameters, 0.002, episode.states, record.windows, episode.springs)
+    assert at(tree).watch(trial, len(trial.ends)).reached.all()
+    assert not at(tree.with_parameters(-tree.parameters)).watch(trial, len(trial.ends)).reached.any()
 
 
 @pytest.mark.parametrize("slides", [(), (1,)])

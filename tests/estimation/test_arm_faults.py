@@ -9,9 +9,10 @@ import mujoco
 import numpy as np
 import pytest
 from random_arm import random_arm
+from slopes import assert_slopes
 
 from metaid.estimation import BaseUnknowns, Readings, ReadTrial, SearchedFaults, fit, searched_faults
-from metaid.estimation.noisy import take_up, unmodelled_forces
+from metaid.estimation.noisy import Innovations, take_up, unmodelled_forces
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, Tree, joint_torque
 from metaid.plant.description import arm_model
@@ -85,6 +86,30 @@ def searched_of(searched: BaseUnknowns, kinds: tuple[str, ...], trial: ReadTrial
     found = estimate.faults
     true = np.concatenate([np.asarray(TRUE[kind]) for kind in kinds])
     return np.asarray((found.values - true) / found.deviations)
+
+
+@pytest.mark.parametrize("is_led", [False, True])
+@pytest.mark.parametrize("is_continuous", [False, True])
+@pytest.mark.parametrize(
+    "kinds", [("delay", "offset", "viscous", "spring", "gain", "cogging", "bias", "dry", "presliding"), ("tilt", "lag")]
+)
+def test_slopes_by_all_that_is_unknown_are_those_of_the_residuals(
+    kinds: tuple[str, ...], is_continuous: bool, is_led: bool
+) -> None:
+    """Of an arm with a slide away from the truth: by base parameters and faults, whether a filter leads the twin or
+    none; where it moves continuously with dry friction, too.
+    """
+    tree = random_arm(3, 2, (2,), friction=is_continuous)
+    kinds = tuple(kind for kind in kinds if is_continuous or kind not in ("dry", "presliding"))
+    trial, searched = pushed(tree, ()), BaseUnknowns(ArmPrior(nominal_of(tree), tilts=True))
+    trial = replace(trial, is_continuous=is_continuous)
+    wanted = searched_faults(kinds, searched, trial.start_speeds, teeth=9)
+    readings: Readings | None = Readings([trial], searched, faults=wanted)
+    point = 0.02 * np.random.default_rng(0).standard_normal(len(readings.spreads))
+    if is_led:
+        readings = Innovations([trial], searched, faults=wanted).led(point, some_noise(searched, trial))
+        assert readings is not None
+    assert_slopes(readings, point)
 
 
 @pytest.mark.parametrize(

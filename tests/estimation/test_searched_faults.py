@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from slopes import assert_slopes
 from watched import GRAVITY, NOISE, TIMESTEP, raised, some_torque, watched
 
 from metaid.estimation import FoundFaults, LogUnknowns, Readings, ReadTrial, SearchedFaults, fit, searched_faults
@@ -116,14 +117,7 @@ def test_slopes_by_faults_are_those_of_the_residuals(kinds: tuple[str, ...], is_
     if is_led:
         readings = Innovations([trial], unknowns, faults=searched).led(point, some_torque(seen))
         assert readings is not None
-    here = readings.residuals(point, readings.stages)
-    assert here is not None
-    for direction, own in zip(np.eye(len(point)), here.slopes.T, strict=True):
-        ahead, behind = (readings.residuals(point + side * direction, readings.stages) for side in (1e-5, -1e-5))
-        assert ahead is not None
-        assert behind is not None
-        slope = (ahead.values - behind.values) / 2e-5
-        assert own == pytest.approx(slope, rel=1e-3, abs=1e-3 * float(np.abs(slope).max()))
+    assert_slopes(readings, point)
 
 
 def test_fault_that_is_searched_is_no_force_that_the_model_has_not() -> None:

@@ -10,8 +10,8 @@ from watched import GRAVITY, NOISE, raised, watched
 
 from metaid.estimation import ChainLaws, Experiment, LogUnknowns, Loop, Readings, ReadTrial, upright
 from metaid.estimation.noisy import Innovations, fit_with_torque_noise, unmodelled_forces
-from metaid.estimation.planar_twin import PlanarTwin
 from metaid.estimation.trials import Filtered, Gains, Joints
+from metaid.estimation.twin import PlanarTwin
 from metaid.models import Lumps
 from metaid.plant import FaultSettings
 

@@ -13,8 +13,7 @@ from watched import GRAVITY, raised, watched
 
 from metaid.compiled import share_out, sharing
 from metaid.estimation import LogUnknowns
-from metaid.estimation.planar_twin import PlanarTwin
-from metaid.estimation.twin import Motion
+from metaid.estimation.twin import Motion, PlanarTwin
 from metaid.models import Array
 
 ALL = ("gravity", "coriolis", "damping", "coulomb", "inertia")

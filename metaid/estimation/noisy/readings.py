@@ -26,8 +26,7 @@ from metaid.estimation.trials import (
     ReadTrial,
     Replay,
 )
-from metaid.estimation.twin import Twin
-from metaid.estimation.twins import twin_of
+from metaid.estimation.twin import Twin, twin_of
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 

@@ -11,9 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from metaid.compiled import compiled, correct, fused, keep_step, weigh, widen
-from metaid.estimation.flow import begin_slips, flow
-from metaid.estimation.motion import accelerate, move, set_off
-from metaid.estimation.tangent import linearise
+from metaid.estimation.twin.flow import flow
+from metaid.estimation.twin.joints import begin_slips
+from metaid.estimation.twin.kernels import accelerate, linearise
+from metaid.estimation.twin.state import move, set_off
 
 
 @compiled
@@ -24,16 +25,18 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
 
     Args:
         start: joint angles and speeds (2 x njoint) right after the push, in rad and rad/s.
-        begin: covariance of the absolute angles and speeds then (2 njoint x 2 njoint).
-        forces: Q of Eq. 22 at each step (nstep x njoint), in N m: what was commanded.
-        readings: absolute angles (nstep + 1 x njoint), in rad.
-        balance, work: see `workspace`; `balance` without a law.
+        begin: covariance of angles and speeds then (2 njoint x 2 njoint), in the kernel's coordinates, as all that
+            follows is.
+        forces: at each step (nstep x njoint), in N m: what was commanded.
+        readings: angles (nstep + 1 x njoint), in rad.
+        balance: of a kernel, without a law.
         settings: timestep of each step (nstep), in s; how many timesteps a step has; whether the plant moves
             continuously; `derivatives` of nothing.
-        noise: covariances of a reading, in rad², and of Q, in (N m)² (njoint x njoint each).
+        noise: covariances of a reading, in rad², and of the forces, in (N m)² (njoint x njoint each).
         steps: for how many the push is followed.
+        work: see `workspace`.
         spread: see `Spread`.
-        run: a push of a `Run`, of absolute angles, in rad, and their speeds, in rad/s, filled in.
+        run: a push of a `Run`, filled in.
     """
     timesteps, substeps, is_continuous, nothing = settings
     of_reading, of_force = noise

@@ -1,16 +1,15 @@
-"""The simulated twin of a robot, as what is compared sees it."""
+"""What the simulated twin of a robot shows of a trial on exact sensors, and a filter that leads it through others."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from metaid.compiled import Run, likelihood_about
-from metaid.estimation.trials import Coefficients, Driven, Filtered, Gains, Joints, WatchedTrial
+from metaid.estimation.trials import Gains
 from metaid.models import Array
 
 
@@ -76,32 +75,3 @@ class Filter:
 
     def _noise(self, torque_noise: Array) -> tuple[Array, Array]:
         return self.of_reading, np.ascontiguousarray((self.forces * torque_noise**2) @ self.forces.T)
-
-
-class Twin(Protocol):
-    """A robot with some unknowns, simulated. The derivatives of what it shows are by these, by what is further unknown
-    of a trial, and by what is of its starts, in this order.
-    """
-
-    def watch(self, trial: WatchedTrial, windows: int, /, energies: bool = False) -> Motion:
-        """The first so many `windows` of each push of a trial, under the same law; with `energies` and their
-        derivatives, where it has them.
-        """
-
-    def trace(self, trial: WatchedTrial, steps: NDArray[np.int64], /) -> tuple[Array, NDArray[np.bool_]]:
-        """Joint coordinates after so many `steps` of each push of a trial (npush x nsteps x njoint), under the same
-        law, and whether the push was seen so far and the twin got there (npush x nsteps).
-        """
-
-    def drive(self, driven: Driven, joints: Joints | None, /, led: Gains | None = None) -> Coefficients | None:
-        """What it shows of a noisy trial, driven by what was commanded; None where it cannot follow.
-
-        Args:
-            driven: the trial.
-            joints: what they have beside the parameters; None for nothing.
-            led: gains of a filter that sets it right by the readings. The coefficients are then those of the whitened
-                innovations.
-        """
-
-    def lead(self, filtered: Filtered, joints: Joints | None, /) -> Filter:
-        """A filter through some pushes of a trial (Eq. 35), with what `joints` have beside the parameters."""

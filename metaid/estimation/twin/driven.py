@@ -10,10 +10,12 @@ Where torques are noisy, the readings set the twin right, and its whitened innov
 from __future__ import annotations
 
 from metaid.compiled import compiled, fused
-from metaid.estimation.beside import force_beside
-from metaid.estimation.flow import flow
-from metaid.estimation.motion import accelerate, move, set_off
-from metaid.estimation.tangent import force_by_unknowns, linearise, move_tangent
+from metaid.estimation.twin.beside import force_beside
+from metaid.estimation.twin.flow import flow
+from metaid.estimation.twin.joints import joint_state
+from metaid.estimation.twin.kernels import accelerate, force_by_unknowns, linearise
+from metaid.estimation.twin.state import move, set_off
+from metaid.estimation.twin.tangent import move_tangent
 
 
 @compiled
@@ -22,14 +24,15 @@ def watch_readings(start, forces, balance, derivatives, settings, led, basis, st
 
     Args:
         start: joint angles and speeds (2 x njoint) right after the push, in rad and rad/s.
-        forces: Q of Eq. 22 at each step (nstep x njoint), in N m: what was commanded.
-        balance, derivatives, work: see `workspace`; `balance` without a law.
+        forces: at each step (nstep x njoint), in N m, in the kernel's coordinates: what was commanded.
+        balance, derivatives: of a kernel; the first without a law.
         settings: timestep of each step (nstep), in s; the column of the first of the start's unknowns; how many these
             are; how many timesteps a step has; whether the plant moves continuously.
-        led: the absolute angles that were read (nstep + 1 x njoint), in rad, and the gains and the weights that
-            `filtered.lead` has filled in; all empty for a twin that is not led.
+        led: the angles that were read (nstep + 1 x njoint), in rad, in the kernel's coordinates, and the gains and the
+            weights that `filtered.lead` has filled in; all empty for a twin that is not led.
         basis: the polynomials at every reading (nstep + 1 x ncoefficient), that of the push first.
         steps: for how many the push is followed.
+        work: see `workspace`.
         coefficients: of the joint angles (njoint x ncoefficient), in rad, or of the whitened innovations, filled in.
         slopes: their derivatives (njoint x ncoefficient x nunknown), filled in.
     """
@@ -49,7 +52,7 @@ def watch_readings(start, forces, balance, derivatives, settings, led, basis, st
                 return False
             if work.moved.shape[1] > 0:
                 linearise(balance, work)
-                force_by_unknowns(derivatives, work)
+                force_by_unknowns(balance, derivatives, work)
                 force_beside(reading - 1, balance, derivatives.beside, work)
                 move_tangent(timestep, 0.0, False, work)
             if not move(timestep, work):
@@ -66,11 +69,10 @@ def watch_readings(start, forces, balance, derivatives, settings, led, basis, st
 @compiled
 def _add(polynomials, work, coefficients):  # type: ignore[no-untyped-def]
     """Adds what the reading after this step has of the coefficients."""
-    below = 0.0
     for i in range(coefficients.shape[0]):
+        angle = joint_state(i, work)[0]
         for k in range(coefficients.shape[1]):
-            coefficients[i, k] += polynomials[k] * (work.angle[i] - below)
-        below = work.angle[i]
+            coefficients[i, k] += polynomials[k] * angle
 
 
 @fused
@@ -81,8 +83,8 @@ def _add_slopes(polynomials, work, slopes):  # type: ignore[no-untyped-def]
         own, joint = work.moved[i], work.changed[0, :nunknown]
         for p in range(joint.shape[0]):
             joint[p] = own[p]
-        if i > 0:
-            below = work.moved[i - 1]
+        if work.below[i] >= 0:
+            below = work.moved[work.below[i]]
             for p in range(joint.shape[0]):
                 joint[p] -= below[p]
         for k in range(ncoefficient):
@@ -93,10 +95,8 @@ def _add_slopes(polynomials, work, slopes):  # type: ignore[no-untyped-def]
 
 @fused
 def _correct_state(seen, gain, weight, polynomials, work, coefficients):  # type: ignore[no-untyped-def]
-    """Adds what the innovation of a reading has of the coefficients, and sets the state right by it. `cosine` is free
-    until the next step.
-    """
-    innovation = work.cosine
+    """Adds what the innovation of a reading has of the coefficients, and sets the state right by it."""
+    innovation = work.free
     n = innovation.shape[0]
     for i in range(n):
         innovation[i] = work.angle[i] - seen[i]

@@ -1,0 +1,24 @@
+"""The simulated twin of a robot, and the derivatives of what it shows by all that is unknown.
+
+`twin_of(unknowns, point)` moves by a planar or a spatial kernel, whichever the unknowns have. `watch` shows windows of
+a trial on exact sensors, `drive` the readings of a noisy one, `lead` a filter through these.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from metaid.estimation.twin.planar import PlanarTwin
+from metaid.estimation.twin.shown import Filter, Motion
+from metaid.estimation.twin.spatial import SpatialTwin
+from metaid.estimation.twin.twin import Twin
+from metaid.estimation.unknowns import Unknowns
+from metaid.models import Array
+
+TWINS: dict[str, Callable[[Any, Array], Twin]] = {"planar": PlanarTwin, "spatial": SpatialTwin}
+
+__all__ = ["Filter", "Motion", "PlanarTwin", "SpatialTwin", "Twin", "twin_of"]
+
+
+def twin_of(unknowns: Unknowns, point: Array) -> Twin:
+    """The twin of a robot with these `unknowns` at a `point` (nunknown)."""
+    return TWINS[unknowns.kernel](unknowns, point)

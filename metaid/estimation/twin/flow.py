@@ -1,0 +1,91 @@
+"""One step of the twin of a plant that moves continuously, by the fourth-order Runge-Kutta method, and its derivative
+by every unknown, compiled.
+
+The torque is held for the step, as a motor holds it (Eq. 46). In each of the four stages φ̇ = ω and ω̇ = α,
+and the derivatives move as Eq. 23 says. So they are exact for the discrete motion, as those of Euler's steps are.
+"""
+
+from __future__ import annotations
+
+from metaid.compiled import compiled, fused
+from metaid.estimation.twin.beside import force_beside
+from metaid.estimation.twin.joints import begin_slips, end_slips, force_by_slips
+from metaid.estimation.twin.kernels import accelerate, force_by_unknowns, linearise
+from metaid.estimation.twin.tangent import accelerate_tangent
+
+
+@compiled
+def flow(step, forces, balance, derivatives, timestep, work):  # type: ignore[no-untyped-def]
+    """Moves the twin and its derivatives on by a timestep; whether it could.
+
+    Args:
+        step: of the commanded torques, from 0.
+        forces: that act at each step (nstep x njoint), in N m.
+        balance, derivatives: of a kernel; the first without a law.
+        work: see `workspace`.
+        timestep: in s.
+    """
+    angle, speed, stages = work.angle, work.speed, work.stages
+    n = angle.shape[0]
+    for i in range(n):
+        stages[0, i], stages[1, i] = angle[i], speed[i]
+        stages[2, i] = stages[3, i] = 0.0
+    begin_slips(work)
+    _hold(work)
+    for stage in range(4):
+        if not accelerate(step, forces, balance, work):
+            return False
+        if work.moved.shape[1] > 0:
+            linearise(balance, work)
+            force_by_unknowns(balance, derivatives, work)
+            force_by_slips(balance, work)
+            force_beside(step, balance, derivatives.beside, work)
+            accelerate_tangent(work)
+        weight = timestep / 6.0 if stage == 0 or stage == 3 else timestep / 3.0
+        ahead = 0.0 if stage == 3 else timestep if stage == 2 else 0.5 * timestep
+        for i in range(n):
+            rate, change = speed[i], work.acceleration[i]
+            stages[2, i] += weight * rate
+            stages[3, i] += weight * change
+            angle[i], speed[i] = stages[0, i] + ahead * rate, stages[1, i] + ahead * change
+        _add_stage(weight, ahead, work)
+    for i in range(n):
+        angle[i], speed[i] = stages[0, i] + stages[2, i], stages[1, i] + stages[3, i]  # Eq. 46
+        if not abs(speed[i]) * timestep <= 1.0:
+            return False
+    _add_all(work)
+    end_slips(balance, derivatives.beside, work)
+    return True
+
+
+@fused
+def _hold(work):  # type: ignore[no-untyped-def]
+    """Keeps the derivatives before the step."""
+    for i in range(2 * work.angle.shape[0]):
+        row, held, added = work.moved[i], work.held[i], work.added[i]
+        for p in range(row.shape[0]):
+            held[p], added[p] = row[p], 0.0
+
+
+@fused
+def _add_stage(weight, ahead, work):  # type: ignore[no-untyped-def]
+    """Adds what a stage has of the step to the derivatives, and sets off for the next, so far `ahead` of the step."""
+    n = work.angle.shape[0]
+    for i in range(n):
+        angle_row, speed_row, change = work.moved[i], work.moved[n + i], work.changed[i]
+        held_angle, held_speed = work.held[i], work.held[n + i]
+        added_angle, added_speed = work.added[i], work.added[n + i]
+        for p in range(change.shape[0]):
+            added_angle[p] += weight * speed_row[p]
+            added_speed[p] += weight * change[p]
+            angle_row[p] = held_angle[p] + ahead * speed_row[p]
+            speed_row[p] = held_speed[p] + ahead * change[p]
+
+
+@fused
+def _add_all(work):  # type: ignore[no-untyped-def]
+    """The derivatives after the step."""
+    for i in range(2 * work.angle.shape[0]):
+        row, held, added = work.moved[i], work.held[i], work.added[i]
+        for p in range(row.shape[0]):
+            row[p] = held[p] + added[p]

@@ -1,0 +1,192 @@
+"""What joints do beside the dynamics of links, compiled: friction, springs, cogging, for every kernel alike.
+
+A joint turns a link, and the one below the other way. With s the share of dry friction that has built up (Eq. 67), its
+torque is f = d q̇ + c sgn(q̇) + k (q - q₀) + cogging - f_d s, with signs as `balance` has them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from metaid.compiled import compiled, dahl, fused
+from metaid.models import SLIDING
+
+
+@compiled
+def joint_state(joint, work):  # type: ignore[no-untyped-def]
+    """Angle and speed of a joint, in rad and rad/s."""
+    below = work.below[joint]
+    if below < 0:
+        return work.angle[joint], work.speed[joint]
+    return work.angle[joint] - work.angle[below], work.speed[joint] - work.speed[below]
+
+
+@compiled
+def joint_force(joint, balance, work):  # type: ignore[no-untyped-def]
+    """The torque in a joint, in N m; keeps the share of dry friction.
+
+    Args:
+        joint: which, from 0.
+        balance: what the motion follows from, of a kernel.
+        work: see `workspace`.
+    """
+    angle, speed = joint_state(joint, work)
+    bent, share = angle - balance.straight[joint], min(max(speed * (1.0 / SLIDING), -1.0), 1.0)
+    force = balance.damping[joint] * speed + balance.coulomb[joint] * share + balance.spring[joint] * bent
+    if balance.cogging[2, joint] != 0.0:
+        phase = balance.cogging[2, joint] * bent
+        force += balance.cogging[0, joint] * np.cos(phase) + balance.cogging[1, joint] * np.sin(phase)  # Eq. 42
+    if balance.presliding > 0.0:
+        force -= _slipping(joint, angle, speed, balance, work)
+    else:
+        work.slip[2, joint] = share
+    return force
+
+
+@compiled
+def _slipping(joint, angle, speed, balance, work):  # type: ignore[no-untyped-def]
+    """Dry friction, in N m, in a joint, by Dahl's law from where the step began (Eq. 67); keeps its share."""
+    share = dahl(work.slip[0, joint], angle - work.slip[1, joint], speed, balance.presliding)
+    work.slip[2, joint] = share
+    return balance.dry[joint] * share
+
+
+@fused
+def slopes_of_joints(balance, work):  # type: ignore[no-untyped-def]
+    """Adds to H of `solved` what friction in joint i does to link i, and the other way to the one below; to G what
+    springs, cogging and dry friction that builds up do.
+    """
+    solved = work.solved
+    n = work.speed.shape[0]
+    for i in range(n):
+        angle, speed = joint_state(i, work)
+        slope, spring = balance.damping[i], balance.spring[i]
+        slope += balance.coulomb[i] / SLIDING if abs(speed) < SLIDING else 0.0
+        if balance.cogging[2, i] != 0.0:
+            phase = balance.cogging[2, i] * (angle - balance.straight[i])
+            by_phase = balance.cogging[1, i] * np.cos(phase) - balance.cogging[0, i] * np.sin(phase)
+            spring += balance.cogging[2, i] * by_phase
+        if balance.dry[i] != 0.0:
+            spring -= balance.dry[i] * builds_up(i, balance, work)
+        solved[i, 2 * n + i] += slope
+        solved[i, n + i] += spring
+        below = work.below[i]
+        if below >= 0:
+            solved[i, 2 * n + below] -= slope
+            solved[below, 2 * n + i] -= slope
+            solved[below, 2 * n + below] += slope
+            solved[i, n + below] -= spring
+            solved[below, n + i] -= spring
+            solved[below, n + below] += spring
+
+
+@fused
+def builds_up(joint, balance, work):  # type: ignore[no-untyped-def]
+    """The derivative of the share of dry friction in a joint by its angle, in 1/rad.
+
+    Args:
+        joint: which, from 0.
+        balance: what the motion follows from, of a kernel.
+        work: see `workspace`; `slip` is as the force was.
+    """
+    angle, speed = joint_state(joint, work)
+    moved = angle - work.slip[1, joint]
+    goal = np.sign(moved) if moved != 0.0 else np.sign(speed)
+    return goal * (goal - work.slip[2, joint]) / balance.presliding
+
+
+@fused
+def lever(link, joint, work):  # type: ignore[no-untyped-def]
+    """The acceleration of a link by a torque of 1 N m in a joint.
+
+    Args:
+        link: which, from 0.
+        joint: which, from 0.
+        work: see `workspace`; `solved` as `linearise` has filled it.
+    """
+    below = work.below[joint]
+    return work.solved[link, joint] - (work.solved[link, below] if below >= 0 else 0.0)
+
+
+@fused
+def begin_slips(work):  # type: ignore[no-untyped-def]
+    """Keeps where joints are, from which dry friction builds up."""
+    for i in range(work.angle.shape[0]):
+        work.slip[1, i] = joint_state(i, work)[0]
+
+
+@fused
+def force_by_slips(balance, work):  # type: ignore[no-untyped-def]
+    """Adds to `changed` what dry friction depends on from before the step: where the joint was, and its share then."""
+    n = work.angle.shape[0]
+    for i in range(n):
+        if balance.dry[i] == 0.0:
+            continue
+        by_share, by_angle = _slip_slopes(i, balance, work)
+        slipped, own, below = work.slipped[i], work.held[i], work.below[i]
+        for r in range(n):
+            weight, row = -balance.dry[i] * lever(r, i, work), work.changed[r]
+            other = weight * by_angle
+            for p in range(row.shape[0]):
+                row[p] += weight * by_share * slipped[p] - other * own[p]
+            if below >= 0:
+                held = work.held[below]
+                for p in range(row.shape[0]):
+                    row[p] += other * held[p]
+
+
+@fused
+def _slip_slopes(joint, balance, work):  # type: ignore[no-untyped-def]
+    """Derivatives of the share of dry friction by that before the step, and by the angle now, in 1/rad."""
+    moved = joint_state(joint, work)[0] - work.slip[1, joint]
+    return np.exp(-abs(moved) / balance.presliding), builds_up(joint, balance, work)
+
+
+@fused
+def end_slips(balance, beside, work):  # type: ignore[no-untyped-def]
+    """The share of dry friction after the step, and its derivatives.
+
+    Args:
+        balance: what the motion follows from, of a kernel.
+        beside: what is unknown beside the robot.
+        work: see `workspace`.
+    """
+    for i in range(work.angle.shape[0] if balance.presliding > 0.0 else 0):
+        angle, speed = joint_state(i, work)
+        _slipping(i, angle, speed, balance, work)
+        by_share, by_angle = _slip_slopes(i, balance, work)
+        slipped, own, held, below = work.slipped[i], work.moved[i], work.held[i], work.below[i]
+        for p in range(slipped.shape[0]):
+            slipped[p] = by_share * slipped[p] + by_angle * (own[p] - held[p])
+        if below >= 0:
+            own_below, held_below = work.moved[below], work.held[below]
+            for p in range(slipped.shape[0]):
+                slipped[p] -= by_angle * (own_below[p] - held_below[p])
+        if beside.by_kind.shape[2] > 0:
+            _slip_beside(i, balance, beside, work)
+        work.slip[0, i] = work.slip[2, i]
+
+
+@fused
+def _slip_beside(joint, balance, beside, work):  # type: ignore[no-untyped-def]
+    """Adds to `slipped` what the share of dry friction has changed by, by the way over which it builds up."""
+    change, count = by_presliding(joint, balance, work), beside.by_kind.shape[2]
+    first = beside.first + beside.torques.shape[0]
+    row, share = work.slipped[joint, first : first + count], beside.by_kind[joint, work.units.shape[0] - 1]
+    for p in range(row.shape[0]):
+        row[p] += change * share[p]
+
+
+@fused
+def by_presliding(joint, balance, work):  # type: ignore[no-untyped-def]
+    """The derivative of the share of dry friction in a joint by the way over which it builds up, in 1/rad.
+
+    Args:
+        joint: which, from 0.
+        balance: what the motion follows from, of a kernel.
+        work: see `workspace`; `slip` is as the force was.
+    """
+    if balance.presliding == 0.0:
+        return 0.0
+    moved = joint_state(joint, work)[0] - work.slip[1, joint]
+    return (work.slip[2, joint] - np.sign(moved)) * abs(moved) / balance.presliding**2

@@ -1,0 +1,217 @@
+"""The motion of a planar chain, compiled, and what it follows from.
+
+In absolute angles φ and speeds ω (nlink), with the law's lumps less the chain's (tilde less none), Eq. 4 is
+
+    M α = F,    F_i = Σ_j (ã − a)_ij sin(φ_i − φ_j) ω_j² − g (μ̃ − μ)_i sin φ_i + f_i − f_{i+1} + Q_i    (22)
+
+f_k is what is left of the friction in joint k, with the torque of a spring there, and Q a force that is known
+beforehand. Where link i leans by λ_i when its angle is 0, sines and cosines are of φ_i + λ_i.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from metaid.compiled import compiled
+from metaid.estimation.log_unknowns import Columns, LogUnknowns
+from metaid.estimation.trials import NOTHING_FURTHER, Further, Joints
+from metaid.estimation.twin.joints import joint_force
+from metaid.estimation.twin.workspace import Beside, Workspace, beside, no_joints, workspace
+from metaid.models import Array, Lumps
+
+
+class PlanarBalance(NamedTuple):
+    """What the motion of Eq. 22 follows from, for n links.
+
+    `gravity` (n) times g, in N m, `coriolis` (n x n), `damping` and `coulomb` (n) are the law's lumps less the chain's.
+    `spring` (n) is minus the stiffness of a spring in each joint, in N m/rad, and `lean` (n) the true absolute angle,
+    in rad, of each link whose angle is read as 0. `straight` (n) is what each joint reads, in rad, where it is
+    straight. `dry` (n) is dry friction in N m that builds up over `presliding` rad, in steps of Runge and Kutta alone;
+    none does where that is 0. `cogging` (3 x n) is that of `Joints`. `mass_coriolis` (n x n) and `mass_inertia` (n) are
+    the chain's own, with the inertia of its rotors; `rotor` (n), in kg m², is what that of joint i takes off between
+    links i − 1 and i. `law_coriolis` and `law_inertia` are the law's, which ask for q̈ = −`stiffness` q.
+    """
+
+    gravity: Array
+    coriolis: Array
+    damping: Array
+    coulomb: Array
+    spring: Array
+    lean: Array
+    straight: Array
+    dry: Array
+    presliding: float
+    cogging: Array
+    mass_coriolis: Array
+    mass_inertia: Array
+    rotor: Array
+    law_coriolis: Array
+    law_inertia: Array
+    stiffness: float
+
+
+class PlanarDerivatives(NamedTuple):
+    """The derivative of each lump by the log factor of what it is a multiple of, `gravity` times g; the `columns` of
+    these; and what is unknown `beside` them.
+    """
+
+    gravity: Array
+    coriolis: Array
+    inertia: Array
+    damping: Array
+    coulomb: Array
+    columns: Columns
+    beside: Beside
+
+
+class PlanarSpace(NamedTuple):
+    """What a planar kernel works in: `cosine` and `sine` of the true angles (n); `factors` (n x n), L and D of
+    M = L D Lᵀ; `pulls` (2 n x n), see `planar_slopes`.
+    """
+
+    cosine: Array
+    sine: Array
+    factors: Array
+    pulls: Array
+
+
+def planar_balance(
+    law: Lumps | None,
+    lumps: Lumps,
+    gravity: float,
+    stiffness: float = 0.0,
+    joints: Joints | None = None,
+    is_continuous: bool = False,
+    rubs: bool = False,
+) -> PlanarBalance:
+    """What the motion of a chain under a law follows from.
+
+    Args:
+        law: the lumps of the law; without one only the chain's own forces act.
+        lumps: of the chain.
+        gravity: in m/s².
+        stiffness: of the law, in 1/s².
+        joints: what they have beside the lumps; None for nothing.
+        is_continuous: whether the twin takes Runge-Kutta steps.
+        rubs: whether dry friction of the joints builds up in these, if there is none yet.
+    """
+    joints = no_joints(lumps.nlink, 1) if joints is None else joints
+    if law is None:
+        law = Lumps(np.zeros(lumps.nlink), np.zeros((lumps.nlink, lumps.nlink)))
+    return PlanarBalance(
+        gravity=gravity * (law.gravity - lumps.gravity),
+        coriolis=law.coriolis - lumps.coriolis,
+        damping=law.of("damping") - lumps.of("damping") - joints.viscous,
+        coulomb=law.of("coulomb") - lumps.of("coulomb") - (0.0 if is_continuous else 1.0) * joints.dry,
+        spring=0.0 - joints.spring,
+        lean=joints.tilt[0] - np.cumsum(joints.offset),  # what reads too much leans the other way.  Eq. 43
+        straight=np.array(joints.offset),
+        dry=(1.0 if is_continuous else 0.0) * joints.dry,
+        presliding=float(joints.presliding[0]) if is_continuous and (rubs or bool(joints.dry.any())) else 0.0,
+        cogging=np.array(joints.cogging),
+        mass_coriolis=np.array(lumps.coriolis),
+        mass_inertia=lumps.of("inertia") + joints.rotor + np.append(joints.rotor[1:], 0.0),
+        rotor=np.array(joints.rotor),
+        law_coriolis=np.array(law.coriolis),
+        law_inertia=np.array(law.of("inertia")),
+        stiffness=float(stiffness),
+    )
+
+
+def planar_derivatives(unknowns: LogUnknowns, lumps: Lumps, further: Further = NOTHING_FURTHER) -> PlanarDerivatives:
+    """Those of the `lumps` by the `unknowns`: of what is a multiple of a parameter, by the logarithm of that, it is
+    itself. And those by what is `further` unknown, whose torques are those of the first push.
+    """
+    joints = no_joints(lumps.nlink, 1) if further.joints is None else further.joints
+    lean = np.atleast_2d(joints.tilt[..., :1] - np.cumsum(joints.offset, axis=-1))  # Eq. 43
+    of_joints = lean, np.diff(lean, axis=-1, prepend=0.0), np.zeros((0, len(lean)))
+    return PlanarDerivatives(
+        gravity=unknowns.gravity * lumps.gravity,
+        coriolis=np.array(lumps.coriolis),
+        inertia=np.array(lumps.of("inertia")),
+        damping=np.array(lumps.of("damping")),
+        coulomb=np.array(lumps.of("coulomb")),
+        columns=unknowns.columns,
+        beside=beside(further, *of_joints, len(unknowns.names)),
+    )
+
+
+def planar_workspace(nlink: int, nunknown: int, energies: bool = False, is_continuous: bool = False) -> Workspace:
+    """Working space for the twin of a chain.
+
+    Args:
+        nlink: the number of links.
+        nunknown: the number of unknowns.
+        energies: whether their derivatives are kept, too.
+        is_continuous: whether it takes Runge-Kutta steps.
+    """
+    own = PlanarSpace(np.zeros(nlink), np.zeros(nlink), np.zeros((nlink, nlink)), np.zeros((2 * nlink, nlink)))
+    return workspace(np.arange(-1, nlink - 1), own, nunknown, energies, is_continuous)
+
+
+@compiled
+def accelerate(step, forces, balance, work):  # type: ignore[no-untyped-def]
+    """Fills in α of Eq. 22 and the factors of M; whether M is positive definite, as that of any chain is.
+
+    Args:
+        step: that begins, from 0.
+        forces: Q of Eq. 22 at each step (nstep x njoint), in N m; or empty.
+        balance: what the motion follows from.
+        work: with the state.
+    """
+    angle, cosine, sine = work.angle, work.own.cosine, work.own.sine
+    for i in range(angle.shape[0]):
+        true_angle = angle[i] + balance.lean[i]
+        cosine[i], sine[i] = np.cos(true_angle), np.sin(true_angle)
+    _force(step, forces, balance, work)
+    return _solve(balance, work)
+
+
+@compiled
+def _force(step, forces, balance, work):  # type: ignore[no-untyped-def]
+    """Fills `acceleration` with F of Eq. 22."""
+    angle, speed, force, cosine, sine = work.angle, work.speed, work.acceleration, work.own.cosine, work.own.sine
+    n, stiffness = angle.shape[0], balance.stiffness
+    carried = 0.0  # the torque in the joint above, from the tip down
+    for i in range(n - 1, -1, -1):
+        own = joint_force(i, balance, work)
+        force[i] = own - carried - balance.gravity[i] * sine[i] - stiffness * balance.law_inertia[i] * angle[i]
+        carried = own
+        if forces.shape[0] > 0:
+            force[i] += forces[step, i]
+        for j in range(n):
+            difference = sine[i] * cosine[j] - cosine[i] * sine[j]
+            force[i] += balance.coriolis[i, j] * difference * speed[j] * speed[j]
+            if stiffness != 0.0:
+                common = cosine[i] * cosine[j] + sine[i] * sine[j]
+                force[i] -= stiffness * balance.law_coriolis[i, j] * common * angle[j]
+
+
+@compiled
+def _solve(balance, work):  # type: ignore[no-untyped-def]
+    """Turns F into α = M⁻¹ F by M = L D Lᵀ; False where M is not positive definite."""
+    acceleration, cosine, sine, factors = work.acceleration, work.own.cosine, work.own.sine, work.own.factors
+    n = acceleration.shape[0]
+    for i in range(n):
+        force, pivot = acceleration[i], balance.mass_inertia[i]
+        for j in range(i):
+            factor = balance.mass_coriolis[i, j] * (cosine[i] * cosine[j] + sine[i] * sine[j])
+            if j == i - 1:
+                factor -= balance.rotor[i]
+            for k in range(j):
+                factor -= factors[i, k] * factors[j, k] * factors[k, k]
+            factor /= factors[j, j]
+            factors[i, j] = factor
+            force -= factor * acceleration[j]
+            pivot -= factor * factor * factors[j, j]
+        if not pivot > 0.0:
+            return False
+        factors[i, i] = pivot
+        acceleration[i] = force
+    for i in range(n - 1, -1, -1):
+        acceleration[i] /= factors[i, i]
+        for k in range(i + 1, n):
+            acceleration[i] -= factors[k, i] * acceleration[k]
+    return True

@@ -1,0 +1,126 @@
+"""The twin of an arm, which moves in the coordinates of its joints."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.estimation.trials import NOTHING_FURTHER, PRESLIDING, Further, Joints, ReadTrial, WatchedTrial
+from metaid.estimation.twin.shown import Motion
+from metaid.estimation.twin.spatial_motion import (
+    COULOMB,
+    SpatialBalance,
+    SpatialDerivatives,
+    spatial_balance,
+    spatial_derivatives,
+    spatial_workspace,
+)
+from metaid.estimation.twin.twin import Twin
+from metaid.estimation.twin.workspace import Workspace, no_joints
+from metaid.models import Array
+from metaid.models.tree import Tree, torque_regressor
+
+SOFTNESS = (1.0 - 0.9) / 0.9  # of the constraint in units of 1/M, with the least of the usual solimp, 0.9
+
+
+class SpatialTwin(Twin):
+    """An arm whose unknowns are `BaseUnknowns`. It is differentiated by its base parameters, each of which is a
+    parameter that the torque is linear in.
+    """
+
+    @cached_property
+    def parameters(self) -> Array:
+        """Of the arm (njoint x 13)."""
+        parameters: Array = self.unknowns.parameters(self.point)
+        return parameters
+
+    @property
+    def links(self) -> Array:
+        return np.eye(self.unknowns.njoint)
+
+    @cached_property
+    def alone(self) -> SpatialTwin:
+        return SpatialTwin(self.unknowns.alone(self.point), np.empty(0))
+
+    def by_unknowns(self, slopes: Array) -> Array:
+        if slopes.shape[-1] == 0:
+            return slopes
+        turned = slopes @ self.unknowns.root
+        if self.unknowns.is_level:
+            # What a tilt alone shows moves nothing: rounding there would pass for knowledge on exact sensors.
+            turned[..., turned.shape[-1] - self.unknowns.prior.hidden_level :] = 0.0
+        return np.asarray(turned)
+
+    def watch(self, trial: WatchedTrial, windows: int, energies: bool = False) -> Motion:
+        if energies:
+            raise ValueError("the twin of an arm shows no energies")
+        return super().watch(trial, windows)
+
+    def under_law(self, trial: WatchedTrial) -> tuple[SpatialBalance, SpatialDerivatives]:
+        return self._moving(trial.law, None, False, NOTHING_FURTHER)
+
+    def driven(
+        self, trial: ReadTrial, joints: Joints | None, further: Further
+    ) -> tuple[SpatialBalance, SpatialDerivatives]:
+        n = self.unknowns.njoint
+        known = no_joints(n, 2)._replace(presliding=np.full(1, PRESLIDING)) if joints is None else joints
+        return self._moving(None, known, trial.is_continuous, further)
+
+    def _moving(
+        self, law: Array | None, joints: Joints | None, is_continuous: bool, further: Further
+    ) -> tuple[SpatialBalance, SpatialDerivatives]:
+        """What it moves by, under a `law` (njoint x 13) if there is one, and the derivatives of that."""
+        dry = self.parameters[:, COULOMB] + (0.0 if joints is None else joints.dry)
+        sticks = bool(dry.any()) and not is_continuous
+        balance = spatial_balance(
+            self.unknowns.frames, self.parameters, law, self._softness[0] if sticks else None, joints, is_continuous
+        )
+        n = self.unknowns.njoint
+        slopes = self._softness[1] if sticks and len(self._columns) else np.empty((0, 0))
+        return balance, spatial_derivatives(self._columns, slopes, further, n)
+
+    @cached_property
+    def _columns(self) -> NDArray[np.intp]:
+        """Which parameters the motion is differentiated by (nunknown), among all of them."""
+        columns: NDArray[np.intp] = self.unknowns.prior.base.columns
+        return columns if len(self.point) else columns[:0]
+
+    @cached_property
+    def _softness(self) -> tuple[Array, Array]:
+        """Of dry friction (njoint), 1/D, and its derivatives by the parameters (njoint x nunknown); NaN where there is
+        no mass matrix at q = 0.
+        """
+        tree = self.unknowns.moved or self.unknowns.prior.nominal
+        softness, inverse = softness_of(tree, self.parameters)
+        rows = _rows_at_zero(tree, inverse)[..., self._columns]
+        return softness, -SOFTNESS * np.einsum("ij,ijp->ip", inverse, rows)
+
+    def workspace(self, columns: int, energies: bool = False, is_continuous: bool = False) -> Workspace:
+        return spatial_workspace(self.unknowns.njoint, columns, energies, is_continuous)
+
+
+def softness_of(tree: Tree, parameters: Array) -> tuple[Array, Array]:
+    """Of dry friction, 1/D (njoint), and the inverse of the mass matrix at q = 0 (njoint x njoint), which it is a share
+    of; NaN where there is none.
+
+    Args:
+        tree: where the joints are.
+        parameters: of them and of the links (njoint x 13).
+    """
+    n = tree.njoint
+    matrix = _rows_at_zero(tree, np.eye(n)) @ parameters.ravel()
+    is_one = bool(np.linalg.eigvalsh(matrix).min() > 0.0)
+    inverse = np.asarray(np.linalg.inv(matrix) if is_one else np.full((n, n), np.nan), dtype=np.float64)
+    return SOFTNESS * np.diag(inverse), inverse
+
+
+def _rows_at_zero(tree: Tree, accelerations: Array) -> Array:
+    """The rows of torques (ncase x njoint x 13 njoint) of an arm at q = 0 that only these `accelerations` (ncase x
+    njoint) move.
+    """
+    bare, still = replace(tree, gravity=np.zeros(3)), np.zeros_like(accelerations)
+    rows = torque_regressor(bare, still, still, accelerations)
+    return np.asarray(rows.reshape(*accelerations.shape, -1), dtype=np.float64)

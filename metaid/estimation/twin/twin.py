@@ -1,0 +1,191 @@
+"""The simulated twin of a robot: its compiled loops, push by push, on several threads. Its derivatives are exact."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.compiled import Run, run_of, share_out, spread_of
+from metaid.estimation.trials import (
+    NOTHING_FURTHER,
+    Coefficients,
+    Driven,
+    Filtered,
+    Further,
+    Gains,
+    Joints,
+    ReadTrial,
+    WatchedTrial,
+)
+from metaid.estimation.twin.driven import watch_readings
+from metaid.estimation.twin.filtered import lead
+from metaid.estimation.twin.shown import Filter, Motion
+from metaid.estimation.twin.watched import watch_push
+from metaid.estimation.twin.workspace import Workspace
+from metaid.models import Array
+
+NO_FORCES = np.empty((0, 0))  # beside the law
+
+
+@dataclass(frozen=True, eq=False)
+class Twin(ABC):
+    """A robot with some `unknowns`, simulated at a `point` (nunknown). The derivatives of what it shows are by these,
+    by what is further unknown of a trial, and by what is of its starts, in this order.
+
+    A kernel moves it in coordinates of its own, joint coordinates by a matrix.
+    """
+
+    unknowns: Any
+    point: Array
+
+    @property
+    @abstractmethod
+    def links(self) -> Array:
+        """The kernel's coordinates, by those of joints (njoint x njoint)."""
+
+    @property
+    @abstractmethod
+    def alone(self) -> Twin:
+        """The same robot, of which nothing is unknown."""
+
+    @abstractmethod
+    def under_law(self, trial: WatchedTrial) -> tuple[Any, Any]:
+        """What it moves by under the law of a trial, without springs, and the derivatives of that."""
+
+    @abstractmethod
+    def driven(self, trial: ReadTrial, joints: Joints | None, further: Further) -> tuple[Any, Any]:
+        """What it moves by where there is no law, with its derivatives, also by what is `further` unknown."""
+
+    @abstractmethod
+    def workspace(self, columns: int, energies: bool = False, is_continuous: bool = False) -> Workspace:
+        """Working space for a thread, for so many unknowns."""
+
+    def by_unknowns(self, slopes: Array) -> Array:
+        """The derivatives by the unknowns (... x nunknown), of those by what the kernel differentiates by."""
+        return slopes
+
+    @property
+    def _torques(self) -> Array:
+        """Forces in the kernel's coordinates, by torques of joints (njoint x njoint)."""
+        return np.asarray(np.linalg.inv(self.links).T)
+
+    def watch(self, trial: WatchedTrial, windows: int, energies: bool = False) -> Motion:
+        """The first so many `windows` of each push of a trial, under the same law; with `energies` and their
+        derivatives, where it has them.
+        """
+        wanted = np.minimum(trial.windows.seen, windows)
+        return self._watch(trial, np.ascontiguousarray(trial.ends[:windows]), wanted, energies)[0]
+
+    def _watch(
+        self, trial: WatchedTrial, ends: NDArray[np.int64], wanted: NDArray[np.int64], energies: bool
+    ) -> tuple[Motion, Array]:
+        """The motion up to the `wanted` (npush) of the `ends` of windows, in steps, and the joint angles there (npush x
+        nwindow x njoint).
+        """
+        npush, _, n = trial.starts.shape
+        nunknown, shape = len(self.point), (npush, len(ends), n)
+        shown = np.zeros((4, *shape))
+        of_energies = *shape, nunknown * energies
+        slopes = np.zeros((*shape, nunknown)), np.zeros(of_energies), np.zeros(of_energies)
+        reached, stiffness = np.zeros(npush, dtype=np.int64), np.broadcast_to(trial.stiffness, npush)
+        balance, derivatives = self.under_law(trial)
+
+        def run(first: int, stride: int) -> None:
+            room = self.workspace(nunknown, energies)
+            for push in range(first, npush, stride):
+                own = balance._replace(stiffness=float(stiffness[push]))
+                seen = tuple(each[push] for each in shown), tuple(each[push] for each in slopes)
+                settings = (trial.timestep, energies), ends[: wanted[push]]
+                reached[push] = watch_push(trial.starts[push], NO_FORCES, own, derivatives, *settings, room, *seen)
+
+        share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * nunknown)
+        by = (self.by_unknowns(slopes[0]), slopes[1], slopes[2])
+        return Motion(shown[1], by[0], shown[2], shown[3], by[1], by[2], reached), shown[0]
+
+    def trace(self, trial: WatchedTrial, steps: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
+        """Joint coordinates after so many `steps` of each push of a trial (npush x nsteps x njoint), under the same
+        law, and whether the push was seen so far and the twin got there (npush x nsteps).
+        """
+        wanted = (steps <= trial.last[:, None]).sum(axis=1)
+        motion, angles = self.alone._watch(trial, steps, wanted, False)
+        return angles, np.arange(len(steps)) < motion.reached[:, None]
+
+    def drive(self, driven: Driven, joints: Joints | None, led: Gains | None = None) -> Coefficients | None:
+        """What it shows of a noisy trial, driven by what was commanded; None where it cannot follow.
+
+        Args:
+            driven: the trial.
+            joints: what they have beside the parameters; None for nothing.
+            led: gains of a filter that sets it right by the readings. The coefficients are then those of the whitened
+                innovations.
+        """
+        trial, starts, steps, basis, further = driven
+        (npush, _, n), coefficients, nunknown = starts.shape, basis.shape[2], len(self.point)
+        extra = 0 if trial.start_spread is None else trial.start_spread.shape[-1]
+        own = nunknown + further.size
+        columns = own + extra
+        values, slopes = np.empty((npush, n, coefficients)), np.empty((npush, n, coefficients, columns))
+        followed = np.zeros(npush, dtype=np.bool_)
+        balance, by = self.driven(trial, joints, further)
+        settings, forces = (own, extra, trial.substeps, trial.is_continuous), self._forces(trial)
+        readings = trial.readings @ self.links.T if led is not None else np.empty((npush, 0, n))
+        gains = (
+            (np.empty((npush, 0, 2 * n, n)), np.empty((npush, 0, n, n))) if led is None else (led.gains, led.weights)
+        )
+
+        def run(first: int, stride: int) -> None:
+            room = self.workspace(columns, is_continuous=trial.is_continuous)
+            for push in range(first, npush, stride):
+                pushed, moving = (starts[push], forces[push]), (trial.timesteps[push], *settings)
+                right = readings[push], gains[0][push], gains[1][push]
+                shown = basis[push], steps[push], room, values[push], slopes[push]
+                slopes_of = by._replace(beside=by.beside._replace(torques=further.torques_of(push, n)))
+                followed[push] = watch_readings(*pushed, balance, slopes_of, moving, right, *shown)
+
+        each = n * ((2 if led is None else 4) * n + coefficients) * columns * _stages(trial)
+        share_out(run, npush, int(steps.sum()) * trial.substeps * each)
+        if not followed.all():
+            return None
+        slopes[..., :nunknown] = self.by_unknowns(slopes[..., :nunknown])
+        return Coefficients(values, slopes)
+
+    def lead(self, filtered: Filtered, joints: Joints | None) -> Filter:
+        """A filter through some pushes of a trial (Eq. 35), with what `joints` have beside the parameters."""
+        trial, starts, begins, pushes = filtered
+        npush, nreading, n = trial.readings.shape
+        links, both = self.links, np.kron(np.eye(2), self.links)
+        of_reading = (links * trial.noise**2) @ links.T
+        covariances, seen = np.ascontiguousarray(both @ begins @ both.T), trial.readings @ links.T
+        alone, forces = self.alone, self._forces(trial)
+        balance, nothing = alone.driven(trial, joints, NOTHING_FURTHER)
+        settings = trial.substeps, trial.is_continuous, nothing
+        multiplications = int(trial.steps[pushes].sum()) * trial.substeps * 20 * n**3 * _stages(trial)
+
+        def run(noise: tuple[Array, Array], is_kept: bool) -> Run:
+            found = run_of(npush, nreading, n, is_kept)
+
+            def share(first: int, stride: int) -> None:
+                room = alone.workspace(0, is_continuous=trial.is_continuous), spread_of(n)
+                for push in pushes[first::stride].tolist():
+                    pushed = starts[push], covariances[push], forces[push], seen[push]
+                    moving, own = (trial.timesteps[push], *settings), Run(*(each[push] for each in found))
+                    found.sums[push] = lead(*pushed, balance, moving, noise, trial.steps[push], *room, own)
+
+            share_out(share, len(pushes), multiplications)
+            return found
+
+        to_joints = np.kron(np.eye(2), np.linalg.inv(links))
+        return Filter(run, of_reading, self._torques, covariances, trial.steps, pushes, lambda each: each @ to_joints.T)
+
+    def _forces(self, trial: ReadTrial) -> Array:
+        """What was commanded at each step (npush x nstep x njoint), in the kernel's coordinates."""
+        return np.ascontiguousarray(trial.torques @ self._torques.T)
+
+
+def _stages(trial: ReadTrial) -> int:
+    """How often a step asks for accelerations: a Runge-Kutta step of a plant that moves continuously four times."""
+    return 4 if trial.is_continuous else 1

@@ -1,0 +1,149 @@
+"""What the compiled loops of a twin work in, and what is unknown beside the robot.
+
+A twin moves in coordinates of its kernel: a planar one in absolute angles of links, a spatial one in those of joints.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.estimation.trials import Further, Joints
+from metaid.models import Array
+
+BLOCK = 4  # rows and columns that are multiplied at once, held in registers
+LANES = 8  # numbers in one instruction, at most
+# What joints have that is unknown, in this order: of dry friction also the way over which it builds up.
+KINDS = ("viscous", "dry", "spring", "cosine", "sine", "rotor", "straight", "lean", "presliding")
+
+
+class Beside(NamedTuple):
+    """What each unknown beside the robot has, for n joints: `torques` (ntorque x nstep x n) of a push, in N m, those of
+    the first of them; `by_kind` (n x KINDS x nother) and `lean` (n x nother) those of the others: how much of each kind
+    a joint has, and how far a coordinate is from where it is read; and `tilts` (naxis x nother) of a base that turns
+    about axes of its own. The first has the column `first`.
+    """
+
+    torques: Array
+    by_kind: Array
+    lean: Array
+    tilts: Array
+    first: int
+
+
+class Workspace(NamedTuple):
+    """What one thread works in, for n joints and p unknowns; rows and columns beyond are zero.
+
+    The state, in the kernel's coordinates: `angle`, `speed`, `acceleration`, and the angle at the `start` (n).
+    `speed_energy` and `acceleration_energy` (n) of the joints so far. `solved` (n x 3 n): M⁻¹ [1 G H]. `closed`
+    (n x 2 n): the last two of these. `moved` (2 n x p): δφ above δω. `changed` (n x p): δα. `speed_slopes`,
+    `acceleration_slopes` (n x p): derivatives of the energies. `stages` (4 x n): of a Runge-Kutta step the state before
+    it, angles and speeds, and what it adds to them; `held` and `added` (2 n x p): the same of the derivatives. `slip`
+    (3 x n): of dry friction its share of all of it before the step, where the joint was then, in rad, and the share
+    now; `slipped` (n x p): derivatives of the first. `units` (KINDS) and `turning` (p): of one joint, see `beside`.
+    `free` (n) is free to write in. `below` (n): the link whose angle a joint's own is beside, -1 for none. `own` is the
+    kernel's.
+    """
+
+    angle: Array
+    speed: Array
+    acceleration: Array
+    start: Array
+    speed_energy: Array
+    acceleration_energy: Array
+    solved: Array
+    closed: Array
+    moved: Array
+    changed: Array
+    speed_slopes: Array
+    acceleration_slopes: Array
+    stages: Array
+    held: Array
+    added: Array
+    slip: Array
+    slipped: Array
+    units: Array
+    turning: Array
+    free: Array
+    below: NDArray[np.int64]
+    own: Any
+
+
+def workspace(
+    below: NDArray[np.int64], own: Any, nunknown: int, energies: bool = False, is_continuous: bool = False
+) -> Workspace:
+    """Working space for a twin.
+
+    Args:
+        below: the link whose angle a joint's own is beside (njoint), -1 for none.
+        own: the kernel's.
+        nunknown: the number of unknowns.
+        energies: whether their derivatives are kept, too.
+        is_continuous: whether it takes Runge-Kutta steps.
+    """
+    n = len(below)
+    rows, inner, columns = _up(n, BLOCK), _up(2 * n, BLOCK), _up(nunknown, LANES)
+    of_energies, of_stages = (n * energies, columns), (inner, columns * is_continuous)
+    angle, speed, acceleration, start, speed_energy, acceleration_energy, free = (np.zeros(n) for _ in range(7))
+    return Workspace(
+        angle,
+        speed,
+        acceleration,
+        start,
+        speed_energy,
+        acceleration_energy,
+        solved=np.zeros((n, 3 * n)),
+        closed=np.zeros((rows, inner)),
+        moved=np.zeros((inner, columns)),
+        changed=np.zeros((rows, columns)),
+        speed_slopes=np.zeros(of_energies),
+        acceleration_slopes=np.zeros(of_energies),
+        stages=np.zeros((4, n)),
+        held=np.zeros(of_stages),
+        added=np.zeros(of_stages),
+        slip=np.zeros((3, n)),
+        slipped=np.zeros((n, columns * is_continuous)),
+        units=np.zeros(len(KINDS)),
+        turning=np.zeros(columns),
+        free=free,
+        below=below,
+        own=own,
+    )
+
+
+def beside(further: Further, lean: Array, from_below: Array, tilts: Array, first: int) -> Beside:
+    """What is `further` unknown.
+
+    Args:
+        further: those that have torques, and those that joints have.
+        lean: how far a coordinate of the kernel is from where it is read (nother x njoint), in rad.
+        from_below: the same of a joint beside the link below.
+        tilts: of a base that turns about axes of its own (naxis x nother), in rad.
+        first: the column of the first of them.
+    """
+    joints, n = further.joints, lean.shape[1]
+    if joints is None:
+        return Beside(further.torques_of(0, n), np.zeros((n, len(KINDS), 0)), np.zeros((n, 0)), tilts[:, :0], first)
+    presliding = np.repeat(joints.presliding, n, axis=1)
+    kinds = joints.viscous, joints.dry, joints.spring, *joints.cogging.swapaxes(0, 1)[:2], joints.rotor, joints.offset
+    by_kind = np.ascontiguousarray(np.array([*kinds, from_below, presliding]).transpose(2, 0, 1))
+    own = np.ascontiguousarray(lean.T), np.ascontiguousarray(tilts)
+    return Beside(further.torques_of(0, n), by_kind, *own, first)
+
+
+def no_joints(njoint: int, tilts: int) -> Joints:
+    """Joints that have nothing.
+
+    Args:
+        njoint: how many there are.
+        tilts: about how many axes their base may be tilted.
+    """
+    none = np.zeros(njoint)
+    return Joints(none, none, none, none, np.zeros(tilts), none, np.zeros(1), np.zeros((3, njoint)))
+
+
+def _up(count: int, whole: int) -> int:
+    """`count`, or the next multiple of `whole`: blocks then have no remainder."""
+    return -(-count // whole) * whole
