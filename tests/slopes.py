@@ -10,7 +10,7 @@ import pytest
 from metaid.estimation import Residuals
 from metaid.models import Array
 
-STEP = 1e-5
+STEP = 3e-6
 
 
 class Compared(Protocol):

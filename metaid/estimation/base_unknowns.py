@@ -39,14 +39,12 @@ SPREAD = 0.3  # of an unknown: a descent takes steps of as much as of a chain's 
 @dataclass(frozen=True, eq=False)
 class BaseUnknowns:
     """The unknowns z (nbase) of an arm: its base parameters are β₀ + S z, of which `prior` has β₀ and S. Where `known`
-    has them all (nbase), nothing is unknown any more. Where the base `is_level`, what shows of a tilted one alone moves
-    nothing. Joints are where the prior's nominal arm has them, or where the one `moved` has.
+    has them all (nbase), nothing is unknown any more. Joints are where the nominal arm has them, or the one `moved`.
     """
 
     prior: ArmPrior
     spread: float = SPREAD
     known: Array | None = None
-    is_level: bool = False
     moved: Tree | None = None
 
     kernel: ClassVar[Literal["spatial"]] = "spatial"
@@ -109,11 +107,6 @@ class BaseUnknowns:
         if self.known is not None:
             unknowns = np.broadcast_to(self.known, (*unknowns.shape[:-1], len(self.known)))
         return np.ascontiguousarray(self.prior.parameters_at(self.values(unknowns)))
-
-    @cached_property
-    def level(self) -> BaseUnknowns:
-        """The arm on a base that is level."""
-        return replace(self, is_level=True) if self.prior.tilts else self
 
     def alone(self, unknowns: Array) -> BaseUnknowns:
         """The arm there, of which nothing is unknown any more."""

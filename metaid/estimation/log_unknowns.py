@@ -143,11 +143,6 @@ class LogUnknowns:
         """About what each joint needs (njoint) for an acceleration of 1 rad/s², in kg m²."""
         return self.nominal.of("inertia")
 
-    @property
-    def level(self) -> LogUnknowns:
-        """The chain on a base that is level, which shows all that a tilted one does."""
-        return self
-
     def alone(self, log_factors: Array) -> LogUnknowns:
         """A chain with these `log_factors` (nunknown), of which nothing is unknown any more."""
         return LogUnknowns(self.lumps(log_factors), self.gravity, ())

@@ -63,10 +63,6 @@ class Unknowns(Protocol):
     def torques(self, speed: float, /) -> Array:
         """About what each joint needs (njoint), in N m, at a `speed` in rad/s."""
 
-    @property
-    def level(self) -> Unknowns:
-        """The robot on a base that is level: what shows of a tilted one alone moves nothing."""
-
     def alone(self, point: Array, /) -> Unknowns:
         """The robot there (nunknown), of which nothing is unknown any more."""
 

@@ -105,7 +105,7 @@ def test_slopes_by_all_that_is_unknown_are_those_of_the_residuals(
     trial = replace(trial, is_continuous=is_continuous)
     wanted = searched_faults(kinds, searched, trial.start_speeds, teeth=9)
     readings: Readings | None = Readings([trial], searched, faults=wanted)
-    point = 0.02 * np.random.default_rng(0).standard_normal(len(readings.spreads))
+    point = 0.005 * np.random.default_rng(0).standard_normal(len(readings.spreads))
     if is_led:
         readings = Innovations([trial], searched, faults=wanted).led(point, some_noise(searched, trial))
         assert readings is not None

@@ -110,24 +110,7 @@ class Readings(ReadingsInWindows):
 
     def _compare(self, number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
         """What a trial shows; derivatives by the `whitened` start speeds are the last."""
-        watched = self._watch(number, unknowns, whitened, windows, True)
-        if watched is not None and (hidden := self._hidden(unknowns)) is not None:
-            own = watched[1][..., : len(hidden)]
-            own -= (own @ hidden)[..., None] * hidden
-        return watched
-
-    def _hidden(self, unknowns: Array) -> Array | None:
-        """The direction (nunknown) in which robot and faults move without anything that shows, of length 1. Rounding of
-        differences along it, exact sensors would take for knowledge. None where there is none.
-        """
-        if "offset" not in self.faults.kinds:
-            return None
-        robot = self.unknowns.hides_offset(self._parted(unknowns)[0])
-        if robot is None:
-            return None
-        last = self.faults.names.index(f"offset_{self.unknowns.njoint}")
-        hidden = np.append(robot, np.eye(len(self.faults.names))[last] / self.faults.scales)
-        return np.asarray(hidden / np.linalg.norm(hidden), dtype=np.float64)
+        return self._watch(number, unknowns, whitened, windows, True)
 
     def _compare_alone(self, number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
         log_factors, faults = self._parted(unknowns)
@@ -229,17 +212,12 @@ class Readings(ReadingsInWindows):
 
     def _twin(self, log_factors: Array) -> Twin:
         """The robot with these `log_factors` (nunknown)."""
-        return twin_of(self._on_base, log_factors) if len(log_factors) else self._only_twin
+        return twin_of(self.unknowns, log_factors) if len(log_factors) else self._only_twin
 
     @cached_property
     def _only_twin(self) -> Twin:
         """The robot of which nothing is unknown."""
-        return twin_of(self._on_base, np.empty(0))
-
-    @property
-    def _on_base(self) -> Unknowns:
-        """What is unknown of the robot, on a base that may be tilted or is level."""
-        return self.unknowns if "tilt" in self.faults.kinds else self.unknowns.level
+        return twin_of(self.unknowns, np.empty(0))
 
     def _parted(self, unknowns: Array) -> tuple[Array, Array]:
         """The unknowns of the robot (nunknown) and the faults (nfault) among the `unknowns` of all pushes."""

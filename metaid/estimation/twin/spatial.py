@@ -46,13 +46,7 @@ class SpatialTwin(Twin):
         return SpatialTwin(self.unknowns.alone(self.point), np.empty(0))
 
     def by_unknowns(self, slopes: Array) -> Array:
-        if slopes.shape[-1] == 0:
-            return slopes
-        turned = slopes @ self.unknowns.root
-        if self.unknowns.is_level:
-            # What a tilt alone shows moves nothing: rounding there would pass for knowledge on exact sensors.
-            turned[..., turned.shape[-1] - self.unknowns.prior.hidden_level :] = 0.0
-        return np.asarray(turned)
+        return np.asarray(slopes @ self.unknowns.root) if slopes.shape[-1] else slopes
 
     def watch(self, trial: WatchedTrial, windows: int, energies: bool = False) -> Motion:
         if energies:

@@ -117,34 +117,23 @@ class ArmPrior:
         """Of the base parameters (nbase x nbase)."""
         return np.asarray(self.base.matrix @ self.parameter_covariance @ self.base.matrix.T, dtype=np.float64)
 
-    @property
+    @cached_property
     def root(self) -> Array:
         """S (nbase x nbase): base parameters are β₀ + S z, with z independent and of standard deviation 1.  Eq. 60.
 
-        What torques show of a tilted base alone comes last (`hidden_level`).
+        What torques show of a tilted base alone comes last, by itself: beside what others show, the inverse of the
+        information would lose it to rounding.
         """
-        return self._turned[0]
-
-    @property
-    def hidden_level(self) -> int:
-        """How many of the z show on a tilted base alone: of an arm whose first axis is vertical two, for two first
-        moments of its first link.
-        """
-        return self._turned[1]
-
-    @cached_property
-    def _turned(self) -> tuple[Array, int]:
-        """The root, and how many of its last columns a level base hides."""
         scale = np.sqrt(np.diag(self.covariance))
         correlation, turned = np.linalg.eigh(self.covariance / np.outer(scale, scale))
         root = np.asarray(scale[:, None] * turned * np.sqrt(np.maximum(correlation, 0.0)))
         if not self.tilts:
-            return root, 0
+            return root
         _, singular, right = np.linalg.svd(shown_by(self.nominal, self.base.columns) @ root)
         root, hidden = root @ right.T, int((singular <= NOTHING * singular[0]).sum())
         last = root[:, len(root) - hidden :]
         last[np.abs(last) < ROUNDING * scale[:, None]] = 0.0
-        return root, hidden
+        return np.asarray(root)
 
     @cached_property
     def gain(self) -> Array:
