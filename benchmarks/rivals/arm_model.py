@@ -15,11 +15,10 @@ from benchmarks.rivals.models import Motion
 from benchmarks.rivals.servo import NO_FILTER, Followed, Sensors, Servo, read_and_command, recorded
 from metaid.compiled import compiled
 from metaid.compiled.spatial import frames_of
-from metaid.estimation.trials import NOTHING_FURTHER
 from metaid.estimation.twin.flow import flow
 from metaid.estimation.twin.kernels import accelerate
 from metaid.estimation.twin.spatial import softness_of
-from metaid.estimation.twin.spatial_motion import spatial_balance, spatial_derivatives, spatial_workspace
+from metaid.estimation.twin.spatial_motion import spatial_balance, spatial_workspace
 from metaid.estimation.twin.state import move, set_off
 from metaid.estimation.twin.workspace import no_joints
 from metaid.models import Array
@@ -168,9 +167,8 @@ def follow_arm(
     joints = no_joints(n, 2)._replace(presliding=np.array([PRESLIDING]))
     softness = softness_of(tree, parameters)[0] if parameters[:, COULOMB].any() and not is_continuous else None
     balance = spatial_balance(frames_of(tree), parameters, None, softness, joints, is_continuous)
-    nothing = spatial_derivatives(np.empty(0, dtype=np.intp), np.empty((0, 0)), NOTHING_FURTHER, n)
     start = np.array([servo.angles[0] - sensors.offset, servo.speeds[0]])
-    arm = balance, nothing, spatial_workspace(n, 0, is_continuous=is_continuous), np.zeros((1, n))
+    arm = balance, spatial_workspace(n, 0, is_continuous=is_continuous), np.zeros((1, n))
     settings = start, timestep, is_continuous
     return recorded(servo, lambda *read: _follow_arm(arm, settings, servo.driven, sensors.seen, *read))
 
@@ -180,7 +178,7 @@ def _follow_arm(arm, settings, driven, seen, angles, speeds, torques):  # type: 
     """Fills `angles`, `speeds` (nstep + 1 x njoint) and `torques` (nstep x njoint); returns the steps before it was
     lost.
     """
-    (balance, nothing, work, held), (start, timestep, is_continuous) = arm, settings
+    (balance, work, held), (start, timestep, is_continuous) = arm, settings
     _, torque_noise, _, delay, _ = seen
     steps, n = torques.shape
     set_off(start, 0, 0, work)
@@ -192,7 +190,7 @@ def _follow_arm(arm, settings, driven, seen, angles, speeds, torques):  # type: 
         for i in range(n):
             held[0, i] = torque_noise[step, i] + (torques[step - delay, i] if step >= delay else 0.0)
         if is_continuous:
-            if not flow(0, held, balance, nothing, timestep, work):
+            if not flow(0, held, balance, None, timestep, work):
                 return step
         elif not (accelerate(0, held, balance, work) and move(timestep, work)):
             return step

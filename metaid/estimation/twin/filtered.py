@@ -31,14 +31,14 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
         readings: angles (nstep + 1 x njoint), in rad.
         balance: of a kernel, without a law.
         settings: timestep of each step (nstep), in s; how many timesteps a step has; whether the plant moves
-            continuously; `derivatives` of nothing.
+            continuously.
         noise: covariances of a reading, in rad², and of the forces, in (N m)² (njoint x njoint each).
         steps: for how many the push is followed.
         work: see `workspace`.
         spread: see `Spread`.
         run: a push of a `Run`, filled in.
     """
-    timesteps, substeps, is_continuous, nothing = settings
+    timesteps, substeps, is_continuous = settings
     of_reading, of_force = noise
     n = start.shape[1]
     set_off(start, 0, 0, work)
@@ -66,7 +66,7 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
                         spread.pushed[n + i, j] += timestep * work.solved[i, j]
                         spread.pushed[i, j] += moved * work.solved[i, j]
                 if is_continuous:
-                    if not flow(reading - 1, forces, balance, nothing, timestep, work):
+                    if not flow(reading - 1, forces, balance, None, timestep, work):
                         return np.nan, np.nan
                 elif not move(timestep, work):
                     return np.nan, np.nan

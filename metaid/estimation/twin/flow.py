@@ -21,9 +21,9 @@ def flow(step, forces, balance, derivatives, timestep, work):  # type: ignore[no
     Args:
         step: of the commanded torques, from 0.
         forces: that act at each step (nstep x njoint), in N m.
-        balance, derivatives: of a kernel; the first without a law.
-        work: see `workspace`.
+        balance, derivatives: of a kernel; the first without a law, None for the second where nothing is unknown.
         timestep: in s.
+        work: see `workspace`.
     """
     angle, speed, stages = work.angle, work.speed, work.stages
     n = angle.shape[0]
@@ -31,16 +31,18 @@ def flow(step, forces, balance, derivatives, timestep, work):  # type: ignore[no
         stages[0, i], stages[1, i] = angle[i], speed[i]
         stages[2, i] = stages[3, i] = 0.0
     begin_slips(work)
-    _hold(work)
+    if derivatives is not None:  # of what is None nothing is compiled
+        _hold(work)
     for stage in range(4):
         if not accelerate(step, forces, balance, work):
             return False
-        if work.moved.shape[1] > 0:
-            linearise(balance, work)
-            force_by_unknowns(balance, derivatives, work)
-            force_by_slips(balance, work)
-            force_beside(step, balance, derivatives.beside, work)
-            accelerate_tangent(work)
+        if derivatives is not None:  # noqa: SIM102 - numba leaves out what is asked by itself
+            if work.moved.shape[1] > 0:
+                linearise(balance, work)
+                force_by_unknowns(balance, derivatives, work)
+                force_by_slips(balance, work)
+                force_beside(step, balance, derivatives.beside, work)
+                accelerate_tangent(work)
         weight = timestep / 6.0 if stage == 0 or stage == 3 else timestep / 3.0
         ahead = 0.0 if stage == 3 else timestep if stage == 2 else 0.5 * timestep
         for i in range(n):
@@ -48,13 +50,17 @@ def flow(step, forces, balance, derivatives, timestep, work):  # type: ignore[no
             stages[2, i] += weight * rate
             stages[3, i] += weight * change
             angle[i], speed[i] = stages[0, i] + ahead * rate, stages[1, i] + ahead * change
-        _add_stage(weight, ahead, work)
+        if derivatives is not None:
+            _add_stage(weight, ahead, work)
     for i in range(n):
         angle[i], speed[i] = stages[0, i] + stages[2, i], stages[1, i] + stages[3, i]  # Eq. 46
         if not abs(speed[i]) * timestep <= 1.0:
             return False
-    _add_all(work)
-    end_slips(balance, derivatives.beside, work)
+    if derivatives is None:
+        end_slips(balance, None, work)
+    else:
+        _add_all(work)
+        end_slips(balance, derivatives.beside, work)
     return True
 
 

@@ -148,23 +148,30 @@ def end_slips(balance, beside, work):  # type: ignore[no-untyped-def]
 
     Args:
         balance: what the motion follows from, of a kernel.
-        beside: what is unknown beside the robot.
+        beside: what is unknown beside the robot; None where nothing is unknown at all.
         work: see `workspace`.
     """
     for i in range(work.angle.shape[0] if balance.presliding > 0.0 else 0):
         angle, speed = joint_state(i, work)
         _slipping(i, angle, speed, balance, work)
-        by_share, by_angle = _slip_slopes(i, balance, work)
-        slipped, own, held, below = work.slipped[i], work.moved[i], work.held[i], work.below[i]
-        for p in range(slipped.shape[0]):
-            slipped[p] = by_share * slipped[p] + by_angle * (own[p] - held[p])
-        if below >= 0:
-            own_below, held_below = work.moved[below], work.held[below]
-            for p in range(slipped.shape[0]):
-                slipped[p] -= by_angle * (own_below[p] - held_below[p])
-        if beside.by_kind.shape[2] > 0:
-            _slip_beside(i, balance, beside, work)
+        if beside is not None:
+            _slopes_of_slips(i, balance, beside, work)
         work.slip[0, i] = work.slip[2, i]
+
+
+@fused
+def _slopes_of_slips(joint, balance, beside, work):  # type: ignore[no-untyped-def]
+    """The derivatives of the share of dry friction in a joint after the step."""
+    by_share, by_angle = _slip_slopes(joint, balance, work)
+    slipped, own, held, below = work.slipped[joint], work.moved[joint], work.held[joint], work.below[joint]
+    for p in range(slipped.shape[0]):
+        slipped[p] = by_share * slipped[p] + by_angle * (own[p] - held[p])
+    if below >= 0:
+        own_below, held_below = work.moved[below], work.held[below]
+        for p in range(slipped.shape[0]):
+            slipped[p] -= by_angle * (own_below[p] - held_below[p])
+    if beside.by_kind.shape[2] > 0:
+        _slip_beside(joint, balance, beside, work)
 
 
 @fused

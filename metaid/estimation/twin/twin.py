@@ -161,8 +161,7 @@ class Twin(ABC):
         of_reading = (links * trial.noise**2) @ links.T
         covariances, seen = np.ascontiguousarray(both @ begins @ both.T), trial.readings @ links.T
         alone, forces = self.alone, self._forces(trial)
-        balance, nothing = alone.driven(trial, joints, NOTHING_FURTHER)
-        settings = trial.substeps, trial.is_continuous, nothing
+        balance, _ = alone.driven(trial, joints, NOTHING_FURTHER)
         multiplications = int(trial.steps[pushes].sum()) * trial.substeps * 20 * n**3 * _stages(trial)
 
         def run(noise: tuple[Array, Array], is_kept: bool) -> Run:
@@ -172,7 +171,10 @@ class Twin(ABC):
                 room = alone.workspace(0, is_continuous=trial.is_continuous), spread_of(n)
                 for push in pushes[first::stride].tolist():
                     pushed = starts[push], covariances[push], forces[push], seen[push]
-                    moving, own = (trial.timesteps[push], *settings), Run(*(each[push] for each in found))
+                    moving, own = (
+                        (trial.timesteps[push], trial.substeps, trial.is_continuous),
+                        Run(*(each[push] for each in found)),
+                    )
                     found.sums[push] = lead(*pushed, balance, moving, noise, trial.steps[push], *room, own)
 
             share_out(share, len(pushes), multiplications)
