@@ -113,18 +113,17 @@ class Yardstick:
         return "logs" if self.folds[0].third is None else "blocks"
 
     @cached_property
-    def _bodies(self) -> dict[tuple[int, bytes], Array]:
+    def _bodies(self) -> dict[int, Array]:
         return {}
 
-    def at_rows(self, model: LinearModel, log: int, zeros: Array) -> Array:
-        """The torque at the rows of a log (nrow x njoint x nbody) for a unit of each of the bodies' unknowns."""
-        key = log, zeros.tobytes()
-        if key not in self._bodies:
-            own = self.logs[log]
-            if zeros.any():
-                return model.bodies(own.coordinates + zeros, own.speeds, own.accelerations)
-            self._bodies[key] = model.bodies(own.coordinates, own.speeds, own.accelerations)
-        return self._bodies[key]
+    def rigid(self, model: LinearModel, bodies: Array, log: int, zeros: Array) -> Array:
+        """The torque of `bodies` (nbody) at the rows of a log (nrow x njoint)."""
+        own = self.logs[log]
+        if zeros.any():
+            return model.rigid(bodies, own.coordinates + zeros, own.speeds, own.accelerations)
+        if log not in self._bodies:
+            self._bodies[log] = model.bodies(own.coordinates, own.speeds, own.accelerations)
+        return np.asarray(self._bodies[log] @ bodies)
 
     def predicted(self, model: LinearModel, values: Array, log: int, zeros: Array) -> Array:
         """The torques of a log (nrow x njoint), through the filter.
@@ -136,7 +135,7 @@ class Yardstick:
             zeros: of its encoders (njoint), in rad.
         """
         own = self.logs[log]
-        rigid = self.at_rows(model, log, zeros) @ values[: model.nbody]
+        rigid = self.rigid(model, values[: model.nbody], log, zeros)
         columns = model.friction_columns(own.speeds, own.accelerations, own.states(model), rigid)
         return own.filtered(rigid + columns @ values[model.nbody :])
 

@@ -43,8 +43,8 @@ def torque_regressor(tree: Tree, coordinates: Array, speeds: Array, acceleration
 
 
 def body_torque(tree: Tree, parameters: Array, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
-    """The torque (... x njoint), in N m or N, that bodies need by themselves, without rotors and friction. It costs a
-    third of what the regressor does.
+    """The torque (... x njoint), in N m or N, that bodies need by themselves, without rotors and friction.  Eqs. 49 to
+    51, by the recursion of Newton and Euler, which costs a tenth of what the regressor does.
 
     Args:
         tree: where the joints are.
@@ -53,10 +53,45 @@ def body_torque(tree: Tree, parameters: Array, coordinates: Array, speeds: Array
         speeds: of the joints (... x njoint), in rad/s or m/s.
         accelerations: of the joints (... x njoint), in rad/s² or m/s².
     """
-    torque = np.zeros(coordinates.shape)
-    for i, (wrench, twists) in enumerate(_links(tree, coordinates, speeds, accelerations)):
-        torque[..., : i + 1] += (twists @ (wrench @ parameters[i, :BODY, None]))[..., 0]
-    return torque
+    n = tree.njoint
+    angles, rates, changes = (np.ascontiguousarray(x.reshape(-1, n).T) for x in (coordinates, speeds, accelerations))
+    spin = spin_rate = np.zeros((3, angles.shape[1]))  # vectors of many states are 3 x nstate here
+    rate = np.broadcast_to(-tree.gravity[:, None], spin.shape)
+    moving = []
+    for i in range(n):
+        axis = tree.axis[i][:, None]
+        matrices, places = _placed(tree, i, angles[i, :, None])
+        matrix, place = matrices.transpose(1, 2, 0), places.T if places.ndim > 1 else places[:, None]
+        rate = rate + _cross(spin_rate, place) + _cross(spin, _cross(spin, place))  # Eq. 49
+        spin, spin_rate, rate = (_dot(matrix, each) for each in (spin, spin_rate, rate))
+        turning, faster = rates[i] * axis, changes[i] * axis
+        if tree.slides[i]:
+            rate = rate + faster + 2.0 * _cross(spin, turning)
+        else:
+            spin_rate = spin_rate + faster + _cross(spin, turning)
+            spin = spin + turning
+        moving.append((matrix, place, spin, spin_rate, rate))
+    torque, force, moment = np.empty_like(angles), np.zeros((3, 1)), np.zeros((3, 1))
+    for i in reversed(range(n)):
+        (matrix, place, spin, spin_rate, rate), own = moving[i], parameters[i]
+        first, inertia = own[1:4, None], MOMENTS @ own[4:BODY]
+        force = force + own[0] * rate + _cross(spin_rate, first) + _cross(spin, _cross(spin, first))  # Eq. 50
+        moment = moment + inertia @ spin_rate + _cross(spin, inertia @ spin) + _cross(first, rate)
+        torque[i] = tree.axis[i] @ (force if tree.slides[i] else moment)  # Eq. 51
+        force, moment = (_dot(matrix.swapaxes(0, 1), each) for each in (force, moment))
+        moment = moment + _cross(place, force)
+    return torque.T.reshape(coordinates.shape)
+
+
+def _cross(one: Array, other: Array) -> Array:
+    """The vector product of two vectors (3 x nstate), or of one for all (3 x 1)."""
+    (x, y, z), (u, v, w) = one, other
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u])
+
+
+def _dot(matrix: Array, vector: Array) -> Array:
+    """Mᵀ v of matrices (3 x 3 x nstate) and vectors (3 x nstate)."""
+    return np.asarray(matrix[0] * vector[0] + matrix[1] * vector[1] + matrix[2] * vector[2])
 
 
 def _links(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) -> Iterator[tuple[Array, Array]]:

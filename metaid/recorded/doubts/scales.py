@@ -43,7 +43,7 @@ def _carried(part: Part, model: LinearModel, zeros: Array) -> Array:
     """The averaged torque that holds the nominal bodies (nwindow x ntest x njoint), in N m or N."""
     windows = part.windows.thinned(THINNED)
     still = np.zeros_like(windows.speeds)
-    return windows.averaged(model.bodies(windows.coordinates + zeros, still, still) @ model.nominal)
+    return windows.averaged(model.rigid(model.nominal, windows.coordinates + zeros, still, still))
 
 
 def _factors(bodies: Array, beside: Array, sent: Array) -> Array:

@@ -101,6 +101,6 @@ def _usual_load(found: RecordedEstimate) -> Array:
     bodies = found.values[: found.model.nbody]
     sizes = []
     for log, own in enumerate(found.logs):
-        at_rows = found.chosen.yardstick.at_rows(found.model, log, found.zeros[log])
-        sizes.append(np.abs(at_rows[own.judged] @ bodies))
+        rigid = found.chosen.yardstick.rigid(found.model, bodies, log, found.zeros[log])
+        sizes.append(np.abs(rigid[own.judged]))
     return np.asarray(np.concatenate(sizes).mean(axis=0), dtype=np.float64)

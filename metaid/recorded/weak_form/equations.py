@@ -31,8 +31,7 @@ LASTS = 0.3  # s: how long an error of the model lasts at least
 ROUNDS = 3  # of the covariance across joints
 PASSES = 3  # of Newton's steps for zeros and for the friction that grows with load
 LEAST = 1e-9  # of the largest torque, that any joint's error is at least: rounding
-KEPT = 4_000_000  # numbers at the nodes of a log that are kept
-CHUNK = 2_000_000  # numbers at nodes that are made at a time, of a longer one
+CHUNK = 2_000_000  # numbers at nodes that are made at a time
 UNTRUSTED = 1e12  # times the largest torque, squared: the variance of one that is not trusted
 SHIFT = 1e-5  # rad, for derivatives by a zero
 
@@ -70,34 +69,22 @@ class Part:
         return np.concatenate([averaged, windows.averaged(friction)], axis=-1)
 
     def _averaged(self, model: LinearModel, bodies: Array, zeros: Array) -> tuple[Array, Array]:
-        """The averaged torque for a unit of each of the bodies' unknowns (nwindow x ntest x njoint x nbody), and the
-        torque of `bodies` (nbody) at nodes (nwindow x nnode x njoint), 0 where no friction grows with it. Of many
-        windows no more is kept: what is at all nodes would not fit into memory.
+        """The averaged torque for a unit of each of the bodies' unknowns (nwindow x ntest x njoint x nbody), kept for
+        the first zeros and the last; and the torque of `bodies` (nbody) at nodes (nwindow x nnode x njoint), 0 where no
+        friction grows with it. What is at all nodes for each unknown would not fit into memory.
         """
-        windows, has_load = self.windows, "load" in model.friction
-        rigid = np.zeros(windows.speeds.shape)
-        key = zeros.tobytes()
-        size = windows.speeds.size * model.nbody
-        if size <= KEPT:
-            if key not in self._bodies:
-                if len(self._bodies) > 1:
-                    self._bodies.clear()
-                self._bodies[key] = self.at_nodes(model, zeros)
-            at_nodes = self._bodies[key]
-            return windows.averaged(at_nodes), at_nodes @ bodies if has_load else rigid
-        if key in self._bodies and not has_load:
-            return self._bodies[key], rigid
-        parts = []
-        chunks = np.array_split(np.arange(len(windows)), -(-size // CHUNK))
-        for chunk in chunks:
-            own = windows.only(chunk)
-            at_nodes = model.bodies(own.coordinates + zeros, own.speeds, own.accelerations)
-            parts.append(own.averaged(at_nodes))
-            if has_load:
-                rigid[chunk] = at_nodes @ bodies
-        self._bodies.clear()
-        self._bodies[key] = np.concatenate(parts)
-        return self._bodies[key], rigid
+        windows, key = self.windows, zeros.tobytes()
+        count = -(-windows.speeds.size * model.nbody // CHUNK)
+        chunks = [windows.only(own) for own in np.array_split(np.arange(len(windows)), count)]
+        if key not in self._bodies:
+            if len(self._bodies) > 1:
+                self._bodies.popitem()
+            rows = (model.bodies(own.coordinates + zeros, own.speeds, own.accelerations) for own in chunks)
+            self._bodies[key] = np.concatenate([own.averaged(each) for own, each in zip(chunks, rows, strict=True)])
+        if "load" not in model.friction:
+            return self._bodies[key], np.zeros(windows.speeds.shape)
+        rigid = (model.rigid(bodies, own.coordinates + zeros, own.speeds, own.accelerations) for own in chunks)
+        return self._bodies[key], np.concatenate(list(rigid))
 
     def sliding(self, model: LinearModel) -> Array:
         """The state of dry friction at nodes (nwindow x nnode x nmotor)."""
@@ -111,7 +98,7 @@ class Part:
         columns = np.empty((len(windows), 2, n, n))
 
         def needed(moved: Array) -> Array:
-            return windows.averaged(model.bodies(moved, windows.speeds, windows.accelerations) @ bodies)
+            return windows.averaged(model.rigid(bodies, moved, windows.speeds, windows.accelerations))
 
         usual = needed(windows.coordinates + zeros)
         for joint in range(n):

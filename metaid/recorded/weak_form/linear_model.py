@@ -22,6 +22,7 @@ from metaid.models.tree import (
     ArmPrior,
     Sliding,
     Tree,
+    body_torque,
     friction_torque,
     is_pendulum,
     torque_regressor,
@@ -32,11 +33,13 @@ from metaid.plant import MujocoPlant, SimulatedPlant
 TERMS = (*COLUMNS, "hysteresis")
 STILL = 0.01  # rad/s or m/s, until the usual speeds of logs are known
 SPREAD = 0.3  # standard deviation of a nominal lump, as a share of it
+ROTOR = PARAMETERS.index("rotor")
 RIGID = len(PARAMETERS) - 2  # of an arm's parameters those that are no friction
 _NAMES = {"viscous": "damping"}  # where the name of a parameter is not that of its term
 _UNITS = {"viscous": "N m s", "coulomb": "N m", "root": "N m √s", "offset": "N m", "load": "", "rotor": "kg m²"}
 _ON_SLIDES = {"viscous": "N s/m", "coulomb": "N", "root": "N √(s/m)", "offset": "N", "load": "", "rotor": "kg"}
 Bodies = Callable[[Array, Array, Array], Array]
+Rigid = Callable[[Array, Array, Array, Array], Array]
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,8 @@ class LinearModel:
         covariance: of these (nbody x nbody).
         bodies: the torque (... x njoint x nbody) for a unit of each of the bodies' unknowns, of joint coordinates,
             speeds and accelerations (... x njoint each).
+        rigid: the torque (... x njoint) of bodies with such values (nbody), of the same: for an arm at a tenth of the
+            cost.
         joints: the names of the joints (njoint).
         slides: which joints (njoint) are slides.
         friction: the terms of every joint, in the order of COLUMNS.
@@ -67,6 +72,7 @@ class LinearModel:
     nominal: Array
     covariance: Array
     bodies: Bodies
+    rigid: Rigid
     joints: tuple[str, ...]
     slides: NDArray[np.bool_]
     friction: tuple[str, ...]
@@ -220,6 +226,9 @@ def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("visc
         turned[..., joints, joints - 1] = accelerations[..., 1:]
         return np.concatenate([law.regressor(angles, speeds, accelerations), turned], axis=-1)
 
+    def rigid(values: Array, angles: Array, speeds: Array, accelerations: Array) -> Array:
+        return np.asarray(bodies(angles, speeds, accelerations) @ values)
+
     names = [*names, *(f"rotor_{i + 1}" for i in range(1, n))]
     sliding = Sliding(np.zeros(n), np.full(n, STILL))
     return _with_friction(
@@ -230,6 +239,7 @@ def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("visc
             nominal=np.concatenate([lumps, np.zeros(n - 1)]),
             covariance=np.diag(np.concatenate([SPREAD * lumps, rotors]) ** 2),
             bodies=bodies,
+            rigid=rigid,
             joints=tuple(f"{i + 1}" for i in range(n)),
             slides=np.zeros(n, dtype=np.bool_),
             friction=(),
@@ -263,6 +273,12 @@ def arm_model(
         every = torque_regressor(tree, coordinates, speeds, accelerations)
         return every.reshape(*every.shape[:-2], -1)[..., columns]
 
+    def rigid(values: Array, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
+        parameters = np.zeros((tree.njoint, len(PARAMETERS)))
+        parameters.flat[columns] = values
+        needed = body_torque(tree, parameters, coordinates, speeds, accelerations)
+        return needed + parameters[:, ROTOR] * accelerations
+
     def chosen(texts: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(text for text, is_kept in zip(texts, kept, strict=True) if is_kept)
 
@@ -275,6 +291,7 @@ def arm_model(
             nominal=prior.values[kept],
             covariance=prior.covariance[np.ix_(kept, kept)],
             bodies=bodies,
+            rigid=rigid,
             joints=tuple(tree.names),
             slides=tree.slides,
             friction=(),
