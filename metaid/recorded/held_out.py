@@ -117,7 +117,14 @@ class Yardstick:
         return {}
 
     def rigid(self, model: LinearModel, bodies: Array, log: int, zeros: Array) -> Array:
-        """The torque of `bodies` (nbody) at the rows of a log (nrow x njoint)."""
+        """The torque of bodies at the rows of a log (nrow x njoint), in N m or N.
+
+        Args:
+            model: what is unknown.
+            bodies: the unknowns of the bodies (nbody).
+            log: which of the logs.
+            zeros: of its encoders (njoint), in rad.
+        """
         own = self.logs[log]
         if zeros.any():
             return model.rigid(bodies, own.coordinates + zeros, own.speeds, own.accelerations)

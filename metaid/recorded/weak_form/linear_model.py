@@ -226,7 +226,7 @@ def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("visc
         turned[..., joints, joints - 1] = accelerations[..., 1:]
         return np.concatenate([law.regressor(angles, speeds, accelerations), turned], axis=-1)
 
-    def rigid(values: Array, angles: Array, speeds: Array, accelerations: Array) -> Array:
+    def _rigid(values: Array, angles: Array, speeds: Array, accelerations: Array) -> Array:
         return np.asarray(bodies(angles, speeds, accelerations) @ values)
 
     names = [*names, *(f"rotor_{i + 1}" for i in range(1, n))]
@@ -239,7 +239,7 @@ def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("visc
             nominal=np.concatenate([lumps, np.zeros(n - 1)]),
             covariance=np.diag(np.concatenate([SPREAD * lumps, rotors]) ** 2),
             bodies=bodies,
-            rigid=rigid,
+            rigid=_rigid,
             joints=tuple(f"{i + 1}" for i in range(n)),
             slides=np.zeros(n, dtype=np.bool_),
             friction=(),
@@ -273,7 +273,7 @@ def arm_model(
         every = torque_regressor(tree, coordinates, speeds, accelerations)
         return every.reshape(*every.shape[:-2], -1)[..., columns]
 
-    def rigid(values: Array, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
+    def _rigid(values: Array, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
         parameters = np.zeros((tree.njoint, len(PARAMETERS)))
         parameters.flat[columns] = values
         needed = body_torque(tree, parameters, coordinates, speeds, accelerations)
@@ -291,7 +291,7 @@ def arm_model(
             nominal=prior.values[kept],
             covariance=prior.covariance[np.ix_(kept, kept)],
             bodies=bodies,
-            rigid=rigid,
+            rigid=_rigid,
             joints=tuple(tree.names),
             slides=tree.slides,
             friction=(),
