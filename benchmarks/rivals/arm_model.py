@@ -18,14 +18,13 @@ from metaid.compiled.spatial import frames_of
 from metaid.estimation.twin.flow import flow
 from metaid.estimation.twin.kernels import accelerate
 from metaid.estimation.twin.spatial import softness_of
-from metaid.estimation.twin.spatial_motion import spatial_balance, spatial_workspace
+from metaid.estimation.twin.spatial_motion import spatial_balance, spatial_space
 from metaid.estimation.twin.state import move, set_off
-from metaid.estimation.twin.workspace import no_joints
+from metaid.estimation.twin.workspace import workspace
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS, ArmPrior, Tree, joint_mass_matrix, joint_torque, torque_regressor
 from metaid.plant import slope_weights
 
-PRESLIDING = 1e-3  # rad, over which dry friction of an arm that moves continuously builds up
 SPEED = 3.0  # rad/s of every joint at most, which is what metaid's pushes have
 SWING, SHARE = 1.5, 0.4  # rad from the middle of a joint's range, and at most that share of the range
 BANDWIDTH, NATURAL = 20.0, 0.2  # of the servo, in rad/s; of filters, in s
@@ -161,14 +160,13 @@ def follow_arm(
         timestep: in s.
         servo: what drives it.
         sensors: what it sees of it.
-        is_continuous: whether it moves continuously, with dry friction that builds up over PRESLIDING.
+        is_continuous: whether it moves continuously, with dry friction that builds up over a way, as a twin has it.
     """
     n = tree.njoint
-    joints = no_joints(n, 2)._replace(presliding=np.array([PRESLIDING]))
     softness = softness_of(tree, parameters)[0] if parameters[:, COULOMB].any() and not is_continuous else None
-    balance = spatial_balance(frames_of(tree), parameters, None, softness, joints, is_continuous)
+    balance = spatial_balance(frames_of(tree), parameters, softness=softness, is_continuous=is_continuous)
     start = np.array([servo.angles[0] - sensors.offset, servo.speeds[0]])
-    arm = balance, spatial_workspace(n, 0, is_continuous=is_continuous), np.zeros((1, n))
+    arm = balance, workspace(*spatial_space(n), 0, is_continuous=is_continuous), np.zeros((1, n))
     settings = start, timestep, is_continuous
     return recorded(servo, lambda *read: _follow_arm(arm, settings, servo.driven, sensors.seen, *read))
 

@@ -6,9 +6,9 @@ nothing can be allocated.
 
 They are cached on disk, in a folder named by a digest of all that the machine code was made from. Functions become a
 part of their callers, and constants a part of the code. But numba's own cache looks at the source file of the outermost
-function only, so after a change elsewhere it would run the old code. The digest is of all sources of this package, of
-`metaid.models` and of the function's own package, with those that it is in, and of the versions of numba, llvmlite and
-MuJoCo.
+function only, so after a change elsewhere it would run the old code. The digest is of all sources of this package and
+its `spatial`, of `metaid.models` and of the function's own package, with those that it is in, and of the versions of
+numba, llvmlite and MuJoCo.
 """
 
 from __future__ import annotations

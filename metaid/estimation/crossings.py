@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from metaid.compiled import compiled, share_out
 from metaid.estimation.log_unknowns import LogUnknowns
 from metaid.estimation.trials import WatchedTrial
-from metaid.estimation.twin.planar_motion import accelerate, planar_balance, planar_derivatives, planar_workspace
+from metaid.estimation.twin.planar_motion import accelerate, planar_balance, planar_derivatives, planar_space
 from metaid.estimation.twin.planar_slopes import force_by_unknowns, linearise
 from metaid.estimation.twin.state import move, set_off
 from metaid.estimation.twin.tangent import move_tangent
+from metaid.estimation.twin.workspace import workspace
 from metaid.models import Array
 
 MISS, TOP = 0, 1  # rows of `touches`
@@ -77,7 +78,7 @@ def count_crossings(
     shown, reached = _counters(npush, windows, n, nunknown), np.zeros(npush, dtype=np.int64)
 
     def run(first: int, stride: int) -> None:
-        own = planar_workspace(n, nunknown), _crossing(n, nunknown)
+        own = workspace(*planar_space(n), nunknown), _crossing(n, nunknown)
         _count_pushes(first, stride, trial.starts, *settled, *own, shown, reached)
 
     share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * max(nunknown, 1))

@@ -89,17 +89,17 @@ def searched_of(searched: BaseUnknowns, kinds: tuple[str, ...], trial: ReadTrial
 
 
 @pytest.mark.parametrize("is_led", [False, True])
-@pytest.mark.parametrize("is_continuous", [False, True])
+@pytest.mark.parametrize(("is_continuous", "rubs"), [(False, False), (False, True), (True, True)])
 @pytest.mark.parametrize(
     "kinds", [("delay", "offset", "viscous", "spring", "gain", "cogging", "bias", "dry", "presliding"), ("tilt", "lag")]
 )
 def test_slopes_by_all_that_is_unknown_are_those_of_the_residuals(
-    kinds: tuple[str, ...], is_continuous: bool, is_led: bool
+    kinds: tuple[str, ...], is_continuous: bool, rubs: bool, is_led: bool
 ) -> None:
     """Of an arm with a slide away from the truth: by base parameters and faults, whether a filter leads the twin or
-    none; where it moves continuously with dry friction, too.
+    none; where joints stick, too, and where dry friction builds up.
     """
-    tree = random_arm(3, 2, (2,), friction=is_continuous)
+    tree = random_arm(3, 2, (2,), friction=rubs)
     kinds = tuple(kind for kind in kinds if is_continuous or kind not in ("dry", "presliding"))
     trial, searched = pushed(tree, ()), BaseUnknowns(ArmPrior(nominal_of(tree), tilts=True))
     trial = replace(trial, is_continuous=is_continuous)

@@ -5,17 +5,18 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from metaid.estimation.trials import Further, Joints, ReadTrial, WatchedTrial
 from metaid.estimation.twin.planar_motion import (
     PlanarBalance,
     PlanarDerivatives,
+    PlanarSpace,
     planar_balance,
     planar_derivatives,
-    planar_workspace,
+    planar_space,
 )
 from metaid.estimation.twin.twin import Twin
-from metaid.estimation.twin.workspace import Workspace
 from metaid.models import Array, Lumps
 
 
@@ -32,10 +33,6 @@ class PlanarTwin(Twin):
     def links(self) -> Array:
         return np.tril(np.ones((self.unknowns.njoint, self.unknowns.njoint)))
 
-    @cached_property
-    def alone(self) -> PlanarTwin:
-        return PlanarTwin(self.unknowns.alone(self.point), np.empty(0))
-
     def under_law(self, trial: WatchedTrial) -> tuple[PlanarBalance, PlanarDerivatives]:
         own = planar_balance(trial.law, self.lumps, self.unknowns.gravity)
         return own, planar_derivatives(self.unknowns, self.lumps)
@@ -47,5 +44,6 @@ class PlanarTwin(Twin):
         own = planar_balance(None, self.lumps, gravity, joints=joints, is_continuous=trial.is_continuous, rubs=rubs)
         return own, planar_derivatives(self.unknowns, self.lumps, further)
 
-    def workspace(self, columns: int, energies: bool = False, is_continuous: bool = False) -> Workspace:
-        return planar_workspace(self.unknowns.njoint, columns, energies, is_continuous)
+    @property
+    def space(self) -> tuple[NDArray[np.int64], PlanarSpace]:
+        return planar_space(self.unknowns.njoint)

@@ -13,12 +13,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from metaid.compiled import compiled
 from metaid.estimation.log_unknowns import Columns, LogUnknowns
 from metaid.estimation.trials import NOTHING_FURTHER, Further, Joints
 from metaid.estimation.twin.joints import joint_force
-from metaid.estimation.twin.workspace import Beside, Workspace, beside, no_joints, workspace
+from metaid.estimation.twin.workspace import Beside, beside, no_joints
 from metaid.models import Array, Lumps
 
 
@@ -138,17 +139,10 @@ def planar_derivatives(unknowns: LogUnknowns, lumps: Lumps, further: Further = N
     )
 
 
-def planar_workspace(nlink: int, nunknown: int, energies: bool = False, is_continuous: bool = False) -> Workspace:
-    """Working space for the twin of a chain.
-
-    Args:
-        nlink: the number of links.
-        nunknown: the number of unknowns.
-        energies: whether their derivatives are kept, too.
-        is_continuous: whether it takes Runge-Kutta steps.
-    """
+def planar_space(nlink: int) -> tuple[NDArray[np.int64], PlanarSpace]:
+    """The link below each joint (nlink), and what the kernel works in."""
     own = PlanarSpace(np.zeros(nlink), np.zeros(nlink), np.zeros((nlink, nlink)), np.zeros((2 * nlink, nlink)))
-    return workspace(np.arange(-1, nlink - 1), own, nunknown, energies, is_continuous)
+    return np.arange(-1, nlink - 1), own
 
 
 @compiled

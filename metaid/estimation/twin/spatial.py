@@ -8,18 +8,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.trials import NOTHING_FURTHER, PRESLIDING, Further, Joints, ReadTrial, WatchedTrial
+from metaid.estimation.trials import NOTHING_FURTHER, Further, Joints, ReadTrial, WatchedTrial
 from metaid.estimation.twin.shown import Motion
 from metaid.estimation.twin.spatial_motion import (
     COULOMB,
     SpatialBalance,
     SpatialDerivatives,
+    SpatialSpace,
     spatial_balance,
     spatial_derivatives,
-    spatial_workspace,
+    spatial_space,
 )
 from metaid.estimation.twin.twin import Twin
-from metaid.estimation.twin.workspace import Workspace, no_joints
 from metaid.models import Array
 from metaid.models.tree import Tree, torque_regressor
 
@@ -41,10 +41,6 @@ class SpatialTwin(Twin):
     def links(self) -> Array:
         return np.eye(self.unknowns.njoint)
 
-    @cached_property
-    def alone(self) -> SpatialTwin:
-        return SpatialTwin(self.unknowns.alone(self.point), np.empty(0))
-
     def by_unknowns(self, slopes: Array) -> Array:
         return np.asarray(slopes @ self.unknowns.root) if slopes.shape[-1] else slopes
 
@@ -59,9 +55,7 @@ class SpatialTwin(Twin):
     def driven(
         self, trial: ReadTrial, joints: Joints | None, further: Further
     ) -> tuple[SpatialBalance, SpatialDerivatives]:
-        n = self.unknowns.njoint
-        known = no_joints(n, 2)._replace(presliding=np.full(1, PRESLIDING)) if joints is None else joints
-        return self._moving(None, known, trial.is_continuous, further)
+        return self._moving(None, joints, trial.is_continuous, further)
 
     def _moving(
         self, law: Array | None, joints: Joints | None, is_continuous: bool, further: Further
@@ -72,9 +66,8 @@ class SpatialTwin(Twin):
         balance = spatial_balance(
             self.unknowns.frames, self.parameters, law, self._softness[0] if sticks else None, joints, is_continuous
         )
-        n = self.unknowns.njoint
         slopes = self._softness[1] if sticks and len(self._columns) else np.empty((0, 0))
-        return balance, spatial_derivatives(self._columns, slopes, further, n)
+        return balance, spatial_derivatives(self._columns, slopes, further, self.unknowns.njoint)
 
     @cached_property
     def _columns(self) -> NDArray[np.intp]:
@@ -92,8 +85,9 @@ class SpatialTwin(Twin):
         rows = _rows_at_zero(tree, inverse)[..., self._columns]
         return softness, -SOFTNESS * np.einsum("ij,ijp->ip", inverse, rows)
 
-    def workspace(self, columns: int, energies: bool = False, is_continuous: bool = False) -> Workspace:
-        return spatial_workspace(self.unknowns.njoint, columns, energies, is_continuous)
+    @property
+    def space(self) -> tuple[NDArray[np.int64], SpatialSpace]:
+        return spatial_space(self.unknowns.njoint)
 
 
 def softness_of(tree: Tree, parameters: Array) -> tuple[Array, Array]:

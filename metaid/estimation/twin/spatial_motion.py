@@ -18,11 +18,11 @@ from metaid.compiled import compiled
 from metaid.compiled.spatial import Frames, Space, accelerating_torques, factorise, fill_mass_matrix, new_space, solve
 from metaid.estimation.trials import Further, Joints
 from metaid.estimation.twin.joints import joint_force
-from metaid.estimation.twin.workspace import Beside, Workspace, beside, no_joints, workspace
+from metaid.estimation.twin.workspace import Beside, beside, no_joints
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS, tilted_gravity
 
-COULOMB = PARAMETERS.index("coulomb")
+ROTOR, DAMPING, COULOMB = (PARAMETERS.index(kind) for kind in ("rotor", "damping", "coulomb"))  # the last three
 STOPPING = 2.0 / (0.95 * 0.02)  # B in 1/s: MuJoCo's usual solref has 0.02 s, its solimp at most 0.95
 ALL_AT_ONCE = 6  # attempts; then one joint at a time, which ends
 MOST = 60
@@ -32,12 +32,12 @@ TILT = 1e-6  # rad, a step of a difference
 class SpatialBalance(NamedTuple):
     """What the motion of an arm of n joints follows from.
 
-    `parameters` (n x 13) are its own without dry friction, and what is unknown of them is the `difference` (n x 13)
-    that the law's are beside them; `law` (n x 13), which asks for q̈ = −`stiffness` (q − q_start), is empty without one.
-    `sticking` (n), in N m, is dry friction by a constraint of the `softness` (n; empty where no joint has any). `dry`
-    (n) builds up over `presliding` rad. `turned` (2 x 3) is what gravity in the base changes by with its tilt. `spring`
-    (n) is minus a stiffness, in N m/rad; `straight` (n) what a joint reads at 0; `cogging` (3 x n) that of `Joints`.
-    `damping` and `coulomb` (n) are 0: they are among the parameters.
+    `parameters` (n x 13) are its own and `law` (n x 13; empty without one) those of the law, which asks for
+    q̈ = −`stiffness` (q − q_start), both without friction; the `difference` (n x 13) is what the law's are beyond. Of
+    friction `damping` (n), in N m s, is the law's less the arm's, and `coulomb` (n), in N m, the law's. That of the arm
+    is `sticking` (n), a constraint of the `softness` (n; empty where no joint has any), or `dry` (n), which builds up
+    over `presliding` rad. `turned` (2 x 3) is what gravity in the base changes by with its tilt. `spring` (n) is minus
+    a stiffness, in N m/rad; `straight` (n) what a joint reads at 0; `cogging` (3 x n) that of `Joints`.
     """
 
     frames: Frames
@@ -103,24 +103,25 @@ def spatial_balance(
     """
     n = len(parameters)
     joints = no_joints(n, 2) if joints is None else joints
-    own, rubs = parameters.copy(), parameters[:, COULOMB] + joints.dry
-    own[:, PARAMETERS.index("damping")] += joints.viscous
-    own[:, PARAMETERS.index("rotor")] += joints.rotor
-    own[:, COULOMB] = 0.0
+    own, sent = parameters.copy(), np.zeros_like(parameters) if law is None else np.array(law, order="C")
+    damping = sent[:, DAMPING] - own[:, DAMPING] - joints.viscous
+    coulomb, rubs = sent[:, COULOMB].copy(), own[:, COULOMB] + joints.dry
+    own[:, ROTOR] += joints.rotor
+    own[:, DAMPING:] = sent[:, DAMPING:] = 0.0
     tilts = np.array([[TILT, 0.0], [0.0, TILT]])
     leaning = [tilted_gravity(frames.gravity, joints.tilt + sign * tilt) for tilt in tilts for sign in (1.0, -1.0)]
     gravity = tilted_gravity(frames.gravity, joints.tilt) if joints.tilt.any() else frames.gravity
     return SpatialBalance(
         frames=frames._replace(gravity=gravity),
         parameters=own,
-        difference=-own if law is None else law - own,
-        law=np.empty((0, len(PARAMETERS))) if law is None else np.array(law, order="C"),
+        difference=sent - own,
+        law=sent[:0] if law is None else sent,
         stiffness=0.0,
         sticking=np.zeros(n) if is_continuous else rubs,
         softness=np.empty(0) if softness is None else softness,
         turned=(np.array(leaning[::2]) - np.array(leaning[1::2])) / (2.0 * TILT),
-        damping=np.zeros(n),
-        coulomb=np.zeros(n),
+        damping=damping,
+        coulomb=coulomb,
         spring=0.0 - joints.spring,
         straight=np.array(joints.offset),
         dry=rubs if is_continuous else np.zeros(n),
@@ -147,17 +148,9 @@ def spatial_derivatives(
     return SpatialDerivatives(links, kinds, softness, own)
 
 
-def spatial_workspace(njoint: int, nunknown: int, energies: bool = False, is_continuous: bool = False) -> Workspace:
-    """Working space for the twin of an arm.
-
-    Args:
-        njoint: the number of joints.
-        nunknown: the number of unknowns.
-        energies: whether their derivatives are kept, too.
-        is_continuous: whether it takes Runge-Kutta steps.
-    """
-    own = SpatialSpace(new_space(njoint), *np.zeros((7, njoint)))
-    return workspace(np.full(njoint, -1), own, nunknown, energies, is_continuous)
+def spatial_space(njoint: int) -> tuple[NDArray[np.int64], SpatialSpace]:
+    """What every joint is beside (njoint), nothing, and what the kernel works in."""
+    return np.full(njoint, -1), SpatialSpace(new_space(njoint), *np.zeros((7, njoint)))
 
 
 @compiled

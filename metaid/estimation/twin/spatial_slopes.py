@@ -19,10 +19,9 @@ from metaid.compiled.spatial import (
     triple,
 )
 from metaid.estimation.twin.joints import slopes_of_joints
-from metaid.estimation.twin.spatial_motion import STOPPING, place
+from metaid.estimation.twin.spatial_motion import DAMPING, ROTOR, STOPPING, place
 
 STEP = 1e-6  # rad or rad/s: a longer one meets the curvature, a shorter one rounding
-ROTOR, DAMPING = 10, 11  # of the kinds of parameters; those before are a body's, the one behind is dry friction
 
 
 @fused

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from metaid.estimation.twin.driven import watch_readings
 from metaid.estimation.twin.filtered import lead
 from metaid.estimation.twin.shown import Filter, Motion
 from metaid.estimation.twin.watched import watch_push
-from metaid.estimation.twin.workspace import Workspace
+from metaid.estimation.twin.workspace import workspace
 from metaid.models import Array
 
 NO_FORCES = np.empty((0, 0))  # beside the law
@@ -49,8 +50,8 @@ class Twin(ABC):
 
     @property
     @abstractmethod
-    def alone(self) -> Twin:
-        """The same robot, of which nothing is unknown."""
+    def space(self) -> tuple[NDArray[np.int64], Any]:
+        """The link below each joint (njoint), -1 for none, and what a thread's kernel works in."""
 
     @abstractmethod
     def under_law(self, trial: WatchedTrial) -> tuple[Any, Any]:
@@ -60,13 +61,14 @@ class Twin(ABC):
     def driven(self, trial: ReadTrial, joints: Joints | None, further: Further) -> tuple[Any, Any]:
         """What it moves by where there is no law, with its derivatives, also by what is `further` unknown."""
 
-    @abstractmethod
-    def workspace(self, columns: int, energies: bool = False, is_continuous: bool = False) -> Workspace:
-        """Working space for a thread, for so many unknowns."""
-
     def by_unknowns(self, slopes: Array) -> Array:
         """The derivatives by the unknowns (... x nunknown), of those by what the kernel differentiates by."""
         return slopes
+
+    @cached_property
+    def alone(self) -> Twin:
+        """The same robot, of which nothing is unknown."""
+        return type(self)(self.unknowns.alone(self.point), np.empty(0))
 
     @property
     def _torques(self) -> Array:
@@ -95,7 +97,7 @@ class Twin(ABC):
         balance, derivatives = self.under_law(trial)
 
         def run(first: int, stride: int) -> None:
-            room = self.workspace(nunknown, energies)
+            room = workspace(*self.space, nunknown, energies)
             for push in range(first, npush, stride):
                 own = balance._replace(stiffness=float(stiffness[push]))
                 seen = tuple(each[push] for each in shown), tuple(each[push] for each in slopes)
@@ -103,8 +105,9 @@ class Twin(ABC):
                 reached[push] = watch_push(trial.starts[push], NO_FORCES, own, derivatives, *settings, room, *seen)
 
         share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * nunknown)
-        by = (self.by_unknowns(slopes[0]), slopes[1], slopes[2])
-        return Motion(shown[1], by[0], shown[2], shown[3], by[1], by[2], reached), shown[0]
+        by_speed, by_speed_energy, by_acceleration_energy = slopes
+        by_energies = by_speed_energy, by_acceleration_energy
+        return Motion(shown[1], self.by_unknowns(by_speed), shown[2], shown[3], *by_energies, reached), shown[0]
 
     def trace(self, trial: WatchedTrial, steps: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
         """Joint coordinates after so many `steps` of each push of a trial (npush x nsteps x njoint), under the same
@@ -138,7 +141,7 @@ class Twin(ABC):
         )
 
         def run(first: int, stride: int) -> None:
-            room = self.workspace(columns, is_continuous=trial.is_continuous)
+            room = workspace(*self.space, columns, is_continuous=trial.is_continuous)
             for push in range(first, npush, stride):
                 pushed, moving = (starts[push], forces[push]), (trial.timesteps[push], *settings)
                 right = readings[push], gains[0][push], gains[1][push]
@@ -160,21 +163,18 @@ class Twin(ABC):
         links, both = self.links, np.kron(np.eye(2), self.links)
         of_reading = (links * trial.noise**2) @ links.T
         covariances, seen = np.ascontiguousarray(both @ begins @ both.T), trial.readings @ links.T
-        alone, forces = self.alone, self._forces(trial)
-        balance, _ = alone.driven(trial, joints, NOTHING_FURTHER)
+        forces, (balance, _) = self._forces(trial), self.alone.driven(trial, joints, NOTHING_FURTHER)
         multiplications = int(trial.steps[pushes].sum()) * trial.substeps * 20 * n**3 * _stages(trial)
 
         def run(noise: tuple[Array, Array], is_kept: bool) -> Run:
             found = run_of(npush, nreading, n, is_kept)
 
             def share(first: int, stride: int) -> None:
-                room = alone.workspace(0, is_continuous=trial.is_continuous), spread_of(n)
+                room = workspace(*self.space, 0, is_continuous=trial.is_continuous), spread_of(n)
                 for push in pushes[first::stride].tolist():
                     pushed = starts[push], covariances[push], forces[push], seen[push]
-                    moving, own = (
-                        (trial.timesteps[push], trial.substeps, trial.is_continuous),
-                        Run(*(each[push] for each in found)),
-                    )
+                    moving = trial.timesteps[push], trial.substeps, trial.is_continuous
+                    own = Run(*(each[push] for each in found))
                     found.sums[push] = lead(*pushed, balance, moving, noise, trial.steps[push], *room, own)
 
             share_out(share, len(pushes), multiplications)

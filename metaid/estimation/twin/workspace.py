@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.trials import Further, Joints
+from metaid.estimation.trials import PRESLIDING, Further, Joints
 from metaid.models import Array
 
 BLOCK = 4  # rows and columns that are multiplied at once, held in registers
@@ -134,14 +134,14 @@ def beside(further: Further, lean: Array, from_below: Array, tilts: Array, first
 
 
 def no_joints(njoint: int, tilts: int) -> Joints:
-    """Joints that have nothing.
+    """Joints that have nothing beside the parameters.
 
     Args:
         njoint: how many there are.
         tilts: about how many axes their base may be tilted.
     """
     none = np.zeros(njoint)
-    return Joints(none, none, none, none, np.zeros(tilts), none, np.zeros(1), np.zeros((3, njoint)))
+    return Joints(none, none, none, none, np.zeros(tilts), none, np.array([PRESLIDING]), np.zeros((3, njoint)))
 
 
 def _up(count: int, whole: int) -> int:

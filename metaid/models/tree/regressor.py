@@ -7,6 +7,7 @@ docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,7 +45,7 @@ def torque_regressor(tree: Tree, coordinates: Array, speeds: Array, acceleration
 
 def body_torque(tree: Tree, parameters: Array, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
     """The torque (... x njoint), in N m or N, that bodies need by themselves, without rotors and friction.  Eqs. 49 to
-    51, by the recursion of Newton and Euler, which costs a tenth of what the regressor does.
+    51, by the recursion of Newton and Euler, which costs much less than the regressor.
 
     Args:
         tree: where the joints are.
@@ -53,59 +54,41 @@ def body_torque(tree: Tree, parameters: Array, coordinates: Array, speeds: Array
         speeds: of the joints (... x njoint), in rad/s or m/s.
         accelerations: of the joints (... x njoint), in rad/s² or m/s².
     """
-    n = tree.njoint
-    angles, rates, changes = (np.ascontiguousarray(x.reshape(-1, n).T) for x in (coordinates, speeds, accelerations))
-    spin = spin_rate = np.zeros((3, angles.shape[1]))  # vectors of many states are 3 x nstate here
-    rate = np.broadcast_to(-tree.gravity[:, None], spin.shape)
-    moving = []
-    for i in range(n):
-        axis = tree.axis[i][:, None]
-        matrices, places = _placed(tree, i, angles[i, :, None])
-        matrix, place = matrices.transpose(1, 2, 0), places.T if places.ndim > 1 else places[:, None]
-        rate = rate + _cross(spin_rate, place) + _cross(spin, _cross(spin, place))  # Eq. 49
-        spin, spin_rate, rate = (_dot(matrix, each) for each in (spin, spin_rate, rate))
-        turning, faster = rates[i] * axis, changes[i] * axis
-        if tree.slides[i]:
-            rate = rate + faster + 2.0 * _cross(spin, turning)
-        else:
-            spin_rate = spin_rate + faster + _cross(spin, turning)
-            spin = spin + turning
-        moving.append((matrix, place, spin, spin_rate, rate))
-    torque, force, moment = np.empty_like(angles), np.zeros((3, 1)), np.zeros((3, 1))
-    for i in reversed(range(n)):
-        (matrix, place, spin, spin_rate, rate), own = moving[i], parameters[i]
-        first, inertia = own[1:4, None], MOMENTS @ own[4:BODY]
-        force = force + own[0] * rate + _cross(spin_rate, first) + _cross(spin, _cross(spin, first))  # Eq. 50
-        moment = moment + inertia @ spin_rate + _cross(spin, inertia @ spin) + _cross(first, rate)
-        torque[i] = tree.axis[i] @ (force if tree.slides[i] else moment)  # Eq. 51
-        force, moment = (_dot(matrix.swapaxes(0, 1), each) for each in (force, moment))
-        moment = moment + _cross(place, force)
-    return torque.T.reshape(coordinates.shape)
+    torque = np.empty(coordinates.shape)
+    force = moment = np.zeros(3)
+    links = list(_moving(tree, coordinates, speeds, accelerations))
+    for i, (link, own) in reversed(list(enumerate(zip(links, parameters, strict=True)))):
+        first, inertia = own[1:4], MOMENTS @ own[4:BODY]
+        turning = np.cross(link.spin_rate, first) + np.cross(link.spin, np.cross(link.spin, first))
+        force = force + own[0] * link.rate + turning  # Eq. 50
+        moment = moment + link.spin_rate @ inertia + np.cross(link.spin, link.spin @ inertia)
+        moment = moment + np.cross(first, link.rate)
+        torque[..., i] = (force if tree.slides[i] else moment) @ tree.axis[i]  # Eq. 51
+        force, moment = ((link.matrix @ each[..., None])[..., 0] for each in (force, moment))
+        moment = moment + np.cross(link.place, force)
+    return torque
 
 
-def _cross(one: Array, other: Array) -> Array:
-    """The vector product of two vectors (3 x nstate), or of one for all (3 x 1)."""
-    (x, y, z), (u, v, w) = one, other
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u])
-
-
-def _dot(matrix: Array, vector: Array) -> Array:
-    """Mᵀ v of matrices (3 x 3 x nstate) and vectors (3 x nstate)."""
-    return np.asarray(matrix[0] * vector[0] + matrix[1] * vector[1] + matrix[2] * vector[2])
-
-
-def _links(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) -> Iterator[tuple[Array, Array]]:
-    """Of each link, from the base on, in the frame of the base: moment and force for a unit of each parameter of its
-    body (... x 6 x 10), and the twist of the link for a unit speed of each joint up to its own (... x i + 1 x 6), which
-    they do their work on.
+class _Link(NamedTuple):
+    """How a link moves, in its own frame: `spin` in rad/s, its rate in rad/s², and the `rate` in m/s² at which the
+    speed of its origin changes, less gravity (... x 3 each). In the frame of the link before: the `matrix` of its axes
+    (... x 3 x 3), and the `place` of its origin in m (... x 3).
     """
-    spin = spin_rate = origin = np.zeros((*coordinates.shape[:-1], 3))
+
+    matrix: Array
+    place: Array
+    spin: Array
+    spin_rate: Array
+    rate: Array
+
+
+def _moving(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) -> Iterator[_Link]:
+    """Each link, from the base on.  Eq. 49."""
+    spin = spin_rate = np.zeros((*coordinates.shape[:-1], 3))
     rate = np.broadcast_to(-tree.gravity, spin.shape)
-    turned = np.broadcast_to(np.eye(3), (*spin.shape, 3))
-    axes, origins = np.zeros((2, *spin.shape[:-1], tree.njoint, 3))
     for i in range(tree.njoint):
-        axis, own = tree.axis[i], coordinates[..., i, None]
-        matrix, place = _placed(tree, i, own)
+        axis = tree.axis[i]
+        matrix, place = _placed(tree, i, coordinates[..., i, None])
         rate = rate + np.cross(spin_rate, place) + np.cross(spin, np.cross(spin, place))  # Eq. 49
         spin, spin_rate, rate = ((each[..., None, :] @ matrix)[..., 0, :] for each in (spin, spin_rate, rate))
         turning, faster = speeds[..., i, None] * axis, accelerations[..., i, None] * axis
@@ -114,9 +97,21 @@ def _links(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) 
         else:
             spin_rate = spin_rate + faster + np.cross(spin, turning)
             spin = spin + turning
-        origin, turned = origin + (turned @ place[..., None])[..., 0], turned @ matrix
-        axes[..., i, :], origins[..., i, :] = turned @ axis, origin
-        force, moment = _of_body(spin, spin_rate, rate)
+        yield _Link(matrix, place, spin, spin_rate, rate)
+
+
+def _links(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) -> Iterator[tuple[Array, Array]]:
+    """Of each link, from the base on, in the frame of the base: moment and force for a unit of each parameter of its
+    body (... x 6 x 10), and the twist of the link for a unit speed of each joint up to its own (... x i + 1 x 6), which
+    they do their work on.
+    """
+    origin = np.zeros((*coordinates.shape[:-1], 3))
+    turned = np.broadcast_to(np.eye(3), (*origin.shape, 3))
+    axes, origins = np.zeros((2, *origin.shape[:-1], tree.njoint, 3))
+    for i, link in enumerate(_moving(tree, coordinates, speeds, accelerations)):
+        origin, turned = origin + (turned @ link.place[..., None])[..., 0], turned @ link.matrix
+        axes[..., i, :], origins[..., i, :] = turned @ tree.axis[i], origin
+        force, moment = _of_body(link.spin, link.spin_rate, link.rate)
         yield np.concatenate([turned @ moment, turned @ force], axis=-2), _twists(tree, axes, origins, i)
 
 

@@ -54,8 +54,7 @@ class LinearModel:
         covariance: of these (nbody x nbody).
         bodies: the torque (... x njoint x nbody) for a unit of each of the bodies' unknowns, of joint coordinates,
             speeds and accelerations (... x njoint each).
-        rigid: the torque (... x njoint) of bodies with such values (nbody), of the same: for an arm at a tenth of the
-            cost.
+        rigid: the torque (... x njoint) of bodies with such values (nbody), of the same: for an arm at much less cost.
         joints: the names of the joints (njoint).
         slides: which joints (njoint) are slides.
         friction: the terms of every joint, in the order of COLUMNS.
