@@ -69,7 +69,9 @@ class Loop:
             speeds = filtered_speeds(read.angles, start_speeds, self.speed_weights)
         torques, _ = late(law(read.angles + self.lead * speeds, speeds), self.delay)
         torques = np.ascontiguousarray(np.clip(torques, -self.torque_limits, self.torque_limits), dtype=np.float64)
-        noise = np.hypot(self.noise, read.encoder_steps / np.sqrt(12.0)) if self.has_unknown_encoders else self.noise
+        # At rest a reading shows the steps of its encoder as far as its other noise moves it across them.
+        of_encoders = read.encoder_steps / np.sqrt(12.0)
+        noise = np.maximum(self.noise, of_encoders) if self.has_unknown_encoders else self.noise
         pushes = start_speeds, self.start_spread
         seen = self.timestep, read.angles, torques, read.steps
         trial = ReadTrial(*seen, *pushes, noise, self.substeps, poses, self.is_continuous)
