@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,14 +58,15 @@ def watched(
     faults: FaultSettings | None = None,
     longer: float = 1.0,
     stiffness: float = 0.0,
-    spring: float = 0.0,
+    springs: Sequence[float] = (),
     chain: int | None = None,
 ) -> Watched:
-    """A random chain, its joints with this `damping` and `spring`, watched for `longer` than a study
+    """A random chain, its joints with this `damping` and these `springs`, watched for `longer` than a study
     would; `stiffness` is the law's. Which `chain` it is follows from the `seed` of pushes and noise unless it is given.
     """
     true, nominal = random_chain(nlink, seed + 1 if chain is None else chain)
-    links = tuple(link.model_copy(update={"damping": damping, "stiffness": spring}) for link in true)
+    each = zip(true, springs or nlink * (0.0,), strict=True)
+    links = tuple(link.model_copy(update={"damping": damping, "stiffness": spring}) for link, spring in each)
     settings = PlantSettings(links=links, timestep=TIMESTEP, faults=faults or FaultSettings())
     plant, believed = MujocoPlant("chain", settings), chain_of(nominal)
     steps = round(1.5 * natural_time(believed, GRAVITY) / TIMESTEP)

@@ -116,6 +116,12 @@ def triangle(place: Place, spreads: Array) -> tuple[Array, Array]:
     return reduced[:count, :count], -reduced[:count, count]
 
 
+def covariance_at(place: Place, spreads: Array) -> Array:
+    """Of the unknowns (nunknown x nunknown) at a place where no step lowers the cost.  Eq. 27."""
+    inverse = np.linalg.inv(triangle(place, spreads)[0])  # R is the factor of what is inverted
+    return np.asarray(inverse @ inverse.T, dtype=np.float64)
+
+
 def descend(
     fitted: Fitted,
     place: Place,

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from metaid.estimation.descent import Descent, Fitted, descend, place_at, triangle
+from metaid.estimation.descent import Descent, Fitted, covariance_at, descend, place_at
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 
@@ -233,12 +233,10 @@ def starting_points(comparison: Fitted, start: Array | None, restarts: int, seed
 
 def _fit(comparison: Growing, found: Descent, iterations: int, starts: int) -> Fit:
     place, count = found.place, len(comparison.spreads)
-    factor, _ = triangle(place, comparison.spreads)
-    inverse = np.linalg.inv(factor)
     return Fit(
         names=tuple(comparison.unknowns.names),
         unknowns=place.point[:count],
-        covariance=inverse @ inverse.T,  # Eq. 27; R is the factor of what is inverted
+        covariance=covariance_at(place, comparison.spreads),  # Eq. 27
         cost=place.cost,
         misfit=misfit(found),
         explained_below=comparison.explained_below,

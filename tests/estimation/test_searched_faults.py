@@ -27,7 +27,7 @@ NOISY: dict[str, Any] = {"angle_noise": NOISE, "speed_sensor": False}
         (("delay",), {"delay": 4}, {}),
         (("tilt",), {"tilt": 0.03}, {}),
         (("viscous",), {}, {"damping": 0.02}),
-        (("spring",), {}, {"spring": 0.3}),
+        (("spring",), {}, {"springs": (0.3, 0.3)}),
         (("gain",), {"torque_gain": (1.0, 1.05)}, {}),
         (
             ("delay", "offset", "viscous", "gain"),
@@ -37,7 +37,7 @@ NOISY: dict[str, Any] = {"angle_noise": NOISE, "speed_sensor": False}
     ],
 )
 def test_faults_are_found_beside_the_lumps(
-    kinds: tuple[str, ...], faults: dict[str, Any], joints: dict[str, float]
+    kinds: tuple[str, ...], faults: dict[str, Any], joints: dict[str, Any]
 ) -> None:
     """Within four deviations each, and within a hundredth of their size."""
     seen = watched(2, 1, faults=FaultSettings(**NOISY, **faults), longer=2.0, **joints)
@@ -135,6 +135,25 @@ def test_fault_that_is_searched_is_no_force_that_the_model_has_not() -> None:
     assert np.sqrt(np.nanmean((replay.simulated - replay.seen) ** 2)) < 1.2 * NOISE
 
 
+def test_fault_that_is_left_out_of_a_joint_is_none_there_and_looked_for_as_a_force() -> None:
+    """That of the other joint is found, and is no force that the model has not."""
+    seen = watched(2, 1, faults=FaultSettings(**NOISY), longer=2.0, springs=(0.0, 0.3))
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
+    searched = searched_faults(("spring",), unknowns, seen.starts).without(np.array([True, False]))
+    trials = [seen.read_trial(raised(seen.nominal.lumps, factor)) for factor in (1.2, 1.5)]
+    readings = Readings(trials, unknowns, faults=searched)
+    estimate = fit(readings, restarts=0)
+    found, force = estimate.faults, next(iter(unmodelled_forces(readings, estimate)))
+    assert estimate.is_explained
+    assert found is not None
+    assert found.determined.tolist() == [False, True]
+    assert found.values == pytest.approx([0.0, 0.3], rel=0.01)
+    assert np.isnan(found.deviations).tolist() == [True, False]
+    assert force.kind == "spring"
+    assert force.deviations[0] > 0.0
+    assert force.sizes[1] == force.deviations[1] == 0.0
+
+
 def test_fit_goes_on_from_the_faults_that_it_found() -> None:
     """Begun at the estimate of the same trials, it has the same faults; what a fit begins at has them behind lumps."""
     seen = watched(1, 1, faults=FaultSettings(**NOISY, delay=2), longer=2.0)
@@ -157,7 +176,7 @@ def test_names_of_faults_are_by_joint() -> None:
 
 def test_spring_that_pushes_away_explains_nothing() -> None:
     """The fit finds it, the verdict names it, and it is not proposed."""
-    seen = watched(1, 1, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False), longer=2.0, spring=-0.5)
+    seen = watched(1, 1, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False), longer=2.0, springs=(-0.5,))
     unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
     trials = [seen.read_trial(raised(seen.nominal.lumps, law)) for law in (1.5, 1.2)]
     readings = Readings(trials, unknowns)

@@ -105,12 +105,34 @@ def test_estimate_that_does_not_predict_the_last_trial_does_not_hold(late: Watch
 
 def test_spring_that_short_trials_cannot_tell_is_not_explained_away() -> None:
     """Of one link in two short trials a wrong gravity lump explains as much: no fault is taken up, a force is seen."""
-    seen = watched(1, 1, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False), spring=0.5, chain=4)
+    seen = watched(1, 1, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False), springs=(0.5,), chain=4)
     trials = [seen.read_trial(raised(seen.nominal.lumps, law)) for law in (1.5, 1.2)]
     readings = Readings(trials, LogUnknowns(seen.nominal.lumps, GRAVITY))
     estimate, taken = taken_up(seen, readings)
     assert taken is None
     assert any(force.is_seen for force in unmodelled_forces(readings, estimate))
+
+
+def test_spring_in_a_joint_that_pushes_left_out_do_not_have_is_left_out_there() -> None:
+    """The gravity lump of that joint hangs on it; that of the other joint all pushes have, and it is found."""
+    one, other = (
+        watched(2, 1, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False), longer=2.0, springs=(each, 1.0))
+        for each in (1.0, 0.0)
+    )
+    trials = []
+    for number, factor in enumerate(LAWS):
+        law = raised(one.nominal.lumps, factor)
+        trial, without = one.read_trial(law), other.read_trial(law)
+        is_left_out = (np.arange(len(trial.steps)) + number) % 3 == 1
+        for own in ("readings", "torques", "steps"):
+            getattr(trial, own)[is_left_out] = getattr(without, own)[is_left_out]
+        trials.append(trial)
+    estimate, taken = taken_up(one, Readings(trials, LogUnknowns(one.nominal.lumps, GRAVITY)))
+    assert taken is not None
+    assert estimate.faults is not None
+    assert taken.kinds == ("spring",)
+    assert estimate.faults.searched.is_left_out.tolist() == [True, False]
+    assert estimate.faults.values == pytest.approx([0.0, 1.0], rel=0.01)
 
 
 @pytest.mark.parametrize(("second", "kind"), [(0.0, "tilt"), (3e-4, "offset")])

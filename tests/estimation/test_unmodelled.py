@@ -40,7 +40,7 @@ def strongest(seen: Watched) -> Unmodelled | None:
 
 def test_spring_that_a_wrong_gravity_lump_makes_up_for_is_found() -> None:
     """One link: the misfit passes for noise while the lump is off by hundreds of its deviations."""
-    seen = watched(1, 7, faults=DIFFERING, longer=2.0, spring=0.2)
+    seen = watched(1, 7, faults=DIFFERING, longer=2.0, springs=(0.2,))
     estimate, error = left_of(seen)
     assert estimate.is_explained
     assert abs(error[0]) > 100.0 * estimate.deviations[0]
@@ -53,7 +53,7 @@ def test_spring_that_a_wrong_gravity_lump_makes_up_for_is_found() -> None:
 
 def test_spring_that_short_pushes_do_not_show_is_named() -> None:
     """Gravity of one link is right only without it, for the readings may hide as much as there is."""
-    seen = watched(1, 1, faults=DIFFERING, spring=0.2)
+    seen = watched(1, 1, faults=DIFFERING, springs=(0.2,))
     unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
     readings = readings_of(seen, unknowns)
     spring = next(force for force in unmodelled_forces(readings, fit(readings, restarts=0)) if force.kind == "spring")

@@ -7,7 +7,7 @@ scaled by its prior deviation, so that all unknowns have steps of one size.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -48,9 +48,10 @@ DETERMINED = 0.3  # of the prior deviation of a fault: a deviation below this te
 @dataclass(frozen=True)
 class SearchedFaults:
     """Faults of some `kinds` of a plant with `njoint` joints, see `metaid.plant.unknown_faults`. `scales` (nfault): the
-    standard deviation of each beforehand, in its unit; of what is ABOVE_ZERO, of its logarithm. `tilts`: about how many
-    axes the base may be tilted. `is_bounded`: whether what is NEVER_NEGATIVE cannot be found below 0. `teeth`: how many
-    times a turn cogging repeats. `limits`: what the limit of each motor is about (njoint), in N m; of none without.
+    standard deviation of each beforehand, in its unit; of what is ABOVE_ZERO, of its logarithm; 0 of those left out.
+    `tilts`: about how many axes the base may be tilted. `is_bounded`: whether what is NEVER_NEGATIVE cannot be found
+    below 0. `teeth`: how many times a turn cogging repeats. `limits`: what the limit of each motor is about (njoint),
+    in N m; of none without.
     """
 
     kinds: tuple[str, ...]
@@ -78,6 +79,25 @@ class SearchedFaults:
     def is_above_zero(self) -> NDArray[np.bool_]:
         """Which faults (nfault) are searched by their logarithms."""
         return np.asarray(self._about > 0.0)
+
+    @property
+    def is_left_out(self) -> NDArray[np.bool_]:
+        """Which faults (nfault) are taken for none."""
+        return np.asarray(self.scales == 0.0)
+
+    def left_out(self, kind: str) -> NDArray[np.bool_]:
+        """Which faults of a `kind` (nsize) are taken for none."""
+        return self.is_left_out[self._places[kind]]
+
+    def without(self, left_out: NDArray[np.bool_]) -> SearchedFaults:
+        """The same, some of which (nfault) are left out."""
+        return replace(self, scales=np.where(left_out, 0.0, self.scales))
+
+    def unbounded(self, unknowns: Array) -> tuple[SearchedFaults, Array]:
+        """The same of which none is bounded, and what the `unknowns` (nfault) are then, where faults are the same."""
+        bounded = np.isfinite(self._bend) & ~self.is_left_out
+        own = np.divide(self.values(unknowns), self.scales, out=unknowns.copy(), where=bounded)
+        return replace(self, is_bounded=False), own
 
     @cached_property
     def is_of_torque(self) -> NDArray[np.bool_]:
@@ -181,7 +201,7 @@ class SearchedFaults:
 class FoundFaults:
     """The faults that were `searched`: their `values` (nfault) and standard `deviations` (nfault), in the units of
     `metaid.plant.unknown_faults`; the `unknowns` (nfault) of the fit that they are; and which are `determined`
-    (nfault): the trials narrow their priors.
+    (nfault): the trials narrow their priors. Those left out are 0, their deviations NaN.
     """
 
     searched: SearchedFaults
@@ -234,9 +254,10 @@ def searched_faults(kinds: tuple[str, ...], robot: Unknowns, start_speeds: Array
 
 def found_faults(searched: SearchedFaults, unknowns: Array, deviations: Array) -> FoundFaults:
     """The faults at these `unknowns` (nfault) of a fit, whose standard `deviations` (nfault) were 1 beforehand."""
-    found = searched.values(unknowns), searched.deviations(unknowns, deviations)
-    determined = np.where(searched.is_above_zero, deviations, found[1] / searched.scales) <= DETERMINED
-    return FoundFaults(searched, *found, unknowns, determined)
+    values, scales = searched.values(unknowns), np.where(searched.is_left_out, np.nan, searched.scales)
+    own = np.where(searched.is_left_out, np.nan, searched.deviations(unknowns, deviations))
+    determined = np.where(searched.is_above_zero, deviations, own / scales) <= DETERMINED
+    return FoundFaults(searched, values, own, unknowns, determined)
 
 
 def late(torques: Array, steps: float) -> tuple[Array, Array]:

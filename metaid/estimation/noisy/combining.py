@@ -12,7 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+from numpy.typing import NDArray
+
 from metaid.estimation.estimate import Found
+from metaid.estimation.faults import FoundFaults
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.tried import NOTHING, Combining, Search, Tried, combining_of, farthest_moved
 from metaid.models import Array
@@ -68,7 +72,7 @@ def combine(
     if not grown:
         return None
     best, rivals = max(grown, key=lambda each: _worth(each[0]))
-    fewest = _fewest(combining, best, known)
+    fewest = _told_apart(combining, _fewest(combining, best, known), known)
     return fewest, [*_as_good(combining, best, rivals), *_off(combining, fewest, rivals, readings)]
 
 
@@ -151,6 +155,42 @@ def _fewest(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tried:
         if not hangs or without.likelihood > best.likelihood - NOTHING:
             best = without
     return best
+
+
+def _told_apart(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tried:
+    """The `best` fit without those faults in single joints that lumps hang on, as gravity on a spring, and that the
+    pushes that were left out do not show by themselves. Those of `known` kinds stay.
+    """
+    free = combining.unbounded(best)
+    if free is None:
+        return best
+    faults, covariance = free
+    kinds = [name.partition("_")[0] for name in faults.searched.names]
+    may_go = np.array([kind not in known and kinds.count(kind) > 1 for kind in kinds])
+    idle = may_go & ~faults.searched.is_above_zero & _are_hung_on(best.found, faults, covariance)
+    if not idle.any():
+        return best
+    other = combining.swapped.fitted_with(best.faults, best)
+    again = None if other is None else combining.swapped.unbounded(other)
+    if again is not None:
+        idle &= ~(np.abs(again[0].values) > CLEARLY * again[0].deviations)
+    return (combining.fitted_with(best.faults.without(idle), best) if idle.any() else None) or best
+
+
+def _are_hung_on(found: Found, faults: FoundFaults, covariance: Array) -> NDArray[np.bool_]:
+    """Which of the `faults` (nfault) some of what an estimate names hangs on, so that it is not determined beside what
+    the fault may be.
+
+    Args:
+        found: the estimate.
+        faults: with it, unbounded.
+        covariance: of its unknowns and those of the faults.
+    """
+    count = len(found.unknowns)
+    variances = np.diag(covariance)[count:]
+    changes = found.to_numbers @ covariance[:count, count:] / variances  # with each fault's unknown
+    reach = np.abs(faults.unknowns) + np.sqrt(variances)
+    return np.asarray((np.abs(changes) * reach > found.coarsest[:, None]).any(axis=0))
 
 
 def _with_every(kinds: tuple[str, ...], readings: Readings) -> tuple[str, ...]:

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.descent import place_at, triangle
+from metaid.estimation.descent import covariance_at, place_at, triangle
 from metaid.estimation.estimate import Found
-from metaid.estimation.faults import SearchedFaults
+from metaid.estimation.faults import FoundFaults, SearchedFaults, found_faults
 from metaid.estimation.noisy.held_out import only_pushes
 from metaid.estimation.noisy.innovations import Innovations
 from metaid.estimation.noisy.readings import Readings
@@ -90,7 +90,11 @@ class Combining:
             start: the unknowns (nunknown) that it begins from; None for the nominal model.
             scanned: where faults begin that show nothing elsewhere; by default where they were before.
         """
-        faults, noise = self._bounded(kinds, before, scanned), self.torque_noise
+        return self.fitted_with(self._bounded(kinds, before, scanned), before, start)
+
+    def fitted_with(self, faults: SearchedFaults, before: Tried | None, start: Array | None = None) -> Tried | None:
+        """The same with these `faults`."""
+        noise = self.torque_noise
         if before is not None:
             assert before.found.torque_noise is not None
             start, noise = begin_with(before.found, faults), before.found.torque_noise
@@ -144,6 +148,26 @@ class Combining:
         teeth = 0 if kept is None else self.search(("cogging",)).teeth or teeth_shown(kept, before.found.point)
         tried = self.fitted((*before.kinds, "cogging"), before, scanned=Scanned(teeth=teeth)) if teeth else None
         return [] if tried is None else [tried]
+
+    def unbounded(self, tried: Tried) -> tuple[FoundFaults, Array] | None:
+        """The faults of a fit and the covariance of its unknowns, those of faults behind (nunknown x nunknown), where
+        none is bounded: at a bound one seems certain, and what hangs on it, too. None without faults.
+        """
+        found, kept = tried.found, self._led(tried)
+        if found.faults is None or kept is None:
+            return None
+        searched, unknowns = found.faults.searched.unbounded(found.faults.unknowns)
+        kept, count = replace(kept, faults=searched), len(found.unknowns)
+        place = place_at(kept, np.concatenate([found.unknowns, unknowns, found.extras]), kept.stages)
+        if place is None:
+            return None
+        covariance = covariance_at(place, kept.spreads)
+        return found_faults(searched, unknowns, np.sqrt(np.diag(covariance))[count:]), covariance
+
+    @property
+    def swapped(self) -> Combining:
+        """The pushes that are left out in place of those that are fitted, and the other way round."""
+        return replace(self, kept=self.left, left=self.kept)
 
     def _led(self, before: Tried) -> Innovations | None:
         """The pushes that are fitted, with the gains where the fit `before` ended."""

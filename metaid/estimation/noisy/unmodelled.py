@@ -27,7 +27,7 @@ RANK = 1e-12  # of the largest singular value; a smaller one is rounding
 # A filter is linear about the twin that it leads, and what it leaves out looks like joints that push by a little.
 RESISTING = ("damping", "coulomb")
 SHIFT = 1e-5  # m or rad, for the derivative by where a joint is
-FORCE_OF = {"viscous": "damping", "dry": "coulomb"}  # the force that a fault is, where it has another name
+FAULT_OF = {"damping": "viscous", "coulomb": "dry"}  # the fault that a force is, where it has another name
 
 
 def unmodelled_forces(readings: Readings, estimate: Found) -> Iterator[Unmodelled]:
@@ -35,11 +35,13 @@ def unmodelled_forces(readings: Readings, estimate: Found) -> Iterator[Unmodelle
 
     What is among the unknowns, as lumps or as faults, is not looked for.
     """
-    known = {*readings.unknowns.kinds, *(FORCE_OF.get(kind, kind) for kind in readings.faults.kinds)}
     torques = [_torques(trial, *readings.motion(number)) for number, trial in enumerate(readings.trials)]
-    joints = {kind: np.arange(len(each)) for kind, each in torques[0].items() if kind not in known}
+    hidden = {kind: _not_searched(kind, len(each), readings) for kind, each in torques[0].items()}
+    joints = {kind: np.arange(len(each)) for kind, each in hidden.items() if each.any()}
     columns = [
-        np.concatenate([np.empty((0, *each.torques.shape)), *(own[kind] for kind in joints)])
+        np.concatenate(
+            [np.empty((0, *each.torques.shape)), *(own[kind] * hidden[kind][:, None, None, None] for kind in joints)]
+        )
         for each, own in zip(readings.trials, torques, strict=True)
     ]
     places = list(readings.unknowns.misplaced(estimate.unknowns, SHIFT))
@@ -76,6 +78,14 @@ def unmodelled_forces(readings: Readings, estimate: Found) -> Iterator[Unmodelle
             is_hinted=matters and before - after > _seldom(last - first),
         )
         first = last
+
+
+def _not_searched(kind: str, count: int, readings: Readings) -> NDArray[np.bool_]:
+    """Which of so many sizes of a kind of force (count) are not among the unknowns, or were left out of them."""
+    faults, fault = readings.faults, FAULT_OF.get(kind, kind)
+    if kind in readings.unknowns.kinds:
+        return np.zeros(count, dtype=np.bool_)
+    return faults.left_out(fault) if fault in faults.kinds else np.ones(count, dtype=np.bool_)
 
 
 def _far(joints: NDArray[np.int64], steps: Array) -> Array:
