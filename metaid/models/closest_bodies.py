@@ -53,6 +53,12 @@ class Matrices:
             return float("inf")
         return float(np.trace(matrices, axis1=-2, axis2=-1).sum() - 2.0 * np.log(diagonal).sum())
 
+    def reach(self, x: Array, step: Array) -> float:
+        """The share of a `step` (nparam) from x at which one is no longer positive definite; inf where all stay so."""
+        lower = np.linalg.inv(np.linalg.cholesky(self.at(x)))
+        least = float(np.linalg.eigvalsh(_between(lower, self.at(step))).min(initial=0.0))
+        return -1.0 / least if least < 0.0 else float("inf")
+
     def slopes(self, x: Array, directions: Array, share: float = 0.0) -> tuple[Array, Array]:
         """Gradient (nfree) and curvature (nfree x nfree) of the divergence along `directions` (nparam x nfree), of what
         the matrices have beyond a `share` of the nominal ones.

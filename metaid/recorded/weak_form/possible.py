@@ -8,6 +8,7 @@ links that move alike.  Eq. 69.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -228,7 +229,7 @@ class Possible:
             decrement = -float(gradient @ step)
             if not decrement > (CLOSE if weight <= WEIGHT else ROUGHLY) * max(weight, 1e-12):
                 break
-            share = 1.0
+            share = 0.5 ** self._halvings(x, step, cones)
             while share > 1e-10:
                 tried = self._total(x + share * step, values, precision, cones, weight)
                 if tried <= present - 1e-4 * share * decrement:
@@ -238,6 +239,17 @@ class Possible:
                 break
             x, present = x + share * step, tried
         return x
+
+    def _halvings(self, x: Array, step: Array, cones: list[Matrices]) -> int:
+        """How often a `step` from x is to be halved for bodies that can be, and lengths within LONGEST."""
+        first = len(x) - len(self._lengths)
+        reaches = [cone.reach(x, step) for cone in cones]
+        reaches += [
+            (LONGEST - sign * log) / (sign * by)
+            for log, by in zip(x[first:].tolist(), step[first:].tolist(), strict=True)
+            if (sign := np.sign(by))
+        ]
+        return math.ceil(-math.log2(min(1.0, *reaches)))
 
     def _total(self, x: Array, values: Array, precision: Array, cones: list[Matrices], weight: float) -> float:
         divergence = sum(cone.divergence(x) for cone in cones)
