@@ -139,8 +139,8 @@ class Further(NamedTuple):
         return len(self.torques) + (0 if self.joints is None else len(self.joints.viscous))
 
     def torques_of(self, push: int, njoint: int) -> Array:
-        """Those of one push (ntorque x nstep x njoint)."""
-        return self.torques[:, push] if len(self.torques) else np.empty((0, 0, njoint))
+        """Those of one push (ntorque x nstep x njoint), in the order of C: for another, loops are compiled anew."""
+        return np.ascontiguousarray(self.torques[:, push]) if len(self.torques) else np.empty((0, 0, njoint))
 
 
 NOTHING_FURTHER = Further(np.empty((0, 0, 0, 0)), None)

@@ -14,6 +14,7 @@ from watched import GRAVITY, NOISE, TIMESTEP, raised, some_torque, watched
 from metaid.estimation import FoundFaults, LogUnknowns, Readings, ReadTrial, SearchedFaults, fit, searched_faults
 from metaid.estimation.faults.searched import late
 from metaid.estimation.noisy import Innovations, take_up, unmodelled_forces
+from metaid.estimation.twin.driven import watch_readings
 from metaid.models import Array
 from metaid.plant import FAULT_UNITS, FaultSettings, fault_names, true_faults
 from metaid.study.estimates import StudyEstimate
@@ -167,6 +168,19 @@ def test_fit_goes_on_from_the_faults_that_it_found() -> None:
     assert first.start.tolist() == [*first.log_factors, *first.faults.unknowns]
     assert again.faults.values[0] == pytest.approx(first.faults.values[0], abs=0.01 * TIMESTEP)
     assert replace(first, faults=None).start.tolist() == first.log_factors.tolist()
+
+
+def test_faults_compile_no_loop_anew() -> None:
+    """What a loop is given is laid out alike, whatever is searched."""
+    seen = watched(2, 1, faults=FaultSettings(**NOISY))
+    unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
+    trial = seen.read_trial(raised(seen.nominal.lumps, 1.2))
+    compiled = []
+    for kinds in ((), ("delay",), ("spring", "gain"), tuple(FAULT_UNITS)):
+        readings = Readings([trial], unknowns, faults=searched_faults(kinds, unknowns, seen.starts, 4))
+        assert readings.residuals(np.zeros(len(readings.spreads) + readings.extras), 1) is not None
+        compiled.append(len(watch_readings.signatures))
+    assert len(set(compiled)) == 1
 
 
 def test_names_of_faults_are_by_joint() -> None:

@@ -83,7 +83,7 @@ class SpatialTwin(Twin):
         tree = self.unknowns.moved or self.unknowns.prior.nominal
         softness, inverse = softness_of(tree, self.parameters)
         rows = _rows_at_zero(tree, inverse)[..., self._columns]
-        return softness, -SOFTNESS * np.einsum("ij,ijp->ip", inverse, rows)
+        return softness, np.ascontiguousarray(-SOFTNESS * np.einsum("ij,ijp->ip", inverse, rows))
 
     @property
     def space(self) -> tuple[NDArray[np.int64], SpatialSpace]:

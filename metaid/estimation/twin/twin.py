@@ -80,7 +80,7 @@ class Twin(ABC):
         derivatives, where it has them.
         """
         wanted = np.minimum(trial.windows.seen, windows)
-        return self._watch(trial, np.ascontiguousarray(trial.ends[:windows]), wanted, energies)[0]
+        return self._watch(trial, trial.ends[:windows].copy(), wanted, energies)[0]
 
     def _watch(
         self, trial: WatchedTrial, ends: NDArray[np.int64], wanted: NDArray[np.int64], energies: bool
@@ -126,7 +126,7 @@ class Twin(ABC):
             led: gains of a filter that sets it right by the readings. The coefficients are then those of the whitened
                 innovations.
         """
-        trial, starts, steps, basis, further = driven
+        trial, starts, steps, basis, further = driven._replace(basis=np.ascontiguousarray(driven.basis))
         (npush, _, n), coefficients, nunknown = starts.shape, basis.shape[2], len(self.point)
         extra = 0 if trial.start_spread is None else trial.start_spread.shape[-1]
         own = nunknown + further.size
