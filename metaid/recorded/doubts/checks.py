@@ -85,8 +85,8 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate, measured: Absol
             mended[each.option] = other
     worth.sort(key=lambda fact: fact.left)
     least = worth[0].left if worth else 1.0
-    both = _both(every, usual) if least * usual.max() > LOST else None
-    if both is not None and both.left < BOTH * least:
+    both = _both(every, usual, BOTH * least) if least * usual.max() > LOST else None
+    if both is not None:
         return (both,)
     if worth and units:
         factors = np.array([units[joint][0] if joint in units else 1.0 for joint in range(len(usual))])
@@ -103,12 +103,14 @@ def _fact(mended: Sequence[Suspected], left: float) -> Fact:
     return Fact(f"{', and '.join(each.text for each in mended)}: {option}", option, left)
 
 
-def _both(every: Sequence[Suspected], usual: Array) -> Fact | None:
-    """The two of all that may be wrong that leave least at once, whatever the unit of all torques is then.
+def _both(every: Sequence[Suspected], usual: Array, below: float) -> Fact | None:
+    """The two of all that may be wrong that leave least at once, whatever the unit of all torques is then; None where
+    none leaves less than `below`, in a possible model or in the free fit, which leaves less.
 
     Args:
         every: each by itself.
         usual: what a possible model leaves unexplained of each joint (njoint) as it is.
+        below: of the unexplained torque.
     """
     first = sorted(every, key=lambda each: together(each.check.free, usual))[:FIRST]
     pairs = {
@@ -118,8 +120,11 @@ def _both(every: Sequence[Suspected], usual: Array) -> Fact | None:
         if one.of != other.of
     }
     best = sorted(pairs.values(), key=lambda pair: together(pair[1].check.free, usual))[:TRIED]
-    tried = [_fact(pair, together(pair[1].check.with_scale().left(), usual)) for pair in best]
-    return min(tried, key=lambda fact: fact.left, default=None)
+    scaled = [(pair, pair[1].check.with_scale()) for pair in best]
+    tried = [
+        _fact(pair, together(check.left(), usual)) for pair, check in scaled if together(check.free, usual) < below
+    ]
+    return min((fact for fact in tried if fact.left < below), key=lambda fact: fact.left, default=None)
 
 
 def _thinned(records: Sequence[Record], logs: Sequence[Smoothed], found: RecordedEstimate) -> Equations | None:
