@@ -85,9 +85,9 @@ class SearchedFaults:
         """Which faults (nfault) are taken for none."""
         return np.asarray(self.scales == 0.0)
 
-    def left_out(self, kind: str) -> NDArray[np.bool_]:
-        """Which faults of a `kind` (nsize) are taken for none."""
-        return self.is_left_out[self._places[kind]]
+    def are(self, kind: str) -> NDArray[np.bool_]:
+        """Which faults (nfault) are of a `kind`."""
+        return np.array([name.partition("_")[0] == kind for name in self.names], dtype=np.bool_)
 
     def without(self, left_out: NDArray[np.bool_]) -> SearchedFaults:
         """The same, some of which (nfault) are left out."""

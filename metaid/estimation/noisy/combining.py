@@ -158,17 +158,12 @@ def _fewest(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tried:
 
 
 def _told_apart(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tried:
-    """The `best` fit without those faults in single joints that lumps hang on, as gravity on a spring, and that the
-    pushes that were left out do not show by themselves. Those of `known` kinds stay.
+    """The `best` fit without springs in single joints that what it names hangs on, and that the pushes that were left
+    out do not show by themselves: over a short way a spring is gravity but for little. Known ones stay.
     """
-    free = combining.unbounded(best)
-    if free is None:
-        return best
-    faults, covariance = free
-    kinds = [name.partition("_")[0] for name in faults.searched.names]
-    may_go = np.array([kind not in known and kinds.count(kind) > 1 for kind in kinds])
-    idle = may_go & ~faults.searched.is_above_zero & _are_hung_on(best.found, faults, covariance)
-    if not idle.any():
+    free = combining.unbounded(best) if "spring" in {*best.kinds} - {*known} else None
+    idle = None if free is None else _are_hung_on(best.found, *free) & best.faults.are("spring")
+    if idle is None or not idle.any():
         return best
     other = combining.swapped.fitted_with(best.faults, best)
     again = None if other is None else combining.swapped.unbounded(other)

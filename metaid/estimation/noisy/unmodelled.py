@@ -85,7 +85,7 @@ def _not_searched(kind: str, count: int, readings: Readings) -> NDArray[np.bool_
     faults, fault = readings.faults, FAULT_OF.get(kind, kind)
     if kind in readings.unknowns.kinds:
         return np.zeros(count, dtype=np.bool_)
-    return faults.left_out(fault) if fault in faults.kinds else np.ones(count, dtype=np.bool_)
+    return faults.is_left_out[faults.are(fault)] if fault in faults.kinds else np.ones(count, dtype=np.bool_)
 
 
 def _far(joints: NDArray[np.int64], steps: Array) -> Array:
