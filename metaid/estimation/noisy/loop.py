@@ -13,6 +13,9 @@ from metaid.estimation.noisy.commanded import filtered_speeds
 from metaid.estimation.trials import ReadTrial
 from metaid.models import Array
 
+# Of a step: more than 1/√12, which it would be if steps came at random. Those of a joint that coasts come in rhythm.
+ENCODER_NOISE = 1.0 / 3.0
+
 
 @dataclass(frozen=True)
 class Loop:
@@ -70,7 +73,7 @@ class Loop:
         torques, _ = late(law(read.angles + self.lead * speeds, speeds), self.delay)
         torques = np.ascontiguousarray(np.clip(torques, -self.torque_limits, self.torque_limits), dtype=np.float64)
         # At rest a reading shows the steps of its encoder as far as its other noise moves it across them.
-        of_encoders = read.encoder_steps / np.sqrt(12.0)
+        of_encoders = read.encoder_steps * ENCODER_NOISE
         noise = np.maximum(self.noise, of_encoders) if self.has_unknown_encoders else self.noise
         pushes = start_speeds, self.start_spread
         seen = self.timestep, read.angles, torques, read.steps
