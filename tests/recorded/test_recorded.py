@@ -260,6 +260,10 @@ BAD = {
     "no torque at all": (lambda log: log.assign(torque_1=0.0, torque_2=0.0), "every torque is 0"),
     "times that stand": (lambda log: log.assign(time=1.0), "the times of all rows are the same"),
     "times in minutes": (lambda log: log.assign(time=1e-5 * log["time"]), "no rate of 10 Hz to 10 kHz"),
+    "times of a coarse clock": (
+        lambda log: log.assign(time=10.0 * (log["time"] // 1.0)),
+        "at the time of the row above",
+    ),
     "words": (lambda log: log.assign(torque_2="lost"), "torque_2 has no number in 100% of the rows"),
     "no motion": (lambda log: log.assign(angle_1=0.0, angle_2=0.1, speed_1=0.0, speed_2=0.0), "no joint moves"),
     "few rows": (lambda log: log[:50], "50 rows"),

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from conftest import wrong_chain
 from random_arm import wrong_tree
-from swinging import log_of, swinging_arm
+from swinging import log_of, swinging, swinging_arm
 
 from metaid.models import Array
-from metaid.models.tree import joint_mass_matrix, planar_tree
+from metaid.models.tree import joint_mass_matrix, joint_torque, planar_tree
 from metaid.plant import load_chain
 from metaid.recorded import (
     Choices,
@@ -54,6 +54,23 @@ def test_each_log_has_zeros_of_its_own() -> None:
     np.testing.assert_allclose(found.zeros, zeros, atol=3e-3)
     true = chain.lumps_of(("gravity", "coriolis", "inertia")).vector
     np.testing.assert_allclose(found.values[: len(true)], true, rtol=0.01)
+
+
+def test_joint_that_is_held_spoils_no_other() -> None:
+    """Stiction bears the torque there that motion of the others asks for, so its motor shows next to none."""
+    times, *moving = swinging(4.0, 2001, 3, 3)
+    for each in moving:
+        each[:, 0] *= 1e-4
+    torques = joint_torque(swinging_arm(), *moving)
+    torques[:, 0] = 1e-3 * np.sin(3.0 * times)
+    record = Record("held.csv", times, moving[0], None, torques)
+    found = estimated(record)
+    assert found.held_out.by_joint[1:].max() < 0.006
+    verdict = judge_records([record], found, [fact.text for fact in facts_of([record], found)])
+    assert verdict.word == "approximate"
+    held = f"{found.model.joints[0]} is held, and its torque counts little: stiction bears what a motor does not show"
+    assert held in verdict.reasons
+    assert not any("is off by" in reason or "opposite sign" in reason for reason in verdict.reasons)
 
 
 def test_log_of_what_cannot_be_tells_bodies_that_can_be() -> None:

@@ -128,7 +128,9 @@ def _both(every: Sequence[Suspected], usual: Array, below: float) -> Fact | None
 
 
 def _thinned(records: Sequence[Record], logs: Sequence[Smoothed], found: RecordedEstimate) -> Equations | None:
-    """Equations of few windows with the plainest friction; None where there are too few."""
+    """Equations of few windows with the plainest friction; None where there are too few. Nothing is held against the
+    torque of a joint that is held.
+    """
     model = found.model.with_friction(("viscous", "coulomb", "offset"))
     for span, power in ((0.2, 6), (0.3, 8), (0.1, 5), (0.5, 10)):
         every = equations_of(records, logs, model, span, power)
@@ -153,7 +155,8 @@ def _thinned(records: Sequence[Record], logs: Sequence[Smoothed], found: Recorde
                     part.smoothed,
                 )
             )
-        return replace(every, parts=tuple(parts), scale=found.scale, delay=found.delay)
+        trusted = model.with_untrusted(model.untrusted | every.held)
+        return replace(every, model=trusted, parts=tuple(parts), scale=found.scale, delay=found.delay)
     return None
 
 

@@ -138,13 +138,14 @@ def suspected(check: Check) -> Iterator[Suspected]:
     model = check.equations.model
     n, names = model.njoint, model.joints
     one = np.eye(n)
-    for joint in range(n):
+    for joint in np.flatnonzero(~model.untrusted).tolist():
         text = f"the torque of joint {names[joint]} has the opposite sign"
         yield Suspected(text, f"--scale {names[joint]}=-1", check.with_torques(1.0 - 2.0 * one[joint]))
     if n > 1:
         text = "the torques of all joints have the opposite sign"
         yield Suspected(text, "--scale all=-1", check.with_torques(-np.ones(n)))
-    for joint in range(n):
+    moving = np.flatnonzero(~check.equations.held)
+    for joint in range(moving.max(initial=-1) + 1):  # beyond the last that moves all is one body
         for shift in QUARTERS if not model.slides[joint] else ():
             text = f"the zero of joint {names[joint]} is off by {np.degrees(shift):.0f}°"
             yield Suspected(text, f"--zero {names[joint]}={shift:.4f}", check.with_angles(shift * one[joint]))
@@ -166,9 +167,10 @@ def suspected(check: Check) -> Iterator[Suspected]:
             if np.allclose(direction, tree.gravity):
                 continue
             other = arm_model(replace(tree, gravity=direction), model.friction, model.sliding.coupled)
+            other = other.with_still(model.sliding.still).with_untrusted(model.untrusted)
             option = "--gravity " + ",".join(f"{each + 0.0:g}" for each in direction)
             text = "gravity points elsewhere in the frame of the base"
-            yield Suspected(text, option, check.with_model(other.with_still(model.sliding.still)))
+            yield Suspected(text, option, check.with_model(other))
 
 
 def _read_against_the_base(check: Check) -> Iterator[Suspected]:

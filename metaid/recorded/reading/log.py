@@ -162,7 +162,10 @@ class Intake:
         refuse_few_rows(readings)
         readings = replace(readings, times=readings.times - readings.times[0])
         readings = without_repeats(unwrapped(tamed(readings), self.slides))
-        runs = [rested(on_true_clock(run)) for run in runs_of(readings)]
+        timed = [on_true_clock(run) for run in runs_of(readings)]
+        for run in timed:
+            refuse_few_rows(run)
+        runs = [rested(run) for run in timed]
         moving = [run for run in runs if (np.ptp(run.angles, axis=0) > 0.0).any()] or runs
         for run in moving:
             refuse_implausible(run, self.slides, self.needs_torques)

@@ -23,7 +23,8 @@ RADIANS = re.compile(r"\brad(ians?)?\b", re.IGNORECASE)  # in a column's own nam
 def refuse_few_rows(readings: Readings) -> None:
     """Raises RecordError where there are too few rows."""
     if len(readings) < LEAST_ROWS:
-        raise RecordError(f"{readings.name}: {len(readings)} rows (allowed: {LEAST_ROWS} or more)")
+        repeated = [f", {repair.text}" for repair in readings.repairs if repair.kind == "repeated times"]
+        raise RecordError(f"{readings.name}: {len(readings)} rows{''.join(repeated)} (allowed: {LEAST_ROWS} or more)")
 
 
 def refuse_implausible(readings: Readings, slides: NDArray[np.bool_], needs_torques: bool) -> None:

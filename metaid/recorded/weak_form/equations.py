@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from metaid.models import Array
 from metaid.recorded.reading.log import Record
@@ -198,11 +199,24 @@ class Equations:
                 blocks = self._blocks(rows, weight, zeros)
                 values, changes, precision = eliminated(blocks, nominal, prior, zeros, self.zeros and step > 0)
                 left = self._left(rows, values, changes)
-                covariance = self._without_untrusted(left.T @ left / len(left), largest)
+                covariance = self._without_untrusted(self._of_held(left.T @ left / len(left)), largest)
             zeros = zeros + changes
             bodies = values[: model.nbody]
         solution = Solution(values[:nparam], precision, prior, zeros, weight)
         return solution, rows, blocks
+
+    @cached_property
+    def held(self) -> NDArray[np.bool_]:
+        """Which joints (njoint) hardly move."""
+        reaches = [np.ptp(part.windows.coordinates, axis=(0, 1)) for part in self.parts]
+        return self.model.held(np.max(reaches, axis=0))
+
+    def _of_held(self, covariance: Array) -> Array:
+        """The covariance of what is left of a torque (njoint x njoint), where that of a joint that is held is as large
+        as any: stiction bears what it does not show.
+        """
+        moving = np.where(np.outer(~self.held, ~self.held), covariance, 0.0)
+        return np.asarray(moving + np.diag(np.where(self.held, np.diag(covariance).max(), 0.0)), dtype=np.float64)
 
     def _without_untrusted(self, covariance: Array, largest: float) -> Array:
         """The covariance of what is left of a torque (njoint x njoint), where what is not trusted has next to no

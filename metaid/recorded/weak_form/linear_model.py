@@ -40,6 +40,8 @@ _UNITS = {"viscous": "N m s", "coulomb": "N m", "root": "N m √s", "offset": "N
 _ON_SLIDES = {"viscous": "N s/m", "coulomb": "N", "root": "N √(s/m)", "offset": "N", "load": "", "rotor": "kg"}
 Bodies = Callable[[Array, Array, Array], Array]
 Rigid = Callable[[Array, Array, Array, Array], Array]
+LEAST_TURN, LEAST_SLIDE = 0.02, 0.002  # rad, m: within less a joint does not slide, it bends and creeps
+HELD = 0.02  # of how far the joint turns that turns farthest: one that turns by less is held, and gives way
 
 
 @dataclass(frozen=True)
@@ -147,6 +149,16 @@ class LinearModel:
     def with_still(self, still: Array) -> LinearModel:
         """The same with other speeds (njoint) below which dry friction is a share of its whole."""
         return replace(self, sliding=replace(self.sliding, still=still))
+
+    @property
+    def least_reach(self) -> Array:
+        """How far each joint (njoint) goes from end to end at least, in rad or m, where it slides."""
+        return np.where(self.slides, LEAST_SLIDE, LEAST_TURN)
+
+    def held(self, reach: Array) -> NDArray[np.bool_]:
+        """Which joints (njoint) are held, that go so far from end to end (njoint), in rad or m."""
+        farthest = np.where(self.slides, 0.0, reach).max()
+        return np.asarray(reach < np.where(self.slides, LEAST_SLIDE, max(LEAST_TURN, HELD * farthest)))
 
     def with_untrusted(self, untrusted: NDArray[np.bool_]) -> LinearModel:
         """The same with other joints (njoint) to whose torques nothing is fitted."""
