@@ -73,6 +73,25 @@ def test_joint_that_is_held_spoils_no_other() -> None:
     assert not any("is off by" in reason or "opposite sign" in reason for reason in verdict.reasons)
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_gravity_that_points_the_other_way_is_named_though_all_is_predicted(way: float) -> None:
+    """Where an arm moves slowly, bodies that hang upside down predict nearly as well; nothing is said where all is
+    right.
+    """
+    arm, slower = swinging_arm(), 10.0
+    times, coordinates, speeds, accelerations = swinging(4.0, 2001, 3, 3)
+    speeds, accelerations = speeds / slower, accelerations / slower**2
+    torques = joint_torque(replace(arm, gravity=way * arm.gravity), coordinates, speeds, accelerations)
+    torques += 0.5 * speeds + 0.3 * np.tanh(100.0 * speeds)
+    record = Record("slow.csv", slower * times, coordinates, None, torques)
+    found = estimated(record)
+    said = [fact.text for fact in facts_of([record], found)]
+    assert found.held_out.relative < 0.03
+    assert bool(said) == (way < 0.0)
+    assert all(said[0].startswith("the nominal bodies need the opposite of what every joint carries") for _ in said)
+    assert all("--gravity 0,0,9.81, or" in said[0] for _ in said)
+
+
 def test_log_of_what_cannot_be_tells_bodies_that_can_be() -> None:
     """The free fit has a rotor below 0; what is handed over has none, and moves with a positive mass matrix."""
     record = arm_log()

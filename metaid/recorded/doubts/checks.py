@@ -15,6 +15,7 @@ from metaid.models import Array
 from metaid.recorded.absolute import Absolute, absolute_of
 from metaid.recorded.doubts.conventions import (
     NAMED,
+    SIGNS,
     WRONG,
     Check,
     Suspected,
@@ -22,7 +23,7 @@ from metaid.recorded.doubts.conventions import (
     suspected,
     together,
 )
-from metaid.recorded.doubts.scales import joint_scales
+from metaid.recorded.doubts.scales import joint_scales, scales_by_weight
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.log import Record
 from metaid.recorded.weak_form.equations import Equations, Part, equations_of
@@ -71,8 +72,9 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate, measured: Absol
     check = Check(equations, found.fastest, absolute_of(found.model) if measured is None else measured)
     usual = check.left()
     units = _units(check)
+    turned = _turned(check.equations)
     if usual.max() < WRONG and not units:
-        return ()
+        return turned
     every = list(suspected(check))
     worth, mended = [], {}
     for each in every:
@@ -88,6 +90,8 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate, measured: Absol
     both = _both(every, usual, BOTH * least) if least * usual.max() > LOST else None
     if both is not None:
         return (both,)
+    if any(fact.option in (SIGNS, *(each.option for each in turned)) for fact in worth):
+        turned = ()  # which of the two it is, is known
     if worth and units:
         factors = np.array([units[joint][0] if joint in units else 1.0 for joint in range(len(usual))])
         if together(check.with_torques(factors).left(), usual) <= worth[0].left:
@@ -95,7 +99,23 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate, measured: Absol
         else:  # of joints that are still in another unit once what tells most is mended
             units = _units(mended[worth[0].option])
     telling = [fact for fact in worth if fact.left < worth[0].left * 1.15][:2]
-    return (*(fact for _, fact in units.values()), *(telling if usual.max() >= WRONG else ()))
+    return (*(fact for _, fact in units.values()), *turned, *(telling if usual.max() >= WRONG else ()))
+
+
+def _turned(equations: Equations) -> tuple[Fact, ...]:
+    """That gravity points the other way, or that all torques are turned, where the nominal bodies of an arm need the
+    opposite of what every joint carries: bodies that carry it may predict as well, or nearly so.
+    """
+    prior, carried = equations.model.prior, scales_by_weight(equations)
+    known = carried[np.isfinite(carried)]
+    if prior is None or equations.model.is_pendulum or len(known) < 2 or (known > 0.0).any():
+        return ()
+    option = "--gravity " + ",".join(f"{0.0 - each:g}" for each in prior.nominal.gravity)
+    text = (
+        "the nominal bodies need the opposite of what every joint carries: gravity points the other way in the frame "
+        f"of the base, {option}, or the torques of all joints have the opposite sign, {SIGNS}"
+    )
+    return (Fact(text, option, 0.0),)
 
 
 def _fact(mended: Sequence[Suspected], left: float) -> Fact:

@@ -21,6 +21,7 @@ from metaid.recorded.weak_form.possible import Possible
 
 NAMED = 0.75  # of the torque that the model leaves unexplained: a fact that leaves less is named
 WRONG = 0.08  # of the torque, that must be unexplained for a fact to be looked for
+SIGNS = "--scale all=-1"  # all torques turned
 QUARTERS = (0.5 * np.pi, -0.5 * np.pi, np.pi)
 
 
@@ -143,7 +144,7 @@ def suspected(check: Check) -> Iterator[Suspected]:
         yield Suspected(text, f"--scale {names[joint]}=-1", check.with_torques(1.0 - 2.0 * one[joint]))
     if n > 1:
         text = "the torques of all joints have the opposite sign"
-        yield Suspected(text, "--scale all=-1", check.with_torques(-np.ones(n)))
+        yield Suspected(text, SIGNS, check.with_torques(-np.ones(n)))
     moving = np.flatnonzero(~check.equations.held)
     for joint in range(moving.max(initial=-1) + 1):  # beyond the last that moves all is one body
         for shift in QUARTERS if not model.slides[joint] else ():

@@ -22,7 +22,21 @@ def joint_scales(equations: Equations) -> Array:
     A rough model may have inertias that are farther off than any unit. Where what a joint carries and what it moves ask
     for other factors, that of what it carries counts.
     """
-    model, scales = equations.model, np.full(equations.model.njoint, np.nan)
+    whole, by_weight, by_motion = _scales_apart(equations)
+    agree = (by_motion / by_weight >= 1.0 / FAR) & (by_motion / by_weight <= FAR)
+    return np.asarray(np.where(np.isfinite(by_weight) & ~agree, by_weight, whole), dtype=np.float64)
+
+
+def scales_by_weight(equations: Equations) -> Array:
+    """The factor of each joint (njoint) by what it carries; NaN where the joint does not tell."""
+    return np.asarray(_scales_apart(equations)[1], dtype=np.float64)
+
+
+def _scales_apart(equations: Equations) -> Array:
+    """The factor of each joint by all that it needs, by what it carries and by what it moves (3 x njoint); NaN where
+    the joint does not tell.
+    """
+    model, scales = equations.model, np.full((3, equations.model.njoint), np.nan)
     solution, rows, _ = equations.solved
     carried = [_carried(part, model, solution.zeros[part.log]) for part in equations.parts]
     for joint in np.flatnonzero(~model.untrusted).tolist():
@@ -31,11 +45,8 @@ def joint_scales(equations: Equations) -> Array:
         beside = own[:, [model.column(term, joint) for term in BESIDE if term in model.friction]]
         needed = own[:, : model.nbody] @ model.nominal
         weight = np.concatenate([each[:, :, joint].ravel() for each in carried])
-        whole, (by_weight, by_motion) = (
-            _factors(np.column_stack(bodies), beside, sent) for bodies in ([needed], [weight, needed - weight])
-        )
-        agree = 1.0 / FAR <= by_motion / by_weight <= FAR
-        scales[joint] = by_weight if np.isfinite(by_weight) and not agree else whole[0]
+        scales[:1, joint] = _factors(needed[:, None], beside, sent)
+        scales[1:, joint] = _factors(np.column_stack([weight, needed - weight]), beside, sent)
     return scales
 
 
