@@ -110,6 +110,15 @@ def test_columns_of_one_joint_need_no_number() -> None:
         read(bare)
 
 
+def test_column_of_no_joint_is_refused_in_its_own_spelling() -> None:
+    """As where some joints of a robot are estimated, and the log numbers all of them."""
+    log = clean()
+    log = log.set_axis([name.replace("angle", "position") for name in log], axis=1).assign(position_3=0.0)
+    said = r"column 'position_3' is of no joint \(allowed: position_1 to position_2, or named as position_j2\)"
+    with pytest.raises(RecordError, match=said):
+        intake(("j2", "j4")).read(log)
+
+
 def test_map_says_what_a_column_is() -> None:
     """A name that means nothing by itself; a wrong one is refused with what is allowed."""
     log = clean().rename(columns={"torque_1": "pwm a", "torque_2": "pwm b"})

@@ -174,9 +174,12 @@ def _of_kind(
         if not found:
             continue
         if found is by_number and max(by_number) >= njoint:
-            first, last = numbered.get(base, f"{kind}_1"), f"{kind}_{njoint}"
             column = by_number[max(by_number)]
-            raise RecordError(f"{table.name}: column '{column}' is of no joint (allowed: {first} to {last})")
+            first, last, named_so = (
+                re.sub(r"\d+(?!.*\d)", each, column) for each in (str(base), str(base + njoint - 1), joints[0])
+            )
+            by_name = "" if joints[0].isdigit() else f", or named as {named_so}"
+            raise RecordError(f"{table.name}: column '{column}' is of no joint (allowed: {first} to {last}{by_name})")
         missing = [joint for joint in range(njoint) if joint not in found]
         if missing:
             own_name = joints[missing[0]] if found is named else str(missing[0] + 1)
