@@ -5,8 +5,9 @@ NEWEST ?= python3.14
 VENV ?= .venv
 CONSTRAINTS ?= constraints.txt
 BIN := $(VENV)/bin
-# Tests run side by side: what BLAS's threads do for one takes as much from the others.
-PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest
+# Tests run side by side: what BLAS's threads do for one takes as much from the others. What one process compiles of
+# sources is kept for the hundreds that tests start.
+PYTEST := env -u PYTHONDONTWRITEBYTECODE OPENBLAS_NUM_THREADS=1 $(BIN)/pytest
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint $(CONSTRAINTS)
 
 .PHONY: demo test test-quick coverage robots test-min test-newest pin-min check hooks docs audit bench figures soak format build release clean
