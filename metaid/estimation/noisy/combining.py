@@ -19,7 +19,7 @@ from metaid.estimation.estimate import Found
 from metaid.estimation.faults import FoundFaults
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.tried import NOTHING, Combining, Search, Tried, combining_of, farthest_moved
-from metaid.models import Array
+from metaid.models import DEVIATIONS, Array
 
 # What goes as one: the angle over which friction builds up is nothing without friction. An arm has that by itself.
 SINGLE: tuple[tuple[str, ...], ...] = (
@@ -168,7 +168,7 @@ def _told_apart(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tr
     other = combining.swapped.fitted_with(best.faults, best)
     again = None if other is None else combining.swapped.unbounded(other)
     if again is not None:
-        idle &= ~(np.abs(again[0].values) > CLEARLY * again[0].deviations)
+        idle &= ~(np.abs(again[0].values) > DEVIATIONS * again[0].deviations)
     return (combining.fitted_with(best.faults.without(idle), best) if idle.any() else None) or best
 
 
