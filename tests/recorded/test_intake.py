@@ -117,6 +117,9 @@ def test_column_of_no_joint_is_refused_in_its_own_spelling() -> None:
     said = r"column 'position_3' is of no joint \(allowed: position_1 to position_2, or named as position_j2\)"
     with pytest.raises(RecordError, match=said):
         intake(("j2", "j4")).read(log)
+    odd = r"position_3' is of no joint \(allowed: position_1 to position_2, or named as position_\\1\)"
+    with pytest.raises(RecordError, match=odd):
+        intake(("\\1", "j4")).read(log)
 
 
 def test_map_says_what_a_column_is() -> None:

@@ -85,9 +85,9 @@ class SearchedFaults:
         """Which faults (nfault) are taken for none."""
         return np.asarray(self.scales == 0.0)
 
-    def are(self, kind: str) -> NDArray[np.bool_]:
-        """Which faults (nfault) are of a `kind`."""
-        return np.array([name.partition("_")[0] == kind for name in self.names], dtype=np.bool_)
+    def are(self, *kinds: str) -> NDArray[np.bool_]:
+        """Which faults (nfault) are of some `kinds`."""
+        return np.array([name.partition("_")[0] in kinds for name in self.names], dtype=np.bool_)
 
     def without(self, left_out: NDArray[np.bool_]) -> SearchedFaults:
         """The same, some of which (nfault) are left out."""
@@ -102,7 +102,7 @@ class SearchedFaults:
     @cached_property
     def is_of_torque(self) -> NDArray[np.bool_]:
         """Which faults (nfault) change the torques that are `delivered`; the others change the joints."""
-        return np.array([name.partition("_")[0] in CHANGES_TORQUE for name in self.names], dtype=np.bool_)
+        return self.are(*CHANGES_TORQUE)
 
     @cached_property
     def _bend(self) -> Array:

@@ -169,7 +169,8 @@ def _told_apart(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tr
     again = None if other is None else combining.swapped.unbounded(other)
     if again is not None:
         idle &= ~(np.abs(again[0].values) > DEVIATIONS * again[0].deviations)
-    return (combining.fitted_with(best.faults.without(idle), best) if idle.any() else None) or best
+    without = combining.fitted_with(best.faults.without(idle), best) if idle.any() else None
+    return best if without is None else without
 
 
 def _are_hung_on(found: Found, faults: FoundFaults, covariance: Array) -> NDArray[np.bool_]:

@@ -62,8 +62,7 @@ class Tried:
         if found is None:
             return False
         none = np.array([NONE.get(name.partition("_")[0], 0.0) for name in found.searched.names])
-        own = np.array([name.partition("_")[0] in kinds for name in found.searched.names])
-        own &= np.array([name != "presliding" for name in found.searched.names])
+        own = found.searched.are(*kinds) & ~found.searched.are("presliding")
         return bool((np.abs(found.values - none) > far * found.deviations)[own].any())
 
 

@@ -37,7 +37,8 @@ class Twin(ABC):
     """A robot with some `unknowns`, simulated at a `point` (nunknown). The derivatives of what it shows are by these,
     by what is further unknown of a trial, and by what is of its starts, in this order.
 
-    A kernel moves it in coordinates of its own, joint coordinates by a matrix.
+    A kernel moves it in coordinates of its own, joint coordinates by a matrix. What loops are given is in the order of
+    C and can be written to: for others numba compiles them anew.
     """
 
     unknowns: Any

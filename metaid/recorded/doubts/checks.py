@@ -106,9 +106,12 @@ def _turned(equations: Equations) -> tuple[Fact, ...]:
     """That gravity points the other way, or that all torques are turned, where the nominal bodies of an arm need the
     opposite of what every joint carries: bodies that carry it may predict as well, or nearly so.
     """
-    prior, carried = equations.model.prior, scales_by_weight(equations)
+    prior = equations.model.prior
+    if prior is None or equations.model.is_pendulum:
+        return ()
+    carried = scales_by_weight(equations)
     known = carried[np.isfinite(carried)]
-    if prior is None or equations.model.is_pendulum or len(known) < 2 or (known > 0.0).any():
+    if len(known) < 2 or (known > 0.0).any():
         return ()
     option = "--gravity " + ",".join(f"{0.0 - each:g}" for each in prior.nominal.gravity)
     text = (

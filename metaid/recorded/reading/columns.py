@@ -175,10 +175,8 @@ def _of_kind(
             continue
         if found is by_number and max(by_number) >= njoint:
             column = by_number[max(by_number)]
-            first, last, named_so = (
-                re.sub(r"\d+(?!.*\d)", each, column) for each in (str(base), str(base + njoint - 1), joints[0])
-            )
-            by_name = "" if joints[0].isdigit() else f", or named as {named_so}"
+            first, last, by_name = (_of_joint(column, each) for each in (base, base + njoint - 1, joints[0]))
+            by_name = "" if joints[0].isdigit() else f", or named as {by_name}"
             raise RecordError(f"{table.name}: column '{column}' is of no joint (allowed: {first} to {last}{by_name})")
         missing = [joint for joint in range(njoint) if joint not in found]
         if missing:
@@ -190,6 +188,11 @@ def _of_kind(
             )
         return tuple(found[joint] for joint in range(njoint)), base if found is by_number else None
     return (), None
+
+
+def _of_joint(column: str, joint: int | str) -> str:
+    """What a numbered column would be called of another joint: the last number in its name is that of the joint."""
+    return re.sub(r"\d+(?!.*\d)", lambda _: str(joint), column)
 
 
 def _clock(names: Mapping[str, str]) -> tuple[tuple[str, ...], str | None]:

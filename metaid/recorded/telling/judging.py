@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from metaid.models import COARSEST, DEVIATIONS, Array
+from metaid.models import COARSEST, DEVIATIONS
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.log import Record
 from metaid.recorded.weak_form.linear_model import LEAST_SLIDE, LEAST_TURN
@@ -60,7 +60,7 @@ def judge_records(records: Sequence[Record], found: RecordedEstimate, facts: Seq
     against = tuple(_against(records, found, determined))
     if against:
         return RecordedVerdict("not found", (*facts, *against), lumps)
-    reasons = (predicted(found), *facts, *_held(records, found), *_unexplained(found), SCALE)
+    reasons = (predicted(found), *facts, *_held(found), *_unexplained(found), SCALE)
     if found.gains is not None:
         reasons = (reasons[0], found.gains.text, *reasons[1:-1])
     is_explained = (found.misfit < EXPLAINED or found.held_out.relative < EXACT) and not found.lacking and not facts
@@ -92,7 +92,7 @@ def _determined(found: RecordedEstimate) -> NDArray[np.bool_]:
 def _against(records: Sequence[Record], found: RecordedEstimate, determined: NDArray[np.bool_]) -> Iterator[str]:
     """What speaks against the model."""
     model, held, nominal = found.model, found.held_out, found.nominal_held_out
-    reach = _reach(records)
+    reach = np.max([np.ptp(record.angles, axis=0) for record in records], axis=0)
     share = reach / model.least_reach
     if not share.max() >= 1.0:
         farthest = int(share.argmax())
@@ -127,15 +127,9 @@ def _against(records: Sequence[Record], found: RecordedEstimate, determined: NDA
         yield f"the log shows nothing of the bodies to better than {COARSEST:.0%}: move faster, or longer, or farther"
 
 
-def _reach(records: Sequence[Record]) -> Array:
-    """How far each joint (njoint) goes in one log from end to end, in rad or m."""
-    return np.asarray(np.max([np.ptp(record.angles, axis=0) for record in records], axis=0))
-
-
-def _held(records: Sequence[Record], found: RecordedEstimate) -> Iterator[str]:
+def _held(found: RecordedEstimate) -> Iterator[str]:
     """Which joints are held, in a sentence."""
-    held = found.model.held(_reach(records))
-    names = [name for name, is_held in zip(found.model.joints, held, strict=True) if is_held]
+    names = [name for name, is_held in zip(found.model.joints, found.equations.held, strict=True) if is_held]
     if names:
         are = "is held, and its torque counts" if len(names) == 1 else "are held, and their torques count"
         yield f"{', '.join(names)} {are} little: stiction bears what a motor does not show"

@@ -207,7 +207,7 @@ class Equations:
 
     @cached_property
     def held(self) -> NDArray[np.bool_]:
-        """Which joints (njoint) hardly move."""
+        """Which joints (njoint) are held in all windows."""
         reaches = [np.ptp(part.windows.coordinates, axis=(0, 1)) for part in self.parts]
         return self.model.held(np.max(reaches, axis=0))
 

@@ -158,7 +158,7 @@ class LinearModel:
     def held(self, reach: Array) -> NDArray[np.bool_]:
         """Which joints (njoint) are held, that go so far from end to end (njoint), in rad or m."""
         farthest = np.where(self.slides, 0.0, reach).max()
-        return np.asarray(reach < np.where(self.slides, LEAST_SLIDE, max(LEAST_TURN, HELD * farthest)))
+        return np.asarray(reach < np.maximum(self.least_reach, np.where(self.slides, 0.0, HELD * farthest)))
 
     def with_untrusted(self, untrusted: NDArray[np.bool_]) -> LinearModel:
         """The same with other joints (njoint) to whose torques nothing is fitted."""

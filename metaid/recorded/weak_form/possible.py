@@ -242,14 +242,11 @@ class Possible:
 
     def _halvings(self, x: Array, step: Array, cones: list[Matrices]) -> int:
         """How often a `step` from x is to be halved for bodies that can be, and lengths within LONGEST."""
-        first = len(x) - len(self._lengths)
-        reaches = [cone.reach(x, step) for cone in cones]
-        reaches += [
-            (LONGEST - sign * log) / (sign * by)
-            for log, by in zip(x[first:].tolist(), step[first:].tolist(), strict=True)
-            if (sign := np.sign(by))
-        ]
-        return math.ceil(-math.log2(min(1.0, *reaches)))
+        logs, by = (each[len(x) - len(self._lengths) :] for each in (x, step))
+        moves = by != 0.0
+        lengths = (LONGEST - np.sign(by[moves]) * logs[moves]) / np.abs(by[moves])
+        reach = min(lengths.min(initial=1.0), *(cone.reach(x, step) for cone in cones))
+        return math.ceil(-math.log2(reach))
 
     def _total(self, x: Array, values: Array, precision: Array, cones: list[Matrices], weight: float) -> float:
         divergence = sum(cone.divergence(x) for cone in cones)
