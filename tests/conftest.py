@@ -165,6 +165,13 @@ class Finished(NamedTuple):
     out: str
     err: str
 
+    @property
+    def verdict(self) -> list[str]:
+        """The lines of the verdict, which ends what is printed: the first reason beside its word, and the others."""
+        lines = self.out.splitlines()
+        first = max(i for i, line in enumerate(lines) if not line.startswith("- "))
+        return [lines[first], *(line.removeprefix("- ") for line in lines[first + 1 :])]
+
 
 @pytest.fixture
 def metaid(

@@ -127,6 +127,12 @@ def say(text: str, err: bool = False) -> None:
         click.echo(wrapped(printable(text), stream), file=stream)
 
 
+def say_reasons(head: str, reasons: Sequence[str]) -> None:
+    """A line that begins with `head` and the first of the reasons, and one for each other."""
+    for mark, reason in zip((f"{head}: ", *("- " for _ in reasons)), reasons, strict=False):
+        say(f"{mark}{reason}")
+
+
 @contextlib.contextmanager
 def working(what: str) -> Iterator[Callable[[str], None]]:
     """Within it a terminal shows on stderr that something is made, and `what`; the function says what comes next."""

@@ -14,6 +14,7 @@ from metaid.cli.common import (
     print_json,
     print_table,
     say,
+    say_reasons,
     storage_option,
     whole_file,
 )
@@ -69,7 +70,7 @@ def compare(names: tuple[str, ...], storage: str, as_json: bool, output: Path | 
     print_table("Studies", headings, rows, words=words, dispensable=dispensable)
     for study in shown["studies"]:
         if study["reasons"]:
-            say(f"{study['name']}: {'; '.join(study['reasons'])}")
+            say_reasons(study["name"], study["reasons"])
     cells = [[lump["name"], lump["study"], *lump_cells(lump)] for lump in shown["lumps"]]
     columns = ["lump", "study", "nominal", "identified", PLUS_MINUS, "true", "error", "unit"]
     dispensable = ["nominal", "true", PLUS_MINUS, "error", "unit"]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from metaid.cli.common import number_text, print_table, say
+from metaid.cli.common import number_text, print_table, say, say_reasons
 
 PLUS_MINUS = "±"  # half the interval
 COLUMNS = ("nominal", "identified", PLUS_MINUS, "true")
@@ -37,7 +37,7 @@ def print_study(store: Any, name: str, with_bodies: bool = False) -> dict[str, A
         say(_origin(shown))
     if with_bodies:
         _show_bodies(shown)
-    say(describe_verdict(shown))
+    say_reasons(shown["verdict"].upper(), _reasons(shown))
     return shown
 
 
@@ -79,15 +79,15 @@ def _origin(shown: dict[str, Any]) -> str:
     return f"{text}; {estimate['description']}"
 
 
-def describe_verdict(shown: dict[str, Any]) -> str:
-    """The verdict in a `summary`: how well the lumps are known, the largest error where it is known, and reasons; of
-    what is approximate how well it predicts before all.
+def _reasons(shown: dict[str, Any]) -> list[str]:
+    """The reasons of the verdict in a `summary`, of a result with how well the lumps are known and the largest error
+    where it is known; of what is approximate how well it predicts before all.
     """
     from metaid.results import RESULTS
 
     reasons = list(shown["reasons"])
     if shown["verdict"] not in RESULTS:
-        return f"{shown['verdict'].upper()}: {'; '.join(reasons)}"
+        return reasons
     known = [lump for lump in shown["lumps"] if lump["determined"]]
     first = reasons[: shown["verdict"] == "approximate"]
     if "expression" in known[0]:
@@ -98,7 +98,7 @@ def describe_verdict(shown: dict[str, Any]) -> str:
         error = [] if shown["max_error"] is None else [f"largest error {error_text(shown['max_error'], '')}"]
         said = [head, *error]
     said += _fault_texts(shown.get("faults", []))
-    return f"{shown['verdict'].upper()}: {'; '.join([*first, *said, *reasons[len(first) :]])}"
+    return [*first, *said, *reasons[len(first) :]]
 
 
 def _fault_texts(faults: list[dict[str, Any]]) -> list[str]:

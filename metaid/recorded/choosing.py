@@ -2,20 +2,21 @@
 
 One yardstick serves for all choices: the torque of what was left out, through the same filter (Eq. 73), and of
 pendulums, which move freely, the angles at the end of short simulations. A term is taken up where it lowers the error
-by WORTH, never by its own significance alone.  Eq. 72.
+by WORTH, of all joints together or of a joint on average, never by its own significance alone.  Eq. 72.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
-from metaid.errors import RecordError
 from metaid.models import Array
 from metaid.models.tree import COLUMNS
+from metaid.recorded.comparing import WORTH, Missed, Search
 from metaid.recorded.held_out import Yardstick
 from metaid.recorded.reading.log import Record
 from metaid.recorded.weak_form.equations import Equations, equations_of
@@ -29,13 +30,12 @@ BASE = ("viscous", "coulomb")
 PRESLIDING = (1e-4, 3e-4, 1e-3, 3e-3)  # rad or m, of all joints alike
 FINER = (0.3, 0.55, 1.0, 1.8, 3.3, 6.0, 10.0)  # times that, of each joint by itself
 ALIKE = 1.005  # times the least error: of windows that predict alike the finest tell most
-WORTH = 0.97  # of the error: a term that leaves more is not taken up
 DELAYS = np.arange(-0.040, 0.0401, 0.002)  # s
 PROMPT = 0.002  # s: a delay as of a control step is looked for before friction is, which a longer one looks like
 SLOW = 0.01  # of a joint's usual speed: below it dry friction is a share of its whole
 USUAL = 0.3  # s: the windows that the cut-off of the yardstick is chosen with are no longer
 NEARLY = 1.25  # times the least error
-STARTS = 24  # of simulations a fold, while something is chosen
+Widened = Callable[[NDArray[np.bool_]], LinearModel]
 
 
 @dataclass(frozen=True)
@@ -72,67 +72,6 @@ class Chosen:
     delay_at_bound: bool
 
 
-class _Search:
-    """Equations by windows, and the error of each choice."""
-
-    def __init__(
-        self,
-        records: Sequence[Record],
-        logs: Sequence[Smoothed],
-        model: LinearModel,
-        spans: Sequence[tuple[float, int]],
-    ) -> None:
-        self._by_windows = {}
-        for span, power in spans:
-            equations = equations_of(records, logs, model, span, power)
-            if equations is not None:
-                self._by_windows[span, power] = equations
-        if not self._by_windows:
-            names = ", ".join(record.name for record in records)
-            raise RecordError(
-                f"{names}: too short for {len(model.names)} unknowns, or read too rarely "
-                f"(allowed: more motion, or fewer terms of friction)"
-            )
-        first = next(iter(self._by_windows.values()))
-        self.yardstick = Yardstick(tuple(logs), folds_of(logs, first.middles))
-        self._by_windows = {key: replace(each, folds=self.yardstick.folds) for key, each in self._by_windows.items()}
-        self.tried: list[tuple[str, float]] = []
-
-    def equations(self, windows: tuple[float, int], like: Equations) -> Equations:
-        """Those of other windows, with the choices of others."""
-        own = self._by_windows[windows]
-        return replace(own, model=like.model, zeros=like.zeros, delay=like.delay, scale=like.scale)
-
-    @property
-    def windows(self) -> list[tuple[float, int]]:
-        return list(self._by_windows)
-
-    def errors(self, candidates: Sequence[Equations]) -> list[tuple[float, Array]]:
-        """Of each of several equations that of what is left out, and that of each joint's torque (njoint)."""
-        model = candidates[0].model
-        swings, unsolved = model.is_pendulum, (float("inf"), np.full(model.njoint, np.inf))
-        solved = {}
-        for number, each in enumerate(candidates):
-            with suppress(np.linalg.LinAlgError):
-                solved[number] = each, self.yardstick.solutions(each)
-        held = self.yardstick.all_judged(list(solved.values()), with_motion=swings, most=STARTS)
-        found = {
-            number: (each.motion if swings and len(each.motions) else each.relative, each.by_joint)
-            for number, each in zip(solved, held, strict=True)
-        }
-        return [found.get(number, unsolved) for number in range(len(candidates))]
-
-    def error(self, equations: Equations) -> float:
-        """That of what is left out."""
-        return self.errors([equations])[0][0]
-
-    def better(self, what: str, other: Equations, error: float) -> float | None:
-        """The error of another choice where it is worth its while; None where it is not."""
-        found = self.error(other)
-        self.tried.append((what, found / max(error, 1e-300)))
-        return found if found < WORTH * error and error > 0.0 else None
-
-
 def choose(
     records: Sequence[Record],
     logs: Sequence[Smoothed],
@@ -155,24 +94,21 @@ def choose(
     asked = choices.friction
     terms = BASE if asked is None else tuple(term for term in COLUMNS if term in asked)
     spans = WINDOWS if choices.span is None else ((choices.span, _usual_power(choices.span)),)
-    search = _Search(records, logs, model.with_friction(terms), spans)
-    present = replace(
-        search.equations(search.windows[0], next(iter(search._by_windows.values()))),
-        zeros=bool(choices.zeros),
-        delay=choices.delay or 0.0,
-        scale=scale,
-    )
-    present, error = _best_windows(search, present)
+    search = Search(records, logs, model.with_friction(terms), spans)
+    present = replace(search.first, zeros=bool(choices.zeros), delay=choices.delay or 0.0, scale=scale)
+    present, missed = _best_windows(search, present)
     if choices.delay is None:
-        present, error, _ = _with_delay(search, present, error, PROMPT)
+        present, missed, _ = _with_delay(search, present, missed, PROMPT)
     if choices.zeros is None:
-        present, error = _with_zeros(search, present, error)
-    present, error = _with_friction(search, present, error, asked)
-    present, error = _best_windows(search, present)
+        present, missed = _with_zeros(search, present, missed)
+    present, missed = _with_friction(search, present, missed, asked)
+    present, missed = _best_windows(search, present)
     at_bound = False
     if choices.delay is None:  # friction that was taken up may have looked like a delay
-        prompt = replace(present, delay=0.0)
-        present, error, at_bound = _with_delay(search, prompt, search.error(prompt) if present.delay else error)
+        if present.delay:
+            present = replace(present, delay=0.0)
+            missed = search.missed([present])[0]
+        present, missed, at_bound = _with_delay(search, present, missed)
     return Chosen(present, search.yardstick, tuple(search.tried), at_bound)
 
 
@@ -181,53 +117,88 @@ def _usual_power(span: float) -> int:
     return min(WINDOWS, key=lambda windows: abs(np.log(windows[0] / span)))[1]
 
 
-def _best_windows(search: _Search, present: Equations) -> tuple[Equations, float]:
+def _best_windows(search: Search, present: Equations) -> tuple[Equations, Missed]:
     every = [search.equations(windows, present) for windows in search.windows]
-    errors = [error for error, _ in search.errors(every)]
-    most = ALIKE * np.fmin.reduce(errors)
-    best = next((number for number, error in enumerate(errors) if error <= most), 0)
-    return every[best], errors[best]
+    missed = search.missed(every)
+    most = ALIKE * np.fmin.reduce([each.whole for each in missed])
+    best = next((number for number, each in enumerate(missed) if each.whole <= most), 0)
+    return every[best], missed[best]
 
 
-def _with_zeros(search: _Search, present: Equations, error: float) -> tuple[Equations, float]:
+def _with_zeros(search: Search, present: Equations, missed: Missed) -> tuple[Equations, Missed]:
     """With zeros of the encoders, where these are worth their while; each judged on the same rows."""
     other = replace(present, zeros=True)
-    found = search.better("zeros of the encoders", other, error)
-    return (present, error) if found is None else (other, found)
+    found = search.better("zeros of the encoders", other, search.missed([present], of_halves=True)[0])
+    return (present, missed) if found is None else (other, found)
 
 
 def _with_friction(
-    search: _Search, present: Equations, error: float, asked: tuple[str, ...] | None
-) -> tuple[Equations, float]:
+    search: Search, present: Equations, missed: Missed, asked: tuple[str, ...] | None
+) -> tuple[Equations, Missed]:
     """With the terms of friction that are worth their while, one after the other, the best first."""
-    model = present.model
-    while True:
-        free = [term for term in COLUMNS if asked is None and term not in model.friction]
-        candidates = [(term, model.with_friction((*model.friction, term), model.sliding.presliding)) for term in free]
-        if not model.sliding.builds_up and (asked is None or "hysteresis" in asked):
-            candidates += [
-                (f"hysteresis, δ = {size:g}", model.with_friction(model.friction, size)) for size in PRESLIDING
-            ]
-        best: tuple[float, LinearModel] | None = None
-        must = asked is not None and "hysteresis" in asked and not model.sliding.builds_up
-        for what, each in candidates:
-            other = present.with_model(each)
-            if must:
-                found: float | None = search.error(other)
-            else:
-                found = search.better(what, other, error)
-            if found is not None and (best is None or found < best[0]):
-                best = found, each
-        if best is None:
+    if asked is not None and "hysteresis" in asked:
+        every = np.ones(present.model.njoint)
+        others = [present.with_model(present.model.with_presliding(size * every)) for size in PRESLIDING]
+        missed, present = min(zip(search.missed(others), others, strict=True), key=lambda each: each[0].whole)
+    while asked is None:
+        tried = [_in_joints(search, present, missed, *each) for each in _further(present.model)]
+        worth = [each for each in tried if each is not None]
+        if not worth:
             break
-        error, model = best
-        present = present.with_model(model)
-    if model.sliding.builds_up:
-        present, error = _finer_presliding(search, present, error)
-    return present, error
+        missed, present = min(worth, key=lambda each: float(np.prod(each[0].shares(missed))))
+    if present.model.sliding.builds_up:
+        present, missed = _finer_presliding(search, present, missed)
+    return present, missed
 
 
-def _finer_presliding(search: _Search, present: Equations, error: float) -> tuple[Equations, float]:
+def _further(model: LinearModel) -> Iterator[tuple[str, NDArray[np.bool_], Widened]]:
+    """What may be added to the friction of a model: its name, the joints that lack it (njoint), and the model with it
+    in some of them.
+    """
+    n, presliding = model.njoint, model.sliding.presliding
+    for term in COLUMNS:
+        lacks = ~np.isin(np.arange(n), model.having(term))
+        if lacks.any():
+            yield term, lacks, partial(model.with_term, term)
+    for size in PRESLIDING if (presliding == 0.0).any() else ():
+        more = partial(_with_presliding, model, size)
+        yield f"hysteresis, δ = {size:g}", presliding == 0.0, more
+
+
+def _with_presliding(model: LinearModel, size: float, joints: NDArray[np.bool_]) -> LinearModel:
+    return model.with_presliding(np.where(joints, size, model.sliding.presliding))
+
+
+def _in_joints(
+    search: Search, present: Equations, missed: Missed, what: str, lacks: NDArray[np.bool_], widened: Widened
+) -> tuple[Missed, Equations] | None:
+    """With what is added to the friction of all joints, or where that is not worth its while, of those whose own torque
+    is then predicted better by WORTH; None where neither is.
+
+    Args:
+        search: what is compared.
+        present: what is chosen.
+        missed: what that leaves.
+        what: is added, in words.
+        lacks: the joints that have it not (njoint).
+        widened: the model with it in some joints.
+    """
+    model = present.model
+    other = present.with_model(widened(lacks))
+    found = search.missed([other])[0]
+    gains = lacks & found.gains(missed)
+    for pair in map(list, model.sliding.coupled):  # one motor
+        gains[pair] = gains[pair].any()
+    gains &= lacks
+    if gains.any() and not gains[lacks].all() and not found.is_worth(missed):
+        what = f"{what} of {', '.join(np.array(model.joints)[gains])}"
+        other = present.with_model(widened(gains))
+        found = search.missed([other])[0]
+    search.tried.append((what, found.shares(missed)[0]))
+    return (found, other) if found.is_worth(missed) or found.is_worth(missed, gains) else None
+
+
+def _finer_presliding(search: Search, present: Equations, missed: Missed) -> tuple[Equations, Missed]:
     """With the displacement over which the friction of each joint builds up: of those that predict its own torque as
     well, to WORTH, the longest, which is the gentlest to simulate.
     """
@@ -235,27 +206,28 @@ def _finer_presliding(search: _Search, present: Equations, error: float) -> tupl
     common = model.sliding.presliding
 
     def with_presliding(presliding: Array) -> Equations:
-        return present.with_model(model.with_friction(model.friction, presliding))
+        return present.with_model(model.with_presliding(presliding))
 
-    by_joint = np.array([own for _, own in search.errors([with_presliding(factor * common) for factor in factors])])
+    every = search.missed([with_presliding(factor * common) for factor in factors])
+    by_joint = np.array([each.by_joint for each in every])
     is_as_good = WORTH * by_joint <= by_joint.min(axis=0)
     other = with_presliding(common * np.where(is_as_good, factors[:, None], 0.0).max(axis=0))
-    found = search.error(other)
-    return (other, found) if WORTH * found <= error else (present, error)
+    found = search.missed([other])[0]
+    return (other, found) if WORTH * found.whole <= missed.whole else (present, missed)
 
 
 def _with_delay(
-    search: _Search, present: Equations, error: float, longest: float = np.inf
-) -> tuple[Equations, float, bool]:
+    search: Search, present: Equations, missed: Missed, longest: float = np.inf
+) -> tuple[Equations, Missed, bool]:
     """With a delay of the torques that is no longer than so many s, where it is worth its while, and whether it is an
     end of what was scanned.
     """
     late, at_bound = likely_delay(present)
     if abs(late) > longest:
-        return present, error, False
+        return present, missed, False
     other = replace(present, delay=late)
-    found = search.better("a delay", other, error)
-    return (present, error, False) if found is None else (other, found, at_bound)
+    found = search.better("a delay", other, missed)
+    return (present, missed, False) if found is None else (other, found, at_bound)
 
 
 def likely_delay(present: Equations) -> tuple[float, bool]:

@@ -11,7 +11,6 @@ from metaid.errors import RecordError
 from metaid.models import Array
 from metaid.recorded.choosing import (
     BASE,
-    WORTH,
     Choices,
     Chosen,
     choose,
@@ -20,6 +19,7 @@ from metaid.recorded.choosing import (
     usual_still,
     with_cutoff,
 )
+from metaid.recorded.comparing import WORTH
 from metaid.recorded.doubts.scales import torque_scale
 from metaid.recorded.doubts.suspects import examined, suspects
 from metaid.recorded.gains import Gains

@@ -103,10 +103,13 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Yardstick:
-    """The logs on their grids, and what is held out of them."""
+    """The logs on their grids, and what is held out of them; `of_halves` where of a log that is held out the second
+    half alone is judged, whether zeros are unknown or not.
+    """
 
     logs: tuple[Smoothed, ...]
     folds: tuple[Fold, ...]
+    of_halves: bool = False
 
     @property
     def by(self) -> str:
@@ -253,7 +256,7 @@ class Yardstick:
                 zeros = solution.zeros[log]
                 if equations.zeros and fold.third is None:
                     zeros = self.zeros_of(model, solution.values, log, delay)
-                rows = self.rows_of(fold, log, equations.zeros or model.is_pendulum)
+                rows = self.rows_of(fold, log, equations.zeros or model.is_pendulum or self.of_halves)
                 sent = self.sent(log, delay)[rows]
                 left = sent - self.predicted(model, solution.values, log, zeros)[rows]
                 squares, whole = (model.trusted_alone((each**2).sum(axis=0)) for each in (left, sent))

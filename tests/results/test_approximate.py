@@ -82,9 +82,9 @@ def test_intervals_of_what_is_approximate_hold_the_truth(metaid: Metaid, judged:
 def test_approximate_model_is_shown_compared_listed_and_reported_as_a_result(metaid: Metaid, judged: Path) -> None:
     """The held-out error stands first; running it again ends with exit status 0."""
     storage = ("--storage", str(judged))
-    shown = metaid("study", "show", "rubbing", *storage).out
-    assert "not found" not in shown
-    assert shown.splitlines()[-1].startswith("APPROXIMATE: pushes that were left out have a misfit of ")
+    shown = metaid("study", "show", "rubbing", *storage)
+    assert "not found" not in shown.out
+    assert shown.verdict[0].startswith("APPROXIMATE: pushes that were left out have a misfit of ")
     assert metaid("study", "run", "rubbing", "--quiet", *storage).status == 0
     compared = package.compare("rubbing", "weak", storage=str(judged))
     assert compared.of("rubbing")["identified"].notna().all()
@@ -129,8 +129,8 @@ def test_gross_fault_is_not_found_and_its_values_are_given_where_they_are_asked_
     storage = ("--storage", str(judged))
     done = metaid("study", "run", "weak", "--quiet", *storage)
     assert done.status == 3
-    assert done.out.splitlines()[-1].startswith("NOT FOUND: ")
-    assert "pushes that were left out have a misfit of " in done.out.splitlines()[-1]
+    assert done.verdict[0].startswith("NOT FOUND: ")
+    assert any("pushes that were left out have a misfit of " in line for line in done.verdict)
     shown = of(metaid, judged, "weak")
     for lump in shown["lumps"]:
         assert lump["identified"] is not None

@@ -59,12 +59,13 @@ def test_how_many_trials_were_enough_is_found_with_few_estimates(wanted: int) ->
 @pytest.mark.parametrize(("name", "which"), [("matched", "all 2 trials"), ("searched", "the first 32 trials")])
 def test_estimate_is_shown_once_with_what_it_is_worth(metaid: Metaid, estimated: Path, name: str, which: str) -> None:
     """One table of all lumps; below it how early they were known, the misfit, and last of all the verdict."""
-    out = metaid("study", "show", name, "--storage", str(estimated)).out
+    shown = metaid("study", "show", name, "--storage", str(estimated))
+    out = shown.out
     assert out.count("gravity_1") == out.count("inertia_3") == 1
     words = " ".join(out.split())
     assert f"estimate from {which}; after the first of " in words
     assert "no lump moved by more than 0.1%; ± is half the 95 % interval; the model explains what was" in words
-    assert out.splitlines()[-1].startswith("FOUND: 9 lumps, each to within ")
+    assert shown.verdict[0].startswith("FOUND: 9 lumps, each to within ")
 
 
 @pytest.mark.parametrize(("name", "which"), [("hidden", "all 4 trials"), ("hidden-searched", "the first 32 trials")])
@@ -72,11 +73,12 @@ def test_model_that_explains_nothing_leaves_no_number(metaid: Metaid, estimated:
     """Every lump is said to be not found; no interval, no error; the verdict names the misfit."""
     done = metaid("study", "show", name, "--storage", str(estimated))
     assert done.status == 0
-    *lines, verdict = done.out.splitlines()
+    lines = done.out.splitlines()[: -len(done.verdict)]
     assert f"estimate from {which}; the model does not explain what was seen" in lines[-1]
-    assert verdict.startswith("NOT FOUND: ")
-    assert "the model does not explain what was seen" in verdict
-    assert "(explained: below 3)" in verdict
+    assert done.verdict[0].startswith("NOT FOUND: ")
+    why = "; ".join(done.verdict)
+    assert "the model does not explain what was seen" in why
+    assert "(explained: below 3)" in why
     rows = [line.split() for line in lines if "gravity_" in line or "inertia_" in line]
     assert len(rows) == (6 if name == "hidden" else 3)
     for row in rows:
@@ -101,11 +103,12 @@ def test_bodies_are_shown_where_they_are_asked_for(metaid: Metaid, estimated: Pa
     is null and not `bounded`.
     """
     asked = ("study", "show", "matched", "--storage", str(estimated))
-    out = metaid(*asked, "--bodies").out
+    shown = metaid(*asked, "--bodies")
+    out = shown.out
     rows = {line.split()[0]: line.split() for line in out.splitlines() if "_" in line}
     assert rows["mass_1"][3] == rows["length_3"][3] == "unbounded"
     assert "known to a tenth: length_1, length_2" in " ".join(out.split())
-    assert out.splitlines()[-1].startswith("FOUND: ")
+    assert shown.verdict[0].startswith("FOUND: ")
     assert "mass_1" not in metaid(*asked).out
     shown = json.loads(metaid(*asked, "--bodies", "--json").out)
     assert shown["why_no_bodies"] is None

@@ -64,7 +64,7 @@ def test_faults_stand_beside_the_lumps_wherever_a_study_is_shown(
     print_study(store, "chain")
     printed = capsys.readouterr().out
     assert "Faults searched beside the lumps" in printed
-    assert f"; delay {delay['identified']:.4g} ± " in printed
+    assert f"- delay {delay['identified']:.4g} ± " in printed
     assert "| fault | identified |" in note(read_findings(store, "chain"))
     model = identified_model(read_snapshot(store, "chain"))
     for suffix in (".toml", ".xml", ".urdf", ".py", ".h"):

@@ -152,7 +152,7 @@ def test_run_that_found_nothing_ends_with_status_3(metaid: Callable[..., Finishe
     assert metaid("study", "run", "three-link-coast", "--quiet", "--trials", "10").status == 0
     done = metaid("study", "run", "three-link-coast", "--quiet")
     assert done.status == 3
-    assert done.out.splitlines()[-1].startswith("NOT FOUND: the best value, ")
+    assert done.verdict[0].startswith("NOT FOUND: the best value, ")
     shown = metaid("study", "show", "three-link-coast", "--json")
     assert shown.status == 0
     assert json.loads(shown.out)["verdict"] == "not found"

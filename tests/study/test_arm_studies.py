@@ -80,7 +80,7 @@ def test_estimate_of_all_trials_begins_at_that_of_the_first(arms: Path) -> None:
 def test_arm_of_another_shape_is_not_found(arms: Path, metaid: Metaid) -> None:
     """Links one percent longer than the nominal model says explain nothing: no base parameter is known."""
     done = metaid("study", "show", "bent", "--storage", str(arms))
-    assert done.out.splitlines()[-1].startswith("NOT FOUND: the model does not explain what was seen")
+    assert done.verdict[0].startswith("NOT FOUND: the model does not explain what was seen")
     with closing(Store(str(arms))) as store:
         shown = results.summary(store, "bent")
     assert all(lump["low"] is None and not lump["determined"] for lump in shown["lumps"])
@@ -110,7 +110,7 @@ def test_commands_show_list_and_export_an_arm(arms: Path, metaid: Metaid, tmp_pa
     """As they do a chain."""
     storage = ("--storage", str(arms))
     out = metaid("study", "show", "exact", *storage).out
-    assert "FOUND: 22 base parameters; on states that no trial has seen wrong by: gravity torque " in out
+    assert "FOUND: 22 base parameters\n- on states that no trial has seen wrong by: gravity torque " in out
     assert json.loads(metaid("study", "show", "exact", *storage, "--json").out)["measure"] == "kinetic"
     assert "kinetic" in metaid("study", "list", *storage).out
     assert metaid("study", "export", "exact", *storage, "-o", "trials.csv").status == 0

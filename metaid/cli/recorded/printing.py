@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from metaid.cli.common import number_text, print_table, say
+from metaid.cli.common import number_text, print_table, say, say_reasons
 
 if TYPE_CHECKING:
     from metaid.recorded import RecordedResult
@@ -36,7 +36,7 @@ def print_result(result: RecordedResult, has_numbers: bool, whole: bool) -> None
         if whole:
             _print_tried(shown)
     reasons = shown["reasons"] if whole or not has_numbers else shown["reasons"][:REASONS]
-    say(f"{shown['verdict'].upper()}: {'; '.join(reasons)}")
+    say_reasons(shown["verdict"].upper(), reasons)
     if result.estimate.equations.zeros and whole:
         for log in shown["logs"]:
             say(f"zeros of {log['path']}, added to its angles: " + ", ".join(f"{zero:+.4f}" for zero in log["zeros"]))

@@ -42,7 +42,7 @@ def _scales_apart(equations: Equations) -> Array:
     for joint in np.flatnonzero(~model.untrusted).tolist():
         own = np.concatenate([each[:, :, joint].reshape(-1, each.shape[-1]) for each in rows])
         sent = np.concatenate([torques[:, :, joint].ravel() for torques in equations.torques])
-        beside = own[:, [model.column(term, joint) for term in BESIDE if term in model.friction]]
+        beside = own[:, [model.columns[term, joint] for term in BESIDE if (term, joint) in model.columns]]
         needed = own[:, : model.nbody] @ model.nominal
         weight = np.concatenate([each[:, :, joint].ravel() for each in carried])
         scales[:1, joint] = _factors(needed[:, None], beside, sent)

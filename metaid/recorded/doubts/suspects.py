@@ -125,13 +125,14 @@ def suspects(equations: Equations, values: Array, scales: bool) -> Iterator[Susp
 
     yield Suspect("a spring", [of_each(part, part.windows.coordinates) for part in parts], every)
     for term, words in MISSING.items():
-        if term not in model.friction:
+        lacking = sorted(set(every) - set(model.having(term)))
+        if lacking:
             shapes = {
                 "viscous": lambda part: part.windows.speeds,
                 "coulomb": lambda part: part.sliding(model)[..., :n],
                 "offset": lambda part: np.ones_like(part.windows.speeds),
             }
-            yield Suspect(words, [of_each(part, shapes[term](part)) for part in parts], every)
+            yield Suspect(words, [of_each(part, shapes[term](part))[..., lacking] for part in parts], tuple(lacking))
     if not model.sliding.builds_up and {"coulomb", "root"} & set(model.friction):
         bent = [
             part.windows.speeds * np.exp(-np.abs(part.windows.speeds) / (BENDS * model.sliding.still)) for part in parts

@@ -80,8 +80,8 @@ def friction_curves(found: RecordedEstimate, shares: Sequence[float] = SHARES) -
         rigid[:, joint] = usual[joint]
         columns = model.friction_columns(moving, np.zeros_like(moving), sliding, rigid)[:, joint]
         offset = np.zeros(columns.shape[1])
-        if "offset" in model.friction:
-            offset[model.column("offset", joint) - model.nbody] = 1.0
+        if ("offset", joint) in model.columns:
+            offset[model.columns["offset", joint] - model.nbody] = 1.0
         columns = columns * (1.0 - offset)
         covariance = found.covariance[model.nbody :, model.nbody :]
         variance = np.einsum("ij,jk,ik->i", columns, covariance, columns)

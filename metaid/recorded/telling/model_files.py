@@ -40,7 +40,9 @@ def friction_of(model: LinearModel, values: Array) -> JointFriction:
     pairs = range(len(model.sliding.coupled))
 
     def of(term: str) -> Array:
-        alone = [values[model.column(term, joint)] for joint in range(model.njoint)]
+        alone = np.zeros(model.njoint)
+        for joint in model.having(term):
+            alone[joint] = values[model.columns[term, joint]]
         return np.array([*alone, *(shared(term, pair) if term in SHARED else 0.0 for pair in pairs)])
 
     def shared(term: str, pair: int) -> float:

@@ -1,7 +1,7 @@
 """What is unknown of a recorded robot, and the torque for a unit of each: rigid bodies with their rotors, and friction.
 
 A planar chain is known by its lumps and rotors, an arm by its base parameters. Friction of a joint is any terms of Eq.
-66. Two joints whose motors are coupled share all but offset and load.
+66, which single joints may be without. Two joints whose motors are coupled share all but offset and load.
 """
 
 from __future__ import annotations
@@ -59,12 +59,13 @@ class LinearModel:
         rigid: the torque (... x njoint) of bodies with such values (nbody), of the same: for an arm at much less cost.
         joints: the names of the joints (njoint).
         slides: which joints (njoint) are slides.
-        friction: the terms of every joint, in the order of COLUMNS.
+        friction: the terms of the joints, in the order of COLUMNS.
         sliding: how dry friction follows the motion, and which joints are coupled.
         untrusted: which joints (njoint) move, but nothing is fitted to their torques.
         prior: of an arm; None of a chain.
         chain: the nominal one; None of an arm.
         gravity: of a chain, in m/s².
+        without: terms that single joints have not, each with the joint, from 0 on.
     """
 
     names: tuple[str, ...]
@@ -82,6 +83,7 @@ class LinearModel:
     prior: ArmPrior | None = None
     chain: Chain | None = None
     gravity: float = 0.0
+    without: frozenset[tuple[str, int]] = frozenset()
 
     @property
     def njoint(self) -> int:
@@ -131,11 +133,12 @@ class LinearModel:
             rigid: the torque of the bodies (... x njoint), in N m or N.
         """
         n = self.njoint
-        joints = np.arange(n)
         parts = []
         for term in self.friction:
-            columns = np.zeros((*speeds.shape, n))
-            columns[..., joints, joints] = friction_torque(term, speeds, sliding[..., :n], rigid)
+            joints = self.having(term)
+            columns = np.zeros((*speeds.shape, len(joints)))
+            torque = friction_torque(term, speeds, sliding[..., :n], rigid)
+            columns[..., joints, np.arange(len(joints))] = torque[..., joints]
             parts.append(columns)
         for pair, (one, other) in enumerate(self.sliding.coupled):
             together, state = speeds[..., one] + speeds[..., other], sliding[..., n + pair]
@@ -168,27 +171,43 @@ class LinearModel:
         """Torques, or squares of them (... x njoint), 0 where they are not trusted."""
         return np.where(self.untrusted, 0.0, torques)
 
-    def with_friction(self, terms: tuple[str, ...], presliding: Array | float = 0.0) -> LinearModel:
-        """The same with these terms of friction in every joint, and pre-sliding of each joint (njoint) or of all."""
-        every = np.broadcast_to(np.asarray(presliding, dtype=np.float64), self.njoint)
-        return _with_friction(self, terms, replace(self.sliding, presliding=every))
+    def with_friction(self, terms: tuple[str, ...]) -> LinearModel:
+        """The same with these terms of friction in every joint, and no pre-sliding."""
+        return _with_friction(self, terms, replace(self.sliding, presliding=np.zeros(self.njoint)))
+
+    def with_term(self, term: str, joints: NDArray[np.bool_]) -> LinearModel:
+        """The same with a term of friction in some `joints` (njoint), too."""
+        lacking = {joint for joint in range(self.njoint) if not joints[joint]} - set(self.having(term))
+        others = frozenset(each for each in self.without if each[0] != term)
+        without = others | {(term, joint) for joint in lacking}
+        return _with_friction(self, (*self.friction, term), self.sliding, without)
+
+    def with_presliding(self, presliding: Array) -> LinearModel:
+        """The same with dry friction that builds up over displacements of the joints (njoint), in rad or m."""
+        return replace(self, sliding=replace(self.sliding, presliding=presliding))
 
     def with_coupled(self, coupled: tuple[tuple[int, int], ...]) -> LinearModel:
         """The same with these pairs of joints, from 0 on, whose motors are coupled."""
-        return _with_friction(self, self.friction, replace(self.sliding, coupled=coupled))
+        return _with_friction(self, self.friction, replace(self.sliding, coupled=coupled), self.without)
 
     @property
     def _shared(self) -> tuple[str, ...]:
         return tuple(term for term in self.friction if term in SHARED)
 
-    def column(self, term: str, joint: int) -> int:
-        """Which of the unknowns is that of a `term` of friction of a `joint`, from 0 on."""
-        return self.nbody + self.friction.index(term) * self.njoint + joint
+    def having(self, term: str) -> list[int]:
+        """The joints, from 0 on, that have a `term` of friction."""
+        return [joint for joint in range(self.njoint) if term in self.friction and (term, joint) not in self.without]
+
+    @cached_property
+    def columns(self) -> dict[tuple[str, int], int]:
+        """Which of the unknowns is that of each term of friction of each joint, from 0 on, that has it."""
+        each = [(term, joint) for term in self.friction for joint in self.having(term)]
+        return {own: self.nbody + number for number, own in enumerate(each)}
 
     def shared_column(self, term: str, pair: int) -> int:
         """Which of the unknowns is that of a `term`, or of the rotor, of a coupled `pair`, from 0 on."""
         each = (*self._shared, "rotor")
-        return self.nbody + len(self.friction) * self.njoint + pair * len(each) + each.index(term)
+        return self.nbody + len(self.columns) + pair * len(each) + each.index(term)
 
 
 def model_of(
@@ -315,14 +334,24 @@ def arm_model(
     )
 
 
-def _with_friction(model: LinearModel, terms: tuple[str, ...], sliding: Sliding) -> LinearModel:
-    """The bodies of a model with these terms of friction in every joint, and those that coupled joints share."""
-    nbody, n, between = model.nbody, model.njoint, "_" if model.is_chain else ""
+def _with_friction(
+    model: LinearModel, terms: tuple[str, ...], sliding: Sliding, without: frozenset[tuple[str, int]] = frozenset()
+) -> LinearModel:
+    """The bodies of a model with these terms of friction, and those that coupled joints share.
+
+    Args:
+        model: the bodies.
+        terms: of friction.
+        sliding: how dry friction follows the motion, and which joints are coupled.
+        without: terms that single joints have not.
+    """
+    nbody, between = model.nbody, "_" if model.is_chain else ""
     friction = tuple(term for term in COLUMNS if term in terms)
     names, units = list(model.names[:nbody]), list(model.units[:nbody])
     for term in friction:
-        names += [f"{_NAMES.get(term, term)}{between}{joint + 1}" for joint in range(n)]
-        units += [(_ON_SLIDES if model.slides[joint] else _UNITS)[term] for joint in range(n)]
+        having = [joint for joint in range(model.njoint) if (term, joint) not in without]
+        names += [f"{_NAMES.get(term, term)}{between}{joint + 1}" for joint in having]
+        units += [(_ON_SLIDES if model.slides[joint] else _UNITS)[term] for joint in having]
     for one, other in sliding.coupled:
         each = [*(term for term in friction if term in SHARED), "rotor"]
         names += [f"{_NAMES.get(term, term)}{between}{one + 1}_{other + 1}" for term in each]
@@ -334,4 +363,5 @@ def _with_friction(model: LinearModel, terms: tuple[str, ...], sliding: Sliding)
         expressions=(*model.expressions[:nbody], *[""] * (len(names) - nbody)),
         friction=friction,
         sliding=sliding,
+        without=without,
     )

@@ -31,6 +31,8 @@ THIN = 0.1  # of what a rotor may be beforehand: a nominal rotor of 0 counts as 
 BODY = 10
 COMPLEX_STEP = 1e-30  # of a derivative, which is exact to rounding
 LONGEST = 10.0  # of the logarithm of a length in m
+CURVE = ("coulomb", "root", "viscous")  # of friction over speed, which is not negative where there is a root
+NOT_NEGATIVE = (*CURVE, "load")
 SPEEDS = (0.0, 0.1, 0.3, 1.0)  # shares of a joint's fastest speed, at which friction is not negative
 
 
@@ -139,29 +141,24 @@ class Possible:
         """
         model, nbody = self._model, self._model.nbody
         rows: list[Array] = []
-        curve = [term for term in ("coulomb", "root", "viscous") if term in model.friction]
-        alone = ["load"] if "load" in model.friction else []
-        bare = () if "root" in curve else tuple(curve)
         owners = [
-            ({term: model.column(term, joint) for term in (*curve, *alone)}, fastest, (*bare, *alone))
+            ({term: model.columns[term, joint] for term in NOT_NEGATIVE if (term, joint) in model.columns}, fastest)
             for joint, fastest in enumerate(self._fastest.tolist())
         ]
         for pair, both in enumerate(model.sliding.coupled):
-            columns = {term: model.shared_column(term, pair) for term in (*curve, "rotor")}
-            owners.append((columns, float(self._fastest[list(both)].max()), (*bare, "rotor")))
-        for columns, fastest, singles in owners:
+            shared = [term for term in CURVE if term in model.friction]
+            columns = {term: model.shared_column(term, pair) for term in (*shared, "rotor")}
+            owners.append((columns, float(self._fastest[list(both)].max())))
+        for columns, fastest in owners:
             shapes = [
                 {"coulomb": 1.0, "root": share**0.5 * fastest**0.5, "viscous": share * fastest} for share in SPEEDS
             ]
-            for shape in shapes if "root" in curve else []:
+            if "root" not in columns:
+                shapes = []
+            for shape in (*shapes, *({term: 1.0} for term in columns if not (shapes and term in CURVE))):
                 row = np.zeros(len(values))
-                for term, size in shape.items():
-                    if term in curve:
-                        row[columns[term]] = size
-                rows.append(row)
-            for single in singles:
-                row = np.zeros(len(values))
-                row[columns[single]] = 1.0
+                for term in columns.keys() & shape.keys():
+                    row[columns[term]] = shape[term]
                 rows.append(row)
         stacked = np.array(rows).reshape(-1, len(values))
         least = SMALL * np.abs(stacked) @ deviations

@@ -1,0 +1,134 @@
+"""What is compared when something is chosen: equations by their windows, and what each leaves of what was left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.errors import RecordError
+from metaid.models import Array
+from metaid.recorded.held_out import HeldOut, Yardstick
+from metaid.recorded.reading.log import Record
+from metaid.recorded.weak_form.equations import Equations, equations_of
+from metaid.recorded.weak_form.folds import folds_of
+from metaid.recorded.weak_form.linear_model import LinearModel
+from metaid.recorded.weak_form.smoothed import Smoothed
+
+WORTH = 0.97  # of the error: what leaves more is not taken up
+STARTS = 24  # of simulations a fold, while something is chosen
+
+
+class Missed(NamedTuple):
+    """The error of what was left out: of the `whole`, of the torque of each joint (njoint), and which joints count by
+    themselves (njoint).
+    """
+
+    whole: float
+    by_joint: Array
+    counts: NDArray[np.bool_]
+
+    def shares(self, before: Missed, joints: NDArray[np.bool_] | None = None) -> tuple[float, float]:
+        """The error as a share of that `before`: of the whole, and of one of the `joints` (njoint; by default all) in
+        the geometric mean.
+        """
+        counts = self.counts if joints is None else self.counts & joints
+        own, usual = (np.maximum(each[counts], 1e-300) for each in (self.by_joint, before.by_joint))
+        of_joints = float(np.exp(np.log(own / usual).mean())) if len(own) else 1.0
+        return self.whole / max(before.whole, 1e-300), of_joints
+
+    def gains(self, before: Missed) -> NDArray[np.bool_]:
+        """Which joints (njoint) are predicted better by WORTH; all where none counts by itself."""
+        return np.asarray(self.counts & (self.by_joint < WORTH * before.by_joint) | ~self.counts.any())
+
+    def is_worth(self, before: Missed, joints: NDArray[np.bool_] | None = None) -> bool:
+        """Whether all joints together are predicted better by WORTH, or one of the `joints` (njoint; by default all) is
+        on average, and all are no worse: an arm's wrist is next to nothing of its torque.  Eq. 72.
+        """
+        whole, of_joints = self.shares(before, joints)
+        return before.whole > 0.0 and (whole < WORTH or (of_joints < WORTH and whole <= 1.0))
+
+
+class Search:
+    """Equations by windows, and what each choice leaves."""
+
+    def __init__(
+        self,
+        records: Sequence[Record],
+        logs: Sequence[Smoothed],
+        model: LinearModel,
+        spans: Sequence[tuple[float, int]],
+    ) -> None:
+        """Nothing is chosen yet.
+
+        Args:
+            records: the logs.
+            logs: the same on their grids.
+            model: what is unknown.
+            spans: windows that may be chosen: their length in s, and the degree of their polynomials.
+
+        Raises:
+            RecordError: the logs are too short for any of them.
+        """
+        self._by_windows = {}
+        for span, power in spans:
+            equations = equations_of(records, logs, model, span, power)
+            if equations is not None:
+                self._by_windows[span, power] = equations
+        if not self._by_windows:
+            names = ", ".join(record.name for record in records)
+            raise RecordError(
+                f"{names}: too short for {len(model.names)} unknowns, or read too rarely "
+                f"(allowed: more motion, or fewer terms of friction)"
+            )
+        folds = folds_of(logs, next(iter(self._by_windows.values())).middles)
+        self.yardstick = Yardstick(tuple(logs), folds)
+        self._by_windows = {key: replace(each, folds=folds) for key, each in self._by_windows.items()}
+        self.tried: list[tuple[str, float]] = []
+
+    @property
+    def windows(self) -> list[tuple[float, int]]:
+        return list(self._by_windows)
+
+    @property
+    def first(self) -> Equations:
+        """Those of the finest windows, with nothing chosen."""
+        return next(iter(self._by_windows.values()))
+
+    def equations(self, windows: tuple[float, int], like: Equations) -> Equations:
+        """Those of other windows, with the choices of others."""
+        own = self._by_windows[windows]
+        return replace(own, model=like.model, zeros=like.zeros, delay=like.delay, scale=like.scale)
+
+    def missed(self, candidates: Sequence[Equations], of_halves: bool = False) -> list[Missed]:
+        """What each of several equations leaves of what was left out; `of_halves` of the second half of a whole log
+        alone, as where zeros are unknown.
+        """
+        yardstick = replace(self.yardstick, of_halves=True) if of_halves else self.yardstick
+        solved = {}
+        for number, each in enumerate(candidates):
+            with suppress(np.linalg.LinAlgError):
+                solved[number] = each, yardstick.solutions(each)
+        held = yardstick.all_judged(list(solved.values()), candidates[0].model.is_pendulum, STARTS)
+        found = dict(zip(solved, held, strict=True))
+        return [_missed(each, found.get(number)) for number, each in enumerate(candidates)]
+
+    def better(self, what: str, other: Equations, before: Missed) -> Missed | None:
+        """What another choice leaves, where that is worth its while; else None."""
+        found = self.missed([other])[0]
+        self.tried.append((what, found.shares(before)[0]))
+        return found if found.is_worth(before) else None
+
+
+def _missed(equations: Equations, held: HeldOut | None) -> Missed:
+    """What equations leave, of a pendulum by its motion; without bound where they have no solution."""
+    model = equations.model
+    if held is None:
+        return Missed(float("inf"), np.full(model.njoint, np.inf), np.zeros(model.njoint, dtype=bool))
+    if model.is_pendulum and len(held.motions):
+        return Missed(held.motion, held.by_joint, np.zeros(model.njoint, dtype=bool))
+    return Missed(held.relative, held.by_joint, ~(model.untrusted | equations.held))
