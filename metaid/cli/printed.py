@@ -94,9 +94,9 @@ def _reasons(shown: dict[str, Any]) -> list[str]:
         said = [f"{len(known)} base parameters", *_model_error(shown["model_error"])]
     else:
         widest = max((lump["high"] - lump["low"]) / (2.0 * lump["identified"]) for lump in known)
-        head = f"{len(known)} lumps, each to within {error_text(widest, '')} or better"
-        error = [] if shown["max_error"] is None else [f"largest error {error_text(shown['max_error'], '')}"]
-        said = [head, *error]
+        said = [f"{len(known)} lumps, each to within {error_text(widest, '')} or better"]
+        if shown["max_error"] is not None:
+            said[0] += f", largest error {error_text(shown['max_error'], '')}"
     said += _fault_texts(shown.get("faults", []))
     return [*first, *said, *reasons[len(first) :]]
 

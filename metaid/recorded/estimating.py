@@ -20,7 +20,7 @@ from metaid.recorded.choosing import (
     with_cutoff,
 )
 from metaid.recorded.comparing import WORTH
-from metaid.recorded.doubts.scales import torque_scale
+from metaid.recorded.doubts.scales import scales_by_weight, torque_scale
 from metaid.recorded.doubts.suspects import examined, suspects
 from metaid.recorded.gains import Gains
 from metaid.recorded.held_out import HeldOut, Yardstick
@@ -51,6 +51,8 @@ class RecordedEstimate:
         repeated: the unknowns without each fold (nfold x nparam).
         zeros: of the encoders of each log (nlog x njoint), in rad; added to what was read.
         scale: of all torques, by which they differ from what the nominal bodies need.
+        carried: how many times that each joint carries of what the nominal bodies weigh (njoint); NaN where it does not
+            tell.
         held_out: how well what was left out is predicted.
         simulator_held_out: the same of `simulator`.
         nominal_held_out: the same of the nominal bodies with fitted friction.
@@ -72,6 +74,7 @@ class RecordedEstimate:
     repeated: Array
     zeros: Array
     scale: float
+    carried: Array
     held_out: HeldOut
     simulator_held_out: HeldOut
     nominal_held_out: HeldOut
@@ -157,6 +160,7 @@ def estimate_records(
         repeated=repeated,
         zeros=_zeros(equations, free, blocks, possible.values),
         scale=scale,
+        carried=scales_by_weight(equations) / scale,
         held_out=held_out,
         simulator_held_out=simulator_held,
         nominal_held_out=_nominal(equations, yardstick, starts),
@@ -298,7 +302,9 @@ def _systematic(
     for suspect in suspects(equations, values, scales):
         suspicion = examined(equations, values, suspect)
         changes.append(suspicion.change)
-        lacking += [f"{suspect.what} of joint {equations.model.joints[joint]}" for joint in suspicion.joints]
+        names = [equations.model.joints[joint] for joint in suspicion.joints]
+        if names:
+            lacking.append(f"{suspect.what} of joint{'s' * (len(names) > 1)} {', '.join(names)}")
     free = equations.solved[0].values
     late, _ = likely_delay(equations)
     prompt = replace(equations, delay=late)

@@ -67,7 +67,7 @@ def test_scale_of_a_joints_torques_is_suspected(chain_log: tuple[Record, LinearM
     record, model, true = chain_log
     found = judged(record.with_torques(record.torques * np.array([1.0, 1.05])), model)
     assert not outside(found, true, times=2.0)
-    assert any("another scale of the torques of joint 2" in reason for reason in found.reasons)
+    assert any("another scale of the torques of joints 1, 2" in reason for reason in found.reasons)
 
 
 def test_scale_of_all_torques_is_what_a_verdict_does_not_know(chain_log: tuple[Record, LinearModel, Array]) -> None:
@@ -87,7 +87,7 @@ def test_friction_that_bends_near_rest_is_suspected() -> None:
     found = judged(record, chain_model(wrong_chain(chain, 1), 9.81), asked)
     true = chain.lumps_of(("gravity", "coriolis", "inertia")).vector
     assert not outside(found, true)
-    assert any("friction that bends near rest of joint 2" in reason for reason in found.reasons)
+    assert any("friction that bends near rest of joints 1, 2" in reason for reason in found.reasons)
 
 
 def test_joints_that_are_misplaced_are_suspected() -> None:

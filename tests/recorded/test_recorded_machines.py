@@ -155,6 +155,20 @@ def test_another_unit_of_all_torques_is_named_and_does_not_bend_the_answer() -> 
     assert any("mN m? --scale all=0.001" in reason for reason in judge_records([record], milli).reasons)
 
 
+def test_joint_with_another_motor_constant_is_named_with_what_it_carries() -> None:
+    """Three fifths of its torque are no other unit; the option makes the nominal bodies true."""
+    arm = swinging_arm()
+    record = log_of(arm, noise=1e-5, seconds=4.0)
+    factors = np.array([1.0, 0.6, 1.0])
+    other = record.with_torques(record.torques * factors)
+    found = [estimate_records([each], arm_model(arm), Choices(zeros=False, delay=0.0)) for each in (record, other)]
+    said = [[reason for reason in judge_records([record], each).reasons if "weigh" in reason] for each in found]
+    assert said[0] == []
+    joint = found[1].model.joints[1]
+    assert f"so many times that: {joint} 0.6; " in said[1][0]
+    assert said[1][0].endswith(f"--scale {joint}=1.7")
+
+
 def test_runs_that_begin_at_other_times_are_simulated_alike() -> None:
     """At 125 Hz 0.3 s are 37.5 periods, and the periods of two runs differ by rounding."""
     whole = arm_log()

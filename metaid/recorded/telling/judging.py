@@ -25,6 +25,7 @@ SCALE = (
     "every number scales with the torques of the log, and nothing in it shows a wrong scale of all of them, as of "
     "motor currents with a wrong constant"
 )
+OTHERWISE = 1.5  # times what the nominal bodies weigh: a joint that carries more, or as much less, is named
 MOST_NAMED = 4  # of what the model may lack
 
 
@@ -60,7 +61,7 @@ def judge_records(records: Sequence[Record], found: RecordedEstimate, facts: Seq
     against = tuple(_against(records, found, determined))
     if against:
         return RecordedVerdict("not found", (*facts, *against), lumps)
-    reasons = (predicted(found), *facts, *_held(found), *_unexplained(found), SCALE)
+    reasons = (predicted(found), *facts, *_held(found), *_carried(found), *_unexplained(found), SCALE)
     if found.gains is not None:
         reasons = (reasons[0], found.gains.text, *reasons[1:-1])
     is_explained = (found.misfit < EXPLAINED or found.held_out.relative < EXACT) and not found.lacking and not facts
@@ -135,6 +136,19 @@ def _held(found: RecordedEstimate) -> Iterator[str]:
         yield f"{', '.join(names)} {are} little: stiction bears what a motor does not show"
 
 
+def _carried(found: RecordedEstimate) -> Iterator[str]:
+    """Which joints carry far more or less than the nominal bodies weigh, in a sentence."""
+    far = np.flatnonzero((found.carried > OTHERWISE) | ((found.carried > 0.0) & (found.carried < 1.0 / OTHERWISE)))
+    if len(far) and found.gains is None:
+        carried = [(found.model.joints[joint], float(found.carried[joint])) for joint in far]
+        factors = ", ".join(f"{name} {factor:.2g}" for name, factor in carried)
+        options = " ".join(f"--scale {name}={1.0 / factor:.2g}" for name, factor in carried)
+        yield (
+            f"what joints carry is not what the nominal bodies weigh, but so many times that: {factors}; the bodies "
+            f"are wrong, or the torques are, as with another motor constant: {options}"
+        )
+
+
 def _fold(found: RecordedEstimate, number: int) -> str:
     """A part that was left out, in words."""
     fold = found.chosen.yardstick.folds[number]
@@ -160,7 +174,7 @@ def _unexplained(found: RecordedEstimate) -> Iterator[str]:
         )
     if found.lacking:
         more = len(found.lacking) - MOST_NAMED
-        named = ", ".join(found.lacking[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+        named = "; ".join(found.lacking[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
         yield f"{named} would explain some of what is left, which sd_systematic holds"
     if found.chosen.delay_at_bound:
         yield (
