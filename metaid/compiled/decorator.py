@@ -48,15 +48,24 @@ _options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "forceinline"
 
 def compiled(function: Callable[..., Any], **more: Any) -> Any:
     """The `function`, compiled when it is first called with arguments of given types; `more` are options of numba's."""
-    options = {**_options, **more}
+    return _kept(function, functools.partial(numba.njit, **{**_options, **more}))
+
+
+def callback(signature: str) -> Callable[[Callable[..., Any]], Any]:
+    """A function that C calls, with numba's `signature`, compiled at once."""
+    return lambda function: _kept(function, functools.partial(numba.cfunc, signature))
+
+
+def _kept(function: Callable[..., Any], compiler: Callable[..., Any]) -> Any:
+    """The `function` as a `compiler` of numba's makes it, whose machine code is kept where there is a place for it."""
     source = Path(inspect.getfile(function)).resolve()
     folder = cache_folder(source.parent) if source.is_file() else None
     if folder is None:
-        return numba.njit(**options)(function)
+        return compiler()(function)
     # numba chooses the folder of a function's cache where the function is decorated.
     before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)  # type: ignore[attr-defined]
     try:
-        return numba.njit(cache=True, **options)(function)
+        return compiler(cache=True)(function)
     finally:
         numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
 

@@ -12,19 +12,18 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from numba import cfunc
-
+from metaid.compiled.decorator import callback
 from metaid.compiled.undocumented import LIBRARY
 
 _library = ctypes.CDLL(str(LIBRARY))
 
 
-@cfunc("float64()")
+@callback("float64()")
 def _no_time() -> float:
     return 0.0
 
 
-@cfunc("void(uintp)")
+@callback("void(uintp)")
 def _no_warning(_message: int) -> None:
     return
 

@@ -26,12 +26,12 @@ from metaid.errors import StorageError, UnreachableError, unknown
 from metaid.models import Array
 from metaid.store.opening import open_storage
 from metaid.store.optuna_tables import (
-    SchemaVersionError,
     StudyDirectionModel,
     StudyModel,
     StudySystemAttributeModel,
     StudyUserAttributeModel,
     TrialModel,
+    unreadable,
 )
 from metaid.store.ownership import DIGEST, STUDY_TABLES, TRIAL_TABLES, End, digest_of, end_of, remove_orphans
 from metaid.store.reading import JOINTS_KEY, StoredTrials, read_trials
@@ -101,7 +101,7 @@ class Store:
             yield
         except ImportError as problem:
             raise StorageError(f"{self.url}: {missing_driver(self._address, problem)}") from None
-        except (SQLAlchemyError, OptunaError, SchemaVersionError, RuntimeError, *SPOILED, self._driver.Error) as error:
+        except (SQLAlchemyError, OptunaError, *unreadable(), RuntimeError, *SPOILED, self._driver.Error) as error:
             cause = (isinstance(error, StorageInternalError) and error.__cause__) or error
             said = describe(getattr(cause, "orig", None) or cause)
             said = said.replace("$STORAGE_URL", shlex.quote(self.url)) if self.is_sqlite else said

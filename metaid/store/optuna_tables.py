@@ -4,7 +4,8 @@ Optuna's public storage writes a trial in some ten transactions; a generation in
 names of Optuna, so all of them stand here, and pyproject.toml caps Optuna's version.
 """
 
-from alembic.util.exc import CommandError as SchemaVersionError  # raised by Optuna's storage for tables it cannot read
+import sys
+
 from optuna.storages._rdb.models import (
     SCHEMA_VERSION,
     StudyDirectionModel,
@@ -39,7 +40,6 @@ __all__ = [
     "REVISION",
     "SCHEMA_VERSION",
     "STARTED",
-    "SchemaVersionError",
     "StudyDirectionModel",
     "StudyModel",
     "StudySystemAttributeModel",
@@ -51,4 +51,13 @@ __all__ = [
     "TrialSystemAttributeModel",
     "TrialUserAttributeModel",
     "TrialValueModel",
+    "unreadable",
 ]
+
+
+def unreadable() -> tuple[type[Exception], ...]:
+    """What Optuna's storage raises for tables that it cannot read: an error of alembic's, which takes a tenth of a
+    second to load, and is loaded by then.
+    """
+    loaded = sys.modules.get("alembic.util.exc")
+    return () if loaded is None else (loaded.CommandError,)
