@@ -155,6 +155,18 @@ def test_another_unit_of_all_torques_is_named_and_does_not_bend_the_answer() -> 
     assert any("mN m? --scale all=0.001" in reason for reason in judge_records([record], milli).reasons)
 
 
+def test_joint_that_nothing_predicts_is_named() -> None:
+    """Beside two that are predicted well, so that the whole is."""
+    record = arm_log(lambda speeds: DRY * np.sign(speeds))
+    random = np.random.default_rng(0).standard_normal((len(record.times) // 100 + 2, 1)) * (0.0, 0.0, 2.0)
+    slowly = np.stack([np.interp(record.times, 0.2 * np.arange(len(random)), each) for each in random.T], axis=1)
+    other = record.with_torques(record.torques * (1.0, 1.0, 0.0) + slowly)
+    said = [judge_records([each], estimated(each)).reasons for each in (record, other)]
+    last = swinging_arm().names[2]
+    sentence = f"more than half of the torque of {last} is not predicted"
+    assert [sentence in reasons for reasons in said] == [False, True]
+
+
 def test_joint_with_another_motor_constant_is_named_with_what_it_carries() -> None:
     """Three fifths of its torque are no other unit; the option makes the nominal bodies true."""
     arm = swinging_arm()

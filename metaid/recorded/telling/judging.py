@@ -25,6 +25,7 @@ SCALE = (
     "every number scales with the torques of the log, and nothing in it shows a wrong scale of all of them, as of "
     "motor currents with a wrong constant"
 )
+MOSTLY = 0.5  # of a joint's torque that was left out
 OTHERWISE = 1.5  # times what the nominal bodies weigh: a joint that carries more, or as much less, is named
 MOST_NAMED = 4  # of what the model may lack
 
@@ -61,7 +62,7 @@ def judge_records(records: Sequence[Record], found: RecordedEstimate, facts: Seq
     against = tuple(_against(records, found, determined))
     if against:
         return RecordedVerdict("not found", (*facts, *against), lumps)
-    reasons = (predicted(found), *facts, *_held(found), *_carried(found), *_unexplained(found), SCALE)
+    reasons = (predicted(found), *facts, *_missed(found), *_held(found), *_carried(found), *_unexplained(found), SCALE)
     if found.gains is not None:
         reasons = (reasons[0], found.gains.text, *reasons[1:-1])
     is_explained = (found.misfit < EXPLAINED or found.held_out.relative < EXACT) and not found.lacking and not facts
@@ -126,6 +127,14 @@ def _against(records: Sequence[Record], found: RecordedEstimate, determined: NDA
         )
     if not determined[: model.nbody].any():
         yield f"the log shows nothing of the bodies to better than {COARSEST:.0%}: move faster, or longer, or farther"
+
+
+def _missed(found: RecordedEstimate) -> Iterator[str]:
+    """Which joints' torques are mostly not predicted, in a sentence."""
+    missed = (found.held_out.by_joint > MOSTLY) & ~(found.equations.held | found.model.untrusted)
+    if missed.any():
+        names = ", ".join(np.array(found.model.joints)[missed])
+        yield f"more than half of the torque of {names} is not predicted"
 
 
 def _held(found: RecordedEstimate) -> Iterator[str]:
