@@ -7,16 +7,15 @@ by WORTH, of all joints together or of a joint on average, never by its own sign
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from metaid.models import Array
 from metaid.models.tree import COLUMNS
-from metaid.recorded.comparing import WORTH, Missed, Search
+from metaid.recorded.comparing import Missed, Search
+from metaid.recorded.friction_terms import with_friction
 from metaid.recorded.held_out import Yardstick
 from metaid.recorded.reading.log import Record
 from metaid.recorded.weak_form.equations import Equations, equations_of
@@ -27,15 +26,12 @@ from metaid.recorded.weak_form.smoothed import CUTOFFS, Smoothed
 # Length in s and degree of polynomials, the finest first.
 WINDOWS = ((0.06, 4), (0.1, 5), (0.15, 4), (0.2, 6), (0.25, 4), (0.35, 4), (0.3, 8), (0.5, 10))
 BASE = ("viscous", "coulomb")
-PRESLIDING = (1e-4, 3e-4, 1e-3, 3e-3)  # rad or m, of all joints alike
-FINER = (0.3, 0.55, 1.0, 1.8, 3.3, 6.0, 10.0)  # times that, of each joint by itself
 ALIKE = 1.005  # times the least error: of windows that predict alike the finest tell most
 DELAYS = np.arange(-0.040, 0.0401, 0.002)  # s
 PROMPT = 0.002  # s: a delay as of a control step is looked for before friction is, which a longer one looks like
 SLOW = 0.01  # of a joint's usual speed: below it dry friction is a share of its whole
 USUAL = 0.3  # s: the windows that the cut-off of the yardstick is chosen with are no longer
 NEARLY = 1.25  # times the least error
-Widened = Callable[[NDArray[np.bool_]], LinearModel]
 
 
 @dataclass(frozen=True)
@@ -101,7 +97,7 @@ def choose(
         present, missed, _ = _with_delay(search, present, missed, PROMPT)
     if choices.zeros is None:
         present, missed = _with_zeros(search, present, missed)
-    present, missed = _with_friction(search, present, missed, asked)
+    present, missed = with_friction(search, present, missed, asked)
     present, missed = _best_windows(search, present)
     at_bound = False
     if choices.delay is None:  # friction that was taken up may have looked like a delay
@@ -130,90 +126,6 @@ def _with_zeros(search: Search, present: Equations, missed: Missed) -> tuple[Equ
     other = replace(present, zeros=True)
     found = search.better("zeros of the encoders", other, search.missed([present], of_halves=True)[0])
     return (present, missed) if found is None else (other, found)
-
-
-def _with_friction(
-    search: Search, present: Equations, missed: Missed, asked: tuple[str, ...] | None
-) -> tuple[Equations, Missed]:
-    """With the terms of friction that are worth their while, one after the other, the best first."""
-    if asked is not None and "hysteresis" in asked:
-        every = np.ones(present.model.njoint)
-        others = [present.with_model(present.model.with_presliding(size * every)) for size in PRESLIDING]
-        missed, present = min(zip(search.missed(others), others, strict=True), key=lambda each: each[0].whole)
-    while asked is None:
-        tried = [_in_joints(search, present, missed, *each) for each in _further(present.model)]
-        worth = [each for each in tried if each is not None]
-        if not worth:
-            break
-        missed, present = min(worth, key=lambda each: float(np.prod(each[0].shares(missed))))
-    if present.model.sliding.builds_up:
-        present, missed = _finer_presliding(search, present, missed)
-    return present, missed
-
-
-def _further(model: LinearModel) -> Iterator[tuple[str, NDArray[np.bool_], Widened]]:
-    """What may be added to the friction of a model: its name, the joints that lack it (njoint), and the model with it
-    in some of them.
-    """
-    n, presliding = model.njoint, model.sliding.presliding
-    for term in COLUMNS:
-        lacks = ~np.isin(np.arange(n), model.having(term))
-        if lacks.any():
-            yield term, lacks, partial(model.with_term, term)
-    for size in PRESLIDING if (presliding == 0.0).any() else ():
-        more = partial(_with_presliding, model, size)
-        yield f"hysteresis, δ = {size:g}", presliding == 0.0, more
-
-
-def _with_presliding(model: LinearModel, size: float, joints: NDArray[np.bool_]) -> LinearModel:
-    return model.with_presliding(np.where(joints, size, model.sliding.presliding))
-
-
-def _in_joints(
-    search: Search, present: Equations, missed: Missed, what: str, lacks: NDArray[np.bool_], widened: Widened
-) -> tuple[Missed, Equations] | None:
-    """With what is added to the friction of all joints, or where that is not worth its while, of those whose own torque
-    is then predicted better by WORTH; None where neither is.
-
-    Args:
-        search: what is compared.
-        present: what is chosen.
-        missed: what that leaves.
-        what: is added, in words.
-        lacks: the joints that have it not (njoint).
-        widened: the model with it in some joints.
-    """
-    model = present.model
-    other = present.with_model(widened(lacks))
-    found = search.missed([other])[0]
-    gains = lacks & found.gains(missed)
-    for pair in map(list, model.sliding.coupled):  # one motor
-        gains[pair] = gains[pair].any()
-    gains &= lacks
-    if gains.any() and not gains[lacks].all() and not found.is_worth(missed):
-        what = f"{what} of {', '.join(np.array(model.joints)[gains])}"
-        other = present.with_model(widened(gains))
-        found = search.missed([other])[0]
-    search.tried.append((what, found.shares(missed)[0]))
-    return (found, other) if found.is_worth(missed) or found.is_worth(missed, gains) else None
-
-
-def _finer_presliding(search: Search, present: Equations, missed: Missed) -> tuple[Equations, Missed]:
-    """With the displacement over which the friction of each joint builds up: of those that predict its own torque as
-    well, to WORTH, the longest, which is the gentlest to simulate.
-    """
-    model, factors = present.model, np.array(FINER)
-    common = model.sliding.presliding
-
-    def with_presliding(presliding: Array) -> Equations:
-        return present.with_model(model.with_presliding(presliding))
-
-    every = search.missed([with_presliding(factor * common) for factor in factors])
-    by_joint = np.array([each.by_joint for each in every])
-    is_as_good = WORTH * by_joint <= by_joint.min(axis=0)
-    other = with_presliding(common * np.where(is_as_good, factors[:, None], 0.0).max(axis=0))
-    found = search.missed([other])[0]
-    return (other, found) if WORTH * found.whole <= missed.whole else (present, missed)
 
 
 def _with_delay(
