@@ -23,7 +23,7 @@ from metaid.recorded.doubts.conventions import (
     suspected,
     together,
 )
-from metaid.recorded.doubts.scales import joint_scales, scales_by_weight
+from metaid.recorded.doubts.scales import UNIT, joint_scales, scales_by_weight
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.log import Record
 from metaid.recorded.weak_form.equations import Equations, Part, equations_of
@@ -34,7 +34,6 @@ SELDOM = 0.5  # as NAMED of gravity, which many other faults look like
 LOST = 0.3  # of the torque: where less is unexplained, the unit is known, and no two things are wrong at once
 BOTH = 0.7  # of what one leaves: as NAMED of two at once, for there are many pairs
 FIRST, TRIED = 12, 16  # facts of which others are tried beside, and pairs that are tried on a possible model
-UNIT = 5.0  # a scale of a joint's torques that is farther from the others' is another unit
 THOUSANDS = (1000.0, 0.001)
 FRICTION = 50.0  # times the torque of a joint's bodies that its friction may be
 LIGHT = 0.02  # of the strongest joint's torque, for a joint that bodies hardly load

@@ -9,6 +9,7 @@ from metaid.recorded.weak_form.equations import Equations, Part
 from metaid.recorded.weak_form.linear_model import LinearModel
 
 KNOWN = 4.0  # deviations from nothing: a factor that is less sure is not known
+UNIT = 5.0  # a scale of a joint's torques that is farther from the others' is another unit
 FAR = 2.0  # a factor of all torques that is farther from 1 is taken for another unit
 CORRELATED = 6.0  # rows that say as much as one, for errors last
 EXPLAINS = 0.5  # of what friction leaves of a joint's torque, squared: bodies that explain less tell no factor

@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from metaid.models import COARSEST, DEVIATIONS
+from metaid.recorded.doubts.scales import UNIT
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.log import Record
 from metaid.recorded.weak_form.linear_model import LEAST_SLIDE, LEAST_TURN
@@ -146,8 +147,9 @@ def _held(found: RecordedEstimate) -> Iterator[str]:
 
 
 def _carried(found: RecordedEstimate) -> Iterator[str]:
-    """Which joints carry far more or less than the nominal bodies weigh, in a sentence."""
-    far = np.flatnonzero((found.carried > OTHERWISE) | ((found.carried > 0.0) & (found.carried < 1.0 / OTHERWISE)))
+    """Which joints carry far more or less than the nominal bodies weigh, and no other unit, in a sentence."""
+    times = np.maximum(found.carried, 1.0 / found.carried)
+    far = np.flatnonzero((times > OTHERWISE) & (times < UNIT))
     if len(far) and found.gains is None:
         carried = [(found.model.joints[joint], float(found.carried[joint])) for joint in far]
         factors = ", ".join(f"{name} {factor:.2g}" for name, factor in carried)
