@@ -33,6 +33,7 @@ from metaid.recorded.weak_form.smoothed import Smoothed, smoothed
 
 FEW_STARTS = 10  # of simulations a fold, of an arm in space
 MANY_STARTS = 60  # of a pendulum
+MOST_NAMED = 3  # joints that a suspect is named with
 
 
 @dataclass(frozen=True)
@@ -304,7 +305,8 @@ def _systematic(
         changes.append(suspicion.change)
         names = [equations.model.joints[joint] for joint in suspicion.joints]
         if names:
-            lacking.append(f"{suspect.what} of joint{'s' * (len(names) > 1)} {', '.join(names)}")
+            more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+            lacking.append(f"{suspect.what} of joint{'s' * (len(names) > 1)} {', '.join(names[:MOST_NAMED])}{more}")
     free = equations.solved[0].values
     late, _ = likely_delay(equations)
     prompt = replace(equations, delay=late)

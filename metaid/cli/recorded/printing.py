@@ -140,4 +140,4 @@ def _print_gains(gains: list[dict[str, Any]]) -> None:
 
 def _print_tried(shown: dict[str, Any]) -> None:
     rows = [[each["what"], f"{each['error']:.3f}"] for each in shown["friction"]["taken_up"]]
-    print_table("tried", ["what", "times the error"], rows, "a term is taken up below 0.97")
+    print_table("tried", ["what", "times the error"], rows, "taken up below 0.97, or where a joint has so much less")
