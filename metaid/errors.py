@@ -5,7 +5,7 @@ The command line prints the line alone and exits with status 2. In Python they a
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from shlex import quote
@@ -113,6 +113,12 @@ def usable_mujoco() -> Iterator[None]:
         if "MUJOCO_GL" not in str(problem):
             raise
         raise MetaidError(f"{problem} (allowed: egl, osmesa, glfw or disabled, or leave it unset)") from None
+
+
+def first_of(names: Sequence[str], most: int, between: str = ", ") -> str:
+    """The first of some `names`, and how many more there are than `most`."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return between.join(names[:most]) + more
 
 
 def unknown(what: str, name: str, allowed: Iterable[str]) -> str:

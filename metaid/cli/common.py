@@ -129,8 +129,8 @@ def say(text: str, err: bool = False) -> None:
 
 def say_reasons(head: str, reasons: Sequence[str]) -> None:
     """A line that begins with `head` and the first of the reasons, and one for each other."""
-    for mark, reason in zip((f"{head}: ", *("- " for _ in reasons)), reasons, strict=False):
-        say(f"{mark}{reason}")
+    for number, reason in enumerate(reasons):
+        say(f"- {reason}" if number else f"{head}: {reason}")
 
 
 @contextlib.contextmanager

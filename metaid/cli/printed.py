@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from metaid.cli.common import number_text, print_table, say, say_reasons
+from metaid.errors import first_of
 
 PLUS_MINUS = "±"  # half the interval
 COLUMNS = ("nominal", "identified", PLUS_MINUS, "true")
@@ -139,9 +140,8 @@ def _say_foreign(trials: list[dict[str, Any]], unit: str) -> None:
         say(f"{len(evaluated)} trials of others, evaluated by metaid.objective: {found} ({NUMBERED})")
     left = [trial for trial in trials if "value" not in trial]
     if left:
-        named = ", ".join(f"{trial['number']} {trial['state']}" for trial in left[:MOST_NAMED])
-        more = f" and {len(left) - MOST_NAMED} more" if len(left) > MOST_NAMED else ""
-        say(f"not metaid's trials, left alone and not counted here: {named}{more} ({NUMBERED})")
+        named = first_of([f"{trial['number']} {trial['state']}" for trial in left], MOST_NAMED)
+        say(f"not metaid's trials, left alone and not counted here: {named} ({NUMBERED})")
 
 
 def _print_lumps(title: str, lumps: list[dict[str, Any]], note: str) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from metaid.errors import RecordError
+from metaid.errors import RecordError, first_of
 from metaid.models import Array
 from metaid.recorded.choosing import (
     BASE,
@@ -53,7 +53,7 @@ class RecordedEstimate:
         zeros: of the encoders of each log (nlog x njoint), in rad; added to what was read.
         scale: of all torques, by which they differ from what the nominal bodies need.
         carried: how many times that each joint carries of what the nominal bodies weigh (njoint); NaN where it does not
-            tell.
+            tell, or is held.
         held_out: how well what was left out is predicted.
         simulator_held_out: the same of `simulator`.
         nominal_held_out: the same of the nominal bodies with fitted friction.
@@ -161,7 +161,7 @@ def estimate_records(
         repeated=repeated,
         zeros=_zeros(equations, free, blocks, possible.values),
         scale=scale,
-        carried=scales_by_weight(equations) / scale,
+        carried=np.where(equations.held, np.nan, scales_by_weight(equations) / scale),
         held_out=held_out,
         simulator_held_out=simulator_held,
         nominal_held_out=_nominal(equations, yardstick, starts),
@@ -305,8 +305,7 @@ def _systematic(
         changes.append(suspicion.change)
         names = [equations.model.joints[joint] for joint in suspicion.joints]
         if names:
-            more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-            lacking.append(f"{suspect.what} of joint{'s' * (len(names) > 1)} {', '.join(names[:MOST_NAMED])}{more}")
+            lacking.append(f"{suspect.what} of joint{'s' * (len(names) > 1)} {first_of(names, MOST_NAMED)}")
     free = equations.solved[0].values
     late, _ = likely_delay(equations)
     prompt = replace(equations, delay=late)

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from metaid.errors import StudyError
+from metaid.errors import StudyError, first_of
 from metaid.models import COARSEST, Array
 from metaid.results.by_measure import at_bounds
 from metaid.results.lump_tables import best_table, estimate_table, fault_table
@@ -125,10 +125,9 @@ def _hanging(problem: Problem, lumps: pd.DataFrame) -> Iterator[str]:
     far = (further > lumps["sd"].to_numpy()) & (further > TRIFLE * sizes)
     names = lumps["name"][far].tolist()
     if names:
-        more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
         yield (
             f"what these trials do not show of springs, friction, delays and geometry may move "
-            f"{', '.join(names[:MOST_NAMED])}{more} farther than intervals say: by sd_systematic"
+            f"{first_of(names, MOST_NAMED)} farther than intervals say: by sd_systematic"
         )
 
 

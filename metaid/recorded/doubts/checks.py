@@ -23,7 +23,7 @@ from metaid.recorded.doubts.conventions import (
     suspected,
     together,
 )
-from metaid.recorded.doubts.scales import UNIT, joint_scales, scales_by_weight
+from metaid.recorded.doubts.scales import UNIT, joint_scales
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.log import Record
 from metaid.recorded.weak_form.equations import Equations, Part, equations_of
@@ -71,7 +71,7 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate, measured: Absol
     check = Check(equations, found.fastest, absolute_of(found.model) if measured is None else measured)
     usual = check.left()
     units = _units(check)
-    turned = _turned(check.equations)
+    turned = _turned(found)
     if usual.max() < WRONG and not units:
         return turned
     every = list(suspected(check))
@@ -101,15 +101,14 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate, measured: Absol
     return (*(fact for _, fact in units.values()), *turned, *(telling if usual.max() >= WRONG else ()))
 
 
-def _turned(equations: Equations) -> tuple[Fact, ...]:
+def _turned(found: RecordedEstimate) -> tuple[Fact, ...]:
     """That gravity points the other way, or that all torques are turned, where the nominal bodies of an arm need the
     opposite of what every joint carries: bodies that carry it may predict as well, or nearly so.
     """
-    prior = equations.model.prior
-    if prior is None or equations.model.is_pendulum:
+    prior = found.model.prior
+    if prior is None or found.model.is_pendulum:
         return ()
-    carried = scales_by_weight(equations)
-    known = carried[np.isfinite(carried)]
+    known = found.carried[np.isfinite(found.carried)]
     if len(known) < 2 or (known > 0.0).any():
         return ()
     option = "--gravity " + ",".join(f"{0.0 - each:g}" for each in prior.nominal.gravity)

@@ -133,13 +133,13 @@ def suspects(equations: Equations, values: Array, scales: bool) -> Iterator[Susp
                 "offset": lambda part: np.ones_like(part.windows.speeds),
             }
             yield Suspect(words, [of_each(part, shapes[term](part))[..., lacking] for part in parts], tuple(lacking))
-    if not model.sliding.builds_up and {"coulomb", "root"} & set(model.friction):
+    at_once = np.flatnonzero(model.sliding.presliding == 0.0).tolist()
+    if at_once and {"coulomb", "root"} & set(model.friction):
         bent = [
             part.windows.speeds * np.exp(-np.abs(part.windows.speeds) / (BENDS * model.sliding.still)) for part in parts
         ]
-        yield Suspect(
-            "friction that bends near rest", [of_each(*each) for each in zip(parts, bent, strict=True)], every
-        )
+        columns = [of_each(*each)[..., at_once] for each in zip(parts, bent, strict=True)]
+        yield Suspect("friction that bends near rest", columns, tuple(at_once))
     if not equations.zeros:
         zeros = np.zeros(n)
         columns = [part.zero_columns(model, values[: model.nbody], zeros) for part in parts]

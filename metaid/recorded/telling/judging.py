@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from metaid.errors import first_of
 from metaid.models import COARSEST, DEVIATIONS
 from metaid.recorded.doubts.scales import UNIT
 from metaid.recorded.estimating import RecordedEstimate
@@ -184,8 +185,7 @@ def _unexplained(found: RecordedEstimate) -> Iterator[str]:
             f"({held.missed[worst]:.3g} of {held.of[worst]:.3g} N m)"
         )
     if found.lacking:
-        more = len(found.lacking) - MOST_NAMED
-        named = "; ".join(found.lacking[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+        named = first_of(found.lacking, MOST_NAMED, "; ")
         yield f"{named} would explain some of what is left, which sd_systematic holds"
     if found.chosen.delay_at_bound:
         yield (
