@@ -17,6 +17,7 @@ from benchmarks.rivals.conditions import CONDITIONS, TIMESTEP, Condition
 from benchmarks.rivals.judging import Found
 from benchmarks.rivals.pushed import SEARCHED, Rig, trials_of
 from benchmarks.rivals.servo import Followed, Sensors, Servo, read_and_command, recorded
+from metaid.episode import rich_speeds
 from metaid.errors import StudyError
 from metaid.estimation import ArmEstimate, ReadTrial
 from metaid.exporting.xml_files import mjcf
@@ -71,8 +72,11 @@ def chain_on_bench(true: Links, nominal: Links, condition: Condition, seed: int)
     """
 
     def pushes_in(seconds: float) -> tuple[int, str]:
-        study = Rig(true, nominal, CONDITIONS["fine"], "output-error", seconds, seed).spec.study
-        return study.trials, f"count = {study.episode.count}"
+        simulated = Rig(true, nominal, CONDITIONS["fine"], "output-error", seconds, seed)
+        study, speeds = simulated.spec.study, simulated.problem.chain.start_speeds
+        # A study spares the stops and cables that a rig may have; this one has none, and is pushed as when simulated.
+        peak = np.abs(speeds).max() / np.abs(rich_speeds(len(true), len(speeds), seed)).max()
+        return study.trials, f"count = {len(speeds)}\npeak_speed = {float(peak)!r}"
 
     def write(folder: Path) -> tuple[Path, str]:
         (folder / "links.toml").write_text(_toml("links", true))
@@ -142,7 +146,7 @@ def follow_on_bench(benched: Benched, servo: Servo, weights: Array, seed: int) -
 
 
 def output_error_on_bench(benched: Benched, condition: Condition, seconds: float, seed: int) -> Found:
-    """What a study finds by pushes, all by default but for what is searched, and what its verdict is.
+    """What a study finds by pushes, all by default but for their speed and what is searched, and what its verdict is.
 
     Args:
         benched: what is pushed.
