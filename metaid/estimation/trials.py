@@ -126,7 +126,7 @@ class ReadTrial:
 
 
 class Further(NamedTuple):
-    """What is unknown beside a robot's parameters: `torques` (ntorque x npush x nstep x njoint), in N m or N, that act
+    """What is unknown beside a robot's parameters: `torques` (npush x nstep x njoint x ntorque), in N m or N, that act
     for one of each of the first; and what `joints` have for one of each of the others, the first axis; None for none.
     """
 
@@ -136,11 +136,11 @@ class Further(NamedTuple):
     @property
     def size(self) -> int:
         """How many unknowns these are."""
-        return len(self.torques) + (0 if self.joints is None else len(self.joints.viscous))
+        return int(self.torques.shape[-1]) + (0 if self.joints is None else len(self.joints.viscous))
 
     def torques_of(self, push: int, njoint: int) -> Array:
-        """Those of one push (ntorque x nstep x njoint), in the order of C: for another, loops are compiled anew."""
-        return np.ascontiguousarray(self.torques[:, push]) if len(self.torques) else np.empty((0, 0, njoint))
+        """Those of one push (nstep x njoint x ntorque), in the order of C: for another, loops are compiled anew."""
+        return np.ascontiguousarray(self.torques[push]) if self.torques.size else np.empty((0, njoint, 0))
 
 
 NOTHING_FURTHER = Further(np.empty((0, 0, 0, 0)), None)

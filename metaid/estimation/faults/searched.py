@@ -163,12 +163,15 @@ class SearchedFaults:
             unknowns: where the faults are.
             acted: the torques that are `delivered` there.
         """
-        steps = STEP * np.eye(len(unknowns))[self.is_of_torque]
-        torques = [(self.delivered(trial, period, unknowns + step) - acted) / STEP for step in steps]
+        steps, arrived = STEP * np.eye(len(unknowns))[self.is_of_torque], self._arriving(trial, period, unknowns)
+        torques = []
+        for step, is_behind in zip(steps, self._is_behind[self.is_of_torque], strict=True):
+            arriving = arrived if is_behind else self._arriving(trial, period, unknowns + step)
+            torques.append((self._made_of(arriving, unknowns + step) - acted) / STEP)
         slopes = (self.values(unknowns + STEP) - self.values(unknowns)) / STEP
         others = np.diag(slopes)[~self.is_of_torque]
         joints = self._joints(others) if len(others) else None
-        return Further(np.array(torques).reshape(-1, *acted.shape), joints)
+        return Further(np.stack(torques, axis=-1) if torques else np.empty((*acted.shape, 0)), joints)
 
     def delivered(self, trial: ReadTrial, period: float, unknowns: Array) -> Array:
         """The torques that act in place of those commanded, in the order of C: for another, loops are compiled anew.
@@ -178,6 +181,10 @@ class SearchedFaults:
             period: from one to the next, in s.
             unknowns: where the faults are (nfault).
         """
+        return self._made_of(self._arriving(trial, period, unknowns), unknowns)
+
+    def _arriving(self, trial: ReadTrial, period: float, unknowns: Array) -> Array:
+        """What drives are asked for when, before they make torques of it."""
         found, torques = self._by_kind(unknowns), trial.torques
         if "limit" in found:
             limits = found["limit"] / np.append(1.0, found.get("gain", np.ones(self.njoint - 1)))
@@ -190,11 +197,21 @@ class SearchedFaults:
             early = early + earlier
         if trial.is_continuous:
             torques = torques + np.diff(early, axis=1, prepend=0.0)  # Eq. 41
+        return torques
+
+    def _made_of(self, arriving: Array, unknowns: Array) -> Array:
+        """The torques that drives make of what is `arriving`."""
+        found, torques = self._by_kind(unknowns), arriving
         if "gain" in found:
             torques = torques * np.append(1.0, found["gain"])
         if "bias" in found:
             torques = torques + found["bias"]
         return np.ascontiguousarray(torques)
+
+    @cached_property
+    def _is_behind(self) -> NDArray[np.bool_]:
+        """Which faults (nfault) change nothing of what is `arriving`: a drive's limit is one of its own torque."""
+        return self.is_left_out | self.are("bias", *(() if "limit" in self.kinds else ("gain",)))
 
 
 @dataclass(frozen=True)
@@ -286,7 +303,9 @@ def lagging(torques: Array, lag: float) -> tuple[Array, Array]:
 
 def _moved(torques: Array, steps: int) -> Array:
     """The `torques` so many whole steps later. The last goes on where they are earlier, for none is known after it."""
-    nstep = torques.shape[1]
-    before = np.arange(nstep) - steps
-    moved: Array = torques[:, np.clip(before, 0, nstep - 1)] * (before >= 0)[:, None]
+    moved = np.zeros_like(torques)
+    if steps >= 0:
+        moved[:, steps:] = torques[:, : max(torques.shape[1] - steps, 0)]
+    else:
+        moved[:, :steps], moved[:, steps:] = torques[:, -steps:], torques[:, -1:]
     return moved

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from metaid.compiled import share_out
 from metaid.estimation.estimate import Found, begun, fit
 from metaid.estimation.noisy.innovations import Innovations
 from metaid.models import Array
@@ -85,19 +86,21 @@ def likeliest_noise(
     joints, logarithms = np.eye(len(torque_noise)), np.log(torque_noise)
     needed = np.log(innovations.unknowns.inertia)
     numbers = max(trial.torques.shape[1] for trial in innovations.trials) * 6 * len(torque_noise) ** 2
-    filters = innovations.filters(point, max(min(pushes, ROOM // numbers), 1))
+    looked_at = max(min(pushes, ROOM // numbers), 1)
+    filters = innovations.filters(point, looked_at)
+    multiplications = looked_at * numbers * len(torque_noise)
     for directions in (np.ones_like(joints[:1]), joints) if sweeps > 1 else (joints,):
         for _ in range(sweeps):
             before = logarithms
             parts = [each.likelihood_about(np.exp(logarithms)) for each in filters]
             for direction in directions:
-                logarithms = logarithms + _step(parts, logarithms, direction, needed) * direction
+                logarithms = logarithms + _step(parts, logarithms, direction, needed, multiplications) * direction
             if float(np.abs(logarithms - before).max()) < CLOSE:
                 break
     return np.exp(logarithms)
 
 
-def _step(parts: list[Likelihood], logarithms: Array, direction: Array, needed: Array) -> float:
+def _step(parts: list[Likelihood], logarithms: Array, direction: Array, needed: Array, multiplications: int) -> float:
     """The step to the top of a parabola.
 
     Args:
@@ -105,9 +108,18 @@ def _step(parts: list[Likelihood], logarithms: Array, direction: Array, needed: 
         logarithms: of the sizes (njoint).
         direction: in which they change (njoint).
         needed: logarithms of what each joint needs for an acceleration (njoint).
+        multiplications: that all `parts` need for one of the three points, roughly.
     """
-    tried = (logarithms + step * direction for step in (-APART, 0.0, APART))
-    less, here, more = (sum(part(np.exp(each)) for part in parts) + _log_prior(each - needed) for each in tried)
+    tried = [logarithms + step * direction for step in (-APART, 0.0, APART)]
+    told = np.empty((len(tried), len(parts)))
+
+    def run(first: int, stride: int) -> None:
+        for own in range(first, told.size, stride):
+            point, part = divmod(own, len(parts))
+            told[point, part] = parts[part](np.exp(tried[point]))
+
+    share_out(run, told.size, len(tried) * multiplications)
+    less, here, more = (float(own.sum()) + _log_prior(each - needed) for own, each in zip(told, tried, strict=True))
     slope, curvature = (more - less) / (2.0 * APART), (more - 2.0 * here + less) / APART**2
     if not np.isfinite(slope + curvature) or (slope < 0.0 and slope > -FLAT):
         return 0.0

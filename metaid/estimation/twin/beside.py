@@ -1,9 +1,9 @@
 """The derivative of one step of a twin by what is unknown beside the robot, compiled: further torques, and what joints
 have.
 
-In Eq. 23 each such unknown p has a torque in some joints as its Y_p. That of joint i is Σ_k φ_ik K_ikp, with φ_ik what
-the state makes of a unit of a kind k, and K_ikp how much of it the unknown has. Where links lean, G of Eq. 23 says what
-that does, but for joints, which do not.
+In Eq. 23 each such unknown p has a torque in some joints as its Y_p. That of joint i, its `twist`, is Σ_k φ_ik K_ikp,
+with φ_ik what the state makes of a unit of a kind k, and K_ikp how much of it the unknown has. Where links lean, G of
+Eq. 23 says what that does, but for joints, which do not.
 """
 
 from __future__ import annotations
@@ -11,42 +11,67 @@ from __future__ import annotations
 import numpy as np
 
 from metaid.compiled import fused
-from metaid.estimation.twin.joints import builds_up, by_presliding, joint_state, lever
+from metaid.estimation.twin.joints import builds_up, by_presliding, joint_state, twist_by_slips
 from metaid.estimation.twin.kernels import turn_base
+from metaid.estimation.twin.tangent import multiply
 
 
 @fused
-def force_beside(step, balance, beside, work):  # type: ignore[no-untyped-def]
+def force_beside(step, balance, beside, slips, work):  # type: ignore[no-untyped-def]
     """Adds to `changed` what is unknown beside the robot.
 
     Args:
         step: that begins, from 0.
         balance: what the motion follows from, of a kernel.
-        beside, work: see `workspace`; `solved` as `linearise` has filled it.
+        beside: what is unknown.
+        slips: whether dry friction builds up, so that derivatives hang on those before the step, too.
+        work: see `workspace`; `solved` as `linearise` has filled it.
     """
-    n, ntorque, count = beside.by_kind.shape[0], beside.torques.shape[0], beside.by_kind.shape[2]
-    for column in range(ntorque):
-        for i in range(n):
-            torque = beside.torques[column, step, i]
-            if torque != 0.0:
-                for r in range(n):
-                    work.changed[r, beside.first + column] += lever(r, i, work) * torque
-    if count == 0:
+    n, ntorque, count = beside.by_kind.shape[0], beside.torques.shape[2], beside.by_kind.shape[2]
+    slips = slips and _any(balance.dry)
+    if ntorque == 0 and count == 0 and not slips:
         return
-    first, turning = beside.first + ntorque, work.turning[:count]
+    work.twist[:] = 0.0
+    if slips:
+        twist_by_slips(balance, work)
+    first = beside.first + ntorque
     for i in range(n):
+        row = work.twist[i, beside.first : first]
+        for column in range(ntorque):
+            row[column] += beside.torques[step, i, column]
+    for i in range(n if count > 0 else 0):
         _of_units(i, balance, work)
-        turning[:] = 0.0
+        row, lean = work.twist[i, first : first + count], beside.lean[i]
         for k in range(work.units.shape[0]):
             unit, share = work.units[k], beside.by_kind[i, k]
-            for p in range(count):
-                turning[p] += unit * share[p]
-        lean = beside.lean[i]
-        for r in range(n):
-            own, turned, row = lever(r, i, work), work.solved[r, n + i], work.changed[r, first : first + count]
             for p in range(row.shape[0]):
-                row[p] += own * turning[p] + turned * lean[p]
-    turn_base(balance, beside, work)
+                row[p] += unit * share[p]
+        for r in range(n):
+            turned, changed = work.solved[r, n + i], work.changed[r, first : first + count]
+            for p in range(row.shape[0]):
+                changed[p] += turned * lean[p]
+    if count > 0:
+        turn_base(balance, beside, work)
+    _pull_levers(work)
+    multiply(work.levers, work.twist, work.changed, 0, work.changed.shape[1])
+
+
+@fused
+def _any(values):  # type: ignore[no-untyped-def]
+    for each in values:  # noqa: SIM110 - numba compiles no generators
+        if each != 0.0:
+            return True
+    return False
+
+
+@fused
+def _pull_levers(work):  # type: ignore[no-untyped-def]
+    """Fills `levers` with the acceleration of each link by a torque of 1 N m in each joint."""
+    n = work.below.shape[0]
+    for i in range(n):
+        below = work.below[i]
+        for r in range(n):
+            work.levers[r, i] = work.solved[r, i] - (work.solved[r, below] if below >= 0 else 0.0)
 
 
 @fused

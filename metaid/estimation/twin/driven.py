@@ -53,7 +53,7 @@ def watch_readings(start, forces, balance, derivatives, settings, led, basis, st
             if work.moved.shape[1] > 0:
                 linearise(balance, work)
                 force_by_unknowns(balance, derivatives, work)
-                force_beside(reading - 1, balance, derivatives.beside, work)
+                force_beside(reading - 1, balance, derivatives.beside, False, work)
                 move_tangent(timestep, 0.0, False, work)
             if not move(timestep, work):
                 return False

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from metaid.compiled import compiled, fused
 from metaid.estimation.twin.beside import force_beside
-from metaid.estimation.twin.joints import begin_slips, end_slips, force_by_slips
+from metaid.estimation.twin.joints import begin_slips, end_slips
 from metaid.estimation.twin.kernels import accelerate, force_by_unknowns, linearise
 from metaid.estimation.twin.tangent import accelerate_tangent
 
@@ -40,8 +40,7 @@ def flow(step, forces, balance, derivatives, timestep, work):  # type: ignore[no
             if work.moved.shape[1] > 0:
                 linearise(balance, work)
                 force_by_unknowns(balance, derivatives, work)
-                force_by_slips(balance, work)
-                force_beside(step, balance, derivatives.beside, work)
+                force_beside(step, balance, derivatives.beside, True, work)
                 accelerate_tangent(work)
         weight = timestep / 6.0 if stage == 0 or stage == 3 else timestep / 3.0
         ahead = 0.0 if stage == 3 else timestep if stage == 2 else 0.5 * timestep

@@ -96,19 +96,6 @@ def builds_up(joint, balance, work):  # type: ignore[no-untyped-def]
 
 
 @fused
-def lever(link, joint, work):  # type: ignore[no-untyped-def]
-    """The acceleration of a link by a torque of 1 N m in a joint.
-
-    Args:
-        link: which, from 0.
-        joint: which, from 0.
-        work: see `workspace`; `solved` as `linearise` has filled it.
-    """
-    below = work.below[joint]
-    return work.solved[link, joint] - (work.solved[link, below] if below >= 0 else 0.0)
-
-
-@fused
 def begin_slips(work):  # type: ignore[no-untyped-def]
     """Keeps where joints are, from which dry friction builds up."""
     for i in range(work.angle.shape[0]):
@@ -116,23 +103,20 @@ def begin_slips(work):  # type: ignore[no-untyped-def]
 
 
 @fused
-def force_by_slips(balance, work):  # type: ignore[no-untyped-def]
-    """Adds to `changed` what dry friction depends on from before the step: where the joint was, and its share then."""
-    n = work.angle.shape[0]
-    for i in range(n):
+def twist_by_slips(balance, work):  # type: ignore[no-untyped-def]
+    """Adds to `twist` what dry friction depends on from before the step: where the joint was, and its share then."""
+    for i in range(work.angle.shape[0]):
         if balance.dry[i] == 0.0:
             continue
         by_share, by_angle = _slip_slopes(i, balance, work)
-        slipped, own, below = work.slipped[i], work.held[i], work.below[i]
-        for r in range(n):
-            weight, row = -balance.dry[i] * lever(r, i, work), work.changed[r]
-            other = weight * by_angle
+        weight, other = -balance.dry[i] * by_share, -balance.dry[i] * by_angle
+        row, slipped, own, below = work.twist[i], work.slipped[i], work.held[i], work.below[i]
+        for p in range(row.shape[0]):
+            row[p] += weight * slipped[p] - other * own[p]
+        if below >= 0:
+            held = work.held[below]
             for p in range(row.shape[0]):
-                row[p] += weight * by_share * slipped[p] - other * own[p]
-            if below >= 0:
-                held = work.held[below]
-                for p in range(row.shape[0]):
-                    row[p] += other * held[p]
+                row[p] += other * held[p]
 
 
 @fused
@@ -178,7 +162,7 @@ def _slopes_of_slips(joint, balance, beside, work):  # type: ignore[no-untyped-d
 def _slip_beside(joint, balance, beside, work):  # type: ignore[no-untyped-def]
     """Adds to `slipped` what the share of dry friction has changed by, by the way over which it builds up."""
     change, count = by_presliding(joint, balance, work), beside.by_kind.shape[2]
-    first = beside.first + beside.torques.shape[0]
+    first = beside.first + beside.torques.shape[2]
     row, share = work.slipped[joint, first : first + count], beside.by_kind[joint, work.units.shape[0] - 1]
     for p in range(row.shape[0]):
         row[p] += change * share[p]

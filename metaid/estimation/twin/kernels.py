@@ -38,7 +38,7 @@ def force_by_unknowns(balance: Any, derivatives: Any, work: Any) -> Any:
 
 
 def turn_base(balance: Any, beside: Any, work: Any) -> Any:
-    """Adds to `changed` what it does to turn the base about axes of its own."""
+    """Adds to `twist` what it does to turn the base about axes of its own."""
     raise NotImplementedError
 
 

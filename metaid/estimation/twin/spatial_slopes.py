@@ -136,10 +136,10 @@ def _weigh_body(frames, link, kind, space, changed, column):  # type: ignore[no-
 
 @fused
 def turn_base(balance, beside, work):  # type: ignore[no-untyped-def]
-    """Adds to `changed` what it does to turn the base, by which gravity turns there."""
+    """Adds to `twist` what it does to turn the base, by which gravity turns there."""
     own, frames = work.own, balance.frames
     n, count = own.force.shape[0], beside.tilts.shape[1]
-    first = beside.first + beside.torques.shape[0]
+    first = beside.first + beside.torques.shape[2]
     for axis in range(beside.tilts.shape[0]):
         leaning = Frames(
             frames.fixed,
@@ -153,10 +153,7 @@ def turn_base(balance, beside, work):  # type: ignore[no-untyped-def]
         )
         still = own.zero
         accelerating_torques(leaning, balance.parameters, own.position, still, still, own.space, own.force)
-        for r in range(n):
-            change = 0.0
-            for i in range(n):
-                change -= work.solved[r, i] * own.force[i]
-            row, tilts = work.changed[r, first : first + count], beside.tilts[axis]
+        for i in range(n):
+            row, force, tilts = work.twist[i, first : first + count], own.force[i], beside.tilts[axis]
             for p in range(row.shape[0]):
-                row[p] += change * tilts[p]
+                row[p] -= force * tilts[p]

@@ -34,7 +34,7 @@ def move_tangent(timestep, stiffness, with_energies, work):  # type: ignore[no-u
     _close(work)
     for low in range(0, changed.shape[1], TILE):
         high = min(low + TILE, changed.shape[1])
-        _multiply(work.closed, moved, changed, low, high)
+        multiply(work.closed, moved, changed, low, high)
         if with_energies:
             _add_energy_slopes(timestep, stiffness, low, high, work)
         for i in range(n):
@@ -49,7 +49,7 @@ def accelerate_tangent(work):  # type: ignore[no-untyped-def]
     """Makes δα of `changed`, which is M⁻¹ Y, at the `moved` that is.  Eq. 23."""
     _close(work)
     for low in range(0, work.changed.shape[1], TILE):
-        _multiply(work.closed, work.moved, work.changed, low, min(low + TILE, work.changed.shape[1]))
+        multiply(work.closed, work.moved, work.changed, low, min(low + TILE, work.changed.shape[1]))
 
 
 @fused
@@ -62,9 +62,16 @@ def _close(work):  # type: ignore[no-untyped-def]
 
 
 @fused
-def _multiply(closed, moved, changed, low, high):  # type: ignore[no-untyped-def]
-    """Adds `closed` times `moved` to `changed`, in the columns from `low` to below `high`. Rows are multiples of
-    BLOCK: a block's sixteen numbers stay in registers while its loop runs along the unknowns.
+def multiply(closed, moved, changed, low, high):  # type: ignore[no-untyped-def]
+    """Adds a product of matrices. Their rows are multiples of BLOCK: a block's sixteen numbers stay in registers while
+    its loop runs along the unknowns.
+
+    Args:
+        closed: the first factor (nrow x ninner).
+        moved: the second (ninner x ncolumn).
+        changed: what the product is added to (nrow x ncolumn).
+        low: the first column that is treated.
+        high: the first column that is not, behind it.
     """
     for r in range(0, closed.shape[0], BLOCK):
         row0, row1 = changed[r, low:high], changed[r + 1, low:high]

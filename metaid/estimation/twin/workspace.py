@@ -20,7 +20,7 @@ KINDS = ("viscous", "dry", "spring", "cosine", "sine", "rotor", "straight", "lea
 
 
 class Beside(NamedTuple):
-    """What each unknown beside the robot has, for n joints: `torques` (ntorque x nstep x n) of a push, in N m, those of
+    """What each unknown beside the robot has, for n joints: `torques` (nstep x n x ntorque) of a push, in N m, those of
     the first of them; `by_kind` (n x KINDS x nother) and `lean` (n x nother) those of the others: how much of each kind
     a joint has, and how far a coordinate is from where it is read; and `tilts` (naxis x nother) of a base that turns
     about axes of its own. The first has the column `first`.
@@ -42,7 +42,8 @@ class Workspace(NamedTuple):
     `acceleration_slopes` (n x p): derivatives of the energies. `stages` (4 x n): of a Runge-Kutta step the state before
     it, angles and speeds, and what it adds to them; `held` and `added` (2 n x p): the same of the derivatives. `slip`
     (3 x n): of dry friction its share of all of it before the step, where the joint was then, in rad, and the share
-    now; `slipped` (n x p): derivatives of the first. `units` (KINDS) and `turning` (p): of one joint, see `beside`.
+    now; `slipped` (n x p): derivatives of the first. `units` (KINDS): of one joint, see `beside`. `twist` (n x p): the
+    derivatives of the torques in joints, and `levers` (n x n) what each link accelerates by with one.
     `free` (n) is free to write in. `below` (n): the link whose angle a joint's own is beside, -1 for none. `own` is the
     kernel's.
     """
@@ -65,7 +66,8 @@ class Workspace(NamedTuple):
     slip: Array
     slipped: Array
     units: Array
-    turning: Array
+    twist: Array
+    levers: Array
     free: Array
     below: NDArray[np.int64]
     own: Any
@@ -106,7 +108,8 @@ def workspace(
         slip=np.zeros((3, n)),
         slipped=np.zeros((n, columns * is_continuous)),
         units=np.zeros(len(KINDS)),
-        turning=np.zeros(columns),
+        twist=np.zeros((rows, columns)),
+        levers=np.zeros((rows, rows)),
         free=free,
         below=below,
         own=own,
