@@ -71,6 +71,9 @@ def test_joint_that_is_held_spoils_no_other() -> None:
     held = f"{found.model.joints[0]} is held, and its torque counts little: stiction bears what a motor does not show"
     assert held in verdict.reasons
     assert not any("is off by" in reason or "opposite sign" in reason for reason in verdict.reasons)
+    (left,) = [reason for reason in verdict.reasons if reason.startswith("what is left is above the noise")]
+    assert found.held_out.by_joint.argmax() == 0
+    assert f"most in joint {found.model.joints[0]} " not in left
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])

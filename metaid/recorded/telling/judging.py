@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from metaid.errors import first_of
-from metaid.models import COARSEST, DEVIATIONS
+from metaid.models import COARSEST, DEVIATIONS, Array
 from metaid.recorded.doubts.scales import UNIT
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.log import Record
@@ -131,9 +131,14 @@ def _against(records: Sequence[Record], found: RecordedEstimate, determined: NDA
         yield f"the log shows nothing of the bodies to better than {COARSEST:.0%}: move faster, or longer, or farther"
 
 
+def _moving(found: RecordedEstimate) -> Array:
+    """The share of each joint's torque that is not predicted (njoint); 0 of those held, and of torques not used."""
+    return np.where(found.equations.held | found.model.untrusted, 0.0, found.held_out.by_joint)
+
+
 def _missed(found: RecordedEstimate) -> Iterator[str]:
     """Which joints' torques are mostly not predicted, in a sentence."""
-    missed = (found.held_out.by_joint > MOSTLY) & ~(found.equations.held | found.model.untrusted)
+    missed = _moving(found) > MOSTLY
     if missed.any():
         names = ", ".join(np.array(found.model.joints)[missed])
         yield f"more than half of the torque of {names} is not predicted"
@@ -179,7 +184,7 @@ def _unexplained(found: RecordedEstimate) -> Iterator[str]:
         )
     if found.misfit >= EXPLAINED and found.held_out.relative >= EXACT:
         held = found.held_out
-        worst = int((held.missed / np.maximum(held.of, 1e-300)).argmax())
+        worst = int(_moving(found).argmax())
         yield (
             f"what is left is above the noise of the angles, most in joint {held.joints[worst]} "
             f"({held.missed[worst]:.3g} of {held.of[worst]:.3g} N m)"
