@@ -12,7 +12,7 @@ from random_arm import wrong_tree
 from swinging import log_of, swinging, swinging_arm
 
 from metaid.models import Array
-from metaid.models.tree import joint_mass_matrix, joint_torque, planar_tree
+from metaid.models.tree import PARAMETERS, Tree, joint_mass_matrix, joint_torque, planar_tree
 from metaid.plant import load_chain
 from metaid.recorded import (
     Choices,
@@ -28,6 +28,7 @@ from metaid.recorded import (
 pytestmark = pytest.mark.slow
 
 DRY = np.array([3.0, 2.0, 1.0])
+ROTOR = PARAMETERS.index("rotor")
 
 
 def arm_log(extra: Callable[[Array], Array] | None = None, noise: float = 1e-5) -> Record:
@@ -170,6 +171,18 @@ def test_joint_that_nothing_predicts_is_named() -> None:
     assert [sentence in reasons for reasons in said] == [False, True]
 
 
+def test_bodies_known_together_alone_are_handed_over_where_they_predict() -> None:
+    """And are not where the nominal ones predict as well: then a log shows nothing of them."""
+    record = arm_log(lambda speeds: 0.2 * speeds)
+    found = estimated(record, friction=("viscous",))
+    vague = replace(found, covariance=1e14 * found.covariance)
+    idle = replace(vague, nominal_held_out=found.held_out)
+    said = [judge_records([record], each) for each in (found, vague, idle)]
+    assert [each.word for each in said] == ["found", "approximate", "not found"]
+    assert "no parameter of the bodies is known to 10% by itself, only what they need together" in said[1].reasons
+    assert said[2].reasons[-1].startswith("the log shows nothing of the bodies to better than 10%")
+
+
 def test_joint_with_another_motor_constant_is_named_with_what_it_carries() -> None:
     """Three fifths of its torque are no other unit; the option makes the nominal bodies true."""
     arm = swinging_arm()
@@ -219,6 +232,39 @@ def test_fact_that_is_wrong_is_named_with_what_mends_it(spoil: Callable[[Record]
     found = estimated(record)
     facts = facts_of([record], found)
     assert facts[0].option == option.format(found.model.joints[1])
+
+
+def heavy_rotor(arm: Tree) -> tuple[Record, Tree]:
+    """That turns with the first joint, whose axis is vertical; nobody knows of any rotor."""
+    with_rotor = arm.parameters.copy()
+    with_rotor[0, ROTOR] = 5.0
+    unknown = arm.parameters.copy()
+    unknown[:, ROTOR] = 0.0
+    return log_of(arm.with_parameters(with_rotor), noise=1e-5, seconds=4.0), arm.with_parameters(unknown)
+
+
+def on_the_axis(arm: Tree) -> tuple[Record, Tree]:
+    """The last nominal body, but for rounding, as a URDF without centres of mass has it."""
+    rounded = arm.parameters.copy()
+    rounded[2, 1:4] = 1e-19
+    return log_of(arm, noise=1e-5, seconds=4.0), arm.with_parameters(rounded)
+
+
+def stiff_gears(arm: Tree) -> tuple[Record, Tree]:
+    """A light arm, whose friction is far beyond what any of its bodies needs."""
+    light = arm.with_parameters(0.05 * arm.parameters)
+    friction = np.array([20.0, 40.0, 40.0])
+    return log_of(light, noise=1e-5, extra=lambda speeds: friction * np.cbrt(speeds), seconds=4.0), light
+
+
+@pytest.mark.parametrize("machine", [heavy_rotor, on_the_axis, stiff_gears])
+def test_what_a_rough_model_lacks_is_no_fact_that_is_wrong(machine: Callable[[Tree], tuple[Record, Tree]]) -> None:
+    """Rotors, centres of mass and friction are not in it; the torques are in N m."""
+    record, nominal = machine(swinging_arm())
+    model = arm_model(nominal)
+    found = estimate_records([record], model, Choices(friction=("viscous",), zeros=False, delay=0.0))
+    assert found.scale == 1.0
+    assert not facts_of([record], found)
 
 
 def test_gravity_that_points_elsewhere_is_named_and_no_unit_in_its_place() -> None:

@@ -207,12 +207,13 @@ def _units(check: Check) -> dict[int, tuple[float, Fact]]:
 
 
 def _beyond_friction(equations: Equations, joint: int) -> float:
-    """By how much the torques of a joint whose bodies are hardly felt are larger than friction can make them; 1 where
-    they are not.
+    """By how much the torques of a joint whose bodies are hardly felt are larger than friction can make them, which may
+    be some times what another joint is sent; 1 where they are not.
     """
     model = equations.model
     needed = [(own[..., : model.nbody] @ (equations.scale * model.nominal)) for own in equations.solved[1]]
     usual = np.sqrt(np.mean([(each**2).mean(axis=(0, 1)) for each in needed], axis=0))
     sent = np.sqrt(np.mean([(each**2).mean(axis=(0, 1)) for each in equations.torques], axis=0))
     most = FRICTION * max(float(usual[joint]), LIGHT * float(usual.max()))
+    most = max(most, UNIT * float(np.delete(sent, joint).max(initial=0.0)))
     return float(sent[joint] / most) * UNIT if sent[joint] > most > 0.0 else 1.0

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
 
 from metaid.models import Array
 from metaid.recorded.weak_form.equations import Equations, Part
@@ -13,6 +16,7 @@ UNIT = 5.0  # a scale of a joint's torques that is farther from the others' is a
 FAR = 2.0  # a factor of all torques that is farther from 1 is taken for another unit
 CORRELATED = 6.0  # rows that say as much as one, for errors last
 EXPLAINS = 0.5  # of what friction leaves of a joint's torque, squared: bodies that explain less tell no factor
+ROUNDING = 1e-9  # of the largest torque of nominal bodies: what a joint needs or carries beside it is rounding
 BESIDE = ("viscous", "coulomb", "offset")
 THINNED = 4  # nodes of a window: a factor need not be known as exactly as what is found
 
@@ -23,32 +27,53 @@ def joint_scales(equations: Equations) -> Array:
     A rough model may have inertias that are farther off than any unit. Where what a joint carries and what it moves ask
     for other factors, that of what it carries counts.
     """
-    whole, by_weight, by_motion = _scales_apart(equations)
-    agree = (by_motion / by_weight >= 1.0 / FAR) & (by_motion / by_weight <= FAR)
-    return np.asarray(np.where(np.isfinite(by_weight) & ~agree, by_weight, whole), dtype=np.float64)
+    return _scales_of(equations).joined
 
 
 def scales_by_weight(equations: Equations) -> Array:
     """The factor of each joint (njoint) by what it carries; NaN where the joint does not tell."""
-    return np.asarray(_scales_apart(equations)[1], dtype=np.float64)
+    return _scales_of(equations).by_weight
 
 
-def _scales_apart(equations: Equations) -> Array:
-    """The factor of each joint by all that it needs, by what it carries and by what it moves (3 x njoint); NaN where
-    the joint does not tell.
+@dataclass(frozen=True)
+class _Scales:
+    """The factor of each joint by all that it needs, `whole`, by what it carries, `by_weight`, and by what it moves,
+    `by_motion` (njoint each); NaN where the joint does not tell. And which joints carry anything (njoint).
     """
+
+    whole: Array
+    by_weight: Array
+    by_motion: Array
+    carries: NDArray[np.bool_]
+
+    @property
+    def joined(self) -> Array:
+        """Those that count (njoint)."""
+        agree = (self.by_motion / self.by_weight >= 1.0 / FAR) & (self.by_motion / self.by_weight <= FAR)
+        return np.where(np.isfinite(self.by_weight) & ~agree, self.by_weight, self.whole)
+
+
+def _scales_of(equations: Equations) -> _Scales:
     model, scales = equations.model, np.full((3, equations.model.njoint), np.nan)
     solution, rows, _ = equations.solved
     carried = [_carried(part, model, solution.zeros[part.log]) for part in equations.parts]
+    rotors = [part.windows.averaged(part.windows.accelerations) for part in equations.parts]
+    needs = [own[..., : model.nbody] @ model.nominal for own in rows]
+    nothing = ROUNDING * max(float(np.abs(each).max()) for each in needs)
+    carries = np.max([np.abs(each).max(axis=(0, 1)) for each in carried], axis=0) > nothing
     for joint in np.flatnonzero(~model.untrusted).tolist():
         own = np.concatenate([each[:, :, joint].reshape(-1, each.shape[-1]) for each in rows])
-        sent = np.concatenate([torques[:, :, joint].ravel() for torques in equations.torques])
+        sent, needed, weight, rotor = (
+            np.concatenate([each[:, :, joint].ravel() for each in parts])
+            for parts in (equations.torques, needs, carried, rotors)
+        )
         beside = own[:, [model.columns[term, joint] for term in BESIDE if (term, joint) in model.columns]]
-        needed = own[:, : model.nbody] @ model.nominal
-        weight = np.concatenate([each[:, :, joint].ravel() for each in carried])
+        if not carries[joint]:  # its rotor may be many times the inertia that nominal bodies have
+            weight, beside = np.zeros_like(weight), np.column_stack([beside, rotor])
         scales[:1, joint] = _factors(needed[:, None], beside, sent)
         scales[1:, joint] = _factors(np.column_stack([weight, needed - weight]), beside, sent)
-    return scales
+    whole, by_weight, by_motion = scales
+    return _Scales(whole, by_weight, by_motion, carries)
 
 
 def _carried(part: Part, model: LinearModel, zeros: Array) -> Array:
@@ -59,8 +84,8 @@ def _carried(part: Part, model: LinearModel, zeros: Array) -> Array:
 
 
 def _factors(bodies: Array, beside: Array, sent: Array) -> Array:
-    """By how much the torques of `bodies` (nrow x nbody) are to be multiplied, `beside` friction (nrow x nterm), to
-    make what was `sent` (nrow); NaN where that is not known, or bodies explain little.
+    """By how much the torques of `bodies` (nrow x nbody) are to be multiplied, `beside` friction and a rotor (nrow x
+    nterm), to make what was `sent` (nrow); NaN where that is not known, or bodies explain little.
     """
     stacked = np.column_stack([bodies, beside])
     rubbing = beside @ np.linalg.lstsq(beside, sent, rcond=1e-10)[0]
@@ -76,8 +101,10 @@ def _factors(bodies: Array, beside: Array, sent: Array) -> Array:
 
 
 def torque_scale(equations: Equations) -> float:
-    """The factor of all torques; 1 where it is within FAR."""
-    known = np.abs(joint_scales(equations))
-    known = known[np.isfinite(known)]
-    factor = float(np.median(known)) if len(known) else 1.0
+    """The factor of all torques, by joints that carry something if any of them tells; 1 where it is within FAR."""
+    scales = _scales_of(equations)
+    known = np.abs(scales.joined)
+    tells = np.isfinite(known)
+    tells &= scales.carries | ~(tells & scales.carries).any()
+    factor = float(np.median(known[tells])) if tells.any() else 1.0
     return factor if not 1.0 / FAR <= factor <= FAR else 1.0

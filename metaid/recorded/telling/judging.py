@@ -22,6 +22,7 @@ EXACT = 0.002  # of the torque that was left out: an error below explains it, to
 LARGEST_ERROR = 0.3  # of the torque that was left out
 WELL = 0.01  # of the torque: who predicts it so well need not be better than the nominal bodies
 WORSE = 1.1  # times the error of the nominal bodies, from which on these are better
+BETTER = 0.8  # times that error: bodies that predict so well are known together, if none of their parameters is alone
 CONTRADICTS = 1.5  # times the error of the nominal bodies, in one part of the logs
 SCALE = (
     "every number scales with the torques of the log, and nothing in it shows a wrong scale of all of them, as of "
@@ -64,11 +65,15 @@ def judge_records(records: Sequence[Record], found: RecordedEstimate, facts: Seq
     against = tuple(_against(records, found, determined))
     if against:
         return RecordedVerdict("not found", (*facts, *against), lumps)
-    reasons = (predicted(found), *facts, *_missed(found), *_held(found), *_carried(found), *_unexplained(found), SCALE)
+    is_known = bool(determined[: found.model.nbody].any())
+    told = (*_missed(found), *_held(found), *_carried(found), *_unexplained(found))
+    if not is_known:
+        told = (f"no parameter of the bodies is known to {COARSEST:.0%} by itself, only what they need together", *told)
+    reasons = (predicted(found), *facts, *told, SCALE)
     if found.gains is not None:
         reasons = (reasons[0], found.gains.text, *reasons[1:-1])
     is_explained = (found.misfit < EXPLAINED or found.held_out.relative < EXACT) and not found.lacking and not facts
-    return RecordedVerdict("found" if is_explained else "approximate", reasons, lumps)
+    return RecordedVerdict("found" if is_explained and is_known else "approximate", reasons, lumps)
 
 
 def predicted(found: RecordedEstimate) -> str:
@@ -127,7 +132,7 @@ def _against(records: Sequence[Record], found: RecordedEstimate, determined: NDA
             f"parts of the data contradict each other: {_fold(found, int(bad[0]))} is predicted to "
             f"{held.folds[bad[0]]:.0%} from the others, by the nominal bodies to {nominal.folds[bad[0]]:.0%}"
         )
-    if not determined[: model.nbody].any():
+    if not determined[: model.nbody].any() and held.relative > BETTER * nominal.relative:
         yield f"the log shows nothing of the bodies to better than {COARSEST:.0%}: move faster, or longer, or farther"
 
 

@@ -20,6 +20,7 @@ from metaid.models.tree import (
     PARAMETERS,
     SHARED,
     ArmPrior,
+    PriorDeviations,
     Sliding,
     Tree,
     body_torque,
@@ -33,6 +34,7 @@ from metaid.plant import MujocoPlant, SimulatedPlant
 TERMS = (*COLUMNS, "hysteresis")
 STILL = 0.01  # rad/s or m/s, until the usual speeds of logs are known
 SPREAD = 0.3  # standard deviation of a nominal lump, as a share of it
+UNKNOWN_ROTOR = 5.0  # prior deviation of rotors, as `PriorDeviations` has it: a URDF knows nothing of gears
 ROTOR = PARAMETERS.index("rotor")
 RIGID = len(PARAMETERS) - 2  # of an arm's parameters those that are no friction
 _NAMES = {"viscous": "damping"}  # where the name of a parameter is not that of its term
@@ -295,7 +297,7 @@ def arm_model(
         friction: the terms of every joint.
         coupled: pairs of joints, from 0 on, whose motors are coupled.
     """
-    prior = ArmPrior(tree)
+    prior = ArmPrior(tree, PriorDeviations(rotor=UNKNOWN_ROTOR))
     kept = prior.base.columns % len(PARAMETERS) < RIGID
     columns = prior.base.columns[kept]
 
