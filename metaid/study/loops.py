@@ -15,7 +15,7 @@ from metaid.study.settings import StudySettings
 if TYPE_CHECKING:
     from metaid.estimation import Loop
 
-QUIETEST = 1e-9  # rad: so far a twin agrees with a sensor that has no noise
+QUIETEST = 2e-7  # rad: so far a twin agrees with a sensor that has no noise, after pushes that let rounding grow
 QUIETEST_RIG = 1e-4  # rad: the least noise that readings of a rig are taken to have, that of an encoder of 14 bits
 LONGEST_STEP = 3e-3  # s, of the twin of a rig that moves continuously: `study check` says what its steps are wrong by
 
