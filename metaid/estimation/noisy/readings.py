@@ -156,7 +156,7 @@ class Readings(ReadingsInWindows):
         is_of_torque = self.faults.is_of_torque
         more = 0 if torques is None else len(torques)
         if torques is not None:
-            own = further.torques.reshape(*acted.shape, -1) if further.torques.size else np.empty((*acted.shape, 0))
+            own = further.torques.reshape(*acted.shape, further.torques.shape[-1])
             further = further._replace(torques=np.concatenate([own, np.moveaxis(torques, 0, -1)], axis=-1))
         first = np.flatnonzero(np.append(is_of_torque, np.ones(more, dtype=np.bool_)))
         return further, np.argsort(np.concatenate([first, np.flatnonzero(~is_of_torque)]))

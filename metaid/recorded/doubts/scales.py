@@ -54,6 +54,7 @@ class _Scales:
 
 
 def _scales_of(equations: Equations) -> _Scales:
+    """Of the joints, by the nominal bodies beside friction, and beside a rotor where a joint carries nothing."""
     model, scales = equations.model, np.full((3, equations.model.njoint), np.nan)
     solution, rows, _ = equations.solved
     carried = [_carried(part, model, solution.zeros[part.log]) for part in equations.parts]

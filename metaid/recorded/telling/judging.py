@@ -62,10 +62,10 @@ def judge_records(records: Sequence[Record], found: RecordedEstimate, facts: Seq
     """
     determined = _determined(found)
     lumps = _table(found, determined)
-    against = tuple(_against(records, found, determined))
+    is_known = bool(determined[: found.model.nbody].any())
+    against = tuple(_against(records, found, is_known))
     if against:
         return RecordedVerdict("not found", (*facts, *against), lumps)
-    is_known = bool(determined[: found.model.nbody].any())
     told = (*_missed(found), *_held(found), *_carried(found), *_unexplained(found))
     if not is_known:
         told = (f"no parameter of the bodies is known to {COARSEST:.0%} by itself, only what they need together", *told)
@@ -98,8 +98,8 @@ def _determined(found: RecordedEstimate) -> NDArray[np.bool_]:
     return np.asarray(found.deviations <= COARSEST * whole, dtype=np.bool_)
 
 
-def _against(records: Sequence[Record], found: RecordedEstimate, determined: NDArray[np.bool_]) -> Iterator[str]:
-    """What speaks against the model."""
+def _against(records: Sequence[Record], found: RecordedEstimate, is_known: bool) -> Iterator[str]:
+    """What speaks against the model, of which a parameter of the bodies `is_known` by itself or none is."""
     model, held, nominal = found.model, found.held_out, found.nominal_held_out
     reach = np.max([np.ptp(record.angles, axis=0) for record in records], axis=0)
     share = reach / model.least_reach
@@ -132,7 +132,7 @@ def _against(records: Sequence[Record], found: RecordedEstimate, determined: NDA
             f"parts of the data contradict each other: {_fold(found, int(bad[0]))} is predicted to "
             f"{held.folds[bad[0]]:.0%} from the others, by the nominal bodies to {nominal.folds[bad[0]]:.0%}"
         )
-    if not determined[: model.nbody].any() and held.relative > BETTER * nominal.relative:
+    if not is_known and held.relative > BETTER * nominal.relative:
         yield f"the log shows nothing of the bodies to better than {COARSEST:.0%}: move faster, or longer, or farther"
 
 
