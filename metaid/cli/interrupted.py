@@ -29,11 +29,12 @@ class Interruption:
         self.number: int = signal.SIGINT  # of the last that came
         self._is_deferred = self._is_requested = self._has_raised = False
         self._last_words: Callable[[], None] = lambda: None
+        self._says = threading.Lock()
         self._is_over = threading.Event()
 
     def defer(self, last_words: Callable[[], None]) -> None:
         """From now on a signal interrupts PATIENCE after it came, or where `raise_if_requested` is called meanwhile.
-        Where the process has to be ended, `last_words` are said before.
+        `last_words` are what `say_last_words` says.
         """
         self._is_deferred, self._last_words = True, last_words
 
@@ -41,6 +42,12 @@ class Interruption:
         """Raises KeyboardInterrupt after a deferred signal; called where the command can be left well."""
         if self._is_requested:
             self._raise()
+
+    def say_last_words(self) -> None:
+        """Says them once, be it by the command that ends by itself or where the process has to be ended."""
+        with self._says:
+            last_words, self._last_words = self._last_words, lambda: None
+            last_words()
 
     def __enter__(self) -> Interruption:
         self._is_main = threading.current_thread() is threading.main_thread()
@@ -89,5 +96,5 @@ class Interruption:
             return
         threading.Timer(LAST_WORDS, os._exit, [128 + number]).start()
         with suppress(Exception):
-            self._last_words()
+            self.say_last_words()
         os._exit(128 + number)

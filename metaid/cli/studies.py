@@ -267,7 +267,7 @@ def run(
             except WorkerError as problem:
                 raise WorkerError(f"{problem}; {_how_to_go_on(live.trials, store.shown, name)}") from None
             except KeyboardInterrupt:
-                say_stopped()
+                interruption.say_last_words()
                 raise click.exceptions.Exit(128 + interruption.number) from None
         if 0 < before == done.trials:
             say(f"study '{name}' was finished already; trials in {store.shown}: {before}", err=True)

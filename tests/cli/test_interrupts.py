@@ -64,3 +64,27 @@ def test_run_of_long_episodes_ends_at_once_and_loses_nothing(tmp_path: Path) -> 
         trials = Store(str(tmp_path / "metaid.db")).count("three-link-coast")
         go_on = "go on with: metaid study run three-link-coast"
         assert said == f"stopped; {trials} trials are in metaid.db; {go_on}"
+
+
+def test_last_words_are_said_once_by_a_command_that_takes_long_to_end_by_itself() -> None:
+    """It says them, and the thread that ends it a moment later does not say them again."""
+    lines = (
+        "import time",
+        "from metaid.cli.interrupted import Interruption",
+        "with Interruption() as interruption:",
+        "    interruption.defer(lambda: print('stopped', flush=True))",
+        "    print('ready', flush=True)",
+        "    try:",
+        "        time.sleep(60)",
+        "    except KeyboardInterrupt:",
+        "        interruption.say_last_words()",
+        "        time.sleep(60)",
+    )
+    command = [sys.executable, "-c", "\n".join(lines)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        process.send_signal(signal.SIGINT)
+        said, _ = process.communicate(timeout=FAR_LESS)
+    assert process.returncode == 128 + signal.SIGINT
+    assert said == "stopped\n"
