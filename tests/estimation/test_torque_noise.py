@@ -16,6 +16,7 @@ from metaid.models import Lumps
 from metaid.plant import FaultSettings
 
 TORQUE_NOISE = 0.3  # N m
+EVERY, ONE, OTHERS = slice(None), slice(1), slice(1, None)  # of pushes
 NOISY = FaultSettings(angle_noise=NOISE, speed_sensor=False, push_noise=0.02, torque_noise=TORQUE_NOISE)
 
 
@@ -101,11 +102,12 @@ def test_likelihood_of_other_sizes_follows_from_one_run() -> None:
     innovations, true = innovations_of(2, 1)
     (one, *_), sizes = innovations.filters(np.append(true, np.zeros(innovations.extras)), 48), np.full(2, TORQUE_NOISE)
     likelihood = one.likelihood_about(sizes)
-    assert likelihood(sizes) == pytest.approx(one.gains(sizes).likelihood, abs=1e-6)
+    assert likelihood(sizes, EVERY) == pytest.approx(one.gains(sizes).likelihood, abs=1e-6)
     other = sizes * [1.5, 0.7]
     lost = one.gains(sizes).likelihood - one.gains(other).likelihood
     assert lost > 1.0
-    assert likelihood(sizes) - likelihood(other) == pytest.approx(lost, rel=1e-2)
+    assert likelihood(other, ONE) + likelihood(other, OTHERS) == pytest.approx(likelihood(other, EVERY))
+    assert likelihood(sizes, EVERY) - likelihood(other, EVERY) == pytest.approx(lost, rel=1e-2)
 
 
 def test_what_the_filter_finds_of_a_push_depends_on_no_other() -> None:

@@ -21,7 +21,9 @@ ROUGH_PUSHES, PUSHES = 12, 48  # whose readings tell the sizes: in the first rou
 ROOM = 30_000_000  # numbers that linearised steps of pushes take, at most
 FLAT = 0.5  # of the logarithm of the likelihood by that of a size: noise so small that it tells nothing
 
-Likelihood = Callable[[Array], float]  # its logarithm, by the sizes (njoint)
+HALVES = slice(0, None, 2), slice(1, None, 2)  # of pushes, which threads share
+
+Likelihood = Callable[[Array, slice], float]  # its logarithm, by the sizes (njoint), of which pushes
 
 
 def fit_with_torque_noise(
@@ -111,12 +113,12 @@ def _step(parts: list[Likelihood], logarithms: Array, direction: Array, needed: 
         multiplications: that all `parts` need for one of the three points, roughly.
     """
     tried = [logarithms + step * direction for step in (-APART, 0.0, APART)]
-    told = np.empty((len(tried), len(parts)))
+    told = np.empty((len(tried), len(parts), len(HALVES)))
 
     def run(first: int, stride: int) -> None:
-        for own in range(first, told.size, stride):
-            point, part = divmod(own, len(parts))
-            told[point, part] = parts[part](np.exp(tried[point]))
+        for place in list(np.ndindex(told.shape))[first::stride]:
+            point, part, half = place
+            told[place] = parts[part](np.exp(tried[point]), HALVES[half])
 
     share_out(run, told.size, len(tried) * multiplications)
     less, here, more = (float(own.sum()) + _log_prior(each - needed) for own, each in zip(told, tried, strict=True))

@@ -64,14 +64,14 @@ class Filter:
         found = self.run(self._noise(torque_noise), False)
         return Gains(found.gains, found.weights, self.joints(found.states), -0.5 * float(found.sums.sum()))
 
-    def likelihood_about(self, torque_noise: Array) -> Callable[[Array], float]:
-        """The logarithm of the likelihood of what is filtered, but for a constant, by standard deviations near these
+    def likelihood_about(self, torque_noise: Array) -> Callable[[Array, slice], float]:
+        """The logarithm of the likelihood of some of the pushes, but for a constant, by standard deviations near these
         (njoint), in N m or N: all by steps that are linearised along one run.  Eq. 37.
         """
         run = self.run(self._noise(torque_noise), True)
         if not np.isfinite(run.sums).all():
-            return lambda _: float("nan")
-        return lambda other: likelihood_about(run, self.begins, self._noise(other), self.steps, self.pushes)
+            return lambda *_: float("nan")
+        return lambda other, some: likelihood_about(run, self.begins, self._noise(other), self.steps, self.pushes[some])
 
     def _noise(self, torque_noise: Array) -> tuple[Array, Array]:
         return self.of_reading, np.ascontiguousarray((self.forces * torque_noise**2) @ self.forces.T)

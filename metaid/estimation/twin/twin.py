@@ -105,7 +105,7 @@ class Twin(ABC):
                 settings = (trial.timestep, energies), ends[: wanted[push]]
                 reached[push] = watch_push(trial.starts[push], NO_FORCES, own, derivatives, *settings, room, *seen)
 
-        share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * nunknown)
+        share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * max(nunknown, 1))
         by_speed, by_speed_energy, by_acceleration_energy = slopes
         by_energies = by_speed_energy, by_acceleration_energy
         return Motion(shown[1], self.by_unknowns(by_speed), shown[2], shown[3], *by_energies, reached), shown[0]
@@ -150,7 +150,7 @@ class Twin(ABC):
                 slopes_of = by._replace(beside=by.beside._replace(torques=further.torques_of(push, n)))
                 followed[push] = watch_readings(*pushed, balance, slopes_of, moving, right, *shown)
 
-        each = n * ((2 if led is None else 4) * n + coefficients) * columns * _stages(trial)
+        each = n * ((2 if led is None else 4) * n + coefficients) * max(columns, 1) * _stages(trial)
         share_out(run, npush, int(steps.sum()) * trial.substeps * each)
         if not followed.all():
             return None
