@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
 THREADED = 200_000  # multiplications; threads do not pay for less
 
 
-def share_out(run: Callable[[int, int], None], count: int, multiplications: int) -> None:
-    """Runs every `stride`-th of `count` from each of `stride` firsts on a thread of its own, if that many
-    multiplications are worth it.
+def share_out(run: Callable[[Iterator[int]], None], count: int, multiplications: int) -> None:
+    """Runs the numbers up to `count` on several threads, if that many multiplications are worth it: each takes the next
+    once it is through with one, for some take far longer than others. What is run may share out in its turn.
     """
+    numbers = iter(range(count))  # whose next one is taken by one thread alone
     threads = min(threads_at_hand(), count) if multiplications > THREADED else 1
-    waiting = [_pool().submit(run, first, threads) for first in range(1, threads)]
-    run(0, threads)
+    waiting = [_pool().submit(run, numbers) for _ in range(1, threads)]
+    run(numbers)
     for one in waiting:
-        one.result()
+        if not one.cancel():  # one that no thread has begun finds nothing left
+            one.result()
 
 
 def threads_at_hand() -> int:

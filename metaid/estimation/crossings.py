@@ -9,6 +9,7 @@ the upright. The first is a change of phase. For the second the extrema nearest 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -77,9 +78,11 @@ def count_crossings(
     settled = NO_FORCES, *forces, trial.timestep, ends
     shown, reached = _counters(npush, windows, n, nunknown), np.zeros(npush, dtype=np.int64)
 
-    def run(first: int, stride: int) -> None:
+    def run(pushes: Iterator[int]) -> None:
         own = workspace(*planar_space(n), nunknown), _crossing(n, nunknown)
-        _count_pushes(first, stride, trial.starts, *settled, *own, shown, reached)
+        for push in pushes:
+            seen = tuple(each[push] for each in shown)
+            reached[push] = _count_push(trial.starts[push], *settled, *own, seen)
 
     share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * max(nunknown, 1))
     return shown, reached
@@ -110,29 +113,18 @@ def _crossing(njoint: int, nunknown: int) -> Crossing:
 
 
 @compiled
-def _count_pushes(first, stride, starts, forces, balance, derivatives, timestep, ends, work, crossing, shown, reached):  # type: ignore[no-untyped-def]
-    """Every `stride`-th push from the `first` on.
+def _count_push(start, forces, balance, derivatives, timestep, ends, work, crossing, shown):  # type: ignore[no-untyped-def]
+    """Runs one push; returns how many windows it got through.
 
     Args:
-        first, stride: which pushes.
-        starts: joint angles and speeds (npush x 2 x njoint) right after each push, in rad and rad/s.
+        start: joint angles and speeds (2 x njoint) right after it, in rad and rad/s.
         forces: beside the law, none: (0 x 0).
         balance, derivatives, work: see `workspace`.
         timestep: in s.
         ends: the steps (nwindow) that the windows end with.
         crossing: working space, see `Crossing`.
-        shown: `Counters` with a leading axis (npush), filled in.
-        reached: how many windows of each push (npush) the twin got through, filled in.
+        shown: `Counters`, filled in.
     """
-    for push in range(first, starts.shape[0], stride):
-        counts, states, state_slopes, touches, touch_slopes = shown
-        seen = counts[push], states[push], state_slopes[push], touches[push], touch_slopes[push]
-        reached[push] = _count_push(starts[push], forces, balance, derivatives, timestep, ends, work, crossing, seen)
-
-
-@compiled
-def _count_push(start, forces, balance, derivatives, timestep, ends, work, crossing, shown):  # type: ignore[no-untyped-def]
-    """Runs one push from the joint angles and speeds `start` (2 x njoint); returns how many windows it got through."""
     set_off(start, 0, 0, work)
     side, before, top, _ = crossing
     for i in range(start.shape[1]):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -87,13 +88,18 @@ def test_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.array_equal(motions[0].speed_slopes, motions[1].speed_slopes)
 
 
+def exhaust(numbers: Iterator[int]) -> None:
+    for _ in numbers:
+        pass
+
+
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="a process that begins with nothing inherits nothing")
 def test_forked_process_does_not_wait_for_threads_that_it_has_not() -> None:
     """The threads of the twin are the parent's, and stay there."""
-    share_out(lambda _first, _stride: None, 4, 10**9)
+    share_out(exhaust, 4, 10**9)
     child = os.fork()
     if child == 0:
-        share_out(lambda _first, _stride: None, 4, 10**9)
+        share_out(exhaust, 4, 10**9)
         os._exit(0)
     ended = time.monotonic() + 30.0
     while (done := os.waitpid(child, os.WNOHANG)) == (0, 0) and time.monotonic() < ended:

@@ -67,15 +67,15 @@ class Readings(ReadingsInWindows):
 
     def least_cost(self, point: Array, windows: int) -> float:
         """All of it, by the twin without derivatives."""
-        cost = 0.0
-        for number in range(len(self.trials)):
+
+        def cost(number: int) -> float | None:
             unknowns, whitened = self._of_trial(number, point)
             log_factors, faults = self._parted(unknowns)
             values = self._alone(log_factors)._shown(number, faults, whitened, windows)
-            if values is None:
-                return np.inf
-            cost += 0.5 * float((values**2).sum() + (whitened**2).sum())
-        return cost
+            return None if values is None else 0.5 * float((values**2).sum() + (whitened**2).sum())
+
+        costs = self._of_each(cost)
+        return np.inf if costs is None else sum(costs)
 
     @property
     def is_led(self) -> bool:

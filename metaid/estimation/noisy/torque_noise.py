@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -115,10 +115,10 @@ def _step(parts: list[Likelihood], logarithms: Array, direction: Array, needed: 
     tried = [logarithms + step * direction for step in (-APART, 0.0, APART)]
     told = np.empty((len(tried), len(parts), len(HALVES)))
 
-    def run(first: int, stride: int) -> None:
-        for place in list(np.ndindex(told.shape))[first::stride]:
-            point, part, half = place
-            told[place] = parts[part](np.exp(tried[point]), HALVES[half])
+    def run(numbers: Iterator[int]) -> None:
+        for number in numbers:
+            point, part, half = np.unravel_index(number, told.shape)
+            told[point, part, half] = parts[part](np.exp(tried[point]), HALVES[half])
 
     share_out(run, told.size, len(tried) * multiplications)
     less, here, more = (float(own.sum()) + _log_prior(each - needed) for own, each in zip(told, tried, strict=True))

@@ -8,10 +8,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from metaid.compiled import share_out
 from metaid.estimation.descent import Residuals
 from metaid.estimation.noisy.polynomials import (
     POLYNOMIALS,
@@ -25,6 +27,7 @@ from metaid.estimation.trials import ReadTrial
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 
+Seen = TypeVar("Seen")
 # Residuals of a trial (npush x nvalue), scaled by the noise, joint by joint, and their derivatives (npush x nvalue x
 # nunknown + nextra), those by what a push alone has last; zeros where a push was not seen.
 Compared = tuple[Array, Array]
@@ -146,15 +149,32 @@ class ReadingsInWindows(ABC):
         """The residuals of all trials by what `compare` finds of each, of which the first `count` unknowns are those of
         all pushes.
         """
-        parts, cost, seen = [], 0.0, 0
-        for number, (trial, (ends, _)) in enumerate(self._each):
+
+        def reduced(number: int) -> tuple[Array, Array, Array, float, int] | None:
             unknowns, whitened = self._of_trial(number, point)
             compared = compare(number, unknowns, whitened, windows)
             if compared is None:
                 return None
             values, slopes = compared
-            cost += 0.5 * float((values**2).sum() + (whitened**2).sum())
-            seen += int(np.count_nonzero(trial.steps >= ends[0])) * values.shape[1]
-            parts.append(eliminate(values, slopes, whitened, count))
+            seen = int(np.count_nonzero(self.trials[number].steps >= self._windows[number][0][0]))
+            parts = eliminate(values, slopes, whitened, count)
+            return *parts, 0.5 * float((values**2).sum() + (whitened**2).sum()), seen * values.shape[1]
+
+        parts = self._of_each(reduced)
+        if parts is None:
+            return None
         values, slopes, following = (np.concatenate([part[number] for part in parts]) for number in range(3))
+        cost, seen = sum(part[3] for part in parts), sum(part[4] for part in parts)
         return Residuals(values, slopes, cost, seen, following)
+
+    def _of_each(self, look: Callable[[int], Seen | None]) -> list[Seen] | None:
+        """What `look` finds of each trial, by its number, on several threads; None where it finds nothing of one."""
+        found: list[Seen | None] = [None] * len(self.trials)
+
+        def run(numbers: Iterator[int]) -> None:
+            for number in numbers:
+                found[number] = look(number)
+
+        share_out(run, len(found), sum(trial.torques.size for trial in self.trials) * len(self.spreads))
+        every = [each for each in found if each is not None]
+        return every if len(every) == len(found) else None

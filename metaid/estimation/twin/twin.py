@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -97,9 +98,9 @@ class Twin(ABC):
         reached, stiffness = np.zeros(npush, dtype=np.int64), np.broadcast_to(trial.stiffness, npush)
         balance, derivatives = self.under_law(trial)
 
-        def run(first: int, stride: int) -> None:
+        def run(pushes: Iterator[int]) -> None:
             room = workspace(*self.space, nunknown, energies)
-            for push in range(first, npush, stride):
+            for push in pushes:
                 own = balance._replace(stiffness=float(stiffness[push]))
                 seen = tuple(each[push] for each in shown), tuple(each[push] for each in slopes)
                 settings = (trial.timestep, energies), ends[: wanted[push]]
@@ -141,9 +142,9 @@ class Twin(ABC):
             (np.empty((npush, 0, 2 * n, n)), np.empty((npush, 0, n, n))) if led is None else (led.gains, led.weights)
         )
 
-        def run(first: int, stride: int) -> None:
+        def run(pushes: Iterator[int]) -> None:
             room = workspace(*self.space, columns, is_continuous=trial.is_continuous)
-            for push in range(first, npush, stride):
+            for push in pushes:
                 pushed, moving = (starts[push], forces[push]), (trial.timesteps[push], *settings)
                 right = readings[push], gains[0][push], gains[1][push]
                 shown = basis[push], steps[push], room, values[push], slopes[push]
@@ -170,9 +171,9 @@ class Twin(ABC):
         def run(noise: tuple[Array, Array], is_kept: bool) -> Run:
             found = run_of(npush, nreading, n, is_kept)
 
-            def share(first: int, stride: int) -> None:
+            def share(numbers: Iterator[int]) -> None:
                 room = workspace(*self.space, 0, is_continuous=trial.is_continuous), spread_of(n)
-                for push in pushes[first::stride].tolist():
+                for push in (int(pushes[number]) for number in numbers):
                     pushed = starts[push], covariances[push], forces[push], seen[push]
                     moving = trial.timesteps[push], trial.substeps, trial.is_continuous
                     own = Run(*(each[push] for each in found))
