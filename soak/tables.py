@@ -3,8 +3,8 @@
 python -m soak.tables FILE.json
 
 The first call runs the shipped studies and writes a digest of each trial table into FILE.json. Later calls run them
-again and name each study whose digest is another; exit status 1 if there is one. Digests are of one machine: another
-processor or BLAS may round differently.
+again and name each study whose digest is another; exit status 1 if there is one. Each is run on one worker and on two,
+which has to make no difference. Digests are of one machine: another processor or BLAS may round differently.
 """
 
 from __future__ import annotations
@@ -18,10 +18,12 @@ from pathlib import Path
 import metaid
 from metaid.files import shipped_names
 
+WORKERS = 1, 2
 
-def digest(study: str, storage: str) -> str:
-    """A digest of the trial table of a shipped study, run afresh."""
-    metaid.run(study, storage=storage)
+
+def digest(study: str, storage: str, workers: int) -> str:
+    """A digest of the trial table of a shipped study, run afresh on so many `workers`."""
+    metaid.run(study, storage=storage, workers=workers)
     trials = metaid.trials(study, storage=storage)
     # The text of a float is its shortest one that reads back as the same bits.
     table = json.dumps(trials.astype({"state": str}).to_dict("list"), sort_keys=True)
@@ -33,8 +35,14 @@ def main() -> None:
     if len(sys.argv) != 2:
         sys.exit("usage: python -m soak.tables FILE.json")
     path = Path(sys.argv[1])
+    found, differ = dict[str, str](), list[str]()
     with tempfile.TemporaryDirectory() as folder:
-        found = {study: digest(study, f"{folder}/{study}.db") for study in shipped_names("studies")}
+        for study in shipped_names("studies"):
+            digests = {digest(study, f"{folder}/{study}-{workers}.db", workers) for workers in WORKERS}
+            found[study] = min(digests)
+            differ += [study] if len(digests) > 1 else []
+    if differ:
+        sys.exit("\n".join(f"{study}: another trial table on two workers" for study in differ))
     if not path.exists():
         path.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
         print(f"{len(found)} digests are in {path}")
