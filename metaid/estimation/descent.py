@@ -19,6 +19,7 @@ NOTHING = 1e-6  # of cost, where a residual of one unit costs 0.5; a step that g
 NEGLIGIBLE_SHARE = 1e-9  # as is one that gains less than this share of the cost: what remains is not explained
 FARTHEST = 6.0  # standard deviations of the prior; no chain beyond is tried
 POOR, GOOD = 0.25, 0.75  # shares of the promised gain, below and above which the next step is shorter or longer
+FOLLOWED = 0.1  # share of the cost that what concerns a push alone may still gain where a step changes nothing else
 NEARLY = 0.8  # of the longest step that holds, so long at least is one that was cut to it
 BISECTIONS = 40
 
@@ -137,7 +138,8 @@ def descend(
         fitted: what is fitted.
         place: where the descent begins.
         windows: how many windows of each push are compared, from the shortest on.
-        tolerance: the change of each unknown below which a step changes nothing.
+        tolerance: the change of each unknown below which a step changes nothing, once what concerns a push alone has
+            followed.
         most: the largest number of steps.
         ends_when_cut: whether a step that short is the last where it was cut, too, for a longer one led nowhere.
         least_gain: of cost; a step that promises less is not made.
@@ -167,7 +169,8 @@ def descend(
         elif share > GOOD:
             radius = min(LONGEST_STEP, max(radius, 2.0 * size))
         place = new
-        if size < tolerance and (ends_when_cut or not is_cut):
+        is_followed = _gain_by_following(place, fitted.spreads) < FOLLOWED * place.cost
+        if size < tolerance and is_followed and (ends_when_cut or not is_cut):
             return Descent(place, iteration + 1, True)
     return Descent(place, most, False)
 

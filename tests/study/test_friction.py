@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from chain_studies import chain_study, random_chain
 from conftest import best_error, rubbing_plant
 
 from metaid import api, results
@@ -220,3 +221,16 @@ def test_push_speeds_do_not_know_friction() -> None:
     """An impulse is over before friction can act."""
     pushes = rich_pushes(rubbing_plant(3, 0.0), 2, 3.0, seed=1)
     assert (pushed_speeds(rubbing_plant(3, 0.1, 0.1), pushes) == pushed_speeds(rubbing_plant(3, 0.0), pushes)).all()
+
+
+def test_friction_that_nobody_knows_is_found_though_pushes_differ(tmp_path: Path) -> None:
+    """84 pushes leave no doubt of it: a fit begins where it ends, but for the speeds that pushes start with."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    fine = {"angle_noise": 1e-4, "speed_sensor": False, "push_noise": 0.02}
+    wanted = {"trials": 4, "seed": 27, "estimate": {"faults": "proposed"}}
+    episode = {"measure": "smoothed", "count": 21}
+    create_study(store, chain_study(random_chain(2, 27), fine, {"damping": 0.05}, episode=episode, **wanted), "rubbing")
+    run_study(store, "rubbing")
+    verdict = results.judge(results.read_snapshot(store, "rubbing"))
+    assert verdict.word == "found"
+    assert (verdict.lumps["identified"] / verdict.lumps["true"] - 1.0).abs().max() < 1e-4
