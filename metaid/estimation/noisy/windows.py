@@ -150,22 +150,27 @@ class ReadingsInWindows(ABC):
         all pushes.
         """
 
-        def reduced(number: int) -> tuple[Array, Array, Array, float, int] | None:
+        def of_one(number: int) -> Residuals | None:
             unknowns, whitened = self._of_trial(number, point)
             compared = compare(number, unknowns, whitened, windows)
             if compared is None:
                 return None
             values, slopes = compared
-            seen = int(np.count_nonzero(self.trials[number].steps >= self._windows[number][0][0]))
-            parts = eliminate(values, slopes, whitened, count)
-            return *parts, 0.5 * float((values**2).sum() + (whitened**2).sum()), seen * values.shape[1]
+            cost = 0.5 * float((values**2).sum() + (whitened**2).sum())
+            seen = int(np.count_nonzero(self.trials[number].steps >= self._windows[number][0][0])) * values.shape[1]
+            left, by_unknowns, following = eliminate(values, slopes, whitened, count)
+            return Residuals(left, by_unknowns, cost, seen, following)
 
-        parts = self._of_each(reduced)
+        parts = self._of_each(of_one)
         if parts is None:
             return None
-        values, slopes, following = (np.concatenate([part[number] for part in parts]) for number in range(3))
-        cost, seen = sum(part[3] for part in parts), sum(part[4] for part in parts)
-        return Residuals(values, slopes, cost, seen, following)
+        return Residuals(
+            np.concatenate([part.values for part in parts]),
+            np.concatenate([part.slopes for part in parts]),
+            sum(part.cost for part in parts),
+            sum(part.count for part in parts),
+            np.concatenate([part.following for part in parts]),
+        )
 
     def _of_each(self, look: Callable[[int], Seen | None]) -> list[Seen] | None:
         """What `look` finds of each trial, by its number, on several threads; None where it finds nothing of one."""
