@@ -95,7 +95,19 @@ def test_error_of_every_log_to_validate_is_printed(metaid: Callable[..., Finishe
     """As a column of the table of joints, or in a table of their own where they are many."""
     for name, run in zip(names, RUNS, strict=False):
         Path(f"{name}.csv").write_text(run.read_text())
-    others = [text for name in names for text in ("--validate", f"{name}.csv")]
-    out = metaid("estimate", str(RUNS[0]), "--nominal", "double-pendulum", *others).out
+    others = [f"{name}.csv" for name in names]
+    out = metaid("estimate", str(RUNS[0]), "--nominal", "double-pendulum", "--validate", *others).out
     assert all(f"{name}.csv" in out for name in names)
     assert ("logs that nothing was fitted to" in out) == (len(names) > 2)
+
+
+def test_what_follows_validate_is_fitted_to_by_nobody(metaid: Callable[..., Finished]) -> None:
+    """Named together or each by itself; where no other log is left, that is said."""
+    nominal, (first, *rest) = ("--nominal", "double-pendulum", "--json"), map(str, RUNS)
+    together = metaid("estimate", first, "--validate", *rest, *nominal)
+    assert json.loads(together.out)["logs"] == json.loads(metaid("estimate", first, *nominal).out)["logs"]
+    apart = metaid("estimate", first, *nominal, *(text for each in rest for text in ("--validate", each)))
+    assert json.loads(apart.out) == json.loads(together.out)
+    refused = metaid("estimate", "--validate", first, *rest, *nominal)
+    assert refused.status == 2
+    assert "LOG" in refused.err

@@ -33,16 +33,35 @@ ABSOLUTE_HELP = "Read against the base; JOINT:motor: torque, too."
 NOT_FOUND = 3  # exit status
 
 
-@click.command(epilog="\b\nExample:\n  metaid estimate double-pendulum --nominal double-pendulum -o model.xml")
+class LogsCommand(click.Command):
+    """A command whose `--validate` has all logs that follow it, as a shell writes them out of a pattern: to fit what
+    was meant to be held out would be said nowhere.
+    """
+
+    def parse_args(self, context: click.Context, arguments: list[str]) -> list[str]:
+        each, held_out = list[str](), None
+        for argument in arguments:
+            if argument.startswith("-"):
+                held_out = 0 if argument == "--validate" else None
+            elif held_out is not None:
+                each += ["--validate"] * (held_out > 0)
+                held_out += 1
+            each.append(argument)
+        return super().parse_args(context, each)
+
+
+@click.command(
+    cls=LogsCommand, epilog="\b\nExample:\n  metaid estimate double-pendulum --nominal double-pendulum -o model.xml"
+)
 @click.argument("logs", metavar="LOG [LOG ...]", type=click.Path(path_type=Path), nargs=-1, required=True)
 @click.option("--nominal", required=True, metavar="ROBOT", help=NOMINAL_HELP)
 @click.option(
     "--validate",
     "others",
-    metavar="LOG",
+    metavar="LOG …",
     type=click.Path(path_type=Path),
     multiple=True,
-    help="A log to predict alone.",
+    help="Logs to predict alone.",
 )
 @click.option("--law", metavar="PLANT", help="The torques were those that compensate this plant.")
 @click.option("--joints", metavar="A,B,…", help="Of an MJCF or URDF those that move.")
