@@ -244,10 +244,10 @@ class PushCheck:
             return
         span = self._timestep * self._slope_steps
         self._slope = np.where(steps > 1, self._slope, np.abs(self._angles - self._history[0]) / span)
-        least = np.maximum(FAST * self._start_speed, (4.0 * self._quantum + 2.0 * self._angle_noise) / span)
+        least = np.maximum(FAST * self._start_speed, (6.0 * self._quantum + 2.0 * self._angle_noise) / span)
         coasted = self._slope * steps * self._timestep
         self._refuse(
-            still & (self._slope > least) & (coasted > STOPPED + 2.0 * self._angle_noise + 5.0 * self._quantum),
+            still & (self._slope > least) & (coasted > STOPPED + 2.0 * self._angle_noise + 10.0 * self._quantum),
             lambda joint: f"is at {angles[joint]:.4g} rad for {steps[joint] + 1} readings and does not move",
             lambda joint: f"to turn on, for it turned at {self._slope[joint]:.2g} rad/s right before",
         )

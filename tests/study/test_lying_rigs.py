@@ -190,6 +190,20 @@ def test_no_honest_plant_is_called_a_liar(nlink: int, faults: dict[str, float]) 
             run_stepwise(FaultyPlant(plant), plant.chain.lumps.scaled(factors), replace(episode, seed=seed))
 
 
+def test_joint_that_turns_back_within_a_step_of_a_coarse_encoder_has_not_stopped() -> None:
+    """It comes at 4 rad/s and goes again, at 80 rad/s², while 30 mrad show nothing for 50 ms."""
+    plant = MujocoPlant("honest", PlantSettings.model_validate({"links": [{"length": 0.4, "mass": 1.0}]}))
+    step, start, slowing = 0.03, 8.0, 80.0
+    nothing, times = np.zeros(1), plant.timestep * np.arange(150)
+    for phase in np.linspace(0.0, step, 60):
+        calibration = Calibration(np.array([[start]]), np.array([[1.0]]), nothing, nothing, plant.chain, plant.gravity)
+        check = calibration.check(plant, 0, {})
+        for time in times:
+            angle, speed = start * time - 0.5 * slowing * time**2, start - slowing * time
+            read = np.array([step * np.round((angle + phase) / step)]), np.array([speed])
+            check.begin(*read) if time == 0.0 else check.step(*read, np.array([-4.0]))
+
+
 def test_calibration_measures_noise_and_spread() -> None:
     """The noise of 1 mrad to a fifth, the spread of 2 % of every impulse to a half; nothing where there is none."""
     nominal = MujocoPlant("nominal", PlantSettings.model_validate({"links": lies.PLANT["links"]})).chain
