@@ -23,7 +23,6 @@ SPELLED = {
 FASTEST, SLOWEST = 1e-4, 0.1  # s between two rows of a log of a robot: 10 kHz to 10 Hz
 NEARLY = 1.05  # of these: clocks are not exact
 AGAIN = 1.0  # s: a time that falls back by more begins another run
-WRONG_UNIT = 10.0  # times how fast angles change that speeds may say before times are in another unit
 
 
 def numeric_times(columns: Sequence[pd.Series]) -> Array:
