@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from conftest import wrong_chain
 from random_arm import wrong_tree
+from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from swinging import log_of, swinging_arm
 
@@ -21,6 +24,7 @@ from metaid.recorded import (
     RecordedVerdict,
     arm_model,
     chain_model,
+    estimate,
     estimate_records,
     judge_records,
 )
@@ -123,3 +127,17 @@ def test_window_spans_no_gap_of_the_log(chain_log: tuple[Record, LinearModel, Ar
     assert windows is not None
     assert not windows.overlapping(record.times[1000], record.times[1049]).any()
     assert windows.overlapping(record.times[1999], record.times[2001]).any()
+
+
+def test_log_of_a_free_swing_is_called_one(tmp_path: Path) -> None:
+    """Its motors gave nothing but 2 mN m of noise where the nominal link needs 3 N m."""
+    times, random = np.arange(0.0, 20.0, 0.005), np.random.default_rng(0)
+    swung = solve_ivp(lambda _, x: [x[1], 27.0 * np.sin(x[0]) - 0.1 * x[1]], (0.0, 20.0), (2.0, 0.0), t_eval=times)
+    angles = swung.y[0] + random.normal(scale=3e-4, size=len(times))
+    torques = random.normal(scale=0.002, size=len(times))
+    log = pd.DataFrame({"time": times, "angle_1": angles, "torque_1": torques})
+    log.to_csv(tmp_path / "swing.csv", index=False)
+    (tmp_path / "nominal.toml").write_text("[[links]]\nlength = 0.5\nmass = 0.8\ncom = 0.33\ninertia = 0.02\n")
+    verdict = estimate([tmp_path / "swing.csv"], tmp_path / "nominal.toml").verdict
+    assert not verdict.is_found
+    assert "times as much: the motors hardly drove" in verdict.reasons[0]

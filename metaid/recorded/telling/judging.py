@@ -20,6 +20,7 @@ from metaid.recorded.weak_form.linear_model import LEAST_SLIDE, LEAST_TURN
 EXPLAINED = 3.0  # deviations of the noise: a misfit below explains what was seen
 EXACT = 0.002  # of the torque that was left out: an error below explains it, too
 LARGEST_ERROR = 0.3  # of the torque that was left out
+IDLE = 20.0  # times the torque: an error of the nominal bodies so large is of motors that hardly drove
 WELL = 0.01  # of the torque: who predicts it so well need not be better than the nominal bodies
 WORSE = 1.1  # times the error of the nominal bodies, from which on these are better
 BETTER = 0.8  # times that error: bodies that predict so well are known together, if none of their parameters is alone
@@ -115,10 +116,15 @@ def _against(records: Sequence[Record], found: RecordedEstimate, is_known: bool)
     what = "logs" if held.by == "logs" else "parts of the log"
     worst = int(held.by_joint.argmax())
     if not held.relative <= LARGEST_ERROR:
+        advice = (
+            "look for wrong units, signs or lengths, for forces that are in no term, and for torques that are late"
+            if nominal.relative < IDLE
+            else f"the nominal bodies need {nominal.relative:.0f} times as much: the motors hardly drove, and what "
+            "swings freely says nothing of torques; drive it, or look for wrong units"
+        )
         yield (
             f"torques of {what} that were left out are predicted to {held.relative:.0%} of what they are, "
-            f"worst in joint {model.joints[worst]} (allowed: {LARGEST_ERROR:.0%}): look for wrong units, signs or "
-            "lengths, for forces that are in no term, and for torques that are late"
+            f"worst in joint {model.joints[worst]} (allowed: {LARGEST_ERROR:.0%}): {advice}"
         )
         return
     if held.relative > WORSE * nominal.relative and held.relative > WELL and found.misfit > EXPLAINED:
