@@ -41,6 +41,7 @@ from metaid.study.estimates import StudyEstimate
 from soak.bench.serving import ROOT, bench
 
 ARM, ARM_FILE = "arm", ROOT / "plants" / "arms" / "spatial-three-link.xml"
+HOME = (0.0, 0.5, 1.0)  # rad, of the arm
 Each = tuple[float, ...]
 Told = tuple[Array, float]  # the true lumps or base parameters, and the worst error of what was found
 
@@ -142,7 +143,8 @@ def write_study(folder: Path, address: str, robot: str, timestep: float, seed: i
 
 
 def _arm_nominal(folder: Path, seed: int) -> str:
-    (folder / "nominal.toml").write_text('mjcf = "arm.xml"\nhome = { shoulder = 0.5, elbow = 1.0 }\n')
+    _, shoulder, elbow = HOME
+    (folder / "nominal.toml").write_text(f'mjcf = "arm.xml"\nhome = {{ shoulder = {shoulder}, elbow = {elbow} }}\n')
     shutil.copy(ARM_FILE, folder / "arm.xml")
     return f'[nominal]\nplant = "nominal.toml"\nseed = {seed}\n'
 

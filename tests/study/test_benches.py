@@ -74,7 +74,7 @@ def test_rotor_of_a_bench_is_found_by_default_and_handed_over(tmp_path: Path) ->
     model = identified_model(snapshot)
     assert model.about["verdict"] == "found"
     states = tuple(np.random.default_rng(0).normal(size=(3, 20, 2)))
-    needed = true_torque({"rotors": (0.0057, 0.0057)}, 2, *states)
+    needed = true_torque({"rotors": (0.0057, 0.0057)}, "2", *states)
     for suffix in (".py", ".h", ".xml"):
         model.write(path := tmp_path / f"found{suffix}")
         torques = file_torques(path, "bench", *states, ["joint_1", "joint_2"]).torques
