@@ -14,17 +14,17 @@ def test_a_table_says_which_faults_an_estimate_stands() -> None:
     """A median over the chains for each setting, how many were found, and what was taken up."""
     stood = [
         faults_stood.Stood(
-            f"a base tilted by 30 mrad / {setting}", 3, seed, error * (1 + seed), found, taken, 13.6, 2.0
+            f"a base tilted by 30 mrad / bench / {setting}", 3, seed, error * (1 + seed), found, taken, 13.6, 2.0
         )
-        for setting, error, found, taken in (("default", 0.1, False, []), ("proposed", 1e-4, True, ["tilt"]))
+        for setting, error, found, taken in (("alone", 0.1, False, []), ("proposed", 1e-4, True, ["tilt"]))
         for seed in range(3)
     ]
     (row,) = faults_stood.rows_of(stood)
-    assert row["worst lump, default"] == "20 %"
-    assert row["found, default"] == "0 of 3"
-    assert row["worst lump, proposed"] == "0.02 %"
-    assert row["found, proposed"] == "3 of 3"
-    assert row["taken up"] == "tilt 3"
+    assert row["bench, alone"] == "20 %"
+    assert row["found, bench, alone"] == "0 of 3"
+    assert row["bench, proposed"] == "0.02 %"
+    assert row["found, bench, proposed"] == "3 of 3"
+    assert row["taken up, bench"] == "tilt 3"
 
 
 def test_a_table_of_arms_counts_those_that_were_found() -> None:
