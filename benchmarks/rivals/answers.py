@@ -21,7 +21,6 @@ SHOWN_BUDGETS = (5, 60)  # s of motion, in the tables; the picture has all
 WORST = 10.0  # an error that no other is worse than
 MEASURES = {
     OURS: "angles after pushes",
-    "metaid cmaes": "angles after pushes",
     "mujoco.sysid, closed loop": "angles and speeds; lengths; the drives' law",
     "mujoco.sysid, open loop": "angles; lengths",
     "instrumental variables": "angles; the servo's law",

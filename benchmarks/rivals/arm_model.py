@@ -16,10 +16,8 @@ from benchmarks.rivals.servo import NO_FILTER, Followed, Sensors, Servo, read_an
 from metaid.compiled import compiled
 from metaid.compiled.spatial import frames_of
 from metaid.estimation.twin.flow import flow
-from metaid.estimation.twin.kernels import accelerate
-from metaid.estimation.twin.spatial import softness_of
 from metaid.estimation.twin.spatial_motion import spatial_balance, spatial_space
-from metaid.estimation.twin.state import move, set_off
+from metaid.estimation.twin.state import set_off
 from metaid.estimation.twin.workspace import workspace
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS, ArmPrior, Tree, joint_mass_matrix, joint_torque, torque_regressor
@@ -27,21 +25,17 @@ from metaid.plant import slope_weights
 
 SPEED = 3.0  # rad/s of every joint at most, which is what metaid's pushes have
 SWING, SHARE = 1.5, 0.4  # rad from the middle of a joint's range, and at most that share of the range
-BANDWIDTH, NATURAL = 20.0, 0.2  # of the servo, in rad/s; of filters, in s
-ON_BENCH = 0.5  # of the bandwidth: with all of it a PA-10 that moves continuously swings
+BANDWIDTH, NATURAL = 10.0, 0.2  # of the servo, in rad/s: with twice as much a PA-10 swings; of filters, in s
 REVERSAL, WHOLLY = 0.2, 0.99  # rad/s, below which a joint reverses; of the time of a filter that it slides to one side
 COULOMB = PARAMETERS.index("coulomb")
 
 
 @dataclass(frozen=True)
 class ArmModel:
-    """An arm, of which there is a `arm_prior`, with the `timestep` in s, that moves in MuJoCo's steps or is continuous.
-    Its parameters are base parameters (nbase).
-    """
+    """An arm, of which there is a `arm_prior`, with the `timestep` in s. Its parameters are base parameters (nbase)."""
 
     arm_prior: ArmPrior
     timestep: float
-    is_continuous: bool = False
 
     @property
     def njoint(self) -> int:
@@ -69,7 +63,7 @@ class ArmModel:
 
     def follow(self, parameters: Array, servo: Servo, sensors: Sensors) -> Followed | None:
         whole = self.arm_prior.parameters_at(parameters)
-        return follow_arm(self.arm_prior.nominal, whole, self.timestep, servo, sensors, self.is_continuous)
+        return follow_arm(self.arm_prior.nominal, whole, self.timestep, servo, sensors)
 
     def point(self, parameters: Array) -> Array:
         """What is independent of each other and of standard deviation 1 in what is believed."""
@@ -80,9 +74,7 @@ class ArmModel:
         return np.asarray(self.arm_prior.values + self.arm_prior.root @ point)
 
 
-def record_arm(
-    true: Tree, model: ArmModel, condition: Condition, seconds: float, seed: int, benched: Benched | None = None
-) -> Log:
+def record_arm(true: Tree, model: ArmModel, condition: Condition, seconds: float, seed: int, benched: Benched) -> Log:
     """An arm along exciting trajectories, under a servo in each joint as its maker has tuned it: its gains are the true
     inertias of the joints. Forward are sent the torques of the nominal model.
 
@@ -92,7 +84,7 @@ def record_arm(
         condition: what is wrong with it.
         seconds: of motion.
         seed: of the trajectories and of all noise.
-        benched: the arm on a bench that shares no code with metaid, where it stands there.
+        benched: the arm on the bench.
     """
     nominal, timestep, n = model.arm_prior.nominal, model.timestep, true.njoint
     scale = np.sqrt(np.diag(model.arm_prior.covariance))
@@ -109,17 +101,11 @@ def record_arm(
         desired.speeds,
         joint_torque(nominal, desired.angles, desired.speeds, desired.accelerations),
         np.ascontiguousarray(np.broadcast_to(np.diag(inertias), (steps, n, n))),
-        BANDWIDTH if benched is None else ON_BENCH * BANDWIDTH,
+        BANDWIDTH,
         np.zeros((steps, n, n)),
     )
-    faults, random = condition.settings, np.random.default_rng([seed, n, 1])
-    noise = faults.angle_noise * random.standard_normal((steps + 1, n))
-    weights = NO_FILTER if faults.speed_sensor else slope_weights(timestep)
-    if benched is not None:
-        return Log(model, NATURAL, timestep, servo, weights, follow_on_bench(benched, servo, weights, seed), condition)
-    sensors = Sensors(noise, np.zeros((steps, n)), weights)
-    seen = follow_arm(true, true.parameters, timestep, servo, sensors)
-    return Log(model, NATURAL, timestep, servo, weights, seen, condition)
+    weights = NO_FILTER if condition.settings.speed_sensor else slope_weights(timestep)
+    return Log(model, NATURAL, timestep, servo, weights, follow_on_bench(benched, servo, weights, seed), condition)
 
 
 def limits_of(tree: Tree) -> Limits:
@@ -149,10 +135,9 @@ def _rotation(vector: Array) -> Array:
     return np.asarray(np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * skew @ skew)
 
 
-def follow_arm(
-    tree: Tree, parameters: Array, timestep: float, servo: Servo, sensors: Sensors, is_continuous: bool = False
-) -> Followed:
-    """An arm along a trajectory that begins where the servo's does, with its speeds.
+def follow_arm(tree: Tree, parameters: Array, timestep: float, servo: Servo, sensors: Sensors) -> Followed:
+    """The model of an arm along a trajectory that begins where the servo's does, with its speeds. Dry friction builds
+    up over a way, as a twin has it.
 
     Args:
         tree: where its joints are.
@@ -160,36 +145,30 @@ def follow_arm(
         timestep: in s.
         servo: what drives it.
         sensors: what it sees of it.
-        is_continuous: whether it moves continuously, with dry friction that builds up over a way, as a twin has it.
     """
     n = tree.njoint
-    softness = softness_of(tree, parameters)[0] if parameters[:, COULOMB].any() and not is_continuous else None
-    balance = spatial_balance(frames_of(tree), parameters, softness=softness, is_continuous=is_continuous)
+    balance = spatial_balance(frames_of(tree), parameters, is_continuous=True)
     start = np.array([servo.angles[0] - sensors.offset, servo.speeds[0]])
-    arm = balance, workspace(*spatial_space(n), 0, is_continuous=is_continuous), np.zeros((1, n))
-    settings = start, timestep, is_continuous
-    return recorded(servo, lambda *read: _follow_arm(arm, settings, servo.driven, sensors.seen, *read))
+    arm = balance, workspace(*spatial_space(n), 0, is_continuous=True), np.zeros((1, n))
+    return recorded(servo, lambda *read: _follow_arm(arm, start, timestep, servo.driven, sensors.seen, *read))
 
 
 @compiled
-def _follow_arm(arm, settings, driven, seen, angles, speeds, torques):  # type: ignore[no-untyped-def]
+def _follow_arm(arm, start, timestep, driven, seen, angles, speeds, torques):  # type: ignore[no-untyped-def]
     """Fills `angles`, `speeds` (nstep + 1 x njoint) and `torques` (nstep x njoint); returns the steps before it was
     lost.
     """
-    (balance, work, held), (start, timestep, is_continuous) = arm, settings
-    _, torque_noise, _, delay, _ = seen
+    balance, work, held = arm
+    offset, weights, delay, _ = seen
     steps, n = torques.shape
     set_off(start, 0, 0, work)
     for step in range(steps + 1):
-        if not read_and_command(step, work.angle, work.speed, driven, seen, angles, speeds, torques):
+        if not read_and_command(step, work.angle, work.speed, driven, offset, weights, angles, speeds, torques):
             return step
         if step == steps:
             break
         for i in range(n):
-            held[0, i] = torque_noise[step, i] + (torques[step - delay, i] if step >= delay else 0.0)
-        if is_continuous:
-            if not flow(0, held, balance, None, timestep, work):
-                return step
-        elif not (accelerate(0, held, balance, work) and move(timestep, work)):
+            held[0, i] = torques[step - delay, i] if step >= delay else 0.0
+        if not flow(0, held, balance, None, timestep, work):
             return step
     return steps

@@ -1,22 +1,22 @@
-"""A chain or an arm of which no plant of metaid's is made: the bench of `soak.bench`, along a trajectory and pushed."""
+"""The rig: a chain or an arm on the bench of `soak.bench`, along a trajectory, and pushed by metaid."""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.arm_rigs import HORIZON
+from benchmarks.chain_on_bench import of_faults
 from benchmarks.chains import Links
 from benchmarks.rivals.conditions import CONDITIONS, TIMESTEP, Condition
 from benchmarks.rivals.judging import Found
-from benchmarks.rivals.pushed import SEARCHED, Rig, trials_of
-from benchmarks.rivals.servo import Followed, Sensors, Servo, read_and_command, recorded
+from benchmarks.rivals.servo import Followed, Servo, read_and_command, recorded
 from metaid.episode import rich_speeds
 from metaid.errors import StudyError
 from metaid.estimation import ArmEstimate, ReadTrial
@@ -26,13 +26,17 @@ from metaid.models.tree import ArmPrior
 from metaid.plant import ArmPlant
 from metaid.results import Snapshot, judge, read_snapshot
 from metaid.store import Store
-from metaid.study import create_study, load_study, run_study
+from metaid.study import Problem, StudySettings, StudySpec, create_study, load_study, run_study
 from soak.bench import Arm, Bench, Imperfections, arm_of_links, arm_of_mjcf
 from soak.bench.serving import bench
 
 # Hz, of the bench's Runge-Kutta steps: those of a chain are wrong by 1e-10 of a turn; bristles of friction need more.
 RATE, RATE_OF_BRISTLES = 4000.0, 20000.0
 NUMBERS = "length", "mass", "com", "inertia"
+SEARCHED = {"friction": "viscous", "tilt": "tilt", "delay": "delay", "offset": "offset"}  # as a study has them
+# Of `output-error`: there are more pushes in a trial where there is more time, and fewer where there is little. One law
+# alone says little of what it compensates, so two trials of a push each say more than one of two.
+FEWEST_TRIALS, MOST_TRIALS = 2, 4
 
 
 @dataclass(frozen=True)
@@ -72,21 +76,41 @@ def chain_on_bench(true: Links, nominal: Links, condition: Condition, seed: int)
     """
 
     def pushes_in(seconds: float) -> tuple[int, str]:
-        simulated = Rig(true, nominal, CONDITIONS["fine"], "output-error", seconds, seed)
-        study, speeds = simulated.spec.study, simulated.problem.chain.start_speeds
+        one = _simulated(true, nominal, seed, 1)
+        pushes = max(round(seconds / TIMESTEP) // one.episode.steps, 1)
+        trials = trials_of(pushes, len(nominal))
+        speeds = _simulated(true, nominal, seed, pushes // trials).chain.start_speeds
         # A study spares the stops and cables that a rig may have; this one has none, and is pushed as when simulated.
         peak = np.abs(speeds).max() / np.abs(rich_speeds(len(true), len(speeds), seed)).max()
-        return study.trials, f"count = {len(speeds)}\npeak_speed = {float(peak)!r}"
+        return trials, f"count = {len(speeds)}\npeak_speed = {float(peak)!r}"
 
     def write(folder: Path) -> tuple[Path, str]:
         (folder / "links.toml").write_text(_toml("links", true))
         return folder / "links.toml", _toml("nominal.links", nominal)
 
     arm, n = arm_of_links({"links": [_numbers(link) for link in true]}), len(true)
-    friction = {"viscous": (condition.friction,) * n}
-    offset = float(condition.settings.encoder_offsets(n)[0])
-    has = _imperfections(condition) | friction | {"encoder_offset": offset, "rate": RATE}
+    has = of_faults(condition.settings, TIMESTEP, n) | {"viscous": (condition.friction,) * n, "rate": RATE}
     return Benched(arm, True, has, write, pushes_in)
+
+
+def _simulated(true: Links, nominal: Links, seed: int, pushes: int) -> Problem:
+    """A study of the same chain, simulated, of so many `pushes`: what its episode is by default."""
+    study = StudySettings.model_validate(
+        {
+            "plant": "rig",
+            "nominal": "believed",
+            "sampler": "output-error",
+            "seed": seed,
+            "episode": {"measure": "smoothed", "count": pushes},
+        }
+    )
+    plant = CONDITIONS["fine"].plant(true)
+    return Problem(StudySpec(name="rig", plant_name="rig", plant=plant, nominal=nominal, study=study))
+
+
+def trials_of(pushes: int, nlink: int) -> int:
+    """How many trials of `output-error` so many pushes are: two for each link in each, or two trials of fewer."""
+    return min(int(np.clip(pushes // (2 * nlink), FEWEST_TRIALS, MOST_TRIALS)), pushes)
 
 
 def arm_on_bench(plant: ArmPlant, prior: ArmPrior, condition: Condition) -> Benched:
@@ -113,11 +137,13 @@ def arm_on_bench(plant: ArmPlant, prior: ArmPrior, condition: Condition) -> Benc
         return file, '[nominal]\nplant = "nominal.toml"\n'
 
     friction = {"viscous": tuple(plant.tree.damping.tolist()), "dry": tuple(plant.tree.coulomb.tolist())}
-    has = _imperfections(condition) | friction | {"stiction": 1.0, "rate": RATE_OF_BRISTLES}
+    # Where a chain's encoders are offset, an arm's joints are misplaced.
+    has = of_faults(condition.settings, TIMESTEP, plant.njoint) | friction
+    has |= {"encoder_offset": 0.0, "stiction": 1.0, "rate": RATE_OF_BRISTLES}
     return Benched(arm_of_mjcf(file), False, has, write, pushes_in, prior)
 
 
-def follow_on_bench(benched: Benched, servo: Servo, weights: Array, seed: int) -> Followed:
+def follow_on_bench(benched: Benched, servo: Servo, weights: Array, seed: int, loops: int = 1) -> Followed:
     """It along a trajectory that begins, as it is read, where the servo's does, with its speeds.
 
     Args:
@@ -125,24 +151,28 @@ def follow_on_bench(benched: Benched, servo: Servo, weights: Array, seed: int) -
         servo: what drives it.
         weights: that make speeds of angles; see `Sensors`.
         seed: of all noise.
+        loops: how often feedback is read and sent in a timestep.
     """
-    has = Imperfections(**benched.has, seed=seed)
-    body = Bench(benched.arm, TIMESTEP, has, benched.is_planar)
-    steps, n = len(servo.angles), benched.njoint
-    seen = Sensors(np.zeros((steps + 1, n)), np.zeros((steps, n)), weights).seen
+    has, often = Imperfections(**benched.has, seed=seed), servo.held(loops)
+    has = replace(has, torque_noise=has.torque_noise * np.sqrt(loops))  # which moves the rig as much
+    body = Bench(benched.arm, TIMESTEP / loops, has, benched.is_planar)
+    steps, n = len(often.angles), benched.njoint
+    nothing = np.zeros(n)  # the bench itself reads too much, where an encoder does
 
     def run(angles: Array, speeds: Array, torques: Array) -> int:
         body.push(*([0.0] * n for _ in body.needs))
         body.state[0], body.state[1] = servo.angles[0] - has.encoder_offset, servo.speeds[0]
         for step in range(steps + 1):
             read = np.array(body.states()[0])
-            if not read_and_command(step, read, body.state[1], servo.driven, seen, angles, speeds, torques):
+            if not read_and_command(step, read, body.state[1], often.driven, nothing, weights, angles, speeds, torques):
                 return step
             if step < steps:
                 body.advance(torques[step])
         return steps
 
-    return recorded(servo, run)
+    seen = recorded(often, run)
+    whole = len(seen.torques) // loops
+    return Followed(seen.angles[::loops][: whole + 1], seen.speeds[::loops][: whole + 1], seen.torques[::loops][:whole])
 
 
 def output_error_on_bench(benched: Benched, condition: Condition, seconds: float, seed: int) -> Found:
@@ -158,9 +188,8 @@ def output_error_on_bench(benched: Benched, condition: Condition, seconds: float
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         plant, nominal = benched.write(folder)
-        chance = {"start_speeds": condition.settings.push_noise, "seed": float(seed)}
         with (
-            bench(plant, TIMESTEP, **benched.has, **chance) as address,
+            bench(plant, TIMESTEP, **benched.has, seed=float(seed)) as address,
             closing(Store(f"{folder}/metaid.db", create=True)) as store,
         ):
             rig = f'socket = "{address}"\njoints = {benched.njoint}\ntimestep = {TIMESTEP}\nstep_timeout = 60.0\n'
@@ -191,17 +220,6 @@ def _found(snapshot: Snapshot, prior: ArmPrior | None) -> Found:
         assert isinstance(estimate, ArmEstimate)
         values = prior.base.of(estimate.searched.prior.parameters_at(values))
     return Found(values, seconds, torque, moved, verdict.word)
-
-
-def _imperfections(condition: Condition) -> dict[str, Any]:
-    """What is wrong with the bench, but for friction, encoder offsets, and how pushes differ."""
-    faults = condition.settings
-    return {
-        "angle_noise": faults.angle_noise,
-        "torque_noise": faults.torque_noise,
-        "delay": faults.delay * TIMESTEP,
-        "tilt": float(faults.tilts(1)[0]),
-    }
 
 
 def _numbers(link: object) -> dict[str, float]:

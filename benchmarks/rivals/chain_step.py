@@ -1,18 +1,15 @@
-"""A planar chain's own equations of motion in a few scalar loops, for rigs that are simulated many times over.
+"""A planar chain's own equations of motion in a few scalar loops, for models that are simulated many times over.
 
-A step is MuJoCo's, semi-implicit Euler with the torque of its beginning, or one of the classical Runge-Kutta method of
-a rig that moves continuously while its torque is held.
+A step is one of the classical Runge-Kutta method: a rig moves continuously while its torque is held.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from metaid.compiled import compiled
 from metaid.compiled.law import turn_to_angles
-from metaid.models import Array, Chain
+from metaid.models import Array
 
 
 class AnalyticStep(NamedTuple):
@@ -25,20 +22,9 @@ class AnalyticStep(NamedTuple):
     coriolis: Array
     inertia: Array
     damping: Array
-    stiffness: Array
     mass: Array
     acceleration: Array
     timestep: float
-
-
-def analytic_step(chain: Chain, gravity: float, timestep: float) -> AnalyticStep:
-    """A `chain` at rest upright; `gravity` in m/s², `timestep` in s."""
-    n, lumps = chain.nlink, chain.lumps
-    state = np.zeros(n), np.zeros(n), np.zeros(n)
-    weights = gravity * lumps.gravity, lumps.coriolis, chain.inertia_lumps
-    return AnalyticStep(
-        *state, *weights, chain.damping.copy(), chain.stiffness.copy(), np.zeros((n, n)), np.zeros(n), timestep
-    )
 
 
 @compiled
@@ -51,17 +37,6 @@ def place(chain, links, tilt):  # type: ignore[no-untyped-def]
         links[i].angle = angle
         links[i].speed = speed
     turn_to_angles(links, 0.0)
-
-
-@compiled
-def advance_analytically(chain, links):  # type: ignore[no-untyped-def]
-    """One timestep of Euler's of an `AnalyticStep`, given its `links`' speeds, cosines and sines."""
-    accelerate_analytically(chain, links)
-    below = 0.0
-    for i in range(links.shape[0]):
-        chain.qvel[i] += chain.timestep * (chain.acceleration[i] - below)
-        chain.qpos[i] += chain.timestep * chain.qvel[i]
-        below = chain.acceleration[i]
 
 
 @compiled
@@ -90,16 +65,16 @@ def flow_analytically(chain, links, tilt, stages):  # type: ignore[no-untyped-de
 def accelerate_analytically(chain, links):  # type: ignore[no-untyped-def]
     """Fills in absolute accelerations, given the `links`' speeds, cosines and sines.
 
-    Solves M φ̈ = Q − Σ_j a_ij sin(φ_i − φ_j) φ̇_j² + g μ_i sin φ_i (Eq. 4), Q the joint torques less viscous friction
-    and springs, by M = L D Lᵀ: the factors of M take the place of its lower half.
+    Solves M φ̈ = Q − Σ_j a_ij sin(φ_i − φ_j) φ̇_j² + g μ_i sin φ_i (Eq. 4), Q the joint torques less viscous
+    friction, by M = L D Lᵀ: the factors of M take the place of its lower half.
     """
-    qpos, qvel, torque, gravity, coriolis, inertia, damping, stiffness, mass, acceleration, _ = chain
-    n = qpos.shape[0]
+    _, qvel, torque, gravity, coriolis, inertia, damping, mass, acceleration, _ = chain
+    n = qvel.shape[0]
     for i in range(n):
         cosine, sine = links[i].cosine, links[i].sine
-        force = torque[i] - damping[i] * qvel[i] - stiffness[i] * qpos[i] + gravity[i] * sine
+        force = torque[i] - damping[i] * qvel[i] + gravity[i] * sine
         if i + 1 < n:
-            force -= torque[i + 1] - damping[i + 1] * qvel[i + 1] - stiffness[i + 1] * qpos[i + 1]
+            force -= torque[i + 1] - damping[i + 1] * qvel[i + 1]
         for j in range(n):
             centrifugal = coriolis[i, j] * links[j].speed * links[j].speed
             force -= centrifugal * (sine * links[j].cosine - cosine * links[j].sine)

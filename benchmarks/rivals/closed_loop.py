@@ -7,13 +7,13 @@ model, and the offsets of encoders where they are searched. What is believed of 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from benchmarks.rivals.logs import Log
 from benchmarks.rivals.regression import Beforehand, motions, rows_of, search_beforehand, weighted
-from benchmarks.rivals.servo import ideal
+from benchmarks.rivals.servo import Sensors
 from metaid.models import Array
 
 MOST, ENOUGH, DIFFERENCE = 8, 1e-4, 1e-4
@@ -45,9 +45,7 @@ class _Fit:
         """Angles of the model less those read, averaged; None where the model is lost."""
         log, offset = self.log, OFFSET_UNIT * point[len(point) - self._offsets :]
         steps, n = log.seen.torques.shape
-        sensors = ideal(steps, n, self.known.delay, log.weights)
-        if self._offsets:
-            sensors = replace(sensors, offset=offset)
+        sensors = Sensors(offset if self._offsets else np.zeros(n), log.weights, self.known.delay)
         seen = log.model.follow(self.parameters(point), log.servo, sensors)
         if seen is None or len(seen.torques) < steps or not np.isfinite(seen.angles).all():
             return None

@@ -10,7 +10,6 @@ from functools import lru_cache, partial
 import numpy as np
 
 from benchmarks.rivals.closed_loop import closed_loop
-from benchmarks.rivals.conditions import CONDITIONS
 from benchmarks.rivals.judging import Found
 from benchmarks.rivals.logs import Log
 from benchmarks.rivals.regression import ordinary, regress, robust, weighted
@@ -21,11 +20,10 @@ from benchmarks.rivals.toolbox import closed_loop as closed_loop_toolbox
 from metaid.errors import MetaidError
 from metaid.models import Array
 
-BUDGETS = (5, 15, 60, 300)  # s of motion
+BUDGETS, LONGEST_OF_ARMS = (5, 15, 60), 5  # s of motion
 
-OURS, ALONE = "metaid output-error", "metaid cmaes"
+OURS = "metaid output-error"
 OPEN, DRIVES = "mujoco.sysid, open loop", "mujoco.sysid, closed loop"
-PUSHED = (OURS, ALONE)
 LOGGED: dict[str, Callable[[Log], list[Array]]] = {
     "least squares": partial(regress, solve=ordinary),
     "weighted": partial(regress, solve=weighted),
@@ -36,7 +34,7 @@ LOGGED: dict[str, Callable[[Log], list[Array]]] = {
     OPEN: open_loop,
 }
 DRIVEN = {DRIVES: closed_loop_toolbox}
-METHODS = (*PUSHED, *LOGGED, *DRIVEN)
+METHODS = (OURS, *LOGGED, *DRIVEN)
 UNEXPLAINED = ("late", "tilted", "friction", "kinematics")  # nobody knows what is wrong
 OF_ARMS, OF_TOOLBOX = ("none", "fine", "kinematics"), ("none", "coarse", "fine", "torque noise")
 SEEDS = (0, 1, 2)
@@ -110,30 +108,28 @@ def wanted(
 
 def _is_worth_it(condition: str, method: str, links: int, seed: int, budget: int) -> bool:
     """Whether a method has something to say of it, and says it in the time that the whole comparison may take."""
-    if links in ARMS and (condition not in OF_ARMS or method in (ALONE, OPEN, DRIVES) or budget > 60):
+    if links in ARMS and (condition not in OF_ARMS or method in (OPEN, DRIVES) or budget > LONGEST_OF_ARMS):
         return False
     if links in ARMS and method == OURS and condition == "kinematics":
-        return seed == 0 and budget == 5  # what explains nothing takes a minute of computing to refuse
-    if method == ALONE and (CONDITIONS[condition].searched or condition in UNEXPLAINED):
-        return False  # it searches nothing beside the lumps
+        return seed == 0  # what explains nothing takes minutes of computing to refuse
     if method in (OPEN, DRIVES):
         most = 60 if method == OPEN and links < 5 else 5
         return condition in OF_TOOLBOX and seed == 0 and budget in (5, most)
     return True
 
 
-def measure(named: str, nlink: int, seed: int, on_bench: bool = False) -> Cell:
-    """One run, of a chain that MuJoCo's steps simulate or `on_bench`."""
+def measure(named: str, nlink: int, seed: int) -> Cell:
+    """One run."""
     condition, method, text = named.split(" / ")
-    budget, subject = int(text), subject_of(condition, nlink, seed, on_bench)
+    budget, subject = int(text), subject_of(condition, nlink, seed)
     began = time.process_time()
     try:
-        if method in PUSHED:
-            results = [subject.pushed(method, float(budget))]
+        if method == OURS:
+            results = [subject.pushed(float(budget))]
         else:
             by_drives = method in DRIVEN
-            longest = budget if by_drives else max(60, budget) if nlink in ARMS or on_bench else max(BUDGETS)
-            log = recorded(condition, nlink, seed, longest, by_drives, on_bench).first(float(budget))
+            longest = budget if by_drives else max(BUDGETS)
+            log = recorded(condition, nlink, seed, longest, by_drives).first(float(budget))
             began = time.process_time()
             results = _found(log, (LOGGED | DRIVEN)[method])
     except (MetaidError, np.linalg.LinAlgError) as problem:
@@ -145,15 +141,15 @@ def measure(named: str, nlink: int, seed: int, on_bench: bool = False) -> Cell:
     return Cell(condition, method, nlink, seed, budget, errors, *took, first.verdict)
 
 
-def measure_all(runs: Sequence[Run], on_bench: bool = False) -> list[Cell]:
+def measure_all(runs: Sequence[Run]) -> list[Cell]:
     """Several runs, one after the other."""
-    return [measure(*run, on_bench) for run in runs]
+    return [measure(*run) for run in runs]
 
 
 @lru_cache(maxsize=1)
-def recorded(condition: str, nlink: int, seed: int, seconds: int, by_drives: bool, on_bench: bool) -> Log:
+def recorded(condition: str, nlink: int, seed: int, seconds: int, by_drives: bool) -> Log:
     """The rig along exciting trajectories; see `logs.record`."""
-    return subject_of(condition, nlink, seed, on_bench).record(float(seconds), by_drives)
+    return subject_of(condition, nlink, seed).record(float(seconds), by_drives)
 
 
 def _found(log: Log, method: Callable[[Log], list[Array]]) -> list[Found]:

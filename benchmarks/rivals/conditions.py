@@ -37,11 +37,6 @@ class Condition:
         return not self.settings.is_noisy
 
     @property
-    def has_unknown(self) -> bool:
-        """Whether something may be wrong with it that a study is to take up by itself: nobody says that nothing is."""
-        return not (self.is_exact or self.searched)
-
-    @property
     def settings(self) -> FaultSettings:
         """The faults as a plant file has them."""
         return FaultSettings(**self.faults)

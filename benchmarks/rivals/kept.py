@@ -17,7 +17,7 @@ from benchmarks.rivals.comparing import METHODS, Cell
 from benchmarks.rivals.conditions import CONDITIONS
 from benchmarks.rivals.judging import Error
 
-KEPT, KEPT_OF_BENCH = (Path(__file__).parents[1] / name for name in ("peers.csv", "peers_on_bench.csv"))
+KEPT = Path(__file__).parents[1] / "peers.csv"
 CONDITION, METHOD = ({name: place for place, name in enumerate(names)} for names in (CONDITIONS, METHODS))
 COLUMNS = tuple(field.name for field in fields(Cell))
 NUMBERS = {"links": int, "seed": int, "budget": int, "motion": float, "torque": float, "range": float, "cpu": float}

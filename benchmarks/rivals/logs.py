@@ -12,17 +12,18 @@ from benchmarks.rivals.benched import chain_on_bench, follow_on_bench
 from benchmarks.rivals.conditions import Condition
 from benchmarks.rivals.excitation import Limits, exciting
 from benchmarks.rivals.models import ChainModel, Model
-from benchmarks.rivals.servo import NO_FILTER, Followed, Sensors, Servo, follow
+from benchmarks.rivals.servo import NO_FILTER, Followed, Servo
 from metaid.episode import natural_time
 from metaid.errors import StudyError
 from metaid.models import Array, Chain
-from metaid.plant import chain_of, draw, slope_weights
+from metaid.plant import chain_of, slope_weights
 
 SWING, SPEED = 1.5, 6.0  # limits of every joint, in rad and rad/s
 # Shares of the limits of trajectories, and whether the servo has the nominal change of the gravity torque, too: the
 # first is taken with which control is kept.
 ATTEMPTS = ((1.0, False), (1.0, True), (0.7, True), (0.5, True))
 TIGHTNESS, OF_DRIVES = 4.0, 8.0  # of the servo, and of one in each drive, in rad per natural time
+LOOPS = 100  # of a drive's own feedback in a timestep
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,6 @@ def record(
     seconds: float,
     seed: int,
     by_drives: bool = False,
-    on_bench: bool = False,
 ) -> Log:
     """A chain along exciting trajectories: forward the torques of the nominal model along them, and a feedback.
 
@@ -81,10 +81,9 @@ def record(
         seed: of the trajectories and of all noise.
         by_drives: whether each joint has a position servo of its own, with gains that stay the same and a tachometer
             without noise; else the feedback has the nominal mass matrix, and no other sensors than the condition has.
-        on_bench: whether the rig is that of `benched`, which shares no code with metaid.
     """
     for attempt in ATTEMPTS:
-        log = _recorded(true, nominal, condition, seconds, attempt, seed, by_drives, on_bench)
+        log = _recorded(true, nominal, condition, seconds, attempt, seed, by_drives)
         if len(log.seen.torques) == len(log.servo.angles):
             break
     return log
@@ -98,12 +97,11 @@ def _recorded(
     attempt: tuple[float, bool],
     seed: int,
     by_drives: bool,
-    on_bench: bool,
 ) -> Log:
     """The same, in one of the ATTEMPTS, up to where control was lost."""
     (share, balances), plant, believed = attempt, condition.plant(true), chain_of(nominal)
     timestep, gravity, n = plant.timestep, plant.gravity, believed.nlink
-    model = ChainModel(believed, gravity, timestep, condition.searched, is_continuous=on_bench)
+    model = ChainModel(believed, gravity, timestep, condition.searched)
     natural = natural_time(believed, gravity)
 
     def rows(angles: Array, speeds: Array, accelerations: Array) -> Array:
@@ -121,16 +119,10 @@ def _recorded(
         (OF_DRIVES if by_drives else TIGHTNESS) / natural,
         gravity_stiffness(believed, desired.angles, gravity) * (balances and not by_drives),
     )
-    faults = condition.settings
-    weights = NO_FILTER if faults.speed_sensor or by_drives else slope_weights(timestep)
-    if on_bench:
-        seen = follow_on_bench(chain_on_bench(true, nominal, condition, seed), servo, weights, seed)
-        return Log(model, natural, timestep, servo, weights, seen, condition)
-    noise = draw(faults, np.random.default_rng([seed, n, 1]), 1, len(desired.angles), n)
-    wrong = faults.delay, float(faults.tilts(1)[0]), faults.encoder_offsets(n)
-    sensors = Sensors(noise.angles[0], noise.torques[0], weights, *wrong)
-    lumps = chain_of(plant.links).lumps_of(("gravity", "coriolis", "damping"))
-    seen = follow(lumps, gravity, timestep, servo, sensors)
+    weights = NO_FILTER if condition.settings.speed_sensor or by_drives else slope_weights(timestep)
+    seen = follow_on_bench(
+        chain_on_bench(true, nominal, condition, seed), servo, weights, seed, LOOPS if by_drives else 1
+    )
     return Log(model, natural, timestep, servo, weights, seen, condition)
 
 

@@ -108,15 +108,13 @@ class Columns:
 @dataclass(frozen=True)
 class ChainModel:
     """A planar chain, of which the `nominal` one is believed, with `gravity` in m/s² and the `timestep` in s. Its
-    parameters are those of `Columns`; "friction" and "tilt" may be `searched`. It moves in MuJoCo's steps, as a
-    simulated rig does, or `is_continuous`, as a bench.
+    parameters are those of `Columns`; "friction" and "tilt" may be `searched`.
     """
 
     nominal: Chain
     gravity: float
     timestep: float
     searched: tuple[str, ...] = ()
-    is_continuous: bool = False
 
     @property
     def njoint(self) -> int:
@@ -163,8 +161,7 @@ class ChainModel:
         columns = self.columns(parameters)
         if not np.all(columns.inertia > 0.0):
             return None
-        rest = servo, sensors.tilted(columns.tilt), self.is_continuous
-        return follow(columns.chain, self.gravity, self.timestep, *rest)
+        return follow(columns.chain, self.gravity, self.timestep, servo, sensors.tilted(columns.tilt))
 
     def point(self, parameters: Array) -> Array:
         """Log factors of the nominal lumps, 0 where one is not above 0; then friction and tilt."""

@@ -47,7 +47,7 @@ def motions(
         log: with the torques.
         angles: as they were read (nstep + 1 x njoint), in rad.
         speeds: of the motion (nstep + 1 x njoint), in rad/s, for where the sensors are exact: then accelerations are
-            their differences.
+            their differences, of the middle of each step.
         known: what it is freed from.
         spans: of the filters, in natural times; each makes a recording.
     """
@@ -55,14 +55,17 @@ def motions(
     if log.condition.is_exact:
         step = max(len(late) // 5000, 1)
         accelerations = (np.diff(speeds, axis=0) / log.timestep)[::step]
-        kept = angles[:-1:step], speeds[:-1:step], accelerations, late[::step], log.timestep * step
-        return [Motion(*kept, sliding(speeds[:-1:step]))]
+        middle, turning = ((0.5 * (each[1:] + each[:-1]))[::step] for each in (angles, speeds))
+        return [Motion(middle, turning, accelerations, late[::step], log.timestep * step, sliding(turning))]
     return [_thinned(log, angles, late, span) for span in spans]
 
 
 def _thinned(log: Log, angles: Array, torques: Array, span: float) -> Motion:
-    """What is left of a filtered recording when KEPT samples of each span are kept."""
-    whole = filtered(angles[None, :-1], torques[None], log.timestep, log.natural, span)
+    """What is left of a filtered recording when KEPT samples of each span are kept. A torque is held for a timestep: at
+    the end of one half of it is that of before.
+    """
+    acting = 0.5 * (torques + np.concatenate([torques[:1], torques[:-1]]))
+    whole = filtered(angles[None, :-1], acting[None], log.timestep, log.natural, span)
     window = max(round(span * log.natural / log.timestep), FILTER_ORDER + 2) | 1
     sides = savgol_filter(sliding(whole.speeds[0]), window, FILTER_ORDER, axis=0)
     step = max(round(span * log.natural / log.timestep / KEPT), 1)
@@ -138,7 +141,7 @@ def search_beforehand(log: Log) -> Beforehand:
     known, searched = Beforehand(0, np.zeros(log.model.njoint)), log.condition.searched
 
     def seen(known: Beforehand) -> Motion:
-        return motions(log, log.seen.angles, log.seen.speeds, known, SPANS[1:2])[0]
+        return motions(log, log.seen.angles, log.seen.speeds, known, SPANS[2:3])[0]
 
     if "delay" in searched:
         tried = [Beforehand(delay, known.offset) for delay in range(LONGEST_DELAY + 1)]

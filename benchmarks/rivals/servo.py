@@ -1,7 +1,7 @@
-"""A rig under a servo along a trajectory, with its faults or as a model, compiled.
+"""A servo along a trajectory, and the model of a chain under it, compiled.
 
 The torque is u = f(t) + K(t) (ω² (q_d − q) + 2 ω (q̇_d − q̇)) + G(t) (q_d − q), with f, K, G and the desired motion
-known beforehand. The plant has the chain's own equations of motion, which agrees with MuJoCo to rounding.
+known beforehand.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.rivals.chain_step import AnalyticStep, advance_analytically, flow_analytically, place
+from benchmarks.rivals.chain_step import AnalyticStep, flow_analytically
 from metaid.compiled import compiled
 from metaid.compiled.law import LINK
 from metaid.models import Array, Lumps
 
 NO_FILTER = np.empty(0)
 LOST = 10.0  # rad off the trajectory
-Seen = tuple[Array, Array, Array, int, float]
+Seen = tuple[Array, Array, int, float]
 Driven = tuple[Array, Array, Array, Array, float, Array]
 
 
@@ -43,24 +43,28 @@ class Servo:
 
     def first(self, steps: int) -> Servo:
         """Its first `steps`."""
-        moved = self.angles[:steps], self.speeds[:steps], self.forward[:steps], self.gains[:steps]
-        return Servo(*moved, self.bandwidth, self.stiffness[:steps])
+        return self._of(lambda each: each[:steps])
+
+    def held(self, times: int) -> Servo:
+        """The same whose feedback is sent so many times a step, what is wanted held for it."""
+        return self._of(lambda each: np.repeat(each, times, axis=0))
+
+    def _of(self, change: Callable[[Array], Array]) -> Servo:
+        moved = change(self.angles), change(self.speeds), change(self.forward), change(self.gains)
+        return Servo(*moved, self.bandwidth, change(self.stiffness))
 
 
 @dataclass(frozen=True)
 class Sensors:
-    """What comes between rig and servo: noise that is added to every angle read (nstep + 1 x njoint), in rad, and to
-    every torque (nstep x njoint), in N m; the `weights` (nreading) that make a speed of angles, none where there is a
-    sensor; by how many steps torques are late; the base's `tilt` in rad; and by how much each angle is read too large
-    (njoint), in rad.
+    """What comes between rig and servo: by how much each angle is read too large (njoint), in rad; the `weights`
+    (nreading) that make a speed of angles, none where there is a sensor; by how many steps torques are late; and the
+    base's `tilt` in rad.
     """
 
-    angle_noise: Array
-    torque_noise: Array
+    offset: Array
     weights: Array
     delay: int = 0
     tilt: float = 0.0
-    offset: Array | float = 0.0
 
     def tilted(self, tilt: float) -> Sensors:
         """The same on a base that is turned by so many rad."""
@@ -69,7 +73,7 @@ class Sensors:
     @property
     def seen(self) -> Seen:
         """As the compiled loops take them."""
-        return self.angle_noise + self.offset, self.torque_noise, self.weights, self.delay, self.tilt
+        return self.offset, self.weights, self.delay, self.tilt
 
 
 @dataclass(frozen=True)
@@ -83,31 +87,22 @@ class Followed:
     torques: Array
 
 
-def ideal(steps: int, njoint: int, delay: int = 0, weights: Array = NO_FILTER) -> Sensors:
-    """Sensors without noise."""
-    return Sensors(np.zeros((steps + 1, njoint)), np.zeros((steps, njoint)), weights, delay)
-
-
-def follow(
-    lumps: Lumps, gravity: float, timestep: float, servo: Servo, sensors: Sensors, is_continuous: bool = False
-) -> Followed:
-    """A chain along a trajectory that begins, as it is read, where the servo's does, with its speeds.
+def follow(lumps: Lumps, gravity: float, timestep: float, servo: Servo, sensors: Sensors) -> Followed:
+    """The model of a chain along a trajectory that begins, as it is read, where the servo's does, with its speeds.
 
     Args:
         lumps: of the chain, with those of inertia, and damping where there is any.
         gravity: in m/s².
-        timestep: in s, between two torques, too.
+        timestep: in s, between two torques.
         servo: what drives it.
         sensors: what it sees of it.
-        is_continuous: whether it moves continuously, and not in MuJoCo's steps.
     """
     n = servo.angles.shape[1]
-    zero = np.zeros(n)
     weights = np.ascontiguousarray(gravity * lumps.gravity), np.ascontiguousarray(lumps.coriolis)
-    resisting = np.ascontiguousarray(lumps.of("inertia")), np.ascontiguousarray(lumps.of("damping")), zero.copy()
-    begun = servo.angles[0] - sensors.offset, servo.speeds[0].copy(), zero.copy()
-    chain = AnalyticStep(*begun, *weights, *resisting, np.zeros((n, n)), zero, timestep)
-    space = np.zeros(n, LINK), np.zeros((4 * is_continuous, n))
+    resisting = np.ascontiguousarray(lumps.of("inertia")), np.ascontiguousarray(lumps.of("damping"))
+    begun = servo.angles[0] - sensors.offset, servo.speeds[0].copy(), np.zeros(n)
+    chain = AnalyticStep(*begun, *weights, *resisting, np.zeros((n, n)), np.zeros(n), timestep)
+    space = np.zeros(n, LINK), np.zeros((4, n))
     return recorded(servo, lambda *read: _follow(chain, *space, servo.driven, sensors.seen, *read))
 
 
@@ -122,15 +117,14 @@ def recorded(servo: Servo, run: Callable[[Array, Array, Array], int]) -> Followe
 
 
 @compiled
-def read_and_command(step, qpos, qvel, driven, seen, angles, speeds, torques):  # type: ignore[no-untyped-def]
+def read_and_command(step, qpos, qvel, driven, offset, weights, angles, speeds, torques):  # type: ignore[no-untyped-def]
     """Fills in what is read at a `step`, and what is sent then where it is not the last; whether the rig is still near
     its trajectory.
     """
     wanted, wanted_speeds, forward, gains, bandwidth, stiffness = driven
-    angle_noise, _, weights, _, _ = seen
     count, (steps, n) = weights.shape[0], wanted.shape
     for i in range(n):
-        angles[step, i] = qpos[i] + angle_noise[step, i]
+        angles[step, i] = qpos[i] + offset[i]
         if count == 0:
             speeds[step, i] = qvel[i]
         elif step + 1 >= count:
@@ -158,18 +152,14 @@ def _follow(chain, links, stages, driven, seen, angles, speeds, torques):  # typ
     """Fills `angles`, `speeds` (nstep + 1 x njoint) and `torques` (nstep x njoint); returns the steps before it was
     lost.
     """
-    _, torque_noise, _, delay, tilt = seen
+    offset, weights, delay, tilt = seen
     steps, n = torques.shape
     for step in range(steps + 1):
-        if not read_and_command(step, chain.qpos, chain.qvel, driven, seen, angles, speeds, torques):
+        if not read_and_command(step, chain.qpos, chain.qvel, driven, offset, weights, angles, speeds, torques):
             return step
         if step == steps:
             break
         for i in range(n):
-            chain.torque[i] = torque_noise[step, i] + (torques[step - delay, i] if step >= delay else 0.0)
-        if stages.shape[0] > 0:
-            flow_analytically(chain, links, tilt, stages)
-        else:
-            place(chain, links, tilt)
-            advance_analytically(chain, links)
+            chain.torque[i] = torques[step - delay, i] if step >= delay else 0.0
+        flow_analytically(chain, links, tilt, stages)
     return steps

@@ -8,14 +8,13 @@ on the measured one. Both begin at weighted least squares.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
 from benchmarks.rivals.logs import Log
 from benchmarks.rivals.models import Motion
 from benchmarks.rivals.regression import Beforehand, Rows, motions, rows_of, search_beforehand, weighted, whitened
-from benchmarks.rivals.servo import ideal
+from benchmarks.rivals.servo import Sensors
 from metaid.models import Array
 
 SPANS = (0.4, 0.8)  # of the filters, in natural times: wider and narrower ones are no better
@@ -26,10 +25,8 @@ def simulate(log: Log, parameters: Array, known: Beforehand) -> list[Motion]:
     """The motion of a model under the servo of a log, with the torques of the log, by each filter; none where the model
     cannot follow it.
     """
-    steps, n = log.seen.torques.shape
-    sensors = replace(ideal(steps, n, known.delay, log.weights), offset=known.offset)
-    seen = log.model.follow(parameters, log.servo, sensors)
-    if seen is None or len(seen.torques) < steps or not np.isfinite(seen.angles).all():
+    seen = log.model.follow(parameters, log.servo, Sensors(known.offset, log.weights, known.delay))
+    if seen is None or len(seen.torques) < len(log.seen.torques) or not np.isfinite(seen.angles).all():
         return []
     return motions(log, seen.angles, seen.speeds, known, SPANS)
 

@@ -14,8 +14,6 @@ from benchmarks.rivals.benched import Benched, arm_on_bench, chain_on_bench, out
 from benchmarks.rivals.conditions import CONDITIONS, SHIFT, TURN, Condition
 from benchmarks.rivals.judging import Error, Found, judge_arm, judge_chain
 from benchmarks.rivals.logs import Log, record
-from benchmarks.rivals.pushed import best_trial, output_error
-from benchmarks.rivals.pushed_arm import output_error_of_arm
 from metaid.episode import natural_time
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, PriorDeviations
@@ -38,7 +36,7 @@ class Subject(Protocol):
         """It along exciting trajectories; see `logs.record`."""
         ...
 
-    def pushed(self, method: str, seconds: float) -> Found:
+    def pushed(self, seconds: float) -> Found:
         """What metaid finds by pushes."""
         ...
 
@@ -49,12 +47,11 @@ class Subject(Protocol):
 
 @dataclass(frozen=True)
 class ChainSubject:
-    """The chain of so many `links` that a `seed` means, simulated by MuJoCo's steps or `on_bench`."""
+    """The chain of so many `links` that a `seed` means."""
 
     condition: Condition
     links: int
     seed: int
-    on_bench: bool = False
 
     @cached_property
     def _links(self) -> tuple[Links, Links]:
@@ -67,14 +64,11 @@ class ChainSubject:
         return self.links * (self.links + 1) // 2 + self.links
 
     def record(self, seconds: float, by_drives: bool) -> Log:
-        return record(*self._links, self.condition, seconds, self.seed, by_drives, self.on_bench)
+        return record(*self._links, self.condition, seconds, self.seed, by_drives)
 
-    def pushed(self, method: str, seconds: float) -> Found:
-        if self.on_bench:
-            benched = chain_on_bench(*self._links, self.condition, self.seed)
-            return output_error_on_bench(benched, self.condition, seconds, self.seed)
-        find = {"metaid output-error": output_error, "metaid cmaes": best_trial}[method]
-        return find(*self._links, self.condition, seconds, self.seed)
+    def pushed(self, seconds: float) -> Found:
+        benched = chain_on_bench(*self._links, self.condition, self.seed)
+        return output_error_on_bench(benched, self.condition, seconds, self.seed)
 
     def judge(self, parameters: Array) -> Error:
         true, nominal = (chain_of(links) for links in self._links)
@@ -83,12 +77,11 @@ class ChainSubject:
 
 @dataclass(frozen=True)
 class ArmSubject:
-    """An arm with so many `joints`, whose nominal model a `seed` draws, simulated by MuJoCo's steps or `on_bench`."""
+    """An arm with so many `joints`, whose nominal model a `seed` draws."""
 
     condition: Condition
     joints: int
     seed: int
-    on_bench: bool = False
 
     @cached_property
     def plant(self) -> ArmPlant:
@@ -108,25 +101,22 @@ class ArmSubject:
         return len(self.prior.values)
 
     def record(self, seconds: float, by_drives: bool) -> Log:
-        model = ArmModel(self.prior, self.plant.timestep, self.on_bench)
+        model = ArmModel(self.prior, self.plant.timestep)
         return record_arm(self.plant.tree, model, self.condition, seconds, self.seed, self._benched)
 
     @property
-    def _benched(self) -> Benched | None:
-        return arm_on_bench(self.plant, self.prior, self.condition) if self.on_bench else None
+    def _benched(self) -> Benched:
+        return arm_on_bench(self.plant, self.prior, self.condition)
 
-    def pushed(self, method: str, seconds: float) -> Found:
-        benched = self._benched
-        if benched is not None:
-            return output_error_on_bench(benched, self.condition, seconds, self.seed)
-        return output_error_of_arm(self.plant, self.prior, self.condition, seconds, self.seed)
+    def pushed(self, seconds: float) -> Found:
+        return output_error_on_bench(self._benched, self.condition, seconds, self.seed)
 
     def judge(self, parameters: Array) -> Error:
         return judge_arm(np.asarray(parameters), self.plant.tree, self.prior)
 
 
-def subject_of(condition: str, links: int, seed: int, on_bench: bool = False) -> Subject:
+def subject_of(condition: str, links: int, seed: int) -> Subject:
     """The rig that is meant."""
     if links in ARMS:
-        return ArmSubject(CONDITIONS[condition], links, seed, on_bench)
-    return ChainSubject(CONDITIONS[condition], links, seed, on_bench)
+        return ArmSubject(CONDITIONS[condition], links, seed)
+    return ChainSubject(CONDITIONS[condition], links, seed)

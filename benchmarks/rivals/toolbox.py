@@ -167,6 +167,7 @@ def _spec(model: ChainModel, stiffness: Array, damping: Array) -> mujoco.MjSpec:
     (njoint), in N m/rad, times the angle and `damping` (njoint), in N m s, times the speed.
     """
     spec = build_spec(model.nominal, model.gravity, model.timestep)
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4  # the rig moves continuously
     spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
     for i in range(model.njoint):
         motor = spec.add_actuator(name=f"motor_{i + 1}", target=f"joint_{i + 1}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
