@@ -11,6 +11,7 @@ from metaid.compiled.kalman import (
     Run,
     Spread,
     correct,
+    keep_gain,
     keep_step,
     likelihood_about,
     run_of,
@@ -21,6 +22,7 @@ from metaid.compiled.kalman import (
 from metaid.compiled.law import dahl
 from metaid.compiled.loop import CompiledLoop
 from metaid.compiled.objective import Objective
+from metaid.compiled.products import BLOCK, LANES, multiply, whole
 from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.sharing import share_out
 from metaid.compiled.stages import DirectStep, MujocoStep, fastest_step, mujoco_step
@@ -28,6 +30,8 @@ from metaid.compiled.undocumented import class_of
 from metaid.compiled.validation_loops import coasting_steps, track_compiled
 
 __all__ = [
+    "BLOCK",
+    "LANES",
     "ArmPush",
     "CompiledLoop",
     "DirectStep",
@@ -45,10 +49,12 @@ __all__ = [
     "fastest_loop",
     "fastest_step",
     "fused",
+    "keep_gain",
     "keep_step",
     "law_of",
     "likelihood_about",
     "mujoco_step",
+    "multiply",
     "push_arm",
     "quiet_mujoco",
     "run_of",
@@ -56,5 +62,6 @@ __all__ = [
     "spread_of",
     "track_compiled",
     "weigh",
+    "whole",
     "widen",
 ]

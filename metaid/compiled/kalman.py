@@ -11,30 +11,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.compiled.decorator import compiled, fused
+from metaid.compiled.products import BLOCK, LANES, multiply, whole
 from metaid.models import Array
 
 
 class Spread(NamedTuple):
-    """What the covariance of one push is worked out in, for n joints, angles above speeds: of the state,
-    `state` (2n x 2n); what a step makes of the state before it, `step` (2n x 2n), and of a torque that is held for it,
-    `pushed` (2n x n); and what is free to write in: `carried` (2n x 2n), `changed` (n x 2n), `shared` (2n x n), `root`
-    and `inverse` (n x n).
+    """What covariances of one push are worked out in, for n joints, angles above speeds, and one case or several, each
+    with noise of another size; rows and columns beyond are zero. That of the state in each case, side by side: `state`
+    (2n x ncase 2n). What a step makes of the state before it, `step` (2n x 2n), and of a torque that is held for it,
+    `pushed` (2n x n). Of one case L, L Lᵀ being the covariance of an innovation, `root`, and L⁻ᵀ, `turned` (n x n).
+    Free to write in are `carried` and `across` (2n x ncase width), `changed` (n x ncase width) and `shared` (2n x n).
     """
 
     state: Array
     step: Array
     pushed: Array
+    root: Array
+    turned: Array
     carried: Array
+    across: Array
     changed: Array
     shared: Array
-    root: Array
-    inverse: Array
 
 
-def spread_of(njoint: int) -> Spread:
+def spread_of(njoint: int, cases: int = 1) -> Spread:
     """That of `njoint` joints."""
-    whole, tall, square = (2 * njoint, 2 * njoint), (2 * njoint, njoint), (njoint, njoint)
-    shapes = whole, whole, tall, whole, (njoint, 2 * njoint), tall, square, square
+    n, rows = whole(njoint, BLOCK), whole(2 * njoint, BLOCK)
+    columns = whole(cases * rows, LANES)
+    wide, tall, square = (rows, columns), (rows, n), (n, n)
+    shapes = wide, (rows, rows), tall, square, square, wide, wide, (n, columns), tall
     return Spread(*(np.zeros(shape) for shape in shapes))
 
 
@@ -80,159 +85,169 @@ def keep_step(reading, spread, run):  # type: ignore[no-untyped-def]
 
 @compiled
 def _fill(one, other):  # type: ignore[no-untyped-def]
-    for i in range(one.shape[0]):
-        for j in range(one.shape[1]):
+    """Where `one` has more rows and columns than the `other`, or fewer, these stay."""
+    for i in range(min(one.shape[0], other.shape[0])):
+        for j in range(min(one.shape[1], other.shape[1])):
             one[i, j] = other[i, j]
 
 
 @fused
-def widen(of_force, spread):  # type: ignore[no-untyped-def]
-    """Moves the covariance of the state on by a step, with what noise of its torques makes: A P Aᵀ + Γ Q Γᵀ."""
-    state, step, carried = spread.state, spread.step, spread.carried
-    pushed, changed = spread.pushed, spread.changed
-    n = of_force.shape[0]
-    for r in range(2 * n):
-        for c in range(2 * n):
-            carried[r, c] = 0.0
-        for k in range(2 * n):
-            slope = step[r, k]
+def widen(of_torque, spread):  # type: ignore[no-untyped-def]
+    """Moves the covariances of the state on by a step, with what noise of torques makes of them, whose variances in
+    each case are `of_torque` (ncase x n): A P Aᵀ + Γ Q Γᵀ.
+    """
+    state, step, pushed = spread.state, spread.step, spread.pushed
+    carried, across, changed = spread.carried, spread.across, spread.changed
+    (cases, n), (rows, columns) = of_torque.shape, state.shape
+    carried[:] = 0.0
+    multiply(step, state, carried, 0, columns)
+    for case in range(cases):
+        first = case * rows
+        for r in range(2 * n):
             for c in range(2 * n):
-                carried[r, c] += slope * state[k, c]
-    for r in range(2 * n):
-        for c in range(2 * n):
-            total = 0.0
-            for k in range(2 * n):
-                total += carried[r, k] * step[c, k]
-            state[r, c] = total
-    for r in range(2 * n):
-        for j in range(n):
-            total = 0.0
-            for k in range(n):
-                total += pushed[r, k] * of_force[k, j]
-            changed[0, j] = total
-        for c in range(2 * n):
+                across[c, first + r] = carried[r, first + c]
             for j in range(n):
-                state[r, c] += changed[0, j] * pushed[c, j]
+                changed[j, first + r] = of_torque[case, j] * pushed[r, j]
+    state[:] = 0.0
+    multiply(step, across, state, 0, columns)
+    multiply(pushed, changed, state, 0, columns)
 
 
 @compiled
-def weigh(of_reading, spread):  # type: ignore[no-untyped-def]
-    """Fills `inverse` with L⁻¹, L Lᵀ being the covariance of the innovation; returns its determinant's logarithm."""
-    state, root, inverse = spread.state, spread.root, spread.inverse
-    n, logarithm = root.shape[0], 0.0
+def weigh(case, of_reading, spread):  # type: ignore[no-untyped-def]
+    """Fills `turned` with L⁻ᵀ, L Lᵀ being the covariance of the innovation in a `case`; returns its determinant's
+    logarithm.
+    """
+    state, root, turned = spread.state, spread.root, spread.turned
+    n, first, logarithm = of_reading.shape[0], case * state.shape[0], 0.0
     for i in range(n):
         for j in range(i + 1):
-            total = 0.5 * (state[i, j] + state[j, i]) + of_reading[i, j]
+            total = 0.5 * (state[i, first + j] + state[j, first + i]) + of_reading[i, j]
             for k in range(j):
                 total -= root[i, k] * root[j, k]
-            root[i, j] = np.sqrt(total) if i == j else total / root[j, j]
+            root[i, j] = np.sqrt(total) if i == j else total * turned[j, j]
         logarithm += 2.0 * np.log(root[i, i])
-        for j in range(i + 1):
-            total = 1.0 if i == j else 0.0
+        turned[i, i] = 1.0 / root[i, i]
+        for j in range(i):
+            total = 0.0
             for k in range(j, i):
-                total -= root[i, k] * inverse[k, j]
-            inverse[i, j] = total / root[i, i]
+                total -= root[i, k] * turned[j, k]
+            turned[j, i] = total * turned[i, i]
     return logarithm
 
 
 @fused
-def correct(seen, spread, angle, speed, run):  # type: ignore[no-untyped-def]
-    """Sets the state, `angle` and `speed` (n each), right by a reading and lowers its covariance; returns the square of
-    the whitened innovation.
+def correct(case, seen, spread, angle, speed, missed):  # type: ignore[no-untyped-def]
+    """Sets the state, `angle` and `speed` (n each), right by a reading and lowers its covariance in a `case`; returns
+    the square of the whitened innovation.
 
-    With P the covariance of the state, B = P Cᵀ L⁻ᵀ, and w the whitened innovation: the gain is B L⁻¹, P less B Bᵀ.
+    With P the covariance of the state, B = P Cᵀ L⁻ᵀ, and w the whitened innovation: the state moves by −B w, and P is
+    lowered by B Bᵀ.
 
     Args:
+        case: one of those of the `spread`.
         seen: the reading (n).
-        spread: the covariance, with `inverse` as `weigh` has filled it in.
+        spread: the covariances, with `turned` as `weigh` has filled it in; keeps B as `shared`.
         angle: of the state (n).
         speed: of the state (n).
-        run: the gain (2n x n), the weight L⁻¹ (n x n) and the innovation (n) of this reading, filled in.
+        missed: the innovation (n) of this reading, filled in.
     """
-    gain, weight, missed = run
-    state, inverse, shared = spread.state, spread.inverse, spread.shared
-    n, squares = inverse.shape[0], 0.0
-    for i in range(n):
-        for j in range(n):
-            weight[i, j] = inverse[i, j] if j <= i else 0.0
+    state, turned, shared, changed = spread.state, spread.turned, spread.shared, spread.changed
+    n, rows, squares = angle.shape[0], state.shape[0], 0.0
+    first = case * rows
     for r in range(2 * n):
         for j in range(n):
             total = 0.0
             for k in range(j + 1):
-                total += state[r, k] * inverse[j, k]
+                total += state[r, first + k] * turned[k, j]
             shared[r, j] = total
-        for j in range(n):
-            total = 0.0
-            for k in range(j, n):
-                total += shared[r, k] * inverse[k, j]
-            gain[r, j] = total
-    for r in range(2 * n):
-        for c in range(2 * n):
-            for j in range(n):
-                state[r, c] -= shared[r, j] * shared[c, j]
+            changed[j, first + r] = -total
+    multiply(shared, changed, state, first, first + rows)
     for j in range(n):
         missed[j] = angle[j] - seen[j]
     for i in range(n):
-        total = 0.0
+        whitened = 0.0
         for j in range(i + 1):
-            total += inverse[i, j] * missed[j]
-        squares += total * total
-        for j in range(n):
-            angle[i] -= gain[i, j] * missed[j]
-            speed[i] -= gain[n + i, j] * missed[j]
+            whitened += turned[j, i] * missed[j]
+        squares += whitened * whitened
+        for r in range(n):
+            angle[r] -= shared[r, i] * whitened
+            speed[r] -= shared[n + r, i] * whitened
     return squares
+
+
+@compiled
+def keep_gain(reading, spread, run):  # type: ignore[no-untyped-def]
+    """Keeps the gain B L⁻¹ of a `reading` of a push in its `run`, and the weight L⁻¹."""
+    gain, weight, turned, shared = run.gains[reading], run.weights[reading], spread.turned, spread.shared
+    n = weight.shape[0]
+    for j in range(n):
+        for i in range(n):
+            weight[i, j] = turned[j, i] if j <= i else 0.0
+        for r in range(2 * n):
+            total = 0.0
+            for k in range(j, n):
+                total += shared[r, k] * turned[j, k]
+            gain[r, j] = total
 
 
 def likelihood_about(
     run: Run, begins: Array, noise: tuple[Array, Array], steps: NDArray[np.int64], pushes: NDArray[np.intp]
-) -> float:
-    """The logarithm of the likelihood of `pushes`, but for a constant, by a filter for `noise` of other sizes than that
-    of a `run` whose steps are kept: to first order in how far its states are from those of the run.  Eq. 37.
+) -> Array:
+    """The logarithm of the likelihood of `pushes` in each case (ncase), but for a constant, by a filter for `noise` of
+    other sizes than that of a `run` whose steps are kept: to first order in how far its states are from those of the
+    run.  Eq. 37.
 
     Args:
         run: of the other filter.
         begins: covariance of the states at the starts (npush x 2n x 2n).
-        noise: covariances of a reading and of the torques that are held for a step (n x n each).
+        noise: covariance of a reading (n x n), and variances of the torques in each case (ncase x n).
         steps: for how many each push is followed (npush).
         pushes: their numbers.
     """
-    n = begins.shape[1] // 2
-    room = np.zeros((2, n)), (np.zeros((2 * n, n)), np.zeros((n, n)), np.zeros(n))
-    return float(_likelihood_about(run, begins, noise, steps, pushes, spread_of(n), room))
+    cases, n = noise[1].shape
+    totals = np.zeros(cases)
+    room = np.zeros((2, cases, n)), np.zeros((2, n))
+    _likelihood_about(run, begins, noise, steps, pushes, spread_of(n, cases), room, totals)
+    return 0.5 * totals
 
 
 @compiled
-def _likelihood_about(run, begins, noise, steps, pushes, spread, room):  # type: ignore[no-untyped-def]
-    (of_reading, of_force), (away, own), total = noise, room, 0.0
-    n, seen = of_reading.shape[0], own[2]
+def _likelihood_about(run, begins, noise, steps, pushes, spread, room, totals):  # type: ignore[no-untyped-def]
+    of_reading, of_torque = noise
+    (angles, speeds), (seen, missed) = room
+    n, rows = of_reading.shape[0], spread.state.shape[0]
     for push in pushes:
-        _fill(spread.state, begins[push])
-        for i in range(n):
-            away[0, i] = away[1, i] = 0.0
+        for case in range(totals.shape[0]):
+            _fill(spread.state[:, case * rows : (case + 1) * rows], begins[push])
+        angles[:] = 0.0
+        speeds[:] = 0.0
         for reading in range(steps[push] + 1):
             if reading > 0:
                 _fill(spread.step, run.steps[push, reading - 1])
                 _fill(spread.pushed, run.pushed[push, reading - 1])
-                _move(spread, away)
-                widen(of_force, spread)
+                widen(of_torque, spread)
             for i in range(n):
                 seen[i] = -run.missed[push, reading, i]
-            total -= weigh(of_reading, spread)
-            total -= correct(seen, spread, away[0], away[1], own)
-            for i in range(n):
-                for j in range(n):
-                    away[0, i] += run.gains[push, reading, i, j] * run.missed[push, reading, j]
-                    away[1, i] += run.gains[push, reading, n + i, j] * run.missed[push, reading, j]
-    return 0.5 * total
+            for case in range(totals.shape[0]):
+                angle, speed = angles[case], speeds[case]
+                if reading > 0:
+                    _move(spread, angle, speed)
+                totals[case] -= weigh(case, of_reading, spread)
+                totals[case] -= correct(case, seen, spread, angle, speed, missed)
+                for i in range(n):
+                    for j in range(n):
+                        angle[i] += run.gains[push, reading, i, j] * run.missed[push, reading, j]
+                        speed[i] += run.gains[push, reading, n + i, j] * run.missed[push, reading, j]
 
 
 @compiled
-def _move(spread, away):  # type: ignore[no-untyped-def]
-    """Moves how far a state is `away` (2 x n) from another on by a step."""
-    step, moved, n = spread.step, spread.carried[0], away.shape[1]
+def _move(spread, angle, speed):  # type: ignore[no-untyped-def]
+    """Moves on by a step how far a state is from another: `angle` and `speed` (n each)."""
+    step, moved, n = spread.step, spread.carried[0], angle.shape[0]
     for r in range(2 * n):
         moved[r] = 0.0
         for i in range(n):
-            moved[r] += step[r, i] * away[0, i] + step[r, n + i] * away[1, i]
+            moved[r] += step[r, i] * angle[i] + step[r, n + i] * speed[i]
     for i in range(n):
-        away[0, i], away[1, i] = moved[i], moved[n + i]
+        angle[i], speed[i] = moved[i], moved[n + i]

@@ -102,12 +102,14 @@ def test_likelihood_of_other_sizes_follows_from_one_run() -> None:
     innovations, true = innovations_of(2, 1)
     (one, *_), sizes = innovations.filters(np.append(true, np.zeros(innovations.extras)), 48), np.full(2, TORQUE_NOISE)
     likelihood = one.likelihood_about(sizes)
-    assert likelihood(sizes, EVERY) == pytest.approx(one.gains(sizes).likelihood, abs=1e-6)
     other = sizes * [1.5, 0.7]
+    (same, less), alone = likelihood(np.array([sizes, other]), EVERY), other[None]
+    assert same == pytest.approx(one.gains(sizes).likelihood, abs=1e-6)
     lost = one.gains(sizes).likelihood - one.gains(other).likelihood
     assert lost > 1.0
-    assert likelihood(other, ONE) + likelihood(other, OTHERS) == pytest.approx(likelihood(other, EVERY))
-    assert likelihood(sizes, EVERY) - likelihood(other, EVERY) == pytest.approx(lost, rel=1e-2)
+    assert likelihood(alone, ONE) + likelihood(alone, OTHERS) == pytest.approx(likelihood(alone, EVERY))
+    assert likelihood(alone, EVERY) == pytest.approx([less])
+    assert same - less == pytest.approx(lost, rel=1e-2)
 
 
 def test_what_the_filter_finds_of_a_push_depends_on_no_other() -> None:

@@ -93,7 +93,7 @@ def _without(readings: Readings, estimate: Found) -> float:
     if estimate.faults is None:
         return estimate.misfit
     try:
-        return float(fit(readings, estimate.unknowns, 0).misfit)
+        return float(fit(readings, estimate.unknowns, -1).misfit)
     except ValueError:
         return np.inf
 

@@ -23,7 +23,7 @@ FLAT = 0.5  # of the logarithm of the likelihood by that of a size: noise so sma
 
 HALVES = slice(0, None, 2), slice(1, None, 2)  # of pushes, which threads share
 
-Likelihood = Callable[[Array, slice], float]  # its logarithm, by the sizes (njoint), of which pushes
+Likelihood = Callable[[Array, slice], Array]  # its logarithm (ncase), by the sizes (ncase x njoint), of which pushes
 
 
 def fit_with_torque_noise(
@@ -112,16 +112,16 @@ def _step(parts: list[Likelihood], logarithms: Array, direction: Array, needed: 
         needed: logarithms of what each joint needs for an acceleration (njoint).
         multiplications: that all `parts` need for one of the three points, roughly.
     """
-    tried = [logarithms + step * direction for step in (-APART, 0.0, APART)]
-    told = np.empty((len(tried), len(parts), len(HALVES)))
+    tried = logarithms + np.array([-APART, 0.0, APART])[:, None] * direction
+    told = np.empty((len(parts), len(HALVES), len(tried)))
 
     def run(numbers: Iterator[int]) -> None:
         for number in numbers:
-            point, part, half = np.unravel_index(number, told.shape)
-            told[point, part, half] = parts[part](np.exp(tried[point]), HALVES[half])
+            part, half = divmod(number, len(HALVES))
+            told[part, half] = parts[part](np.exp(tried), HALVES[half])
 
-    share_out(run, told.size, len(tried) * multiplications)
-    less, here, more = (float(own.sum()) + _log_prior(each - needed) for own, each in zip(told, tried, strict=True))
+    share_out(run, len(parts) * len(HALVES), len(tried) * multiplications)
+    less, here, more = told.sum(axis=(0, 1)) + np.array([_log_prior(each - needed) for each in tried])
     slope, curvature = (more - less) / (2.0 * APART), (more - 2.0 * here + less) / APART**2
     if not np.isfinite(slope + curvature) or (slope < 0.0 and slope > -FLAT):
         return 0.0

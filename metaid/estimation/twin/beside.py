@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from metaid.compiled import fused
+from metaid.compiled import fused, multiply
 from metaid.estimation.twin.joints import builds_up, by_presliding, joint_state, twist_by_slips
 from metaid.estimation.twin.kernels import turn_base
-from metaid.estimation.twin.tangent import multiply
 
 
 @fused

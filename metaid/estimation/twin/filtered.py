@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from metaid.compiled import compiled, correct, fused, keep_step, weigh, widen
+from metaid.compiled import compiled, correct, fused, keep_gain, keep_step, weigh, widen
 from metaid.estimation.twin.flow import flow
 from metaid.estimation.twin.joints import begin_slips
 from metaid.estimation.twin.kernels import accelerate, linearise
@@ -32,14 +32,15 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
         balance: of a kernel, without a law.
         settings: timestep of each step (nstep), in s; how many timesteps a step has; whether the plant moves
             continuously.
-        noise: covariances of a reading, in rad², and of the forces, in (N m)² (njoint x njoint each).
+        noise: covariance of a reading (njoint x njoint), in rad²; forces by torques (njoint x njoint); and variances of
+            the torques (1 x njoint), in (N m)².
         steps: for how many the push is followed.
         work: see `workspace`.
         spread: see `Spread`.
         run: a push of a `Run`, filled in.
     """
     timesteps, substeps, is_continuous = settings
-    of_reading, of_force = noise
+    of_reading, by_torque, of_torque = noise
     n = start.shape[1]
     set_off(start, 0, 0, work)
     for i in range(2 * n):
@@ -70,14 +71,30 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
                         return np.nan, np.nan
                 elif not move(timestep, work):
                     return np.nan, np.nan
-            widen(of_force, spread)
+            _by_torques(by_torque, spread)
+            widen(of_torque, spread)
             keep_step(reading, spread, run)
-        logarithm += weigh(of_reading, spread)
-        own = run.gains[reading], run.weights[reading], run.missed[reading]
-        squares += correct(readings[reading], spread, work.angle, work.speed, own)
+        logarithm += weigh(0, of_reading, spread)
+        squares += correct(0, readings[reading], spread, work.angle, work.speed, run.missed[reading])
+        keep_gain(reading, spread, run)
         for i in range(n):
             run.states[reading, i], run.states[reading, n + i] = work.angle[i], work.speed[i]
     return squares, logarithm
+
+
+@fused
+def _by_torques(by_torque, spread):  # type: ignore[no-untyped-def]
+    """Makes `pushed`, which is by forces, by torques, whose forces are `by_torque` (n x n)."""
+    pushed, shared, n = spread.pushed, spread.shared, by_torque.shape[0]
+    for r in range(2 * n):
+        for j in range(n):
+            total = 0.0
+            for k in range(n):
+                total += pushed[r, k] * by_torque[k, j]
+            shared[r, j] = total
+    for r in range(2 * n):
+        for j in range(n):
+            pushed[r, j] = shared[r, j]
 
 
 @fused

@@ -41,19 +41,16 @@ class Filter:
     """A filter through some pushes of a trial, in whichever coordinates the twin has.
 
     Attributes:
-        run: through all of them, by the covariances of a reading and of the forces of a step, and by whether its steps
-            are kept.
-        of_reading: the first of these (njoint x njoint).
-        forces: of the torques (njoint x njoint).
+        run: through all of them, by the variances of the torques (1 x njoint), and by whether its steps are kept.
+        of_reading: covariance of a reading (njoint x njoint).
         begins: covariance of the states at the starts (npush x 2 njoint x 2 njoint).
         steps: for how many each push is followed (npush).
         pushes: their numbers.
         joints: coordinates and speeds of joints, by states.
     """
 
-    run: Callable[[tuple[Array, Array], bool], Run]
+    run: Callable[[Array, bool], Run]
     of_reading: Array
-    forces: Array
     begins: Array
     steps: NDArray[np.int64]
     pushes: NDArray[np.intp]
@@ -61,17 +58,19 @@ class Filter:
 
     def gains(self, torque_noise: Array) -> Gains:
         """Where the noise of each joint's torque has these standard deviations (njoint), in N m or N."""
-        found = self.run(self._noise(torque_noise), False)
+        found = self.run(torque_noise[None] ** 2, False)
         return Gains(found.gains, found.weights, self.joints(found.states), -0.5 * float(found.sums.sum()))
 
-    def likelihood_about(self, torque_noise: Array) -> Callable[[Array, slice], float]:
-        """The logarithm of the likelihood of some of the pushes, but for a constant, by standard deviations near these
-        (njoint), in N m or N: all by steps that are linearised along one run.  Eq. 37.
+    def likelihood_about(self, torque_noise: Array) -> Callable[[Array, slice], Array]:
+        """The logarithm of the likelihood of some of the pushes, but for a constant, by several standard deviations
+        (ncase x njoint) near these (njoint), in N m or N (ncase): all by steps that are linearised along one run.
+        Eq. 37.
         """
-        run = self.run(self._noise(torque_noise), True)
+        run = self.run(torque_noise[None] ** 2, True)
         if not np.isfinite(run.sums).all():
-            return lambda *_: float("nan")
-        return lambda other, some: likelihood_about(run, self.begins, self._noise(other), self.steps, self.pushes[some])
+            return lambda cases, _: np.full(len(cases), np.nan)
 
-    def _noise(self, torque_noise: Array) -> tuple[Array, Array]:
-        return self.of_reading, np.ascontiguousarray((self.forces * torque_noise**2) @ self.forces.T)
+        def likelihood(cases: Array, some: slice) -> Array:
+            return likelihood_about(run, self.begins, (self.of_reading, cases**2), self.steps, self.pushes[some])
+
+        return likelihood

@@ -5,15 +5,11 @@
 G = ∂(F − M α)/∂φ with α held, H = ∂F/∂ω, and Y_p = ∂(F − M α)/∂p with the state held, as the kernel has them. So the
 derivative is that of the discrete motion. All unknowns share M⁻¹G and M⁻¹H, so a step costs 2 njoint² multiplications
 an unknown, in loops over neighbouring unknowns.
-
-Loops run along slices. Only of a slice does the compiler know that no index is negative, and only then does it use
-vector instructions.
 """
 
 from __future__ import annotations
 
-from metaid.compiled import fused
-from metaid.estimation.twin.workspace import BLOCK
+from metaid.compiled import fused, multiply
 
 TILE = 512  # unknowns that a step treats together, so that their derivatives stay in the nearer caches
 
@@ -59,36 +55,6 @@ def _close(work):  # type: ignore[no-untyped-def]
     for i in range(n):
         for j in range(2 * n):
             work.closed[i, j] = work.solved[i, n + j]
-
-
-@fused
-def multiply(closed, moved, changed, low, high):  # type: ignore[no-untyped-def]
-    """Adds a product of matrices. Their rows are multiples of BLOCK: a block's sixteen numbers stay in registers while
-    its loop runs along the unknowns.
-
-    Args:
-        closed: the first factor (nrow x ninner).
-        moved: the second (ninner x ncolumn).
-        changed: what the product is added to (nrow x ncolumn).
-        low: the first column that is treated.
-        high: the first column that is not, behind it.
-    """
-    for r in range(0, closed.shape[0], BLOCK):
-        row0, row1 = changed[r, low:high], changed[r + 1, low:high]
-        row2, row3 = changed[r + 2, low:high], changed[r + 3, low:high]
-        for j in range(0, closed.shape[1], BLOCK):
-            from0, from1 = moved[j, low:high], moved[j + 1, low:high]
-            from2, from3 = moved[j + 2, low:high], moved[j + 3, low:high]
-            a0, a1, a2, a3 = closed[r, j], closed[r, j + 1], closed[r, j + 2], closed[r, j + 3]
-            b0, b1, b2, b3 = closed[r + 1, j], closed[r + 1, j + 1], closed[r + 1, j + 2], closed[r + 1, j + 3]
-            c0, c1, c2, c3 = closed[r + 2, j], closed[r + 2, j + 1], closed[r + 2, j + 2], closed[r + 2, j + 3]
-            d0, d1, d2, d3 = closed[r + 3, j], closed[r + 3, j + 1], closed[r + 3, j + 2], closed[r + 3, j + 3]
-            for p in range(row0.shape[0]):
-                x, y, z, w = from0[p], from1[p], from2[p], from3[p]
-                row0[p] += a0 * x + a1 * y + a2 * z + a3 * w
-                row1[p] += b0 * x + b1 * y + b2 * z + b3 * w
-                row2[p] += c0 * x + c1 * y + c2 * z + c3 * w
-                row3[p] += d0 * x + d1 * y + d2 * z + d3 * w
 
 
 @fused

@@ -162,13 +162,15 @@ class Twin(ABC):
         """A filter through some pushes of a trial (Eq. 35), with what `joints` have beside the parameters."""
         trial, starts, begins, pushes = filtered
         npush, nreading, n = trial.readings.shape
+        by_torque = np.ascontiguousarray(self._torques)
         links, both = self.links, np.kron(np.eye(2), self.links)
         of_reading = (links * trial.noise**2) @ links.T
         covariances, seen = np.ascontiguousarray(both @ begins @ both.T), trial.readings @ links.T
         forces, (balance, _) = self._forces(trial), self.alone.driven(trial, joints, NOTHING_FURTHER)
         multiplications = int(trial.steps[pushes].sum()) * trial.substeps * 20 * n**3 * _stages(trial)
 
-        def run(noise: tuple[Array, Array], is_kept: bool) -> Run:
+        def run(of_torque: Array, is_kept: bool) -> Run:
+            noise = of_reading, by_torque, of_torque
             found = run_of(npush, nreading, n, is_kept)
 
             def share(numbers: Iterator[int]) -> None:
@@ -183,7 +185,7 @@ class Twin(ABC):
             return found
 
         to_joints = np.kron(np.eye(2), np.linalg.inv(links))
-        return Filter(run, of_reading, self._torques, covariances, trial.steps, pushes, lambda each: each @ to_joints.T)
+        return Filter(run, of_reading, covariances, trial.steps, pushes, lambda each: each @ to_joints.T)
 
     def _forces(self, trial: ReadTrial) -> Array:
         """What was commanded at each step (npush x nstep x njoint), in the kernel's coordinates."""

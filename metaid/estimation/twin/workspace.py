@@ -10,11 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from metaid.compiled import BLOCK, LANES, whole
 from metaid.estimation.trials import PRESLIDING, Further, Joints
 from metaid.models import Array
 
-BLOCK = 4  # rows and columns that are multiplied at once, held in registers
-LANES = 8  # numbers in one instruction, at most
 # What joints have that is unknown, in this order: of dry friction also the way over which it builds up.
 KINDS = ("viscous", "dry", "spring", "cosine", "sine", "rotor", "straight", "lean", "presliding")
 
@@ -86,7 +85,7 @@ def workspace(
         is_continuous: whether it takes Runge-Kutta steps.
     """
     n = len(below)
-    rows, inner, columns = _up(n, BLOCK), _up(2 * n, BLOCK), _up(nunknown, LANES)
+    rows, inner, columns = whole(n, BLOCK), whole(2 * n, BLOCK), whole(nunknown, LANES)
     of_energies, of_stages = (n * energies, columns), (inner, columns * is_continuous)
     angle, speed, acceleration, start, speed_energy, acceleration_energy, free = (np.zeros(n) for _ in range(7))
     return Workspace(
@@ -145,8 +144,3 @@ def no_joints(njoint: int, tilts: int) -> Joints:
     """
     none = np.zeros(njoint)
     return Joints(none, none, none, none, np.zeros(tilts), none, np.array([PRESLIDING]), np.zeros((3, njoint)))
-
-
-def _up(count: int, whole: int) -> int:
-    """`count`, or the next multiple of `whole`: blocks then have no remainder."""
-    return -(-count // whole) * whole
