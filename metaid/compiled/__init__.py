@@ -19,7 +19,6 @@ from metaid.compiled.kalman import (
     weigh,
     widen,
 )
-from metaid.compiled.law import dahl
 from metaid.compiled.loop import CompiledLoop
 from metaid.compiled.objective import Objective
 from metaid.compiled.products import BLOCK, LANES, multiply, whole
@@ -45,7 +44,6 @@ __all__ = [
     "coasting_steps",
     "compiled",
     "correct",
-    "dahl",
     "fastest_loop",
     "fastest_step",
     "fused",

@@ -102,17 +102,3 @@ def has_fallen(angle, speed, fastest, timestep, limit, turn):  # type: ignore[no
     """
     # An angle that is not finite follows from a speed that is not, so the speed's own clause catches it.
     return not (abs(angle) <= limit or abs(speed) <= fastest) or not abs(speed) * timestep <= turn
-
-
-@compiled
-def dahl(share, moved, speed, presliding):  # type: ignore[no-untyped-def]
-    """The share of its dry friction that a joint has, −1 to 1, by Dahl's law.  Eq. 67.
-
-    Args:
-        share: that it had before.
-        moved: by how much it has moved since, in rad or m.
-        speed: of the joint, whose direction counts where it has not moved.
-        presliding: over what way friction builds up, in rad or m.
-    """
-    goal = np.sign(moved) if moved != 0.0 else np.sign(speed)
-    return goal + (share - goal) * np.exp(-abs(moved) / presliding)

@@ -266,7 +266,8 @@ def fit(
     Args:
         comparison: what is compared with the twin.
         start: unknowns of the robot, with faults behind them (nunknown), to try before the nominal model, such as
-            those of the estimate before; None for where fits to such a robot begin.
+            those of the estimate before, and perhaps those that concern one push alone (nextra); None for where fits to
+            such a robot begin.
         restarts: how often the fit may begin at a random point of the prior, where the misfit says that it ended in a
             wrong minimum.
         seed: of these points; the same seed gives the same estimate.

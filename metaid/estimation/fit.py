@@ -108,7 +108,8 @@ def find(
 
     Args:
         comparison: what is compared with the twin.
-        start: unknowns (nunknown) to try before the nominal model, such as those of the estimate before.
+        start: unknowns (nunknown) to try before the nominal model, such as those of the estimate before, and perhaps
+            those that concern one push alone (nextra).
         restarts: how often the fit may begin at a random point of the prior, where the misfit says that it ended in a
             wrong minimum.
         seed: of these points; the same seed gives the same estimate.
@@ -118,7 +119,8 @@ def find(
     iterations = starts = 0
     for point in starting_points(comparison, start, restarts, seed):
         most = MOST_EXACT if restarts >= 0 else MOST_EXPLAINING if explains else MOST_ALONE
-        found = grow(comparison, np.append(point, np.zeros(comparison.extras)), most, explains)
+        missing = len(comparison.spreads) + comparison.extras - len(point)
+        found = grow(comparison, np.append(point, np.zeros(missing)), most, explains)
         if found is None:
             continue
         starts += 1

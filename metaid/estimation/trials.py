@@ -119,6 +119,20 @@ class ReadTrial:
         own: dict[str, Any] = {name: each[pushes] for name, each in known.items()}
         return replace(self, **own)
 
+    def thinned(self, every: int) -> ReadTrial:
+        """The same with one reading in so many, and the mean of the torques between."""
+        npush, nstep, n = self.torques.shape
+        count = nstep // every
+        torques, read = self.torques[:, : count * every], slice(0, count * every + 1, every)
+        return replace(
+            self,
+            timestep=every * self.timestep,
+            readings=self.readings[:, read].copy(),
+            torques=torques.reshape(npush, count, every, n).mean(axis=2),
+            steps=self.steps // every,
+            times=None if self.times is None else self.times[:, read].copy(),
+        )
+
     @property
     def extras(self) -> int:
         """How many start speeds, and coordinates, are unknown."""

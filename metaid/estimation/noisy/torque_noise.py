@@ -27,7 +27,11 @@ Likelihood = Callable[[Array, slice], Array]  # its logarithm (ncase), by the si
 
 
 def fit_with_torque_noise(
-    innovations: Innovations, start: Array | None, torque_noise: Array, rounds: int = MOST_ROUNDS
+    innovations: Innovations,
+    start: Array | None,
+    torque_noise: Array,
+    rounds: int = MOST_ROUNDS,
+    begins_anew: bool = False,
 ) -> Found:
     """The robot that all trials lead to where noise of the torques moves it, too, and the size of that noise.
 
@@ -41,6 +45,8 @@ def fit_with_torque_noise(
             a robot begin.
         torque_noise: what the noise of each joint's torque is thought to be (njoint), in N m.
         rounds: at most.
+        begins_anew: whether pushes begin in each round as they were to, which may lead out of a wrong minimum; by
+            default they begin as they did in the end of the round before.
 
     Raises:
         ValueError: the twin cannot follow the trials.
@@ -55,7 +61,7 @@ def fit_with_torque_noise(
         led = innovations.led(point, sizes)
         if led is None:
             raise ValueError("the twin cannot follow the readings")
-        before, found = best, replace(fit(led, point[:count], -1), torque_noise=sizes)
+        before, found = best, replace(fit(led, point[:count] if begins_anew else point, -1), torque_noise=sizes)
         point = found.point
         likelihood = innovations.likelihood(point, sizes, PUSHES)
         if best is None or likelihood > most_likely:

@@ -29,6 +29,7 @@ NEGLIGIBLE, NOTHING = 1e-3, 3.0  # of the noise that was found, and in the logar
 ROUNDS_EACH = 3  # of gains and unknowns in turn
 ENOUGH = 0.2  # of cost: a step of a fit that is tried and promises less moves no likelihood by as much as a fault earns
 OUT, OF = 1, 3  # of so many pushes that one is left out
+DENSEST = 2e-3  # s between readings: closer ones say little more of what is missing
 MOST_WORK = 1_500_000  # readings of joints, times unknowns, that a fit with faults is tried on
 
 
@@ -98,7 +99,8 @@ class Combining:
             assert before.found.torque_noise is not None
             start, noise = begin_with(before.found, faults), before.found.torque_noise
         try:
-            found = fit_with_torque_noise(replace(self.kept, faults=faults), start, noise, ROUNDS_EACH)
+            kept = replace(self.kept, faults=faults)
+            found = fit_with_torque_noise(kept, start, noise, ROUNDS_EACH, begins_anew=True)
         except ValueError:
             return None
         left = replace(self.left, faults=faults)
@@ -210,9 +212,14 @@ class Combining:
 
 
 def combining_of(readings: Readings, search: Search, torque_noise: Array) -> Combining | None:
-    """The pushes in two parts; None where there are too few."""
-    led = replace(led_by(readings), least_gain=ENOUGH)
-    is_tried, is_out = parts_of(readings)
+    """The pushes in two parts, of a real plant with readings no closer than DENSEST; None where there are too few."""
+    trials = [
+        trial.thinned(max(int(DENSEST / (trial.timestep * trial.substeps)), 1)) if trial.is_continuous else trial
+        for trial in readings.trials
+    ]
+    thinned = replace(readings, trials=trials)
+    led = replace(led_by(thinned), least_gain=ENOUGH)
+    is_tried, is_out = parts_of(thinned)
     try:
         return Combining(
             only_pushes(led, is_tried & ~is_out), only_pushes(led, is_tried & is_out), search, torque_noise

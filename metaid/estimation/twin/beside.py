@@ -8,8 +8,6 @@ Eq. 23 says what that does, but for joints, which do not.
 
 from __future__ import annotations
 
-import numpy as np
-
 from metaid.compiled import fused, multiply
 from metaid.estimation.twin.joints import builds_up, by_presliding, joint_state, twist_by_slips
 from metaid.estimation.twin.kernels import turn_base
@@ -83,8 +81,7 @@ def _of_units(joint, balance, work):  # type: ignore[no-untyped-def]
     bent, by_angle = angle - balance.straight[joint], 0.0
     if balance.presliding > 0.0:
         by_angle = -balance.dry[joint] * builds_up(joint, balance, work)
-    phase = balance.cogging[2, joint] * bent
-    cosine, sine = np.cos(phase), np.sin(phase)
+    cosine, sine = work.teeth[0, joint], work.teeth[1, joint]
     teeth = balance.cogging[1, joint] * cosine - balance.cogging[0, joint] * sine
     spring, units = balance.spring[joint] + balance.cogging[2, joint] * teeth, work.units
     units[0], units[1], units[2] = -speed, -work.slip[2, joint], -bent

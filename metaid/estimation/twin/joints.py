@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from metaid.compiled import compiled, dahl, fused
+from metaid.compiled import compiled, fused
 from metaid.models import SLIDING
 
 
@@ -23,7 +23,7 @@ def joint_state(joint, work):  # type: ignore[no-untyped-def]
 
 @compiled
 def joint_force(joint, balance, work):  # type: ignore[no-untyped-def]
-    """The torque in a joint, in N m; keeps the share of dry friction.
+    """The torque in a joint, in N m; keeps the share of dry friction, and what cogging's derivatives need.
 
     Args:
         joint: which, from 0.
@@ -35,7 +35,9 @@ def joint_force(joint, balance, work):  # type: ignore[no-untyped-def]
     force = balance.damping[joint] * speed + balance.coulomb[joint] * share + balance.spring[joint] * bent
     if balance.cogging[2, joint] != 0.0:
         phase = balance.cogging[2, joint] * bent
-        force += balance.cogging[0, joint] * np.cos(phase) + balance.cogging[1, joint] * np.sin(phase)  # Eq. 42
+        cosine, sine = np.cos(phase), np.sin(phase)
+        work.teeth[0, joint], work.teeth[1, joint] = cosine, sine
+        force += balance.cogging[0, joint] * cosine + balance.cogging[1, joint] * sine  # Eq. 42
     if balance.presliding > 0.0:
         force -= _slipping(joint, angle, speed, balance, work)
     else:
@@ -45,10 +47,13 @@ def joint_force(joint, balance, work):  # type: ignore[no-untyped-def]
 
 @compiled
 def _slipping(joint, angle, speed, balance, work):  # type: ignore[no-untyped-def]
-    """Dry friction, in N m, in a joint, by Dahl's law from where the step began (Eq. 67); keeps its share."""
-    share = dahl(work.slip[0, joint], angle - work.slip[1, joint], speed, balance.presliding)
-    work.slip[2, joint] = share
-    return balance.dry[joint] * share
+    """Dry friction, in N m, in a joint, by Dahl's law from where the step began (Eq. 67); keeps its share. Where the
+    joint has not moved since, the direction of its speed counts.
+    """
+    slip, moved = work.slip, angle - work.slip[1, joint]
+    goal, left = np.sign(moved) if moved != 0.0 else np.sign(speed), np.exp(-abs(moved) / balance.presliding)
+    slip[2, joint], slip[3, joint] = goal + (slip[0, joint] - goal) * left, left
+    return balance.dry[joint] * slip[2, joint]
 
 
 @fused
@@ -59,12 +64,10 @@ def slopes_of_joints(balance, work):  # type: ignore[no-untyped-def]
     solved = work.solved
     n = work.speed.shape[0]
     for i in range(n):
-        angle, speed = joint_state(i, work)
-        slope, spring = balance.damping[i], balance.spring[i]
+        speed, slope, spring = joint_state(i, work)[1], balance.damping[i], balance.spring[i]
         slope += balance.coulomb[i] / SLIDING if abs(speed) < SLIDING else 0.0
         if balance.cogging[2, i] != 0.0:
-            phase = balance.cogging[2, i] * (angle - balance.straight[i])
-            by_phase = balance.cogging[1, i] * np.cos(phase) - balance.cogging[0, i] * np.sin(phase)
+            by_phase = balance.cogging[1, i] * work.teeth[0, i] - balance.cogging[0, i] * work.teeth[1, i]
             spring += balance.cogging[2, i] * by_phase
         if balance.dry[i] != 0.0:
             spring -= balance.dry[i] * builds_up(i, balance, work)
@@ -108,7 +111,7 @@ def twist_by_slips(balance, work):  # type: ignore[no-untyped-def]
     for i in range(work.angle.shape[0]):
         if balance.dry[i] == 0.0:
             continue
-        by_share, by_angle = _slip_slopes(i, balance, work)
+        by_share, by_angle = work.slip[3, i], builds_up(i, balance, work)
         weight, other = -balance.dry[i] * by_share, -balance.dry[i] * by_angle
         row, slipped, own, below = work.twist[i], work.slipped[i], work.held[i], work.below[i]
         for p in range(row.shape[0]):
@@ -117,13 +120,6 @@ def twist_by_slips(balance, work):  # type: ignore[no-untyped-def]
             held = work.held[below]
             for p in range(row.shape[0]):
                 row[p] += other * held[p]
-
-
-@fused
-def _slip_slopes(joint, balance, work):  # type: ignore[no-untyped-def]
-    """Derivatives of the share of dry friction by that before the step, and by the angle now, in 1/rad."""
-    moved = joint_state(joint, work)[0] - work.slip[1, joint]
-    return np.exp(-abs(moved) / balance.presliding), builds_up(joint, balance, work)
 
 
 @fused
@@ -146,7 +142,7 @@ def end_slips(balance, beside, work):  # type: ignore[no-untyped-def]
 @fused
 def _slopes_of_slips(joint, balance, beside, work):  # type: ignore[no-untyped-def]
     """The derivatives of the share of dry friction in a joint after the step."""
-    by_share, by_angle = _slip_slopes(joint, balance, work)
+    by_share, by_angle = work.slip[3, joint], builds_up(joint, balance, work)
     slipped, own, held, below = work.slipped[joint], work.moved[joint], work.held[joint], work.below[joint]
     for p in range(slipped.shape[0]):
         slipped[p] = by_share * slipped[p] + by_angle * (own[p] - held[p])

@@ -40,8 +40,9 @@ class Workspace(NamedTuple):
     (n x 2 n): the last two of these. `moved` (2 n x p): δφ above δω. `changed` (n x p): δα. `speed_slopes`,
     `acceleration_slopes` (n x p): derivatives of the energies. `stages` (4 x n): of a Runge-Kutta step the state before
     it, angles and speeds, and what it adds to them; `held` and `added` (2 n x p): the same of the derivatives. `slip`
-    (3 x n): of dry friction its share of all of it before the step, where the joint was then, in rad, and the share
-    now; `slipped` (n x p): derivatives of the first. `units` (KINDS): of one joint, see `beside`. `twist` (n x p): the
+    (4 x n): of dry friction its share of all of it before the step, where the joint was then, in rad, the share now,
+    and its derivative by that before; `slipped` (n x p): derivatives of the first. `teeth` (2 x n): cosine
+    and sine of the phase of cogging. `units` (KINDS): of one joint, see `beside`. `twist` (n x p): the
     derivatives of the torques in joints, and `levers` (n x n) what each link accelerates by with one.
     `free` (n) is free to write in. `below` (n): the link whose angle a joint's own is beside, -1 for none. `own` is the
     kernel's.
@@ -63,6 +64,7 @@ class Workspace(NamedTuple):
     held: Array
     added: Array
     slip: Array
+    teeth: Array
     slipped: Array
     units: Array
     twist: Array
@@ -104,7 +106,8 @@ def workspace(
         stages=np.zeros((4, n)),
         held=np.zeros(of_stages),
         added=np.zeros(of_stages),
-        slip=np.zeros((3, n)),
+        slip=np.zeros((4, n)),
+        teeth=np.array([np.ones(n), np.zeros(n)]),
         slipped=np.zeros((n, columns * is_continuous)),
         units=np.zeros(len(KINDS)),
         twist=np.zeros((rows, columns)),
