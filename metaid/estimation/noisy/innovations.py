@@ -12,7 +12,7 @@ from metaid.estimation.trials import Filtered, Gains
 from metaid.estimation.twin import Filter
 from metaid.models import Array
 
-NOTHING = 1e-3  # of cost: beside noise whose size is found, too, less changes nothing
+NOTHING = 1e-2  # of cost: a seventh of a standard deviation, beside noise whose size is found, too
 
 
 @dataclass(frozen=True, eq=False)
