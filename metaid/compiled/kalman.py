@@ -20,7 +20,7 @@ class Spread(NamedTuple):
     with noise of another size; rows and columns beyond are zero. That of the state in each case, side by side: `state`
     (2n x ncase 2n). What a step makes of the state before it, `step` (2n x 2n), and of a torque that is held for it,
     `pushed` (2n x n). Of one case L, L Lᵀ being the covariance of an innovation, `root`, and L⁻ᵀ, `turned` (n x n).
-    Free to write in are `carried` and `across` (2n x ncase width), `changed` (n x ncase width) and `shared` (2n x n).
+    Free to write in are `carried` and `across` (2n x ncase 2n), `changed` (n x ncase 2n) and `shared` (2n x n).
     """
 
     state: Array
@@ -35,7 +35,7 @@ class Spread(NamedTuple):
 
 
 def spread_of(njoint: int, cases: int = 1) -> Spread:
-    """That of `njoint` joints."""
+    """That of `njoint` joints, in so many `cases`."""
     n, rows = whole(njoint, BLOCK), whole(2 * njoint, BLOCK)
     columns = whole(cases * rows, LANES)
     wide, tall, square = (rows, columns), (rows, n), (n, n)
@@ -85,7 +85,7 @@ def keep_step(reading, spread, run):  # type: ignore[no-untyped-def]
 
 @compiled
 def _fill(one, other):  # type: ignore[no-untyped-def]
-    """Where `one` has more rows and columns than the `other`, or fewer, these stay."""
+    """Makes `one` the `other`, as far as both go."""
     for i in range(min(one.shape[0], other.shape[0])):
         for j in range(min(one.shape[1], other.shape[1])):
             one[i, j] = other[i, j]

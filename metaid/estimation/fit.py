@@ -119,8 +119,7 @@ def find(
     iterations = starts = 0
     for point in starting_points(comparison, start, restarts, seed):
         most = MOST_EXACT if restarts >= 0 else MOST_EXPLAINING if explains else MOST_ALONE
-        missing = len(comparison.spreads) + comparison.extras - len(point)
-        found = grow(comparison, np.append(point, np.zeros(missing)), most, explains)
+        found = grow(comparison, _whole(comparison, point), most, explains)
         if found is None:
             continue
         starts += 1
@@ -139,7 +138,7 @@ def refine(comparison: Growing, start: Array) -> Fit | None:
 
     The estimate from the trials before is such a start, where these were explained: windows need not grow again.
     """
-    found = _descent(comparison, np.append(start, np.zeros(comparison.extras)), comparison.stages)
+    found = _descent(comparison, _whole(comparison, start), comparison.stages)
     if found is None or not misfit(found) < comparison.explained_below:
         return None
     return _fit(comparison, found, found.iterations, 1)
@@ -231,6 +230,11 @@ def starting_points(comparison: Fitted, start: Array | None, restarts: int, seed
                 yield point
                 break
             point = NARROWER * point
+
+
+def _whole(comparison: Fitted, point: Array) -> Array:
+    """All unknowns (nunknown + nextra) of a `point`, those 0 that it lacks at its end."""
+    return np.append(point, np.zeros(len(comparison.spreads) + comparison.extras - len(point)))
 
 
 def _fit(comparison: Growing, found: Descent, iterations: int, starts: int) -> Fit:

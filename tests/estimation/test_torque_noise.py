@@ -112,6 +112,17 @@ def test_likelihood_of_other_sizes_follows_from_one_run() -> None:
     assert same - less == pytest.approx(lost, rel=1e-2)
 
 
+def test_thinned_trial_has_one_reading_in_three_and_the_mean_of_the_torques_between() -> None:
+    """A push that was not seen to the end of a longer step was seen to its begin."""
+    seen = watched(2, faults=NOISY)
+    trial = seen.read_trial(raised(seen.nominal.lumps, 1.3))
+    thinned, count = trial.thinned(3), trial.torques.shape[1] // 3
+    assert thinned.timestep == pytest.approx(3.0 * trial.timestep)
+    np.testing.assert_array_equal(thinned.readings, trial.readings[:, : 3 * count + 1 : 3])
+    np.testing.assert_allclose(thinned.torques[:, 1], trial.torques[:, 3:6].mean(axis=1))
+    np.testing.assert_array_equal(thinned.steps, trial.steps // 3)
+
+
 def test_what_the_filter_finds_of_a_push_depends_on_no_other() -> None:
     """Dry friction that builds up begins anew in each, whichever went before on the same thread."""
     seen = watched(2, faults=NOISY)

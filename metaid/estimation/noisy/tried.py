@@ -217,10 +217,9 @@ def combining_of(readings: Readings, search: Search, torque_noise: Array) -> Com
         trial.thinned(max(int(DENSEST / (trial.timestep * trial.substeps)), 1)) if trial.is_continuous else trial
         for trial in readings.trials
     ]
-    thinned = replace(readings, trials=trials)
-    led = replace(led_by(thinned), least_gain=ENOUGH)
-    is_tried, is_out = parts_of(thinned)
     try:
+        led = replace(led_by(replace(readings, trials=trials)), least_gain=ENOUGH)
+        is_tried, is_out = parts_of(led)
         return Combining(
             only_pushes(led, is_tried & ~is_out), only_pushes(led, is_tried & is_out), search, torque_noise
         )
