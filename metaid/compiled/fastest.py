@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import singledispatch
 from typing import Any, Protocol
 
 from metaid.compiled.faulty_loop import FaultyLoop
 from metaid.compiled.loop import CompiledLoop
 from metaid.compiled.quiet import quiet_mujoco
-from metaid.compiled.spatial.arm_loop import ArmLoop
+from metaid.compiled.spatial.arm_loop import ArmLoop, QuickSpatial
 from metaid.compiled.stages import fastest_step
-from metaid.episode import Episode, GoesOn, Record, StepwiseLoop, run_stepwise, same_record
+from metaid.episode import Episode, GoesOn, Record, Spatial, StepwiseLoop, run_stepwise, same_record
 from metaid.plant import ArmPlant, MujocoPlant
 
 CHECKED_STEPS = 25
@@ -55,6 +56,17 @@ def _of_arm(plant: ArmPlant, episode: Episode) -> ShortLoop:
     return ArmLoop(plant, episode)
 
 
+@singledispatch
+def quick_kind(kind: Any) -> Any:
+    """A `kind` of robot, its law at its fastest."""
+    return kind
+
+
+@quick_kind.register
+def _spatial(kind: Spatial) -> QuickSpatial:
+    return QuickSpatial(kind.nominal)
+
+
 def fastest_loop(plant: Any, episode: Episode, law: Any) -> Loop:
     """The fastest loop that the plant has and that is right.
 
@@ -68,7 +80,7 @@ def fastest_loop(plant: Any, episode: Episode, law: Any) -> Loop:
     """
     compiled = compiled_loop(plant, episode)
     if compiled is None:
-        return StepwiseLoop(plant, episode)
+        return StepwiseLoop(plant, replace(episode, kind=quick_kind(episode.kind)))
     if agrees_with_stepwise(compiled, law):
         return compiled
     warnings.warn(

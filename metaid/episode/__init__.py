@@ -20,7 +20,7 @@ from metaid.episode.measures import (
 from metaid.episode.noise import Drawn, noise_of, with_deadband
 from metaid.episode.outcome import FALL_VALUE, Outcome, failure
 from metaid.episode.plausible import Calibration
-from metaid.episode.pushed import NoiseFloor
+from metaid.episode.pushed import NoiseFloor, Pushed
 from metaid.episode.pushes import REACH, natural_time, pushed_speeds, pushes_for, rich_pushes, rich_speeds, tip_push
 from metaid.episode.readings import SensorReadings, readings_before_fall
 from metaid.episode.record import GoesOn, Record, Trajectory, same_record
@@ -59,6 +59,7 @@ __all__ = [
     "Measure",
     "NoiseFloor",
     "Outcome",
+    "Pushed",
     "Record",
     "SensorReadings",
     "Spatial",

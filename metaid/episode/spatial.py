@@ -14,7 +14,7 @@ from metaid.episode.record import Record, Seen
 from metaid.episode.windows import QUANTITIES, Windows, windows_seen
 from metaid.errors import EpisodeError, ImplausiblePlant
 from metaid.models import Array
-from metaid.models.tree import Tree, joint_mass_matrix, joint_torque
+from metaid.models.tree import Tree, joint_torque, kinetic_squares
 from metaid.plant import ArmStart
 
 AWAY, OTHER_SPEED = 0.1, 0.2  # rad or m, and a share of the fastest joint: a start farther off is another
@@ -73,9 +73,8 @@ class Spatial:
             before, ahead = speeds[:whole], angles[:whole] + episode.lead * speeds[:whole]
             pull = -episode.springs[push] * (ahead - episode.states[push, 0])
             jumps = speeds[1 : whole + 1] - before - timestep * pull
-            for where, speed, jump in zip(ahead, before, jumps, strict=True):
-                metric = joint_mass_matrix(self.nominal, where)
-                energies[push] += [timestep * speed @ metric @ speed, jump @ metric @ jump / timestep]
+            moving, faster = (kinetic_squares(self.nominal, ahead, each).sum() for each in (before, jumps))
+            energies[push] = timestep * moving, faster / timestep
             squares = timestep * np.cumsum(before**2, axis=0), np.cumsum(jumps**2, axis=0) / timestep
             for window, end in enumerate(ends[: count[push]]):
                 motion[push, window] = angles[end], speeds[end], *(each[end - 1] for each in squares)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from random_arm import random_arm
 
-from metaid.compiled import agrees_with_stepwise
-from metaid.compiled.spatial import ArmLoop, commanded_arm_torques, frames_of
+from metaid.compiled import agrees_with_stepwise, fastest_loop
+from metaid.compiled.spatial import ArmLoop, QuickSpatial, commanded_arm_torques, frames_of
 from metaid.compiled.spatial.vectors import cosine_and_sine
 from metaid.compiled.stages import agrees_with_mj_step
 from metaid.episode import MEASURES, Episode, FallRule, Record, arm_episode, run_stepwise, same_record, window_ends
@@ -71,6 +71,15 @@ def test_compiled_episode_is_the_plain_one(tree: Tree) -> None:
     assert same_record(fast, slow)
     assert fast.windows.motion.any()
     np.testing.assert_allclose(hertz(fast, episode), hertz(slow, episode), rtol=1e-9)
+
+
+@pytest.mark.parametrize("tree", ARMS[1:3], ids=["rubbed", "rubbed-slide"])
+def test_rig_is_sent_the_same_torques_by_the_compiled_law(tree: Tree) -> None:
+    """A plant of which nothing is known but what it reads: the loop goes step by step, and its law is compiled."""
+    plant, episode, law = FaultyPlant(plant_of(tree)), episode_of(tree), wrong(tree)
+    loop = fastest_loop(plant, episode, tree.parameters)
+    assert isinstance(loop.episode.kind, QuickSpatial)
+    assert same_record(loop.run(law.parameters), run_stepwise(plant, law.parameters, episode)[0])
 
 
 def test_compiled_episode_on_noisy_sensors_is_the_plain_one() -> None:

@@ -18,6 +18,7 @@ from metaid.models.tree import (
     base_parameters,
     joint_mass_matrix,
     joint_torque,
+    kinetic_squares,
     model_error,
     planar_chain,
     planar_tree,
@@ -49,6 +50,7 @@ def test_torque_and_mass_matrix_are_those_of_mujoco(njoint: int, slides: tuple[i
     torque, matrix = mujocos(tree, *state)
     np.testing.assert_allclose(joint_torque(tree, *state), torque, atol=1e-12 * np.abs(torque).max())
     np.testing.assert_allclose(joint_mass_matrix(tree, state[0]), matrix, atol=1e-12 * np.abs(matrix).max())
+    np.testing.assert_allclose(kinetic_squares(tree, *state[:2]), state[1] @ matrix @ state[1], rtol=1e-12)
 
 
 def test_dry_friction_is_felt_in_full_by_a_joint_that_turns() -> None:

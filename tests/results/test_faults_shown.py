@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from metaid.results.lump_tables import fault_rows
 from metaid.show.notes import note
 from metaid.store import Store
 from metaid.study import Problem, StudySpec, create_study, load_study, run_study
+from metaid.study.estimates import estimate_of
 
 pytestmark = pytest.mark.slow
 
@@ -124,6 +126,22 @@ def test_fault_that_explains_the_trials_is_taken_up(tmp_path: Path) -> None:
     assert taken["misfit_without"] > 10.0 * shown["misfit"]
     assert not taken["rivals"]
     assert lumps_frame(store, "chain").attrs["faults"] == shown["faults"]
+
+
+def test_estimate_begins_with_that_of_the_first_trials_that_show_something(tmp_path: Path) -> None:
+    """Where all pushes of the first trial fell at once, that of the first two: faults are looked for once."""
+    store = Store(str(tmp_path / "metaid.db"), create=True)
+    late = {"angle_noise": 1e-3, "speed_sensor": False, "delay": 4}
+    run(store, late_and_tilted(takes_up=True, faults=late, trials=3))
+    estimate = read_snapshot(store, "chain").estimate
+    assert estimate is not None
+    experiment, (first, *others) = estimate.seen()
+    experiment, trials = replace(experiment, remembered={}), (replace(first, steps=0 * first.steps), *others)
+    found = estimate_of(experiment, trials, is_probed=True)
+    begun = experiment.estimate(trials[:2])
+    assert found is not None
+    assert found.taken_up.kinds == begun.faults.searched.kinds == ("delay",)
+    assert list(experiment.remembered.values()) == [None, begun]
 
 
 def test_no_fault_is_taken_up_where_none_is_needed(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 `ArmLoop` runs episodes of a simulated arm. `arm_coasting_steps` and `track_arm` say what a model is worth.
 """
 
-from metaid.compiled.spatial.arm_loop import ArmLoop, commanded_arm_torques
+from metaid.compiled.spatial.arm_loop import ArmLoop, QuickSpatial, commanded_arm_torques
 from metaid.compiled.spatial.arm_validation import arm_coasting_steps, track_arm
 from metaid.compiled.spatial.dynamics import (
     Frames,
@@ -21,6 +21,7 @@ from metaid.compiled.spatial.vectors import cross, dot, inward, plus, symmetric,
 __all__ = [
     "ArmLoop",
     "Frames",
+    "QuickSpatial",
     "Space",
     "accelerating_torques",
     "arm_coasting_steps",

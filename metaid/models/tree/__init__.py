@@ -13,7 +13,13 @@ from metaid.models.tree.known_bodies import KnownBodies, body_quantities, known_
 from metaid.models.tree.misplaced import MISPLACED, last_link_turned, misplaced
 from metaid.models.tree.model_error import ModelError, difference, model_error, torque_half_width, torque_rows
 from metaid.models.tree.planar import is_pendulum, planar_chain, planar_tree, turning
-from metaid.models.tree.regressor import body_torque, joint_mass_matrix, joint_torque, torque_regressor
+from metaid.models.tree.regressor import (
+    body_torque,
+    joint_mass_matrix,
+    joint_torque,
+    kinetic_squares,
+    torque_regressor,
+)
 from metaid.models.tree.tree import PARAMETERS, Tree, tilted_gravity
 
 __all__ = [
@@ -38,6 +44,7 @@ __all__ = [
     "is_pendulum",
     "joint_mass_matrix",
     "joint_torque",
+    "kinetic_squares",
     "known_bodies",
     "last_link_turned",
     "misplaced",

@@ -7,6 +7,7 @@ docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -137,6 +138,13 @@ def joint_torque(tree: Tree, coordinates: Array, speeds: Array, accelerations: A
     regressor = torque_regressor(tree, coordinates, speeds, accelerations)
     torque: Array = np.einsum("...ijp,jp->...i", regressor, tree.parameters)
     return torque
+
+
+def kinetic_squares(tree: Tree, coordinates: Array, speeds: Array) -> Array:
+    """vᵀ M v (...), twice the kinetic energy, rotors' too, at `coordinates` and `speeds` v (... x njoint each)."""
+    weightless, rest = replace(tree, gravity=np.zeros(3)), np.zeros_like(speeds)
+    bodies = body_torque(weightless, tree.parameters, coordinates, rest, speeds)  # M v, but for rotors
+    return np.asarray((speeds * (bodies + tree.rotor * speeds)).sum(axis=-1), dtype=np.float64)
 
 
 def joint_mass_matrix(tree: Tree, coordinates: Array) -> Array:

@@ -15,6 +15,7 @@ from metaid.study.estimates.study_estimate import StudyEstimate
 from metaid.study.problem import MOST_TRIALS, Problem
 
 FIRST_TRIALS = 12  # of which it is looked for how early the estimate was there
+PROBED = 2  # numbers of first trials to begin with an estimate of: a twin may not follow the first probe alone
 CLOSE = 1e-3  # of what an unknown is a multiple of: so near its last value an estimate was there
 
 
@@ -61,8 +62,9 @@ def estimate_of(experiment: Any, trials: tuple[Any, ...], is_probed: bool, by_ot
         by_others: how many of the last trials are not metaid's own.
     """
     leads_on = experiment.unknowns.leads_on
-    probes = trials[: experiment.probes] if (is_probed or leads_on) and len(trials) > experiment.probes else ()
-    probed = experiment.estimate(probes, thorough=not leads_on) if probes else None
+    first = range(experiment.probes, min(experiment.probes + PROBED, len(trials))) if is_probed or leads_on else ()
+    early = (experiment.estimate(trials[:count], thorough=not leads_on) for count in first)
+    probed = next((each for each in early if each is not None), None)
     estimate = experiment.estimate(trials, probed)
     if estimate is None:
         return None
