@@ -11,7 +11,7 @@ from metaid.episode.pushed import Pushed
 from metaid.episode.readings import SensorReadings
 from metaid.episode.record import Record
 from metaid.models import Array
-from metaid.models.tree import joint_mass_matrix
+from metaid.models.tree import kinetic_squares
 
 DEGREE = 5  # of the polynomial in time that a joint's readings after a push are smoothed by
 LOOKS = 20  # times in a push at which the curves are looked at
@@ -46,7 +46,6 @@ def _smooth_energies(record: Record, readings: SensorReadings, episode: Pushed) 
             legendre.legval(when, legendre.legder(curve, order)).T * (2.0 / horizon) ** order for order in range(3)
         )
         accelerations = accelerations + springs[push] * (angles - poses[push])
-        metric = joint_mass_matrix(arm.nominal, angles)
         for number, motion in enumerate((speeds, accelerations)):
-            energies[number] += horizon * float(np.einsum("ti,tij,tj->t", motion, metric, motion).mean())
+            energies[number] += horizon * float(kinetic_squares(arm.nominal, angles, motion).mean())
     return energies
