@@ -1,8 +1,8 @@
 """How the functions of the episode's inner loop are compiled, and where their machine code is kept.
 
-They release the GIL, so that threads run side by side. Each becomes a part of its caller. They are compiled without
-numba's reference counts: these are atomic, and at three links they cost more than the compensation law. Without them
-nothing can be allocated.
+They release the GIL, so that threads run side by side. Each becomes a part of its compiled callers. They are compiled
+without numba's reference counts: these are atomic, and at three links they cost more than the compensation law. Without
+them nothing can be allocated.
 
 They are cached on disk, in a folder named by a digest of all that the machine code was made from. Functions become a
 part of their callers, and constants a part of the code. But numba's own cache looks at the source file of the outermost
@@ -26,6 +26,8 @@ from typing import Any
 
 import llvmlite
 import numba
+from numba import types
+from numba.extending import typeof_impl
 
 from metaid.errors import MetaidError, usable_mujoco
 
@@ -43,12 +45,30 @@ _OWN = Path(__file__).resolve().parent
 _INLINED = (_OWN, _OWN / "spatial", _OWN.parent / "models")
 _PREFIX = "machine-code-"
 
-_options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "forceinline": True, **WITHOUT_REFERENCE_COUNTS}
+_options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, **WITHOUT_REFERENCE_COUNTS}
+_of_parts: dict[str, Any] = {"forceinline": True, "no_cpython_wrapper": True}
 
 
-def compiled(function: Callable[..., Any], **more: Any) -> Any:
-    """The `function`, compiled when it is first called with arguments of given types; `more` are options of numba's."""
-    return _kept(function, functools.partial(numba.njit, **{**_options, **more}))
+class Compiled:
+    """A function that is compiled when it is first called with arguments of given types: as a whole where Python calls
+    it, as a part of its caller where another such function does.
+
+    A part has no wrapper for Python. Its body would become a part of that, too, which takes half as long again.
+    """
+
+    def __init__(self, function: Callable[..., Any], **more: Any) -> None:
+        functools.update_wrapper(self, function)
+        options = {**_options, **more}
+        self.whole = _kept(function, functools.partial(numba.njit, **options))
+        self.part = _kept(function, functools.partial(numba.njit, **options, **_of_parts), "parts")
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.whole(*arguments)
+
+
+@typeof_impl.register(Compiled)
+def _type_of(function: Compiled, _: Any) -> types.Dispatcher:
+    return types.Dispatcher(function.part)
 
 
 def callback(signature: str) -> Callable[[Callable[..., Any]], Any]:
@@ -56,18 +76,25 @@ def callback(signature: str) -> Callable[[Callable[..., Any]], Any]:
     return lambda function: _kept(function, functools.partial(numba.cfunc, signature))
 
 
-def _kept(function: Callable[..., Any], compiler: Callable[..., Any]) -> Any:
-    """The `function` as a `compiler` of numba's makes it, whose machine code is kept where there is a place for it."""
+def _kept(function: Callable[..., Any], compiler: Callable[..., Any], within: str = "") -> Any:
+    """The `function` as a `compiler` of numba's makes it, whose machine code is kept where there is a place for it: in
+    the folder `within` that place, for numba would take what another compiler has made.
+    """
     source = Path(inspect.getfile(function)).resolve()
     folder = cache_folder(source.parent) if source.is_file() else None
     if folder is None:
         return compiler()(function)
     # numba chooses the folder of a function's cache where the function is decorated.
-    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)  # type: ignore[attr-defined]
+    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder / within)  # type: ignore[attr-defined]
     try:
         return compiler(cache=True)(function)
     finally:
         numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
+
+
+def compiled(function: Callable[..., Any], **more: Any) -> Compiled:
+    """The `function`, compiled when it is called; `more` are options of numba's."""
+    return Compiled(function, **more)
 
 
 fused = functools.partial(compiled, fastmath={"contract"})  # a product and a sum become one instruction

@@ -179,7 +179,7 @@ def test_faults_compile_no_loop_anew() -> None:
     for kinds in ((), ("delay",), ("spring", "gain"), tuple(FAULT_UNITS)):
         readings = Readings([trial], unknowns, faults=searched_faults(kinds, unknowns, seen.starts, 4))
         assert readings.residuals(np.zeros(len(readings.spreads) + readings.extras), 1) is not None
-        compiled.append(len(watch_readings.signatures))
+        compiled.append(len(watch_readings.whole.signatures))
     assert len(set(compiled)) == 1
 
 
