@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -67,6 +68,7 @@ def _tables(url: sa.URL, create: bool) -> Iterator[tuple[bool, bool]]:
         yield False, False
 
 
+@functools.cache
 def _new_tables() -> bytes:
     """A study DB without studies, as the content of an SQLite file."""
     engine = RDBStorage("sqlite:///:memory:").engine
