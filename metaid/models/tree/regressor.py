@@ -60,13 +60,13 @@ def body_torque(tree: Tree, parameters: Array, coordinates: Array, speeds: Array
     links = list(_moving(tree, coordinates, speeds, accelerations))
     for i, (link, own) in reversed(list(enumerate(zip(links, parameters, strict=True)))):
         first, inertia = own[1:4], MOMENTS @ own[4:BODY]
-        turning = np.cross(link.spin_rate, first) + np.cross(link.spin, np.cross(link.spin, first))
+        turning = _cross(link.spin_rate, first) + _cross(link.spin, _cross(link.spin, first))
         force = force + own[0] * link.rate + turning  # Eq. 50
-        moment = moment + link.spin_rate @ inertia + np.cross(link.spin, link.spin @ inertia)
-        moment = moment + np.cross(first, link.rate)
+        moment = moment + link.spin_rate @ inertia + _cross(link.spin, link.spin @ inertia)
+        moment = moment + _cross(first, link.rate)
         torque[..., i] = (force if tree.slides[i] else moment) @ tree.axis[i]  # Eq. 51
         force, moment = ((link.matrix @ each[..., None])[..., 0] for each in (force, moment))
-        moment = moment + np.cross(link.place, force)
+        moment = moment + _cross(link.place, force)
     return torque
 
 
@@ -90,13 +90,13 @@ def _moving(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array)
     for i in range(tree.njoint):
         axis = tree.axis[i]
         matrix, place = _placed(tree, i, coordinates[..., i, None])
-        rate = rate + np.cross(spin_rate, place) + np.cross(spin, np.cross(spin, place))  # Eq. 49
+        rate = rate + _cross(spin_rate, place) + _cross(spin, _cross(spin, place))  # Eq. 49
         spin, spin_rate, rate = ((each[..., None, :] @ matrix)[..., 0, :] for each in (spin, spin_rate, rate))
         turning, faster = speeds[..., i, None] * axis, accelerations[..., i, None] * axis
         if tree.slides[i]:
-            rate = rate + faster + 2.0 * np.cross(spin, turning)
+            rate = rate + faster + 2.0 * _cross(spin, turning)
         else:
-            spin_rate = spin_rate + faster + np.cross(spin, turning)
+            spin_rate = spin_rate + faster + _cross(spin, turning)
             spin = spin + turning
         yield _Link(matrix, place, spin, spin_rate, rate)
 
@@ -122,7 +122,7 @@ def _twists(tree: Tree, axes: Array, origins: Array, link: int) -> Array:
     """
     known = slice(0, link + 1)
     axis, slides = axes[..., known, :], tree.slides[known, None]
-    moving = np.cross(axis, origins[..., link, None, :] - origins[..., known, :])
+    moving = _cross(axis, origins[..., link, None, :] - origins[..., known, :])
     return np.concatenate([np.where(slides, 0.0, axis), np.where(slides, axis, moving)], axis=-1)
 
 
@@ -185,3 +185,11 @@ def _tensor(vector: Array, tensor: Array) -> Array:
     """Σ_j T_ijk v_j (... x 3 x k) of vectors v (... x 3) and a tensor T (3 x 3 x k)."""
     flat = vector @ tensor.swapaxes(0, 1).reshape(3, -1)
     return flat.reshape(*vector.shape[:-1], 3, tensor.shape[-1])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """a x b (... x 3), to the bit as numpy has it, in a third of its time of one vector and a fifth of many."""
+    product = np.empty(np.broadcast(a, b).shape)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        product[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return product
