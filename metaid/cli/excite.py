@@ -18,7 +18,7 @@ FEW = 12  # parameters that a screen has
 COARSE = 0.1  # a gain that is known to no better is not known
 
 
-@click.command(epilog="\b\nExample:\n  metaid excite double-pendulum -o motion.csv")
+@click.command(epilog="\b\nExample:\n  metaid excite double-pendulum --seconds 20 -o motion.csv -o motion.yaml")
 @click.argument("nominal", metavar="ROBOT")
 @click.option("--seconds", type=float, default=30.0, show_default=True, help="Of the motion, 4 to 600.")
 @click.option("--limits", type=click.Path(path_type=Path), metavar="FILE.toml", help="low, high, speed, torque, …")

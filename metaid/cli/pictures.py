@@ -37,7 +37,7 @@ def view(name: str) -> None:
     open_viewer(load_plant(name))
 
 
-@click.command(epilog="\b\nExample:\n  metaid study plot three-link -o figures --format pdf")
+@click.command(epilog="\b\nExample:\n  metaid study plot three-link -o figures --format pdf --width column")
 @name_argument
 @storage_option
 @click.option(
