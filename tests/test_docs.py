@@ -17,6 +17,7 @@ import click
 import pytest
 from conftest import Finished
 from places import ROOT
+from remembered import estimate_once
 
 from metaid import results
 from metaid.cli import app
@@ -107,6 +108,7 @@ def test_every_block_runs(
 ) -> None:
     """Files are written, commands and Python run, in order and in one empty folder."""
     monkeypatch.setenv("MPLBACKEND", "agg")
+    estimate_once(monkeypatch)
     names: dict[str, object] = {}
     for language, text in blocks(document):
         if language == "toml":
@@ -210,6 +212,7 @@ def test_help_fits_a_screen_and_its_example_runs(
     """
     for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(variable, raising=False)
+    estimate_once(monkeypatch)
     shown = metaid(*command, "--help").out
     assert len(shown.splitlines()) <= 30
     assert max(map(len, shown.splitlines())) <= 80

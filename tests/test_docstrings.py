@@ -14,6 +14,7 @@ import numpy as np
 import optuna
 import pytest
 from places import ROOT
+from remembered import estimate_once
 
 import metaid.api
 
@@ -109,6 +110,7 @@ def test_example_in_the_docstring_of_a_call_is_what_it_prints(
     shutil.copytree(studied, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("METAID_STORAGE", raising=False)
+    estimate_once(monkeypatch)
     names = {"metaid": metaid, "np": np, "optuna": optuna}
     (test,) = doctest.DocTestFinder(recurse=False).find(CALLS[name], name, globs=names)
     printed: list[str] = []

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from places import ROOT
+from remembered import estimate_once
 
 LINES = 25
 PRINT = {
@@ -33,5 +34,6 @@ def test_example_runs(
     """It prints the line that says what came of it."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("METAID_STORAGE", raising=False)
+    estimate_once(monkeypatch)
     runpy.run_path(str(ROOT / "examples" / f"{name}.py"), run_name="__main__")
     assert PRINT[name] in capfd.readouterr().out

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import json
 import runpy
+import time
+from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from browser import Browser
+from conftest import Finished
 from places import ROOT
+from remembered import estimate_once
 
 IMAGES = ROOT / "docs" / "images"
 FAST = ("log", "terminal", "figures", "paper")  # parts that need neither a browser nor what renders
@@ -25,6 +32,20 @@ def record() -> dict[str, Any]:
     """What is stored of each picture."""
     stored: dict[str, Any] = json.loads((IMAGES / "said.json").read_text(encoding="utf-8"))
     return stored
+
+
+@pytest.fixture
+def names(pictures: dict[str, Any], metaid: Callable[..., Finished], monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """The names that its functions look up. Commands print the same in this process, where they need no start."""
+    looked_up: dict[str, Any] = pictures["metaid"].__globals__
+
+    def run(*arguments: str) -> str:
+        done = metaid(*arguments)
+        assert done.status == 0, done.err
+        return done.out
+
+    monkeypatch.setitem(looked_up, "metaid", run)
+    return looked_up
 
 
 def test_every_picture_is_the_one_whose_texts_are_stored(pictures: dict[str, Any], record: dict[str, Any]) -> None:
@@ -52,12 +73,13 @@ def test_picture_that_looks_otherwise_is_stale(pictures: dict[str, Any]) -> None
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("names")
 @pytest.mark.parametrize("part", FAST)
 def test_pictures_say_and_look_what_their_commands_make_now(
     part: str, pictures: dict[str, Any], record: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Texts to rounding; pixels to a stated distance. Make them anew with `python docs/pictures.py PART`."""
-    monkeypatch.chdir(tmp_path)
+    estimate_once(monkeypatch)
     (tmp_path / "made").mkdir()
     made = dict(pictures["PARTS"][part](tmp_path / "made"))
     why = {name: pictures["stale"](name, said, tmp_path / "made" / name, record) for name, said in made.items()}
@@ -65,22 +87,28 @@ def test_pictures_say_and_look_what_their_commands_make_now(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("names")
 def test_films_are_of_the_lumps_that_their_studies_find_now(
-    pictures: dict[str, Any], record: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    pictures: dict[str, Any], record: dict[str, Any], tmp_path: Path
 ) -> None:
     """By command and parameters, for a film has no text."""
-    monkeypatch.chdir(tmp_path)
     made = dict(pictures["films"](tmp_path, render=False))
     why = {name: pictures["stale"](name, said, None, record) for name, said in made.items()}
     assert {name: reason for name, reason in why.items() if reason} == {}
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("browser")
 def test_pictures_of_pages_say_what_the_pages_say_now(
-    pictures: dict[str, Any], record: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    pictures: dict[str, Any],
+    record: dict[str, Any],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    names: dict[str, Any],
+    browser: Browser,
 ) -> None:
     """The beginning of a report, and the note on the dashboard."""
-    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(names, "open_browser", lambda profile: nullcontext(browser))  # one runs already
+    # What a page looks like is not compared here: nobody waits until all of the dashboard is drawn.
+    monkeypatch.setitem(names, "time", SimpleNamespace(sleep=lambda seconds: time.sleep(min(seconds, 1.0))))
     why = {name: pictures["stale"](name, said, None, record) for name, said in pictures["pages"](tmp_path)}
     assert {name: reason for name, reason in why.items() if reason} == {}

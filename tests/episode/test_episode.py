@@ -133,8 +133,9 @@ def growth(plant: MujocoPlant, factors: np.ndarray) -> tuple[bool, float]:
     impulses = np.zeros((1, plant.njoint))
     impulses[0, -1] = 0.01
     candidate = plant.chain.lumps.scaled(factors)
-    record, _ = run_stepwise(plant, candidate, Episode(impulses, 5000))
-    _, trajectory = run_stepwise(plant, candidate, Episode(impulses, 5000, fall_rule=FallRule(1e9)))
+    record, trajectory = run_stepwise(plant, candidate, Episode(impulses, 5000))
+    if record.fall_step is not None:  # it ended there
+        _, trajectory = run_stepwise(plant, candidate, Episode(impulses, 5000, fall_rule=FallRule(1e9)))
     speeds = np.abs(trajectory.speeds[:, 0])
     return record.fall_step is not None, speeds.max() / speeds[0]
 

@@ -29,7 +29,9 @@ def nominal_of(tree: Tree) -> Tree:
     return replace(tree, mass=1.1 * tree.mass, com=0.95 * tree.com, inertia=1.1 * tree.inertia)
 
 
-def pushed(tree: Tree, kinds: tuple[str, ...], seed: int = 0, limits: Array | float = np.inf) -> ReadTrial:
+def pushed(
+    tree: Tree, kinds: tuple[str, ...], seed: int = 0, limits: Array | float = np.inf, pushes: int = PUSHES
+) -> ReadTrial:
     """What sensors of MuJoCo's arm read that has faults of these `kinds`, under torques that no law makes and that are
     cut off at `limits` (njoint), in N m.
     """
@@ -48,11 +50,11 @@ def pushed(tree: Tree, kinds: tuple[str, ...], seed: int = 0, limits: Array | fl
     if "spring" in kinds:
         model.jnt_stiffness[:], model.qpos_spring[:] = SPRING, 0.0
     data, late = mujoco.MjData(model), round(DELAY / TIMESTEP) if "delay" in kinds else 0
-    poses, speeds = random.uniform(-1.0, 1.0, (PUSHES, n)), random.uniform(-2.0, 2.0, (PUSHES, n))
+    poses, speeds = random.uniform(-1.0, 1.0, (pushes, n)), random.uniform(-2.0, 2.0, (pushes, n))
     times = TIMESTEP * np.arange(STEPS)[:, None]
-    readings, torques = np.zeros((PUSHES, STEPS + 1, n)), np.zeros((PUSHES, STEPS, n))
+    readings, torques = np.zeros((pushes, STEPS + 1, n)), np.zeros((pushes, STEPS, n))
     offset = OFFSET if "offset" in kinds else np.zeros(n)
-    for push in range(PUSHES):
+    for push in range(pushes):
         held = joint_torque(tree, poses[push], np.zeros(n), np.zeros(n))
         torques[push] = held * (1.0 + random.uniform(-0.5, 0.5, n) * np.sin(random.uniform(5.0, 20.0, n) * times))
         mujoco.mj_resetData(model, data)
@@ -64,7 +66,7 @@ def pushed(tree: Tree, kinds: tuple[str, ...], seed: int = 0, limits: Array | fl
                 data.qfrc_applied[:] = np.clip(commanded, -limits, limits)
                 mujoco.mj_step(model, data)
     noisy = readings + NOISE * random.standard_normal(readings.shape)
-    steps = np.full(PUSHES, STEPS)
+    steps = np.full(pushes, STEPS)
     return ReadTrial(TIMESTEP, noisy, torques, steps, speeds, None, np.full(n, NOISE), poses=poses + offset)
 
 
@@ -101,7 +103,7 @@ def test_slopes_by_all_that_is_unknown_are_those_of_the_residuals(
     """
     tree = random_arm(3, 2, (2,), friction=rubs)
     kinds = tuple(kind for kind in kinds if is_continuous or kind not in ("dry", "presliding"))
-    trial, searched = pushed(tree, ()), BaseUnknowns(ArmPrior(nominal_of(tree), tilts=True))
+    trial, searched = pushed(tree, (), pushes=2), BaseUnknowns(ArmPrior(nominal_of(tree), tilts=True))
     trial = replace(trial, is_continuous=is_continuous)
     wanted = searched_faults(kinds, searched, trial.start_speeds, teeth=9)
     readings: Readings | None = Readings([trial], searched, faults=wanted)

@@ -14,7 +14,7 @@ import metaid
 from metaid.errors import RecordError
 from metaid.files import shipped_logs
 from metaid.plant import ArmPlant, load_plant
-from metaid.recorded import LinearModel, absolute_of, arm_model
+from metaid.recorded import LinearModel, RecordedResult, absolute_of, arm_model
 
 pytestmark = pytest.mark.slow
 
@@ -23,6 +23,9 @@ PARALLEL = """<mujoco><worldbody><body><inertial pos="0 0 0.1" mass="1" diaginer
 <joint name="shoulder" axis="0 1 0"/><body pos="0 0 0.3" euler="0 40 0"><inertial pos="0 0 0.1" mass="1"
 diaginertia="0.1 0.1 0.1"/><joint name="elbow" axis="0 -1 0"/><body pos="0 0 0.3"><inertial pos="0 0 0.1" mass="1"
 diaginertia="0.1 0.1 0.1"/><joint name="wrist" axis="0 1 0"/></body></body></body></body></worldbody></mujoco>"""
+
+
+FRICTION = ("viscous", "coulomb")  # said, for to find its terms takes longer than all else
 
 
 def logs() -> list[pd.DataFrame]:
@@ -40,11 +43,12 @@ def against_the_base(log: pd.DataFrame, motor: bool) -> pd.DataFrame:
 def test_angle_read_against_the_base_is_named_with_what_mends_it(motor: bool, option: str) -> None:
     """First of all that is named; mended, the model is that of the log as it was."""
     spoilt = [against_the_base(log, motor) for log in logs()]
-    found = metaid.estimate(spoilt, "double-pendulum")
+    found = metaid.estimate(spoilt, "double-pendulum", friction=FRICTION)
     assert found.verdict.word == "not found"
     assert found.facts[0].option == option
-    mended = metaid.estimate(spoilt, "double-pendulum", absolute=[option.removeprefix("--absolute ")])
-    plain = metaid.estimate(logs(), "double-pendulum", coupled=[(1, 2)] if motor else ())
+    absolute, coupled = [option.removeprefix("--absolute ")], [(1, 2)] if motor else ()
+    mended = metaid.estimate(spoilt, "double-pendulum", absolute=absolute, friction=FRICTION)
+    plain = metaid.estimate(logs(), "double-pendulum", coupled=coupled, friction=FRICTION)
     assert mended.facts == plain.facts == ()
     moved = np.abs(mended.estimate.values - plain.estimate.values)
     assert (moved < 0.1 * plain.estimate.deviations).all()
@@ -104,18 +108,29 @@ def test_joint_that_no_log_measures_so_is_refused(
         absolute_of(parallel[1], [named])
 
 
+# Inertias as the defaults of a URDF are, thirty times too large.
+ROUGH = {
+    "links": [
+        {"length": 0.3, "mass": 0.608, "com": 0.275, "inertia": 0.26},
+        {"length": 0.2, "mass": 0.63, "com": 0.166, "inertia": 0.24},
+    ]
+}
+
+
+@pytest.fixture(scope="module")
+def in_newton_metres() -> RecordedResult:
+    """What the logs say in their own unit, with such inertias."""
+    return metaid.estimate(logs(), ROUGH, friction=FRICTION)
+
+
 @pytest.mark.parametrize("unit", [400.0, 0.001])
-def test_log_in_raw_units_is_identified_with_inertias_that_nobody_knows(unit: float) -> None:
+def test_log_in_raw_units_is_identified_with_inertias_that_nobody_knows(
+    in_newton_metres: RecordedResult, unit: float
+) -> None:
     """As the defaults of a URDF are, thirty times too large: what the joints carry tells the unit."""
-    rough = {
-        "links": [
-            {"length": 0.3, "mass": 0.608, "com": 0.275, "inertia": 0.26},
-            {"length": 0.2, "mass": 0.63, "com": 0.166, "inertia": 0.24},
-        ]
-    }
     columns = ["torque_1", "torque_2"]
     raw = [log.assign(**{column: unit * log[column] for column in columns}) for log in logs()]
-    found, plain = metaid.estimate(raw, rough), metaid.estimate(logs(), rough)
+    found, plain = metaid.estimate(raw, ROUGH, friction=FRICTION), in_newton_metres
     assert found.estimate.scale == pytest.approx(unit, rel=0.3)
     assert found.verdict.word == plain.verdict.word == "approximate"
     assert found.estimate.held_out.relative == pytest.approx(plain.estimate.held_out.relative, rel=0.02)
@@ -155,7 +170,7 @@ TOGETHER: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
 @pytest.mark.parametrize("options", TOGETHER)
 def test_two_things_that_are_wrong_at_once_are_named_at_once(options: str) -> None:
     """As where angles are read against the base and from hanging; beside another unit, which is found, the other."""
-    found = metaid.estimate([TOGETHER[options](log) for log in logs()], "double-pendulum")
+    found = metaid.estimate([TOGETHER[options](log) for log in logs()], "double-pendulum", friction=FRICTION)
     assert found.verdict.word == "not found"
     named = found.facts[0].option.removeprefix("--").split(" --")
     assert {*named} == {*options.removeprefix("--").split(" --")}

@@ -32,6 +32,8 @@ from metaid.recorded.weak_form.windows import cut_windows
 
 pytestmark = pytest.mark.slow
 
+VISCOUS = Choices(friction=("viscous",))  # said, for to find its terms takes longer than all else
+
 
 def judged(record: Record, model: LinearModel, choices: Choices | None = None) -> RecordedVerdict:
     found = judge_records([record], estimate_records([record], model, choices))
@@ -61,7 +63,7 @@ def chain_log() -> tuple[Record, LinearModel, Array]:
 def test_delay_that_is_said_is_no_surer_than_the_log(chain_log: tuple[Record, LinearModel, Array]) -> None:
     """Half a control step makes friction wrong by a tenth: its interval holds that, and the verdict names the delay."""
     record, model, true = chain_log
-    found = judged(record, model, Choices(delay=0.0))
+    found = judged(record, model, Choices(delay=0.0, friction=("viscous",)))
     assert not outside(found, true)
     assert any("a delay of -1 ms would explain" in reason for reason in found.reasons)
 
@@ -69,7 +71,7 @@ def test_delay_that_is_said_is_no_surer_than_the_log(chain_log: tuple[Record, Li
 def test_scale_of_a_joints_torques_is_suspected(chain_log: tuple[Record, LinearModel, Array]) -> None:
     """A motor's constant that is wrong by 5 % is named, and no lump is wrong by two half-widths of its interval."""
     record, model, true = chain_log
-    found = judged(record.with_torques(record.torques * np.array([1.0, 1.05])), model)
+    found = judged(record.with_torques(record.torques * np.array([1.0, 1.05])), model, VISCOUS)
     assert not outside(found, true, times=2.0)
     assert any("another scale of the torques of joints 1, 2" in reason for reason in found.reasons)
 
@@ -77,7 +79,7 @@ def test_scale_of_a_joints_torques_is_suspected(chain_log: tuple[Record, LinearM
 def test_scale_of_all_torques_is_what_a_verdict_does_not_know(chain_log: tuple[Record, LinearModel, Array]) -> None:
     """It says so of every log, for nothing in one shows it."""
     record, model, _ = chain_log
-    right, scaled = (judged(each, model) for each in (record, record.with_torques(1.2 * record.torques)))
+    right, scaled = (judged(each, model, VISCOUS) for each in (record, record.with_torques(1.2 * record.torques)))
     np.testing.assert_allclose(scaled.lumps["identified"][:5], 1.2 * right.lumps["identified"][:5], rtol=1e-3)
     for found in (right, scaled):
         assert any(reason.startswith("every number scales with the torques") for reason in found.reasons)
@@ -112,7 +114,7 @@ def test_tiny_motion_tells_nothing(chain_log: tuple[Record, LinearModel, Array])
     """Within 0.02 rad friction holds like a spring and creeps, so nothing is found, however well it is predicted."""
     record, model, _ = chain_log
     tiny = replace(record, angles=0.003 * record.angles)
-    found = judge_records([tiny], estimate_records([tiny], model, Choices(span=0.1)))
+    found = judge_records([tiny], estimate_records([tiny], model, Choices(span=0.1, delay=0.0, friction=("viscous",))))
     assert not found.is_found
     assert "no joint goes farther than 0.00" in found.reasons[0]
 
@@ -131,13 +133,13 @@ def test_window_spans_no_gap_of_the_log(chain_log: tuple[Record, LinearModel, Ar
 
 def test_log_of_a_free_swing_is_called_one(tmp_path: Path) -> None:
     """Its motors gave nothing but 2 mN m of noise where the nominal link needs 3 N m."""
-    times, random = np.arange(0.0, 20.0, 0.005), np.random.default_rng(0)
-    swung = solve_ivp(lambda _, x: [x[1], 27.0 * np.sin(x[0]) - 0.1 * x[1]], (0.0, 20.0), (2.0, 0.0), t_eval=times)
+    times, random = np.arange(0.0, 10.0, 0.005), np.random.default_rng(0)
+    swung = solve_ivp(lambda _, x: [x[1], 27.0 * np.sin(x[0]) - 0.1 * x[1]], (0.0, 10.0), (2.0, 0.0), t_eval=times)
     angles = swung.y[0] + random.normal(scale=3e-4, size=len(times))
     torques = random.normal(scale=0.002, size=len(times))
     log = pd.DataFrame({"time": times, "angle_1": angles, "torque_1": torques})
     log.to_csv(tmp_path / "swing.csv", index=False)
     (tmp_path / "nominal.toml").write_text("[[links]]\nlength = 0.5\nmass = 0.8\ncom = 0.33\ninertia = 0.02\n")
-    verdict = estimate([tmp_path / "swing.csv"], tmp_path / "nominal.toml").verdict
+    verdict = estimate([tmp_path / "swing.csv"], tmp_path / "nominal.toml", friction=["viscous"]).verdict
     assert not verdict.is_found
     assert "times as much: the motors hardly drove" in verdict.reasons[0]

@@ -31,8 +31,8 @@ DRY = np.array([3.0, 2.0, 1.0])
 ROTOR = PARAMETERS.index("rotor")
 
 
-def arm_log(extra: Callable[[Array], Array] | None = None, noise: float = 1e-5) -> Record:
-    return log_of(swinging_arm(), noise=noise, extra=extra, seconds=4.0)
+def arm_log(extra: Callable[[Array], Array] | None = None, noise: float = 1e-5, seconds: float = 2.0) -> Record:
+    return log_of(swinging_arm(), noise=noise, extra=extra, seconds=seconds)
 
 
 def estimated(*records: Record, friction: tuple[str, ...] | None = ("viscous", "coulomb")) -> RecordedEstimate:
@@ -40,11 +40,18 @@ def estimated(*records: Record, friction: tuple[str, ...] | None = ("viscous", "
     return estimate_records(records, model, Choices(friction=friction, zeros=False, delay=0.0))
 
 
+@pytest.fixture(scope="module")
+def rubbed() -> tuple[Record, RecordedEstimate]:
+    """The log of an arm with dry friction, and what it says."""
+    record = arm_log(lambda speeds: DRY * np.sign(speeds))
+    return record, estimated(record)
+
+
 def test_each_log_has_zeros_of_its_own() -> None:
     """Encoders that are zeroed anew for each run are found to 3 mrad, and whole logs are held out."""
     chain = load_chain("two-link").chain
     zeros = np.array([[0.03, -0.02], [-0.05, 0.04], [0.01, 0.0]])
-    whole = log_of(planar_tree(chain, 9.81), noise=1e-4, seconds=9.0)
+    whole = log_of(planar_tree(chain, 9.81), noise=1e-4, seconds=6.0)
     thirds = np.array_split(np.arange(len(whole.times)), 3)
     records = [
         Record(f"{i}", whole.times[rows], whole.angles[rows] - zero, None, whole.torques[rows])
@@ -131,7 +138,7 @@ def test_hysteresis_is_taken_up_where_it_predicts_what_was_left_out() -> None:
 
 def test_hysteresis_is_taken_up_for_the_joint_that_carries_least() -> None:
     """Of the arm's torque it is next to nothing beside what no model explains, of the last joint's it is a quarter."""
-    record = arm_log(noise=0.0)
+    record = arm_log(noise=0.0, seconds=4.0)
     usual = np.sqrt((record.torques**2).mean(axis=0))
     unexplained = 0.1 * usual * np.sin(np.outer(record.times, (5.5, 7.7, 0.0)))
     dry = 0.24 * usual * (0.0, 0.0, 1.0) * built_up(record)
@@ -159,13 +166,13 @@ def test_another_unit_of_all_torques_is_named_and_does_not_bend_the_answer() -> 
     assert any("mN m? --scale all=0.001" in reason for reason in judge_records([record], milli).reasons)
 
 
-def test_joint_that_nothing_predicts_is_named() -> None:
+def test_joint_that_nothing_predicts_is_named(rubbed: tuple[Record, RecordedEstimate]) -> None:
     """Beside two that are predicted well, so that the whole is."""
-    record = arm_log(lambda speeds: DRY * np.sign(speeds))
+    record, _ = rubbed
     random = np.random.default_rng(0).standard_normal((len(record.times) // 100 + 2, 1)) * (0.0, 0.0, 2.0)
     slowly = np.stack([np.interp(record.times, 0.2 * np.arange(len(random)), each) for each in random.T], axis=1)
     other = record.with_torques(record.torques * (1.0, 1.0, 0.0) + slowly)
-    said = [judge_records([each], estimated(each)).reasons for each in (record, other)]
+    said = [judge_records([each], found).reasons for each, found in (rubbed, (other, estimated(other)))]
     last = swinging_arm().names[2]
     sentence = f"more than half of the torque of {last} is not predicted"
     assert [sentence in reasons for reasons in said] == [False, True]
@@ -187,9 +194,9 @@ def test_joint_with_another_motor_constant_is_named_with_what_it_carries() -> No
     """Three fifths of its torque are no other unit; the option makes the nominal bodies true."""
     arm = swinging_arm()
     record = log_of(arm, noise=1e-5, seconds=4.0)
-    factors = np.array([1.0, 0.6, 1.0])
+    factors, asked = np.array([1.0, 0.6, 1.0]), Choices(friction=("viscous",), zeros=False, delay=0.0)
     other = record.with_torques(record.torques * factors)
-    found = [estimate_records([each], arm_model(arm), Choices(zeros=False, delay=0.0)) for each in (record, other)]
+    found = [estimate_records([each], arm_model(arm), asked) for each in (record, other)]
     said = [[reason for reason in judge_records([record], each).reasons if "weigh" in reason] for each in found]
     assert said[0] == []
     joint = found[1].model.joints[1]
@@ -240,7 +247,7 @@ def heavy_rotor(arm: Tree) -> tuple[Record, Tree]:
     with_rotor[0, ROTOR] = 5.0
     unknown = arm.parameters.copy()
     unknown[:, ROTOR] = 0.0
-    return log_of(arm.with_parameters(with_rotor), noise=1e-5, seconds=4.0), arm.with_parameters(unknown)
+    return log_of(arm.with_parameters(with_rotor), noise=1e-5, seconds=2.0), arm.with_parameters(unknown)
 
 
 def on_the_axis(arm: Tree) -> tuple[Record, Tree]:
@@ -254,7 +261,7 @@ def stiff_gears(arm: Tree) -> tuple[Record, Tree]:
     """A light arm, whose friction is far beyond what any of its bodies needs."""
     light = arm.with_parameters(0.05 * arm.parameters)
     friction = np.array([20.0, 40.0, 40.0])
-    return log_of(light, noise=1e-5, extra=lambda speeds: friction * np.cbrt(speeds), seconds=4.0), light
+    return log_of(light, noise=1e-5, extra=lambda speeds: friction * np.cbrt(speeds), seconds=2.0), light
 
 
 @pytest.mark.parametrize("machine", [heavy_rotor, on_the_axis, stiff_gears])
@@ -275,12 +282,12 @@ def test_gravity_that_points_elsewhere_is_named_and_no_unit_in_its_place() -> No
     assert [fact.option for fact in facts_of([record], found)] == ["--gravity 0,0,-9.81"]
 
 
-def test_motor_that_turns_with_two_joints_is_named() -> None:
+def test_motor_that_turns_with_two_joints_is_named(rubbed: tuple[Record, RecordedEstimate]) -> None:
     """Where nobody said so; of an arm that has none nothing is."""
 
     def coupled(speeds: Array) -> Array:
         return 4.0 * np.sign(speeds[:, 1:2] + speeds[:, 2:3]) * np.array([0.0, 1.0, 1.0])
 
-    record, plain = arm_log(coupled), arm_log(lambda speeds: DRY * np.sign(speeds))
+    record, (plain, found) = arm_log(coupled), rubbed
     assert [fact.option for fact in facts_of([record], estimated(record))][:1] == ["--couple 2,3"]
-    assert facts_of([plain], estimated(plain)) == ()
+    assert facts_of([plain], found) == ()

@@ -55,6 +55,6 @@ def test_motion_that_never_recurs_is_parted_in_time() -> None:
     """Thirds of each of two logs, and whole logs of three."""
     model = arm_model(wrong_tree(swinging_arm(), 1))
     for count, by, logs in ((2, "blocks", [(0,)] * 3 + [(1,)] * 3), (3, "logs", [(0,), (1,), (2,)])):
-        records = [log(6.0, seed, None) for seed in range(3, 3 + count)]
+        records = [log(3.0, seed, None) for seed in range(3, 3 + count)]
         yardstick = estimate_records(records, model, PLAIN).chosen.yardstick
         assert (yardstick.by, [fold.logs for fold in yardstick.folds]) == (by, logs)

@@ -22,6 +22,7 @@ pytestmark = pytest.mark.slow
 
 STATED = np.array([0.016, 0.035])  # rad: docs/real-plants.md of metaid's .xml for design A.0
 RUNS = shipped_logs("double-pendulum")
+FRICTION = ("--friction", "viscous,coulomb")  # said, for to find its terms takes longer than all else
 
 
 def read(path: Path) -> Log:
@@ -61,7 +62,7 @@ def test_urdf_of_the_builders_predicts_as_well_as_links(metaid: Callable[..., Fi
       {joint.format("shoulder", "base", "one", 0.0)}<axis xyz="0 1 0"/></joint>
       {joint.format("elbow", "one", "two", 0.3)}<axis xyz="0 1 0"/></joint></robot>""")
     by_links, by_urdf = (
-        json.loads(metaid("estimate", "double-pendulum", "--nominal", nominal, "--json").out)
+        json.loads(metaid("estimate", "double-pendulum", "--nominal", nominal, *FRICTION, "--json").out)
         for nominal in ("double-pendulum", str(path))
     )
     assert by_urdf["verdict"] == "approximate"
@@ -72,7 +73,8 @@ def test_urdf_of_the_builders_predicts_as_well_as_links(metaid: Callable[..., Fi
 
 def test_command_says_what_a_file_cannot_hold_beside_its_error(metaid: Callable[..., Finished]) -> None:
     """A URDF has no rotors, which of this pendulum makes its error four times that of the MJCF."""
-    out = metaid("estimate", "double-pendulum", "--nominal", "double-pendulum", "-o", "f.urdf", "-o", "f.xml").out
+    given = ("double-pendulum", "--nominal", "double-pendulum", *FRICTION)
+    out = metaid("estimate", *given, "-o", "f.urdf", "-o", "f.xml").out
     of_urdf, lacking, of_xml = out.splitlines()[-3:]
     assert of_urdf.startswith("f.urdf: loaded again")
     assert "a URDF has no inertia of rotors; add to the mass matrix: joint_2" in lacking
@@ -96,14 +98,15 @@ def test_error_of_every_log_to_validate_is_printed(metaid: Callable[..., Finishe
     for name, run in zip(names, RUNS, strict=False):
         Path(f"{name}.csv").write_text(run.read_text())
     others = [f"{name}.csv" for name in names]
-    out = metaid("estimate", str(RUNS[0]), "--nominal", "double-pendulum", "--validate", *others).out
+    given = (str(RUNS[0]), "--nominal", "double-pendulum", *FRICTION)
+    out = metaid("estimate", *given, "--validate", *others).out
     assert all(f"{name}.csv" in out for name in names)
     assert ("logs that nothing was fitted to" in out) == (len(names) > 2)
 
 
 def test_what_follows_validate_is_fitted_to_by_nobody(metaid: Callable[..., Finished]) -> None:
     """Named together or each by itself; where no other log is left, that is said."""
-    nominal, (first, *rest) = ("--nominal", "double-pendulum", "--json"), map(str, RUNS)
+    nominal, (first, *rest) = ("--nominal", "double-pendulum", *FRICTION, "--json"), map(str, RUNS)
     together = metaid("estimate", first, "--validate", *rest, *nominal)
     assert json.loads(together.out)["logs"] == json.loads(metaid("estimate", first, *nominal).out)["logs"]
     apart = metaid("estimate", first, *nominal, *(text for each in rest for text in ("--validate", each)))

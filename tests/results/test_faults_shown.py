@@ -94,7 +94,7 @@ def test_friction_without_a_nominal_value_is_found_on_a_plant_without_other_faul
 def test_fault_that_is_not_explained_has_no_interval(tmp_path: Path) -> None:
     """Where a tilt is there and a delay is searched: the reason proposes to search both."""
     with closing(Store(str(tmp_path / "metaid.db"), create=True)) as store:
-        create_study(store, late_and_tilted("delay", nlink=1, trials=3))
+        create_study(store, late_and_tilted("delay", nlink=1))
         run_study(store, "chain")
         snapshot = read_snapshot(store, "chain")
     verdict, estimate = judge(snapshot), snapshot.estimate

@@ -89,7 +89,7 @@ def test_what_the_model_does_not_know_is_not_found(
     short or small and counted.
     """
     counted = SMALL_PUSHES if study == "three-link" else {}
-    spec = load_study(study, {"sampler": sampler, "trials": 4, **counted})
+    spec = load_study(study, {"sampler": sampler, "trials": 2, **counted})
     assert isinstance(spec.plant, PlantSettings)
     links = tuple(link.model_copy(update=fault) for link in spec.plant.links)
     spec = spec.model_copy(update={"plant": spec.plant.model_copy(update={"links": links})})
@@ -121,7 +121,7 @@ def test_trials_that_are_left_make_it_unfinished_and_give_no_range(tmp_path: Pat
 
 def test_best_trial_that_coasts_is_found_with_a_range_that_holds_the_truth(tmp_path: Path) -> None:
     """Without an estimate, by the ellipsoid of the pushes' sensitivity: `cmaes` ends near the minimum."""
-    verdict = verdict_of(tmp_path, {"trials": 1500, **NO_ESTIMATE})
+    verdict = verdict_of(tmp_path, {"trials": 800, **NO_ESTIMATE})
     assert (verdict.word, verdict.source) == ("found", "best trial")
     lumps = verdict.lumps
     assert ((lumps["low"] <= lumps["true"]) & (lumps["true"] <= lumps["high"])).all()
@@ -175,7 +175,7 @@ def test_noisy_angles_beside_exact_speeds_leave_the_truth_in_the_intervals(sampl
     assert (np.abs(lumps["identified"] - lumps["true"]) < 4.0 * lumps["sd"]).all()
 
 
-COUNTED = {"trials": 6, "search.probes": 6, "episode.steps": 4000}
+COUNTED = {"trials": 4, "search.probes": 4, "episode.steps": 4000}
 
 
 def test_whole_counts_are_a_result_with_the_extent_of_what_counts_the_same(tmp_path: Path) -> None:
@@ -185,7 +185,7 @@ def test_whole_counts_are_a_result_with_the_extent_of_what_counts_the_same(tmp_p
     run_study(store, "study")
     shown = summary(store, "study")
     assert (shown["verdict"], shown["source"], shown["misfit"]) == ("found", "estimate", 0.0)
-    assert shown["estimate"]["counts"] == 6 * 4 * 20 * 2
+    assert shown["estimate"]["counts"] == 4 * 4 * 20 * 2
     assert shown["max_error"] < 0.02
     for lump in shown["lumps"]:
         assert lump["sd"] is None
@@ -271,7 +271,7 @@ def test_trials_that_all_fall_in_their_first_push_say_so_and_what_to_do(tmp_path
     """Motors that hold no link: nothing after the first push is ever seen."""
     faults = {"angle_noise": 1e-3, "speed_sensor": False, "torque_limit": 0.01}
     with closing(Store(str(tmp_path / "metaid.db"), create=True)) as store:
-        create_study(store, chain_study(random_chain(3, 1), faults, trials=3), "study")
+        create_study(store, chain_study(random_chain(3, 1), faults, trials=2), "study")
         run_study(store, "study")
         verdict = judge(read_snapshot(store, "study"))
     assert verdict.word == "not found"

@@ -23,7 +23,7 @@ def drawn(folder: Path) -> set[str]:
     """The names of the figures in a folder, each of which shows something."""
     for path in folder.iterdir():
         with Image.open(path) as picture:
-            assert len(np.unique(np.asarray(picture.convert("L")))) > 20, path
+            assert np.count_nonzero(picture.convert("L").histogram()) > 20, path  # shades of grey
     return {path.stem for path in folder.iterdir()}
 
 

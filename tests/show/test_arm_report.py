@@ -14,6 +14,7 @@ from conftest import Finished
 from pages import ids_are_single, repeat, seen_everywhere
 
 import metaid as package
+from metaid.cli import main
 from metaid.results import Findings, read_findings, shown_rows
 from metaid.show import render
 from metaid.store import Store
@@ -53,10 +54,18 @@ def test_browser_shows_an_arm_what_it_is_worth_and_its_figures(page: Path, arms:
         assert "What is not drawn" in text
 
 
-def test_page_of_an_arm_that_was_not_found_is_whole(arms: Path, browser: Browser, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def bent(arms: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of the study `bent`, as the command writes it."""
+    written = tmp_path_factory.mktemp("report") / "bent.html"
+    with pytest.raises(SystemExit) as stop:
+        main(["study", "report", "bent", "--storage", str(arms), "-o", str(written)])
+    assert not stop.value.code
+    return written
+
+
+def test_page_of_an_arm_that_was_not_found_is_whole(bent: Path, browser: Browser) -> None:
     """On a phone, a tablet, a desk and on paper, with the figures that there are."""
-    bent = tmp_path / "bent.html"
-    bent.write_text(render(findings(arms, "bent")), encoding="utf-8")
     assert all("Not found." in text for text in seen_everywhere(browser, bent, figures=3))
 
 
@@ -67,10 +76,9 @@ def test_files_and_commands_of_a_report_repeat_the_study_of_an_arm(metaid: Metai
     assert package.trials("exact").equals(package.trials("exact", str(arms)))
 
 
-def test_report_of_an_arm_that_was_not_found_has_no_number(metaid: Metaid, arms: Path) -> None:
+def test_report_of_an_arm_that_was_not_found_has_no_number(bent: Path) -> None:
     """The verdict says why first, nothing was validated, and what is not drawn is said."""
-    assert metaid("study", "report", "bent", "--storage", str(arms), "-o", "bent.html").status == 0
-    text = Path("bent.html").read_text()
+    text = bent.read_text(encoding="utf-8")
     (verdict,) = re.findall(r'<p class="lead" id="verdict">.*?</p>', text, re.DOTALL)
     assert "Not found." in verdict
     assert "The model does not explain what was seen" in verdict

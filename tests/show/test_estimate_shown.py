@@ -120,11 +120,16 @@ def test_trial_that_is_drawn_is_the_first_or_else_the_one_that_the_twin_shows_wo
         assert is_drawn == (number == drawn)
 
 
+@pytest.fixture(scope="module")
+def gallery(estimated: Path) -> figures.Gallery:
+    """The figures of a noisy study, for which candidates are simulated once."""
+    return figures.Gallery(package.load_findings("noisy", str(estimated)))
+
+
 @pytest.mark.parametrize("width", ["page", "column"])
-def test_figures_of_a_noisy_study_lie_within_their_width(estimated: Path, width: str) -> None:
+def test_figures_of_a_noisy_study_lie_within_their_width(gallery: figures.Gallery, width: str) -> None:
     """Nothing of the motion, the residuals, the correlation and the shrinking intervals is cut off."""
-    pictures = figures.Gallery(package.load_findings("noisy", str(estimated))).pictures(width)
-    shown = [picture.figure for picture in pictures if picture.name.startswith("estimate-")]
+    shown = [picture.figure for picture in gallery.pictures(width) if picture.name.startswith("estimate-")]
     assert len(shown) == 4
     for figure in shown:
         figure.draw_without_rendering()

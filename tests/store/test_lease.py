@@ -7,7 +7,6 @@ import os
 import random
 import signal
 import sqlite3
-import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
@@ -18,7 +17,7 @@ from typing import Any
 import optuna
 import pytest
 from conftest import Finished
-from places import METAID
+from forked import Command
 from postgres import Postgres
 
 from metaid import results
@@ -33,7 +32,7 @@ LONG = {
     "trials": 1_000_000,
     "sampler": "random",
     "search.generation": 10,
-    "episode.steps": 20_000,
+    "episode.steps": 4_000,
     "estimate.enabled": False,
 }
 Metaid = Callable[..., Finished]
@@ -119,18 +118,17 @@ def store(database: Database) -> Iterator[Store]:
 
 
 @contextmanager
-def running(database: Database) -> Iterator[subprocess.Popen[str]]:
+def running(database: Database, folder: Path) -> Iterator[Command]:
     """Another process that runs the study, once it has written something; killed at the end if it still does."""
     before = database.count()
-    command = [*METAID, "study", "run", "study", "--quiet", "--storage", database.storage]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
-        try:
-            while database.count() == before:
-                assert process.poll() is None
-                time.sleep(0.02)
-            yield process
-        finally:
-            process.kill()
+    process = Command(folder, "study", "run", "study", "--quiet", "--storage", database.storage)
+    try:
+        while database.count() == before:
+            assert process.poll() is None, process.err
+            time.sleep(0.05)
+        yield process
+    finally:
+        process.kill()
 
 
 def lease_of_a_run(store: Store, database: Database) -> dict[str, Any]:
@@ -149,12 +147,12 @@ def started(pid: int) -> int:
 
 @on_both
 def test_second_driver_is_refused_and_told_who_runs_the_study_since_when(
-    store: Store, metaid: Metaid, database: Database
+    store: Store, metaid: Metaid, database: Database, tmp_path: Path
 ) -> None:
     """One line, status 2, for run and for delete; the first one goes on undisturbed, and where it has ended, in its own
     time or on a busy machine by force, the study is free.
     """
-    with running(database) as process:
+    with running(database, tmp_path) as process:
         lease = database.lease()
         assert lease is not None
         for command in (["run", "study"], ["delete", "study", "--yes"]):
@@ -168,17 +166,16 @@ def test_second_driver_is_refused_and_told_who_runs_the_study_since_when(
         while database.count() == before:
             assert process.poll() is None
             time.sleep(0.02)
-        process.send_signal(signal.SIGTERM)
+        process.send(signal.SIGTERM)
         assert process.wait() == 143
     assert metaid("study", "delete", "study", "--yes", "--storage", database.storage).status == 0
 
 
 @on_both
-def test_killed_driver_holds_nothing(store: Store, database: Database) -> None:
+def test_killed_driver_holds_nothing(store: Store, database: Database, tmp_path: Path) -> None:
     """Its lease stays in the DB, but its process is gone: the next one need not wait."""
-    with running(database) as process:
+    with running(database, tmp_path) as process:
         process.kill()
-        process.wait()
         assert database.lease() is not None
     run_study(store, "study", trials=database.count() + 10)
     assert database.lease() is None
@@ -209,9 +206,9 @@ def test_driver_on_another_machine_holds_a_study_until_it_has_been_silent_for_a_
     assert database.count() == 10
 
 
-def pause(process: subprocess.Popen[str]) -> None:
+def pause(process: Command) -> None:
     """Returns when the process is stopped."""
-    process.send_signal(signal.SIGSTOP)
+    process.send(signal.SIGSTOP)
     while Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()[0] != "T":
         time.sleep(0.01)
 
@@ -227,22 +224,22 @@ def taken(database: Database) -> bool:
 
 @on_both
 def test_driver_that_slept_while_another_took_its_study_stops_before_it_writes(
-    store: Store, database: Database
+    store: Store, database: Database, tmp_path: Path
 ) -> None:
     """Paused, its lease taken, woken: one line, status 2, and not a trial more; the taker's lease is left alone."""
-    with running(database) as process:
+    with running(database, tmp_path) as process:
         pause(process)
         database.lose_connections()
         database.patience = 0.1
         while not taken(database):  # it was paused within a transaction, which holds the file
-            process.send_signal(signal.SIGCONT)
+            process.send(signal.SIGCONT)
             time.sleep(random.uniform(0.01, 0.1))
             pause(process)
         database.patience = 60.0
         before = database.count()
-        process.send_signal(signal.SIGCONT)
-        _, said = process.communicate(timeout=60)
-    assert process.returncode == 2
+        process.send(signal.SIGCONT)
+        assert process.wait(60.0) == 2
+    said = process.err
     assert "the study was taken over: it is being run by process 12 on far-away" in said
     assert len(said.splitlines()) == 1
     assert database.count() == before
@@ -299,11 +296,13 @@ def test_lease_that_metaid_did_not_write_holds_nothing(store: Store, database: D
         assert database.lease() is None
 
 
-def test_readers_see_whole_generations_while_a_study_runs(store: Store, metaid: Metaid, database: Database) -> None:
+def test_readers_see_whole_generations_while_a_study_runs(
+    store: Store, metaid: Metaid, database: Database, tmp_path: Path
+) -> None:
     """metaid, Optuna and pandas, over and over while another process writes."""
     url = f"sqlite:///{database.storage}"
     sizes: list[int] = []
-    with running(database) as process:
+    with running(database, tmp_path) as process:
         while len(sizes) < 12 or len(set(sizes)) < 6:
             sizes.append(len(results.trials_frame(store, "study")))
             trials = optuna.load_study(study_name="study", storage=url).get_trials(deepcopy=False)

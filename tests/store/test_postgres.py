@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -20,8 +19,8 @@ import pandas as pd
 import pytest
 import sqlalchemy as sa
 from conftest import Finished
+from forked import Command
 from pandas.testing import assert_frame_equal
-from places import METAID, ROOT
 from postgres import PASSWORD, QUOTED, Postgres
 
 from metaid import api, results
@@ -100,7 +99,7 @@ def test_every_command_works_and_none_shows_the_password(metaid: Metaid, server:
         ["show", "study", "--json"],
         ["export", "study", "-o", "trials.csv"],
         ["export", "study", "-o", "trials.parquet"],
-        ["plot", "study", "-o", "figures"],
+        ["plot", "study", "-o", "figures", "--format", "svg"],
         ["report", "study", "-o", "report.html"],
         ["run", "stduy"],
     ):
@@ -112,6 +111,7 @@ def test_every_command_works_and_none_shows_the_password(metaid: Metaid, server:
     assert len(api.trials("study", url)) == 90
     assert len(api.lumps("study", url)) == 2
     said += Path("report.html").read_text()
+    said += "".join(path.read_text(encoding="utf-8") for path in Path("figures").iterdir())
     done = metaid("study", "delete", "study", "--yes", "--storage", url)
     assert done.status == 0
     assert api.studies(url).empty
@@ -133,12 +133,12 @@ def test_optuna_dashboard_is_given_notes_and_graphs(store: Store) -> None:
     assert "# study" in get_note(study)
 
 
-def test_killed_driver_is_gone_on_with(server: Postgres, store: Store, url: str, alone: str) -> None:
+def test_killed_driver_is_gone_on_with(server: Postgres, store: Store, url: str, alone: str, tmp_path: Path) -> None:
     """SIGKILL between two statements of a write, twice at different ones, then to the end: the same trials."""
     run = ["study", "run", "study", "--quiet", "--storage", url]
     for statements in (3, 8):
-        doomed = [sys.executable, "-m", "soak.doomed", "2", str(statements), *run]
-        assert subprocess.run(doomed, cwd=ROOT, capture_output=True).returncode == -signal.SIGKILL
+        doomed = Command(tmp_path, *run, first=f"from soak.doomed import Doom; Doom(2, {statements})")
+        assert doomed.wait() == -signal.SIGKILL
         assert count(server, url) % 9 == 0
     assert 0 < count(server, url) < 90
     run_study(store, "study")
@@ -209,22 +209,22 @@ def test_commit_whose_answer_was_lost_is_not_done_twice(
 
 
 def test_server_that_does_not_come_back_is_given_up_in_one_line_that_says_how_to_go_on(
-    server: Postgres, metaid: Metaid, url: str
+    server: Postgres, metaid: Metaid, url: str, tmp_path: Path
 ) -> None:
     """After the patience that was given: status 2; once it is back, the run goes on."""
     with closing(Store(url, create=True)) as store:
         create_study(store, load_study("three-link-coast", LONG), "study")
-    run = [*METAID, "study", "run", "study", "--quiet", "--patience", "1", "--storage", url]
+    process = Command(tmp_path, "study", "run", "study", "--quiet", "--patience", "1", "--storage", url)
     try:
-        with subprocess.Popen(run, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
-            while count(server, url) == 0:
-                assert process.poll() is None, process.stderr and process.stderr.read()
-                time.sleep(0.02)
-            server.stop()
-            _, said = process.communicate()
+        while count(server, url) == 0:
+            assert process.poll() is None, process.err
+            time.sleep(0.05)
+        server.stop()
+        status, said = process.wait(), process.err
     finally:
+        process.kill()
         server.start()
-    assert process.returncode == 2
+    assert status == 2
     assert len(said.splitlines()) == 1
     assert "no answer for 1 s" in said
     assert said.strip().endswith("go on with: metaid study run study")

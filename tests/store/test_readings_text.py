@@ -78,12 +78,12 @@ def test_trials_of_a_noisy_study_have_the_readings_that_the_law_acted_on(tmp_pat
 
 def test_readings_end_with_the_budget_whoever_runs_the_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Which trials have them depends on their number alone, not on workers or on how often a run was stopped."""
-    monkeypatch.setattr("metaid.study.problem.READING_BUDGET", 200_000)
+    monkeypatch.setattr("metaid.study.problem.READING_BUDGET", 100_000)
     store = Store(str(tmp_path / "metaid.db"), create=True)
     spec = load_study("noisy-three-link", {"sampler": "cmaes", "trials": 20})
     kept = Problem(spec).trials_with_readings
     assert 0 < kept < 20
-    for name, workers, stops in (("one", 1, (20,)), ("two", 2, (5, 13, 20))):
+    for name, workers, stops in (("one", 1, (20,)), ("two", 2, (3, 13, 20))):
         create_study(store, spec, name)
         for stop in stops:
             run_study(store, name, trials=stop, workers=workers)

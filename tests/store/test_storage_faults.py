@@ -8,7 +8,6 @@ import shutil
 import signal
 import sqlite3
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -17,8 +16,8 @@ from random import Random
 import pandas as pd
 import pytest
 from conftest import Finished
+from forked import Command
 from pandas.testing import assert_frame_equal
-from places import ROOT
 
 from metaid import results
 from metaid.store import Store
@@ -27,8 +26,8 @@ from metaid.study import create_study, load_study, run_study
 
 pytestmark = pytest.mark.slow
 
-CHANGES = {"trials": 900, "search.coordinates": "plain", "search.start": 0.8, "episode.fall_limit": 1.0}
-HALF = 450  # trials: whole generations
+CHANGES = {"trials": 450, "search.coordinates": "plain", "search.start": 0.8, "episode.fall_limit": 1.0}
+HALF = 225  # trials: whole generations
 GENERATION = 9
 Metaid = Callable[..., Finished]
 
@@ -126,7 +125,7 @@ def test_full_disk_in_mid_run_leaves_whole_generations_and_the_run_goes_on_with_
     metaid: Metaid, half: Path, whole: pd.DataFrame, tmp_path: Path
 ) -> None:
     """What was written before can be read, on the full disk as well."""
-    with small_disk(tmp_path / "disk", half.stat().st_size // 1024 + 900) as disk:
+    with small_disk(tmp_path / "disk", half.stat().st_size // 1024 + 450) as disk:
         path = Path(shutil.copy(half, disk))
         run = "study", "run", "study", "--quiet", "--storage", str(path)
         assert "is full; what was written before is safe: make room" in refused(metaid(*run))
@@ -252,18 +251,19 @@ def test_lost_write_ahead_log_costs_generations_that_are_run_again(
     metaid: Metaid, half: Path, whole: pd.DataFrame, tmp_path: Path
 ) -> None:
     """What a kill left in the log and the disk then lost: an earlier state of the DB is gone on with."""
-    doomed = [sys.executable, "-m", "soak.doomed", "30", "3", "study", "run", "study", "--storage", str(half)]
-    assert subprocess.run(doomed, cwd=ROOT, capture_output=True).returncode == -signal.SIGKILL
+    first = "from soak.doomed import Doom; Doom(20, 3)"
+    doomed = Command(tmp_path, "study", "run", "study", "--storage", str(half), first=first)
+    assert doomed.wait() == -signal.SIGKILL
     for damage in (deleted, truncated, overwritten):
         folder = tmp_path / damage.__name__
         folder.mkdir()
         path = Path(shutil.copy(half, folder))
         damage(Path(shutil.copy(half.with_name("metaid.db-wal"), folder)), 1)
         found = trials_of(path)
-        assert HALF <= len(found) < HALF + 29 * GENERATION
+        assert HALF <= len(found) < HALF + 19 * GENERATION
         assert_frame_equal(found, whole.iloc[: len(found)], check_exact=True)
         assert_goes_on(metaid, path, whole)
-    assert len(trials_of(half)) == HALF + 29 * GENERATION
+    assert len(trials_of(half)) == HALF + 19 * GENERATION
 
 
 def test_revision_of_the_tables_is_optunas(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ import optuna
 import pandas as pd
 import pytest
 from conftest import Finished
+from forked import Command
 from places import ROOT
 
 from metaid import results
@@ -127,16 +128,15 @@ def test_file_that_another_is_copied_over_in_mid_run_ends_it_in_a_line(path: Pat
     interrupted(path, copy_over, 2 * GENERATION)
 
 
-def test_command_whose_db_vanishes_exits_with_status_2_and_one_line(metaid: Metaid, path: Path) -> None:
+def test_command_whose_db_vanishes_exits_with_status_2_and_one_line(path: Path, tmp_path: Path) -> None:
     """A real run in a process of its own, whose file is deleted by another."""
-    code = "import os, sys; from metaid.cli import main\n"
-    code += "from metaid.study import evaluation, run; made = run.Writer.write\n"
+    code = "import os; from metaid.study import run; made = run.Writer.write\n"
     code += f"def write(self):\n    made(self)\n    os.path.exists({str(path)!r}) and os.unlink({str(path)!r})\n"
-    code += f"run.Writer.write = write; main(['study', 'run', 'study', '--quiet', '--storage', {str(path)!r}])"
-    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
-    assert (ran.returncode, ran.stdout) == (2, "")
-    assert ran.stderr.startswith("metaid: ")
-    assert ran.stderr.count("\n") == 1
+    code += "run.Writer.write = write"
+    ran = Command(tmp_path, "study", "run", "study", "--quiet", "--storage", str(path), first=code)
+    assert (ran.wait(), ran.out) == (2, "")
+    assert ran.err.startswith("metaid: ")
+    assert ran.err.count("\n") == 1
 
 
 def test_log_of_a_db_that_has_gone_is_not_taken_for_a_new_ones(metaid: Metaid) -> None:

@@ -53,8 +53,9 @@ def test_arm_of_the_bench_moves_as_in_mujoco(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_lengths_of_a_bench_that_are_wrong_and_said_to_be_exact_are_named() -> None:
+def test_lengths_of_a_bench_that_are_wrong_and_said_to_be_exact_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """By as much as 36 mm: the verdict says what they are to blame for, and no confident number is given."""
+    monkeypatch.setattr(benches, "TRIALS", 2)
     snapshot, _ = run_bench("encoders", "2", 0.002, 0, '[estimate]\nlengths = "exact"\nfaults = []\n')
     verdict = judge(snapshot)
     assert verdict.word != "found"
@@ -63,10 +64,11 @@ def test_lengths_of_a_bench_that_are_wrong_and_said_to_be_exact_are_named() -> N
 
 
 @pytest.mark.slow
-def test_rotor_of_a_bench_is_found_by_default_and_handed_over(tmp_path: Path) -> None:
+def test_rotor_of_a_bench_is_found_by_default_and_handed_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """At 500 Hz, with encoder steps of 0.38 mrad and a nominal model that is wrong by up to 25 % in each number: with
     the rotor every file needs the torques that the bench's own equations ask for.
     """
+    monkeypatch.setattr(benches, "TRIALS", 2)
     snapshot, _ = run_bench("rotors", "2", 0.002, 0)
     assert snapshot.estimate is not None
     faults = snapshot.estimate.estimate.faults
@@ -83,10 +85,11 @@ def test_rotor_of_a_bench_is_found_by_default_and_handed_over(tmp_path: Path) ->
 
 
 @pytest.mark.slow
-def test_cogging_of_a_bench_is_found_by_default() -> None:
+def test_cogging_of_a_bench_is_found_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
     """With how often it repeats in a turn: the bench adds 0.03 N m times sin (14 q + 1) in each joint. It acts by where
     a joint is, not by where an encoder has it: intervals hold.
     """
+    monkeypatch.setattr(benches, "TRIALS", 3)
     judged = try_bench("cogging", "2", 0.002, 4)
     assert judged.verdict == "found"
     assert judged.worst < 1e-5
@@ -97,8 +100,9 @@ def test_cogging_of_a_bench_is_found_by_default() -> None:
 
 
 @pytest.mark.slow
-def test_limits_of_the_torques_of_a_bench_are_found_by_default() -> None:
+def test_limits_of_the_torques_of_a_bench_are_found_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody has said them, and the bench cuts off what it is commanded."""
+    monkeypatch.setattr(benches, "TRIALS", 2)
     judged = try_bench("limits", "2", 0.002, 0)
     assert judged.verdict == "found"
     assert judged.worst < 1e-3
@@ -117,8 +121,9 @@ def test_limits_so_low_that_the_nominal_model_loses_the_plant_are_found(monkeypa
 
 
 @pytest.mark.slow
-def test_bench_whose_delay_jitters_is_approximate_and_within_its_intervals() -> None:
+def test_bench_whose_delay_jitters_is_approximate_and_within_its_intervals(monkeypatch: pytest.MonkeyPatch) -> None:
     """The twin has a delay that does not."""
+    monkeypatch.setattr(benches, "TRIALS", 2)
     judged = try_bench("delay", "2", 0.002, 0)
     assert judged.verdict == "approximate"
     assert judged.worst < 0.02
@@ -127,9 +132,12 @@ def test_bench_whose_delay_jitters_is_approximate_and_within_its_intervals() -> 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("links", ["2", "3"])
-def test_bench_whose_torques_are_rough_is_approximate_and_within_its_intervals(links: str) -> None:
+@pytest.mark.parametrize(("links", "trials"), [("2", 2), ("3", 3)], ids=["2", "3"])
+def test_bench_whose_torques_are_rough_is_approximate_and_within_its_intervals(
+    links: str, trials: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Their noise throws any twin far off, and lets three links fall that nobody pushes."""
+    monkeypatch.setattr(benches, "TRIALS", trials)
     judged = try_bench("rough", links, 0.002, 0)
     assert judged.verdict == "approximate"
     assert judged.worst < 0.02

@@ -116,7 +116,7 @@ def test_friction_of_an_arm_is_found_with_its_base_parameters(tmp_path: Path) ->
 
 def test_study_of_an_arm_takes_up_the_fault_that_explains_it(tmp_path: Path) -> None:
     """A delay that nobody has named is what is missing, and the study says so."""
-    found, off = found_with(tmp_path, "proposed", trials=2, delay=2)
+    found, off = found_with(tmp_path, "proposed", delay=2)
     assert found.explains
     assert found.taken_up is not None
     assert found.taken_up.kinds == ("delay",)
@@ -174,7 +174,7 @@ HANGING = """<mujoco>
 """
 OFF = 'mjcf = "hanging.xml"\n\n[faults]\nangle_noise = 1e-4\nspeed_sensor = false\nencoder_offset = 0.01\n'
 PROPOSED = """plant = "off.toml"
-trials = 3
+trials = 1
 [estimate]
 faults = "proposed"
 [nominal]

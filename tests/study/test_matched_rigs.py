@@ -37,7 +37,7 @@ def within(lumps: pd.DataFrame) -> bool:
 def matched(liar: Liar, seed: int = 0, motion: str = "stepped", **changes: Any) -> tuple[pd.DataFrame, dict[str, Any]]:
     """The lumps by the estimate from the trials on a rig, and the summary of the study."""
     with created(liar, seed, motion), closing(Store("matched.db", create=True)) as store:
-        settings = {"sampler": "output-error", "trials": 5, "seed": seed, "search.low": 0.5, "search.high": 2.0}
+        settings = {"sampler": "output-error", "trials": 2, "seed": seed, "search.low": 0.5, "search.high": 2.0}
         create_study(store, load_study("study.toml", {**settings, **changes}), "study")
         run_study(store, "study")
         return results.estimate_frame(store, "study"), results.summary(store, "study")
@@ -45,13 +45,13 @@ def matched(liar: Liar, seed: int = 0, motion: str = "stepped", **changes: Any) 
 
 def test_trials_of_cmaes_on_the_example_rig_hold_the_truth() -> None:
     """Its best trial was 5 % off after 60 trials, with a range of zero width. The estimate from such trials is not."""
-    lumps, _ = matched(Liar(STEPS), sampler="cmaes", trials=8)
+    lumps, _ = matched(Liar(STEPS), sampler="cmaes", trials=5)
     assert within(lumps)
 
 
 @pytest.mark.parametrize("motion", ["stepped", "continuous"])
 def test_lumps_of_a_noisy_rig_are_found_with_intervals_that_mean_something(motion: str) -> None:
-    """1 mrad of noise, pushes that differ by 2 %: five trials, lumps within half a percent, and the errors are of the
+    """1 mrad of noise, pushes that differ by 2 %: two trials, lumps within half a percent, and the errors are of the
     size of their standard deviations.
     """
     lumps, shown = matched(Liar(STEPS, **NOISE["noisy"], seed=1, is_continuous=motion == "continuous"), 1, motion)

@@ -65,7 +65,7 @@ def test_study_of_a_rig_is_run_shown_and_reported_without_calling_it_again(
 ) -> None:
     """After the run the rig may be switched off: tables, report, figures and the finished run need no plant."""
     server = serve("--stepped", "--watchdog", "60")
-    rig_files(tmp_path, server, trials=6)
+    rig_files(tmp_path, server, trials=3)
     assert metaid("plant", "show", "rig.toml").status == 0
     assert metaid("study", "check", "find-rig.toml").status == 0
     assert metaid("study", "create", "find-rig.toml").status == 0
@@ -73,7 +73,7 @@ def test_study_of_a_rig_is_run_shown_and_reported_without_calling_it_again(
     server.process.kill()
     server.process.wait()
     shown = json.loads(metaid("study", "show", "find-rig", "--json").out)
-    assert shown["trials"]["total"] == 6
+    assert shown["trials"]["total"] == 3
     assert all(lump["true"] is None for lump in shown["lumps"])
     assert metaid("study", "run", "find-rig").status == 0
     assert metaid("study", "report", "find-rig", "-o", "report.html").status == 0
@@ -82,14 +82,14 @@ def test_study_of_a_rig_is_run_shown_and_reported_without_calling_it_again(
     assert gone.status == 2
     assert "no connection to tcp://" in gone.err
     assert len(gone.err.splitlines()) == 1
-    assert json.loads(metaid("study", "show", "find-rig", "--json").out)["trials"]["total"] == 6
+    assert json.loads(metaid("study", "show", "find-rig", "--json").out)["trials"]["total"] == 3
 
 
 def test_candidate_that_loses_the_rig_every_time_fails_and_the_run_goes_on(serve: Serve, tmp_path: Path) -> None:
     """Three tries; then the trial is FAIL with its reason, and the next candidate has its turn."""
     path = str(tmp_path / "rig.db")
     server = serve("--body", "mujoco", "--watchdog", "60", *(f"--fault=drop@{step}" for step in (2000, 2001, 2002)))
-    metaid.run(rig_files(tmp_path, server, trials=8), storage=path)
+    metaid.run(load_study(rig_files(tmp_path, server, trials=8), TRIALS_ALONE), storage=path)
     trials = metaid.trials("find-rig", path)
     failed = trials[trials["state"] == "FAIL"]
     assert len(trials) == 8
@@ -170,7 +170,7 @@ def test_link_that_runs_away_after_a_rich_push_has_fallen_on_a_rig(tmp_path: Pat
 
 def test_study_settings_of_a_rig_keep_what_was_measured_at_it(serve: Serve, tmp_path: Path) -> None:
     """The pushes in the DB are the rig's, not the nominal model's, and their floats are exact."""
-    study = rig_files(tmp_path, serve("--body", "mujoco"), trials=4)
+    study = rig_files(tmp_path, serve("--body", "mujoco"), trials=1)
     metaid.run(study, storage=str(tmp_path / "rig.db"))
     found = metaid.load_findings("find-rig", str(tmp_path / "rig.db"))
     built_in = Problem(load_study("two-link-tpe"))

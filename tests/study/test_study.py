@@ -80,7 +80,7 @@ def test_trials_are_the_same_on_two_ray_actors(store: Store, monkeypatch: pytest
 @pytest.mark.parametrize("sampler", ["cmaes", "tpe", "random", "optuna-cmaes"])
 def test_stopped_and_resumed_run_has_the_trials_of_an_uninterrupted_one(store: Store, sampler: str) -> None:
     """Stopped within a generation, at its end, and resumed with another number of workers."""
-    changes = {"sampler": sampler, "trials": 70}
+    changes = {"sampler": sampler, "trials": 70, "estimate.enabled": False}
     whole = run(store, "whole", changes)
     create_study(store, load_study("three-link-coast", changes), "parts")
     for trials, workers in ((13, 2), (14, 1), (40, 3), (70, 2)):
@@ -199,12 +199,11 @@ def test_trials_that_do_not_follow_from_the_settings_are_refused(store: Store, t
 
 
 @pytest.mark.slow
-def test_interrupted_run_says_how_to_go_on(tmp_path: Path) -> None:
+def test_interrupted_run_says_how_to_go_on(store: Store, tmp_path: Path) -> None:
     """SIGINT and SIGTERM: status 130 and 143, one line, and whole generations in the DB."""
     command = [sys.executable, "-c", "from metaid.cli import main; main()", "study"]
-    endless = ["--set", "trials=1000000", "--set", "sampler=random", "--set", "search.generation=9"]
-    subprocess.run([*command, "create", "three-link-coast", *endless], cwd=tmp_path, check=True, capture_output=True)
-    store = Store(str(tmp_path / "metaid.db"))
+    endless = {"trials": 1000000, "sampler": "random", "search.generation": 9}
+    create_study(store, load_study("three-link-coast", endless))
     for stop, status in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):
         before = store.count("three-link-coast")
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}

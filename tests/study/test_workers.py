@@ -72,6 +72,7 @@ def batch_of(problem: Problem) -> Array:
 def at_full_strength(evaluator: RayEvaluator, problem: Problem) -> RayEvaluator:
     """The evaluator once all of its workers have started."""
     while len(processes(evaluator)) < 2:
+        time.sleep(0.5)  # a worker that evaluates takes the processor from one that starts
         evaluator.evaluate(batch_of(problem))
     return evaluator
 
@@ -123,7 +124,7 @@ def test_worker_killed_while_it_starts_is_replaced(node: Any, problem: Problem) 
     before = workers_here()
     with RayEvaluator(problem, 1, None, patience=30.0) as evaluator:
         while not (killed := workers_here() - before):
-            time.sleep(0.005)
+            time.sleep(0.05)  # it starts for a second: a search for it is dear
         for process in killed:
             os.kill(process, signal.SIGKILL)
         assert evaluator.evaluate(batch_of(problem)) == expected(problem)
@@ -174,27 +175,6 @@ def test_candidate_that_ends_its_worker_is_a_failure_and_the_search_goes_on(
     assert not failing.equals(results.trials_frame(store, "sound"))
 
 
-def test_nodes_come_and_go_and_the_trials_are_the_same(
-    cluster: Cluster, node: Any, problem: Problem, tmp_path: Path
-) -> None:
-    """Fewer places than workers, the only node removed in mid-run, another added."""
-    store, spec = (
-        Store(str(tmp_path / "metaid.db"), create=True),
-        load_study("three-link-coast", {**CHANGES, "trials": 90}),
-    )
-    for name in ("local", "ray"):
-        create_study(store, spec, name)
-    run_study(store, "local")
-
-    def change(progress: Any) -> None:
-        if progress.trials == 27:
-            cluster.remove_node(node)
-            cluster.add_node(num_cpus=2)
-
-    run_study(store, "ray", workers=3, engine="ray", watch=change)
-    assert_frame_equal(*(results.trials_frame(store, name) for name in ("local", "ray")), check_exact=True)
-
-
 @pytest.mark.parametrize("noisy", [False, True], ids=["ideal", "noisy"])
 def test_estimate_of_what_ray_workers_have_seen_is_the_same(node: Any, noisy: bool, tmp_path: Path) -> None:
     """Windows and readings come back from other processes as they are, to the last bit."""
@@ -204,6 +184,27 @@ def test_estimate_of_what_ray_workers_have_seen_is_the_same(node: Any, noisy: bo
         run_study(store, name, workers=1, engine=engine)
     assert store.count("ray") == 4
     assert what_is_known(store, "ray") == what_is_known(store, "local")
+
+
+def test_nodes_come_and_go_and_the_trials_are_the_same(
+    cluster: Cluster, node: Any, problem: Problem, tmp_path: Path
+) -> None:
+    """Fewer places than workers, the only node removed in mid-run, another added."""
+    store, spec = (
+        Store(str(tmp_path / "metaid.db"), create=True),
+        load_study("three-link-coast", {**CHANGES, "trials": 54}),
+    )
+    for name in ("local", "ray"):
+        create_study(store, spec, name)
+    run_study(store, "local")
+
+    def change(progress: Any) -> None:
+        if progress.trials == 27:
+            cluster.remove_node(node)
+            cluster.add_node(num_cpus=1)  # a worker costs seconds to start
+
+    run_study(store, "ray", workers=3, engine="ray", watch=change)
+    assert_frame_equal(*(results.trials_frame(store, name) for name in ("local", "ray")), check_exact=True)
 
 
 def test_run_without_any_node_stops_in_one_line(
