@@ -8,10 +8,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import pytest
 
 import metaid
 from metaid.compiled.decorator import KEPT, cache_folder
+from metaid.compiled.law import has_fallen
 
 pytestmark = pytest.mark.slow
 
@@ -65,6 +67,18 @@ def test_change_of_a_source_that_is_compiled_into_another_changes_the_result(tmp
         (package / module).write_text(source.replace(old, new), encoding="utf-8")
         seen.append(sent())
     assert len(set(seen)) == 3
+
+
+def test_what_is_a_part_of_a_loop_can_be_called_by_python_as_well() -> None:
+    """Neither takes the machine code that is kept of the other: that of a part has nothing for Python to call."""
+    rest = 3.0, 2.0, 0.001, 0.5, 1.0  # of a link that is fast, and past the limit if it is farther than 0.5 rad
+
+    @numba.njit  # type: ignore[untyped-decorator]
+    def as_a_part(angle: float) -> bool:
+        return has_fallen(angle, *rest)
+
+    for angle, fallen in ((0.1, False), (3.0, True)):
+        assert as_a_part(angle) == has_fallen(angle, *rest) == fallen
 
 
 def test_change_in_the_package_around_another_changes_its_digest(tmp_path: Path) -> None:
