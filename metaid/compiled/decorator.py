@@ -54,6 +54,7 @@ class Compiled:
     it, as a part of its caller where another such function does.
 
     A part has no wrapper for Python. Its body would become a part of that, too, which takes half as long again.
+    Options beside the `function` are numba's.
     """
 
     def __init__(self, function: Callable[..., Any], **more: Any) -> None:
@@ -92,12 +93,8 @@ def _kept(function: Callable[..., Any], compiler: Callable[..., Any], within: st
         numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
 
 
-def compiled(function: Callable[..., Any], **more: Any) -> Compiled:
-    """The `function`, compiled when it is called; `more` are options of numba's."""
-    return Compiled(function, **more)
-
-
-fused = functools.partial(compiled, fastmath={"contract"})  # a product and a sum become one instruction
+compiled = Compiled
+fused = functools.partial(Compiled, fastmath={"contract"})  # a product and a sum become one instruction
 
 
 @functools.cache

@@ -30,10 +30,10 @@ RUBBING = {"frictionloss": 0.002}  # N m, a hundredth of what gravity does
 def judged(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A DB with studies of two links: with a little dry friction in the joints; with motors that are far too weak,
     though the nominal model is exact; with pushes that are watched for so short a time that they hardly show
-    `gravity_2`. And of an arm whose links are two percent longer than is known.
+    `gravity_2`. And of an arm whose links are one percent longer than is known.
     """
-    exact = spec_of(trials=1)
-    longer = tuple((x, y, 1.02 * z) for x, y, z in exact.nominal.position)
+    exact = spec_of(trials=2)
+    longer = tuple((x, y, 1.01 * z) for x, y, z in exact.nominal.position)
     bent = exact.model_copy(update={"nominal": exact.nominal.model_copy(update={"position": longer})})
     episode, exact_links = {"measure": "smoothed"}, random_links(2, 3)
     studies = {
