@@ -19,13 +19,15 @@ class Spread(NamedTuple):
     """What covariances of one push are worked out in, for n joints, angles above speeds, and one case or several, each
     with noise of another size; rows and columns beyond are zero. That of the state in each case, side by side: `state`
     (2n x ncase 2n). What a step makes of the state before it, `step` (2n x 2n), and of a torque that is held for it,
-    `pushed` (2n x n). Of one case L, L Lᵀ being the covariance of an innovation, `root`, and L⁻ᵀ, `turned` (n x n).
+    `pushed` (2n x n); `rubbed` (n): variances of friction in it. Of one case L, L Lᵀ being the covariance of an
+    innovation, `root`, and L⁻ᵀ, `turned` (n x n).
     Free to write in are `carried` and `across` (2n x ncase 2n), `changed` (n x ncase 2n) and `shared` (2n x n).
     """
 
     state: Array
     step: Array
     pushed: Array
+    rubbed: Array
     root: Array
     turned: Array
     carried: Array
@@ -39,7 +41,7 @@ def spread_of(njoint: int, cases: int = 1) -> Spread:
     n, rows = whole(njoint, BLOCK), whole(2 * njoint, BLOCK)
     columns = whole(cases * rows, LANES)
     wide, tall, square = (rows, columns), (rows, n), (n, n)
-    shapes = wide, (rows, rows), tall, square, square, wide, wide, (n, columns), tall
+    shapes = wide, (rows, rows), tall, (n,), square, square, wide, wide, (n, columns), tall
     return Spread(*(np.zeros(shape) for shape in shapes))
 
 
@@ -49,7 +51,7 @@ class Run(NamedTuple):
     it `missed`, the innovation (npush x nstep + 1 x n). Of each push the squares of its whitened innovations and the
     logarithms of the determinants of their covariances, summed up (npush x 2); NaN where the twin cannot follow. And
     where they are kept, what each step makes of the state before it (npush x nstep x 2n x 2n), and of a torque that is
-    held for it, `pushed` (npush x nstep x 2n x n).
+    held for it, `pushed` (npush x nstep x 2n x n), and the variances of friction in it, `rubbed` (npush x nstep x n).
     """
 
     gains: Array
@@ -59,6 +61,7 @@ class Run(NamedTuple):
     sums: Array
     steps: Array
     pushed: Array
+    rubbed: Array
 
 
 def run_of(npush: int, nreading: int, n: int, is_kept: bool) -> Run:
@@ -72,7 +75,8 @@ def run_of(npush: int, nreading: int, n: int, is_kept: bool) -> Run:
     """
     seen, nstep = (npush, nreading), (nreading - 1) * is_kept
     shapes = (*seen, 2 * n, n), (*seen, n, n), (*seen, 2 * n), (*seen, n), (npush, 2)
-    return Run(*map(np.zeros, (*shapes, (npush, nstep, 2 * n, 2 * n), (npush, nstep, 2 * n, n))))
+    kept = (npush, nstep, 2 * n, 2 * n), (npush, nstep, 2 * n, n), (npush, nstep, n)
+    return Run(*map(np.zeros, (*shapes, *kept)))
 
 
 @compiled
@@ -81,6 +85,8 @@ def keep_step(reading, spread, run):  # type: ignore[no-untyped-def]
     if run.steps.shape[0] > 0:
         _fill(run.steps[reading - 1], spread.step)
         _fill(run.pushed[reading - 1], spread.pushed)
+        for i in range(run.rubbed.shape[1]):
+            run.rubbed[reading - 1, i] = spread.rubbed[i]
 
 
 @compiled
@@ -107,7 +113,7 @@ def widen(of_torque, spread):  # type: ignore[no-untyped-def]
             for c in range(2 * n):
                 across[c, first + r] = carried[r, first + c]
             for j in range(n):
-                changed[j, first + r] = of_torque[case, j] * pushed[r, j]
+                changed[j, first + r] = (of_torque[case, j] + spread.rubbed[j]) * pushed[r, j]
     state[:] = 0.0
     multiply(step, across, state, 0, columns)
     multiply(pushed, changed, state, 0, columns)
@@ -226,6 +232,8 @@ def _likelihood_about(run, begins, noise, steps, pushes, spread, room, totals): 
             if reading > 0:
                 _fill(spread.step, run.steps[push, reading - 1])
                 _fill(spread.pushed, run.pushed[push, reading - 1])
+                for i in range(n):
+                    spread.rubbed[i] = run.rubbed[push, reading - 1, i]
                 widen(of_torque, spread)
             for i in range(n):
                 seen[i] = -run.missed[push, reading, i]

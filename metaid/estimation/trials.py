@@ -13,6 +13,9 @@ from metaid.episode import Windows
 from metaid.models import Array
 
 PRESLIDING = 1e-3  # rad or m, over which dry friction builds up where nothing else is known of it
+# The share of dry friction with which a joint begins, against its speed, and the standard deviation of it: a joint that
+# was brought to its speed begins with 1, one that is struck with less, one at rest with any.
+BUILT_UP = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +83,9 @@ class ReadTrial:
         steps: how many steps (npush) of each push were seen before a fall.
         start_speeds: joint speeds (npush x njoint), in rad/s, that such pushes gave in a calibration.
         start_spread: what pushes differ by, a root of the covariance of the start speeds (npush x njoint x njoint), in
-            rad/s, or of coordinates and speeds (npush x 2 njoint x 2 njoint): any L with covariance L Lᵀ. None where
-            they are all alike.
+            rad/s, or of coordinates and speeds (npush x 2 njoint x 2 njoint): any L with covariance L Lᵀ. Where the
+            plant moves continuously also of the shares with which dry friction begins, behind these. None where they
+            are all alike.
         noise: standard deviation of a reading of each joint (njoint), in rad, from the plant at rest.
         substeps: how many timesteps there are between two readings, and between two torques.
         poses: joint coordinates (npush x njoint), in rad or m, at which the pushes begin; None for a chain that stands
@@ -165,7 +169,8 @@ class Driven(NamedTuple):
 
     Attributes:
         trial: with the torques that acted.
-        starts: joint coordinates and speeds (npush x 2 x njoint) right after each push.
+        starts: joint coordinates and speeds (npush x 2 x njoint) right after each push, and with which share dry
+            friction begins (npush x 3 x njoint); by default with all of it, against the speed.
         steps: how many steps (npush) of each push to follow.
         basis: the polynomials (npush x nstep + 1 x ncoefficient) that each push is seen in.
         further: what is unknown beside the robot.
@@ -183,7 +188,8 @@ class Filtered(NamedTuple):
 
     Attributes:
         trial: with the torques that acted.
-        starts: joint coordinates and speeds (npush x 2 x njoint) right after each push.
+        starts: joint coordinates and speeds (npush x 2 x njoint) right after each push, and with which share dry
+            friction begins (npush x 3 x njoint); by default with all of it, against the speed.
         begins: their covariance then (npush x 2 njoint x 2 njoint).
         pushes: which it runs through.
     """

@@ -15,9 +15,10 @@ from metaid.compiled.spatial.vectors import cosine_and_sine
 from metaid.compiled.stages import agrees_with_mj_step
 from metaid.episode import MEASURES, Episode, FallRule, Record, arm_episode, run_stepwise, same_record, window_ends
 from metaid.estimation import BaseUnknowns, ReadTrial, WatchedTrial
-from metaid.estimation.trials import Driven
+from metaid.estimation.trials import Coefficients, Driven
 from metaid.estimation.twin import Twin, twin_of
 from metaid.estimation.twin.workspace import no_joints
+from metaid.models import Array
 from metaid.models.tree import ArmPrior, Tree, joint_torque
 from metaid.plant import ArmPlant, ArmSettings, ArmStart, FaultSettings, FaultyPlant, slope_weights
 from metaid.plant.description import arm_model
@@ -231,6 +232,30 @@ def test_dry_friction_of_an_arm_that_moves_continuously_builds_up_over_a_way() -
     assert twin is not None
     bent = -over * np.log(1.0 - share)
     np.testing.assert_allclose(twin.values[0, 0], [bent, bent - over * np.log(1.0 + share)], rtol=0.02)
+
+
+def test_motion_follows_the_share_with_which_dry_friction_begins() -> None:
+    """As its derivatives say, by differences; a joint that begins with all of it is braked from the start."""
+    tree, over = ARMS[1], 0.05
+    starts = np.concatenate([np.full((1, 1, 4), 0.2), np.ones((1, 1, 4)), 0.5 * np.ones((1, 1, 4))], axis=1)
+    still, seen = np.zeros((1, STEPS + 1, 4)), np.full(1, STEPS)
+    spread, basis = np.eye(4)[None], np.eye(STEPS + 1)[None]
+    trial = ReadTrial(2e-3, still, np.zeros((1, STEPS, 4)), seen, starts[:, 1], spread, np.ones(4), is_continuous=True)
+    joints = no_joints(4, 2)._replace(presliding=np.array([over]))
+
+    def ends(shares: Array) -> Coefficients:
+        own = starts.copy()
+        own[:, 2] = shares
+        shown = at(tree).drive(Driven(trial, own, seen, basis), joints)
+        assert shown is not None
+        return shown
+
+    slopes = ends(0.5 * np.ones(4)).slopes[0]
+    for joint, step in enumerate(1e-5 * np.eye(4)):
+        ahead, behind = ends(0.5 + step).values[0], ends(0.5 - step).values[0]
+        by_share = (ahead - behind) / 2e-5
+        np.testing.assert_allclose(slopes[..., joint], by_share, atol=1e-6 * np.abs(by_share).max())
+        assert by_share[joint, -1] < 0.0
 
 
 def test_twin_without_a_mass_matrix_is_refused() -> None:

@@ -132,6 +132,29 @@ def test_bench_whose_delay_jitters_is_approximate_and_within_its_intervals(monke
 
 
 @pytest.mark.slow
+def test_dry_friction_of_a_bench_is_found_though_it_builds_up_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It begins with none when a push strikes, has damped bristles and stiction: no push says which, and no lump pays
+    for it.
+    """
+    monkeypatch.setattr(benches, "TRIALS", 2)
+    judged = try_bench("tenth", "2", 0.002, 2)
+    assert judged.misfit < 5.0
+    assert judged.worst < 2e-4
+    assert judged.held == judged.lumps
+    assert json.loads(judged.taken_up) == pytest.approx({"dry_1": 0.016, "dry_2": 0.012}, rel=0.01)
+
+
+@pytest.mark.slow
+def test_stiction_of_a_bench_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No model of metaid has it, and in an arm it hides in the noise of the encoders."""
+    monkeypatch.setattr(benches, "TRIALS", 2)
+    snapshot, _ = run_bench("friction", "arm", 0.002, 0)
+    verdict = judge(snapshot)
+    assert verdict.word == "approximate"
+    assert any("stiction in joint" in reason for reason in verdict.reasons)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("links", "trials"), [("2", 2), ("3", 3)], ids=["2", "3"])
 def test_bench_whose_torques_are_rough_is_approximate_and_within_its_intervals(
     links: str, trials: int, monkeypatch: pytest.MonkeyPatch

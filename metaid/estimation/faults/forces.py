@@ -19,6 +19,11 @@ FORCES = {
     ),
     "damping": ("viscous friction", "N m s", 'search it: estimate.faults = ["viscous"]'),
     "coulomb": ("dry friction", "N m", 'search it: estimate.faults = ["dry"]'),
+    "stiction": (
+        "stiction",
+        "N m",
+        "no law of metaid has dry friction that is larger at rest: push so fast that joints seldom are",
+    ),
     "delay": ("torques that come late", "s", 'search it: estimate.faults = ["delay"]'),
     GEOMETRY: (
         "wrong geometry",

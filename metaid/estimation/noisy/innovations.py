@@ -82,6 +82,7 @@ class Innovations(Readings):
         trial = self._delivered(trial, faults)
         starts, begins = started(trial, whitened, most is None), np.zeros((len(trial.steps), 2 * n, 2 * n))
         if most is not None and trial.start_spread is not None:
-            own = 2 * n - trial.start_spread.shape[-1]
-            begins[:, own:, own:] = trial.start_spread @ trial.start_spread.swapaxes(1, 2)
+            own = starts.shape[1] * n - trial.start_spread.shape[-1]
+            moved = trial.start_spread[:, : 2 * n - own]  # without what friction begins with
+            begins[:, own:, own:] = moved @ moved.swapaxes(1, 2)
         return self._twin(log_factors).lead(Filtered(trial, starts, begins, pushes), self._joints(faults))

@@ -10,7 +10,7 @@ import numpy as np
 from metaid.episode import SensorReadings
 from metaid.estimation.faults import late
 from metaid.estimation.noisy.commanded import filtered_speeds
-from metaid.estimation.trials import ReadTrial
+from metaid.estimation.trials import BUILT_UP, ReadTrial
 from metaid.models import Array
 
 # Of a step: more than 1/√12, which it would be if steps came at random. Those of a joint that coasts come in rhythm.
@@ -75,7 +75,19 @@ class Loop:
         # At rest a reading shows the steps of its encoder as far as its other noise moves it across them.
         of_encoders = read.encoder_steps * ENCODER_NOISE
         noise = np.maximum(self.noise, of_encoders) if self.has_unknown_encoders else self.noise
-        pushes = start_speeds, self.start_spread
+        pushes = start_speeds, self._spread(len(start_speeds))
         seen = self.timestep, read.angles, torques, read.steps
         trial = ReadTrial(*seen, *pushes, noise, self.substeps, poses, self.is_continuous)
         return replace(trial, times=read.times)
+
+    def _spread(self, npush: int) -> Array | None:
+        """What pushes differ by, as `ReadTrial` has it."""
+        if not self.is_continuous:
+            return self.start_spread
+        n = len(self.noise)
+        known = np.zeros((npush, 0, 0)) if self.start_spread is None else self.start_spread
+        own = known.shape[-1]
+        every = np.zeros((npush, own + n, own + n))
+        every[:, :own, :own] = known
+        every[:, own:, own:] = BUILT_UP * np.eye(n)
+        return every

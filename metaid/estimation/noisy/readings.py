@@ -17,6 +17,7 @@ from metaid.estimation.noisy.polynomials import before
 from metaid.estimation.noisy.smoothed import smoothed
 from metaid.estimation.noisy.windows import Compared, ReadingsInWindows
 from metaid.estimation.trials import (
+    BUILT_UP,
     NOTHING_FURTHER,
     Coefficients,
     Driven,
@@ -255,11 +256,13 @@ class Readings(ReadingsInWindows):
 
 
 def started(trial: ReadTrial, whitened: Array, is_moved: bool = True) -> Array:
-    """Joint coordinates and speeds at the start of each push (npush x 2 x njoint): those it was to have and, where it
+    """Joint coordinates and speeds at the start of each push (npush x 2 x njoint), and where the plant moves
+    continuously the shares with which dry friction begins (npush x 3 x njoint): those it was to have and, where it
     `is_moved`, L u, u being `whitened` (npush x nextra).
     """
     poses = np.zeros_like(trial.start_speeds) if trial.poses is None else trial.poses
-    starts = np.stack([poses, trial.start_speeds], axis=1)
+    shares = [BUILT_UP * np.sign(trial.start_speeds)] if trial.is_continuous else []
+    starts = np.stack([poses, trial.start_speeds, *shares], axis=1)
     if trial.start_spread is None or not is_moved:
         return starts
     moved = np.einsum("pij,pj->pi", trial.start_spread, whitened)

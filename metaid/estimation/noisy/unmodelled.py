@@ -26,6 +26,8 @@ TRIFLE = 1e-3  # of a lump: a force that moves none by more does no harm
 RANK = 1e-12  # of the largest singular value; a smaller one is rounding
 # A filter is linear about the twin that it leads, and what it leaves out looks like joints that push by a little.
 RESISTING = ("damping", "coulomb")
+STICTION = "stiction"
+NEAR_REST = 0.1  # rad/s or m/s: faster joints have none
 SHIFT = 1e-5  # m or rad, for the derivative by where a joint is
 FAULT_OF = {"damping": "viscous", "coulomb": "dry"}  # the fault that a force is, where it has another name
 
@@ -81,8 +83,13 @@ def unmodelled_forces(readings: Readings, estimate: Found) -> Iterator[Unmodelle
 
 
 def _not_searched(kind: str, count: int, readings: Readings) -> NDArray[np.bool_]:
-    """Which of so many sizes of a kind of force (count) are not among the unknowns, or were left out of them."""
+    """Which of so many sizes of a kind of force (count) are not among the unknowns, or were left out of them. Stiction
+    is what dry friction has more at rest, where that is among them and builds up.
+    """
     faults, fault = readings.faults, FAULT_OF.get(kind, kind)
+    if kind == STICTION:
+        rubs = readings.unknowns.builds_up or "dry" in faults.kinds
+        return np.full(count, rubs and readings.trials[0].is_continuous)
     if kind in readings.unknowns.kinds:
         return np.zeros(count, dtype=np.bool_)
     return faults.is_left_out[faults.are(fault)] if fault in faults.kinds else np.ones(count, dtype=np.bool_)
@@ -127,11 +134,13 @@ def _torques(trial: ReadTrial, angles: Array, speeds: Array) -> dict[str, Array]
     and `speeds`, in rad/s, at each step (npush x nstep x njoint): by kind (nsize x npush x nstep x njoint), in N m.
     """
     timestep, joints = trial.timestep * trial.substeps, np.eye(trial.start_speeds.shape[1])
+    sides = np.clip(speeds / SLIDING, -1.0, 1.0)
     earlier = np.zeros_like(trial.torques)
     earlier[:, 1:] = trial.torques[:, :-1]
     return {
         "spring": -angles * joints[:, None, None],
         "damping": -speeds * joints[:, None, None],
-        "coulomb": -np.clip(speeds / SLIDING, -1.0, 1.0) * joints[:, None, None],
+        "coulomb": -sides * joints[:, None, None],
+        STICTION: -sides * np.exp(-((speeds / NEAR_REST) ** 2)) * joints[:, None, None],
         "delay": ((earlier - trial.torques) / timestep)[None],
     }

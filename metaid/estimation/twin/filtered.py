@@ -12,9 +12,13 @@ import numpy as np
 
 from metaid.compiled import compiled, correct, fused, keep_gain, keep_step, weigh, widen
 from metaid.estimation.twin.flow import flow
-from metaid.estimation.twin.joints import begin_slips
+from metaid.estimation.twin.joints import begin_slips, joint_state
 from metaid.estimation.twin.kernels import accelerate, linearise
 from metaid.estimation.twin.state import move, set_off
+
+# Friction that builds up does so by another law in every joint: what is missing yet may be off by so large a share of
+# it, and bristles that are damped resist for so many s longer.
+UNSURE, DAMPED = 0.2, 1e-3
 
 
 @compiled
@@ -52,6 +56,7 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
             timestep = timesteps[reading - 1]
             moved = (0.5 if is_continuous else 1.0) * timestep * timestep  # by a force that is held for a step
             spread.pushed[:] = 0.0
+            spread.rubbed[:] = 0.0
             for i in range(2 * n):
                 for j in range(2 * n):
                     spread.step[i, j] = 1.0 if i == j else 0.0
@@ -67,8 +72,11 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
                         spread.pushed[n + i, j] += timestep * work.solved[i, j]
                         spread.pushed[i, j] += moved * work.solved[i, j]
                 if is_continuous:
+                    for i in range(n):
+                        work.free[i] = work.slip[0, i]
                     if not flow(reading - 1, forces, balance, None, timestep, work):
                         return np.nan, np.nan
+                    _rub(balance, timestep, substeps, spread, work)
                 elif not move(timestep, work):
                     return np.nan, np.nan
             _by_torques(by_torque, spread)
@@ -80,6 +88,18 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
         for i in range(n):
             run.states[reading, i], run.states[reading, n + i] = work.angle[i], work.speed[i]
     return squares, logarithm
+
+
+@compiled
+def _rub(balance, timestep, substeps, spread, work):  # type: ignore[no-untyped-def]
+    """Adds to `rubbed` the variances that dry friction has in one of so many `substeps`, before which its share was
+    `free`.  Eq. 35.
+    """
+    for i in range(work.angle.shape[0]):
+        before, after, side = work.free[i], work.slip[0, i], np.sign(joint_state(i, work)[1])
+        missing, built = 0.5 * (abs(side - before) + abs(side - after)), abs(after - before)
+        unsure = balance.dry[i] * (UNSURE * missing + DAMPED * built / timestep)
+        spread.rubbed[i] += unsure * unsure / substeps
 
 
 @fused

@@ -12,7 +12,8 @@ def set_off(start, start_column, extra, work):  # type: ignore[no-untyped-def]
     """Sets the twin on its way. Nothing depends on an unknown, but what is unknown of the start.
 
     Args:
-        start: joint angles and speeds (2 x njoint), in rad and rad/s.
+        start: joint angles and speeds (2 x njoint), in rad and rad/s, and with which share dry friction begins
+            (3 x njoint); by default with all of it, against the speed.
         start_column: of the first unknown of the start.
         extra: how many of the last numbers of the start are unknown.
         work: see `workspace.Workspace`.
@@ -24,13 +25,16 @@ def set_off(start, start_column, extra, work):  # type: ignore[no-untyped-def]
             angle, speed = work.angle[below] + angle, work.speed[below] + speed
         work.angle[i], work.speed[i], work.speed_energy[i], work.acceleration_energy[i] = angle, speed, 0.0, 0.0
         work.start[i] = angle
-        work.slip[0, i] = np.sign(start[1, i])
+        work.slip[0, i] = start[2, i] if start.shape[0] == 3 else np.sign(start[1, i])
     work.moved[:] = 0.0
     work.slipped[:] = 0.0
     work.speed_slopes[:] = 0.0
     work.acceleration_slopes[:] = 0.0
     for column in range(extra):
-        kind, joint = divmod(2 * n - extra + column, n)
+        kind, joint = divmod(start.shape[0] * n - extra + column, n)
+        if kind == 2:
+            work.slipped[joint, start_column + column] = 1.0
+            continue
         for i in range(joint, n):  # a joint turns every link above it
             if i == joint or work.below[i] >= 0:
                 work.moved[kind * n + i, start_column + column] = 1.0

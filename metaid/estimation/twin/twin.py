@@ -131,11 +131,14 @@ class Twin(ABC):
         trial, starts, steps, basis, further = driven._replace(basis=np.ascontiguousarray(driven.basis))
         (npush, _, n), coefficients, nunknown = starts.shape, basis.shape[2], len(self.point)
         extra = 0 if trial.start_spread is None else trial.start_spread.shape[-1]
+        balance, by = self.driven(trial, joints, further)
+        idle = n if extra and trial.is_continuous and not balance.dry.any() else 0  # shares of no friction
+        if idle:
+            starts, extra = np.ascontiguousarray(starts[:, :2]), extra - idle
         own = nunknown + further.size
         columns = own + extra
         values, slopes = np.empty((npush, n, coefficients)), np.empty((npush, n, coefficients, columns))
         followed = np.zeros(npush, dtype=np.bool_)
-        balance, by = self.driven(trial, joints, further)
         settings, forces = (own, extra, trial.substeps, trial.is_continuous), self._forces(trial)
         readings = trial.readings @ self.links.T if led is not None else np.empty((npush, 0, n))
         gains = (
@@ -156,6 +159,8 @@ class Twin(ABC):
         if not followed.all():
             return None
         slopes[..., :nunknown] = self.by_unknowns(slopes[..., :nunknown])
+        if idle:
+            slopes = np.concatenate([slopes, np.zeros((*slopes.shape[:-1], idle))], axis=-1)
         return Coefficients(values, slopes)
 
     def lead(self, filtered: Filtered, joints: Joints | None) -> Filter:
