@@ -20,6 +20,7 @@ from metaid.models.tree import (
     joint_torque,
     last_link_turned,
     misplaced,
+    nearest_possible,
     possible_bodies,
     random_states,
     torque_half_width,
@@ -124,6 +125,15 @@ class BaseUnknowns:
             return None
         change = self.prior.base.of(last_link_turned(tree, self.parameters(unknowns)))
         return np.asarray(np.linalg.lstsq(self.root, change, rcond=None)[0], dtype=np.float64)
+
+    def nearest(self, unknowns: Array, covariance: Array) -> Array | None:
+        """See `Unknowns`: those of possible bodies.  Eq. 69."""
+        if possible_bodies(self.prior, self.values(unknowns)) is not None:
+            return None
+        inverse = np.linalg.pinv(self.root)
+        precision = inverse.T @ np.linalg.inv(covariance) @ inverse
+        values = nearest_possible(self.prior, self.values(unknowns), precision)
+        return np.asarray(inverse @ (values - self.prior.values), dtype=np.float64)
 
     def torques(self, speed: float) -> Array:
         """About what each joint needs (njoint), in N m, at a `speed` in rad/s."""

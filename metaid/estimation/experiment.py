@@ -20,6 +20,7 @@ from metaid.estimation.noisy import (
     Innovations,
     Loop,
     Readings,
+    as_possible,
     explained,
     fit_with_torque_noise,
     hold_out,
@@ -226,6 +227,10 @@ class Experiment:
 
     def _taken_up(self, trials: Sequence[Any], estimate: Found) -> tuple[Found, TakenUp | None]:
         return take_up(self._readings(trials), estimate, self._search, self._some_torque)
+
+    def as_possible(self, trials: Sequence[Any], estimate: Found) -> Found:
+        """An `estimate` of the `trials` as near as a plant can have it; without noise it is what it is."""
+        return estimate if self.loop is None else as_possible(self.searching(estimate)._readings(trials), estimate)
 
     def searching(self, estimate: Found) -> Experiment:
         """The same where the faults that an `estimate` has taken up are searched from the first trial on."""

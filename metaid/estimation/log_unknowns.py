@@ -158,6 +158,9 @@ class LogUnknowns:
     def hides_offset(self, log_factors: Array) -> None:
         """Every offset of a chain shows: its centres of mass are on its links."""
 
+    def nearest(self, log_factors: Array, covariance: Array) -> None:
+        """Logarithms are those of lumps above 0: an estimate says itself whether a chain has such a mass matrix."""
+
     def estimated(self, found: dict[str, Any]) -> Estimate:
         """The estimate with the fields of a `Fit` that were `found`."""
         log_factors = found["unknowns"]

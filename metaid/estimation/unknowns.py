@@ -77,5 +77,10 @@ class Unknowns(Protocol):
         if nothing is to move otherwise; None where some offset shows.
         """
 
+    def nearest(self, point: Array, covariance: Array, /) -> Array | None:
+        """The unknowns (nunknown) that a plant can have and that cost least, from those of a free fit (nunknown) and
+        their `covariance` (nunknown x nunknown); None where a plant can have these.
+        """
+
     def estimated(self, found: dict[str, Any], /) -> Any:
         """The estimate with the fields of a `Fit` that were `found`, and the faults."""

@@ -24,6 +24,7 @@ from metaid.models.lumps import (
     lump_unit,
 )
 from metaid.models.model import ChainModel
+from metaid.models.nearest_bodies import Nearest
 from metaid.models.possible import (
     least_inertia,
     question_of_distances,
@@ -48,6 +49,7 @@ __all__ = [
     "KnownLumps",
     "Lumps",
     "Matrices",
+    "Nearest",
     "body_extents",
     "chain_of_lumps",
     "compensation_basis",

@@ -12,7 +12,7 @@ from random_arm import random_arm
 from slopes import assert_slopes
 
 from metaid.estimation import BaseUnknowns, Readings, ReadTrial, SearchedFaults, fit, searched_faults
-from metaid.estimation.noisy import Innovations, take_up, unmodelled_forces
+from metaid.estimation.noisy import Innovations, as_possible, led, take_up, unmodelled_forces
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, Tree, joint_torque
 from metaid.plant.description import arm_model
@@ -178,3 +178,27 @@ def test_joint_that_is_elsewhere_and_hides_in_the_noise_is_held_by_what_geometry
     assert estimate.is_explained
     assert np.abs(error / estimate.value_deviations).max() > 100.0
     assert np.abs(error / wide).max() < 4.0
+
+
+@pytest.mark.parametrize("is_led", [False, True])
+def test_estimate_that_no_arm_can_have_is_handed_over_as_near_as_one_can(is_led: bool) -> None:
+    """Of what trials hardly show it is the nearest that bodies have; the delay and the starts follow."""
+    tree = random_arm(3, 2)
+    searched, trial = BaseUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, ("delay",), seed=2, pushes=2)
+    trial = replace(trial, start_spread=np.broadcast_to(1e-2 * np.eye(3), (2, 3, 3)))
+    readings = Readings([trial], searched, faults=searched_faults(("delay",), searched, trial.start_speeds))
+    found = fit(readings, restarts=0)
+    if is_led:
+        found = led(readings, replace(found, torque_noise=some_noise(searched, trial)))
+    assert as_possible(readings, found) is found
+    variances, axes = np.linalg.eigh(found.covariance)
+    far = replace(found, unknowns=found.unknowns + 2.0 * np.sqrt(variances[-1]) * axes[:, -1])
+    assert not far.is_possible
+    possible = as_possible(readings, far)
+    assert possible.is_possible
+    step = possible.unknowns - far.unknowns
+    assert step @ np.linalg.solve(found.covariance, step) < 4.0
+    assert possible.misfit < found.explained_below
+    assert possible.faults.values == pytest.approx([DELAY], rel=0.05)
+    assert (possible.faults.values != far.faults.values).all()
+    assert not np.array_equal(possible.extras, far.extras)

@@ -10,6 +10,7 @@ from metaid.estimation.noisy.commanded import commanded_torques, filtered_speeds
 from metaid.estimation.noisy.held_out import hold_out, predicted
 from metaid.estimation.noisy.innovations import Innovations
 from metaid.estimation.noisy.loop import Loop
+from metaid.estimation.noisy.possible import as_possible
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.taken_up import explained, led, proposed_faults, take_up
 from metaid.estimation.noisy.torque_noise import fit_with_torque_noise
@@ -23,6 +24,7 @@ __all__ = [
     "ReadTrial",
     "Readings",
     "Search",
+    "as_possible",
     "commanded_torques",
     "explained",
     "filtered_speeds",

@@ -7,7 +7,13 @@ and depends on some combinations alone, the `BaseParameters`. A `ArmPrior` says 
 
 from metaid.models.tree.arm_prior import ArmPrior, PriorDeviations
 from metaid.models.tree.base import BaseParameters, base_parameters, random_states, seen_by_bias
-from metaid.models.tree.bodies import PossibleBodies, nominal_pseudo_inertias, possible_bodies, pseudo_inertia
+from metaid.models.tree.bodies import (
+    PossibleBodies,
+    nearest_possible,
+    nominal_pseudo_inertias,
+    possible_bodies,
+    pseudo_inertia,
+)
 from metaid.models.tree.joint_friction import COLUMNS, SHARED, JointFriction, Sliding, friction_torque
 from metaid.models.tree.known_bodies import KnownBodies, body_quantities, known_bodies
 from metaid.models.tree.misplaced import MISPLACED, last_link_turned, misplaced
@@ -49,6 +55,7 @@ __all__ = [
     "last_link_turned",
     "misplaced",
     "model_error",
+    "nearest_possible",
     "nominal_pseudo_inertias",
     "planar_chain",
     "planar_tree",

@@ -11,6 +11,7 @@ import numpy as np
 
 from metaid.models.closest_bodies import Matrices, closest
 from metaid.models.lumps import Array
+from metaid.models.nearest_bodies import Nearest
 from metaid.models.tree.arm_prior import LEAST_LEVER, ArmPrior
 from metaid.models.tree.regressor import BODY, MOMENTS
 from metaid.models.tree.tree import PARAMETERS, Tree
@@ -43,21 +44,10 @@ def possible_bodies(prior: ArmPrior, values: Array) -> PossibleBodies | None:
     Returns:
         The arm; None where no possible bodies have these base parameters.
     """
-    from scipy.linalg import null_space  # which a command that only reads a DB does without
-
     nominal, base = prior.nominal, prior.base
     njoint, size = nominal.njoint, len(PARAMETERS)
-    spread = np.sqrt(np.diag(prior.parameter_covariance))
-    scale = np.where(spread > 0.0, spread, 1.0)
-    directions = scale[:, None] * null_space(base.matrix * scale)
-    start, each = prior.parameters_at(values), np.eye(njoint * size).reshape(njoint, size, -1)
-    free = np.flatnonzero((np.abs(directions / scale[:, None]).reshape(njoint, size, -1)[:, ROTOR] > USED).any(axis=1))
-    usual = np.where(nominal.rotor > 0.0, nominal.rotor, SMALL * spread.reshape(njoint, size)[:, ROTOR])
-    groups = [
-        Matrices(np.moveaxis(pseudo_inertia(each.swapaxes(1, 2)), 1, -1), nominal_pseudo_inertias(nominal)),
-        Matrices(each[free, ROTOR, None, None], usual[free, None, None]),
-    ]
-    found = closest(groups, start.ravel(), directions)
+    groups, directions = _cones(prior)
+    found = closest(groups, prior.parameters_at(values).ravel(), directions)
     if not found.is_possible:
         return None
     parameters = found.x[None].copy()
@@ -66,6 +56,43 @@ def possible_bodies(prior: ArmPrior, values: Array) -> PossibleBodies | None:
     cut = np.minimum(parameters[:, BODY:], 0.0)
     parameters[:, BODY:] -= cut
     return PossibleBodies(nominal.with_parameters(parameters), cut)
+
+
+def nearest_possible(prior: ArmPrior, values: Array, precision: Array) -> Array:
+    """The base parameters (nbase) that possible bodies have and that cost least.  Eq. 69.
+
+    Args:
+        prior: of the arm.
+        values: base parameters that were fitted freely (nbase).
+        precision: of these (nbase x nbase).
+    """
+    (links, rotors), _ = _cones(prior)
+    start = prior.parameters_at(values)
+    start[:, :BODY] = np.linalg.lstsq(_PSEUDO.reshape(-1, BODY), links.nominal.reshape(-1, 16).T, rcond=None)[0].T
+    x = start.ravel()
+    free = rotors.slope.reshape(-1, x.size).argmax(axis=1)
+    x[free] = rotors.nominal.ravel()
+    matrix = prior.base.matrix
+    found = Nearest((links, rotors), lambda x: (matrix @ x, matrix), values, precision).found(x)
+    return np.asarray(matrix @ found, dtype=np.float64)
+
+
+def _cones(prior: ArmPrior) -> tuple[tuple[Matrices, Matrices], Array]:
+    """What is to be positive definite, pseudo-inertias and the rotors that others may make up for, by the parameters of
+    all joints (13 njoint), and the directions in which these leave the base parameters alone (13 njoint x nfree).
+    """
+    from scipy.linalg import null_space  # which a command that only reads a DB does without
+
+    nominal, base = prior.nominal, prior.base
+    njoint, size = nominal.njoint, len(PARAMETERS)
+    spread = np.sqrt(np.diag(prior.parameter_covariance))
+    scale = np.where(spread > 0.0, spread, 1.0)
+    directions = scale[:, None] * null_space(base.matrix * scale)
+    each = np.eye(njoint * size).reshape(njoint, size, -1)
+    free = np.flatnonzero((np.abs(directions / scale[:, None]).reshape(njoint, size, -1)[:, ROTOR] > USED).any(axis=1))
+    usual = np.where(nominal.rotor > 0.0, nominal.rotor, SMALL * spread.reshape(njoint, size)[:, ROTOR])
+    links = Matrices(np.moveaxis(pseudo_inertia(each.swapaxes(1, 2)), 1, -1), nominal_pseudo_inertias(nominal))
+    return (links, Matrices(each[free, ROTOR, None, None], usual[free, None, None])), directions
 
 
 def pseudo_inertia(parameters: Array) -> Array:

@@ -1,36 +1,26 @@
 """The fit over bodies that can be: unknowns that a robot with possible links, rotors and friction has.
 
 Links are possible where their pseudo-inertia is positive definite (Eq. 76), rotors and friction where they are not
-negative. The normal equations of the free fit say how much any other unknowns cost, so no log is looked at again. The
-log-det divergence from the nominal links (Eq. 77), with a small weight, keeps what is fitted inside and chooses among
-links that move alike.  Eq. 69.
+negative.  Eq. 69.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.models import Array, Matrices
+from metaid.models import Array, Matrices, Nearest
 from metaid.models.tree import PARAMETERS, Tree, nominal_pseudo_inertias, planar_tree, pseudo_inertia
 from metaid.recorded.weak_form.equations import Solution
 from metaid.recorded.weak_form.linear_model import RIGID, LinearModel
 
-WEIGHT = 0.05  # of the divergence, beside χ² / 2
-PATH = 100.0  # by which the weight falls from solution to solution
-RIDGE = 1e-13  # of scaled curvatures: rounding
-STEPS = 60  # of Newton's, for one weight
-ROUGHLY = 0.1  # the same while the weight falls
-CLOSE = 1e-6  # Newton's decrement where a point is at its centre
 SMALL = 1e-3  # of a friction's deviation: what is not above 0 is kept so near to it
 THIN = 0.1  # of what a rotor may be beforehand: a nominal rotor of 0 counts as this
 BODY = 10
 COMPLEX_STEP = 1e-30  # of a derivative, which is exact to rounding
-LONGEST = 10.0  # of the logarithm of a length in m
 CURVE = ("coulomb", "root", "viscous")  # of friction over speed, which is not negative where there is a root
 NOT_NEGATIVE = (*CURVE, "load")
 SPEEDS = (0.0, 0.1, 0.3, 1.0)  # shares of a joint's fastest speed, at which friction is not negative
@@ -183,16 +173,7 @@ class Possible:
         cones = self._cones(values, deviations)
         x = self._start(values, deviations)
 
-        def cost(x: Array) -> float:
-            missed = self.lumps(x)[0] - values
-            return 0.5 * float(missed @ precision @ missed)
-
-        weight = max(WEIGHT, cost(x) / max(len(x), 1))
-        while True:
-            x = self._centre(x, values, precision, cones, weight)
-            if weight <= WEIGHT:
-                break
-            weight = max(WEIGHT, weight / PATH)
+        x = Nearest(cones, self.lumps, values, precision, len(self._lengths)).found(x)
         found, jacobian = self.lumps(x)
         nlinks = len(self._links)
         links = x[:nlinks].reshape(self._tree.njoint, -1)
@@ -208,49 +189,6 @@ class Possible:
     def refined(self, solution: Solution) -> Solution:
         """The solution that can be, closest to one that was fitted freely."""
         return replace(solution, values=self.closest(solution.values, solution.precision).values)
-
-    def _centre(self, x: Array, values: Array, precision: Array, cones: list[Matrices], weight: float) -> Array:
-        """The point of the least cost and divergence, by Newton's steps (Gauss's where lengths are unknown)."""
-        present = self._total(x, values, precision, cones, weight)
-        for _ in range(STEPS):
-            lumps, jacobian = self.lumps(x)
-            gradient = jacobian.T @ (precision @ (lumps - values))
-            curvature = jacobian.T @ precision @ jacobian
-            for cone in cones:
-                slope, bend = cone.slopes(x, np.eye(len(x)))
-                gradient, curvature = gradient + weight * slope, curvature + weight * bend
-            scale = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
-            scaled = curvature * np.outer(scale, scale)
-            scaled[np.diag_indices_from(scaled)] += RIDGE
-            step = -scale * np.linalg.solve(scaled, scale * gradient)
-            decrement = -float(gradient @ step)
-            if not decrement > (CLOSE if weight <= WEIGHT else ROUGHLY) * max(weight, 1e-12):
-                break
-            share = 0.5 ** self._halvings(x, step, cones)
-            while share > 1e-10:
-                tried = self._total(x + share * step, values, precision, cones, weight)
-                if tried <= present - 1e-4 * share * decrement:
-                    break
-                share *= 0.5
-            else:
-                break
-            x, present = x + share * step, tried
-        return x
-
-    def _halvings(self, x: Array, step: Array, cones: list[Matrices]) -> int:
-        """How often a `step` from x is to be halved for bodies that can be, and lengths within LONGEST."""
-        logs, by = (each[len(x) - len(self._lengths) :] for each in (x, step))
-        moves = by != 0.0
-        lengths = (LONGEST - np.sign(by[moves]) * logs[moves]) / np.abs(by[moves])
-        reach = min(lengths.min(initial=1.0), *(cone.reach(x, step) for cone in cones))
-        return math.ceil(-math.log2(reach))
-
-    def _total(self, x: Array, values: Array, precision: Array, cones: list[Matrices], weight: float) -> float:
-        divergence = sum(cone.divergence(x) for cone in cones)
-        if not np.isfinite(divergence) or np.abs(x[len(x) - len(self._lengths) :]).max(initial=0.0) > LONGEST:
-            return float("inf")
-        missed = self.lumps(x)[0] - values
-        return 0.5 * float(missed @ precision @ missed) + weight * divergence
 
     def _tree_of(self, links: Array, length: Array) -> Tree:
         """The arm that has these links (njoint x nlink)."""

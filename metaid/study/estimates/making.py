@@ -69,6 +69,7 @@ def estimate_of(experiment: Any, trials: tuple[Any, ...], is_probed: bool, by_ot
     if estimate is None:
         return None
     estimate, taken_up = experiment.taken_up(trials, estimate)
+    estimate = experiment.as_possible(trials, estimate)
     searching = experiment.searching(estimate)
     forces, prediction = searching.unmodelled(trials, estimate), searching.predicted(trials, estimate)
     is_predicted = prediction is None or prediction.holds

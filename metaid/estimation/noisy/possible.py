@@ -1,0 +1,45 @@
+"""An estimate that no plant can have, brought as near as one comes to it that a plant can."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from metaid.estimation.descent import covariance_at, place_at
+from metaid.estimation.estimate import Found
+from metaid.estimation.faults import found_faults
+from metaid.estimation.noisy.held_out import squares_of
+from metaid.estimation.noisy.readings import Readings
+from metaid.estimation.noisy.tried import led_by
+
+
+def as_possible(readings: Readings, estimate: Found) -> Found:
+    """An `estimate` of some `readings` with the unknowns that a plant can have and that cost least (Eq. 69); faults and
+    starts follow them. Where a plant can have it, or the twin cannot follow there, it is as it was.
+    """
+    nearest = readings.unknowns.nearest(estimate.unknowns, estimate.covariance * estimate.widening**2)
+    if nearest is None:
+        return estimate
+    noise, count = estimate.torque_noise, len(nearest)
+    compared = readings if noise is None else led_by(readings).led(estimate.point, noise)
+    place = None if compared is None else place_at(compared, estimate.point, compared.stages)
+    if compared is None or place is None:
+        return estimate
+    covariance = covariance_at(place, compared.spreads)
+    step = covariance[:, :count] @ np.linalg.solve(covariance[:count, :count], nearest - estimate.unknowns)
+    following = place.residuals.following @ np.append(1.0, step) if compared.extras else np.empty(0)
+    moved = place_at(compared, estimate.point + np.concatenate([step, following]), compared.stages)
+    if moved is None:
+        return estimate
+    faults, start = estimate.faults, moved.point[: len(step)]
+    if faults is not None:
+        faults = found_faults(faults.searched, start[count:], np.sqrt(np.diag(covariance))[count:])
+    misfit = float(np.sqrt(2.0 * moved.residuals.cost / moved.residuals.count))
+    found = replace(estimate, unknowns=nearest, cost=moved.cost, extras=moved.point[len(step) :], faults=faults)
+    if estimate.led_misfit is None:
+        return replace(found, misfit=misfit, residuals=compared.by_joint(moved.point))
+    squares, seen = squares_of(readings, start)
+    return replace(
+        found, led_misfit=misfit, misfit=float(np.sqrt(squares / seen)), residuals=readings.by_joint(moved.point)
+    )
