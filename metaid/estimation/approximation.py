@@ -162,7 +162,8 @@ class Approximation:
         left = f"pushes that were left out have a misfit of {held:.4g} by fits to the others, {by_nominal}"
         if (likelier := self.held_out.likelier) is None:
             return left
-        return f"{left}; with noise of the torques they are exp({likelier.sum():.3g}) times as likely by those fits"
+        by = f"exp({likelier.sum():.3g}) times" if np.isfinite(likelier).all() else "infinitely many times"
+        return f"{left}; with noise of the torques they are {by} as likely by those fits"
 
     @property
     def by_joint(self) -> dict[str, float]:
@@ -182,5 +183,6 @@ class Approximation:
         nominal = held.nominal if np.isfinite(held.nominal) else None
         shown = {"misfit": held.misfit, "nominal_misfit": nominal, "parts": len(held.unknowns)}
         if held.likelier is not None:
-            shown["log_likelihood_ratio"] = float(held.likelier.sum())
+            ratio = float(held.likelier.sum())
+            shown["log_likelihood_ratio"] = ratio if np.isfinite(ratio) else None
         return {"held_out": shown, "misfit_by_joint": self.by_joint}

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -35,3 +38,13 @@ def test_chain_is_approximate_where_parts_agree_on_its_numbers() -> None:
     """On one of two at least."""
     assert approximation(np.array([[0.0, 1.0], [0.001, 0.0], [0.0, 0.5]]), None).holds
     assert approximation(APART, None).why_not.endswith("on 0 of 2 numbers")
+
+
+def test_what_the_nominal_model_cannot_follow_is_none_in_json_and_said_in_words() -> None:
+    """Neither its misfit nor how much less likely it is has a number."""
+    held_out = HeldOut(2.0, np.inf, APART, np.array([3.0, np.inf, 4.0]))
+    found = replace(approximation(APART, None), held_out=held_out)
+    shown = json.loads(json.dumps(found.summary(), allow_nan=False))["held_out"]
+    assert shown == {"misfit": 2.0, "nominal_misfit": None, "parts": 3, "log_likelihood_ratio": None}
+    assert "the nominal model follows none" in found.predicted
+    assert found.predicted.endswith("infinitely many times as likely by those fits")
