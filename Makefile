@@ -21,7 +21,7 @@ demo: $(VENV)/.runtime
 
 # Three workers on two cores: now and then a test waits for a browser, a server or another process.
 test: $(VENV)/.dev .venv-tools/bin/pip-licenses
-	$(PYTEST) -n 3 --dist worksteal --durations 15
+	$(PYTEST) -n 2 --dist worksteal --durations 15
 
 # Under a minute on two idle cores: what is not marked slow.
 test-quick: $(VENV)/.dev
@@ -29,7 +29,7 @@ test-quick: $(VENV)/.dev
 
 # Which lines of metaid no test runs in its own process: kernels that numba compiles and what other processes run are not seen.
 coverage: $(VENV)/.dev .venv-tools/bin/pip-licenses
-	$(PYTEST) -n 3 --dist worksteal --cov --cov-report term:skip-covered --cov-report html:build/coverage
+	$(PYTEST) -n 2 --dist worksteal --cov --cov-report term:skip-covered --cov-report html:build/coverage
 
 # Installs pinocchio and example-robot-data, 820 MB, for the tests and benchmarks that need them, and runs these tests.
 robots: $(VENV)/.robots

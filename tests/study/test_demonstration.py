@@ -92,7 +92,8 @@ def test_plain_optuna_draws_it(demonstrated: Path, draw: str) -> None:
     """Optuna alone opens the DB and makes its figures, falls as pruned trials."""
     mpl.use("agg")
     study = optuna.load_study(study_name=STUDY, storage=f"sqlite:///{demonstrated}")
-    assert getattr(optuna.visualization.matplotlib, draw)(study) is not None
+    with mpl.rc_context():  # it sets a style for good, and other tests draw in this process
+        assert getattr(optuna.visualization.matplotlib, draw)(study) is not None
 
 
 def test_plain_optuna_has_the_same_best_trial_and_falls(demonstrated: Path) -> None:
