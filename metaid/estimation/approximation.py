@@ -54,7 +54,8 @@ class HeldOut:
         nominal: the same of the nominal model; inf where it cannot follow.
         unknowns: of each fit (npart x nunknown).
         likelier: where noise of the torques explains what the model leaves, how much more likely the fits make the
-            pushes of each part (npart) than the nominal model with such noise does, in the logarithm; else None.
+            pushes of each part (npart) than the nominal model with such noise does, in the logarithm: inf where that
+            cannot follow, −inf where the fit cannot; else None.
     """
 
     misfit: float
@@ -63,12 +64,18 @@ class HeldOut:
     likelier: Array | None = None
 
     @property
+    def ratio(self) -> float:
+        """The logarithm of how much more likely all parts are; −inf where a fit cannot follow, or that is not known."""
+        if self.likelier is None or (self.likelier == -np.inf).any():
+            return -np.inf
+        return float(self.likelier.sum())
+
+    @property
     def is_better(self) -> bool:
         """Whether the fits predict far better than the nominal model: by half of the misfit; or, as noise of the
         torques moves any twin away, by the likelihood of all parts.
         """
-        is_likelier = self.likelier is not None and bool(self.likelier.sum() > SURE)
-        return self.misfit <= BETTER * self.nominal or is_likelier
+        return self.misfit <= BETTER * self.nominal or self.ratio > SURE
 
     @property
     def deviations(self) -> Array:
@@ -160,9 +167,9 @@ class Approximation:
         held, nominal = self.held_out.misfit, self.held_out.nominal
         by_nominal = f"{nominal:.4g} by the nominal model" if np.isfinite(nominal) else "the nominal model follows none"
         left = f"pushes that were left out have a misfit of {held:.4g} by fits to the others, {by_nominal}"
-        if (likelier := self.held_out.likelier) is None:
+        if (ratio := self.held_out.ratio) == -np.inf:
             return left
-        by = f"exp({likelier.sum():.3g}) times" if np.isfinite(likelier).all() else "infinitely many times"
+        by = f"exp({ratio:.3g}) times" if ratio < np.inf else "infinitely many times"
         return f"{left}; with noise of the torques they are {by} as likely by those fits"
 
     @property
@@ -183,6 +190,5 @@ class Approximation:
         nominal = held.nominal if np.isfinite(held.nominal) else None
         shown = {"misfit": held.misfit, "nominal_misfit": nominal, "parts": len(held.unknowns)}
         if held.likelier is not None:
-            ratio = float(held.likelier.sum())
-            shown["log_likelihood_ratio"] = ratio if np.isfinite(ratio) else None
+            shown["log_likelihood_ratio"] = held.ratio if np.isfinite(held.ratio) else None
         return {"held_out": shown, "misfit_by_joint": self.by_joint}

@@ -48,3 +48,10 @@ def test_what_the_nominal_model_cannot_follow_is_none_in_json_and_said_in_words(
     assert shown == {"misfit": 2.0, "nominal_misfit": None, "parts": 3, "log_likelihood_ratio": None}
     assert "the nominal model follows none" in found.predicted
     assert found.predicted.endswith("infinitely many times as likely by those fits")
+
+
+def test_fit_that_cannot_follow_is_no_better_for_a_nominal_model_that_cannot_either() -> None:
+    """Nothing is said of how likely it is."""
+    held_out = HeldOut(np.inf, np.inf, APART, np.array([np.inf, -np.inf, 4.0]))
+    assert not replace(held_out, misfit=2.0, nominal=2.0).is_better
+    assert "likely" not in replace(approximation(APART, None), held_out=held_out).predicted

@@ -74,6 +74,8 @@ def _likelier(left: Innovations, unknowns: Array, noise: Array) -> float:
         point = np.append(each, np.zeros(left.extras))
         both.append(left.likelihood(point, likeliest_noise(left, point, noise, PUSHES), PUSHES))
     own, nominal = both
+    if not np.isfinite(own):
+        return -np.inf
     return own - nominal if np.isfinite(nominal) else np.inf
 
 
