@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import gc
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
@@ -37,6 +38,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     others.
     """
     items.sort(key=lambda item: (item.path.name not in LONG_SET_UP, "arm" not in item.path.name))
+
+
+def pytest_collection_finish() -> None:
+    """All that is imported and collected stays to the end of the run: no garbage is looked for in it."""
+    gc.collect()
+    gc.freeze()
 
 
 def random_links(nlink: int, seed: int) -> tuple[LinkSettings, ...]:

@@ -60,7 +60,7 @@ def sweep(objective: Objective, centre: Array, lump: int, factors: Array) -> Swe
 
 def plane(objective: Objective, centre: Array, lumps: tuple[int, int], first: Array, second: Array) -> Plane:
     """Where candidates fall that differ in two lumps. Where the corners of a cell of STRIDE points a side fare alike,
-    all within are taken to; elsewhere each is evaluated.
+    all within are taken to; elsewhere the cell is halved along both sides, and so on.
 
     Args:
         objective: of the study.
@@ -72,20 +72,21 @@ def plane(objective: Objective, centre: Array, lumps: tuple[int, int], first: Ar
     fell = np.zeros((len(second), len(first)), dtype=np.bool_)
     is_known = np.zeros_like(fell)
 
-    def look(rows: Sequence[int], columns: Sequence[int]) -> None:
-        for row, column in product(rows, columns):
-            if not is_known[row, column]:
-                candidate = centre.copy()
-                candidate[list(lumps)] = first[column], second[row]
-                fell[row, column], is_known[row, column] = objective.evaluate(candidate).fell, True
+    def look(row: int, column: int) -> bool:
+        if not is_known[row, column]:
+            candidate = centre.copy()
+            candidate[list(lumps)] = first[column], second[row]
+            fell[row, column], is_known[row, column] = objective.evaluate(candidate).fell, True
+        return bool(fell[row, column])
 
-    edges = [sorted({*range(0, len(factors), STRIDE), len(factors) - 1}) for factors in (second, first)]
-    look(*edges)
-    for (top, bottom), (left, right) in product(*map(pairwise, edges)):
-        corners = fell[np.ix_((top, bottom), (left, right))]
-        if corners.any() == corners.all():
-            cell = np.s_[top : bottom + 1, left : right + 1]
-            fell[cell] = np.where(is_known[cell], fell[cell], corners.any())
-        else:
-            look(range(top, bottom + 1), range(left, right + 1))
+    def fill(rows: Sequence[int], columns: Sequence[int]) -> None:
+        for (top, bottom), (left, right) in product(pairwise(rows), pairwise(columns)):
+            corners = {look(row, column) for row, column in product((top, bottom), (left, right))}
+            if len(corners) == 1:
+                cell = np.s_[top : bottom + 1, left : right + 1]
+                fell[cell] = np.where(is_known[cell], fell[cell], corners.pop())
+            elif max(bottom - top, right - left) > 1:
+                fill(*(sorted({low, (low + high) // 2, high}) for low, high in ((top, bottom), (left, right))))
+
+    fill(*(sorted({*range(0, len(factors), STRIDE), len(factors) - 1}) for factors in (second, first)))
     return Plane(first, second, fell)

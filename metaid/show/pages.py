@@ -16,11 +16,10 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 import metaid
-from metaid.show.figures import INK, Picture, said_in, style, with_titles
+from metaid.show.figures import INK, Picture, laid_out, said_in, style, with_titles
 
 VERSIONS_OF = ("mujoco-core", "numba", "numpy", "cmaes", "optuna", "matplotlib")
 Watch = Callable[[str], None]
@@ -92,15 +91,9 @@ def page_figures(
 def inline_svg(figure: Figure, prefix: str) -> Markup:
     """A figure as SVG to stand in a page: no XML head, ids that begin with `prefix`, ink that the page chooses; values
     are shown where a mark is pointed at.
-
-    The figure has its layout for good then. Else savefig would draw all of it once more, for the layout alone.
     """
     buffer, said = io.BytesIO(), said_in(figure)
-    with style():
-        FigureCanvasSVG(figure)  # letters are measured as SVG has them
-        if (layout := figure.get_layout_engine()) is not None:
-            layout.execute(figure)
-            figure.set_layout_engine(None)
+    with style(), laid_out(figure, "svg"):
         figure.savefig(buffer, format="svg", facecolor="none", metadata={"Date": None})
     text = with_titles(buffer.getvalue().decode(), said)
     svg = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)

@@ -14,6 +14,7 @@ from weakref import WeakKeyDictionary
 import matplotlib as mpl
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import get_registered_canvas_class
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
@@ -25,6 +26,7 @@ VALUES = "cividis"  # of frequencies: even in lightness, and the same for most e
 LINE_VALUES = LinearSegmentedColormap.from_list("line values", (COLOURS[0], "#8f8f96", COLOURS[4]))
 MANY = 600  # marks; more are drawn as pixels inside a vector file
 SUFFIXES = (".png", ".svg", ".pdf")
+DPI = 200
 COLUMN, PAGE = 3.5, 7.0  # inches: one column of a journal, and two
 
 POINTER = 8.0  # points, of the unseen marks that a pointer has to hit
@@ -143,8 +145,27 @@ def verbatim(text: str) -> str:
     return text.replace("$", r"\$")
 
 
+@contextmanager
+def laid_out(figure: Figure, ending: str) -> Iterator[None]:
+    """A `figure` that has inside the layout of a file of that `ending`, and DPI dots an inch. Else savefig would draw
+    all of it once more, for the layout alone.
+    """
+    layout, canvas, dpi = figure.get_layout_engine(), figure.canvas, figure.dpi
+    get_registered_canvas_class(ending)(figure)  # letters are measured as that file has them
+    figure.dpi = DPI
+    if layout is not None:
+        layout.execute(figure)
+        figure.set_layout_engine(None)
+    try:
+        yield
+    finally:
+        figure.set_layout_engine(layout)
+        figure.set_canvas(canvas)
+        figure.dpi = dpi
+
+
 def save(figure: Figure, path: Path) -> None:
     """Writes a figure as a file whose ending says the format, without a date: the same figure is the same file."""
     dated = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
-    with style():
-        figure.savefig(path, dpi=200, metadata=dated.get(path.suffix))
+    with style(), laid_out(figure, path.suffix.removeprefix(".")):
+        figure.savefig(path, dpi=DPI, metadata=dated.get(path.suffix))
