@@ -65,7 +65,7 @@ def body_torque(tree: Tree, parameters: Array, coordinates: Array, speeds: Array
         moment = moment + link.spin_rate @ inertia + _cross(link.spin, link.spin @ inertia)
         moment = moment + _cross(first, link.rate)
         torque[..., i] = (force if tree.slides[i] else moment) @ tree.axis[i]  # Eq. 51
-        force, moment = ((link.matrix @ each[..., None])[..., 0] for each in (force, moment))
+        force, moment = (np.einsum("...jk,...k->...j", link.matrix, each) for each in (force, moment))
         moment = moment + _cross(link.place, force)
     return torque
 
@@ -91,7 +91,7 @@ def _moving(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array)
         axis = tree.axis[i]
         matrix, place = _placed(tree, i, coordinates[..., i, None])
         rate = rate + _cross(spin_rate, place) + _cross(spin, _cross(spin, place))  # Eq. 49
-        spin, spin_rate, rate = ((each[..., None, :] @ matrix)[..., 0, :] for each in (spin, spin_rate, rate))
+        spin, spin_rate, rate = (np.einsum("...j,...jk->...k", each, matrix) for each in (spin, spin_rate, rate))
         turning, faster = speeds[..., i, None] * axis, accelerations[..., i, None] * axis
         if tree.slides[i]:
             rate = rate + faster + 2.0 * _cross(spin, turning)
@@ -164,8 +164,9 @@ def _placed(tree: Tree, joint: int, coordinate: Array) -> tuple[Array, Array]:
         matrix = np.broadcast_to(rotation, (*coordinate.shape[:-1], 3, 3))
         return matrix, position + coordinate * (rotation @ axis)
     along, across = np.outer(axis, axis), np.einsum("ijk,j->ik", _SKEW, axis)
-    cosine, sine = np.cos(coordinate)[..., None], np.sin(coordinate)[..., None]
-    return rotation @ (along + cosine * (np.eye(3) - along) + sine * across), position
+    parts = rotation @ np.stack([along, np.eye(3) - along, across])
+    shares = np.concatenate([np.ones_like(coordinate), np.cos(coordinate), np.sin(coordinate)], axis=-1)
+    return (shares @ parts.reshape(3, 9)).reshape(*coordinate.shape[:-1], 3, 3), position
 
 
 def _of_body(spin: Array, spin_rate: Array, rate: Array) -> tuple[Array, Array]:
