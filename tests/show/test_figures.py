@@ -260,6 +260,23 @@ def test_plot_twice_writes_the_same_bytes(metaid: Metaid, studied: Path, plots: 
         assert path.read_bytes() == (Path("again") / path.name).read_bytes()
 
 
+@pytest.mark.parametrize("suffix", [".png", ".svg"])
+def test_saved_figure_is_as_it_was_and_its_file_is_that_of_matplotlib(
+    plain: Findings, suffix: str, tmp_path: Path
+) -> None:
+    """With the layout for that file; it is laid out anew for the next one."""
+    with figures.style():
+        figure = Figure(figsize=(figures.COLUMN, 2.0), layout="constrained")
+        figures.plot_convergence(plain, figure.subplots())
+        before = figure.get_layout_engine(), figure.canvas, figure.dpi
+        figures.save(figure, tmp_path / f"ours{suffix}")
+        assert (figure.get_layout_engine(), figure.canvas, figure.dpi) == before
+        undated = {"Date": None} if suffix == ".svg" else None
+        figure.savefig(tmp_path / f"theirs{suffix}", dpi=200, metadata=undated)
+    ours, theirs = ((tmp_path / f"{name}{suffix}").read_bytes() for name in ("ours", "theirs"))
+    assert ours == theirs
+
+
 def test_plant_draw_writes_a_picture(metaid: Metaid) -> None:
     """A PNG that is not blank."""
     assert metaid("plant", "draw", "three-link", "-o", "plant.png").status == 0
