@@ -19,7 +19,7 @@ demo: $(VENV)/.runtime
 	  '    metaid estimate double-pendulum --nominal double-pendulum     logs of a real pendulum' \
 	  '    metaid estimate YOUR.csv --nominal YOUR.urdf     yours: docs/log.md'
 
-# Three workers on two cores: now and then a test waits for a browser, a server or another process.
+# As many workers as there are cores: each further one makes anew what tests of a process share.
 test: $(VENV)/.dev .venv-tools/bin/pip-licenses
 	$(PYTEST) -n 2 --dist worksteal --durations 15
 

@@ -7,6 +7,7 @@ import functools
 from collections.abc import Callable
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 from conftest import Finished
@@ -264,12 +265,13 @@ def test_plot_twice_writes_the_same_bytes(metaid: Metaid, studied: Path, plots: 
 def test_saved_figure_is_as_it_was_and_its_file_is_that_of_matplotlib(
     plain: Findings, suffix: str, tmp_path: Path
 ) -> None:
-    """With the layout for that file; it is laid out anew for the next one."""
+    """With the layout for that file, whatever its user has for figures; it is laid out anew for the next one."""
     with figures.style():
         figure = Figure(figsize=(figures.COLUMN, 2.0), layout="constrained")
         figures.plot_convergence(plain, figure.subplots())
         before = figure.get_layout_engine(), figure.canvas, figure.dpi
-        figures.save(figure, tmp_path / f"ours{suffix}")
+        with mpl.rc_context({"figure.autolayout": True}):
+            figures.save(figure, tmp_path / f"ours{suffix}")
         assert (figure.get_layout_engine(), figure.canvas, figure.dpi) == before
         undated = {"Date": None} if suffix == ".svg" else None
         figure.savefig(tmp_path / f"theirs{suffix}", dpi=200, metadata=undated)

@@ -26,7 +26,7 @@ VALUES = "cividis"  # of frequencies: even in lightness, and the same for most e
 LINE_VALUES = LinearSegmentedColormap.from_list("line values", (COLOURS[0], "#8f8f96", COLOURS[4]))
 MANY = 600  # marks; more are drawn as pixels inside a vector file
 SUFFIXES = (".png", ".svg", ".pdf")
-DPI = 200
+DPI = 200  # of pixels in any file
 COLUMN, PAGE = 3.5, 7.0  # inches: one column of a journal, and two
 
 POINTER = 8.0  # points, of the unseen marks that a pointer has to hit
@@ -49,6 +49,8 @@ SETTINGS: dict[Any, Any] = {
     "grid.alpha": 0.3,
     "grid.linewidth": 0.5,
     "figure.facecolor": "none",
+    # Or a figure that has its layout, or needs none, would be laid out anew.
+    **dict.fromkeys(("figure.autolayout", "figure.constrained_layout.use"), False),
     "figure.constrained_layout.w_pad": 0.1,  # inches: a browser's letters are wider than they are measured here
     "figure.constrained_layout.h_pad": 0.06,
     "axes.facecolor": "none",
@@ -147,16 +149,16 @@ def verbatim(text: str) -> str:
 
 @contextmanager
 def laid_out(figure: Figure, ending: str) -> Iterator[None]:
-    """A `figure` that has inside the layout of a file of that `ending`, and DPI dots an inch. Else savefig would draw
-    all of it once more, for the layout alone.
+    """A `figure` that has inside the layout of a file of that `ending`, and DPI dots an inch; inside `style`. Else
+    savefig would draw all of it once more, for the layout alone.
     """
     layout, canvas, dpi = figure.get_layout_engine(), figure.canvas, figure.dpi
-    get_registered_canvas_class(ending)(figure)  # letters are measured as that file has them
-    figure.dpi = DPI
-    if layout is not None:
-        layout.execute(figure)
-        figure.set_layout_engine(None)
     try:
+        get_registered_canvas_class(ending)(figure)  # letters are measured as that file has them
+        figure.dpi = DPI
+        if layout is not None:
+            layout.execute(figure)
+            figure.set_layout_engine(None)
         yield
     finally:
         figure.set_layout_engine(layout)
