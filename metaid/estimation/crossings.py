@@ -21,7 +21,7 @@ from metaid.estimation.trials import WatchedTrial
 from metaid.estimation.twin.planar_motion import accelerate, planar_balance, planar_derivatives, planar_space
 from metaid.estimation.twin.planar_slopes import force_by_unknowns, linearise
 from metaid.estimation.twin.state import move, set_off
-from metaid.estimation.twin.tangent import move_tangent
+from metaid.estimation.twin.tangent import accelerate_tangent, move_tangent
 from metaid.estimation.twin.workspace import workspace
 from metaid.models import Array
 
@@ -136,7 +136,8 @@ def _count_push(start, forces, balance, derivatives, timestep, ends, work, cross
         if work.moved.shape[1] > 0:
             linearise(balance, work)
             force_by_unknowns(derivatives, work)
-            move_tangent(timestep, balance.stiffness, False, work)
+            accelerate_tangent(work)
+            move_tangent(timestep, work)
         if not move(timestep, work):
             return window
         for i in range(start.shape[1]):

@@ -10,12 +10,9 @@ Where torques are noisy, the readings set the twin right, and its whitened innov
 from __future__ import annotations
 
 from metaid.compiled import compiled, fused
-from metaid.estimation.twin.beside import force_beside
 from metaid.estimation.twin.flow import flow
 from metaid.estimation.twin.joints import joint_state
-from metaid.estimation.twin.kernels import accelerate, force_by_unknowns, linearise
-from metaid.estimation.twin.state import move, set_off
-from metaid.estimation.twin.tangent import move_tangent
+from metaid.estimation.twin.state import set_off
 
 
 @compiled
@@ -43,19 +40,7 @@ def watch_readings(start, forces, balance, derivatives, settings, led, basis, st
     slopes[:] = 0.0
     for reading in range(steps + 1 if steps > 0 else 0):
         for _ in range(substeps if reading > 0 else 0):
-            timestep = timesteps[reading - 1]
-            if is_continuous:
-                if not flow(reading - 1, forces, balance, derivatives, timestep, work):
-                    return False
-                continue
-            if not accelerate(reading - 1, forces, balance, work):
-                return False
-            if work.moved.shape[1] > 0:
-                linearise(balance, work)
-                force_by_unknowns(balance, derivatives, work)
-                force_beside(reading - 1, balance, derivatives.beside, False, work)
-                move_tangent(timestep, 0.0, False, work)
-            if not move(timestep, work):
+            if not flow(reading - 1, forces, balance, derivatives, None, timesteps[reading - 1], is_continuous, work):
                 return False
         if readings.shape[0] > 0:
             _correct_tangent(gains[reading], weights[reading], basis[reading], work, slopes)

@@ -12,9 +12,8 @@ import numpy as np
 
 from metaid.compiled import compiled, correct, fused, keep_gain, keep_step, weigh, widen
 from metaid.estimation.twin.flow import flow
-from metaid.estimation.twin.joints import begin_slips, joint_state
-from metaid.estimation.twin.kernels import accelerate, linearise
-from metaid.estimation.twin.state import move, set_off
+from metaid.estimation.twin.joints import joint_state
+from metaid.estimation.twin.state import set_off
 
 # Friction that builds up does so by another law in every joint: what is missing yet may be off by so large a share of
 # it, and bristles that are damped resist for so many s longer.
@@ -54,31 +53,18 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
     for reading in range(steps + 1):
         if reading > 0:
             timestep = timesteps[reading - 1]
-            moved = (0.5 if is_continuous else 1.0) * timestep * timestep  # by a force that is held for a step
             spread.pushed[:] = 0.0
             spread.rubbed[:] = 0.0
             for i in range(2 * n):
                 for j in range(2 * n):
                     spread.step[i, j] = 1.0 if i == j else 0.0
             for _ in range(substeps):
-                begin_slips(work)
-                if not accelerate(reading - 1, forces, balance, work):
-                    return np.nan, np.nan
-                linearise(balance, work)
-                _carry(spread.step, timestep, spread, work)
-                _carry(spread.pushed, timestep, spread, work)
                 for i in range(n):
-                    for j in range(n):
-                        spread.pushed[n + i, j] += timestep * work.solved[i, j]
-                        spread.pushed[i, j] += moved * work.solved[i, j]
-                if is_continuous:
-                    for i in range(n):
-                        work.free[i] = work.slip[0, i]
-                    if not flow(reading - 1, forces, balance, None, timestep, work):
-                        return np.nan, np.nan
-                    _rub(balance, timestep, substeps, spread, work)
-                elif not move(timestep, work):
+                    work.free[i] = work.slip[0, i]
+                if not flow(reading - 1, forces, balance, None, spread, timestep, is_continuous, work):
                     return np.nan, np.nan
+                if is_continuous:
+                    _rub(balance, timestep, substeps, spread, work)
             _by_torques(by_torque, spread)
             widen(of_torque, spread)
             keep_step(reading, spread, run)
@@ -115,20 +101,3 @@ def _by_torques(by_torque, spread):  # type: ignore[no-untyped-def]
     for r in range(2 * n):
         for j in range(n):
             pushed[r, j] = shared[r, j]
-
-
-@fused
-def _carry(columns, timestep, spread, work):  # type: ignore[no-untyped-def]
-    """Moves the `columns` (2n x any) on by the linearised step of Eq. 23: A times them."""
-    n, solved, changed = work.angle.shape[0], work.solved, spread.changed
-    for i in range(n):
-        for p in range(columns.shape[1]):
-            changed[i, p] = 0.0
-        for j in range(2 * n):
-            slope = solved[i, n + j]
-            for p in range(columns.shape[1]):
-                changed[i, p] += slope * columns[j, p]
-    for i in range(n):
-        for p in range(columns.shape[1]):
-            columns[n + i, p] += timestep * changed[i, p]
-            columns[i, p] += timestep * columns[n + i, p]

@@ -11,41 +11,23 @@ from __future__ import annotations
 
 from metaid.compiled import fused, multiply
 
-TILE = 512  # unknowns that a step treats together, so that their derivatives stay in the nearer caches
-
-
-@fused
-def move_tangent(timestep, stiffness, with_energies, work):  # type: ignore[no-untyped-def]
-    """One step of Eq. 23.
-
-    Args:
-        timestep: in s.
-        stiffness: of the law, in 1/s².
-        with_energies: whether the derivatives of the energies are kept, too.
-        work: see `workspace.Workspace`; `changed` is M⁻¹ Y and becomes δα, and `moved`, which is δφ above δω, is moved
-            on by the step.
-    """
-    moved, changed = work.moved, work.changed
-    n = work.solved.shape[0]
-    _close(work)
-    for low in range(0, changed.shape[1], TILE):
-        high = min(low + TILE, changed.shape[1])
-        multiply(work.closed, moved, changed, low, high)
-        if with_energies:
-            _add_energy_slopes(timestep, stiffness, low, high, work)
-        for i in range(n):
-            row, angle_row, speed_row = changed[i, low:high], moved[i, low:high], moved[n + i, low:high]
-            for p in range(row.shape[0]):
-                speed_row[p] += timestep * row[p]
-                angle_row[p] += timestep * speed_row[p]
-
 
 @fused
 def accelerate_tangent(work):  # type: ignore[no-untyped-def]
-    """Makes δα of `changed`, which is M⁻¹ Y, at the `moved` that is.  Eq. 23."""
+    """Makes δα of `changed`, which is M⁻¹ Y, at the `moved` that is, δφ above δω.  Eq. 23."""
     _close(work)
-    for low in range(0, work.changed.shape[1], TILE):
-        multiply(work.closed, work.moved, work.changed, low, min(low + TILE, work.changed.shape[1]))
+    multiply(work.closed, work.moved, work.changed, 0, work.changed.shape[1])
+
+
+@fused
+def move_tangent(timestep, work):  # type: ignore[no-untyped-def]
+    """Moves `moved` on by a step of Euler's with δα, which is in `changed`.  Eq. 23."""
+    n = work.solved.shape[0]
+    for i in range(n):
+        row, angle_row, speed_row = work.changed[i], work.moved[i], work.moved[n + i]
+        for p in range(row.shape[0]):
+            speed_row[p] += timestep * row[p]
+            angle_row[p] += timestep * speed_row[p]
 
 
 @fused
@@ -58,8 +40,8 @@ def _close(work):  # type: ignore[no-untyped-def]
 
 
 @fused
-def _add_energy_slopes(timestep, stiffness, low, high, work):  # type: ignore[no-untyped-def]
-    """Adds what this step has of the derivatives of both energies by the unknowns from `low` to below `high`."""
+def add_energy_slopes(timestep, stiffness, work):  # type: ignore[no-untyped-def]
+    """Adds what this step has of the derivatives of both energies, before it is made."""
     angle, speed, acceleration, moved, changed = work.angle, work.speed, work.acceleration, work.moved, work.changed
     n = angle.shape[0]
     for i in range(n):
@@ -68,15 +50,47 @@ def _add_energy_slopes(timestep, stiffness, low, high, work):  # type: ignore[no
             joint_speed -= speed[i - 1]
             deviation -= acceleration[i - 1] + stiffness * angle[i - 1]
         twice_speed, twice_deviation = 2.0 * timestep * joint_speed, 2.0 * timestep * deviation
-        by_speed, by_deviation = work.speed_slopes[i, low:high], work.acceleration_slopes[i, low:high]
-        row, angle_row, speed_row = changed[i, low:high], moved[i, low:high], moved[n + i, low:high]
+        by_speed, by_deviation = work.speed_slopes[i], work.acceleration_slopes[i]
+        row, angle_row, speed_row = changed[i], moved[i], moved[n + i]
         if i == 0:
             for p in range(by_speed.shape[0]):
                 by_speed[p] += twice_speed * speed_row[p]
                 by_deviation[p] += twice_deviation * (row[p] + stiffness * angle_row[p])
         else:
-            below, angle_below = changed[i - 1, low:high], moved[i - 1, low:high]
-            speed_below = moved[n + i - 1, low:high]
+            below, angle_below = changed[i - 1], moved[i - 1]
+            speed_below = moved[n + i - 1]
             for p in range(by_speed.shape[0]):
                 by_speed[p] += twice_speed * (speed_row[p] - speed_below[p])
                 by_deviation[p] += twice_deviation * (row[p] - below[p] + stiffness * (angle_row[p] - angle_below[p]))
+
+
+@fused
+def carry(timestep, is_continuous, spread, work):  # type: ignore[no-untyped-def]
+    """Moves the `step` of a filter, and how far it is `pushed` by forces that are held, on by the linearised step of
+    Eq. 23.
+    """
+    solved, pushed, n = work.solved, spread.pushed, work.angle.shape[0]
+    moved = (0.5 if is_continuous else 1.0) * timestep * timestep
+    _carry(spread.step, timestep, spread, work)
+    _carry(pushed, timestep, spread, work)
+    for i in range(n):
+        for j in range(n):
+            pushed[n + i, j] += timestep * solved[i, j]
+            pushed[i, j] += moved * solved[i, j]
+
+
+@fused
+def _carry(columns, timestep, spread, work):  # type: ignore[no-untyped-def]
+    """Moves the `columns` (2n x any) on by A of that step."""
+    n, solved, changed = work.angle.shape[0], work.solved, spread.changed
+    for i in range(n):
+        for p in range(columns.shape[1]):
+            changed[i, p] = 0.0
+        for j in range(2 * n):
+            slope = solved[i, n + j]
+            for p in range(columns.shape[1]):
+                changed[i, p] += slope * columns[j, p]
+    for i in range(n):
+        for p in range(columns.shape[1]):
+            columns[n + i, p] += timestep * changed[i, p]
+            columns[i, p] += timestep * columns[n + i, p]

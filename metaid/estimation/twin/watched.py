@@ -9,7 +9,7 @@ from metaid.compiled import compiled
 from metaid.estimation.twin.joints import joint_state
 from metaid.estimation.twin.kernels import accelerate, force_by_unknowns, linearise
 from metaid.estimation.twin.state import move, set_off
-from metaid.estimation.twin.tangent import move_tangent
+from metaid.estimation.twin.tangent import accelerate_tangent, add_energy_slopes, move_tangent
 
 
 @compiled
@@ -36,7 +36,10 @@ def watch_push(start, forces, balance, derivatives, settings, ends, work, shown,
         if work.moved.shape[1] > 0:
             linearise(balance, work)
             force_by_unknowns(balance, derivatives, work)
-            move_tangent(timestep, balance.stiffness, with_energies, work)
+            accelerate_tangent(work)
+            if with_energies:
+                add_energy_slopes(timestep, balance.stiffness, work)
+            move_tangent(timestep, work)
         if not move(timestep, work):
             return window
         if step + 1 == ends[window]:
